@@ -81,89 +81,81 @@ TOPICS: tuple[Topic, ...] = (
     # for display only, not used by the rope
     Topic("sea/elevation", "geometry_msgs/msg/PointStamped", Qos.STREAM, 20.0, "sea_state",
           "sea surface elevation at the ship: point.z [m]"),
-    # outputs
-    Topic("tension_top", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
-          "top tension: magnitude of the rope's force on the hang-off [N]"),
-    Topic("tension_top_error_pct", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
-          "upper bound of the RMS discretisation error of the top tension, % of its standard "
-          "deviation (from the scene's convergence study); NaN if unknown"),
-    Topic("tension_top/band", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "95 % discretisation-error interval of the top tension: effort lower, upper bound [N], "
-          "then those of each further rope from the ship; if enabled", only_with="band"),
-    Topic("tension_payload", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
-          "tension at the payload [N]"),
+    # outputs; ropes are in the same order in all topics `ropes/...`
+    Topic("ropes/tension_top", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
+          "effort: top tension of each rope [N], magnitude of its force at the upper end"),
+    Topic("ropes/tension_bottom", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
+          "effort: tension of each rope at its lower end [N], at the payload of a single rope"),
+    Topic("ropes/length", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
+          "each rope as the prismatic joint that a winch drives; position: line out (unstretched "
+          "length) [m]; velocity: pay-out rate [m/s], positive = pay out"),
+    Topic("ropes/tension_top_error", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 50.0, "simulation",
+          "discretisation error of the top tension, per rope: name; rms_pct, upper bound of the "
+          "RMS error, % of the standard deviation (from the scene's convergence study); lower_n, "
+          "upper_n, 95 % interval [N], if enabled; NaN: unknown"),
+    Topic("ropes/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
+          "x, y, z [m], tension_n [N] and rope (its number, from 0) of each node, rope by rope, "
+          "from the upper end down; 32-bit"),
+    Topic("ropes/element_tension", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
+          "tension_n [N] and rope of each element, rope by rope, from the upper end down"),
+    Topic("ropes/utilisation", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
+          "per rope since the start: name; utilisation, maximum tension over MBL; "
+          "dynamic_amplification (DAF), maximum over static tension at the same line out; "
+          "max_tension_n; static_tension_n, present static tension [N]; NaN: unknown",
+          only_with="strength"),
+    Topic("ropes/bend_radius", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
+          "smallest bend radius of each rope with bending stiffness or minimum_bend_radius_m: "
+          "name; x, y, z [m]; radius_m; line_out_m down to it; smallest_radius_m since the start; "
+          "minimum_radius_m (MBR), NaN if none is given", only_with="bends"),
+    Topic("ropes/vibration", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
+          "VIV response along the rope, from the hang-off down: x, y, z [m] of each node, "
+          "cross_flow [A/D], cross_flow_hz, in_line and in_line_hz where the model has them, and "
+          "drag_amplification (1: none); if enabled, or with a VIV model outside the time step; "
+          "32-bit", only_with="vibration"),
+    Topic("ropes/fatigue", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "simulation",
+          "accumulated fatigue damage (Miner) per metre of rope, from the lower end up: "
+          "from_lower_end_m, from_hang_off_m (negative: aboard), damage; if enabled",
+          only_with="fatigue"),
+    Topic("ropes/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
+          "ropes coloured by tension, payloads, hang-off, for display"),
     Topic("hang_off/wrench", "geometry_msgs/msg/WrenchStamped", Qos.STREAM, 50.0, "simulation",
-          "rope's force on the hang-off [N], frame sea"),
-    Topic("tension", "std_msgs/msg/Float64MultiArray", Qos.STREAM, 25.0, "simulation",
-          "tension of each element [N], from the hang-off down"),
-    Topic("payload/odometry", "nav_msgs/msg/Odometry", Qos.STREAM, 50.0, "simulation",
-          "payload position [m], frame sea, and velocity [m/s]; for a rigid body also attitude, "
-          "and twist [m/s, rad/s] in body axes"),
-    Topic("winch/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "position: line out [m]; velocity: pay-out rate [m/s], positive = pay out; effort: "
-          "tension [N]"),
+          "force of the first rope on its hang-off [N], in the axes of map"),
+    Topic("hang_off/odometry", "nav_msgs/msg/Odometry", Qos.STREAM, 50.0, "simulation",
+          "position [m] and velocity [m/s] of the first rope's hang-off, in the axes of map"),
+    Topic("payloads/state", "sensor_msgs/msg/MultiDOFJointState", Qos.STREAM, 50.0, "simulation",
+          "pose of each payload in map [m] and its velocity [m/s]; of a 6-DOF payload also "
+          "attitude, and twist [m/s, rad/s] in body axes; names are frames"),
+    Topic("payloads/body", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
+          "6-DOF payload: name; size_x_m, size_y_m, size_z_m, outline in body axes; "
+          "deck_clearance_m of the lowest corner; deck_reaction_n; NaN without a deck",
+          only_with="body"),
+    Topic("slings/state", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
+          "slings of a 6-DOF payload: name; x, y, z of the attachment point [m]; length_m; "
+          "tension_n", only_with="body"),
+    Topic("struts/state", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
+          "struts (spreader bars): name; from_x, from_y, from_z, to_x, to_y, to_z, both ends [m]; "
+          "length_m; tension_n, negative: compression", only_with="struts"),
+    Topic("winch/state", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 50.0, "simulation",
+          "component states of each winch: name; target, set-point in the unit of winch/mode; "
+          "drum_radius_m, motor_torque_n_m and others of the scene's components, with their unit "
+          "in the name; NaN: not of this winch", only_with="winches"),
     Topic("winch/mode", "std_msgs/msg/String", Qos.STREAM, 10.0, "simulation",
           "winch control mode and active limit (text)", only_with="winches"),
-    Topic("winch/parts", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "winch component states, for example winch/drum_radius_m; the name carries the unit, "
-          "value in `position[]`", only_with="winches"),
     Topic("winch/seat", "std_msgs/msg/String", Qos.LATCHED, 0.0, "simulation",
           "node in command of each winch, for example `winch: console`; or that the seat is free, "
           "and how the last commander was lost"),
-    Topic("rope/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
-          "x, y, z [m] and tension [N] of each node, from the hang-off down"),
-    Topic("rope/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
-          "rope coloured by tension, payload, hang-off"),
-    Topic("rope/vibration", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
-          "VIV response along the rope, from the hang-off down: x, y, z [m] of each node, "
-          "cross_flow [A/D], cross_flow_hz, in_line and in_line_hz where the model has them, and "
-          "drag_amplification (1: none); if enabled, or with a VIV model outside the time step",
-          only_with="vibration"),
-    Topic("rope/fatigue", "std_msgs/msg/Float64MultiArray", Qos.STREAM, 1.0, "simulation",
-          "accumulated fatigue damage (Miner) per metre of rope, from the lower end up: distance "
-          "from the lower end and from the hang-off [m] (negative: aboard), damage; if enabled",
-          only_with="fatigue"),
-    Topic("rope/bend", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
-          "smallest bend radius of each rope with bending stiffness or minimum_bend_radius_m; the "
-          "name carries the unit, value in `position[]`: cable/radius_m, /line_out_m down to it, "
-          "/x_m, /y_m, /z_m, /tightest_m since the start, /minimum_m if given",
-          only_with="bends"),
-    Topic("rope/utilisation", "sensor_msgs/msg/JointState", Qos.STREAM, 5.0, "simulation",
-          "per rope since the start, value in `position[]`: cable/utilisation, maximum tension "
-          "over MBL; /dynamic_amplification (DAF), maximum over static tension at the same line "
-          "out; /highest_n maximum tension; /static_n present static tension",
-          only_with="strength"),
-    Topic("ropes/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "multi-line systems (or after a cut), per rope: position length [m], velocity pay-out "
-          "rate [m/s], effort upper-end tension [N]; per strut: length, 0, tension",
-          only_with="ropes"),
-    Topic("ropes/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
-          "multi-line systems (or after a cut): x, y, z [m], tension [N] and rope number of each "
-          "node, rope by rope, from the upper end down", only_with="ropes"),
-    Topic("payloads/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "multi-line systems (or after a cut): position [m] and velocity [m/s] of each payload, "
-          "names such as tool/x", only_with="ropes"),
-    Topic("bars/state", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
-          "multi-line systems: position of both ends of each strut [m], names such as bar/from_x, "
-          "bar/to_z", only_with="struts"),
-    Topic("lines/crossings", "sensor_msgs/msg/JointState", Qos.STREAM, 5.0, "simulation",
-          "two lines around a sheave; the name carries the unit, value in `position[]`: "
-          "nearest/depth_m, nearest/distance_m, crossing_1/depth_m, /angle_deg, /gap_m, /x_m, /y_m",
-          only_with="lines"),
+    Topic("seabed/contact", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 50.0, "simulation",
+          "payload_height_m above the seabed; payload_reaction_n; rope_on_seabed_m, length of rope "
+          "on it; rope_reaction_n", only_with="seabed"),
+    Topic("seabed/touchdown", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
+          "touchdown point (TDP) of each rope on the seabed: name; x, y, z [m]; line_out_m; "
+          "layback_m; tension_n; angle_deg", only_with="seabed"),
+    Topic("lines/crossings", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
+          "two lines around a sheave: name (nearest, crossing_1, ...); x, y, z [m]; distance_m "
+          "between the lines; angle_deg; NaN: unknown", only_with="lines"),
     Topic("lines/events", "std_msgs/msg/String", Qos.COMMAND, 0.0, "simulation",
           "start or end of a crossing of two lines: time, depth, angle (text)",
           only_with="line_events"),
-    Topic("seabed/contact", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "seabed contact of payload and rope: position height of the payload above the seabed, "
-          "length of rope on it [m]; effort seabed reaction on each [N]", only_with="seabed"),
-    Topic("seabed/touchdown", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
-          "touchdown point (TDP) of each rope on the seabed; the name carries the unit, value in "
-          "`position[]`: cable/x_m, /y_m, /z_m, /line_out_m, /layback_m, /tension_n, /angle_deg",
-          only_with="seabed"),
-    Topic("payload/rigging", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
-          "6-DOF payload: sling lengths [m] and sling tensions [N]; deck clearance of the lowest "
-          "corner [m] and deck reaction [N]; size/x, y, z outline of the body [m]; sling_1/x, y, z "
-          "attachment point of a sling [m], frame sea", only_with="body"),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
           "pacing, solver and inputs: OK, WARN or ERROR with the reason; also of the recorder"),
     Topic("twin/epoch", "builtin_interfaces/msg/Time", Qos.LATCHED, 0.0, "simulation",

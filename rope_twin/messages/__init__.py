@@ -19,6 +19,7 @@ from rope_twin.messages.inputs import (
     encode_pose,
     encode_seat,
 )
+from rope_twin.messages.templates import read_cloud
 
 __all__ = [
     "Encoder",
@@ -34,6 +35,7 @@ __all__ = [
     "encode_order",
     "encode_pose",
     "encode_seat",
+    "read_cloud",
     "statuses",
 ]
 

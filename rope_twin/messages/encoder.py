@@ -1,80 +1,74 @@
 """Snapshot -> CDR bytes of every topic that the simulation publishes from a snapshot.
 
-The same bytes are published and recorded.
+The same bytes are published and recorded. Every message is stamped. One rope and many ropes use the
+same topics: the names of ropes, payloads and struts are in the messages, since a cut changes the
+set of ropes during a run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import templates
-from rope_twin.messages.cdr import Template, Templates
+from rope_twin.messages.cdr import Template, Templates, new, serialise
 from rope_twin.messages.templates import scale_above, tension_colours
-from rope_twin.messages.topic_encoders import (
-    MonitorEncoder,
-    ShapeEncoder,
-    SystemEncoder,
-    WinchEncoder,
-    all_elements,
-    line_events,
-)
-from rope_twin.twin.snapshot import BodyShot, Snapshot
+from rope_twin.twin.results import RopeVibration
+from rope_twin.twin.snapshot import BodyShot, RopeShot, Snapshot, WinchShot, first_rope
+from rope_twin.twin.winch.commands import CONTROL_MODES
 
+MAP = "map"  # REP 105: the fixed frame; x east, y north, z up, z = 0 at mean water level
+HANG_OFF, PAYLOAD = "hang_off", "payload"  # frames of the first hang-off and of a single payload
+ROPE = "rope"  # name of a rope whose name the snapshot does not have
 # Marker sizes: a 40 mm rope on 3,000 m cannot be seen, so symbols grow with the line out.
 _LINE_WIDTH, _SYMBOL_SIZE, _TEXT_HEIGHT = 1 / 1000, 1 / 100, 1 / 100
 _LEAST_LINE_M = 100.0
 
+Row = dict[str, Any]  # value of each column of a table
+
 
 class Encoder:
-    """Holds the templates; one per publishing thread."""
+    """Holds the message templates; one per publishing thread."""
 
-    def __init__(self, epoch_ns: int, frame_id: str = "sea") -> None:
+    def __init__(self, epoch_ns: int, frame_id: str = MAP) -> None:
         self._epoch_ns = epoch_ns
         self._frame_id = frame_id
-        self._number = Template(templates.number())
         self._wrench = Template(templates.wrench(frame_id))
-        self._odometry = Template(templates.odometry(frame_id, "payload"))
-        self._winch = Template(
-            templates.joint_state(("winch",), ("position", "velocity", "effort"))
-        )
-        self._contact = Template(templates.joint_state(("payload", "rope"), ("position", "effort")))
+        self._hang_off = Template(templates.odometry(frame_id, HANG_OFF))
         self._sized = Templates()
         self._rope_template: tuple[int, Template, Template] | None = (
             None  # elements, of one, of all
         )
         self._scale_n = 0.0
-        joined = SystemEncoder(frame_id)
-        winch, watched, shape = WinchEncoder(), MonitorEncoder(frame_id), ShapeEncoder()
         self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
-            "tension_top": self._tension_top,
-            "tension_top_error_pct": self._tension_top_error,
-            "tension_top/band": self._tension_top_band,
-            "tension_payload": self._tension_payload,
+            "ropes/tension_top": self._tension_top,
+            "ropes/tension_bottom": self._tension_bottom,
+            "ropes/length": self._length,
+            "ropes/tension_top_error": self._tension_top_error,
+            "ropes/nodes": self._nodes,
+            "ropes/element_tension": self._element_tension,
+            "ropes/utilisation": self._utilisation,
+            "ropes/bend_radius": self._bend_radius,
+            "ropes/vibration": self._vibration,
+            "ropes/fatigue": self._fatigue,
+            "ropes/markers": self._markers,
             "hang_off/wrench": self._hang_off_wrench,
-            "tension": self._tension,
-            "payload/odometry": self._payload_odometry,
-            "payload/rigging": self._payload_rigging,
+            "hang_off/odometry": self._hang_off_odometry,
+            "payloads/state": self._payloads_state,
+            "payloads/body": self._payloads_body,
+            "slings/state": self._slings_state,
+            "struts/state": self._struts_state,
             "winch/state": self._winch_state,
-            "winch/mode": winch.mode,
-            "winch/parts": lambda shot: winch.parts(shot, self._stamp(shot)),
+            "winch/mode": winch_mode,
             "seabed/contact": self._seabed_contact,
-            "seabed/touchdown": lambda shot: shape.touchdown(shot, self._stamp(shot)),
-            "rope/bend": lambda shot: shape.bend(shot, self._stamp(shot)),
-            "rope/utilisation": lambda shot: shape.utilisation(shot, self._stamp(shot)),
-            "rope/nodes": self._rope_nodes,
-            "rope/markers": self._rope_markers,
-            "rope/vibration": lambda shot: watched.vibration(shot, self._stamp(shot)),
-            "rope/fatigue": watched.fatigue,
-            "ropes/state": lambda shot: joined.ropes_state(shot, self._stamp(shot)),
-            "ropes/nodes": lambda shot: joined.ropes_nodes(shot, self._stamp(shot)),
-            "bars/state": lambda shot: joined.bars_state(shot, self._stamp(shot)),
-            "lines/crossings": lambda shot: joined.crossings(shot, self._stamp(shot)),
+            "seabed/touchdown": self._touchdown,
+            "lines/crossings": self._crossings,
             "lines/events": line_events,
-            "payloads/state": lambda shot: joined.payloads_state(shot, self._stamp(shot)),
         }
 
     @property
@@ -103,105 +97,284 @@ class Encoder:
         sec, nanosec = templates.split(self._epoch_ns + snapshot.stamp_ns)
         return {f"{path}.sec": sec, f"{path}.nanosec": nanosec}
 
+    def _joints(self, topic: str, snapshot: Snapshot, **values: Sequence[float]) -> bytes:
+        """Return a JointState with a joint for each rope."""
+        names = tuple(rope.name for rope in ropes_of(snapshot))
+        template = self._sized.get(topic, names, lambda: templates.joint_state(names, values))
+        return template.fill({**self._stamp(snapshot), **values})
+
+    def _table(
+        self, topic: str, snapshot: Snapshot, columns: templates.Columns, rows: Sequence[Row]
+    ) -> bytes:
+        """Return a PointCloud2 with a point for each row."""
+        points = np.zeros(len(rows), templates.point_type(columns))
+        for number, row in enumerate(rows):
+            for name, value in row.items():
+                points[name][number] = value.encode() if isinstance(value, str) else value
+        return self._cloud(topic, snapshot, points)
+
+    def _cloud(self, topic: str, snapshot: Snapshot, points: NDArray[Any]) -> bytes:
+        """Return a PointCloud2 of points of a structured type."""
+        template = self._sized.get(
+            topic,
+            (len(points), points.dtype),
+            lambda: templates.cloud(self._frame_id, len(points), points.dtype),
+        )
+        data = {"data": points.view(np.uint8)} if len(points) else {}
+        return template.fill({**self._stamp(snapshot), **data})
+
+    # -- ropes ---------------------------------------------------------------------------------
+
     def _tension_top(self, snapshot: Snapshot) -> bytes:
-        return self._number.fill({"data": snapshot.tension_top_n})
+        effort = [rope.tension_top_n for rope in ropes_of(snapshot)]
+        return self._joints("ropes/tension_top", snapshot, effort=effort)
+
+    def _tension_bottom(self, snapshot: Snapshot) -> bytes:
+        effort = [float(rope.element_tension_n[-1]) for rope in ropes_of(snapshot)]
+        return self._joints("ropes/tension_bottom", snapshot, effort=effort)
+
+    def _length(self, snapshot: Snapshot) -> bytes:
+        ropes = ropes_of(snapshot)
+        return self._joints(
+            "ropes/length",
+            snapshot,
+            position=[rope.line_out_m for rope in ropes],
+            velocity=[rope.payout_speed_m_per_s for rope in ropes],
+        )
 
     def _tension_top_error(self, snapshot: Snapshot) -> bytes:
-        return self._number.fill({"data": snapshot.card_error.rms_pct})
+        """Return error bound and interval of each rope; NaN where unknown."""
+        rows: list[Row] = []
+        for number, rope in enumerate(ropes_of(snapshot)):
+            interval = rope.band if number else snapshot.band
+            rms_pct = math.nan if number else snapshot.card_error.rms_pct
+            low_n, high_n = (interval.low_n, interval.high_n) if interval else (math.nan,) * 2
+            rows.append(
+                {"name": rope.name, "rms_pct": rms_pct, "lower_n": low_n, "upper_n": high_n}
+            )
+        columns = templates.columns("name rms_pct lower_n upper_n")
+        return self._table("ropes/tension_top_error", snapshot, columns, rows)
 
-    def _tension_top_band(self, snapshot: Snapshot) -> bytes:
-        band = snapshot.band
-        if band is None:
-            raise InputError(phrase("encode", "the snapshot has no error band", "ask for one"))
-        bands = {"tension_top": band}
-        bands |= {one.name: one.band for one in snapshot.ropes[1:] if one.band is not None}
-        names = tuple(f"{name}_{edge}" for name in bands for edge in ("low", "high"))
-        template = self._sized.get(
-            "tension_top/band", names, lambda: templates.joint_state(names, ("effort",))
+    def _nodes(self, snapshot: Snapshot) -> bytes:
+        ropes = ropes_of(snapshot)
+        counts = [len(rope.node_position_m) for rope in ropes]
+        points = np.empty((sum(counts), 5), dtype="<f4")
+        at = 0
+        for number, (rope, count) in enumerate(zip(ropes, counts, strict=True)):
+            own = points[at : at + count]
+            own[:, :3], own[:, 3], own[:, 4] = rope.node_position_m, rope.node_tension_n, number
+            at += count
+        kind = templates.point_type(templates.columns("x y z tension_n rope", "<f4"))
+        return self._cloud("ropes/nodes", snapshot, points.view(kind).ravel())
+
+    def _element_tension(self, snapshot: Snapshot) -> bytes:
+        ropes = ropes_of(snapshot)
+        columns = (*templates.columns("tension_n"), *templates.columns("rope", "<f4"))
+        points = np.empty(
+            sum(len(rope.element_tension_n) for rope in ropes), templates.point_type(columns)
         )
-        edges = [edge for one in bands.values() for edge in (one.low_n, one.high_n)]
-        return template.fill({**self._stamp(snapshot), "effort": edges})
+        at = 0
+        for number, rope in enumerate(ropes):
+            own = points[at : at + len(rope.element_tension_n)]
+            own["tension_n"], own["rope"] = rope.element_tension_n, number
+            at += len(own)
+        return self._cloud("ropes/element_tension", snapshot, points)
 
-    def _tension_payload(self, snapshot: Snapshot) -> bytes:
-        return self._number.fill({"data": snapshot.tension_payload_n})
+    def _utilisation(self, snapshot: Snapshot) -> bytes:
+        """Return utilisation and tensions of each rope; NaN without a static tension."""
+        rows = [
+            {
+                "name": one.name,
+                "utilisation": one.utilisation,
+                "dynamic_amplification": _or_nan(one.dynamic_amplification),
+                "max_tension_n": one.highest_n,
+                "static_tension_n": _or_nan(one.static_n),
+            }
+            for one in snapshot.strength
+        ]
+        names = "name utilisation dynamic_amplification max_tension_n static_tension_n"
+        return self._table("ropes/utilisation", snapshot, templates.columns(names), rows)
+
+    def _bend_radius(self, snapshot: Snapshot) -> bytes:
+        """Return the smallest bend radius of each monitored rope, and its minimum if given."""
+        rows = [
+            {
+                "name": one.now.name,
+                **_place(one.position_m),
+                "radius_m": one.now.radius_m,
+                "line_out_m": one.now.line_out_m,
+                "smallest_radius_m": one.tightest.radius_m,
+                "minimum_radius_m": one.now.minimum_m or math.nan,
+            }
+            for one in snapshot.bends
+        ]
+        names = "name x y z radius_m line_out_m smallest_radius_m minimum_radius_m"
+        return self._table("ropes/bend_radius", snapshot, templates.columns(names), rows)
+
+    def _vibration(self, snapshot: Snapshot) -> bytes:
+        """Return x, y, z of each node, with amplitude, frequency and drag amplification."""
+        shaking = snapshot.vibration
+        if shaking is None:
+            raise InputError(phrase("encode", "the snapshot has no vibration", "ask for it"))
+        columns = vibration_columns(shaking)
+        points = np.column_stack([snapshot.node_position_m, *columns.values()]).astype("<f4")
+        kind = templates.point_type([(name, "<f4") for name in ("x", "y", "z", *columns)])
+        return self._cloud("ropes/vibration", snapshot, points.view(kind).ravel())
+
+    def _fatigue(self, snapshot: Snapshot) -> bytes:
+        """Return accumulated damage and position of each metre of rope."""
+        wear = snapshot.fatigue
+        if wear is None:
+            raise InputError(phrase("encode", "the snapshot has no fatigue", "ask for it"))
+        columns = templates.columns("from_lower_end_m from_hang_off_m damage")
+        table = np.column_stack([wear.from_lower_end_m, wear.from_hang_off_m, wear.used])
+        points = table.view(templates.point_type(columns)).ravel()
+        return self._cloud("ropes/fatigue", snapshot, points)
+
+    # -- hang-off, payloads, winches, seabed -----------------------------------------------------
 
     def _hang_off_wrench(self, snapshot: Snapshot) -> bytes:
         return self._wrench.fill(
             {**self._stamp(snapshot), "wrench.force": snapshot.hang_off_force_n}
         )
 
-    def _payload_odometry(self, snapshot: Snapshot) -> bytes:
-        values: dict[str, Any] = {
-            **self._stamp(snapshot),
-            "pose.pose.position": snapshot.payload_position_m,
-            "twist.twist.linear": snapshot.payload_velocity_m_per_s,
-        }
-        body = snapshot.body
-        if body is not None:  # the twist is in the child frame, body axes
-            values["pose.pose.orientation"] = body.quaternion
-            values["twist.twist.linear"] = snapshot.payload_velocity_m_per_s @ body.turn
-            values["twist.twist.angular"] = body.angular_velocity_rad_per_s
-        return self._odometry.fill(values)
-
-    def _payload_rigging(self, snapshot: Snapshot) -> bytes:
-        body = snapshot.body
-        if body is None:
-            right = "list the effect `rigid_body`"
-            raise InputError(phrase("encode", "the payload is no rigid body", right))
-        legs, decks = len(body.leg_pull_n), int(body.deck_push_n is not None)
-        names = templates.rigging_names(legs, decks)
-        template = self._sized.get(
-            "payload/rigging", names, lambda: templates.joint_state(names, ("position", "effort"))
-        )
-        clear, push = [body.deck_clearance_m] * decks, [body.deck_push_n] * decks
-        return template.fill(
+    def _hang_off_odometry(self, snapshot: Snapshot) -> bytes:
+        return self._hang_off.fill(
             {
                 **self._stamp(snapshot),
-                "position": [*body.leg_length_m, *clear, *body.size_m, *body.leg_end_m.flat],
-                "effort": [*body.leg_pull_n, *push, *[0.0] * (3 + body.leg_end_m.size)],
+                "pose.pose.position": snapshot.hang_off_position_m,
+                "twist.twist.linear": snapshot.hang_off_velocity_m_per_s,
             }
         )
+
+    def _payloads_state(self, snapshot: Snapshot) -> bytes:
+        """Return pose and velocity of each payload; a 6-DOF payload has its twist in body axes."""
+        payloads = [(one.name, one.position_m, one.velocity_m_per_s) for one in snapshot.payloads]
+        if not payloads:
+            alone = snapshot.payload_position_m, snapshot.payload_velocity_m_per_s
+            payloads = [(PAYLOAD, *alone)]
+        names = tuple(name for name, *_ in payloads)
+        template = self._sized.get(
+            "payloads/state", names, lambda: templates.free_bodies(self._frame_id, names)
+        )
+        values: dict[str, Any] = self._stamp(snapshot)
+        for number, (_, position_m, velocity_m_per_s) in enumerate(payloads):
+            values[f"transforms.{number}.translation"] = position_m
+            values[f"twist.{number}.linear"] = velocity_m_per_s
+        body = snapshot.body
+        if body is not None:
+            carried = _carried(snapshot)
+            values[f"transforms.{carried}.rotation"] = body.quaternion
+            values[f"twist.{carried}.linear"] = payloads[carried][2] @ body.turn
+            values[f"twist.{carried}.angular"] = body.angular_velocity_rad_per_s
+        return template.fill(values)
+
+    def _payloads_body(self, snapshot: Snapshot) -> bytes:
+        body, (x, y, z) = _body(snapshot), _body(snapshot).size_m
+        row = {
+            "name": _body_name(snapshot),
+            "size_x_m": x,
+            "size_y_m": y,
+            "size_z_m": z,
+            "deck_clearance_m": _or_nan(body.deck_clearance_m),
+            "deck_reaction_n": _or_nan(body.deck_push_n),
+        }
+        columns = templates.columns(" ".join(row))
+        return self._table("payloads/body", snapshot, columns, [row])
+
+    def _slings_state(self, snapshot: Snapshot) -> bytes:
+        body = _body(snapshot)
+        slings = zip(body.leg_end_m, body.leg_length_m, body.leg_pull_n, strict=True)
+        rows = [
+            {
+                "name": f"sling_{number}",
+                **_place(end_m),
+                "length_m": length_m,
+                "tension_n": tension_n,
+            }
+            for number, (end_m, length_m, tension_n) in enumerate(slings, start=1)
+        ]
+        columns = templates.columns("name x y z length_m tension_n")
+        return self._table("slings/state", snapshot, columns, rows)
+
+    def _struts_state(self, snapshot: Snapshot) -> bytes:
+        rows = [
+            {
+                "name": one.name,
+                **_place(one.ends_m[0], "from_"),
+                **_place(one.ends_m[1], "to_"),
+                "length_m": float(np.linalg.norm(one.ends_m[1] - one.ends_m[0])),
+                "tension_n": one.pull_n,
+            }
+            for one in snapshot.struts
+        ]
+        columns = templates.columns("name from_x from_y from_z to_x to_y to_z length_m tension_n")
+        return self._table("struts/state", snapshot, columns, rows)
 
     def _winch_state(self, snapshot: Snapshot) -> bytes:
-        return self._winch.fill(
-            {
-                **self._stamp(snapshot),
-                "position": [snapshot.line_out_m],
-                "velocity": [snapshot.payout_speed_m_per_s],
-                "effort": [snapshot.tension_top_n],
-            }
-        )
+        """Return the component states of each winch; NaN for what a winch does not have."""
+        rows = [
+            {"name": one.name, "target": one.target, **dict(one.figures)}
+            for one in snapshot.winches
+        ]
+        names = dict.fromkeys(name for row in rows for name in row) or {"name": None}
+        columns = templates.columns(" ".join(names))
+        absent = {name: math.nan for name, _ in columns[1:]}
+        return self._table("winch/state", snapshot, columns, [absent | row for row in rows])
 
     def _seabed_contact(self, snapshot: Snapshot) -> bytes:
         bed = snapshot.seabed
         if bed is None:
             raise InputError(phrase("encode", "the scene has no seabed", "list the effect"))
-        return self._contact.fill(
+        row = {
+            "payload_height_m": bed.payload_height_m,
+            "payload_reaction_n": bed.payload_push_n,
+            "rope_on_seabed_m": bed.rope_on_bed_m,
+            "rope_reaction_n": bed.rope_push_n,
+        }
+        return self._table("seabed/contact", snapshot, templates.columns(" ".join(row)), [row])
+
+    def _touchdown(self, snapshot: Snapshot) -> bytes:
+        """Return the touchdown point of each rope on the seabed; no rows if there is none."""
+        rows = [
             {
-                **self._stamp(snapshot),
-                "position": [bed.payload_height_m, bed.rope_on_bed_m],
-                "effort": [bed.payload_push_n, bed.rope_push_n],
+                "name": one.name,
+                **_place(one.position_m),
+                "line_out_m": one.line_out_m,
+                "layback_m": one.layback_m,
+                "tension_n": one.tension_n,
+                "angle_deg": one.angle_deg,
             }
-        )
+            for one in snapshot.touchdowns
+        ]
+        columns = templates.columns("name x y z line_out_m layback_m tension_n angle_deg")
+        return self._table("seabed/touchdown", snapshot, columns, rows)
 
-    def _tension(self, snapshot: Snapshot) -> bytes:
-        count = len(snapshot.element_tension_n)
-        template = self._sized.get(
-            "tension", count, lambda: templates.row_of_numbers("element", count)
-        )
-        return template.fill({"data": snapshot.element_tension_n})
+    def _crossings(self, snapshot: Snapshot) -> bytes:
+        """Return the crossings of two lines and, in the first row, where they are nearest."""
+        rows: list[Row] = []
+        lines = snapshot.lines
+        if lines is not None:
+            unknown = dict.fromkeys(("x", "y", "angle_deg"), math.nan)
+            near = {"z": -lines.nearest.depth_m, "distance_m": lines.nearest.distance_m}
+            rows = [{"name": "nearest", **unknown, **near}]
+            rows += [
+                {
+                    "name": f"crossing_{number}",
+                    "x": one.position_m[0],
+                    "y": one.position_m[1],
+                    "z": -one.depth_m,
+                    "distance_m": one.gap_m,
+                    "angle_deg": one.angle_deg,
+                }
+                for number, one in enumerate(lines.crossings, start=1)
+            ]
+        columns = templates.columns("name x y z distance_m angle_deg")
+        return self._table("lines/crossings", snapshot, columns, rows)
 
-    def _rope_nodes(self, snapshot: Snapshot) -> bytes:
-        count = len(snapshot.node_position_m)
-        template = self._sized.get(
-            "rope/nodes", count, lambda: templates.point_cloud(self._frame_id, count)
-        )
-        points = np.empty((count, 4), dtype="<f4")
-        points[:, :3] = snapshot.node_position_m
-        points[:, 3] = snapshot.node_tension_n
-        return template.fill({**self._stamp(snapshot), "data": points.view(np.uint8).ravel()})
+    # -- markers -------------------------------------------------------------------------------
 
-    def _rope_markers(self, snapshot: Snapshot) -> bytes:
+    def _markers(self, snapshot: Snapshot) -> bytes:
         ends, tension = all_elements(snapshot)
         peak_n = float(tension.max())
         if peak_n > self._scale_n:
@@ -233,7 +406,7 @@ class Encoder:
         further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
         slings = 0 if snapshot.body is None else len(snapshot.body.leg_end_m)
         form = self._sized.get(
-            "rope/markers of one element",
+            "ropes/markers of one element",
             (scale_n, further, bars, slings),
             lambda: templates.rope_markers(self._frame_id, 1, words, further, bars, slings),
         )
@@ -242,6 +415,83 @@ class Encoder:
             ends_of = {"markers.0.points": 2 * count, "markers.0.colors": 2 * count}
             self._rope_template = count, form, form.stretched(ends_of)
         return self._rope_template[2]
+
+
+def ropes_of(snapshot: Snapshot) -> tuple[RopeShot, ...]:
+    """Return all ropes of a snapshot, also of one with a single rope."""
+    if snapshot.ropes:
+        return snapshot.ropes
+    return (first_rope(snapshot, snapshot.strength[0].name if snapshot.strength else ROPE),)
+
+
+def all_elements(snapshot: Snapshot) -> tuple[Any, Any]:
+    """Return ends (2·elements, 3) and tension (elements,) of the elements of all ropes."""
+    if not snapshot.ropes:
+        return _ends(snapshot.node_position_m), snapshot.element_tension_n
+    ropes = snapshot.ropes
+    ends = np.concatenate([_ends(rope.node_position_m) for rope in ropes])
+    return ends, np.concatenate([rope.element_tension_n for rope in ropes])
+
+
+def _ends(nodes: Any) -> Any:
+    """Return the ends of the elements: nodes 0 1, 1 2, 2 3, ..."""
+    return np.repeat(nodes, 2, axis=0)[1:-1]
+
+
+def vibration_columns(shaking: RopeVibration) -> dict[str, np.ndarray]:
+    """Return the columns of the cloud in addition to the positions, by name."""
+    columns = {"cross_flow": shaking.cross_flow, "cross_flow_hz": shaking.cross_flow_hz}
+    if shaking.in_line is not None and shaking.in_line_hz is not None:
+        columns |= {"in_line": shaking.in_line, "in_line_hz": shaking.in_line_hz}
+    return columns | {"drag_amplification": shaking.drag_amplification}
+
+
+def winch_mode(snapshot: Snapshot) -> bytes:
+    """Return control mode and active limit of each winch, in words."""
+    words = "; ".join(mode_words(winch) for winch in snapshot.winches)
+    return serialise(new("std_msgs/msg/String", data=words))
+
+
+def mode_words(winch: WinchShot) -> str:
+    """Return the control mode in words, such as `winch: length 350 m (limit)`."""
+    unit = CONTROL_MODES.get(winch.mode, "")
+    told = f"{winch.mode} {winch.target:g} {unit}" if unit else winch.mode.replace("_", " ")
+    return f"{winch.name}: {told}" + (f" ({winch.at_limit})" if winch.at_limit else "")
+
+
+def line_events(snapshot: Snapshot) -> bytes:
+    """Return crossings of two lines that began or ended, such as `121.4 s: the lines cross at 836
+    m`.
+    """
+    words = "; ".join(f"{event.time_s:.1f} s: {event.words()}" for event in snapshot.line_events)
+    return serialise(new("std_msgs/msg/String", data=words))
+
+
+def _carried(snapshot: Snapshot) -> int:
+    """Return which payload of `payloads/state` is the 6-DOF one: the one at its position."""
+    at = snapshot.payload_position_m
+    same = [bool((one.position_m == at).all()) for one in snapshot.payloads]
+    return same.index(True) if any(same) else 0
+
+
+def _body(snapshot: Snapshot) -> BodyShot:
+    if snapshot.body is None:
+        right = "list the effect `rigid_body`"
+        raise InputError(phrase("encode", "the payload is no rigid body", right))
+    return snapshot.body
+
+
+def _body_name(snapshot: Snapshot) -> str:
+    return snapshot.payloads[_carried(snapshot)].name if snapshot.payloads else PAYLOAD
+
+
+def _place(position_m: Sequence[float] | NDArray[np.float64], prefix: str = "") -> Row:
+    """Return the columns of a position."""
+    return {f"{prefix}{axis}": value for axis, value in zip("xyz", position_m, strict=True)}
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:

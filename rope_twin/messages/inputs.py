@@ -14,14 +14,19 @@ from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION, WinchCommand
 
+RECORD_FRAME = "sea"  # frame of the sea records in bags/, which readers ignore
 ORDER_FIELDS = {SPEED: "velocity", LENGTH: "position", DEPTH: "position", TENSION: "effort"}
 
 
-def encode_heave(stamp_ns: int, position_m: float, velocity_m_per_s: float) -> bytes:
+def encode_heave(
+    stamp_ns: int, position_m: float, velocity_m_per_s: float, recorded: bool = False
+) -> bytes:
     """Return a ship/heave message: heave of the hang-off above its rest position and rate, up
     positive.
+
+    recorded: for a sea record, in RECORD_FRAME and with unknown (zero) covariance.
     """
-    return _heave().fill(
+    return _heave(recorded).fill(
         {
             **_stamp(stamp_ns),
             "pose.pose.position": (0.0, 0.0, position_m),
@@ -43,9 +48,12 @@ def encode_pose(stamp_ns: int, pose: ShipPose) -> bytes:
     )
 
 
-def encode_elevation(stamp_ns: int, elevation_m: float) -> bytes:
-    """Return a sea/elevation message: sea surface at the ship above mean water level."""
-    return _elevation().fill({**_stamp(stamp_ns), "point": (0.0, 0.0, elevation_m)})
+def encode_elevation(stamp_ns: int, elevation_m: float, recorded: bool = False) -> bytes:
+    """Return a sea/elevation message: sea surface at the ship above mean water level.
+
+    recorded: for a sea record, in RECORD_FRAME.
+    """
+    return _elevation(recorded).fill({**_stamp(stamp_ns), "point": (0.0, 0.0, elevation_m)})
 
 
 def encode_order(stamp_ns: int, order: WinchCommand, winch: str = "winch") -> tuple[str, bytes]:
@@ -99,18 +107,20 @@ def _stamp(stamp_ns: int) -> dict[str, int]:
 
 
 @cache
-def _heave() -> Template:
-    return Template(templates.odometry("sea", "hang_off"))
+def _heave(recorded: bool) -> Template:
+    if recorded:
+        return Template(templates.odometry(RECORD_FRAME, "hang_off", None))
+    return Template(templates.odometry("map", "hang_off", templates.HEAVE))
 
 
 @cache
 def _pose() -> Template:
-    return Template(templates.odometry("ship_at_rest", "ship"))
+    return Template(templates.odometry("ship_mean", "ship"))
 
 
 @cache
-def _elevation() -> Template:
-    return Template(templates.point_stamped("sea"))
+def _elevation(recorded: bool) -> Template:
+    return Template(templates.point_stamped(RECORD_FRAME if recorded else "map"))
 
 
 @cache

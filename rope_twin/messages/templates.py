@@ -1,14 +1,10 @@
-"""Message objects with zero values: all fixed fields of the topics.
+"""Message objects with zero values: all fixed fields of the topics, and the colours of tension.
 
-The frame is `sea` (REP 103: east, north, up). Covariances are zero, which by ROS convention means
-unknown, not exact. Orientations are the identity except for a 6-DOF payload, whose twist is in body
-axes (those of the child frame); elsewhere the axes of `hang_off` and `payload` are those of `sea`,
-and twists need no rotation.
+The fixed frame is `map` (REP 105; axes east, north, up, REP 103). Orientations are the identity
+except for a 6-DOF payload, whose twist is in body axes; elsewhere the axes of `hang_off` and the
+payloads are those of `map`, and twists need no rotation.
 
-Frame `sea` (REP 103: east, north, up). Covariances stay zero, which by the convention of ROS means
-unknown, not exact. Orientations are the identity but for a payload that is a rigid body, whose
-twist is in its own axes (the child frame's); elsewhere the axes of `hang_off` and `payload` are
-those of `sea` and twists need no turning.
+Tables are PointCloud2 messages with a named field for each column.
 """
 
 from __future__ import annotations
@@ -20,12 +16,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.errors import InputError, phrase
 from rope_twin.messages.cdr import new
 
+Columns = tuple[tuple[str, str], ...]  # name and type of each column of a table
 NANOSECONDS = 1_000_000_000
-FLOAT32_BYTES = 4
+KNOWN_VARIANCE = (
+    1e-6  # [m², rad², m²/s² or rad²/s²] a standard deviation of 0.001: a computed value
+)
+UNKNOWN_VARIANCE = 1e6  # of axes that a message does not state, as robot_localization expects
+HEAVE = (2,)  # axes of a heave message
+NAME_TYPE = "S32"  # of a column with names: UTF-8, zeros at the end
 MARKER_LIFETIME_S = 1  # markers of a rope that is not published disappear
-_FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
+_UINT8 = 2  # sensor_msgs/PointField.UINT8
+_FIELD_TYPES = {np.dtype("<f4"): 7, np.dtype("<f8"): 8}  # FLOAT32, FLOAT64
 _CUBE, _SPHERE, _LINE_LIST, _TEXT = 1, 2, 5, 9  # visualization_msgs/Marker.type
 PAYLOAD_RGB = (0.95, 0.60, 0.20)
 HANG_OFF_RGB = (0.90, 0.90, 0.90)
@@ -64,10 +68,6 @@ def pose() -> Any:
     return new("geometry_msgs/msg/Pose", position=point(), orientation=turn)
 
 
-def number() -> Any:
-    return new("std_msgs/msg/Float64", data=0.0)
-
-
 def point_stamped(frame_id: str) -> Any:
     return new("geometry_msgs/msg/PointStamped", header=header(frame_id), point=point())
 
@@ -77,14 +77,24 @@ def wrench(frame_id: str) -> Any:
     return new("geometry_msgs/msg/WrenchStamped", header=header(frame_id), wrench=forces)
 
 
-def odometry(frame_id: str, child_frame_id: str) -> Any:
+def odometry(frame_id: str, child_frame_id: str, known: Sequence[int] | None = range(6)) -> Any:
+    """Return an Odometry; `known`: the axes (x, y, z, roll, pitch, yaw) that the message states.
+
+    Variances are those of a computed value, and UNKNOWN_VARIANCE in the axes that are not stated.
+    None: the covariance is unknown, which is zero by the convention of ROS.
+    """
     twist = new("geometry_msgs/msg/Twist", linear=vector(), angular=vector())
+    variances = np.zeros(6)
+    if known is not None:
+        variances[:] = UNKNOWN_VARIANCE
+        variances[list(known)] = KNOWN_VARIANCE
+    both = [np.diag(variances).ravel() for _ in range(2)]
     return new(
         "nav_msgs/msg/Odometry",
         header=header(frame_id),
         child_frame_id=child_frame_id,
-        pose=new("geometry_msgs/msg/PoseWithCovariance", pose=pose(), covariance=np.zeros(36)),
-        twist=new("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
+        pose=new("geometry_msgs/msg/PoseWithCovariance", pose=pose(), covariance=both[0]),
+        twist=new("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=both[1]),
     )
 
 
@@ -95,50 +105,52 @@ def joint_state(names: Sequence[str], fields: Collection[str]) -> Any:
     return new("sensor_msgs/msg/JointState", header=header(""), name=list(names), **numbers)
 
 
-def rigging_names(legs: int, decks: int) -> list[str]:
-    """Return the joint names of the slings, the deck (if any), the outline and the sling ends."""
-    names = [f"sling_{number}" for number in range(1, legs + 1)] + ["deck"] * decks
-    names += [f"size/{axis}" for axis in "xyz"]
-    return names + [f"sling_{number}/{axis}" for number in range(1, legs + 1) for axis in "xyz"]
+def free_bodies(frame_id: str, names: Sequence[str]) -> Any:
+    """Return a MultiDOFJointState: pose and twist of bodies of these names, without wrenches."""
+    return new(
+        "sensor_msgs/msg/MultiDOFJointState",
+        header=header(frame_id),
+        joint_names=list(names),
+        transforms=[
+            new("geometry_msgs/msg/Transform", translation=vector(), rotation=pose().orientation)
+            for _ in names
+        ],
+        twist=[new("geometry_msgs/msg/Twist", linear=vector(), angular=vector()) for _ in names],
+        wrench=[],
+    )
 
 
-def row_of_numbers(label: str, count: int) -> Any:
-    dimension = new("std_msgs/msg/MultiArrayDimension", label=label, size=count, stride=count)
-    layout = new("std_msgs/msg/MultiArrayLayout", dim=[dimension], data_offset=0)
-    return new("std_msgs/msg/Float64MultiArray", layout=layout, data=np.zeros(count))
+def columns(names: str, kind: str = "<f8") -> Columns:
+    """Return columns of one type of number; a column `name` is text."""
+    return tuple((one, NAME_TYPE if one == "name" else kind) for one in names.split())
 
 
-def table_of_numbers(label: str, count: int, columns: tuple[str, ...]) -> Any:
-    """Return an array of rows; the column names are the label of its second dimension."""
-    wide = len(columns)
-    rows = new("std_msgs/msg/MultiArrayDimension", label=label, size=count, stride=count * wide)
-    names = " ".join(columns)
-    across = new("std_msgs/msg/MultiArrayDimension", label=names, size=wide, stride=wide)
-    layout = new("std_msgs/msg/MultiArrayLayout", dim=[rows, across], data_offset=0)
-    return new("std_msgs/msg/Float64MultiArray", layout=layout, data=np.zeros(count * wide))
+def point_type(described: Sequence[tuple[str, str]]) -> np.dtype[Any]:
+    """Return the type of a row with these columns."""
+    return np.dtype(list(described))
 
 
-def point_cloud(frame_id: str, count: int) -> Any:
-    return cloud(frame_id, count, ("x", "y", "z", "tension"))
+def cloud(frame_id: str, count: int, point: np.dtype[Any]) -> Any:
+    """Return a cloud of `count` points of a structured type: a table, if it has no x, y, z.
 
-
-def ropes_cloud(frame_id: str, count: int) -> Any:
-    return cloud(frame_id, count, ("x", "y", "z", "tension", "rope"))
-
-
-def cloud(frame_id: str, count: int, names: tuple[str, ...]) -> Any:
-    """Return a cloud of `count` points with these float32 fields."""
-    fields = [
-        new(
-            "sensor_msgs/msg/PointField",
-            name=name,
-            offset=FLOAT32_BYTES * k,
-            datatype=_FLOAT32,
-            count=1,
+    Text is a field of 32 values of UINT8.
+    """
+    fields = []
+    offsets = {name: described[1] for name, described in (point.fields or {}).items()}
+    for name in point.names or ():
+        kind, offset = point[name], offsets[name]
+        datatype = _UINT8 if kind.char == "S" else _FIELD_TYPES[kind]
+        values = kind.itemsize if kind.char == "S" else 1
+        fields.append(
+            new(
+                "sensor_msgs/msg/PointField",
+                name=name,
+                offset=offset,
+                datatype=datatype,
+                count=values,
+            )
         )
-        for k, name in enumerate(names)
-    ]
-    size = FLOAT32_BYTES * len(names)
+    size = point.itemsize
     return new(
         "sensor_msgs/msg/PointCloud2",
         header=header(frame_id),
@@ -151,6 +163,32 @@ def cloud(frame_id: str, count: int, names: tuple[str, ...]) -> Any:
         data=np.zeros(size * count, dtype=np.uint8),
         is_dense=True,
     )
+
+
+def read_cloud(message: Any) -> NDArray[Any]:
+    """Return the points of a PointCloud2 of the suite, as a structured array.
+
+    Raises:
+        InputError: its fields do not fit its data.
+    """
+    fields = message.fields
+    numbers = {code: kind for kind, code in _FIELD_TYPES.items()}
+    try:
+        point = np.dtype(
+            {
+                "names": [field.name for field in fields],
+                "formats": [
+                    f"S{field.count}" if field.datatype == _UINT8 else numbers[field.datatype]
+                    for field in fields
+                ],
+                "offsets": [field.offset for field in fields],
+                "itemsize": message.point_step,
+            }
+        )
+        return np.frombuffer(np.asarray(message.data, dtype=np.uint8).tobytes(), point)
+    except (KeyError, ValueError, TypeError) as error:
+        right = "it must be one that rope_twin publishes"
+        raise InputError(phrase("point cloud", f"fields not known ({error})", right)) from error
 
 
 def rope_markers(

@@ -367,10 +367,10 @@ def write_sea_bag(
             bag.write(
                 "ship/heave",
                 stamp_ns,
-                encode_heave(stamp_ns, float(heave[k]), float(velocity[k])),
+                encode_heave(stamp_ns, float(heave[k]), float(velocity[k]), recorded=True),
             )
             if k % every == 0:
-                data = encode_elevation(stamp_ns, float(elevation[k]))
+                data = encode_elevation(stamp_ns, float(elevation[k]), recorded=True)
                 bag.write("sea/elevation", stamp_ns, data)
 
 

@@ -42,7 +42,7 @@ from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_pr
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.settings import MonitorSettings
 
-FORMAT = 2
+FORMAT = 3
 _SHARED = "share/"  # before names of files that come with the package
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CPUINFO = Path("/proc/cpuinfo")

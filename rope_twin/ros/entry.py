@@ -166,7 +166,7 @@ def _end(node: SuiteNode | None, executor: SingleThreadedExecutor | None) -> Non
 
 
 # topics by which a running simulation is detected; a paused one still sends diagnostics at 1 Hz
-DETECTED_BY = ("tension_top", "diagnostics")
+DETECTED_BY = ("ropes/tension_top", "diagnostics")
 LISTEN_S = 2.0
 
 

@@ -370,7 +370,7 @@ class SimulationNode(LifecycleNode):
     def _graph_rows(self) -> list[Status]:
         """Return the row on publishers and subscribers of our topics, as the graph has them."""
         mixed = [name for name in MOTION_TOPICS if self.count_publishers(name) > 1]
-        twins = self.count_publishers("tension_top")
+        twins = self.count_publishers("ropes/tension_top")
         values = {name: str(self.count_publishers(name)) for name in self._inputs}
         deaf = [name for name in self._own_publishers if unsuited(self, BY_NAME[name])]
         unheard = [f"{name}: {words}" for name in INPUTS

@@ -27,7 +27,10 @@ from rope_twin.view.sinks import FileSink, WindowSink, load_rerun
 
 _DEPTH = 200  # messages of a topic that may queue in the middleware
 _QUEUE = 5000  # messages that may queue for a viewer that is slow to start
-_NEWEST_ONLY = ("tension", "rope/nodes", "payloads/state", "bars/state", "sea/elevation")
+_NEWEST_ONLY = (
+    "ropes/nodes", "ropes/element_tension", "payloads/state", "payloads/body", "slings/state",
+    "struts/state", "sea/elevation",
+)  # fmt: skip
 
 
 class ViewerNode(Node):

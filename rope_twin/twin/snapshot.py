@@ -240,7 +240,7 @@ class Snapshot:
     In a multi-line scene these rows describe the first rope, and its lower end stands for the
     payload. After a cut they describe the part that hangs on; the payload is the lower part's.
 
-    Frame `sea` (east, north, up; z = 0 at mean water level).
+    Frame `map` (east, north, up; z = 0 at mean water level).
     """
 
     stamp_ns: int  # time since the twin's start [ns]

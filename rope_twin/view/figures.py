@@ -35,7 +35,7 @@ _WINCH = {
     "compensation_on": ("switches", "Brake set, AHC on [-]", 1.0, "AHC"),
 }
 _ORDER = {f"plots/winch/{row[0]}": k for k, row in enumerate(_WINCH.values())}
-_UNSHOWN = ("target",)  # its unit depends on the control mode; winch/mode has it
+_UNSHOWN = ("target",)  # its unit depends on the control mode; winch/mode states it
 _COLOURS = ("fde725", "6fa8ff", "35b7a0", "f2a65a", "c792ea", "e06c75")
 WINCH_TAB, LINES_TAB, SHAPE_TAB = "Winch", "Lines", "Shape"
 _DEPTHS = Plot(LINES_TAB, "plots/lines/crossings", "Elevation of the crossings [m]")
@@ -73,15 +73,15 @@ class Figures:
         return len(self.plots) > before
 
     def lines(self, time_ns: int, names: list[str], values: list[float]) -> bool:
-        """Add values with names like crossing_1/depth_m; return whether there is a new plot."""
+        """Add values with names like crossing_1/z; return whether there is a new plot."""
         before = len(self.plots)
         for name, value in zip(names, values, strict=True):
             where, _, figure = name.rpartition("/")
             words = where.replace("_", " ")
             if name == "nearest/distance_m":
                 self._add(_DISTANCE, "nearest", "nearest", time_ns, value)
-            elif figure == "depth_m" and where != "nearest":
-                self._add(_DEPTHS, where, words, time_ns, -value, dots=True)
+            elif figure == "z" and where != "nearest":
+                self._add(_DEPTHS, where, words, time_ns, value, dots=True)
             elif figure == "angle_deg":
                 self._add(_ANGLES, where, words, time_ns, value, dots=True)
         return len(self.plots) > before

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.messages.encoder import PAYLOAD
 from rope_twin.messages.templates import PAYLOAD_RGB, tension_colours
 from rope_twin.view.ticks import round_step
 
@@ -76,7 +77,8 @@ class LowerEnd:
         self._path = path
         self._focus = np.zeros(3)
         self.payloads: dict[str, Points] = {}  # positions by name; empty: one at the rope's end
-        self._outline_m: Points | None = None  # side lengths of a 6-DOF payload
+        self._body_name = ""  # of the 6-DOF payload
+        self._outline_m: Points | None = None  # its side lengths
         self._pose: tuple[Points, list[float]] | None = None  # its centre and attitude
         self._slings = np.zeros((0, 3)), np.zeros(0)  # attachment points and tensions
         self._scale_n = 0.0
@@ -84,18 +86,19 @@ class LowerEnd:
         self._at_water = False  # whether the sea surface is visible
         self.sight: Sight | None = None
 
-    def take_rigging(self, names: list[str], position: Points, effort: Points) -> None:
-        """Set sides, attachment points and sling tensions of a 6-DOF payload."""
-        row = {name: number for number, name in enumerate(names)}
-        if "size/x" in row:
-            self._outline_m = position[[row[f"size/{axis}"] for axis in "xyz"]]
-        slings = [name for name in names if f"{name}/x" in row]
-        ends = [row[f"{name}/{axis}"] for name in slings for axis in "xyz"]
-        self._slings = position[ends].reshape(-1, 3), effort[[row[name] for name in slings]]
+    def take_body(self, name: str, outline_m: Points) -> None:
+        """Set name and side lengths of a 6-DOF payload."""
+        self._body_name, self._outline_m = name, outline_m
 
-    def take_pose(self, place_m: Points, quaternion: list[float]) -> None:
-        """Set position and attitude (x, y, z, w) of the payload."""
-        self._pose = place_m, quaternion
+    def take_slings(self, ends_m: Points, tension_n: Points) -> None:
+        """Set attachment points (n, 3) and tensions of the slings of a 6-DOF payload."""
+        self._slings = ends_m, tension_n
+
+    def take_poses(self, poses: dict[str, tuple[Points, list[float]]]) -> None:
+        """Set position and attitude (x, y, z, w) of each payload, by name."""
+        self._pose = poses.get(self._body_name, next(iter(poses.values()), None))
+        named = [*poses] != [PAYLOAD]  # otherwise the only one, at the rope's end
+        self.payloads = {name: place for name, (place, _) in poses.items()} if named else {}
 
     def show_rope(self, position_m: Points, elements_n: Points, scale_n: float) -> bool:
         """Draw the first rope, nodes (n, 3) from the top down; return if the camera has to move."""
@@ -129,13 +132,6 @@ class LowerEnd:
             moved |= self._widen(away)
         self._draw(f"rope/{number}", position_m, elements_n, scale_n)
         return moved
-
-    def place_payloads(self, names: list[str], values: Points) -> None:
-        """Set the payload positions, with names like tool/x and a value for each."""
-        rows = np.asarray(values, dtype=np.float64).reshape(-1, 3)
-        self.payloads = {
-            name.rpartition("/")[0]: row for name, row in zip(names[::3], rows, strict=True)
-        }
 
     def show_bars(self, ends_m: Points) -> None:
         """Draw the struts of a multi-line system, ends (n, 2, 3)."""

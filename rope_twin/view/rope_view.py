@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
-from rope_twin.messages.templates import FLOAT32_BYTES, NANOSECONDS, scale_above
+from rope_twin.messages.templates import NANOSECONDS, read_cloud, scale_above
+from rope_twin.topics import CUT_TOPIC, TOPICS, WINCH_TOPICS
 from rope_twin.view.blueprint import (
     BAND_CURVES,
     CURVES,
@@ -34,13 +35,13 @@ from rope_twin.view.ticks import decade_range
 from rope_twin.view.timelines import Timelines
 from rope_twin.view.watched import WatchedCharts
 
-SHOWN_TOPICS = (
-    "twin/epoch", "winch/state", "winch/parts", "tension_top/band", "tension", "payloads/state",
-    "payload/rigging", "payload/odometry", "bars/state", "rope/nodes", "ropes/nodes",
-    "rope/vibration", "rope/fatigue", "ship/heave",
-    "ship/odometry", "sea/elevation", "lines/crossings", "lines/events",
-    "seabed/touchdown", "rope/bend", "diagnostics",
+NOT_SHOWN = (
+    "twin/session", "twin/inputs", "winch/seat", "winch/mode", "ropes/markers", "ropes/utilisation",
+    "hang_off/wrench", "hang_off/odometry", "seabed/contact", "current",
 )  # fmt: skip
+SHOWN_TOPICS = tuple(
+    topic.name for topic in TOPICS if topic.name not in (*NOT_SHOWN, *WINCH_TOPICS, CUT_TOPIC)
+)
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
 _EPOCH_WITHIN_NS = 2 * NANOSECONDS  # how long the first messages are held until twin/epoch comes
 
@@ -48,9 +49,7 @@ _EPOCH_WITHIN_NS = 2 * NANOSECONDS  # how long the first messages are held until
 class RopeView:
     """Shows the suite's messages; to be used from one thread only.
 
-    Every scalar is kept; ropes are drawn at most 10 times per second. Only stamped topics are
-    drawn: the Float64 topics carry the same values without a stamp, and would be plotted at their
-    time of arrival.
+    Every scalar is kept; ropes are drawn at most 10 times per second.
     """
 
     def __init__(self, sink: Sink) -> None:
@@ -66,25 +65,26 @@ class RopeView:
         self._log = StatusLog(sink.stream, LOG)
         self._figures = Figures(self._add_curve)
         self._drawn_ns: dict[str, int] = {}
-        self._elements_n: NDArray[np.float64] = np.zeros(0)
+        self._elements: NDArray[Any] = np.zeros(0, [("tension_n", "f8"), ("rope", "f4")])
         self._scale_n = 0.0
         self._show: dict[str, Callable[[Any, int], None]] = {
-            "winch/state": self._winch_state,
-            "tension_top/band": self._band,
-            "tension": self._tension,
-            "payload/rigging": self._rigging,
-            "payload/odometry": self._odometry,
-            "rope/nodes": self._rope_nodes,
-            "ropes/nodes": self._further_ropes,
-            "rope/vibration": self._vibration,
-            "rope/fatigue": self._fatigue,
+            "ropes/tension_top": self._tension_top,
+            "ropes/tension_bottom": self._tension_bottom,
+            "ropes/length": self._length,
+            "ropes/tension_top_error": self._tension_top_error,
+            "ropes/element_tension": self._element_tension,
+            "ropes/nodes": self._nodes,
+            "ropes/vibration": self._vibration,
+            "ropes/fatigue": self._fatigue,
+            "ropes/bend_radius": self._shape,
             "payloads/state": self._payloads,
-            "bars/state": self._bars,
-            "winch/parts": self._winch_parts,
+            "payloads/body": self._body,
+            "slings/state": self._slings,
+            "struts/state": self._struts,
+            "winch/state": self._winch_state,
             "lines/crossings": self._crossings,
             "lines/events": self._line_events,
             "seabed/touchdown": self._touchdown,
-            "rope/bend": self._bend,
             "ship/heave": self._heave,
             "ship/odometry": self._heave,
             "sea/elevation": self._elevation,
@@ -164,41 +164,59 @@ class RopeView:
             self._timelines.set(time_ns)
         return due
 
-    def _winch_state(self, message: Any, time_ns: int) -> None:
-        if len(message.position):
-            self._series["plots/line_out"].add(time_ns, float(message.position[0]))
-        if len(message.effort):
-            self._series["plots/tension/top"].add(time_ns, float(message.effort[0]) / 1000.0)
+    def _tension_top(self, message: Any, time_ns: int) -> None:
+        self._series["plots/tension/top"].add(time_ns, float(message.effort[0]) / 1000.0)
 
-    def _band(self, message: Any, time_ns: int) -> None:
-        for (path, name, rgb), force in zip(BAND_CURVES, message.effort[:2], strict=True):
+    def _tension_bottom(self, message: Any, time_ns: int) -> None:
+        self._series["plots/tension/payload"].add(time_ns, float(message.effort[0]) / 1000.0)
+
+    def _length(self, message: Any, time_ns: int) -> None:
+        self._series["plots/line_out"].add(time_ns, float(message.position[0]))
+
+    def _tension_top_error(self, message: Any, time_ns: int) -> None:
+        """Add the interval of the first rope, if the run computes it."""
+        first = read_cloud(message)[0]
+        edges = float(first["lower_n"]), float(first["upper_n"])
+        if not all(math.isfinite(edge) for edge in edges):
+            return
+        for (path, name, rgb), force in zip(BAND_CURVES, edges, strict=True):
             if path not in self._series:
                 self._add_curve(path, name, rgb)
-            self._series[path].add(time_ns, float(force) / 1000.0)
+            self._series[path].add(time_ns, force / 1000.0)
 
-    def _tension(self, message: Any, time_ns: int) -> None:
-        self._elements_n = np.asarray(message.data, dtype=np.float64)
+    def _element_tension(self, message: Any, time_ns: int) -> None:
+        self._elements = read_cloud(message)
 
-    def _rigging(self, message: Any, time_ns: int) -> None:
-        position = np.asarray(message.position, dtype=np.float64)
-        pulls = np.asarray(message.effort, dtype=np.float64)
-        self._lower_end.take_rigging(list(message.name), position, pulls)
-
-    def _odometry(self, message: Any, time_ns: int) -> None:
-        place, turn = message.pose.pose.position, message.pose.pose.orientation
-        at = np.array([place.x, place.y, place.z])
-        self._lower_end.take_pose(at, [turn.x, turn.y, turn.z, turn.w])
-
-    def _rope_nodes(self, message: Any, time_ns: int) -> None:
-        rows = _points(message, "rope/nodes", ("x", "y", "z", "tension"))
-        if len(rows) < 2:
+    def _nodes(self, message: Any, time_ns: int) -> None:
+        """Draw all ropes; the first has the profile too."""
+        nodes = read_cloud(message)
+        if len(nodes) < 2 or not self._is_time("ropes", time_ns):
             return
-        self._series["plots/tension/payload"].add(time_ns, float(rows[-1, 3]) / 1000.0)
-        if not self._is_time("rope", time_ns):
-            return
-        position, nodes_n, elements_n = rows[:, :3], rows[:, 3], self._elements_n
-        if len(elements_n) != len(rows) - 1:
-            elements_n = 0.5 * (nodes_n[1:] + nodes_n[:-1])
+        moved = False
+        for number in range(int(nodes["rope"].max()) + 1):
+            own = nodes[nodes["rope"] == number]
+            position = np.stack([own[axis] for axis in "xyz"], axis=1).astype(np.float64)
+            nodes_n = own["tension_n"].astype(np.float64)
+            elements_n = self._elements["tension_n"][self._elements["rope"] == number]
+            if len(elements_n) != len(own) - 1:
+                elements_n = 0.5 * (nodes_n[1:] + nodes_n[:-1])
+            if number == 0:
+                moved |= self._draw_first(time_ns, position, nodes_n, elements_n)
+                continue
+            self._overview.show_further(number, position, elements_n, self._scale_n)
+            self._surface.show_further(number, position, elements_n, self._scale_n)
+            moved |= self._lower_end.show_further(number, position, elements_n, self._scale_n)
+        if moved:
+            self._arrange()
+
+    def _draw_first(
+        self,
+        time_ns: int,
+        position: NDArray[np.float64],
+        nodes_n: NDArray[np.float64],
+        elements_n: NDArray[np.float64],
+    ) -> bool:
+        """Draw the first rope; return whether a camera has to move."""
         peak_n = float(max(elements_n.max(), nodes_n.max()))
         if peak_n > self._scale_n:
             self._scale_n = scale_above(peak_n)
@@ -207,74 +225,74 @@ class RopeView:
             self._lower_end.show_rope(position, elements_n, self._scale_n),
             self._surface.show_rope(position, elements_n, self._scale_n),
         )
-        if any(moved):
-            self._arrange()
         self._profile.show(time_ns, -position[:, 2], nodes_n, elements_n, self._scale_n)
-
-    def _further_ropes(self, message: Any, time_ns: int) -> None:
-        """Draw all ropes but the first, which is in `rope/nodes`."""
-        rows = _points(message, "ropes/nodes", ("x", "y", "z", "tension", "rope"))
-        if self._overview.frame is None or not self._is_time("ropes", time_ns):
-            return
-        for number in range(1, int(rows[:, 4].max(initial=0.0)) + 1):
-            own = rows[rows[:, 4] == number]
-            elements_n = 0.5 * (own[1:, 3] + own[:-1, 3])
-            self._overview.show_further(number, own[:, :3], elements_n, self._scale_n)
-            self._surface.show_further(number, own[:, :3], elements_n, self._scale_n)
-            if self._lower_end.show_further(number, own[:, :3], elements_n, self._scale_n):
-                self._arrange()
+        return any(moved)
 
     def _vibration(self, message: Any, time_ns: int) -> None:
-        fields = tuple(field.name for field in message.fields)
-        rows = _points(message, "rope/vibration", fields)
-        if len(rows) < 2 or not self._is_time("vibration", time_ns):
+        nodes = read_cloud(message)
+        if len(nodes) < 2 or not self._is_time("vibration", time_ns):
             return
-        if self._watched.show_vibration(dict(zip(fields, rows.T, strict=True))):
+        columns = {name: nodes[name].astype(np.float64) for name in nodes.dtype.names or ()}
+        if self._watched.show_vibration(columns):
             self._arrange()
 
     def _fatigue(self, message: Any, time_ns: int) -> None:
-        table = np.asarray(message.data, dtype=np.float64).reshape(-1, 3)
-        if self._is_time("fatigue", time_ns) and self._watched.show_fatigue(table):
+        table = read_cloud(message)
+        if self._is_time("fatigue", time_ns) and self._watched.show_fatigue(
+            table["from_hang_off_m"], table["damage"]
+        ):
             self._arrange()
 
     def _payloads(self, message: Any, time_ns: int) -> None:
-        self._lower_end.place_payloads(list(message.name), message.position)
+        poses = {
+            name: (
+                np.array([one.translation.x, one.translation.y, one.translation.z]),
+                [one.rotation.x, one.rotation.y, one.rotation.z, one.rotation.w],
+            )
+            for name, one in zip(message.joint_names, message.transforms, strict=True)
+        }
+        self._lower_end.take_poses(poses)
         self._overview.payloads = self._lower_end.payloads
 
-    def _bars(self, message: Any, time_ns: int) -> None:
-        if self._is_time("bars", time_ns):
-            self._lower_end.show_bars(np.asarray(message.position).reshape(-1, 2, 3))
+    def _body(self, message: Any, time_ns: int) -> None:
+        row = read_cloud(message)[0]
+        size_m = np.array([row[f"size_{axis}_m"] for axis in "xyz"])
+        self._lower_end.take_body(row["name"].decode(), size_m)
 
-    def _winch_parts(self, message: Any, time_ns: int) -> None:
-        if self._figures.winch(time_ns, list(message.name), list(message.position)):
+    def _slings(self, message: Any, time_ns: int) -> None:
+        rows = read_cloud(message)
+        ends = np.stack([rows[axis] for axis in "xyz"], axis=1)
+        self._lower_end.take_slings(ends, rows["tension_n"])
+
+    def _struts(self, message: Any, time_ns: int) -> None:
+        if self._is_time("struts", time_ns):
+            rows = read_cloud(message)
+            ends = [[rows[f"{end}_{axis}"] for axis in "xyz"] for end in ("from", "to")]
+            self._lower_end.show_bars(np.moveaxis(np.array(ends), 2, 0))
+
+    def _winch_state(self, message: Any, time_ns: int) -> None:
+        if self._figures.winch(time_ns, *_named(message)):
             self._arrange()
 
     def _crossings(self, message: Any, time_ns: int) -> None:
         """Add curves, and mark the crossings of the lines in the line profile."""
-        names, values = list(message.name), list(message.position)
-        if self._figures.lines(time_ns, names, values):
+        if self._figures.lines(time_ns, *_named(message)):
             self._arrange()
         if self._is_time("crossings", time_ns):
-            found = dict(zip(names, values, strict=True))
-            every = [name.removesuffix("/gap_m") for name in names if name.endswith("/gap_m")]
-            spots = [[found[f"{k}/x_m"], found[f"{k}/y_m"], -found[f"{k}/depth_m"]] for k in every]
-            labels = [f"{-z:.0f} m" for *_, z in spots]
-            self._overview.show_spots("crossings", np.array(spots).reshape(-1, 3), labels)
+            rows = read_cloud(message)[1:]  # the first is where they are nearest
+            spots = np.stack([rows[axis] for axis in "xyz"], axis=1)
+            self._overview.show_spots("crossings", spots, [f"{-z:.0f} m" for z in rows["z"]])
 
     def _touchdown(self, message: Any, time_ns: int) -> None:
         """Add curves, and mark the touchdown points in the line profile."""
-        names, values = list(message.name), list(message.position)
-        if self._figures.shape(time_ns, names, values):
-            self._arrange()
+        self._shape(message, time_ns)
         if self._is_time("touchdown", time_ns):
-            found = dict(zip(names, values, strict=True))
-            every = [name.removesuffix("/x_m") for name in names if name.endswith("/x_m")]
-            spots = [[found[f"{rope}/{axis}_m"] for axis in "xyz"] for rope in every]
-            labels = ["touchdown"] * len(spots)
-            self._overview.show_spots("touchdown", np.array(spots).reshape(-1, 3), labels)
+            rows = read_cloud(message)
+            spots = np.stack([rows[axis] for axis in "xyz"], axis=1)
+            self._overview.show_spots("touchdown", spots, ["touchdown"] * len(rows))
 
-    def _bend(self, message: Any, time_ns: int) -> None:
-        if self._figures.shape(time_ns, list(message.name), list(message.position)):
+    def _shape(self, message: Any, time_ns: int) -> None:
+        if self._figures.shape(time_ns, *_named(message)):
             self._arrange()
 
     def _line_events(self, message: Any, time_ns: int) -> None:
@@ -300,15 +318,16 @@ class RopeView:
             self._log.take(status)
 
 
-def _points(message: Any, topic: str, fields: tuple[str, ...]) -> NDArray[np.float64]:
-    """Return the points of a cloud of float32 values, (points, fields)."""
-    size = len(fields) * FLOAT32_BYTES
-    if message.point_step != size:
-        what = f"points of {message.point_step} bytes"
-        right = f"expected are {size} bytes: {', '.join(fields)} as float32"
-        raise InputError(phrase(f"topic {topic}", what, right))
-    rows = np.frombuffer(np.asarray(message.data, dtype=np.uint8).tobytes(), dtype="<f4")
-    return rows.reshape(-1, len(fields)).astype(np.float64)
+def _named(message: Any) -> tuple[list[str], list[float]]:
+    """Return names such as main/layback_m, and values, of all cells of a table with numbers."""
+    rows = read_cloud(message)
+    cells = [
+        (f"{row['name'].decode()}/{column}", float(row[column]))
+        for row in rows
+        for column in (rows.dtype.names or ())[1:]
+    ]
+    known = [(name, value) for name, value in cells if not math.isnan(value)]
+    return [name for name, _ in known], [value for _, value in known]
 
 
 def _stamp_ns(message: Any, time_ns: int) -> int:

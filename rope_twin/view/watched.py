@@ -25,10 +25,7 @@ class WatchedCharts:
         self._used = DepthChart(stream, FATIGUE, "damage [-]", 0)
 
     def show_vibration(self, columns: dict[str, NDArray[np.float64]]) -> bool:
-        """Draw the columns of `rope/vibration`; return whether they are the first.
-
-        Old bags have no column of the drag amplification.
-        """
+        """Draw the columns of `ropes/vibration`; return whether they are the first."""
         place = np.stack([columns[axis] for axis in "xyz"])
         steps = np.sqrt((np.diff(place, axis=1) ** 2).sum(axis=0))
         depth = np.concatenate([[0.0], np.cumsum(steps)])
@@ -39,15 +36,14 @@ class WatchedCharts:
             frequency.append(Curve("in-line", _moving(columns["in_line_hz"]), IN_LINE_RGB))
         self._amplitude.show(depth, amplitude)
         self._frequency.show(depth, frequency)
-        if "drag_amplification" in columns:
-            self._drag.show(
-                depth, [Curve("amplification", columns["drag_amplification"], DRAG_RGB)]
-            )
+        self._drag.show(depth, [Curve("amplification", columns["drag_amplification"], DRAG_RGB)])
         return self._is_first(VIBRATION)
 
-    def show_fatigue(self, table: NDArray[np.float64]) -> bool:
-        """Draw the rows of `rope/fatigue`; return whether they are the first."""
-        self._used.show(table[:, 1], [Curve("per metre of rope", table[:, 2], USED_RGB)])
+    def show_fatigue(
+        self, from_hang_off_m: NDArray[np.float64], damage: NDArray[np.float64]
+    ) -> bool:
+        """Draw the damage of each metre of rope; return whether it is the first."""
+        self._used.show(from_hang_off_m, [Curve("per metre of rope", damage, USED_RGB)])
         return self._is_first(FATIGUE)
 
     def _is_first(self, name: str) -> bool:

@@ -43,7 +43,7 @@ _made: dict[str, type] = {}
 
 
 def idl_type(name: str) -> type:
-    """The IDL struct of a ROS message type, e.g. `std_msgs/msg/Float64`."""
+    """The IDL struct of a ROS message type, e.g. `sensor_msgs/msg/JointState`."""
     if name not in _made:
         package, _, short = name.split("/")
         fields = {field: _field_type(kind) for field, kind in STORE.fielddefs[name][1]}
@@ -102,12 +102,10 @@ def figure(sample: Any) -> Any:
     if sample is None:
         return None
     kind = type(sample).__name__
-    if kind == "Float64":
-        return sample.data
-    if kind == "Float64MultiArray":
-        return [len(sample.data), max(sample.data)]
     if kind == "Odometry":
         return sample.pose.pose.position.z
+    if kind == "MultiDOFJointState":
+        return sample.transforms[0].translation.z
     if kind == "JointState":
         return [list(sample.name), list(sample.position), list(sample.effort)]
     if kind == "PointCloud2":

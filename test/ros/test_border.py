@@ -85,7 +85,7 @@ def test_a_run_is_open_where_it_is_asked_to_be(processes: Processes, domain: int
 @pytest.mark.usefixtures("_environment")
 def test_who_is_on_this_machine_hears_such_a_run(processes: Processes, bench: Bench) -> None:
     """Also with another profile than the run's: this test's own node has none."""
-    heard = bench.listen("tension_top")
+    heard = bench.listen("ropes/tension_top")
     start(processes)
     until_running(bench, heard, "its tension")
 

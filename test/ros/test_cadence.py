@@ -31,16 +31,14 @@ def test_no_topic_is_slower_than_the_table_says(slot_ms: int) -> None:
 
 
 def test_in_a_slot_of_20_ms_scalars_come_each_time_and_arrays_every_second() -> None:
-    assert "tension" not in due_topics(1, 20_000_000)
-    assert "tension_top" in due_topics(1, 20_000_000)
+    assert "ropes/element_tension" not in due_topics(1, 20_000_000)
+    assert "ropes/tension_top" in due_topics(1, 20_000_000)
     assert {topic.name for topic in SNAPSHOT_TOPICS} == set(due_topics(2, 20_000_000))
 
 
-def test_the_error_band_is_published_only_where_there_is_one() -> None:
+def test_fatigue_is_published_only_where_there_is_any() -> None:
     nothing: dict[str, Any] = {topic.only_with: None for topic in EXTRA_TOPICS}
-    banded = SimpleNamespace(**nothing | {"band": object()})
-    assert "tension_top/band" in due_topics(1, 20_000_000, banded)
     assert due_topics(1, 20_000_000, SimpleNamespace(**nothing)) == due_topics(1, 20_000_000)
     worn = SimpleNamespace(**nothing | {"fatigue": object()})
-    told = [slot for slot in range(1, 201) if "rope/fatigue" in due_topics(slot, 20_000_000, worn)]
+    told = [slot for slot in range(1, 201) if "ropes/fatigue" in due_topics(slot, 20_000_000, worn)]
     assert told == [50, 100, 150, 200]

@@ -15,9 +15,11 @@ from rope_twin.run.unpaced import run_unpaced
 
 pytestmark = pytest.mark.ros
 SECONDS = 5.0
-COMPARED = ("tension_top", "tension_top_error_pct", "tension_payload", "payload/odometry",
-            "winch/state", "tension", "rope/nodes", "rope/utilisation", "hang_off/wrench",
-            "rope/markers")  # fmt: skip
+COMPARED = (
+    "ropes/tension_top", "ropes/tension_top_error", "ropes/tension_bottom", "ropes/length",
+    "ropes/element_tension", "ropes/nodes", "ropes/utilisation", "ropes/markers", "payloads/state",
+    "hang_off/wrench", "hang_off/odometry",
+)  # fmt: skip
 
 
 def messages(
@@ -70,7 +72,14 @@ def test_so_do_they_where_the_rope_is_cut_above_a_body(
     assert process.wait() == 0
     paced = json.loads(process.text.strip().splitlines()[-1])
     assert paced["cut"]["left_m"] == pytest.approx(21.0, abs=0.01)
-    names = ("tension_top", "ropes/nodes", "payload/odometry", "payload/rigging", "twin/epoch")
+    names = (
+        "ropes/tension_top",
+        "ropes/nodes",
+        "payloads/state",
+        "slings/state",
+        "payloads/body",
+        "twin/epoch",
+    )
     heard = messages(tmp_path / "paced", names)
     options = RunOptions(
         scene="manifold_lift", end_s=3.0, speed=0.0, record=tmp_path / "unpaced", cut="end@1.003"
@@ -91,5 +100,5 @@ def test_the_comparison_can_fail(tmp_path: Path) -> None:
         )
         run_unpaced(options, lambda run: None, 10**18)
     one, other = messages(tmp_path / "one"), messages(tmp_path / "other")
-    for topic in ("tension_top", "payload/odometry"):
+    for topic in ("ropes/tension_top", "payloads/state"):
         assert one[topic] != other[topic]

@@ -37,11 +37,11 @@ SCENE = "shallow_lift"
 NAMES = ("simulation", "sea_state", "winch_schedule", "recorder", "recorder_standby")
 # The topic on which each is heard; the recorder is known by its bag.
 HEARD_ON = {
-    "simulation": "payload/odometry",
+    "simulation": "payloads/state",
     "sea_state": "ship/heave",
     "winch_schedule": "winch/speed_command",
 }
-PERIOD_NS = 20_000_000  # of payload/odometry
+PERIOD_NS = 20_000_000  # of payloads/state
 KILLS_A_MINUTE = 3
 STANDING_BY = "recorder on standby"
 
@@ -147,7 +147,7 @@ class Campaign:
         first = min(recorded)
         missing = [
             at
-            for at in map(stamp_ns, self._heard["payload/odometry"][:-1])
+            for at in map(stamp_ns, self._heard["payloads/state"][:-1])
             if at > first and at not in recorded
         ]
         for at in missing:
@@ -163,11 +163,11 @@ class Campaign:
                 return set()
             bag = recovered
         with BagReader(bag) as reader:
-            if "/payload/odometry" not in reader.topics:
+            if "/payloads/state" not in reader.topics:
                 return set()
             return {
-                stamp_ns(decode("payload/odometry", data))
-                for _, data in reader.messages("/payload/odometry")
+                stamp_ns(decode("payloads/state", data))
+                for _, data in reader.messages("/payloads/state")
             }
 
 

@@ -22,7 +22,7 @@ from rope_twin.recording.bag import BagReader
 
 pytestmark = [pytest.mark.ros, pytest.mark.long]
 SCENE = "shallow_lift"
-EVERYBODY = {"wait_for": "rope/markers"}  # only the recorder listens to them: it misses nothing
+EVERYBODY = {"wait_for": "ropes/markers"}  # only the recorder listens to them: it misses nothing
 
 
 def stamp_ns(message: object) -> int:
@@ -32,13 +32,13 @@ def stamp_ns(message: object) -> int:
 
 def newest_ns(bag: Path) -> int:
     with BagReader(bag) as reader:
-        last = list(reader.messages("/payload/odometry"))[-1][1]
-    return stamp_ns(decode("payload/odometry", last))
+        last = list(reader.messages("/payloads/state"))[-1][1]
+    return stamp_ns(decode("payloads/state", last))
 
 
 @pytest.mark.parametrize("turn", range(10))
 def test_recorder(bench: Bench, processes: Processes, tmp_path: Path, turn: int) -> None:
-    odometry = bench.listen("payload/odometry")
+    odometry = bench.listen("payloads/state")
     recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     simulation = processes.node("simulation", scene=SCENE, **EVERYBODY)
@@ -61,7 +61,7 @@ def test_recorder(bench: Bench, processes: Processes, tmp_path: Path, turn: int)
 
 @pytest.mark.parametrize("turn", range(10))
 def test_simulation(bench: Bench, processes: Processes, tmp_path: Path, turn: int) -> None:
-    odometry = bench.listen("payload/odometry")
+    odometry = bench.listen("payloads/state")
     recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     first = processes.node("simulation", scene=SCENE, **EVERYBODY)
@@ -75,8 +75,8 @@ def test_simulation(bench: Bench, processes: Processes, tmp_path: Path, turn: in
     recorder.send(signal.SIGINT)
     assert recorder.wait() == 0
     with BagReader(tmp_path / "bag") as reader:
-        kept = [stamp_ns(decode("payload/odometry", data))
-                for _, data in reader.messages("/payload/odometry")]  # fmt: skip
+        kept = [stamp_ns(decode("payloads/state", data))
+                for _, data in reader.messages("/payloads/state")]  # fmt: skip
     lost = [at for at in map(stamp_ns, odometry[:heard]) if at not in set(kept)]
     print(f"\nsimulation killed after {heard / 50:.1f} s: {len(lost)} of {heard} snapshots that "
           f"were heard are not in the bag; {gap_s:.1f} s until the next one")  # fmt: skip

@@ -77,7 +77,7 @@ def test_the_recorder_tells_how_it_goes(bench: Bench, tmp_path: Path) -> None:
 def test_the_viewer_writes_what_it_hears_to_a_file(bench: Bench, tmp_path: Path) -> None:
     node = viewer(bench, file=str(tmp_path / "run.rrd"), simulation_node="bench")
     node.begin()
-    publishers = {name: bench.publisher(name) for name in ("twin/epoch", "rope/nodes", "tension")}
+    publishers = {name: bench.publisher(name) for name in ("twin/epoch", "ropes/nodes")}
     bench.until(
         lambda: all(p.get_subscription_count() for p in publishers.values()), "the viewer listens"
     )
@@ -86,7 +86,7 @@ def test_the_viewer_writes_what_it_hears_to_a_file(bench: Bench, tmp_path: Path)
     empty = (tmp_path / "run.rrd").stat().st_size if (tmp_path / "run.rrd").exists() else 0
 
     def show() -> bool:
-        for name in ("tension", "rope/nodes"):
+        for name in ("ropes/nodes",):
             publishers[name].publish(encoder.encode(name, snapshot))
         file = tmp_path / "run.rrd"
         return file.exists() and file.stat().st_size > empty + 10_000

@@ -13,7 +13,8 @@ from rope_twin.share import share_dir
 
 pytestmark = pytest.mark.ros
 LISTENER = Path(__file__).with_name("cyclone_listener.py")
-TOPICS = ("tension_top", "payload/odometry", "winch/state", "tension", "rope/nodes")
+TOPICS = ("ropes/tension_top", "payloads/state", "ropes/length", "hang_off/odometry",
+          "ropes/nodes")  # fmt: skip
 
 
 def test_cyclone_dds_hears_scalars_structs_and_arrays(processes: Processes) -> None:
@@ -27,15 +28,15 @@ def test_cyclone_dds_hears_scalars_structs_and_arrays(processes: Processes) -> N
     assert listener.wait() == 0
     heard = json.loads(listener.text.strip().splitlines()[-1])
     assert min(of["count"] for of in heard.values()) >= 50
-    assert 1e5 < heard["tension_top"]["last"] < 3e5
-    assert -215.0 < heard["payload/odometry"]["last"] < -195.0
-    names, positions, efforts = heard["winch/state"]["last"]
-    assert names == ["winch"]
-    assert 195.0 < positions[0] < 215.0
+    names, _, efforts = heard["ropes/tension_top"]["last"]
+    assert names == ["hoist"]
     assert 1e5 < efforts[0] < 3e5
-    elements, largest = heard["tension"]["last"]
-    width, fields, size = heard["rope/nodes"]["last"]
-    assert width == elements + 1
-    assert fields == ["x", "y", "z", "tension"]
-    assert size == 16 * width
-    assert 1e5 < largest < 3e5
+    assert -10.0 < heard["hang_off/odometry"]["last"] < 30.0
+    assert -215.0 < heard["payloads/state"]["last"] < -195.0
+    names, positions, _ = heard["ropes/length"]["last"]
+    assert names == ["hoist"]
+    assert 195.0 < positions[0] < 215.0
+    width, fields, size = heard["ropes/nodes"]["last"]
+    assert width > 2
+    assert fields == ["x", "y", "z", "tension_n", "rope"]
+    assert size == 20 * width

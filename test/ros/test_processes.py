@@ -19,8 +19,8 @@ from rope_twin.recording.bag import BagReader
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"
-# Discovery takes up to seconds; only the recorder listens to rope/markers in these tests.
-EVERYBODY = {"wait_for": "rope/markers", "wait_for_s": 60.0}
+# Discovery takes up to seconds; only the recorder listens to ropes/markers in these tests.
+EVERYBODY = {"wait_for": "ropes/markers", "wait_for_s": 60.0}
 ENTRIES = ("simulation", "sea_state", "winch_schedule", "recorder", "viewer")
 
 
@@ -28,7 +28,7 @@ def test_the_run_command_starts_watches_and_ends_them(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:
     heard = {name: bench.listen(name) for name in
-             ("tension_top", "payload/odometry", "rope/markers", "winch/state")}  # fmt: skip
+             ("ropes/tension_top", "payloads/state", "ropes/markers", "ropes/length")}  # fmt: skip
     bag = tmp_path / "bag"
     process = processes.early(
         "run", SCENE, "--processes", "--duration", "4", "--headless", "--json", "--out", str(bag)
@@ -41,16 +41,16 @@ def test_the_run_command_starts_watches_and_ends_them(
     assert summary["heave_accepted"] >= 80
     assert summary["commands_accepted"] >= 40
     assert summary["bag"] == str(bag)
-    top = np.array([message.data for message in heard["tension_top"]])
+    top = np.array([message.effort[0] for message in heard["ropes/tension_top"]])
     assert len(top) > 50  # nobody waited for this listener
     assert (top > 1e5).all()
     assert top.std() > 0.0
-    assert -210.0 < heard["payload/odometry"][-1].pose.pose.position.z < -190.0
-    assert len(heard["rope/markers"][-1].markers) >= 3
+    assert -210.0 < heard["payloads/state"][-1].transforms[0].translation.z < -190.0
+    assert len(heard["ropes/markers"][-1].markers) >= 3
     with BagReader(bag) as reader:
         counts = {name: content.messages for name, content in reader.topics.items()}
-    assert counts["/tension_top"] == 200  # it waited for the recorder: nothing is missing
-    assert counts["/rope/nodes"] == 100
+    assert counts["/ropes/tension_top"] == 200  # it waited for the recorder: nothing is missing
+    assert counts["/ropes/nodes"] == 100
     assert (tmp_path / "bag.rrd").stat().st_size > 10_000
 
 
@@ -87,7 +87,7 @@ def test_nodes_do_not_outlive_a_killed_run_command(processes: Processes) -> None
 def test_killed_recorder_loses_little_and_the_twin_does_not_notice(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:
-    odometry = bench.listen("payload/odometry")
+    odometry = bench.listen("payloads/state")
     recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     simulation = processes.node("simulation", scene=SCENE, **EVERYBODY)
@@ -107,9 +107,7 @@ def test_killed_recorder_loses_little_and_the_twin_does_not_notice(
     with BagReader(bags[0]) as reader:
         from rope_twin.messages import decode
 
-        kept = [
-            decode("payload/odometry", data) for _, data in reader.messages("/payload/odometry")
-        ]
+        kept = [decode("payloads/state", data) for _, data in reader.messages("/payloads/state")]
     assert newest - stamp_ns(kept[-1]) < 1_000_000_000
     simulation.send(signal.SIGINT)
     assert simulation.wait() == 0
@@ -118,7 +116,7 @@ def test_killed_recorder_loses_little_and_the_twin_does_not_notice(
 def test_killed_simulation_is_started_again_and_is_fed_again(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:
-    odometry, epochs = bench.listen("payload/odometry"), bench.listen("twin/epoch")
+    odometry, epochs = bench.listen("payloads/state"), bench.listen("twin/epoch")
     recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
     sea = processes.node("sea_state", scene=SCENE)
     winch = processes.node("winch_schedule", scene=SCENE)
@@ -154,7 +152,7 @@ def test_killed_simulation_is_started_again_and_is_fed_again(
 def test_bad_messages_from_another_process_do_not_end_it(
     bench: Bench, processes: Processes
 ) -> None:
-    odometry, diagnostics = bench.listen("payload/odometry"), bench.listen("diagnostics")
+    odometry, diagnostics = bench.listen("payloads/state"), bench.listen("diagnostics")
     simulation = processes.node("simulation", scene=SCENE)
     publishers = {topic: bench.publisher(topic) for topic in BAD}
     bench.until(lambda: len(odometry) >= 10, "the twin runs")

@@ -132,7 +132,7 @@ def test_a_run_with_every_input_a_pause_and_fewer_elements_is_replayed(
     assert found.applied["current"] == 2
     assert found.applied["winch/speed_command"] == found.applied["rope/cut"] == 1
     assert found.applied["winch/switch_command"] == found.applied["winch/length_command"] == 1
-    assert found.compared["tension_top"] > 100
+    assert found.compared["ropes/tension_top"] > 100
     assert found.compared["ropes/nodes"] > 5  # after the cut
     levels = [call for one in read_content(bag).sessions for entry in one.entries
               for call in entry.calls() if call.method == SET_LEVEL]  # fmt: skip
@@ -196,7 +196,7 @@ def test_a_recorder_that_joins_late_is_given_what_it_needs(bench: Bench, tmp_pat
     assert found.outcome is Outcome.EQUAL, found.fault
     assert found.sessions[-1].number == 2
     assert found.sessions[-1].time_ns >= joined_ns
-    assert found.compared["tension_top"] > 60
+    assert found.compared["ropes/tension_top"] > 60
 
 
 @pytest.mark.parametrize("how", [(), ("--processes",)], ids=["in one process", "as processes"])
@@ -211,7 +211,9 @@ def test_the_bag_of_the_run_command_is_replayed(
     assert main(["replay", str(bag), "--verify", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["outcome"] == "equal"
-    assert found["compared"]["tension_top"] + found["missing"].get("tension_top", 0) == 150
+    assert (
+        found["compared"]["ropes/tension_top"] + found["missing"].get("ropes/tension_top", 0) == 150
+    )
     assert found["applied"]["ship/heave"] >= 60
     assert found["unrecorded"] == {}
 
@@ -236,7 +238,7 @@ def test_twenty_scenes_are_replayed(
     )  # fmt: skip
     assert process.wait() == 0
     found = assert_equal(bag)
-    assert found.compared["tension_top"] > 100
+    assert found.compared["ropes/tension_top"] > 100
 
 
 @pytest.mark.long
@@ -248,7 +250,7 @@ def test_a_killed_simulation_that_goes_on_is_replayed(
     recorder = processes.node("recorder", directory=str(bag))
     for name in ("sea_state", "winch_schedule"):
         processes.node(name, scene=SCENE)
-    top = bench.listen("tension_top")
+    top = bench.listen("ropes/tension_top")
     parameters = {
         "scene": SCENE, "save_to": str(state), "start_from": str(state), "save_every_s": 1.0,
         "wait_for": f"ship/heave winch/speed_command {LISTENED}", "wait_for_s": 20.0,

@@ -67,9 +67,9 @@ def test_a_paced_run_ends_by_itself_with_summary_bag_and_view(
     assert 1e5 < low < mean < high < 3e5  # type: ignore[operator]
     assert 190.0 < summary["payload_depth_m"] < 210.0  # type: ignore[operator]
     recorded = counts(bag)
-    for name in ("tension_top", "payload/odometry", "winch/state", "hang_off/wrench"):
+    for name in ("ropes/tension_top", "payloads/state", "ropes/length", "hang_off/wrench"):
         assert recorded[f"/{name}"] == 150
-    for name in ("tension", "rope/nodes", "rope/markers"):
+    for name in ("ropes/element_tension", "ropes/nodes", "ropes/markers"):
         assert recorded[f"/{name}"] == 75
     assert recorded["/ship/heave"] >= 60
     assert recorded["/winch/speed_command"] >= 30
@@ -96,9 +96,9 @@ def test_ctrl_c_ends_it_with_a_whole_bag_and_a_summary(
     assert (bag / "metadata.yaml").is_file()
     recorded = counts(bag)
     assert recorded["/twin/epoch"] == 1
-    assert recorded["/tension"] in (
-        recorded["/tension_top"] // 2,
-        (recorded["/tension_top"] + 1) // 2,
+    assert recorded["/ropes/nodes"] in (
+        recorded["/ropes/tension_top"] // 2,
+        (recorded["/ropes/tension_top"] + 1) // 2,
     )
 
 
@@ -253,7 +253,7 @@ def test_as_fast_as_possible_needs_no_ros(tmp_path: Path) -> None:
     summary = last_line(done.stdout)
     assert set(summary) >= KEYS
     assert summary["steps"] == 100
-    assert counts(tmp_path / "bag")["/tension_top"] == 50
+    assert counts(tmp_path / "bag")["/ropes/tension_top"] == 50
 
 
 @pytest.mark.parametrize(
@@ -287,7 +287,7 @@ def test_a_solver_that_gives_up_ends_the_run_with_its_sentence_and_the_bag(
     summary = last_line(done.stdout)
     assert summary["steps"] == 50
     assert "not finite" in str(summary["error"])
-    assert counts(bag)["/tension_top"] == 25
+    assert counts(bag)["/ropes/tension_top"] == 25
 
 
 @pytest.mark.parametrize(

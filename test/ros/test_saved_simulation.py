@@ -42,7 +42,7 @@ def nanoseconds(stamp: Any) -> int:
 
 def motion(message: Any) -> tuple[float, ...]:
     """Place and velocity of the payload."""
-    place, speed = message.pose.pose.position, message.twist.twist.linear
+    place, speed = message.transforms[0].translation, message.twist[0].linear
     return place.x, place.y, place.z, speed.x, speed.y, speed.z
 
 
@@ -54,7 +54,7 @@ def test_a_second_node_goes_on_where_the_first_was_closed(bench: Bench, tmp_path
     """One command line for both: at rest the first time. Twin time and stamps only rise."""
     path = tmp_path / "run.state"
     kept = {"save_to": str(path), "start_from": str(path), "save_every_s": 0.2}
-    odometry = bench.listen("payload/odometry")
+    odometry = bench.listen("payloads/state")
     first = simulation(bench, **kept)
     first.begin()
     assert "static equilibrium" in first.paced.begun
@@ -164,7 +164,7 @@ def test_a_kill_costs_nothing_but_time(bench: Bench, processes: Processes, tmp_p
     the last saved state is computed once more, from the same inputs, to the same bits.
     """
     path = tmp_path / "run.state"
-    odometry, epochs = bench.listen("payload/odometry"), bench.listen("twin/epoch")
+    odometry, epochs = bench.listen("payloads/state"), bench.listen("twin/epoch")
     diagnostics = bench.listen("diagnostics")
     for name in ("sea_state", "winch_schedule"):
         processes.node(name, scene=SCENE)
@@ -199,8 +199,8 @@ def test_a_kill_costs_nothing_but_time(bench: Bench, processes: Processes, tmp_p
     assert not run_unpaced(options, lambda run: None, whole_ns).error
     with BagReader(tmp_path / "whole") as reader:
         whole = {nanoseconds(m.header.stamp) - whole_ns: m for m in
-                 (decode("payload/odometry", data)
-                  for _, data in reader.messages("/payload/odometry"))}  # fmt: skip
+                 (decode("payloads/state", data)
+                  for _, data in reader.messages("/payloads/state"))}  # fmt: skip
     for life in lives:
         for at_ns, message in life.items():
             assert motion(message) == motion(whole[at_ns]), f"at {at_ns * 1e-9:.2f} s"

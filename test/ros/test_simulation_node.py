@@ -55,11 +55,10 @@ def test_every_topic_comes_at_its_rate_with_the_state_of_its_stamp(bench: Bench)
         "every message of two seconds",
     )
     stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec
-              for m in heard["payload/odometry"]]  # fmt: skip
+              for m in heard["payloads/state"]]  # fmt: skip
     assert {b - a for a, b in itertools.pairwise(stamps)} == {20_000_000}
     # one instant, one tension, in whatever message it comes
-    top = [m.data for m in heard["tension_top"]]
-    assert [m.effort[0] for m in heard["winch/state"]] == top
+    top = [m.effort[0] for m in heard["ropes/tension_top"]]
     assert node.paced.last.tension_top_n == top[-1]
     pacing = node.paced.pacer.health()
     assert pacing.finished
@@ -96,7 +95,7 @@ def test_in_another_sea_no_error_is_told(bench: Bench) -> None:
 
 
 def test_a_listener_that_comes_late_still_learns_the_epoch(bench: Bench, running: Any) -> None:
-    tension = bench.listen("tension_top")
+    tension = bench.listen("ropes/tension_top")
     bench.until(lambda: tension, "the twin runs")
     epochs = bench.listen("twin/epoch")
     bench.until(lambda: epochs, "the latched epoch")
@@ -244,10 +243,10 @@ def test_a_listener_that_gets_nothing_is_told(bench: Bench, running: Any) -> Non
 
     told = bench.listen("diagnostics")
     asked = profile(Qos.COMMAND)
-    bench.own.create_subscription(message_type(BY_NAME["tension_top"]), "tension_top", print, asked)
+    bench.own.create_subscription(message_type(BY_NAME["ropes/nodes"]), "ropes/nodes", print, asked)
     bench.until(
         lambda: any(
-            "QoS: a subscriber of tension_top" in rows_of(one)["simulation: sources"].message
+            "QoS: a subscriber of ropes/nodes" in rows_of(one)["simulation: sources"].message
             for one in told
         ),
         "a word on the listener",

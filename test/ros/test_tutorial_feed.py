@@ -21,7 +21,7 @@ def test_the_simulation_follows_the_feed(
     )
     (tmp_path / "feed.py").write_text(program, "utf-8")
     processes.node("simulation", scene="shallow_lift")
-    diagnostics, winch = bench.listen("diagnostics"), bench.listen("winch/state")
+    diagnostics, winch = bench.listen("diagnostics"), bench.listen("ropes/length")
     bench.until(lambda: winch, "a simulation that publishes")
     processes.start([str(tmp_path / "feed.py")])
 

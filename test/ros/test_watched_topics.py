@@ -10,6 +10,7 @@ import pytest
 from ros_bench import Bench
 from ros_process import Processes
 
+from rope_twin.messages import read_cloud
 from rope_twin.recording.bag import BagReader
 
 pytestmark = pytest.mark.ros
@@ -18,12 +19,12 @@ pytestmark = pytest.mark.ros
 def test_a_process_that_listens_hears_them_and_the_recorder_keeps_them(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:
-    shaking, used = bench.listen("rope/vibration"), bench.listen("rope/fatigue")
+    shaking, used = bench.listen("ropes/vibration"), bench.listen("ropes/fatigue")
     recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     simulation = processes.node(
         "simulation", scene="shallow_lift", vibration="modes", fatigue="stranded_wire",
-        wait_for="rope/markers", wait_for_s=60.0,
+        wait_for="ropes/markers", wait_for_s=60.0,
     )  # fmt: skip
     bench.until(lambda: len(used) >= 3 and len(shaking) >= 12, "three seconds of the run")
     simulation.send(signal.SIGINT)
@@ -38,10 +39,10 @@ def test_a_process_that_listens_hears_them_and_the_recorder_keeps_them(
     assert points[0, 2] > points[-1, 2]
     assert (points[:, 3] >= 0.0).all()
     assert (points[:, 5] == 1.0).all()  # the twin does not feel what is beside it
-    table = np.array(used[-1].data).reshape(-1, 3)
-    assert (np.diff(table[:, 0]) > 0.0).all()
-    assert (table[:, 2] >= 0.0).all()
+    table = read_cloud(used[-1])
+    assert (np.diff(table["from_lower_end_m"]) > 0.0).all()
+    assert (table["damage"] >= 0.0).all()
     with BagReader(tmp_path / "bag") as reader:
         counts = {name: content.messages for name, content in reader.topics.items()}
-    assert counts["/rope/fatigue"] >= 3
-    assert counts["/rope/vibration"] >= 12
+    assert counts["/ropes/fatigue"] >= 3
+    assert counts["/ropes/vibration"] >= 12

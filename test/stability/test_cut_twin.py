@@ -290,8 +290,8 @@ def test_a_run_records_the_order_and_both_ropes(scene: Scene, tmp_path: Path) ->
     with BagReader(tmp_path / "bag") as reader:
         counts = {name.strip("/"): content.messages for name, content in reader.topics.items()}
     assert counts["rope/cut"] == 1
-    assert counts["ropes/state"] == counts["payloads/state"] == 75
-    assert counts["ropes/nodes"] == pytest.approx(38, abs=1)
+    assert counts["ropes/length"] == counts["payloads/state"] == 150
+    assert counts["ropes/nodes"] == pytest.approx(75, abs=1)
     rows = statuses(run_to_its_end(scene), None)
     told = next(row for row in rows if row.name == "simulation: rope")
     assert told.level == Level.WARN

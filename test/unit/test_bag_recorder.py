@@ -93,7 +93,7 @@ def test_messages_reach_the_file_without_a_close(tmp_path):
 def test_what_cannot_be_recorded_is_counted_and_told(tmp_path):
     with BagRecorder(tmp_path / "bag", HEAVE) as recorder:
         recorder.write("ship/heave", START_NS, encode_heave(START_NS, 0.5, 0.0))
-        recorder.write("tension", START_NS, b"")
+        recorder.write("ropes/nodes", START_NS, b"")
         recorder.write("ship/heave", -5, b"")
         wait_for(lambda: recorder.health().lost == 2)
     health = recorder.health()
@@ -157,7 +157,7 @@ def test_a_disk_that_stays_full_is_told_and_what_it_took_is_saved(tmp_path, smal
     assert not (tmp_path / "bag" / "metadata.yaml").exists()
     result = recover(tmp_path / "bag")
     assert result.outcome is Outcome.LOSS
-    assert 0.5 * count < result.counts["/ship/heave"] < count
+    assert 0.5 * count < result.counts["/ship/heave"] <= count
 
 
 def test_the_recorder_tells_a_full_disk_and_goes_on(tmp_path, small_files):

@@ -86,7 +86,7 @@ def _one_message(path):
 
 
 def _other_topics(path):
-    BagWriter(path, [BY_NAME["tension_top"]]).close()
+    BagWriter(path, [BY_NAME["ropes/tension_top"]]).close()
     return path
 
 
@@ -96,7 +96,7 @@ def _no_topics(path):
 
 
 def _two_odometries(path):
-    topics = [BY_NAME["payload/odometry"], BY_NAME["ship/heave"]]
+    topics = [BY_NAME["hang_off/odometry"], BY_NAME["ship/heave"]]
     with BagWriter(path, [topics[0], BY_NAME["ship/heave"]]) as bag:
         bag.flush()
     moved = path / "metadata.yaml"
@@ -158,7 +158,10 @@ BAD = {
     "from the future": (_future, "Rosbag2 version 99 not supported"),
     "no messages": (_no_messages, "topic /ship/heave: it holds no message; heave needs at least 2"),
     "one message": (_one_message, "topic /ship/heave: 0 of 1 samples cannot be used (too few)"),
-    "other topics": (_other_topics, "no topic is a nav_msgs/msg/Odometry; it holds /tension_top"),
+    "other topics": (
+        _other_topics,
+        "no topic is a nav_msgs/msg/Odometry; it holds /ropes/tension_top",
+    ),
     "no topics": (_no_topics, "no topic is a nav_msgs/msg/Odometry; it holds nothing"),
     "all not finite": (_all_nan, "40 of 40 samples cannot be used (40 not finite)"),
     "much not finite": (_much_bad, "10 of 100 samples cannot be used (10 not finite)"),
@@ -169,7 +172,7 @@ BAD = {
     "garbled": (_garbled, "20 of 20 samples cannot be used (20 that do not decode)"),
     "two odometries": (
         _two_odometries,
-        "several topics could be the heave: /payload/odometry, /ship/motio; name one of them",
+        "several topics could be the heave: /hang_off/odometry, /ship/motio; name one of them",
     ),
 }
 

@@ -10,7 +10,7 @@ import pytest
 from card_samples import carded_scene, sample_card, write_card
 
 from rope_twin.cli import main
-from rope_twin.messages import Encoder, decode, statuses
+from rope_twin.messages import Encoder, decode, read_cloud, statuses
 from rope_twin.run.inputs import FIRST_NS, expect_own_sea, offer, open_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
@@ -65,8 +65,9 @@ def test_a_speed_that_is_not_in_the_schedule_ends_the_claim() -> None:
     twin.advance(500)
     taken = twin.snapshot()
     assert math.isnan(taken.card_error.rms_pct), "the state is another one from then on"
-    assert math.isnan(decode("tension_top_error_pct", Encoder(0).encode(
-        "tension_top_error_pct", taken)).data)  # fmt: skip
+    topic = "ropes/tension_top_error"
+    (error,) = read_cloud(decode(topic, Encoder(0).encode(topic, taken)))
+    assert math.isnan(error["rms_pct"])
     row = next(one for one in statuses(taken, None) if one.name == "simulation: accuracy")
     assert "winch commands differ" in row.message
 

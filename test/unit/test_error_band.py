@@ -20,7 +20,7 @@ from scipy.interpolate import CubicHermiteSpline
 from benchmarks import band
 from benchmarks.band import BandCase
 from rope_twin.core import state as rows
-from rope_twin.messages import decode, statuses
+from rope_twin.messages import decode, read_cloud, statuses
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun, run_unpaced
@@ -297,11 +297,12 @@ def recorded_edges(bag: Path) -> list[tuple[float, float]]:
         if isinstance(record, Channel):
             names[record.id] = record.topic
         elif isinstance(record, StoredMessage) and names[record.channel_id].endswith(
-            "tension_top/band"
+            "ropes/tension_top_error"
         ):
-            message = decode("tension_top/band", record.data)
-            edges.append((float(message.effort[0]), float(message.effort[1])))
-    return edges
+            message = decode("ropes/tension_top_error", record.data)
+            row = read_cloud(message)[0]
+            edges.append((float(row["lower_n"]), float(row["upper_n"])))
+    return [edge for edge in edges if np.isfinite(edge).all()]
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ import pytest
 from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
-from rope_twin.messages import Encoder, decode, statuses
+from rope_twin.messages import Encoder, decode, read_cloud, statuses
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.joined import build_joined
 from rope_twin.scene.model.rope import build
@@ -92,9 +92,11 @@ def test_every_rope_from_the_ship_has_a_band_and_no_other_and_all_are_told() -> 
     first, aft = (rope.band for rope in shot.ropes)
     assert first is not None
     assert aft is not None
-    message = decode("tension_top/band", Encoder(0).encode("tension_top/band", shot))
-    assert list(message.effort) == [first.low_n, first.high_n, aft.low_n, aft.high_n]
-    assert list(message.name) == ["tension_top_low", "tension_top_high", "aft_low", "aft_high"]
+    message = decode("ropes/tension_top_error", Encoder(0).encode("ropes/tension_top_error", shot))
+    rows = read_cloud(message)
+    assert rows["lower_n"].tolist() == [first.low_n, aft.low_n]
+    assert rows["upper_n"].tolist() == [first.high_n, aft.high_n]
+    assert rows["name"].tolist() == [rope.name.encode() for rope in shot.ropes]
     (row,) = (one for one in statuses(shot, None) if one.name == "simulation: error band")
     assert row.values["error bound of 'aft' [N]"] == f"{aft.bound_n:.3g}"
     legs = ErrorIntervalTwin(load_scene("bridle_lift")).snapshot().ropes

@@ -62,8 +62,8 @@ def at(topic: str, number: int, change: Callable[[bytes], bytes | None]) -> Chan
 
 
 def one_bit(data: bytes) -> bytes:
-    """A Float64 with its last bit turned."""
-    return data[:4] + bytes([data[4] ^ 1]) + data[5:]
+    """A JointState of one effort, with the last bit of it turned."""
+    return data[:-8] + bytes([data[-8] ^ 1]) + data[-7:]
 
 
 def code_of(bag: Path) -> int:
@@ -76,8 +76,8 @@ def test_a_bag_is_equal_to_its_replay(bag: Path, capsys: pytest.CaptureFixture[s
     assert f"{bag}: bit-identical" in content
     assert "left out: diagnostics" in content
     found = verify(bag, expect_own_sea)
-    assert found.compared["tension_top"] == found.compared["winch/state"] == 100
-    assert found.compared["rope/nodes"] == found.compared["rope/markers"] == 50
+    assert found.compared["ropes/tension_top"] == found.compared["ropes/length"] == 100
+    assert found.compared["ropes/nodes"] == found.compared["ropes/markers"] == 50
     assert not found.missing
     assert not found.unrecorded
     assert found.until_s == 2.0
@@ -99,26 +99,26 @@ def test_its_sessions_say_what_was_run(bag: Path, capsys: pytest.CaptureFixture[
 def test_one_bit_of_one_tension_is_found(
     bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    other = rewritten(bag, tmp_path / "other", at("tension_top", 61, one_bit))
+    other = rewritten(bag, tmp_path / "other", at("ropes/tension_top", 61, one_bit))
     assert main(["replay", str(other), "--verify", "--json"]) == 3
     different = json.loads(capsys.readouterr().out)["difference"]
-    (there,) = (one.data for one in read_content(other).messages(("tension_top",))
+    (there,) = (one.data for one in read_content(other).messages(("ropes/tension_top",))
                 if one.sequence == 61)  # fmt: skip
-    assert (different["topic"], different["where"]) == ("tension_top", "data")
+    assert (different["topic"], different["where"]) == ("ropes/tension_top", "effort[0]")
     assert different["time_s"] == pytest.approx(61 * 0.02)
-    assert float(different["recorded"]) == decode("tension_top", there).data
+    assert float(different["recorded"]) == decode("ropes/tension_top", there).effort[0]
     gap = abs(float(different["recorded"]) - float(different["replayed"]))
     assert 0.0 < gap <= math.ulp(float(different["recorded"]))
 
 
 def test_the_first_of_several_differences_is_reported(bag: Path, tmp_path: Path) -> None:
     def change(one: Recorded) -> bytes:
-        changed = one.topic == "tension_payload" and one.sequence >= 30
+        changed = one.topic == "ropes/tension_bottom" and one.sequence >= 30
         return one_bit(one.data) if changed else one.data
 
     found = verify(rewritten(bag, tmp_path / "other", change), expect_own_sea)
     assert found.difference is not None
-    assert found.difference.topic == "tension_payload"
+    assert found.difference.topic == "ropes/tension_bottom"
     assert found.difference.time_s == pytest.approx(30 * 0.02)
 
 
@@ -155,20 +155,21 @@ def test_a_heave_sample_that_was_edited_is_found(bag: Path, tmp_path: Path) -> N
     assert logged.outcome is Outcome.DIFFERENT
     both = verify(rewritten(bag, tmp_path / "both", in_both), expect_own_sea)
     assert both.difference is not None
-    assert both.difference.topic in ("tension_top", "payload/odometry", "winch/state",
-                                     "hang_off/wrench", "tension", "rope/nodes", "tension_payload",
-                                     "rope/markers")  # fmt: skip
+    assert both.difference.topic in ("ropes/tension_top", "payloads/state", "ropes/length",
+                                     "hang_off/wrench", "hang_off/odometry", "ropes/nodes",
+                                     "ropes/element_tension", "ropes/tension_bottom",
+                                     "ropes/markers")  # fmt: skip
 
 
 def test_messages_that_the_recorder_lost_are_counted(bag: Path, tmp_path: Path) -> None:
     def change(one: Recorded) -> bytes | None:
-        lost = (one.topic, one.sequence) in (("tension_top", 1), ("tension_top", 50),
+        lost = (one.topic, one.sequence) in (("ropes/tension_top", 1), ("ropes/tension_top", 50),
                                              ("ship/heave", 9))  # fmt: skip
         return None if lost else one.data
 
     found = verify(rewritten(bag, tmp_path / "other", change), expect_own_sea)
     assert found.outcome is Outcome.EQUAL
-    assert found.missing == {"tension_top": 2}
+    assert found.missing == {"ropes/tension_top": 2}
     assert found.unrecorded == {"ship/heave": 1}
 
 
@@ -177,8 +178,8 @@ def test_a_message_that_the_run_never_made_is_a_difference(bag: Path, tmp_path: 
     with BagWriter(tmp_path / "other", TOPICS) as writer:
         for one in messages:
             writer.write(one.topic, one.log_ns, one.data, sequence=one.sequence)
-        extra = next(one for one in messages if one.topic == "tension_top")
-        writer.write("tension_top", messages[-1].log_ns, extra.data, sequence=1000)
+        extra = next(one for one in messages if one.topic == "ropes/tension_top")
+        writer.write("ropes/tension_top", messages[-1].log_ns, extra.data, sequence=1000)
     found = verify(tmp_path / "other", expect_own_sea)
     assert found.difference is not None
     assert "message 1000" in str(found.difference)
@@ -272,7 +273,7 @@ def test_runs_of_every_kind_are_replayed_also_from_a_saved_state(
         found = verify(one, expect_own_sea)
         assert found.difference is None, str(found.difference)
         assert found.outcome is Outcome.EQUAL
-        assert found.compared["tension_top"] == (75 if one is first else 50)
+        assert found.compared["ropes/tension_top"] == (75 if one is first else 50)
         assert not found.missing
     assert found.sessions[0].time_ns == 1_500_000_000
 
@@ -301,11 +302,13 @@ def test_another_machine_is_reported(bag: Path, tmp_path: Path) -> None:
 def test_the_log_skips_what_was_not_published(bag: Path, tmp_path: Path) -> None:
     """Snapshots that the publisher was too slow for have no number, and the log names them."""
     lost = {40, 41, 42}
-    stamps = {"hang_off/wrench", "payload/odometry", "winch/state", "winch/parts"}
-    every = {"tension_top", "tension_top_error_pct", "tension_payload", *stamps}
-    slots = {**dict.fromkeys(every, 1), "tension": 2, "rope/nodes": 2, "rope/markers": 2,
-             "winch/mode": 5, "rope/utilisation": 10, "seabed/contact": 1,
-             "seabed/touchdown": 2}  # fmt: skip
+    stamps = {"hang_off/wrench", "hang_off/odometry", "payloads/state", "ropes/length",
+              "winch/state"}  # fmt: skip
+    every = {"ropes/tension_top", "ropes/tension_top_error", "ropes/tension_bottom", *stamps}
+    slots = {
+        **dict.fromkeys(every, 1), "ropes/element_tension": 2, "ropes/nodes": 2, "ropes/markers": 2,
+        "winch/mode": 5, "ropes/utilisation": 10, "seabed/contact": 1, "seabed/touchdown": 2,
+    }  # fmt: skip
     numbers: dict[str, int] = {}
 
     with BagWriter(tmp_path / "other", TOPICS) as writer:
@@ -332,7 +335,7 @@ def test_the_log_skips_what_was_not_published(bag: Path, tmp_path: Path) -> None
     found = verify(tmp_path / "other", expect_own_sea)
     assert found.difference is None, str(found.difference)
     assert found.outcome is Outcome.EQUAL
-    assert found.compared["tension_top"] == 97
+    assert found.compared["ropes/tension_top"] == 97
 
 
 def test_options_with_other_values_are_other_runs(bag: Path, tmp_path: Path) -> None:
@@ -347,5 +350,5 @@ def test_options_with_other_values_are_other_runs(bag: Path, tmp_path: Path) -> 
 
     found = verify(rewritten(bag, tmp_path / "other", change), expect_own_sea)
     assert found.difference is not None
-    assert found.difference.topic == "tension_top_error_pct"
+    assert found.difference.topic == "ropes/tension_top_error"
     assert replace(found.difference, time_s=0.02) == found.difference

@@ -11,7 +11,7 @@ import pytest
 
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
-from rope_twin.messages import Encoder, decode, statuses
+from rope_twin.messages import Encoder, decode, read_cloud, statuses
 from rope_twin.messages.diagnostics import BreachWords, Level, Status
 from rope_twin.scene.card import scene_digest
 from rope_twin.scene.load import load_scene
@@ -232,8 +232,9 @@ def test_amplification_is_of_the_static_tension_at_the_same_line_out() -> None:
     assert now.dynamic_amplification == pytest.approx(expected, rel=1e-12)
     assert 1.0 < expected < 1.1
     shot = twin.snapshot()
-    message = decode("rope/utilisation", Encoder(0).encode("rope/utilisation", shot))
-    told = dict(zip(message.name, message.position, strict=True))
-    assert told["hoist/utilisation"] == now.utilisation == now.highest_n / 1013440.0
-    assert told["hoist/dynamic_amplification"] == now.dynamic_amplification
-    assert told["hoist/static_n"] == now.static_n
+    message = decode("ropes/utilisation", Encoder(0).encode("ropes/utilisation", shot))
+    (told,) = read_cloud(message)
+    assert told["name"] == b"hoist"
+    assert told["utilisation"] == now.utilisation == now.highest_n / 1013440.0
+    assert told["dynamic_amplification"] == now.dynamic_amplification
+    assert told["static_tension_n"] == now.static_n

@@ -43,115 +43,139 @@ def vector(kind: str, xyz: np.ndarray) -> object:
     return made(f"geometry_msgs/msg/{kind}", x=float(xyz[0]), y=float(xyz[1]), z=float(xyz[2]))
 
 
-def multi_array(snapshot: Snapshot) -> object:
-    data = snapshot.element_tension_n
-    n = len(data)
-    dim = made("std_msgs/msg/MultiArrayDimension", label="element", size=n, stride=n)
-    layout = made("std_msgs/msg/MultiArrayLayout", dim=[dim], data_offset=0)
-    return made("std_msgs/msg/Float64MultiArray", layout=layout, data=data)
-
-
-def point_cloud(snapshot: Snapshot) -> object:
-    n = len(snapshot.node_position_m)
-    rows = np.column_stack([snapshot.node_position_m, snapshot.node_tension_n]).astype("<f4")
-    fields = [
-        made("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=7, count=1)
-        for name, offset in (("x", 0), ("y", 4), ("z", 8), ("tension", 12))
-    ]
+def cloud(snapshot: Snapshot, *columns: tuple[str, str, object]) -> object:
+    """A PointCloud2 of columns, each with name, numpy type and values."""
+    n = len(columns[0][2])  # type: ignore[arg-type]
+    rows = np.zeros(n, [(name, kind) for name, kind, _ in columns])
+    fields, offset = [], 0
+    for name, kind, values in columns:
+        rows[name] = values
+        size, count = np.dtype(kind).itemsize, 1 if kind[0] == "<" else int(kind[1:])
+        datatype = {"<f4": 7, "<f8": 8}.get(kind, 2)
+        fields.append(
+            made("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=datatype,
+                 count=count)
+        )  # fmt: skip
+        offset += size
     return made(
-        "sensor_msgs/msg/PointCloud2", header=header(snapshot, "sea"), height=1, width=n,
-        fields=fields, is_bigendian=False, point_step=16, row_step=16 * n,
+        "sensor_msgs/msg/PointCloud2", header=header(snapshot, "map"), height=1, width=n,
+        fields=fields, is_bigendian=False, point_step=offset, row_step=offset * n,
         data=np.frombuffer(rows.tobytes(), dtype=np.uint8), is_dense=True,
     )  # fmt: skip
 
 
+def nodes(snapshot: Snapshot) -> object:
+    axes = [(axis, "<f4", snapshot.node_position_m[:, k]) for k, axis in enumerate("xyz")]
+    rope = np.zeros(len(snapshot.node_tension_n))
+    return cloud(snapshot, *axes, ("tension_n", "<f4", snapshot.node_tension_n),
+                 ("rope", "<f4", rope))  # fmt: skip
+
+
+def element_tension(snapshot: Snapshot) -> object:
+    tension_n = snapshot.element_tension_n
+    return cloud(
+        snapshot, ("tension_n", "<f8", tension_n), ("rope", "<f4", np.zeros(len(tension_n)))
+    )
+
+
 def odometry(snapshot: Snapshot) -> object:
     turn = made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
-    position = vector("Point", snapshot.payload_position_m)
+    position = vector("Point", snapshot.hang_off_position_m)
     pose = made("geometry_msgs/msg/Pose", position=position, orientation=turn)
     twist = made(
-        "geometry_msgs/msg/Twist", linear=vector("Vector3", snapshot.payload_velocity_m_per_s),
+        "geometry_msgs/msg/Twist", linear=vector("Vector3", snapshot.hang_off_velocity_m_per_s),
         angular=vector("Vector3", np.zeros(3)),
     )  # fmt: skip
-    unknown = np.zeros(36)
+    computed = 1e-6 * np.eye(6).ravel()
     return made(
-        "nav_msgs/msg/Odometry", header=header(snapshot, "sea"), child_frame_id="payload",
-        pose=made("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=unknown),
-        twist=made("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+        "nav_msgs/msg/Odometry", header=header(snapshot, "map"), child_frame_id="hang_off",
+        pose=made("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=computed),
+        twist=made("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=computed),
     )  # fmt: skip
 
 
-def joint_state(snapshot: Snapshot) -> object:
+def payload(snapshot: Snapshot) -> object:
+    turn = made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+    place = vector("Vector3", snapshot.payload_position_m)
     return made(
-        "sensor_msgs/msg/JointState", header=header(snapshot, ""), name=["winch"],
-        position=np.array([snapshot.line_out_m]),
-        velocity=np.array([snapshot.payout_speed_m_per_s]),
-        effort=np.array([snapshot.tension_top_n]),
+        "sensor_msgs/msg/MultiDOFJointState", header=header(snapshot, "map"),
+        joint_names=["payload"],
+        transforms=[made("geometry_msgs/msg/Transform", translation=place, rotation=turn)],
+        twist=[made("geometry_msgs/msg/Twist",
+                    linear=vector("Vector3", snapshot.payload_velocity_m_per_s),
+                    angular=vector("Vector3", np.zeros(3)))],
+        wrench=[],
     )  # fmt: skip
+
+
+def joint(snapshot: Snapshot, **values: float) -> object:
+    fields = {name: np.zeros(0) for name in ("position", "velocity", "effort")}
+    fields |= {name: np.array([value]) for name, value in values.items()}
+    return made("sensor_msgs/msg/JointState", header=header(snapshot, ""), name=["rope"], **fields)
+
+
+def length(snapshot: Snapshot) -> object:
+    return joint(snapshot, position=snapshot.line_out_m, velocity=snapshot.payout_speed_m_per_s)
 
 
 def wrench(snapshot: Snapshot) -> object:
     force = vector("Vector3", snapshot.hang_off_force_n)
     parts = made("geometry_msgs/msg/Wrench", force=force, torque=vector("Vector3", np.zeros(3)))
-    return made("geometry_msgs/msg/WrenchStamped", header=header(snapshot, "sea"), wrench=parts)
+    return made("geometry_msgs/msg/WrenchStamped", header=header(snapshot, "map"), wrench=parts)
 
 
-def band(snapshot: Snapshot) -> object:
-    assert snapshot.band is not None
-    return made(
-        "sensor_msgs/msg/JointState", header=header(snapshot, ""),
-        name=["tension_top_low", "tension_top_high"], position=np.zeros(0), velocity=np.zeros(0),
-        effort=np.array([snapshot.band.low_n, snapshot.band.high_n]),
+def interval(snapshot: Snapshot) -> object:
+    found = snapshot.band
+    assert found is not None
+    return cloud(
+        snapshot, ("name", "S32", [b"rope"]), ("rms_pct", "<f8", [0.5]),
+        ("lower_n", "<f8", [found.low_n]), ("upper_n", "<f8", [found.high_n]),
     )  # fmt: skip
 
 
 def contact(snapshot: Snapshot) -> object:
     bed = snapshot.seabed
     assert bed is not None
-    return made(
-        "sensor_msgs/msg/JointState", header=header(snapshot, ""), name=["payload", "rope"],
-        position=np.array([bed.payload_height_m, bed.rope_on_bed_m]), velocity=np.zeros(0),
-        effort=np.array([bed.payload_push_n, bed.rope_push_n]),
+    return cloud(
+        snapshot, ("payload_height_m", "<f8", [bed.payload_height_m]),
+        ("payload_reaction_n", "<f8", [bed.payload_push_n]),
+        ("rope_on_seabed_m", "<f8", [bed.rope_on_bed_m]),
+        ("rope_reaction_n", "<f8", [bed.rope_push_n]),
     )  # fmt: skip
 
 
 def fatigue(snapshot: Snapshot) -> object:
     wear = snapshot.fatigue
     assert wear is not None
-    count = len(wear.used)
-    dimension = "std_msgs/msg/MultiArrayDimension"
-    dims = [
-        made(dimension, label="metre", size=count, stride=3 * count),
-        made(dimension, label="from_lower_end_m from_hang_off_m used", size=3, stride=3),
-    ]
-    layout = made("std_msgs/msg/MultiArrayLayout", dim=dims, data_offset=0)
-    rows = zip(wear.from_lower_end_m, wear.from_hang_off_m, wear.used, strict=True)
-    data = np.array([value for row in rows for value in row])
-    return made("std_msgs/msg/Float64MultiArray", layout=layout, data=data)
+    return cloud(
+        snapshot, ("from_lower_end_m", "<f8", wear.from_lower_end_m),
+        ("from_hang_off_m", "<f8", wear.from_hang_off_m), ("damage", "<f8", wear.used),
+    )  # fmt: skip
 
 
 BY_OBJECTS = {
-    "rope/fatigue": fatigue,
+    "ropes/fatigue": fatigue,
     "seabed/contact": contact,
-    "tension_top/band": band,
-    "tension_top": lambda s: made("std_msgs/msg/Float64", data=s.tension_top_n),
-    "tension_payload": lambda s: made("std_msgs/msg/Float64", data=s.tension_payload_n),
+    "ropes/tension_top_error": interval,
+    "ropes/tension_top": lambda s: joint(s, effort=s.tension_top_n),
+    "ropes/tension_bottom": lambda s: joint(s, effort=float(s.element_tension_n[-1])),
     "hang_off/wrench": wrench,
-    "tension": multi_array,
-    "payload/odometry": odometry,
-    "winch/state": joint_state,
-    "rope/nodes": point_cloud,
+    "hang_off/odometry": odometry,
+    "ropes/element_tension": element_tension,
+    "payloads/state": payload,
+    "ropes/length": length,
+    "ropes/nodes": nodes,
 }
 
 
 @st.composite
 def snapshots(draw: st.DrawFn) -> Snapshot:
-    nodes = draw(st.integers(2, 40))
-    tension = arrays(np.float64, nodes, elements=st.floats(0.0, 1e9))
+    size = draw(st.integers(2, 40))
+    tension = arrays(np.float64, size, elements=st.floats(0.0, 1e9))
     return replace(
-        hanging_rope(nodes),
+        hanging_rope(size),
         stamp_ns=draw(st.integers(0, 10**15)),
-        node_position_m=draw(arrays(np.float64, (nodes, 3), elements=FINITE)),
+        node_position_m=draw(arrays(np.float64, (size, 3), elements=FINITE)),
         node_tension_n=draw(tension),
         element_tension_n=draw(tension)[1:],
         tension_top_n=draw(FINITE),
@@ -165,9 +189,9 @@ def snapshots(draw: st.DrawFn) -> Snapshot:
 
 
 @pytest.mark.parametrize("topic", BY_OBJECTS)
-@pytest.mark.parametrize("nodes", SIZES)
-def test_bytes_equal_those_of_a_message_built_by_objects(topic: str, nodes: int) -> None:
-    snapshot = hanging_rope(nodes)
+@pytest.mark.parametrize("size", SIZES)
+def test_bytes_equal_those_of_a_message_built_by_objects(topic: str, size: int) -> None:
+    snapshot = hanging_rope(size)
     message = BY_OBJECTS[topic](snapshot)
     expected = bytes(STORE.serialize_cdr(message, message.__msgtype__, little_endian=True))
     assert messages.Encoder(EPOCH_NS).encode(topic, snapshot) == expected
@@ -191,14 +215,14 @@ def test_the_cloud_of_vibration_names_what_its_model_knows(in_line: bool) -> Non
     if not in_line:
         shaking = replace(snapshot.vibration, in_line=None, in_line_hz=None)
         snapshot = replace(snapshot, vibration=shaking)
-    data = messages.Encoder(EPOCH_NS).encode("rope/vibration", snapshot)
-    cloud = messages.decode("rope/vibration", data)
+    data = messages.Encoder(EPOCH_NS).encode("ropes/vibration", snapshot)
+    found = messages.decode("ropes/vibration", data)
     names = ["x", "y", "z", "cross_flow", "cross_flow_hz"]
     names += ["in_line", "in_line_hz"] if in_line else []
     names += ["drag_amplification"]
-    assert [field.name for field in cloud.fields] == names
-    assert cloud.width * cloud.point_step == len(cloud.data) == 7 * 4 * len(names)
-    points = np.frombuffer(cloud.data.tobytes(), "<f4").reshape(7, len(names))
+    assert [field.name for field in found.fields] == names
+    assert found.width * found.point_step == len(found.data) == 7 * 4 * len(names)
+    points = np.frombuffer(found.data.tobytes(), "<f4").reshape(7, len(names))
     assert points[:, :3] == pytest.approx(snapshot.node_position_m, rel=1e-6)
     for name in names[3:]:
         known = getattr(snapshot.vibration, name)
@@ -212,13 +236,13 @@ def test_every_topic_made_from_a_snapshot_is_encoded() -> None:
 
 
 def test_unknown_topic_names_the_nearest() -> None:
-    with pytest.raises(InputError, match="did you mean 'tension_top'"):
-        messages.Encoder(0).encode("tension_tops", hanging_rope())
+    with pytest.raises(InputError, match="did you mean 'ropes/tension_top'"):
+        messages.Encoder(0).encode("ropes/tension_tops", hanging_rope())
 
 
 def test_frame_is_the_one_asked_for() -> None:
-    data = messages.Encoder(0, frame_id="field/sea").encode("rope/nodes", hanging_rope())
-    assert messages.decode("rope/nodes", data).header.frame_id == "field/sea"
+    data = messages.Encoder(0, frame_id="field/map").encode("ropes/nodes", hanging_rope())
+    assert messages.decode("ropes/nodes", data).header.frame_id == "field/map"
 
 
 @settings(max_examples=30, deadline=None)
@@ -227,7 +251,8 @@ def test_inputs_come_back_as_they_went_in(stamp: int, z: float, rate: float) -> 
     heave = messages.decode("ship/heave", messages.encode_heave(stamp, z, rate))
     assert (heave.pose.pose.position.z, heave.twist.twist.linear.z) == (z, rate)
     assert heave.pose.pose.orientation.w == 1.0
-    assert (heave.header.frame_id, heave.child_frame_id) == ("sea", "hang_off")
+    assert np.diag(heave.pose.covariance.reshape(6, 6)).tolist() == [1e6, 1e6, 1e-6, 1e6, 1e6, 1e6]
+    assert (heave.header.frame_id, heave.child_frame_id) == ("map", "hang_off")
     sea = messages.decode("sea/elevation", messages.encode_elevation(stamp, z))
     assert (sea.point.x, sea.point.y, sea.point.z) == (0.0, 0.0, z)
     speed = messages.decode(*messages.encode_order(stamp, WinchCommand("speed", rate)))
@@ -261,8 +286,8 @@ def test_a_message_cut_short_is_refused(topic: str) -> None:
 
 
 def test_unknown_topic_is_not_decoded() -> None:
-    with pytest.raises(InputError, match="did you mean 'rope/nodes'"):
-        messages.decode("/rope/node", b"")
+    with pytest.raises(InputError, match="did you mean 'ropes/nodes'"):
+        messages.decode("/ropes/node", b"")
 
 
 @pytest.mark.parametrize(("elements", "bars", "slings"), [(1, 0, 0), (2, 1, 3), (57, 0, 4)])
@@ -303,7 +328,7 @@ def test_a_table_of_messages_equals_their_decoding(samples: list[tuple[int, floa
 
 def test_messages_of_other_texts_or_lengths_make_no_table() -> None:
     """Their numbers may lie elsewhere; the reader then decodes them one by one."""
-    ours = templates.odometry("sea", "hang_off")
+    ours = templates.odometry("map", "hang_off")
     others = templates.odometry("sun", "hang_off"), templates.odometry("seabed", "hang_off")
     for other in others:
         data = [Template(one).data for one in (ours, other)]

@@ -62,61 +62,62 @@ def decoded(topic: str, snapshot: Snapshot) -> Any:
     return messages.decode(topic, messages.Encoder(0).encode(topic, snapshot))
 
 
-def test_state_of_ropes_and_bars() -> None:
-    state = decoded("ropes/state", lifted())
-    assert list(state.name) == ["hoist", "port", "starboard", "bar"]
-    assert list(state.position) == [100.0, 8.0, 8.0, 2.0]
-    assert list(state.velocity) == [0.5, 0.0, 0.0, 0.0]
-    assert list(state.effort)[1:] == [6e3, 6e3 + 1, -4e3]
-    assert (state.header.stamp.sec, state.header.stamp.nanosec) == (2, 500_000_000)
+def test_ropes_are_in_one_family_of_topics() -> None:
+    top, length = (decoded(f"ropes/{name}", lifted()) for name in ("tension_top", "length"))
+    assert list(top.name) == list(length.name) == ["hoist", "port", "starboard"]
+    assert list(length.position) == [100.0, 8.0, 8.0]
+    assert list(length.velocity) == [0.5, 0.0, 0.0]
+    assert list(top.effort)[1:] == [6e3, 6e3 + 1]
+    assert list(decoded("ropes/tension_bottom", lifted()).effort)[1:] == [5e3, 5e3]
+    for one in (top, length):
+        assert (one.header.stamp.sec, one.header.stamp.nanosec) == (2, 500_000_000)
 
 
-def test_ends_of_bars() -> None:
-    """Where each bar begins and ends, and nothing where there are none."""
+def test_a_strut_has_its_ends_length_and_tension() -> None:
+    """And nothing where there are none."""
     shot = lifted()
-    state = decoded("bars/state", shot)
-    assert list(state.name)[:4] == ["bar/from_x", "bar/from_y", "bar/from_z", "bar/to_x"]
-    assert list(state.position) == shot.struts[0].ends_m.ravel().tolist()
-    assert "bars/state" in due_topics(2, 20_000_000, shot)
-    assert "bars/state" not in due_topics(2, 20_000_000, replace(shot, struts=()))
+    (row,) = messages.read_cloud(decoded("struts/state", shot)).tolist()
+    name, *ends, length_m, tension_n = row
+    assert (name, length_m, tension_n) == (b"bar", 2.0, -4e3)
+    assert ends == shot.struts[0].ends_m.ravel().tolist()
+    assert "struts/state" in due_topics(2, 20_000_000, shot)
+    assert "struts/state" not in due_topics(2, 20_000_000, replace(shot, struts=()))
 
 
 def test_state_of_payloads() -> None:
     shot = lifted()
     state = decoded("payloads/state", shot)
-    assert list(state.name)[2:4] == ["port/z", "starboard/x"]
-    assert (
-        list(state.position) == np.concatenate([one.position_m for one in shot.payloads]).tolist()
-    )
-    assert list(state.velocity) == [0.1, 0.0, -0.2, 0.2, 0.0, -0.4]
+    assert list(state.joint_names) == ["port", "starboard"]
+    for one, pose, twist in zip(shot.payloads, state.transforms, state.twist, strict=True):
+        at, speed = pose.translation, twist.linear
+        assert [at.x, at.y, at.z] == one.position_m.tolist()
+        assert [speed.x, speed.y, speed.z] == one.velocity_m_per_s.tolist()
 
 
-def test_nodes_of_all_ropes() -> None:
+def test_nodes_and_elements_of_all_ropes() -> None:
     shot = lifted()
-    cloud = decoded("ropes/nodes", shot)
-    assert [field.name for field in cloud.fields] == ["x", "y", "z", "tension", "rope"]
-    points = np.frombuffer(bytes(cloud.data), dtype="<f4").reshape(-1, 5)
-    assert points[:, 4].tolist() == [0.0] * 5 + [1.0] * 3 + [2.0] * 4
-    assert points[5:8, :3].tolist() == np.float32(shot.ropes[1].node_position_m).tolist()
-    assert points[8:, 3].tolist() == np.float32(shot.ropes[2].node_tension_n).tolist()
+    nodes = messages.read_cloud(decoded("ropes/nodes", shot))
+    assert nodes.dtype.names == ("x", "y", "z", "tension_n", "rope")
+    assert nodes["rope"].tolist() == [0.0] * 5 + [1.0] * 3 + [2.0] * 4
+    port = np.stack([nodes[axis][5:8] for axis in "xyz"], axis=1)
+    assert port.tolist() == np.float32(shot.ropes[1].node_position_m).tolist()
+    assert nodes["tension_n"][8:].tolist() == np.float32(shot.ropes[2].node_tension_n).tolist()
+    elements = messages.read_cloud(decoded("ropes/element_tension", shot))
+    assert elements["tension_n"][4:6].tolist() == shot.ropes[1].element_tension_n.tolist()
+    assert elements["rope"].tolist() == [0.0] * 4 + [1.0] * 2 + [2.0] * 3
 
 
-def test_one_rope_has_none_of_these_topics() -> None:
-    """They are empty, and a runner does not publish them."""
+def test_one_rope_has_the_same_topics() -> None:
     shot = hanging_rope()
-    assert list(decoded("ropes/state", shot).name) == []
-    assert list(decoded("payloads/state", shot).name) == []
-    assert decoded("ropes/nodes", shot).width == 0
-    names = due_topics(2, 20_000_000, shot)
-    assert "rope/nodes" in names
-    assert not {"ropes/state", "ropes/nodes", "payloads/state"}.intersection(names)
-    names = due_topics(2, 20_000_000, lifted())
-    assert {"ropes/state", "ropes/nodes", "payloads/state"}.issubset(names)
+    assert list(decoded("ropes/tension_top", shot).effort) == [shot.tension_top_n]
+    assert list(decoded("payloads/state", shot).joint_names) == ["payload"]
+    one, many = (set(due_topics(2, 20_000_000, seen)) for seen in (shot, lifted()))
+    assert many - one == {"struts/state"}
 
 
 def test_markers_show_all_of_it() -> None:
     shot = lifted()
-    drawn = {marker.ns: marker for marker in decoded("rope/markers", shot).markers}
+    drawn = {marker.ns: marker for marker in decoded("ropes/markers", shot).markers}
     assert len(drawn["rope"].points) == 2 * (4 + 2 + 3)
     for one in shot.payloads:
         at = drawn[f"payload {one.name}"].pose.position

@@ -17,7 +17,7 @@ from rope_twin.messages.templates import SLACK_RGB, scale_above, shade, tension_
 
 def markers(snapshot: Any, encoder: messages.Encoder | None = None) -> dict[str, Any]:
     encoder = encoder or messages.Encoder(0)
-    decoded = messages.decode("rope/markers", encoder.encode("rope/markers", snapshot))
+    decoded = messages.decode("ropes/markers", encoder.encode("ropes/markers", snapshot))
     return {marker.ns: marker for marker in decoded.markers}
 
 
@@ -55,7 +55,7 @@ def test_every_marker_stands_by_itself() -> None:
     drawn = markers(hanging_rope(time_s=2.5))
     assert len(drawn) == 4  # namespaces are unique
     for marker in drawn.values():
-        assert marker.header.frame_id == "sea"
+        assert marker.header.frame_id == "map"
         assert (marker.header.stamp.sec, marker.header.stamp.nanosec) == (2, 500_000_000)
         assert marker.pose.orientation.w == 1.0
         assert marker.lifetime.sec == 1

@@ -171,11 +171,11 @@ def turned() -> Snapshot:
     return replace(shot, body=body, payload_velocity_m_per_s=velocity)
 
 
-def test_the_odometry_of_a_body_has_its_attitude_and_a_twist_in_its_own_axes() -> None:
-    """nav_msgs/Odometry: pose in the frame of the header, twist in the child frame."""
+def test_the_state_of_a_body_has_its_attitude_and_a_twist_in_its_own_axes() -> None:
+    """Pose in the frame of the header, twist in that of the body."""
     shot = turned()
-    told = messages.decode("payload/odometry", messages.Encoder(0).encode("payload/odometry", shot))
-    q, twist = told.pose.pose.orientation, told.twist.twist
+    told = messages.decode("payloads/state", messages.Encoder(0).encode("payloads/state", shot))
+    q, twist = told.transforms[0].rotation, told.twist[0]
     turn = Rotation.from_quat([q.x, q.y, q.z, q.w])
     linear = [twist.linear.x, twist.linear.y, twist.linear.z]
     assert turn.apply(linear) == pytest.approx(shot.payload_velocity_m_per_s)
@@ -187,25 +187,29 @@ def test_the_odometry_of_a_body_has_its_attitude_and_a_twist_in_its_own_axes() -
 
 def test_rigging_and_deck_are_told() -> None:
     encoder, shot = messages.Encoder(0), turned()
-    told = messages.decode("payload/rigging", encoder.encode("payload/rigging", shot))
-    ends = [f"sling_{number}/{axis}" for number in (1, 2) for axis in "xyz"]
-    assert list(told.name) == ["sling_1", "sling_2", "deck", "size/x", "size/y", "size/z", *ends]
-    places = [1.0, 2.0, -3.0, 4.0, 5.0, -6.0]
-    assert list(told.position) == [6.0, 5.9, -0.002, 4.0, 3.0, 2.0, *places]
-    assert list(told.effort) == [5e4, 0.0, 1e3, *[0.0] * 9]
+
+    def table(topic: str, shot: Snapshot) -> list[tuple[object, ...]]:
+        found = messages.read_cloud(messages.decode(topic, encoder.encode(topic, shot)))
+        return [tuple(row) for row in found.tolist()]
+
+    assert table("slings/state", shot) == [
+        (b"sling_1", 1.0, 2.0, -3.0, 6.0, 5e4),
+        (b"sling_2", 4.0, 5.0, -6.0, 5.9, 0.0),
+    ]
+    assert table("payloads/body", shot) == [(b"payload", 4.0, 3.0, 2.0, -0.002, 1e3)]
     assert shot.body is not None
     ashore = replace(shot, body=replace(shot.body, deck_push_n=None, deck_clearance_m=None))
-    told = messages.decode("payload/rigging", encoder.encode("payload/rigging", ashore))
-    assert list(told.name) == ["sling_1", "sling_2", "size/x", "size/y", "size/z", *ends]
+    ((*_, clearance_m, reaction_n),) = table("payloads/body", ashore)
+    assert np.isnan([clearance_m, reaction_n]).all()
     with pytest.raises(InputError, match="no rigid body; list the effect `rigid_body`"):
-        encoder.encode("payload/rigging", hanging_rope())
+        encoder.encode("slings/state", hanging_rope())
 
 
 def test_a_body_is_drawn_as_a_turned_box_on_its_slings() -> None:
     """No smaller than the symbol of a point, with the body's own proportions."""
     for length, longest in ((200.0, 4.0), (3000.0, 30.0)):
         shot = replace(turned(), line_out_m=length)
-        told = messages.decode("rope/markers", messages.Encoder(0).encode("rope/markers", shot))
+        told = messages.decode("ropes/markers", messages.Encoder(0).encode("ropes/markers", shot))
         drawn = {marker.ns: marker for marker in told.markers}
         box, slings = drawn["payload"], drawn["slings"]
         assert shot.body is not None

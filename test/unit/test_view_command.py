@@ -38,7 +38,7 @@ def bag(tmp_path: Path) -> Path:
         writer.write("twin/epoch", EPOCH_NS, messages.encode_epoch(EPOCH_NS))
         for k in range(40):
             snapshot = hanging_rope(51, time_s=k / 10, heave_m=0.1 * (k % 10))
-            for topic in ("winch/state", "tension", "rope/nodes"):
+            for topic in ("ropes/tension_top", "ropes/nodes"):
                 data = encoder.encode(topic, snapshot)
                 writer.write(topic, EPOCH_NS + snapshot.stamp_ns, data)
     return tmp_path / "lift"

@@ -63,7 +63,7 @@ def test_plotjuggler() -> None:
         topic = longest_topic(name)
         fields = name[len(topic) + 2 :].split("/")
         if BY_NAME[topic].type_name == "sensor_msgs/msg/JointState":
-            assert fields[0] == "winch"  # curves are named by joint
+            assert fields[0] == "hoist"  # curves are named by joint: the rope of most scenes
             fields = fields[1:]
         if topic == "diagnostics":  # hardware, status, key
             assert fields == ["rope_twin", "simulation: pacing", "real-time factor"]
@@ -77,7 +77,7 @@ def test_plotjuggler() -> None:
 def test_rviz() -> None:
     layout = yaml.safe_load((LAYOUTS / "rope_twin.rviz").read_text())
     manager = layout["Visualization Manager"]
-    assert manager["Global Options"]["Fixed Frame"] == "sea"
+    assert manager["Global Options"]["Fixed Frame"] == "map"
     displays = [display for display in manager["Displays"] if "Topic" in display]
     assert displays
     for display in displays:

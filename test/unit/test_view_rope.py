@@ -14,7 +14,7 @@ from view_session import EPOCH_NS, Session
 
 from rope_twin import messages
 from rope_twin.errors import InputError
-from rope_twin.messages import Level, Status, topic_encoders
+from rope_twin.messages import Level, Status
 from rope_twin.twin.multi_line.clearance_results import Crossing, LineEvent, LinesShot, Nearest
 from rope_twin.twin.snapshot import BodyShot, PayloadShot, RopeShot, StrutShot, WinchShot
 from rope_twin.view import depth_chart
@@ -75,7 +75,8 @@ def test_a_band_around_the_tension_is_drawn_with_it_where_there_is_one(session: 
     session.rope(1.0)
     shot = hanging_rope(21, time_s=1.0)
     assert shot.band is not None
-    session.show("tension_top/band", session.encoder.encode("tension_top/band", shot), EPOCH_NS)
+    topic = "ropes/tension_top_error"
+    session.show(topic, session.encoder.encode(topic, shot), EPOCH_NS)
     found = session.finish()
     for edge, force_n in (("low", shot.band.low_n), ("high", shot.band.high_n)):
         drawn = found.column(f"plots/tension/top/{edge}", "Scalars:scalars")
@@ -95,7 +96,7 @@ def test_the_parts_of_a_winch_are_curves_by_their_unit(session: Session) -> None
         hanging_rope(21, time_s=1.0),
         winches=(WinchShot("winch", "speed", 0.5, "", tuple(figures.items())),),
     )
-    session.show("winch/parts", session.encoder.encode("winch/parts", shot), EPOCH_NS)
+    session.show("winch/state", session.encoder.encode("winch/state", shot), EPOCH_NS)
     found = session.finish()
     assert found.column("plots/winch/torque/winch/motor", "Scalars:scalars") == [[250.0]]
     assert found.column("plots/winch/torque/winch/brake", "Scalars:scalars") == [[0.0]]
@@ -138,7 +139,7 @@ def test_the_lower_end_is_drawn_about_itself_to_scale(session: Session) -> None:
     )  # fmt: skip
     session.epoch()
     session.rope(1.0)
-    for topic in ("payloads/state", "bars/state", "rope/nodes", "ropes/nodes"):
+    for topic in ("payloads/state", "struts/state", "ropes/element_tension", "ropes/nodes"):
         later = replace(shot, stamp_ns=shot.stamp_ns + 200_000_000)
         session.show(topic, session.encoder.encode(topic, later), EPOCH_NS + later.stamp_ns)
     sight = session.view._lower_end.sight
@@ -178,7 +179,7 @@ def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
     later = replace(
         shot, stamp_ns=shot.stamp_ns + 200_000_000, body=body, payload_position_m=middle
     )
-    for topic in ("payload/rigging", "payload/odometry", "rope/nodes"):
+    for topic in ("payloads/body", "slings/state", "payloads/state", "ropes/nodes"):
         session.show(topic, session.encoder.encode(topic, later), EPOCH_NS + later.stamp_ns)
     found = session.finish()
     ((left, right),) = found.column("lower_end/slings", "LineStrips3D:strips")
@@ -221,7 +222,7 @@ def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Sessi
     session.epoch()
     session.rope(1.0)
     shot = hanging_rope(21, time_s=1.0)
-    for topic in ("rope/vibration", "rope/fatigue"):
+    for topic in ("ropes/vibration", "ropes/fatigue"):
         session.show(topic, session.encoder.encode(topic, shot), EPOCH_NS + 10**9)
     found = session.finish()
     assert shot.vibration is not None
@@ -235,21 +236,6 @@ def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Sessi
     assert across == pytest.approx(across.max() * shot.vibration.drag_amplification / 2.0, abs=1e-3)
     for entity in ("vibration/frequency/in-line", "vibration/amplitude/title", "fatigue/grid"):
         assert entity in found.entities
-
-
-def test_a_bag_of_before_the_drag_was_told_is_drawn_without_it(
-    session: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    session.epoch()
-    session.rope(1.0)
-    shot = hanging_rope(21, time_s=1.0)
-    columns = {name: vars(shot.vibration)[name] for name in ("cross_flow", "cross_flow_hz")}
-    monkeypatch.setattr(topic_encoders, "vibration_columns", lambda shaking: columns)
-    old = session.encoder.encode("rope/vibration", shot)
-    session.show("rope/vibration", old, EPOCH_NS + 10**9)
-    entities = session.finish().entities
-    assert "vibration/amplitude/cross-flow" in entities
-    assert not [name for name in entities if name.startswith("vibration/drag")]
 
 
 def test_without_a_band_nothing_of_it_is_drawn(session: Session) -> None:
@@ -310,8 +296,8 @@ def test_the_rope_may_change_its_number_of_nodes(session: Session) -> None:
     session.epoch()
     session.rope(0.0)
     longer = hanging_rope(31, time_s=0.2)
-    data = session.encoder.encode("rope/nodes", longer)  # its tensions have not come yet
-    session.show("rope/nodes", data, EPOCH_NS + longer.stamp_ns)
+    data = session.encoder.encode("ropes/nodes", longer)  # its tensions have not come yet
+    session.show("ropes/nodes", data, EPOCH_NS + longer.stamp_ns)
     strips = session.finish().column("overview/rope", "LineStrips3D:strips")
     assert [len(rope) for rope in strips] == [20, 30]
 
@@ -321,8 +307,8 @@ def test_the_range_outlives_a_change_of_nodes(session: Session) -> None:
     for time_s, nodes, more_n in ((0.0, 21, 0.0), (1.0, 31, 40e3), (2.0, 26, 0.0), (70.0, 21, 0.0)):
         snapshot = hanging_rope(nodes, time_s=time_s)
         snapshot = replace(snapshot, node_tension_n=snapshot.node_tension_n + more_n)
-        data = session.encoder.encode("rope/nodes", snapshot)
-        session.show("rope/nodes", data, EPOCH_NS + snapshot.stamp_ns)
+        data = session.encoder.encode("ropes/nodes", snapshot)
+        session.show("ropes/nodes", data, EPOCH_NS + snapshot.stamp_ns)
     sides = session.finish().column("profile/range", "LineStrips2D:strips")
     widths = [max(b[0] - a[0] for a, b in zip(low, high, strict=True)) for low, high in sides]
     assert widths[0] == widths[3] == 0.0  # one picture, and 68 s later again
@@ -344,7 +330,8 @@ def test_diagnostics_are_told_when_they_change(session: Session) -> None:
 
 def test_topics_that_are_not_shown_are_passed_over(session: Session) -> None:
     session.epoch()
-    session.show("tension_top", session.encoder.encode("tension_top", hanging_rope()), EPOCH_NS)
+    shot = hanging_rope()
+    session.show("hang_off/wrench", session.encoder.encode("hang_off/wrench", shot), EPOCH_NS)
     found = session.finish()
     assert [entity for entity in found.entities if found.seconds(entity)] == []
 
@@ -352,10 +339,10 @@ def test_topics_that_are_not_shown_are_passed_over(session: Session) -> None:
 def test_a_foreign_point_cloud_is_refused(session: Session) -> None:
     session.epoch()
     snapshot = hanging_rope()
-    message = messages.decode("rope/nodes", session.encoder.encode("rope/nodes", snapshot))
-    message.point_step = 32
-    with pytest.raises(InputError, match="points of 32 bytes"):
-        session.view.show("rope/nodes", message, EPOCH_NS)
+    message = messages.decode("ropes/nodes", session.encoder.encode("ropes/nodes", snapshot))
+    message.point_step = 8
+    with pytest.raises(InputError, match="fields not known"):
+        session.view.show("ropes/nodes", message, EPOCH_NS)
     session.view.close()
 
 

@@ -14,7 +14,7 @@ import pytest
 from rope_twin.core import state as rows
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import InputError, SceneError, StateError
-from rope_twin.messages import decode, statuses
+from rope_twin.messages import decode, read_cloud, statuses
 from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
@@ -377,12 +377,10 @@ def test_a_run_records_and_sums_up(tmp_path: Path) -> None:
     assert summary.fatigue is not None
     assert "fatigue (stranded_wire): " in summary.as_text()
     with BagReader(tmp_path / "bag") as bag:
-        told = [decode("rope/fatigue", data) for _, data in bag.messages("/rope/fatigue")]
-        assert "/rope/vibration" not in {n for n, c in bag.topics.items() if c.messages}
+        told = [decode("ropes/fatigue", data) for _, data in bag.messages("/ropes/fatigue")]
+        assert "/ropes/vibration" not in {n for n, c in bag.topics.items() if c.messages}
     assert len(told) == 3
-    table = told[-1].data.reshape(-1, 3)
-    assert told[-1].layout.dim[0].size == len(table)
-    assert told[-1].layout.dim[1].label == "from_lower_end_m from_hang_off_m used"
-    assert table[:, 2].max() == summary.fatigue["used"] > 0.0
-    line_out = table[0, 0] + table[0, 1]
-    assert line_out == pytest.approx(table[:, 0] + table[:, 1])
+    table = read_cloud(told[-1])
+    assert table["damage"].max() == summary.fatigue["used"] > 0.0
+    line_out = table["from_lower_end_m"] + table["from_hang_off_m"]
+    assert line_out == pytest.approx(line_out[0])

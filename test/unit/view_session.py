@@ -16,6 +16,10 @@ from rope_twin import messages
 from rope_twin.view.rope_view import RopeView
 from rope_twin.view.sinks import FileSink
 
+ROPE_TOPICS = (
+    "ropes/tension_top", "ropes/tension_bottom", "ropes/length", "ropes/element_tension",
+    "ropes/nodes",
+)  # fmt: skip
 EPOCH_NS = 1_763_700_000_000_000_000
 
 
@@ -66,7 +70,7 @@ class Session:
 
     def rope(self, time_s: float, late_s: float = 0.15, **changes: Any) -> None:
         snapshot = replace(hanging_rope(21, time_s=time_s), **changes)
-        for topic in ("winch/state", "tension", "rope/nodes"):
+        for topic in ROPE_TOPICS:
             arrived_ns = EPOCH_NS + snapshot.stamp_ns + round(late_s * 1e9)
             self.show(topic, self.encoder.encode(topic, snapshot), arrived_ns)
 

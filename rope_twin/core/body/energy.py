@@ -25,7 +25,7 @@ SOON = 1e-5  # interval of a finite difference in time [s]
 
 
 class Pose(NamedTuple):
-    """Pose of a body at one time; vectors in axes of the frame `sea` unless stated otherwise."""
+    """Pose of a body at one time; vectors in axes of the frame `map` unless stated otherwise."""
 
     centre: Floats  # of gravity, (3,) [m]
     velocity: Floats  # of the centre of gravity [m/s]

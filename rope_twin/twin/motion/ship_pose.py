@@ -1,10 +1,10 @@
 """Pose of the ship in six degrees of freedom, and the motion of a hang-off at a lever arm.
 
 The pose is that of the ship's reference point relative to its mean position: displacement in the
-axes of `sea` (east, north, up) and the rotation R of the ship from its mean attitude; velocity and
+axes of `map` (east, north, up) and the rotation R of the ship from its mean attitude; velocity and
 rate of turn are in the ship's rotated axes, as in the twist of nav_msgs/Odometry (REP 103, REP
 105). With the arm r from the reference point to the hang-off in the mean attitude, in the axes of
-`sea`, the hang-off is displaced by p + R·r - r and moves at R·(v + ω × r), without small-angle
+`map`, the hang-off is displaced by p + R·r - r and moves at R·(v + ω × r), without small-angle
 approximation.
 """
 
@@ -64,12 +64,12 @@ def pose_fault(pose: ShipPose) -> str:
 
 
 def sea_velocity(pose: ShipPose) -> Vector3:
-    """Velocity of the reference point in the axes of `sea` [m/s]."""
+    """Velocity of the reference point in the axes of `map` [m/s]."""
     return turned(pose.orientation, pose.velocity_m_per_s)
 
 
 def with_rates(pose: ShipPose, velocity_m_per_s: Vector3, rate_rad_per_s: Vector3) -> ShipPose:
-    """Return the pose with other rates: velocity in the axes of `sea`, turning in the ship's."""
+    """Return the pose with other rates: velocity in the axes of `map`, turning in the ship's."""
     x, y, z, w = pose.orientation
     own = turned((-x, -y, -z, w), velocity_m_per_s)
     return replace(pose, velocity_m_per_s=own, rate_rad_per_s=rate_rad_per_s)
@@ -89,7 +89,7 @@ def turn_between(old: Quaternion, new: Quaternion) -> Vector3:
 
 
 def hang_off_motion(pose: ShipPose, arm_m: Vector3) -> tuple[Vector3, Vector3]:
-    """Return displacement of the hang-off [m] and its velocity [m/s], in the axes of `sea`."""
+    """Return displacement of the hang-off [m] and its velocity [m/s], in the axes of `map`."""
     px, py, pz = pose.position_m
     vx, vy, vz = pose.velocity_m_per_s
     if pose.orientation == UPRIGHT and pose.rate_rad_per_s == STILL:
