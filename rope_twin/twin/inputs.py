@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import threading
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from rope_twin.errors import did_you_mean, phrase
-from rope_twin.scene.card import known_error
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.scene.validation.rigging import is_joined, winches_by_name
 from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
@@ -17,29 +17,57 @@ from rope_twin.twin.cutting.cut_input import CutInput
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.ropes import Ropes
-from rope_twin.twin.snapshot import CutShot, InputHealth
+from rope_twin.twin.snapshot import InputHealth
+from rope_twin.twin.state import Clock
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
-from rope_twin.twin.winch.winch import winch_of_rope
+from rope_twin.twin.winch.winch import Winch, winch_of_rope
+
+
+class InputState(NamedTuple):
+    """State of the inputs: waiting and accepted samples, counts, and the study's validity."""
+
+    heave: HangOffTrack
+    winch: Winch
+    current: CurrentInput
+    cut: CutInput
+    validity: StudyValidity
+    profiles: int
 
 
 class TwinInputs:
-    """Inputs of a twin behind one lock; each `offer_*` method validates its input."""
+    """Inputs of a twin behind one lock; each `offer_*` method validates its input.
 
-    def __init__(self, scene: Scene, ropes: Ropes) -> None:
-        self._lock = threading.Lock()
-        self._heave = HangOffTrack(scene)
-        self._winch = winch_of_rope(scene, scene.ropes[0])
-        self._current = CurrentInput(ropes.first.effects)
-        self._cut = CutInput(scene)
-        self._ropes = ropes
+    The stepping thread reads the inputs under `lock`.
+    """
+
+    def __init__(self, scene: Scene, ropes: Ropes, clock: Clock) -> None:
+        """Make the inputs of a scene; `clock` is that of the twin, which advances it."""
+        self.lock = threading.Lock()
+        self.heave = HangOffTrack(scene)
+        self.winch = winch_of_rope(scene, scene.ropes[0])
+        self.current = CurrentInput(ropes.first.effects)
+        self.cut = CutInput(scene)
+        self.validity = StudyValidity(scene)
+        self._digest = self.validity.digest  # a run may resume in a scene with another schedule
+        self._profiles = 0  # current profiles accepted before the newest step
+        self.ropes = ropes  # with the winches of the other ropes
+        self._clock = clock
         self._winch_names = tuple(winches_by_name(scene))
         alone = () if is_joined(scene) else (scene.ropes[0].name,)
         self._first_winch_names = ("", WINCH, *alone)
-        self._time_ns = 0
-        self._card_error = known_error(scene)  # by the scene's convergence study alone
-        self._validity = StudyValidity(scene)
-        self._own_motion: SceneMotion | None = None  # reference for the accepted motion
-        self._judges_motion, self._motion_judged = True, False
+        self.own_motion: SceneMotion | None = None  # reference for the accepted motion
+        self._judges_motion, self.motion_judged = True, False
+
+    def state(self) -> InputState:
+        """Return the inputs' state; its parts are the inputs themselves."""
+        return InputState(
+            self.heave, self.winch, self.current, self.cut, self.validity, self._profiles
+        )
+
+    def restore(self, state: InputState) -> None:
+        """Continue with the inputs of a state."""
+        self.heave, self.winch, self.current, self.cut, self.validity, self._profiles = state
+        self.validity.resume(self._digest)
 
     def expect_motion(self, own: SceneMotion | None) -> None:
         """Compare each accepted motion sample with the scene's own sea from now on.
@@ -48,13 +76,8 @@ class TwinInputs:
         compared in this way. None: the caller itself supplies the scene's own sea, and nothing is
         compared.
         """
-        self._own_motion, self._judges_motion = own, own is not None
-        self._motion_judged = True
-
-    @property
-    def time_ns(self) -> int:
-        """Time since the start [ns]."""
-        return self._time_ns
+        self.own_motion, self._judges_motion = own, own is not None
+        self.motion_judged = True
 
     def offer_heave(
         self,
@@ -68,11 +91,11 @@ class TwinInputs:
         received_ns: arrival by the twin's clock, in twin time, to judge the sender's clock; None:
         unknown.
         """
-        with self._lock:
+        with self.lock:
             heard = position_m, velocity_m_per_s
-            refusal = self._heave.offer(stamp_ns, *heard, received_ns)
+            refusal = self.heave.offer(stamp_ns, *heard, received_ns)
             if not refusal and self._judges_motion:
-                self._validity.hear_heave(self._own_motion, stamp_ns, *heard)
+                self.validity.hear_heave(self.own_motion, stamp_ns, *heard)
             return refusal
 
     def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
@@ -80,10 +103,10 @@ class TwinInputs:
 
         received_ns: as in `offer_heave`.
         """
-        with self._lock:
-            refusal = self._heave.offer_pose(pose, received_ns)
+        with self.lock:
+            refusal = self.heave.offer_pose(pose, received_ns)
             if not refusal and self._judges_motion:
-                self._validity.hear_pose(self._own_motion, pose)
+                self.validity.hear_pose(self.own_motion, pose)
             return refusal
 
     def prescribe_motion(self) -> None:
@@ -91,13 +114,13 @@ class TwinInputs:
 
         Sensor checks are then skipped: samples are checked only for order, range and finiteness.
         """
-        with self._lock:
-            self._heave.prescribe()
+        with self.lock:
+            self.heave.prescribe()
 
     def judge_clocks(self, lead_s: float, correct: bool) -> None:
         """Set the lead allowed to senders of motion [s], and whether their stamps are corrected."""
-        with self._lock:
-            self._heave.clock.lead_s, self._heave.clock.correct = lead_s, correct
+        with self.lock:
+            self.heave.clock.lead_s, self.heave.clock.correct = lead_s, correct
 
     def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
         """Command a winch speed, + pays out (stamp None: at once); return "" or the rejection."""
@@ -109,17 +132,17 @@ class TwinInputs:
         A command for an unknown winch counts as rejected by the first one.
         """
         winch = self.winch_called(winch)
-        with self._lock:
+        with self.lock:
             if winch == WINCH:
-                return self._winch.take(stamp_ns, command, self.time_ns)
+                return self.winch.take(stamp_ns, command, self._clock.time_ns)
             if winch not in self._winch_names:
                 known = self._winch_names
                 right = did_you_mean(winch, known) if known else "this scene has none"
                 if len(self._first_winch_names) > 2 and known:
                     right = f"name it '{WINCH}', or leave the name empty"
                 sentence = phrase("winch command", f"there is no winch '{winch}'", right)
-                return self._winch.refuse(command, sentence)
-            return self._ropes.offer(winch, stamp_ns, command, self.time_ns)
+                return self.winch.refuse(command, sentence)
+            return self.ropes.offer(winch, stamp_ns, command, self._clock.time_ns)
 
     def winch_called(self, name: str) -> str:
         """Return the name of the commanded winch; a single-line scene accepts its rope's too."""
@@ -130,8 +153,8 @@ class TwinInputs:
 
         profile: rows of z [m], east, north [m/s] from the surface down, (rows, 3).
         """
-        with self._lock:
-            return self._current.offer(np.asarray(profile, dtype=float), self.time_ns)
+        with self.lock:
+            return self.current.offer(np.asarray(profile, dtype=float), self._clock.time_ns)
 
     def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
         """Submit a cut of a rope (stamp None: at once); return "" or the reason for its rejection.
@@ -139,33 +162,36 @@ class TwinInputs:
         below_m: unstretched distance below its upper end [m]; infinite: as close to the lower end
         as possible. rope: its name in a multi-line scene; "" is the first one.
         """
-        with self._lock:
-            return self._cut.offer(stamp_ns, below_m, self.time_ns, rope)
-
-    @property
-    def cut(self) -> CutShot | None:
-        """Position and time of the cut; None if no rope was cut."""
-        return self._cut.done
+        with self.lock:
+            return self.cut.offer(stamp_ns, below_m, self._clock.time_ns, rope)
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted sample of heave, cut and each winch [ns]."""
-        counters = (self._heave.counter, self._cut.counter)
+        counters = (self.heave.counter, self.cut.counter)
         own = {one.name: one.newest_ns for one in counters if one.newest_ns is not None}
-        return own | self._winch.newest_ns() | self._ropes.newest_ns()
+        return own | self.winch.newest_ns() | self.ropes.newest_ns()
 
-    def invalidate_inputs(self) -> None:
+    def invalidate(self) -> None:
         """Invalidate inputs that were known in advance, after a pause or a restart."""
-        with self._lock:
-            self._heave.invalidate()
-            self._winch.invalidate()
-            self._ropes.invalidate()
+        with self.lock:
+            self.heave.invalidate()
+            self.winch.invalidate()
+            self.ropes.invalidate()
 
-    def _input_health(self) -> dict[str, InputHealth]:
+    def check_profiles(self) -> None:
+        """Mark the known error as unknown after a current profile; call it under the lock."""
+        accepted = self.current.counter.accepted
+        if accepted != self._profiles:
+            self._profiles = accepted
+            at_s = self._clock.time_ns * 1e-9
+            self.validity.invalidate(f"a current profile came from elsewhere at {at_s:.2f} s")
+
+    def health(self) -> dict[str, InputHealth]:
         """Return the health of each input; call it under the lock."""
-        now = self.time_ns
+        now = self._clock.time_ns
         return {
-            "heave": self._heave.health(now),
-            **self._winch.health(now),
-            "current": self._current.counter.health(now, False),
-            **self._cut.health(now),
+            "heave": self.heave.health(now),
+            **self.winch.health(now),
+            "current": self.current.counter.health(now, False),
+            **self.cut.health(now),
         }

@@ -1,65 +1,471 @@
-"""Simulation of one scene (`Twin`), which can be saved, restored and branched.
+"""Simulation of one scene (`Twin`): inputs, motion, ropes and monitors, advanced in time.
 
 Inputs carry a time stamp and are accepted from any thread; `advance`, `snapshot` and the methods
-that save a state belong to one thread.
+that save a state belong to one thread. Time is counted in whole nanoseconds since the start, so
+that a real-time and an offline run with the same inputs see the same numbers and are bit-identical.
 """
 
 from __future__ import annotations
 
 import copy
+import math
 import threading
+import time
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from rope_twin.core import state as rows
-from rope_twin.errors import SolverError, StateError
-from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting.cut_input import rope_number
+from rope_twin.core.solve.halving import HALVINGS
+from rope_twin.errors import InputError, SolverError, StateError, phrase
+from rope_twin.scene.card import KnownError, known_error
+from rope_twin.scene.schema import WINCH, Scene
+from rope_twin.scene.validation.rigging import is_joined, refuse_body, refuse_joined, winch_of
+from rope_twin.scene.validation.vortices import model_beside, refuse_shedding
+from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh, error_at_level
+from rope_twin.twin.accuracy.regrid import HangOff
+from rope_twin.twin.accuracy.validity import CUT_REASON, SceneMotion
+from rope_twin.twin.current_input import CurrentInput
+from rope_twin.twin.cutting.cut_input import CutInput, rope_number
+from rope_twin.twin.cutting.rope_cut import CutPosition
+from rope_twin.twin.inputs import TwinInputs
+from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL, BoundaryConditions, Present
+from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.multi_line.system import MultiLineRopes
+from rope_twin.twin.recovery import Checkpoint, moving_arrays
+from rope_twin.twin.ropes import ropes_of
+from rope_twin.twin.run_record import RunRecord
 from rope_twin.twin.saving import saved_state
 from rope_twin.twin.saving.saved_state import SavedState, StateDescription
-from rope_twin.twin.stepper import TwinStepper
+from rope_twin.twin.snapshot import CutShot, Snapshot, amended
+from rope_twin.twin.snapshot_builder import RunStatistics, SnapshotInputs, build_snapshot
+from rope_twin.twin.state import Clock, TwinState
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.payout import Payout
+from rope_twin.twin.winch.winch import Winch
 
-# Attributes given by the scene or the caller; all others change and belong to a saved state.
-_GIVEN = (
-    "scene", "step_s", "step_ns", "failure_folder", "_card_error", "_lock", "_pulls",
-    "_rope", "_ropes", "_base", "_ahead", "_viv_drag", "told", "_winch_names", "_first_winch_names",
-    "_own_motion", "_judges_motion", "_motion_judged", "_load_rules",
-)  # fmt: skip
+if TYPE_CHECKING:
+    from rope_twin.twin.vibration.drag_amplification import VivDragAmplification
 
 
-class Twin(TwinStepper):
+class Twin:
     """Real-time simulation of one scene; its state can be saved, restored and branched.
+
+    Its inputs are accepted from any thread; all else belongs to the stepping thread.
 
     Raises:
         SceneError: the scene cannot be built, or its rope has no static equilibrium to start from.
     """
 
+    told = ""  # message for the user before the run
+    _viv_drag: VivDragAmplification | None = None  # if the scene's VIV model is loosely coupled
+
     def __init__(self, scene: Scene) -> None:
+        self.scene = scene
         self.failure_folder: Path | None = None  # for the state from which a step failed
-        super().__init__(scene)
+        self._clock = Clock()
+        self._ropes = ropes_of(scene, STEPS_PER_CALL)
+        self._rope = self._ropes.first
+        self._mesh = Mesh(scene, self._rope)
+        self._inputs = TwinInputs(scene, self._ropes, self._clock)
+        self._motion = BoundaryConditions(scene, STEPS_PER_CALL, self._inputs.winch.line.length_m)
+        self._card_error = known_error(scene)  # by the scene's convergence study alone
+        self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
+        self._pull = self._ropes.solve_statics()
+        upper = self._pull[None] if self.joined is None else self.joined.pull
+        self._record = RunRecord(scene, self._ropes, upper, float(self._tension[0]))
+        if model_beside(scene) is not None:
+            from rope_twin.twin.vibration.drag_amplification import (
+                VivDragAmplification,  # imported here: its filters take a second to load
+            )
+
+            self._viv_drag = VivDragAmplification(scene, self.rope)
+            self.told = self._viv_drag.tracker.told
+
+    # Inputs, accepted from any thread
+
+    def offer_heave(
+        self,
+        stamp_ns: int,
+        position_m: float,
+        velocity_m_per_s: float,
+        received_ns: int | None = None,
+    ) -> str:
+        """Submit a heave sample of the hang-off, + up; return "" or the reason for its rejection.
+
+        received_ns: arrival by the twin's clock, in twin time, to judge the sender's clock; None:
+        unknown.
+        """
+        return self._inputs.offer_heave(stamp_ns, position_m, velocity_m_per_s, received_ns)
+
+    def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
+        """Submit a ship pose, which moves the hang-off in x, y, z; return "" or the rejection.
+
+        received_ns: as in `offer_heave`.
+        """
+        return self._inputs.offer_pose(pose, received_ns)
+
+    def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
+        """Command a winch speed, + pays out (stamp None: at once); return "" or the rejection."""
+        return self.offer_command(stamp_ns, WinchCommand(SPEED, speed_m_per_s), winch)
+
+    def offer_command(self, stamp_ns: int | None, command: WinchCommand, winch: str = WINCH) -> str:
+        """Command or switch a winch (stamp None: at once); return "" or the rejection.
+
+        A command for an unknown winch counts as rejected by the first one.
+        """
+        return self._inputs.offer_command(stamp_ns, command, winch)
+
+    def offer_current(self, profile: ArrayLike) -> str:
+        """Submit a current profile; return "" or the reason for its rejection.
+
+        profile: rows of z [m], east, north [m/s] from the surface down, (rows, 3).
+        """
+        return self._inputs.offer_current(profile)
+
+    def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
+        """Submit a cut of a rope (stamp None: at once); return "" or the reason for its rejection.
+
+        below_m: unstretched distance below its upper end [m]; infinite: as close to the lower end
+        as possible. rope: its name in a multi-line scene; "" is the first one.
+        """
+        return self._inputs.offer_cut(stamp_ns, below_m, rope)
+
+    def expect_motion(self, own: SceneMotion | None) -> None:
+        """Compare each accepted motion sample with the scene's own sea from now on.
+
+        The error known from the scene's convergence study is reported only for motion that was
+        compared in this way. None: the caller itself supplies the scene's own sea, and nothing is
+        compared.
+        """
+        self._inputs.expect_motion(own)
+
+    def prescribe_motion(self) -> None:
+        """Accept heave as computed values of any form (step, pluck, stop) from now on.
+
+        Sensor checks are then skipped: samples are checked only for order, range and finiteness.
+        """
+        self._inputs.prescribe_motion()
+
+    def judge_clocks(self, lead_s: float, correct: bool) -> None:
+        """Set the lead allowed to senders of motion [s], and whether their stamps are corrected."""
+        self._inputs.judge_clocks(lead_s, correct)
+
+    def invalidate_inputs(self) -> None:
+        """Invalidate inputs that were known in advance, after a pause or a restart."""
+        self._inputs.invalidate()
+
+    def winch_called(self, name: str) -> str:
+        """Return the name of the commanded winch; a single-line scene accepts its rope's too."""
+        return self._inputs.winch_called(name)
+
+    def newest_ns(self) -> dict[str, int]:
+        """Return the stamp of the newest accepted sample of heave, cut and each winch [ns]."""
+        return self._inputs.newest_ns()
+
+    # Present
+
+    @property
+    def time_ns(self) -> int:
+        """Time since the start [ns]."""
+        return self._clock.time_ns
+
+    @property
+    def steps(self) -> int:
+        """Number of completed time steps."""
+        return self._clock.steps
+
+    @property
+    def step_ns(self) -> int:
+        """Length of a step [ns]."""
+        return self._mesh.level.step_ns
+
+    @property
+    def step_s(self) -> float:
+        """Length of a step [s]."""
+        return self._rope.model.step
+
+    @property
+    def level(self) -> AccuracyLevel:
+        """Accuracy level in use: number of elements and time step."""
+        return self._mesh.level
+
+    @property
+    def rope(self) -> rows.Rope:
+        """The core's arrays in their present state; use them in the stepping thread only."""
+        rope, effects = self._rope, self._inputs.current.effects
+        return rope if rope.effects is effects else rope._replace(effects=effects)
+
+    @property
+    def joined(self) -> MultiLineRopes | None:
+        """The multi-line system; None for a single rope."""
+        return self._ropes if isinstance(self._ropes, MultiLineRopes) else None
+
+    @property
+    def viv_drag(self) -> VivDragAmplification | None:
+        """The scene's loosely coupled VIV model, or None; use it in the stepping thread only."""
+        return self._viv_drag
+
+    @property
+    def cut(self) -> CutShot | None:
+        """Position and time of the cut; None if no rope was cut."""
+        return self._inputs.cut.done
+
+    @property
+    def card_error(self) -> KnownError:
+        """Error of the top tension that is known at present (twin/accuracy/validity.py)."""
+        return self._inputs.validity.claim(self._card_error, self.time_ns)
+
+    @property
+    def top_pull_n(self) -> float:
+        """Tension of the first rope at its hang-off after the newest step [N]."""
+        return float(self._pull[rows.PULL])
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether the state is finite and may be published; call it from the stepping thread."""
+        count = self._rope.state.counts[rows.ELEMENTS] + 1
+        shown = self._rope.state.nodes[: rows.ACCELERATION, :count], self._tension, self._pull
+        return all(bool(np.isfinite(one).all()) for one in (*shown, self._boundary.value[0]))
+
+    @property
+    def _boundary(self) -> rows.Boundary:
+        """Hang-off position and paid-out length at the step boundaries; row 0 is the present."""
+        return self._motion.boundary
+
+    @property
+    def _tension(self) -> rows.Floats:
+        """Tension of the elements [N], a view of the scratch array."""
+        return self._rope.work[rows.TENSION, : self._rope.state.counts[rows.ELEMENTS]]
+
+    def statistics(self) -> RunStatistics:
+        """Return the statistics of the run since its start."""
+        return self._record.statistics(self._clock)
+
+    def invalidate_error(self, why: str) -> None:
+        """Mark the tension error as unknown on every accuracy level from now on; why: the reason.
+
+        For callers that know the run differs from the convergence study, as in another sea.
+        """
+        self._inputs.validity.invalidate(why)
+
+    # Steps
 
     def advance(self, steps: int) -> None:
         """Advance by this number of time steps.
 
         Raises:
+            InputError: the number is negative.
             SolverError: the next state would not be finite. The last good state is kept; with the
                 inputs of the failing step it is written to `failure_folder`, if that is set.
         """
+        if steps < 0:
+            what = f"{steps} steps would lead back in time"
+            raise InputError(phrase("advance", what, "restore an earlier saved state"))
         try:
-            super().advance(steps)
+            while steps > 0:
+                steps -= self._advance_some(min(steps, STEPS_PER_CALL))
         except SolverError as error:
             raise SolverError(str(error).removesuffix(".") + self._keep_failure(error)) from error
+
+    def _advance_some(self, steps: int) -> int:
+        """Advance as far as inputs can be prescribed without tension feedback; return the steps."""
+        began, clock, inputs = time.perf_counter(), self._clock, self._inputs
+        if self._viv_drag is not None:
+            steps = min(steps, self._viv_drag.steps_to_sampling(clock.steps))
+        with inputs.lock:
+            inputs.check_profiles()
+            taken = inputs.cut.take(clock.time_ns, self._length_m)
+            if taken is not None:
+                self._cut_here(*taken)
+            steps = inputs.cut.steps_before(clock.time_ns, self.step_ns, steps)
+            now = Present(clock.time_ns, self.step_ns, self._rope, float(self._pull[rows.PULL]))
+            steps = self._motion.fill(steps, inputs, now)
+            rope = self.rope
+        pulls = self._pulls[:steps]
+        done = self._ropes.advance(rope, self._boundary, clock.time_ns * 1e-9, pulls)
+        clock.advance(done, self.step_ns)
+        self._drop_boundaries(done)
+        if done:
+            self._pull = pulls[done - 1].copy()
+            self._record.take(pulls[:done, rows.PULL].tolist())
+        if self._viv_drag is not None and self._viv_drag.steps_to_sampling(clock.steps) == 0:
+            self._viv_drag.look(self.rope, self._boundary, clock.steps, inputs.current.changes)
+        clock.computing_s += time.perf_counter() - began
+        if done < steps:
+            raise SolverError(step_failure(clock.steps + 1, clock.time_ns * 1e-9))
+        return done
+
+    def _drop_boundaries(self, done: int) -> None:
+        """Make the step boundary after `done` steps the first one, for all ropes."""
+        self._motion.forget(done)
+        self._ropes.forget(done, self._motion.steps)
 
     def _keep_failure(self, error: SolverError) -> str:
         """Write the state from which the step failed; return the end of the error message."""
         if self.failure_folder is None:
             return "."
-        path = self.failure_folder / f"{self.scene.name}_failed_step_{self._steps + 1}.state"
+        path = self.failure_folder / f"{self.scene.name}_failed_step_{self.steps + 1}.state"
         try:
             self.capture(str(error)).write(path)
         except StateError as trouble:
             return f"; {trouble}"
         return f"; state and inputs of that step are in {path}."
+
+    def snapshot(self) -> Snapshot:
+        """Return a frozen copy of the present; call it from the stepping thread."""
+        record, inputs = self._record, self._inputs
+        unconverged = int(self._rope.state.health[rows.SUBSTEPS_UNCONVERGED])
+        with inputs.lock:
+            health = inputs.health()
+            at_limit, winch = inputs.winch.at_limit, inputs.winch.shot()
+        taken = build_snapshot(
+            self._rope.state,
+            self._rope.work,
+            SnapshotInputs(
+                stamp_ns=self.time_ns,
+                step=self.steps,
+                step_s=self.step_s,
+                line=self.scene.ropes[0],
+                ship=self.scene.ship,
+                border=self._boundary.value[0],
+                border_rate=self._boundary.rate[0],
+                pull=self._pull,
+                recent=record.recent,
+                run=record.run,
+                winch_at_limit=at_limit,
+                doubtful=record.is_doubtful(unconverged),
+                computing_s=self._clock.computing_s,
+                inputs=health,
+                card_error=self._card_error,
+                winches=() if winch is None else (winch,),
+                cut=self.cut,
+            ),
+        )
+        record.begin_interval(unconverged)
+        taken = record.add_contact(taken, self._rope, self._ropes)
+        if self._viv_drag is not None:
+            amended(taken, vibration=self._viv_drag.shot(self.rope))
+        taken = self._ropes.complete(taken, self.time_ns)
+        inputs.validity.look(taken, inputs.motion_judged)
+        taken = record.add_loads(taken, self._rope, self._ropes)
+        return amended(taken, card_error=self.card_error)
+
+    # Changes of the ropes between steps
+
+    def set_level(self, level: AccuracyLevel) -> None:
+        """Continue with another mesh or time step; call it from the stepping thread.
+
+        Time, paid-out length, payload and the tension at the hang-off are kept.
+
+        Raises:
+            SceneError: the scene is multi-line, has a VIV model or a rigid body, which cannot be
+                transferred to another mesh.
+            StateError: the rope was cut; its parts cannot be transferred either.
+        """
+        refuse_joined(self.scene)
+        if self.cut:
+            raise StateError(phrase("other elements", "the rope was cut", "its parts keep theirs"))
+        refuse_body(self.scene, "it cannot be carried over to another grid")
+        refuse_shedding(self.scene, "wakes of vortices cannot be carried over to another grid")
+        V = float(self._boundary.rate[0, rows.LINE])
+        at = HangOff(self._pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
+        self._motion.steps = 0  # boundary conditions ahead are valid for the old step only
+        self._rope = self._mesh.changed(self._rope, level, at)
+        self._card_error = error_at_level(self.scene, level)
+
+    def _length_m(self, rope: int) -> float:
+        """Return the present unstretched length of a rope [m]."""
+        if rope > 0:
+            return self._ropes.length_m(rope)
+        return float(self._boundary.value[0, rows.LINE])
+
+    def _cut_here(self, lost_m: float, rope: int) -> None:
+        """Cut a rope now at this height above its lower end [m], or at a node close by."""
+        lost_m = self._split(lost_m, rope)
+        self._record_cut(lost_m, self._length_m(rope), rope)
+
+    def _record_cut(self, lost_m: float, left_m: float, rope: int) -> None:
+        """Record a cut at the present time."""
+        if rope == 0:
+            self._inputs.winch.adapt_to_cut(lost_m, left_m)
+        else:
+            self._ropes.adapt_to_cut(rope, lost_m, left_m)
+        name = self.scene.ropes[rope].name if is_joined(self.scene) else ""
+        self._inputs.cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m, name)
+
+    def _split(self, lost_m: float, rope: int = 0) -> float:
+        """Split a rope in two; return the length below the cut [m]."""
+        whole, now_s = self.rope, self.time_ns * 1e-9
+        winch = winch_of(self.scene, self.scene.ropes[rope])
+        place = CutPosition(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
+        self._ropes, lost_m = self._ropes.cut(whole, self._boundary, place)
+        self._rope = self._ropes.first
+        self._inputs.ropes, self._inputs.current.effects = self._ropes, self._rope.effects
+        if self._viv_drag is not None:
+            self._viv_drag.cut(whole, self._rope)
+        if rope == 0:
+            self._boundary.value[:, rows.LINE] -= lost_m
+        self.invalidate_error(CUT_REASON)
+        return lost_m
+
+    def discard_prescribed(self) -> None:
+        """Discard motion prescribed in advance; winches continue from their last paid-out length.
+
+        For use after a failed step, whose inputs may be the cause; call it from the stepping
+        thread.
+        """
+        with self._inputs.lock:
+            self._motion.steps = 0
+            value, rate = self._boundary
+            line = Payout(float(value[0, rows.LINE]), float(rate[0, rows.LINE]))
+            self._inputs.winch.continue_from(line)
+            self._ropes.discard_prescribed()
+
+    def checkpoint(self) -> Checkpoint:
+        """Return a copy of all that the steps change, for `return_to`; for the stepping thread."""
+        border = self._ropes.border(self._boundary)
+        kept = {name: array.copy() for name, array in self._moving_arrays().items()}
+        return Checkpoint(self.time_ns, self.level, self.cut, border, kept,
+                          self._inputs.current.effects, self._record.extremes())  # fmt: skip
+
+    def return_to(self, then: Checkpoint) -> bool:
+        """Return the ropes to an earlier state at the present time; return whether the state fits.
+
+        Hang-offs are blended from their earlier positions into their live motion; winches continue
+        from their earlier paid-out length with the present commands. A current profile that came
+        since is reverted. Call it from the stepping thread.
+        """
+        if then.level != self.level or then.cut is not self.cut:
+            return False
+        present = self._ropes.border(self._boundary)
+        self.revert_current(then)
+        if self._moving_arrays().keys() != then.kept.keys():
+            return False
+        for _ in range(2):  # after the first pass the views have the restored element counts
+            for name, array in self._moving_arrays().items():
+                if array.shape == then.kept[name].shape:
+                    array[...] = then.kept[name]
+        self._boundary.value[0], self._boundary.rate[0] = (table[0] for table in then.border)
+        blending = self._motion.blending
+        error, rate = blending.at(self.time_ns)
+        moved = [
+            np.nan_to_num((old - new)[: len(error), : rows.LINE])
+            for old, new in zip(then.border, present, strict=True)
+        ]
+        blending.begin(self.time_ns, error + moved[0], rate + moved[1])
+        self._record.restore_finite(then.extremes)
+        self.discard_prescribed()
+        return True
+
+    def revert_current(self, then: Checkpoint) -> bool:
+        """Revert a current profile accepted since the checkpoint; return whether there was one."""
+        with self._inputs.lock:
+            return self._inputs.current.revert(then.effects, self.time_ns)
+
+    # State
 
     def save(self, path: str | Path) -> None:
         """Write a state from which `restore` resumes bit-identically; for the stepping thread.
@@ -68,6 +474,32 @@ class Twin(TwinStepper):
             StateError: the file cannot be written; an existing file of this name is kept.
         """
         self.capture().write(Path(path))
+
+    def capture(self, failure: str = "") -> SavedState:
+        """Return in memory the state that `save` writes; call it from the stepping thread.
+
+        failure: the error message, if a step from this state failed.
+        """
+        state, (value, rate) = self._rope.state, self._boundary
+        payload = self._ropes.lowest(self._rope).state.nodes[rows.POSITION : rows.POSITION + 3, 0]
+        cut = self.cut
+        about = StateDescription(
+            **saved_state.stamp(self.scene, failure),
+            time_s=self.time_ns * 1e-9,
+            step=self.steps,
+            step_s=self.step_s,
+            halvings=self.level.halvings,
+            elements=int(state.counts[rows.ELEMENTS]),
+            line_out_m=float(value[0, rows.LINE]),
+            payout_speed_m_per_s=float(rate[0, rows.LINE]),
+            tension_top_n=float(self._pull[rows.PULL]),
+            payload_position_m=tuple(payload.tolist()),
+            cut_lost_m=cut.lost_m if cut else 0.0,
+            cut_left_m=cut.left_m if cut else 0.0,
+            cut_rope=cut.rope if cut else "",
+        )
+        with self._inputs.lock:
+            return saved_state.take(self._state(), about, self.scene)
 
     @classmethod
     def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
@@ -88,64 +520,108 @@ class Twin(TwinStepper):
             rope = rope_number(scene, state.about.cut_rope)
             twin._split(0.5 * twin._length_m(rope), rope)
             twin._record_cut(lost_m, state.about.cut_left_m, rope)
-        digest = twin._validity.digest
-        values = state.restore_into(twin._changing())
-        twin._rope = twin._rope._replace(
-            **{name: values.pop(f"rope/{name}") for name in saved_state.changing_parts(twin._rope)},
-            effects=values["_current"].effects,
-            model=values.pop("rope/model", twin._rope.model),
-        )
-        twin._tension[:] = values.pop("rope/tension")
-        twin._ahead.boundary = values.pop("_boundary")
-        twin._ahead.steps = values.pop("_prescribed")
-        twin._ropes.take_back(values, twin._rope)
+        twin._continue_from(state.restored(twin._state()))
         if twin._viv_drag is not None:
-            twin._viv_drag.take_back(values.pop("viv_drag"))
-        vars(twin).update(values)
-        twin._validity.resume(digest)
+            twin._viv_drag.take_back(state.read_monitor("viv_drag", twin._viv_drag.kept()))
         return twin
 
     def branch(self) -> Twin:
         """Return an independent, bit-identical copy; call it from the stepping thread."""
-        with self._lock:
-            twin = copy.copy(self)
-            shared: dict[int, Any] = {id(self.scene): self.scene, id(self._lock): threading.Lock()}
-            shared[id(self._own_motion)] = self._own_motion
-            vars(twin).update(copy.deepcopy(vars(self), shared))
-        return twin
+        inputs = self._inputs
+        with inputs.lock:
+            shared: dict[int, Any] = {
+                id(own): own for own in (self.scene, inputs.own_motion) if own is not None
+            }
+            shared[id(inputs.lock)] = threading.Lock()
+            return copy.deepcopy(self, shared)
 
-    def capture(self, failure: str = "") -> SavedState:
-        """Return in memory the state that `save` writes; call it from the stepping thread.
-
-        failure: the error message, if a step from this state failed.
-        """
-        state, (value, rate) = self._rope.state, self._boundary
-        payload = self._ropes.lowest(self._rope).state.nodes[rows.POSITION : rows.POSITION + 3, 0]
-        cut = self._cut.done
-        about = StateDescription(
-            **saved_state.stamp(self.scene, failure),
-            time_s=self.time_ns * 1e-9,
-            step=self._steps,
-            step_s=self.step_s,
-            halvings=self._level.halvings,
-            elements=int(state.counts[rows.ELEMENTS]),
-            line_out_m=float(value[0, rows.LINE]),
-            payout_speed_m_per_s=float(rate[0, rows.LINE]),
-            tension_top_n=float(self._pull[rows.PULL]),
-            payload_position_m=tuple(payload.tolist()),
-            cut_lost_m=cut.lost_m if cut else 0.0,
-            cut_left_m=cut.left_m if cut else 0.0,
-            cut_rope=cut.rope if cut else "",
+    def _state(self) -> TwinState:
+        """Return the present state, which shares its arrays and inputs with the twin."""
+        return TwinState(
+            clock=self._clock.state(),
+            mesh=self._mesh.state(),
+            ropes=self._rope_arrays(),
+            motion=self._motion.state(),
+            inputs=self._inputs.state(),
+            record=self._record.state(),
+            monitors=self._monitor_states(),
         )
-        with self._lock:
-            return saved_state.take(self._changing(), about, self.scene)
+
+    def _continue_from(self, state: TwinState) -> None:
+        """Continue from a restored state of a twin like this one."""
+        self._clock.restore(state.clock)
+        self._mesh.restore(state.mesh)
+        self._motion.restore(state.motion)
+        self._inputs.restore(state.inputs)
+        self._record.restore(state.record)
+        ropes = dict(state.ropes)
+        self._pull = ropes.pop("rope/pull")
+        tension, model = ropes.pop("rope/tension"), ropes.pop("rope/model", self._rope.model)
+        self._rope = self._rope._replace(
+            **{name: ropes.pop(f"rope/{name}") for name in saved_state.changing_parts(self._rope)},
+            effects=self._inputs.current.effects,
+            model=model,
+        )
+        self._tension[:] = tension
+        self._ropes.take_back(ropes, self._rope)
+
+    def _rope_arrays(self) -> dict[str, Any]:
+        """Return the arrays of all ropes that the steps change; effects belong to the inputs."""
+        parts = saved_state.changing_parts(self._rope)
+        own = {f"rope/{name}": getattr(self._rope, name) for name in parts}
+        own |= {"rope/tension": self._tension, "rope/pull": self._pull}
+        return own | self._ropes.changing()
+
+    def _moving_arrays(self) -> dict[str, rows.Floats]:
+        """Return views of all arrays of a checkpoint, by name."""
+        kept = self._rope_arrays() | {"effects": self._inputs.current.effects}
+        return {
+            name: array for name, part in kept.items() for name, array in moving_arrays(name, part)
+        }
+
+    def _monitor_states(self) -> dict[str, Any]:
+        """Return the states of the monitors by name."""
+        own = {} if self._viv_drag is None else {"viv_drag": self._viv_drag.kept()}
+        return own | self._changing()
+
+    # Names that the twins with monitors use
 
     def _changing(self) -> dict[str, Any]:
-        """Return every attribute that a restart needs; effects in use are those of `_current`."""
-        kept = {name: value for name, value in vars(self).items() if name not in _GIVEN}
-        parts = saved_state.changing_parts(self._rope)
-        rope = {f"rope/{name}": getattr(self._rope, name) for name in parts}
-        ahead = {"_boundary": self._ahead.boundary, "_prescribed": self._ahead.steps}
-        if self._viv_drag is not None:
-            kept["viv_drag"] = self._viv_drag.kept()
-        return kept | rope | ahead | {"rope/tension": self._tension} | self._ropes.changing()
+        return {}
+
+    @property
+    def _lock(self) -> threading.Lock:
+        return self._inputs.lock
+
+    @property
+    def _current(self) -> CurrentInput:
+        return self._inputs.current
+
+    @property
+    def _cut(self) -> CutInput:
+        return self._inputs.cut
+
+    @property
+    def _winch(self) -> Winch:
+        return self._inputs.winch
+
+    @property
+    def _steps(self) -> int:
+        return self._clock.steps
+
+    @property
+    def _computing_s(self) -> float:
+        return self._clock.computing_s
+
+    @_computing_s.setter
+    def _computing_s(self, value: float) -> None:
+        self._clock.computing_s = value
+
+
+def step_failure(step: int, time_s: float) -> str:
+    """Return the message for a failed step; step: its number, time_s: its start [s]."""
+    return phrase(
+        f"step {step} at {time_s:.2f} s",
+        f"the rope's next state is not finite even at 1/{2**HALVINGS} of the step",
+        "the last good state is kept; shorten the step or check the scene",
+    )

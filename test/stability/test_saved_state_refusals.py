@@ -18,6 +18,7 @@ from rope_twin.errors import StateError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.saving.saved_state import load_state
 from rope_twin.twin.saving.state_file import read_state, write_state
+from rope_twin.twin.state import FORMAT
 
 
 @pytest.fixture(scope="module")
@@ -83,15 +84,20 @@ def test_what_is_wrong_is_named(good: Path, tmp_path: Path) -> None:
     path = tmp_path / "other.state"
     path.write_text(SMALL_SCENE)
     assert "it is no saved state" in refusal(path)
-    path.write_bytes(good.read_bytes().replace(b"state 2\n", b"state 3\n", 1))
-    assert "it has version 3 of the format; this program reads version 2" in refusal(path)
+    for other in (FORMAT - 1, FORMAT + 1):
+        data = good.read_bytes()
+        path.write_bytes(data.replace(b"state %d\n" % FORMAT, b"state %d\n" % other, 1))
+        sentence = f"it has version {other} of the format; this program reads version {FORMAT}."
+        assert sentence in refusal(path)
     flipped = bytearray(good.read_bytes())
     flipped[-1] ^= 1
     path.write_bytes(flipped)
     assert "damaged (its check-sum is another)" in refusal(path)
 
 
-@pytest.mark.parametrize("name", ["rope/state/nodes", "boundary/value", "current/effects/0/U"])
+@pytest.mark.parametrize(
+    "name", ["rope/state/nodes", "motion/boundary/value", "inputs/current/effects/0/U"]
+)
 def test_nan_is_refused_in_reading_and_in_writing(
     good: Path, scene: Scene, tmp_path: Path, name: str
 ) -> None:
@@ -146,12 +152,15 @@ def test_what_another_version_kept_is_refused(good: Path, scene: Scene, tmp_path
     """More or fewer parts, or arrays of another shape: no guess is made."""
     header, arrays = read_state(good)
     memory = header["memory"]
-    more = altered(good, tmp_path, memory=memory | {"_wind": 1.0})
-    assert "does not hold the same parts (_wind)" in refusal(more, scene)
-    fewer = altered(good, tmp_path, memory={k: v for k, v in memory.items() if k != "_winch"})
-    assert "does not hold the same parts (_winch)" in refusal(fewer, scene)
-    wrong = altered(good, tmp_path, memory=memory | {"_winch": {"fields": {"_target": 0.0}}})
-    assert "winch does not have the same parts" in refusal(wrong, scene)
+    ropes, inputs = memory["ropes"], memory["inputs"]["fields"]
+    more = altered(good, tmp_path, memory=memory | {"ropes": ropes | {"rope/wind": 1.0}})
+    assert "does not hold the same parts (rope/wind)" in refusal(more, scene)
+    fewer = {name: part for name, part in inputs.items() if name != "winch"}
+    changed = altered(good, tmp_path, memory=memory | {"inputs": {"fields": fewer}})
+    assert "inputs does not have the same parts (winch)" in refusal(changed, scene)
+    wrong = inputs | {"winch": {"fields": {"_target": 0.0}}}
+    changed = altered(good, tmp_path, memory=memory | {"inputs": {"fields": wrong}})
+    assert "winch does not have the same parts" in refusal(changed, scene)
     arrays["rope/state/nodes"] = arrays["rope/state/nodes"][:, :-1]
     write_state(tmp_path / "shape.state", header, arrays)
     assert "rope/state/nodes is float64" in refusal(tmp_path / "shape.state", scene)

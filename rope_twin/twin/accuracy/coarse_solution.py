@@ -25,7 +25,7 @@ from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.step import advance
 from rope_twin.twin.accuracy.error_bound import EVERY
 from rope_twin.twin.accuracy.regrid import HangOff, coarser
-from rope_twin.twin.stepper import STEPS_PER_CALL
+from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL
 
 if TYPE_CHECKING:
     from rope_twin.twin.vibration.drag_amplification import VivDragAmplification

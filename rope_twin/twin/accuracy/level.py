@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from rope_twin.core.state import Floats, Model, Rope
 from rope_twin.scene.card import KnownError, known_error
@@ -72,22 +73,42 @@ def error_at_level(scene: Scene, level: AccuracyLevel) -> KnownError:
     return known_error(there)
 
 
-def change_level(
-    rope: Rope, marks: list[Floats], level: AccuracyLevel, base: SceneMesh, at: HangOff
-) -> tuple[Rope, list[Floats]]:
-    """Return the rope on another level and the coordinates of the finer meshes left.
+class MeshState(NamedTuple):
+    """Accuracy level in use, and the node coordinates of the finer meshes left so far."""
 
-    marks: material coordinates of each finer mesh that it was on, the scene's first.
-    """
-    marks = list(marks)
-    while len(marks) < level.halvings:
-        marks.append(marks_of(rope))
-        rope = coarser(rope, at)
-    while len(marks) > level.halvings:
-        rope = finer(rope, _grid(base, rope, len(marks) - 1, marks.pop()), at)
-    own = base.model.step  # restores a step that is no whole number of nanoseconds exactly
-    model = rope.model._replace(step=own if round(own * 1e9) == level.step_ns else level.step_s)
-    return rope._replace(model=model), marks
+    level: AccuracyLevel
+    marks: list[Floats]
+
+
+class Mesh:
+    """Mesh of a single rope: it changes with the accuracy level, and back again exactly."""
+
+    def __init__(self, scene: Scene, rope: Rope) -> None:
+        """Start on the scene's own level, with its rope."""
+        self.level = scene_level(scene)
+        self._base = SceneMesh(rope.model, rope.state.s.shape[0])
+        self._marks: list[Floats] = []  # material coordinates of each finer mesh, the scene's first
+
+    def state(self) -> MeshState:
+        """Return level and finer meshes."""
+        return MeshState(self.level, self._marks)
+
+    def restore(self, state: MeshState) -> None:
+        """Continue from a state; the rope is restored apart."""
+        self.level, self._marks = state
+
+    def changed(self, rope: Rope, level: AccuracyLevel, at: HangOff) -> Rope:
+        """Return the rope on another level."""
+        marks, base = list(self._marks), self._base
+        while len(marks) < level.halvings:
+            marks.append(marks_of(rope))
+            rope = coarser(rope, at)
+        while len(marks) > level.halvings:
+            rope = finer(rope, _grid(base, rope, len(marks) - 1, marks.pop()), at)
+        own = base.model.step  # restores a step that is no whole number of nanoseconds exactly
+        model = rope.model._replace(step=own if round(own * 1e9) == level.step_ns else level.step_s)
+        self.level, self._marks = level, marks
+        return rope._replace(model=model)
 
 
 def _grid(base: SceneMesh, rope: Rope, halvings: int, marks: Floats) -> Grid:

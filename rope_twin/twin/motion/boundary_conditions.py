@@ -13,11 +13,12 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.motion.hang_off import HangOffTrack, Moves
+from rope_twin.twin.inputs import TwinInputs
+from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.motion.heave_track import REJOIN_S, ramp
-from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.winch.tension_feedback import HangOffMotion, tension_feedback
-from rope_twin.twin.winch.winch import Winch
+
+STEPS_PER_CALL = 256  # number of steps for which a twin prescribes motion at most
 
 
 class Blending:
@@ -59,15 +60,6 @@ class Blending:
         return led
 
 
-class InputSources(NamedTuple):
-    """Sources of the boundary conditions."""
-
-    heave: HangOffTrack
-    winch: Winch
-    ropes: Ropes  # with the winches of other ropes
-    lead: Blending
-
-
 class Present(NamedTuple):
     """State of the rope at the end of the last step."""
 
@@ -75,6 +67,14 @@ class Present(NamedTuple):
     step_ns: int  # length of the next steps
     rope: Rope
     pull_n: float  # tension at the hang-off
+
+
+class MotionState(NamedTuple):
+    """State of the boundary conditions."""
+
+    boundary: rows.Boundary
+    steps: int
+    blending: Blending
 
 
 class BoundaryConditions:
@@ -88,6 +88,15 @@ class BoundaryConditions:
         self.boundary = rows.Boundary(np.zeros(borders), np.zeros(borders))
         self.boundary.value[:] = [*scene.ship.hang_off_m, length_m]
         self.steps = 0  # number of steps prescribed in advance
+        self.blending = Blending(len(scene.ropes))  # after a return to an earlier state
+
+    def state(self) -> MotionState:
+        """Return the state; its arrays are those in use."""
+        return MotionState(self.boundary, self.steps, self.blending)
+
+    def restore(self, state: MotionState) -> None:
+        """Continue from a state."""
+        self.boundary, self.steps, self.blending = state
 
     def forget(self, done: int) -> None:
         """Make the boundary after `done` steps the first row; later ones are kept."""
@@ -95,7 +104,7 @@ class BoundaryConditions:
         for table in self.boundary:
             table[: self.steps + 1] = table[done : done + self.steps + 1]
 
-    def fill(self, steps: int, inputs: InputSources, now: Present) -> int:
+    def fill(self, steps: int, inputs: TwinInputs, now: Present) -> int:
         """Set hang-off and payout at the boundaries of the next steps; return how many can be done.
 
         Steps prescribed by an earlier call but not done keep their values. Where a winch needs
@@ -111,7 +120,7 @@ class BoundaryConditions:
             self.steps = row
         return steps
 
-    def _fill_border(self, row: int, inputs: InputSources, now: Present, feedback: bool) -> None:
+    def _fill_border(self, row: int, inputs: TwinInputs, now: Present, feedback: bool) -> None:
         """Set the boundary at the end of the step that begins now; felt: needs tension feedback."""
         begin_ns, border_ns = now.time_ns, now.time_ns + now.step_ns
         rest, rest_z = self._rest, self._rest_z
@@ -124,11 +133,11 @@ class BoundaryConditions:
                 value[row, k] = rest[k] + share * aside
                 rate[row, k] = share * moving + share_rate * aside
         value[row, rows.Z], rate[row, rows.Z] = rest_z + heave[0], heave[1]
-        led = border_ns < inputs.lead.until_ns
+        led = border_ns < self.blending.until_ns
         if led:
             if not inputs.heave.posed:
                 value[row, : rows.Z], rate[row, : rows.Z] = rest, 0.0
-            error, error_rate = inputs.lead.at(border_ns)
+            error, error_rate = self.blending.at(border_ns)
             value[row, : rows.LINE] += error[0]
             rate[row, : rows.LINE] += error_rate[0]
         rope = None
@@ -141,5 +150,5 @@ class BoundaryConditions:
         value[row, rows.LINE], rate[row, rows.LINE] = length, speed
         moves = inputs.heave.further_at(border_ns, (share, share_rate))
         if led:
-            moves = inputs.lead.added(moves, heave, border_ns)
+            moves = self.blending.added(moves, heave, border_ns)
         inputs.ropes.prescribe(row, begin_ns, step_s, heave, moves)

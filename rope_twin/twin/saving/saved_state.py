@@ -1,7 +1,6 @@
 """Saved state of a twin, from which a run resumes bit-identically.
 
-It holds everything that changes while a twin runs, found by walking the attributes
-(`serialisation.py`): the rope, every effect's arrays, the inputs with their stored and rejected
+It holds a `TwinState`: the ropes, every effect's arrays, the inputs with their stored and rejected
 samples, the prescribed motion, clock and counts. The solver's scratch array is left out except for
 the tensions, the only part that outlives a step. The scene is not saved: it is given again on
 loading, and the properties that matter are compared.
@@ -27,6 +26,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.saving.serialisation import Arrays, deserialise, serialise
 from rope_twin.twin.saving.state_file import decode, encode, read_state, write_state
+from rope_twin.twin.state import TwinState
 
 # Fields of a scene that a state does not depend on: texts, limits, and external inputs.
 _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_state", "schedule",
@@ -70,7 +70,7 @@ class SavedState:
 
     about: StateDescription
     figures: Any  # properties of the scene that are compared on loading
-    memory: Any  # plain form of the twin's attributes
+    memory: dict[str, Any]  # plain form of the TwinState by part
     arrays: Arrays
     source: str = "in memory"  # the file it was read from
 
@@ -114,36 +114,48 @@ class SavedState:
                 return f"{np.isnan(array).sum()} values of {name} are not numbers (NaN)"
         return ""
 
-    def restore_into(self, target: dict[str, Any]) -> dict[str, Any]:
-        """Return the values for the attributes `target` of a new twin.
+    def restored(self, like: TwinState) -> TwinState:
+        """Return the state for a new twin, whose own state `like` is changed.
+
+        Monitors read their own parts, as a run may have others than the one that was saved.
 
         Raises:
-            StateError: another version of the program wrote it with other attributes.
+            StateError: another version of the program wrote it with other parts.
         """
         try:
-            return {
-                name: deserialise(self.memory[name], target[name], self.arrays, name.lstrip("_"))
-                for name in self._names(target)
+            parts = {
+                field.name: self._part(field.name, getattr(like, field.name))
+                for field in dataclasses.fields(like)
+                if field.name != "monitors"
             }
         except (StateError, KeyError, ValueError, TypeError, AttributeError) as error:
             what = f"it does not fit this version of rope_twin: {error}"
             wrote = f"version {self.about.program}, solver {self.about.solver}"
             right = f"start anew, or go on with what wrote it ({wrote})"
             raise StateError(phrase(f"saved state {self.source}", what, right)) from error
+        return TwinState(monitors={}, **parts)
 
-    def _names(self, target: dict[str, Any]) -> list[str]:
-        """Return the attributes to restore; optional monitors restore their own.
+    def _part(self, name: str, like: Any) -> Any:
+        """Return one part of the state.
 
         Raises:
-            StateError: the state has other attributes.
+            StateError: it does not have the entries of `like`.
         """
-        here, there = (
-            {name for name in names if not name.startswith(MONITOR_PREFIX)}
-            for names in (target, self.memory)
-        )
-        if odd := sorted(here ^ there):
+        plain = self.memory[name]
+        if not isinstance(like, dict):
+            return deserialise(plain, like, self.arrays, name)
+        if odd := sorted(like.keys() ^ plain.keys()):
             raise StateError(f"it does not hold the same parts ({', '.join(odd)})")
-        return [name for name in target if name in here]
+        return {key: deserialise(plain[key], own, self.arrays, key) for key, own in like.items()}
+
+    def of_monitor(self, prefix: str) -> dict[str, Any]:
+        """Return the plain values of a monitor, by their names without this prefix."""
+        saved = self.memory["monitors"].items()
+        return {name.removeprefix(prefix): one for name, one in saved if name.startswith(prefix)}
+
+    def read_monitor(self, name: str, like: Any) -> Any:
+        """Return a value of a monitor; `like`, of the same structure, may be changed."""
+        return deserialise(self.memory["monitors"][name], like, self.arrays, name)
 
 
 def changing_parts(rope: Any) -> list[str]:
@@ -151,14 +163,23 @@ def changing_parts(rope: Any) -> list[str]:
     return [name for name in rope._fields if name not in ("model", "work", "effects")]
 
 
-def take(remembered: dict[str, Any], about: StateDescription, scene: Scene) -> SavedState:
-    """Return a state of these attributes of a twin of the scene.
+def take(state: TwinState, about: StateDescription, scene: Scene) -> SavedState:
+    """Return a saved state of a twin of the scene.
+
+    Arrays are named by their path in the state; entries of a dict by their own names.
 
     Raises:
         StateError: a value is NaN.
     """
     arrays: Arrays = {}
-    memory = {name: serialise(v, arrays, name.lstrip("_")) for name, v in remembered.items()}
+    memory: dict[str, Any] = {}
+    for field in dataclasses.fields(state):
+        part = getattr(state, field.name)
+        memory[field.name] = (
+            {key: serialise(value, arrays, key) for key, value in part.items()}
+            if isinstance(part, dict)
+            else serialise(part, arrays, field.name)
+        )
     return SavedState(about, scene_properties(scene), memory, arrays)
 
 

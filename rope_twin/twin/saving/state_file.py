@@ -1,6 +1,6 @@
 """File format of a saved state: two lines of text, a JSON header, the arrays.
 
-    rope_twin state 2
+    rope_twin state 3
     sha256 <64 hex digits> header <bytes> total <bytes>
     { ... }                        JSON; `arrays` lists name, type and shape in the order below
     <arrays>                       C order, little-endian, nothing between them
@@ -22,9 +22,9 @@ import numpy as np
 
 from rope_twin.errors import StateError, phrase
 from rope_twin.twin.saving.serialisation import Arrays
+from rope_twin.twin.state import FORMAT
 from rope_twin.whole_file import write_whole
 
-VERSION = 2
 _FIRST = re.compile(rb"rope_twin state (\d{1,9})\n")
 _SECOND = re.compile(rb"sha256 ([0-9a-f]{64}) header (\d{1,12}) total (\d{1,15})\n")
 _ANOTHER = "take another saved state, or start without one"
@@ -82,10 +82,11 @@ def decode(data: bytes, path: Path) -> tuple[dict[str, Any], Arrays]:
     """
     first = _FIRST.match(data)
     if first is None:
-        raise _refusal(path, "it is no saved state", "its first line must be 'rope_twin state 2'")
-    if int(first[1]) != VERSION:
+        raise _refusal(path, "it is no saved state",
+                       f"its first line must be 'rope_twin state {FORMAT}'")  # fmt: skip
+    if int(first[1]) != FORMAT:
         raise _refusal(path, f"it has version {int(first[1])} of the format",
-                       f"this program reads version {VERSION}")  # fmt: skip
+                       f"this program reads version {FORMAT}")  # fmt: skip
     second = _SECOND.match(data, first.end())
     if second is None:
         raise _refusal(path, "its second line is damaged", _ANOTHER)
@@ -117,7 +118,7 @@ def encode(header: dict[str, Any], arrays: Arrays) -> bytes:
     body = b"".join(
         [head, *(array.astype(_little(array), order="C").tobytes() for array in arrays.values())]
     )
-    first = f"rope_twin state {VERSION}\n"
+    first = f"rope_twin state {FORMAT}\n"
     digest = hashlib.sha256(body).hexdigest()
     total = 0
     while True:  # the second line holds the total length, which includes that line

@@ -123,7 +123,7 @@ class MonitoredTwin(Twin):
         """Restore the monitors that both the state and this run have."""
         kept = {
             name.removeprefix(MONITOR_PREFIX): plain
-            for name, plain in state.memory.items()
+            for name, plain in state.memory["monitors"].items()
             if name.startswith(MONITOR_PREFIX)
         }
         self._counting_from_ns = kept.get("counting_from_ns", self.time_ns)
