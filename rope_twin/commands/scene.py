@@ -35,8 +35,7 @@ from rope_twin.scene.warnings.rope import accepted_warnings, sense_checks
 from rope_twin.studies.effect_cost import effect_table, measure_effects
 from rope_twin.twin.ensemble.ensemble import whole_steps
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import CONTROL_MODES, WinchCommand
-from rope_twin.twin.winch.schedule import motion_of
+from rope_twin.twin.winch.commands import CONTROL_MODES, WinchCommand, motion_of
 
 NARROWEST = 40  # what a line of keys needs
 WIDEST = 100  # columns of the list, on a terminal that has more

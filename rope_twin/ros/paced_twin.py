@@ -32,12 +32,17 @@ from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.kinds import twin_class
-from rope_twin.twin.pacing import Pacer, steps_in_slot
+from rope_twin.twin.pacing import (
+    Pacer,
+    SnapshotQueue,
+    queue_depth,
+    raise_other_threads,
+    reset_threads,
+    steps_in_slot,
+)
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.saving.autosave import AutoSave, SavingStatus
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.snapshot_queue import SnapshotQueue, queue_depth
-from rope_twin.twin.thread_priority import raise_other_threads, reset_threads
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.settings import MonitorSettings
 

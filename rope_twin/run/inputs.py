@@ -1,6 +1,6 @@
 """Ship motion of a run: selection of its source, the same for every runner.
 
-Together with the winch schedule (`rope_twin.twin.winch.schedule`) this is all input of a run.
+Together with the winch schedule (`rope_twin.twin.winch.commands`) this is all input of a run.
 The stamps are the same in a real-time run over ROS and in an unpaced one.
 """
 

@@ -41,7 +41,7 @@ from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.winch.schedule import schedule_samples
+from rope_twin.twin.winch.commands import schedule_samples
 from rope_twin.twin.winch.winch import input_of
 
 MEASURED_S = 3.0  # computing time that suffices to measure the speed of a model

@@ -18,7 +18,7 @@ from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.schedule import schedule_samples
+from rope_twin.twin.winch.commands import schedule_samples
 
 
 def variant(

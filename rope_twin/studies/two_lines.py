@@ -20,7 +20,7 @@ from rope_twin.twin.multi_line.clearance import ClearanceMonitor
 from rope_twin.twin.multi_line.clearance_results import LineEvent, Nearest
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.schedule import schedule_samples
+from rope_twin.twin.winch.commands import schedule_samples
 
 # Hs [m] and Tp [s] of sea states (STANAG 4194)
 SEA_STATES = {3: (0.9, 7.5), 4: (1.9, 8.8), 5: (3.3, 9.7), 6: (5.0, 12.4)}

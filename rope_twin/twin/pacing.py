@@ -8,22 +8,106 @@ When behind, no step is ever skipped or lengthened. Missed cycles are made up ba
 most CATCH_UP times as fast as the grid, so that inputs delayed by the same stall still arrive
 before they are needed. Every late step is counted. `behind_s` reports the present delay, also while
 a step is taking too long.
+
+The stepping thread needs the interpreter's lock before and after its steps and waits for the thread
+that holds it. If that thread is preempted by another program, the steps are delayed as long. All
+Python threads of a real-time run therefore get real-time priority, where the system allows it
+(root, or rtprio), one below that of the stepping thread. Processes and library threads that they
+start stay ordinary.
+
+A queue passes snapshots from the stepping thread to the publishing thread.
 """
 
 from __future__ import annotations
 
 import gc
 import logging
+import os
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from rope_twin.errors import SolverError
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.snapshot_queue import SnapshotQueue
-from rope_twin.twin.thread_priority import raise_stepping_thread
+
+# Real-time priorities, 1 to 99: above ordinary threads, below those of the system.
+STEPPING, OTHERS = 10, 9
+
+
+def raise_stepping_thread() -> bool:
+    """Raise the priority of this thread, which steps; return whether the system allows it."""
+    return _set(0, STEPPING)
+
+
+def raise_other_threads() -> None:
+    """Raise the priority of all threads of this interpreter to just below the stepping one."""
+    for thread in threading.enumerate():
+        _set(thread.native_id, OTHERS)
+
+
+def reset_threads() -> None:
+    """Return all threads of this interpreter to ordinary priority."""
+    for thread in threading.enumerate():
+        _set(thread.native_id, 0)
+
+
+def _set(thread: int | None, priority: int) -> bool:
+    """Set a thread's priority (0: ordinary); return whether the system allowed it.
+
+    thread: its native number; 0: this thread; None: it has ended.
+    """
+    if thread is None:
+        return False
+    try:
+        policy = os.SCHED_RR if priority else os.SCHED_OTHER
+        own = os.sched_param(priority)
+        os.sched_setscheduler(thread, policy | os.SCHED_RESET_ON_FORK, own)
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+MAX_DELAY_S = 0.5  # snapshots of this much real time may wait for the publisher
+
+
+class SnapshotQueue:
+    """Bounded queue of snapshots: the newest are kept, and the stepping thread never waits."""
+
+    def __init__(self, depth: int) -> None:
+        self._waiting: deque[Snapshot] = deque()
+        self._depth = depth
+        self._arrived = threading.Condition()
+        self._lost = 0
+
+    @property
+    def lost(self) -> int:
+        """Number of snapshots dropped because the queue was full."""
+        return self._lost
+
+    def put(self, snapshot: Snapshot) -> None:
+        """Append a snapshot; the oldest is dropped if the publisher is `depth` behind."""
+        with self._arrived:
+            if len(self._waiting) >= self._depth:
+                self._waiting.popleft()
+                self._lost += 1
+            self._waiting.append(snapshot)
+            self._arrived.notify()
+
+    def take(self, timeout_s: float) -> Snapshot | None:
+        """Return the oldest waiting snapshot, or None if none came within the time."""
+        with self._arrived:
+            if not self._waiting:
+                self._arrived.wait(timeout_s)
+            return self._waiting.popleft() if self._waiting else None
+
+
+def queue_depth(slot_s: float, speed: float) -> int:
+    """Return the depth of the queue: the snapshots of MAX_DELAY_S, at least one."""
+    return max(1, round(MAX_DELAY_S * speed / slot_s))
+
 
 CATCH_UP = 4.0  # a twin that is behind runs at most this many times faster than its grid
 SLOT_S = 0.02  # longest publish period of a scalar: 50 Hz

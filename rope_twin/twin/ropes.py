@@ -15,16 +15,14 @@ from rope_twin.core.step import advance
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.twin.cutting.free_end import without_load
-from rope_twin.twin.cutting.parted import CutRope
-from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope
+from rope_twin.twin.cutting.parted import CutRope, SingleWinch
+from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope, without_load
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line.system import MultiLineRopes
-from rope_twin.twin.rope_shape import RopeShape, shape_from_top
 from rope_twin.twin.snapshot import Snapshot, first_rope
+from rope_twin.twin.snapshot_builder import RopeShape, shape_from_top
 from rope_twin.twin.statics import solve_scene_statics
 from rope_twin.twin.winch.commands import WinchCommand
-from rope_twin.twin.winch.single_winch import SingleWinch
 
 
 class Ropes(Protocol):

@@ -13,14 +13,12 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.bend_radius import BendMonitor, watches_bends
-from rope_twin.twin.body import body_of, with_body
 from rope_twin.twin.limits import LoadRecord, LoadRules
 from rope_twin.twin.ropes import Ropes
-from rope_twin.twin.seabed_contact import seabed_contact, seabed_of
 from rope_twin.twin.snapshot import Snapshot, amended
-from rope_twin.twin.snapshot_builder import Extremes, RunStatistics
+from rope_twin.twin.snapshot_builder import Extremes, RunStatistics, body_of, with_body
 from rope_twin.twin.state import Clock
-from rope_twin.twin.touchdown import touchdown_of
+from rope_twin.twin.touchdown import seabed_contact, seabed_of, touchdown_of
 
 
 class RecordState(NamedTuple):

@@ -8,18 +8,26 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.state import Floats, Ints, State
+from rope_twin.core.body import state as at
+from rope_twin.core.body.contact import deck_pushes
+from rope_twin.core.body.energy import pose_of, pulls_of
+from rope_twin.core.body.parts import part_of
+from rope_twin.core.body.state import Deck, RigidBody
+from rope_twin.core.state import Floats, Ints, Rope, State
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import RopeLine, Ship
 from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.snapshot import (
+    BodyShot,
     CutShot,
     InputHealth,
+    RopeShot,
     RopeStrength,
     Snapshot,
     SolverHealth,
     Vector,
     WinchShot,
+    amended,
 )
 
 
@@ -158,3 +166,70 @@ def _solver_health(health: Ints, computing_s: float) -> SolverHealth:
         merges=counts[rows.MERGES],
         computing_s=computing_s,
     )
+
+
+def body_of(rope: Rope) -> RigidBody | None:
+    """Return the rigid body at the lower end of a rope, if its payload is one."""
+    return next((effect for effect in rope.effects if isinstance(effect, RigidBody)), None)
+
+
+def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
+    """Add the rope's rigid body to the snapshot; its centre is then the payload's position."""
+    body = body_of(rope)
+    if body is None:
+        return shot
+    nodes, pose = rope.state.nodes, pose_of(body)
+    hook = nodes[rows.POSITION : rows.POSITION + 3, 0]
+    force, _, _ = pulls_of(body, hook, nodes[rows.VELOCITY : rows.VELOCITY + 3, 0])
+    ends = pose.place(body.legs[:, :3])
+    legs = hook - ends
+    push, clearance, deck = None, None, part_of(body, Deck)
+    if deck is not None:
+        push = float(deck_pushes(deck, body, pose)[:, 2].sum())
+        clearance = float(pose.place(body.corners)[:, 2].min() - body.stage[at.DECK_Z])
+    return amended(
+        shot,
+        payload_position_m=pose.place(body.middle),
+        payload_velocity_m_per_s=pose.speed(body.middle),
+        body=BodyShot(
+            quaternion=pose.quaternion,
+            angular_velocity_rad_per_s=pose.spin,
+            size_m=body.size.copy(),
+            leg_pull_n=np.sqrt((force * force).sum(axis=1)),
+            leg_length_m=np.sqrt((legs * legs).sum(axis=1)),
+            leg_end_m=ends,
+            deck_push_n=push,
+            deck_clearance_m=clearance,
+        ),
+    )
+
+
+class RopeShape(NamedTuple):
+    """Shape of one rope; rows run from its upper end (row 0) down, as in a RopeShot."""
+
+    name: str
+    line: RopeLine
+    core: Rope
+    position_m: Vector  # (nodes, 3)
+    arc_m: Vector  # unstretched, 0 at the upper end, (nodes,)
+    element_tension_n: Vector  # (nodes - 1,)
+    loose: bool = False  # its upper end is free: the part below a cut
+
+
+def shape_from_top(line: RopeLine, core: Rope, shot: RopeShot, *, loose: bool = False) -> RopeShape:
+    """Return the shape of a rope whose last node in the core is its upper end."""
+    place, tension = shot.node_position_m, shot.element_tension_n
+    s = core.state.s[: len(place)]
+    return RopeShape(shot.name, line, core, place, (s[-1] - s)[::-1].copy(), tension, loose)
+
+
+def shape_from_sheave(line: RopeLine, core: Rope, shot: RopeShot) -> RopeShape:
+    """Return the shape of a rope that ends at a sheave, where its elements come and go."""
+    arc = core.state.s[: len(shot.node_position_m)] - core.state.s[0]
+    arc[-1] = shot.line_out_m
+    return RopeShape(shot.name, line, core, shot.node_position_m, arc, shot.element_tension_n)
+
+
+def midpoints(arc_m: Vector) -> Vector:
+    """Return midpoints of the elements between nodes at these arc lengths [m], (nodes - 1,)."""
+    return np.asarray(0.5 * (arc_m[1:] + arc_m[:-1]))

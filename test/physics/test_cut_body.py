@@ -18,7 +18,7 @@ from rope_twin.core.body.energy import pose_of
 from rope_twin.core.step import advance
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.twin.cutting.free_end import without_load
+from rope_twin.twin.cutting.rope_cut import without_load
 from rope_twin.twin.energy_account import EnergyTwin
 
 G, RHO, HOOK = 9.80665, 1025.0, 150.0

@@ -9,8 +9,8 @@ import pytest
 
 from rope_twin.core.bed import Plane, Soil
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.rope_shape import RopeShape
 from rope_twin.twin.snapshot import Touchdown, Vector
+from rope_twin.twin.snapshot_builder import RopeShape
 from rope_twin.twin.touchdown import touchdown_at, touchdown_of
 from rope_twin.twin.twin import Twin
 

@@ -15,7 +15,7 @@ from rope_twin.messages import decode, encode_epoch
 from rope_twin.recording.heave import open_heave
 from rope_twin.run.inputs import open_sea
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.winch.schedule import schedule_samples
+from rope_twin.twin.winch.commands import schedule_samples
 
 pytestmark = pytest.mark.ros
 S = 1_000_000_000

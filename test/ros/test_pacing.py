@@ -19,12 +19,13 @@ from rope_twin.errors import SolverError
 from rope_twin.twin.pacing import (
     CATCH_UP,
     Pacer,
+    SnapshotQueue,
     SteadyClock,
     keep_pauses_short,
+    queue_depth,
     steps_in_slot,
 )
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.snapshot_queue import SnapshotQueue, queue_depth
 
 MS = 1_000_000
 SLOT = 20 * MS

@@ -17,7 +17,7 @@ import pytest
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.thread_priority import (
+from rope_twin.twin.pacing import (
     OTHERS,
     STEPPING,
     raise_other_threads,

@@ -13,8 +13,8 @@ from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.messages import Encoder
 from rope_twin.ros.paced_twin import Publisher
 from rope_twin.scene.load import load_scene
+from rope_twin.twin.pacing import SnapshotQueue
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.snapshot_queue import SnapshotQueue
 from rope_twin.twin.twin import Twin
 
 EPOCH_NS = 10**18

@@ -8,8 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.scene.schema import ScheduleRow, Winch
-from rope_twin.twin.winch.commands import SPEED, WinchCommand
-from rope_twin.twin.winch.schedule import COMMAND_PERIOD_NS, CommandSample, schedule_samples
+from rope_twin.twin.winch.commands import (
+    COMMAND_PERIOD_NS,
+    SPEED,
+    CommandSample,
+    WinchCommand,
+    schedule_samples,
+)
 
 S = 1_000_000_000
 

@@ -12,8 +12,7 @@ from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Variation
 from rope_twin.twin.motion.heave_series import HeaveSeries
-from rope_twin.twin.winch.commands import SPEED, WinchCommand
-from rope_twin.twin.winch.schedule import CommandSample
+from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
 
 SAMPLE_NS = 50_000_000
 SECOND_NS = 1_000_000_000

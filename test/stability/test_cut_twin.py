@@ -21,8 +21,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
-from rope_twin.twin.cutting.cut_input import CutInput, plan_for
-from rope_twin.twin.cutting.cut_plan import PlannedCut, read_plan
+from rope_twin.twin.cutting.cut_input import CutInput, PlannedCut, plan_for, read_plan
 from rope_twin.twin.energy_account import EnergyTwin
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.saving.saved_state import load_state

@@ -43,8 +43,7 @@ from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.motion.heave_series import HeaveSeries
-from rope_twin.twin.winch.commands import SPEED, WinchCommand
-from rope_twin.twin.winch.schedule import CommandSample
+from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
 
 TWO_SECTIONS = """\
     sections:

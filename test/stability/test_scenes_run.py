@@ -13,7 +13,7 @@ from small_scene import not_finite
 
 from rope_twin import Twin, load_scene
 from rope_twin.scene.load import scene_names
-from rope_twin.twin.winch.schedule import schedule_samples
+from rope_twin.twin.winch.commands import schedule_samples
 
 SOME_S, LONG_S = 20, 60
 SAMPLE_NS = 50_000_000

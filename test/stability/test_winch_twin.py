@@ -22,8 +22,7 @@ from rope_twin.scene.winch import (
 )
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.motion.heave_series import HeaveSeries
-from rope_twin.twin.winch.commands import WinchCommand
-from rope_twin.twin.winch.schedule import CommandSample
+from rope_twin.twin.winch.commands import CommandSample, WinchCommand
 
 S = 1_000_000_000
 HEAVE = tuple((k * S // 20, math.sin(0.04 * k), 0.8 * math.cos(0.04 * k)) for k in range(-2, 400))

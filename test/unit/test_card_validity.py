@@ -17,8 +17,14 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import ScheduleRow, Winch
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import EMERGENCY_STOP, RESET, SPEED, WinchCommand
-from rope_twin.twin.winch.schedule import ScheduleMonitor, schedule_samples
+from rope_twin.twin.winch.commands import (
+    EMERGENCY_STOP,
+    RESET,
+    SPEED,
+    ScheduleMonitor,
+    WinchCommand,
+    schedule_samples,
+)
 from rope_twin.twin.winch.winch import Winch as WinchModel
 
 SECOND_NS = 1_000_000_000

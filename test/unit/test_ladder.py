@@ -26,9 +26,8 @@ from rope_twin.twin.accuracy.overload import (
     TwinOverloadProtection,
 )
 from rope_twin.twin.kinds import twin_class
-from rope_twin.twin.pacing import Pacer, SlotTimes, steps_in_slot
-from rope_twin.twin.snapshot_queue import SnapshotQueue
-from rope_twin.twin.winch.schedule import schedule_samples
+from rope_twin.twin.pacing import Pacer, SlotTimes, SnapshotQueue, steps_in_slot
+from rope_twin.twin.winch.commands import schedule_samples
 from validation.rigs import Rig, sine
 
 MS = 1_000_000

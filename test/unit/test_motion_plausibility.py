@@ -14,8 +14,7 @@ from rope_twin.run.inputs import FIRST_NS, open_sea
 from rope_twin.scene.load import scene_names
 from rope_twin.twin.health import StuckDetector
 from rope_twin.twin.motion.hang_off import HangOffTrack
-from rope_twin.twin.motion.plausibility import end_slope
-from rope_twin.twin.motion.sample_timing import needed_interval_s, shortest_period_s
+from rope_twin.twin.motion.plausibility import end_slope, needed_interval_s, shortest_period_s
 from rope_twin.twin.motion.ship_pose import ShipPose, turned
 from rope_twin.twin.snapshot import InputHealth
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rope_twin.scene.winch import Drum
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.winch.commands import WinchCommand
-from rope_twin.twin.winch.motion_profile import AccelerationLimited, JerkLimited, MotionProfile
+from rope_twin.twin.winch.control_modes import AccelerationLimited, JerkLimited, MotionProfile
 from rope_twin.twin.winch.payout import LineTarget, Payout
 from rope_twin.twin.winch.winch import Winch
 

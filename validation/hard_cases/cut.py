@@ -16,10 +16,14 @@ from rope_twin.core.state import Boundary, Rope
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.model.rope import build
-from rope_twin.twin.cutting.free_end import without_load
 from rope_twin.twin.cutting.parted import CutRope
-from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope, without_massless_section
-from rope_twin.twin.seabed_contact import seabed_contact
+from rope_twin.twin.cutting.rope_cut import (
+    CutPosition,
+    cut_rope,
+    without_load,
+    without_massless_section,
+)
+from rope_twin.twin.touchdown import seabed_contact
 from validation.hard_cases.check import Case, Check, all_converged, off
 from validation.hard_cases.rigs import Arrays
 from validation.rigs import NOTHING, WATER, Rig

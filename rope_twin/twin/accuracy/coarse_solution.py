@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import places
 from rope_twin.twin.winch.commands import WinchCommand
-from rope_twin.twin.winch.tension_feedback import HangOffMotion, tension_feedback
+from rope_twin.twin.winch.payout import HangOffMotion, tension_feedback
 from rope_twin.twin.winch.winch import Winch
 
 SAMPLING_RATIO = 4  # samplings of the twin's VIV model per sampling here, so six in a period

@@ -22,17 +22,17 @@ from rope_twin.core.joined.energy import SystemBorder
 from rope_twin.core.state import Boundary, Floats, Rope, State
 from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting.effect_state import has_state, state_arrays
-from rope_twin.twin.cutting.free_end import is_at_end
 from rope_twin.twin.cutting.rope_cut import (
     CutPosition,
+    has_state,
+    is_at_end,
     refresh_tension,
+    state_arrays,
     step_free,
     without_massless_section,
 )
-from rope_twin.twin.rope_shape import RopeShape, shape_from_top
+from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.saving.saved_state import changing_parts
-from rope_twin.twin.seabed_contact import seabed_contact
 from rope_twin.twin.snapshot import (
     BedContact,
     PayloadShot,
@@ -41,7 +41,52 @@ from rope_twin.twin.snapshot import (
     SolverHealth,
     first_rope,
 )
-from rope_twin.twin.winch.single_winch import SingleWinch
+from rope_twin.twin.snapshot_builder import RopeShape, shape_from_top
+from rope_twin.twin.touchdown import seabed_contact
+from rope_twin.twin.winch.commands import WinchCommand
+
+
+class SingleWinch:
+    """Methods of `Ropes` about further winches and ropes, for a single rope, whole or cut."""
+
+    def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
+        """Raise RuntimeError, as there is no other winch."""
+        raise RuntimeError(f"there is no winch {name}")
+
+    def invalidate(self) -> None:
+        """Do nothing, as there is no other winch."""
+
+    def newest_ns(self) -> dict[str, int]:
+        """Return no stamps, as there is no other winch."""
+        return {}
+
+    def needs_feedback(self, time_ns: int) -> bool:
+        """Return False, as there is no other winch."""
+        return False
+
+    def prescribe(
+        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
+    ) -> None:
+        """Do nothing, as there is no other hang-off."""
+
+    def length_m(self, r: int) -> float:
+        """Raise RuntimeError, as there is no other rope."""
+        raise RuntimeError(f"there is no rope {r}: this scene has one")
+
+    def adapt_to_cut(self, r: int, lost_m: float, left_m: float) -> None:
+        """Raise RuntimeError, as there is no other rope."""
+        raise RuntimeError(f"there is no rope {r}: this scene has one")
+
+    def discard_prescribed(self) -> None:
+        """Do nothing, as there is no other hang-off."""
+
+    def border(self, first: Boundary) -> Boundary:
+        """Return hang-off and paid-out length of the single rope, (1, MOTIONS)."""
+        return Boundary(*(table[:1].copy() for table in first))
+
+    def forget(self, done: int, prescribed: int) -> None:
+        """Do nothing, as there are no other boundary conditions."""
+
 
 _WHOLE = (0.0, 1.0)
 SUBSTEPS = (0.0, *(0.5**k for k in range(8, -1, -1)))  # fractions of a step

@@ -12,6 +12,11 @@ without mass, volume, area, stiffness and damping, which transmits no force: the
 free. The node that holds that section moves ahead of the end along it, so that the end's tangent is
 the rope's own. For effects with bending stiffness the section is so long that it does not resist;
 VIV models count the rope between nodes, and get a section of 2 mm: 1 mm more at the end.
+
+Each part has its own arrays of effects with internal variables (core/solve/remembering), so that
+neither changes the state of the other. Nodes keep their values; the node inserted at the cut takes
+values between those of its neighbours, as where an element splits. Effects at the lower end of the
+upper part keep their types, so that nothing is recompiled.
 """
 
 from __future__ import annotations
@@ -21,9 +26,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.acting.hooks import work_rows
+from rope_twin.core.acting.hooks import hooks_of, work_rows
+from rope_twin.core.bed import Grid, Plane
+from rope_twin.core.body import state as at
+from rope_twin.core.body.state import LEG, Afloat, RigidBody
 from rope_twin.core.payout.events import SMALLEST_REST
 from rope_twin.core.rope.sections import SAME_PLACE
+from rope_twin.core.solve.remembering import numbers_carried
 from rope_twin.core.state import (
     Boundary,
     Floats,
@@ -35,17 +44,156 @@ from rope_twin.core.state import (
     new_work,
 )
 from rope_twin.core.step import advance
+from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
+from rope_twin.effects.fairing import Fairing, TowedFairing
+from rope_twin.effects.net import Net
+from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.splash_zone import SplashZone
+from rope_twin.effects.waves import Waves
 from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.model.grid import ROOM, halvings
 from rope_twin.scene.model.rope import TOLERANCE_LEAST_N, TOLERANCE_SHARE
-from rope_twin.twin.cutting.effect_state import (
-    is_viv_model,
-    of_part,
-    own_copies,
-    reset_drag_amplification,
-)
 from rope_twin.twin.elements import elements_of, tensions
+
+
+def has_state(effect: Any) -> bool:
+    """Return whether an effect has internal variables, so that two ropes cannot share it."""
+    return numbers_carried(type(effect)) > 0
+
+
+def of_part(effects: tuple[Any, ...], s: Floats, lost_m: float, spare: int) -> tuple[Any, ...]:
+    """Return the effects for a part of their rope.
+
+    Args:
+        effects: of the whole rope, or the same without the load at its lower end.
+        s: coordinates of the part's free nodes in the whole rope [m], (nodes,).
+        lost_m: start of the part above the whole rope's lower end [m].
+        spare: additional capacity in nodes.
+    """
+    return tuple(
+        own._replace(memory=_memory_of(own, s, lost_m, spare)) if has_state(own) else own
+        for own in own_copies(effects)
+    )
+
+
+def is_viv_model(effect: Any) -> bool:
+    """Return whether an effect is a VIV model at the nodes inside the step."""
+    at_nodes = has_state(effect) and "load_nodes" in hooks_of(type(effect))
+    return at_nodes and not isinstance(effect, DragGrowth)
+
+
+def reset_drag_amplification(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Reset the drag amplification of a falling part: slack rope has no modes."""
+    for own in effects:
+        if isinstance(own, DragGrowth):
+            own.memory[GROWTH] = 0.0
+    return effects
+
+
+def own_copies(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the effects; those with internal variables get copies of all their arrays."""
+    return tuple(_copy(own) if has_state(own) else own for own in effects)
+
+
+def state_arrays(effects: tuple[Any, ...]) -> list[Floats]:
+    """Return all arrays of the effects with internal variables, not copied."""
+    return [part for own in effects if has_state(own) for part in own if _is_array(part)]
+
+
+def _copy(effect: Any) -> Any:
+    arrays = {name: part.copy() for name, part in effect._asdict().items() if _is_array(part)}
+    return effect._replace(**arrays)
+
+
+def _is_array(part: Any) -> bool:
+    return isinstance(part, np.ndarray)
+
+
+def _memory_of(effect: Any, s: Floats, lost_m: float, spare: int) -> Floats:
+    """Return memory for these nodes: values interpolated, other rows as at the nearest node."""
+    memory, k = effect.memory, numbers_carried(type(effect))
+    old, n = int(memory[3 * k, -1]), len(s)
+    marks = memory[3 * k, :old]
+    new: Floats = np.zeros((memory.shape[0], memory.shape[1] + spare))
+    for r in range(k):
+        new[r, :n] = np.interp(s, marks, memory[r, :old])
+    nearest = np.abs(s[:, None] - marks).argmin(axis=1)
+    new[3 * k + 1 :, :n] = memory[3 * k + 1 :, nearest]
+    new[3 * k, :n], new[3 * k, -1] = s - lost_m, n
+    return new
+
+
+_NOTHING = (0.0, 0.0, 0.0)
+_WITHOUT: dict[type, dict[str, Any]] = {  # values that remove the load of an effect at the end
+    Payload: dict.fromkeys(Payload._fields, 0.0),
+    TwoWayPayload: dict.fromkeys(TwoWayPayload._fields, 0.0),
+    SplashZone: {"lift": 0.0, "slam": 0.0, "wet": _NOTHING, "added": _NOTHING, "k": _NOTHING},
+    Net: {"along": 0.0, "facing": 0.0, "lift": 0.0},
+    Fairing: {"k": 0.0},
+    TowedFairing: {"force": 0.0},
+    Waves: {"Mx": 0.0, "My": 0.0, "Mz": 0.0},
+}
+
+
+def is_at_end(effect: Any) -> bool:
+    """Return whether the effect loads the lower end of the rope."""
+    return "load_end" in hooks_of(type(effect))
+
+
+def without_load(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the effects of the rope alone.
+
+    Raises:
+        TypeError: an effect at the lower end is unknown here.
+    """
+    return tuple(_bare(effect) if is_at_end(effect) else effect for effect in effects)
+
+
+def _bare(effect: Any) -> Any:
+    if isinstance(effect, Plane | Grid):  # the bed stays, the payload on it does not
+        return effect._replace(soil=effect.soil._replace(k_payload=0.0))
+    if isinstance(effect, RigidBody):
+        return _parked(effect)
+    if type(effect) not in _WITHOUT:
+        raise TypeError(f"{type(effect).__name__} loads the lower end: say here what is none of it")
+    return effect._replace(**_WITHOUT[type(effect)])
+
+
+def _parked(body: RigidBody) -> RigidBody:
+    """Return a body of this type without slings, forces or contacts.
+
+    It stays where this one is, and its equations are 0 = 0: its contribution to the rope is 0.
+    """
+    records, now = np.zeros_like(body.records), body.records[int(body.memory[0, 0])]
+    for first, count in ((at.X, 3), (at.Q, 4), (at.WATER, 3)):
+        records[0, first : first + count] = now[first : first + count]
+    memory = body.memory.copy()
+    memory[0] = 0.0  # index of the valid record
+    return body._replace(
+        memory=memory,
+        records=records,
+        parts=tuple(_untouched(part) for part in body.parts),
+        legs=np.zeros((0, LEG)),
+        corners=np.zeros((0, 3)),
+        added=np.zeros(6),
+        k=np.zeros(6),
+        W=0.0,
+        hook=0.0,
+        hook_weight=0.0,
+        g=0.0,
+        displaced=0.0,
+        rising=0.0,
+        rising_k=0.0,
+    )
+
+
+def _untouched(part: Any) -> Any:
+    """Return a component of a body without weight and corners."""
+    if isinstance(part, Afloat):
+        return part._replace(columns=np.zeros((0, part.columns.shape[1])), slam=0.0)
+    return part
+
 
 NODE_TOL = 0.01  # of an element: the rope is cut at a node within this distance
 BEYOND_M = 1e9  # length of the massless section beyond the free end

@@ -21,7 +21,6 @@ from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.schema import RopeLine, Scene
-from rope_twin.twin.cutting.free_end import without_load
 from rope_twin.twin.cutting.parted import SUBSTEPS, boundary_at
 from rope_twin.twin.cutting.rope_cut import (
     INSTANT_S,
@@ -31,6 +30,7 @@ from rope_twin.twin.cutting.rope_cut import (
     inserted_nodes,
     nodes_of,
     upper_part,
+    without_load,
 )
 
 _A = slice(rows.ACCELERATION, rows.ACCELERATION + 3)

@@ -19,8 +19,7 @@ from rope_twin.scene.schema import Ship
 from rope_twin.scene.schema import Winch as WinchScene
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.motion.heave_track import ramp
-from rope_twin.twin.winch.commands import FEEDBACK_MODES
-from rope_twin.twin.winch.schedule import CommandSample, motion_of, schedule_samples
+from rope_twin.twin.winch.commands import FEEDBACK_MODES, CommandSample, motion_of, schedule_samples
 from rope_twin.twin.winch.winch import Winch
 
 

@@ -34,7 +34,7 @@ from rope_twin.twin.ensemble.simd import advance_group, compile_lanes, sort_into
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.statics import no_garbage_collection, solve_scene_statics
-from rope_twin.twin.winch.schedule import CommandSample
+from rope_twin.twin.winch.commands import CommandSample
 
 BATCH_S = 8.0  # time of a batch; less than the 10 s that commands may be known ahead
 SAMPLING_S = 0.5

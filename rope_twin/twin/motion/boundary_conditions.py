@@ -16,7 +16,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.motion.heave_track import REJOIN_S, ramp
-from rope_twin.twin.winch.tension_feedback import HangOffMotion, tension_feedback
+from rope_twin.twin.winch.payout import HangOffMotion, tension_feedback
 
 STEPS_PER_CALL = 256  # number of steps for which a twin prescribes motion at most
 

@@ -25,8 +25,6 @@ from rope_twin.twin.motion.plausibility import (
     MotionLimits,
     Numbers,
     RateCheck,
-)
-from rope_twin.twin.motion.sample_timing import (
     SampleTiming,
     is_moved,
     needed_interval_s,

@@ -13,7 +13,6 @@ from rope_twin.core.joined.ties import FIRST, PULL, SECOND
 from rope_twin.core.state import Floats
 from rope_twin.scene.model.sheaves import runs_over_sheave
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.seabed_contact import seabed_contact
 from rope_twin.twin.snapshot import (
     BedContact,
     PayloadShot,
@@ -23,6 +22,7 @@ from rope_twin.twin.snapshot import (
     StrutShot,
     first_rope,
 )
+from rope_twin.twin.touchdown import seabed_contact
 
 
 class Payouts(NamedTuple):

@@ -36,14 +36,17 @@ from rope_twin.twin.multi_line.snapshot import (
     sheave_shots,
     strut_shots,
 )
-from rope_twin.twin.rope_shape import RopeShape, shape_from_sheave, shape_from_top
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import InputHealth, Snapshot, amended
-from rope_twin.twin.snapshot_builder import strength_of
+from rope_twin.twin.snapshot_builder import (
+    RopeShape,
+    shape_from_sheave,
+    shape_from_top,
+    strength_of,
+)
 from rope_twin.twin.statics import check_equilibrium, no_garbage_collection, weak_ropes
 from rope_twin.twin.winch.commands import WinchCommand
-from rope_twin.twin.winch.payout import Payout, TensionFeedback
-from rope_twin.twin.winch.tension_feedback import HangOffMotion, tension_feedback
+from rope_twin.twin.winch.payout import HangOffMotion, Payout, TensionFeedback, tension_feedback
 from rope_twin.twin.winch.winch import Winch, winch_of_rope
 
 _log = logging.getLogger(__name__)

@@ -24,8 +24,15 @@ from rope_twin import __version__
 from rope_twin.errors import StateError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.saving.serialisation import Arrays, deserialise, serialise
-from rope_twin.twin.saving.state_file import decode, encode, read_state, write_state
+from rope_twin.twin.saving.state_file import (
+    Arrays,
+    decode,
+    deserialise,
+    encode,
+    read_state,
+    serialise,
+    write_state,
+)
 from rope_twin.twin.state import TwinState
 
 # Fields of a scene that a state does not depend on: texts, limits, and external inputs.

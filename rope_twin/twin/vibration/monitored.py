@@ -25,7 +25,7 @@ from rope_twin.twin.fatigue.curves import wire_curve_warning
 from rope_twin.twin.fatigue.damage import DamageSettings, RopeDamage, bending_stiffness, curvature
 from rope_twin.twin.results import MaterialFatigue, RopeVibration
 from rope_twin.twin.saving.saved_state import MONITOR_PREFIX, SavedState, load_state
-from rope_twin.twin.saving.serialisation import deserialise
+from rope_twin.twin.saving.state_file import deserialise
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.coupled_model import (

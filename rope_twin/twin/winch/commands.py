@@ -1,13 +1,21 @@
-"""Winch commands: four control modes and switches, and their validation."""
+"""Commands of a winch: kinds, queues and the schedule of a scene.
+
+A command is validated by its value and its stamp, and kept until it is due. Every runner takes the
+commands of the schedule from here, so that they are equally stamped.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import deque
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from rope_twin.errors import did_you_mean, phrase
+from rope_twin.scene.schema import ScheduleRow, Winch
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.scene.winch import Winch as WinchScene
+from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
 from rope_twin.twin.winch.payout import SpooledRope
 
 MAX_SPEED_M_PER_S = 10.0
@@ -91,3 +99,304 @@ def _out_of_reach(command: WinchCommand, winch: WinchScene, rope: SpooledRope) -
 
 def _impossible(what: str, right: str) -> Fault:
     return Fault("impossible", phrase("winch command", what, right))
+
+
+REMEMBERED_COMMANDS = 32  # number of executed commands that are remembered
+LATE_NS = 1_000_000_000  # a command that arrives later after its stamp is rejected
+MAX_AT_ONCE = 100  # commands without a stamp that may wait for the next step
+MAX_PLANNED = 1000  # commands that may wait for their stamps
+
+Stamped = tuple[int | None, str, float]  # twin time [ns] (None: at once), kind and value
+
+
+class CommandQueue:
+    """Queue of one kind of commands; `offer` takes them, `due` returns them."""
+
+    def __init__(self, name: str) -> None:
+        """Create a queue for the input of this name in counts and diagnostics."""
+        self.counter = InputCounter(name)
+        self.waiting: deque[Stamped] = deque()
+        self._newest_ns: int | None = None
+        self._at_once_ns: int | None = None  # arrival of the newest command without a stamp
+        self._done: deque[Stamped] = deque(maxlen=REMEMBERED_COMMANDS)
+        self._in_doubt = False  # whether waiting commands are from before a pause
+
+    def invalidate(self) -> None:
+        """Let the commander's first new stamp replace the waiting commands, after a pause.
+
+        Commands that it repeats from before the pause are known and no fault.
+        """
+        self._in_doubt = True
+
+    def offer(self, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
+        """Queue a command with a valid value (stamp None: at once); return "" or the rejection.
+
+        A command that arrives less than LATE_NS after its stamp is executed at once and reported as
+        late. An emergency stop is never rejected for its stamp, nor for a full queue.
+        """
+        urgent = command.kind == EMERGENCY_STOP
+        if stamp_ns is not None:
+            if self._in_doubt and (stamp_ns, *command) in self._done:
+                return ""
+            if self._in_doubt and now_ns <= stamp_ns <= now_ns + AHEAD_NS:
+                self._drop_from(stamp_ns)
+            fault = self._stamp_fault(stamp_ns, now_ns)
+            if fault is not None and not urgent:
+                return self.counter.refuse(*fault)
+            if fault is not None:
+                self._warn_late(
+                    f"{fault[1].removesuffix('.')}; executed at once all the same", now_ns
+                )
+                stamp_ns = None
+            elif stamp_ns < now_ns:
+                late_ms = (now_ns - stamp_ns) * 1e-6
+                what = f"'{command.kind}' came {late_ms:.0f} ms after its stamp"
+                right = "it is executed at once; raise the input delay by more than that"
+                self._warn_late(phrase("winch command", what, right), now_ns)
+        one = (stamp_ns, command.kind, float(command.value))
+        if full := self._is_full(one):
+            return self.counter.refuse("impossible", full)
+        self.counter.accept(now_ns if stamp_ns is None else stamp_ns)
+        if stamp_ns is None:
+            self._at_once_ns = now_ns
+        else:
+            self._newest_ns = stamp_ns
+        if not (urgent and one in self.waiting):
+            self._queue(one)
+        return ""
+
+    def _stamp_fault(self, stamp_ns: int, now_ns: int) -> tuple[str, str] | None:
+        """Return the kind and message of a rejection for its stamp; None: it is valid."""
+        newest_ns, at_once_ns = self._newest_ns, self._at_once_ns
+        stamp_s = f"stamp {stamp_ns * 1e-9:.3f} s"
+        if stamp_ns == newest_ns:
+            right = "each command needs a stamp of its own, or none"
+            return "repeated", phrase("winch command", f"{stamp_s} came twice", right)
+        if newest_ns is not None and stamp_ns < newest_ns:
+            what = f"{stamp_s} follows {newest_ns * 1e-9:.3f} s"
+            right = "commands must come in the order of their stamps"
+            return "late", phrase("winch command", what, right)
+        if stamp_ns <= now_ns - LATE_NS:
+            what, right = too_late(stamp_ns, now_ns)
+            return "late", phrase("winch command", what, f"{right}, or leave the stamp 0")
+        if stamp_ns < now_ns and at_once_ns is not None and stamp_ns < at_once_ns:
+            what = f"{stamp_s} lies before a command that was executed at once"
+            return "late", phrase("winch command", what, "give a stamp that is still to come")
+        if stamp_ns > now_ns + AHEAD_NS:
+            return "impossible", too_far_ahead("winch command", stamp_ns, now_ns)
+        return None
+
+    def _warn_late(self, sentence: str, now_ns: int) -> None:
+        self.counter.executed_late += 1
+        self.counter.warn(sentence, now_ns)
+
+    def _is_full(self, one: Stamped) -> str:
+        """Return why no more commands like this one can wait; "" if they can."""
+        if one[1] == EMERGENCY_STOP:
+            return ""
+        most = MAX_AT_ONCE if one[0] is None else MAX_PLANNED
+        if len(self.waiting) < most:
+            return ""
+        what = f"{len(self.waiting)} of them wait already"
+        return phrase("winch command", what, "send commands when they change, or ten a second")
+
+    def forget_plan(self) -> None:
+        """Drop commands that wait for their stamps, except stops, as the commander has changed."""
+        kept = (one for one in self.waiting if one[0] is None or one[1] == EMERGENCY_STOP)
+        self.waiting = deque(kept)
+        self._newest_ns = None
+
+    def put_at_once(self, command: WinchCommand, now_ns: int) -> None:
+        """Execute a command of the twin itself at once."""
+        self._at_once_ns = now_ns
+        self._queue((None, command.kind, float(command.value)))
+
+    def _queue(self, one: Stamped) -> None:
+        """Append a command; one without a stamp replaces the planned ones."""
+        if one[0] is None:
+            self.waiting.clear()
+            self._newest_ns = None
+        self.waiting.append(one)
+
+    def due(self, time_ns: int) -> list[WinchCommand]:
+        """Return the commands with stamps up to `time_ns`, in order, and remove them."""
+        found: list[WinchCommand] = []
+        while self.waiting and _is_due(self.waiting[0], time_ns):
+            self._done.append(self.waiting.popleft())
+            found.append(WinchCommand(*self._done[-1][1:]))
+        return found
+
+    def last_due(self, time_ns: int) -> WinchCommand | None:
+        """Return the last of the commands that `due` would return; None: none is due."""
+        last = None
+        for one in self.waiting:
+            if not _is_due(one, time_ns):
+                break
+            last = one
+        return None if last is None else WinchCommand(*last[1:])
+
+    def _drop_from(self, stamp_ns: int) -> None:
+        """Drop commands that wait for this time or later; earlier ones stay."""
+        self.waiting = deque(one for one in self.waiting if one[0] is None or one[0] < stamp_ns)
+        self._newest_ns = self.waiting[-1][0] if self.waiting else None
+        self._in_doubt = False
+
+
+class SwitchQueue(CommandQueue):
+    """Queue of switches: one for at once goes ahead of planned ones and keeps them."""
+
+    def _queue(self, one: Stamped) -> None:
+        """Insert a switch without a stamp after the others without one; append a planned one."""
+        if one[0] is not None:
+            self.waiting.append(one)
+            return
+        ahead = sum(waiting[0] is None for waiting in self.waiting)
+        self.waiting.insert(ahead, one)
+
+
+def _is_due(one: Stamped, time_ns: int) -> bool:
+    return one[0] is None or one[0] <= time_ns
+
+
+COMMAND_PERIOD_NS = 100_000_000  # commands repeat at 10 Hz, so that their absence is detected
+MISSING_NS = 250_000_000  # delay after which a command of the schedule counts as missing
+_MOTION_OF = {  # control mode of each key of a row
+    "speed_m_per_s": SPEED,
+    "line_out_m": LENGTH,
+    "payload_depth_m": DEPTH,
+    "tension_n": TENSION,
+}
+
+
+@dataclass(frozen=True)
+class CommandSample:
+    """Winch command that takes effect at this twin time."""
+
+    stamp_ns: int
+    command: WinchCommand
+
+
+class ScheduleMonitor:
+    """Monitor of deviations of a winch's commands from the scene's schedule."""
+
+    def __init__(self, winch: Winch | None) -> None:
+        self._winch = winch
+        self.differs_s: float | None = None  # twin time of the first difference
+        self._motion_ns = 0  # time of the last motion command
+        self._looked_ns = 0
+        self._switches = 0  # number of switches executed
+
+    def motion(self, command: WinchCommand, time_ns: int) -> None:
+        """Compare a motion command executed at a twin time with the schedule."""
+        self._motion_ns = time_ns
+        if self.differs_s is None and self._scheduled(time_ns) != command:
+            self.differs_s = time_ns * 1e-9
+
+    def switches(self, kinds: list[str], after_ns: int, time_ns: int) -> None:
+        """Compare switches executed at a twin time with those scheduled since `after_ns`."""
+        if self.differs_s is None and kinds != self._switches_after(after_ns, time_ns):
+            self.differs_s = time_ns * 1e-9
+        self._switches += len(kinds)
+
+    def look(self, time_ns: int, obeyed: WinchCommand, stopped: bool) -> None:
+        """Check for a missing command; obeyed: motion in force when this step began."""
+        if self.differs_s is not None or time_ns - self._looked_ns < COMMAND_PERIOD_NS:
+            return
+        self._looked_ns = time_ns
+        due_ns = time_ns - MISSING_NS
+        late = not stopped and self._motion_ns < due_ns
+        if (late and self._scheduled(time_ns) != obeyed) or (
+            self._switches < self._switches_until(due_ns)
+        ):
+            self.differs_s = time_ns * 1e-9
+
+    def _scheduled(self, time_ns: int) -> WinchCommand:
+        rest = WinchCommand(SPEED, 0.0)
+        return rest if self._winch is None else scheduled_motion(self._winch, time_ns)
+
+    def _switches_after(self, after_ns: int, time_ns: int) -> list[str]:
+        """Return the switches of the schedule with after_ns < instant <= time_ns, in order."""
+        if self._winch is None or not self._winch.schedule:
+            return []
+        instants = sorted(set(_row_instants(self._winch, after_ns + 1, time_ns + 1)))
+        return [word for at_ns in instants for word in _switches_at(self._winch, at_ns)]
+
+    def _switches_until(self, time_ns: int) -> int:
+        """Return the number of switches in the schedule up to a twin time."""
+        if self._winch is None or time_ns < 0:
+            return 0
+        rows = [_at_ns(row) for row in self._winch.schedule if row.switch]
+        repeat_ns = _repeat_ns(self._winch)
+        if not rows or not repeat_ns:
+            return sum(at_ns <= time_ns for at_ns in rows)
+        rounds, within_ns = divmod(time_ns, repeat_ns)
+        rows = [at_ns for at_ns in rows if at_ns < repeat_ns]
+        return rounds * len(rows) + sum(at_ns <= within_ns for at_ns in rows)
+
+
+def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[CommandSample]:
+    """Return the commands with `from_ns <= stamp_ns < to_ns` (twin time), in order.
+
+    Motion commands come on the 10 Hz grid and, without delay of a change, at each row's own
+    instant; switches only at the latter. Before the first motion the speed is zero. Without a
+    schedule there are none.
+    """
+    if winch is None or not winch.schedule:
+        return []
+    from_ns = max(0, from_ns)
+    first = -(-from_ns // COMMAND_PERIOD_NS) * COMMAND_PERIOD_NS
+    stamps = set(range(first, to_ns, COMMAND_PERIOD_NS))
+    stamps.update(_row_instants(winch, from_ns, to_ns))
+    samples: list[CommandSample] = []
+    for stamp in sorted(stamps):
+        samples += [CommandSample(stamp, WinchCommand(word)) for word in _switches_at(winch, stamp)]
+        samples.append(CommandSample(stamp, scheduled_motion(winch, stamp)))
+    return samples
+
+
+def scheduled_motion(winch: Winch, stamp_ns: int) -> WinchCommand:
+    """Return the motion command of the schedule at a twin time."""
+    repeat_ns = _repeat_ns(winch)
+    within_ns = stamp_ns % repeat_ns if repeat_ns else stamp_ns
+    motion = WinchCommand(SPEED, 0.0)
+    for row in winch.schedule:
+        if _at_ns(row) > within_ns:
+            break
+        motion = motion_of(row) or motion
+    return motion
+
+
+def motion_of(row: ScheduleRow) -> WinchCommand | None:
+    """Return the motion command of a row; None if it is a switch."""
+    for key, kind in _MOTION_OF.items():
+        if (value := getattr(row, key)) is not None:
+            return WinchCommand(kind, value)
+    return None
+
+
+def _switches_at(winch: Winch, stamp_ns: int) -> list[str]:
+    """Return the switches of the rows at this instant."""
+    repeat_ns = _repeat_ns(winch)
+    within_ns = stamp_ns % repeat_ns if repeat_ns else stamp_ns
+    return [row.switch for row in winch.schedule if row.switch and _at_ns(row) == within_ns]
+
+
+def _at_ns(row: ScheduleRow) -> int:
+    return round(row.at_s * 1e9)
+
+
+def _repeat_ns(winch: Winch) -> int:
+    return round((winch.schedule_repeats_every_s or 0.0) * 1e9)
+
+
+def _row_instants(winch: Winch, from_ns: int, to_ns: int) -> list[int]:
+    """Return the instants of rows within [from_ns, to_ns), over all repetitions [ns]."""
+    repeat_ns = _repeat_ns(winch)
+    rows = [_at_ns(row) for row in winch.schedule]
+    if not repeat_ns:
+        return [row for row in rows if from_ns <= row < to_ns]
+    rounds = range(from_ns // repeat_ns, max(0, to_ns) // repeat_ns + 1)
+    instants = [again * repeat_ns + row for again in rounds for row in rows if row < repeat_ns]
+    # the repetition itself is a change too: the schedule restarts
+    instants += [again * repeat_ns for again in rounds if again > 0]
+    return [instant for instant in instants if from_ns <= instant < to_ns]

@@ -1,16 +1,38 @@
-"""Components of a winch between its motion profile and its drum.
+"""Components of a winch: heave compensation, drum, motor and brake.
 
-Some add to the motion (heave compensation), some limit it (drive, brake), some only report it (drum
-layers). A winch has the components that its scene lists.
+Active heave compensation (AHC) pays out as the hang-off rises. Its speed follows
+efficiency·e^(-iω·delay)/(1 + iω·lag) of the hang-off's velocity, so that a steady heave of
+amplitude A leaves the payload's end of a stiff line |1 - that factor|·A. Active limits of stroke,
+speed and acceleration are reported.
+
+Motor or brake bring the line to the commanded speed with the line pull that this takes, up to their
+torque over the drum's present radius r; beyond that the winch renders:
+
+    (J/r²)·(V' - V)/h = F' - P,   F' = F - hold·(V' - parting) - brace·(V' - V)
+
+with F the tension of the last step, V and V' the pay-out speed before and after the step and P the
+line pull. F' is the expected response of the rope (`payout`): the drum is integrated implicitly in
+the rope's stiffness and stays stable at any inertia. With F instead, J/r² would have to exceed half
+the impedance over the step, h·√(EA·m)/2.
 """
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from typing import Protocol
 
+from rope_twin.scene import winch as winch_parts
+from rope_twin.scene.winch import HeaveCompensation
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.twin.winch.compensation import Compensation
-from rope_twin.twin.winch.drive import Brake, Drive, WinchDrum
+from rope_twin.twin.winch.commands import (
+    COMPENSATE,
+    EMERGENCY_STOP,
+    RELEASE_BRAKE,
+    SET_BRAKE,
+    STOP_COMPENSATING,
+)
+from rope_twin.twin.winch.control_modes import braking_speed
 from rope_twin.twin.winch.payout import Payout, WinchStep
 
 States = dict[str, float]
@@ -97,3 +119,240 @@ def drum_components(
     if scene.brake is None:
         return reporting, (drive,)
     return reporting, (drive, Brake(scene.brake, drive))
+
+
+class Compensation:
+    """Heave compensation of a winch; `add` is called once a step."""
+
+    def __init__(self, params: HeaveCompensation) -> None:
+        self._params = params
+        self._on = True
+        self._stroke = self._rate = 0.0  # payout added to the command [m], and its rate [m/s]
+        self._seen: deque[tuple[int, float]] = deque()  # time [ns], velocity of the hang-off [m/s]
+        self._delayed = self._lagged = 0.0  # the velocity after the dead time, and after the lag
+        self._at_limit = ""
+
+    def add(self, wanted: Payout, moment: WinchStep) -> Payout:
+        """Return the line at the end of the step, including the stroke."""
+        params, h = self._params, moment.step_s
+        self._measure(moment)
+        target = params.efficiency * self._lagged if self._on else 0.0
+        limit = params.speed_limit_m_per_s
+        speed = min(max(target, -limit), limit)
+        most = params.acceleration_limit_m_per_s2 * h
+        rate = self._rate + min(max(speed - self._rate, -most), most)
+        rate = self._within_stroke(rate, h)
+        self._at_limit = self._limit_words(target, rate)
+        stroke = self._stroke + 0.5 * h * (self._rate + rate)
+        if abs(stroke) > params.stroke_m:  # in the last step of braking, by less than a·h²/8
+            stroke, rate = math.copysign(params.stroke_m, stroke), 0.0
+        self._stroke, self._rate = stroke, rate
+        return Payout(wanted.length_m + self._stroke, wanted.speed_m_per_s + rate)
+
+    def _measure(self, moment: WinchStep) -> None:
+        """Apply dead time and lag to the hang-off's velocity at the end of the step."""
+        end_ns, h, lag = (
+            moment.begin_ns + round(moment.step_s * 1e9),
+            moment.step_s,
+            self._params.lag_s,
+        )
+        self._seen.append((end_ns, moment.heave_m_per_s))
+        at_ns = end_ns - round(self._params.delay_s * 1e9)
+        while len(self._seen) > 2 and self._seen[1][0] <= at_ns:
+            self._seen.popleft()
+        before, self._delayed = self._delayed, _read(self._seen, at_ns)
+        if lag > 0.0:  # exact for a velocity that is linear over the step
+            slope, keep = (self._delayed - before) / h, math.exp(-h / lag)
+            self._lagged = (
+                self._delayed - lag * slope + (self._lagged - before + lag * slope) * keep
+            )
+        else:
+            self._lagged = self._delayed
+
+    def _within_stroke(self, rate: float, step_s: float) -> float:
+        """Return a rate from which it can still stop within its stroke."""
+        side = math.copysign(1.0, rate)
+        room = self._params.stroke_m - side * self._stroke
+        going = max(side * self._rate, 0.0)
+        acceleration = self._params.acceleration_limit_m_per_s2
+        return side * min(
+            abs(rate), braking_speed(room - 0.5 * step_s * going, acceleration, step_s)
+        )
+
+    def _limit_words(self, target: float, rate: float) -> str:
+        params = self._params
+        if abs(target) > params.speed_limit_m_per_s:
+            return f"heave compensation at its speed limit, {params.speed_limit_m_per_s:g} m/s"
+        if params.stroke_m - abs(self._stroke) < 1e-2 * params.stroke_m and abs(rate) < abs(target):
+            return f"heave compensation at the end of its stroke, {params.stroke_m:g} m"
+        return ""
+
+    def switch(self, switch: str, time_ns: int) -> None:
+        """Switch on or off; an emergency stop stops it too."""
+        if switch in (COMPENSATE, STOP_COMPENSATING, EMERGENCY_STOP):
+            self._on = switch == COMPENSATE
+        if switch == COMPENSATE:
+            self._stroke = 0.0  # mid-stroke is the present line
+
+    def set_total_length(self, whole_m: float) -> None:
+        """Do nothing, as compensation does not depend on the total length."""
+
+    def words(self) -> str:
+        """Return the active limit; "" if none."""
+        return self._at_limit
+
+    def figures(self, line: Payout) -> dict[str, float]:
+        """Return stroke and its rate, + paid out, and whether it is on."""
+        return {
+            "compensation_m": self._stroke,
+            "compensation_m_per_s": self._rate,
+            "compensation_on": float(self._on),
+        }
+
+
+def _read(seen: deque[tuple[int, float]], at_ns: int) -> float:
+    """Return the velocity at a time, linear between samples; 0 before the first."""
+    (t0, v0), (t1, v1) = seen[0], seen[min(1, len(seen) - 1)]
+    if at_ns < t0:
+        return 0.0
+    return v0 + (v1 - v0) * min((at_ns - t0) / (t1 - t0), 1.0) if t1 > t0 else v0
+
+
+SLIPS_M_PER_S = 1e-6  # a slower drum under a set brake counts as standing
+
+
+class WinchDrum:
+    """Drum with its layers of rope."""
+
+    def __init__(self, drum: winch_parts.Drum, diameter_m: float, most_line_out_m: float) -> None:
+        """Take the total length of the rope; the length not paid out is on the drum."""
+        self._drum, self._diameter, self.whole_m = drum, diameter_m, most_line_out_m
+
+    def layer(self, line_out_m: float) -> tuple[int, float]:
+        """Return the layer from which rope leaves the drum, and its radius [m]."""
+        layer = self._drum.layer_of(self.whole_m - line_out_m, self._diameter)
+        return layer, self._drum.radius_m(layer, self._diameter)
+
+
+class Drive:
+    """Motor of the winch."""
+
+    def __init__(self, params: winch_parts.Drive, machine: WinchDrum) -> None:
+        self._params, self._machine = params, machine
+        self._torque = 0.0  # + hauls in [N·m]
+        self._at_limit = ""
+
+    def hold(self, before: Payout, wanted: Payout, moment: WinchStep) -> Payout:
+        """Return the commanded line, or as far as the torque moves it."""
+        after, self._torque, whole = self.pull(
+            before, wanted, moment, self._params.torque_limit_n_m
+        )
+        self._at_limit = "" if whole else self._limit_words(before, wanted, after, moment)
+        return after
+
+    def pull(
+        self, before: Payout, wanted: Payout, moment: WinchStep, torque_n_m: float
+    ) -> tuple[Payout, float, bool]:
+        """Return the line after a step with at most this torque, the torque, and if it sufficed."""
+        feedback, h = moment.feedback, moment.step_s
+        assert feedback is not None, "tension feedback is missing"
+        _, radius = self._machine.layer(before.length_m)
+        inertia = self._params.inertia_kg_m2 / (radius * radius * h)
+        stiff, V = inertia + feedback.hold + feedback.brace, before.speed_m_per_s
+        driving = inertia * V + feedback.at_speed(V)
+        needed, limit = driving - stiff * wanted.speed_m_per_s, torque_n_m / radius
+        if abs(needed) <= limit:
+            return wanted, needed * radius, True
+        given = min(max(needed, -limit), limit)
+        speed = (driving - given) / stiff
+        length = before.length_m + 0.5 * h * (V + speed)
+        return Payout(length, speed), given * radius, False
+
+    @property
+    def controls_line(self) -> bool:
+        """Whether the motor alone controls the line: never."""
+        return False
+
+    def rest(self) -> None:
+        """Switch the motor off, as the brake holds the drum."""
+        self._torque, self._at_limit = 0.0, ""
+
+    def _limit_words(self, before: Payout, wanted: Payout, after: Payout, moment: WinchStep) -> str:
+        """Return the message on rendering; a runaway drum renders at low tension by its inertia."""
+        assert moment.feedback is not None
+        layer, radius = self._machine.layer(before.length_m)
+        limit = self._params.torque_limit_n_m / radius
+        return (
+            f"renders: {moment.feedback.pull_n * 1e-3:.0f} kN on the rope, the drive gives "
+            f"{limit * 1e-3:.0f} kN on layer {layer}, line {after.speed_m_per_s:+.2f} m/s where "
+            f"{wanted.speed_m_per_s:+.2f} is wanted"
+        )
+
+    def words(self) -> str:
+        """Return the message on rendering; "" if it does not render."""
+        return self._at_limit
+
+    def figures(self, line: Payout) -> dict[str, float]:
+        """Return the motor torque, + hauls in."""
+        return {"motor_torque_n_m": self._torque}
+
+    def switch(self, switch: str, time_ns: int) -> None:
+        """Do nothing, as the drive has no switch."""
+
+    def set_total_length(self, whole_m: float) -> None:
+        """Set the total length; the length not paid out is on the drum."""
+        self._machine.whole_m = whole_m
+
+
+class Brake:
+    """Brake of the drum: holds, or slips at its holding capacity."""
+
+    def __init__(self, params: winch_parts.Brake, drive: Drive) -> None:
+        self._params, self._drive = params, drive
+        self._set = False  # as commanded
+        self._holds = False  # in effect
+        self._due_ns: int | None = None  # when the command takes effect
+        self._torque = 0.0
+        self._at_limit = ""
+
+    def hold(self, before: Payout, wanted: Payout, moment: WinchStep) -> Payout:
+        """Return the commanded line if the brake is off, else the line standing or slipping."""
+        if self._due_ns is not None and self._due_ns <= moment.begin_ns:
+            self._holds, self._due_ns = self._set, None
+        self._at_limit = ""
+        if not self._holds:
+            self._torque = 0.0
+            return wanted
+        self._drive.rest()
+        V = before.speed_m_per_s
+        rest = Payout(before.length_m + 0.5 * moment.step_s * V, 0.0)
+        capacity = self._params.holding_torque_n_m
+        after, self._torque, whole = self._drive.pull(before, rest, moment, capacity)
+        if not whole and abs(after.speed_m_per_s) > SLIPS_M_PER_S:
+            speed = after.speed_m_per_s
+            self._at_limit = f"the brake slips at {capacity * 1e-3:g} kN·m, {speed:+.2f} m/s"
+        return after
+
+    @property
+    def controls_line(self) -> bool:
+        """Whether the brake holds."""
+        return self._holds
+
+    def set_total_length(self, whole_m: float) -> None:
+        """Do nothing, as the drum is the drive's."""
+
+    def switch(self, switch: str, time_ns: int) -> None:
+        """Set or release the brake with its delay; an emergency stop sets it."""
+        if switch in (SET_BRAKE, EMERGENCY_STOP, RELEASE_BRAKE):
+            wanted = switch != RELEASE_BRAKE
+            if wanted != self._set:
+                self._set = wanted
+                self._due_ns = time_ns + round(self._params.delay_s * 1e9)
+
+    def words(self) -> str:
+        """Return the message on slipping; "" if it does not slip."""
+        return self._at_limit
+
+    def figures(self, line: Payout) -> dict[str, float]:
+        """Return whether the brake holds, and its torque, + against paying out."""
+        return {"brake_holds": float(self._holds), "brake_torque_n_m": self._torque}

@@ -1,18 +1,206 @@
-"""Control modes of a winch: speed, length, depth and constant tension.
+"""Control modes of a winch, and the motion profiles with which it follows them.
 
-A mode gives the target speed of the next step and the lengths within which the line must be able to
-stop.
+A mode sets a target speed within lengths. A profile moves the line to it within the limits of
+acceleration and, if given, of jerk. Both profiles stop within the target's lengths: the first
+brakes ahead of them at its acceleration limit, the second with the fastest jerk-limited stop.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from rope_twin.scene.winch import ConstantTension
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION
 from rope_twin.twin.winch.payout import LineTarget, Payout, TensionFeedback
+
+Pieces = tuple[tuple[float, float], ...]  # jerk [m/s³] and duration [s]
+
+
+class Motion(NamedTuple):
+    """Position, speed and acceleration at an instant."""
+
+    x: float  # [m]
+    v: float  # [m/s]
+    a: float  # [m/s²]
+
+    def later(self, jerk: float, t: float) -> Motion:
+        """Return the motion after a time of constant jerk."""
+        a = self.a + jerk * t
+        v = self.v + t * (self.a + 0.5 * jerk * t)
+        x = self.x + t * (self.v + t * (0.5 * self.a + jerk * t / 6.0))
+        return Motion(x, v, a)
+
+
+def pulse(now: Motion, speed: float, acceleration: float, jerk: float) -> Pieces:
+    """Return the pieces of the fastest way to a speed, without acceleration at the end.
+
+    It is one pulse of acceleration: a rise at the jerk limit, a part at the acceleration limit if
+    that is reached, and a fall at the jerk limit. With g the remaining change of speed and a the
+    present acceleration, the peak p of the pulse follows from g = (2·p² - a²)/(2·j), as long as it
+    stays below the limit.
+    """
+    gain = speed - now.v
+    side = 1.0 if gain >= 0.5 * now.a * abs(now.a) / jerk else -1.0
+    gain, a = side * gain, side * now.a
+    peak = math.sqrt(max(jerk * gain + 0.5 * a * a, 0.0))
+    hold = 0.0
+    if peak > acceleration:
+        peak = max(acceleration, a)
+        hold = (gain - (2.0 * peak * peak - a * a) / (2.0 * jerk)) / peak
+    rise = max(peak - a, 0.0) / jerk
+    return (side * jerk, rise), (0.0, max(hold, 0.0)), (-side * jerk, peak / jerk)
+
+
+def along(now: Motion, pieces: Pieces, time_s: float) -> Motion:
+    """Return the motion after a time along the pieces; no acceleration after the last one."""
+    left = time_s
+    for jerk, length in pieces:
+        now = now.later(jerk, min(length, left))
+        left -= min(length, left)
+        if left <= 0.0:
+            return now
+    return Motion(now.x + left * now.v, now.v, 0.0)
+
+
+def reach(now: Motion, pieces: Pieces) -> tuple[float, float]:
+    """Return the lowest and highest position on the way [m]."""
+    low = high = now.x
+    for jerk, length in pieces:
+        if length <= 0.0:
+            continue
+        for t in (*_turns(now, jerk, length), length):
+            x = now.later(jerk, t).x
+            low, high = min(low, x), max(high, x)
+        now = now.later(jerk, length)
+    return low, high
+
+
+def _turns(now: Motion, jerk: float, length: float) -> list[float]:
+    """Return the times within a piece at which the speed is zero: v + a·t + j·t²/2 = 0."""
+    if jerk == 0.0:
+        roots = [-now.v / now.a] if now.a != 0.0 else []
+    else:
+        inner = now.a * now.a - 2.0 * jerk * now.v
+        root = math.sqrt(inner) if inner > 0.0 else 0.0
+        roots = [(-now.a - root) / jerk, (-now.a + root) / jerk] if inner > 0.0 else []
+    return [t for t in roots if 0.0 < t < length]
+
+
+SPEED_TOL_M_PER_S = 1e-6  # a slower speed at a limit counts as standstill
+POSITION_TOL_M = 1e-6  # tolerance of the stopping position
+BISECTIONS = 10  # bisection steps between braking and continuing
+
+
+class MotionProfile(Protocol):
+    """Interface of a motion profile."""
+
+    def move(self, line: Payout, target: LineTarget, step_s: float) -> tuple[Payout, bool]:
+        """Return the line one step later, and whether it must brake for the target's lengths."""
+
+    def follow_line(self, line: Payout) -> None:
+        """Accept that a limit has moved the line here."""
+
+
+class AccelerationLimited:
+    """Profile with limited acceleration; the payout is the exact integral of the speed."""
+
+    def __init__(self, acceleration: float) -> None:
+        self._acceleration = acceleration
+
+    def move(self, line: Payout, target: LineTarget, step_s: float) -> tuple[Payout, bool]:
+        """Return the line one step later, and whether it must brake."""
+        target_speed, held = target.speed_m_per_s, False
+        if target_speed == line.speed_m_per_s == 0.0:  # shortcut of most steps
+            return line, False
+        outward = target_speed > 0.0
+        room = target.high_m - line.length_m if outward else line.length_m - target.low_m
+        outgoing = max(math.copysign(1.0, target_speed) * line.speed_m_per_s, 0.0)
+        braking = braking_speed(room - 0.5 * step_s * outgoing, self._acceleration, step_s)
+        if abs(target_speed) > braking:
+            target_speed = (
+                math.copysign(braking, target_speed) if braking > SPEED_TOL_M_PER_S else 0.0
+            )
+            held = True
+        gaining = abs(target_speed) > abs(line.speed_m_per_s)
+        follow = _follow_evenly if held and gaining else _follow
+        return follow(line, target_speed, self._acceleration, step_s), held
+
+    def follow_line(self, line: Payout) -> None:
+        """Do nothing, as the profile has no state."""
+
+
+class JerkLimited:
+    """Fastest profile to the target speed with continuous acceleration."""
+
+    def __init__(self, acceleration: float, jerk: float) -> None:
+        self._most, self._jerk = acceleration, jerk
+        self._acceleration = 0.0
+
+    def move(self, line: Payout, target: LineTarget, step_s: float) -> tuple[Payout, bool]:
+        """Return the line one step later, and whether it must brake."""
+        now = Motion(line.length_m, line.speed_m_per_s, self._acceleration)
+        ahead = target.high_m - now.x if target.speed_m_per_s > 0.0 else now.x - target.low_m
+        there = abs(ahead) < POSITION_TOL_M and abs(now.v) < SPEED_TOL_M_PER_S
+        wanted = 0.0 if there else target.speed_m_per_s
+        going = along(now, pulse(now, wanted, self._most, self._jerk), step_s)
+        held = not self._stops(going, target)
+        after = self._hardest(now, going, target, step_s) if held else going
+        self._acceleration = after.a
+        return Payout(after.x, after.v), held
+
+    def follow_line(self, line: Payout) -> None:
+        """Reset the acceleration."""
+        self._acceleration = 0.0
+
+    def _hardest(self, now: Motion, going: Motion, target: LineTarget, step_s: float) -> Motion:
+        """Return the motion between continuing and braking that just stops within the lengths."""
+        stop = along(now, pulse(now, 0.0, self._most, self._jerk), step_s)
+        low, high, best = 0.0, 1.0, stop
+        for _ in range(BISECTIONS):
+            share = 0.5 * (low + high)
+            jerk = (stop.a + share * (going.a - stop.a) - now.a) / step_s
+            trial = along(now, ((jerk, step_s),), step_s)
+            if self._stops(trial, target):
+                low, best = share, trial
+            else:
+                high = share
+        return best
+
+    def _stops(self, motion: Motion, target: LineTarget) -> bool:
+        """Return whether the fastest stop from this motion stays within the target's lengths."""
+        lowest, highest = reach(motion, pulse(motion, 0.0, self._most, self._jerk))
+        return lowest >= target.low_m and highest <= target.high_m
+
+
+def braking_speed(room_m: float, acceleration: float, step_s: float) -> float:
+    """Return the largest speed v at the end of a step from which the line still stops in time.
+
+    v²/(2·a) + v·h/2 = room: braking from v, and v's part of the step itself (the other half, of the
+    speed at the step's start, is subtracted from the room by the caller).
+    """
+    lag = 0.5 * acceleration * step_s
+    return math.sqrt(2.0 * acceleration * max(room_m, 0.0) + lag * lag) - lag
+
+
+def _follow_evenly(line: Payout, target_speed: float, acceleration: float, step_s: float) -> Payout:
+    """Return the line after constant acceleration, within the distance of `braking_speed`."""
+    most = acceleration * step_s
+    speed = line.speed_m_per_s + min(max(target_speed - line.speed_m_per_s, -most), most)
+    return Payout(line.length_m + step_s * 0.5 * (line.speed_m_per_s + speed), speed)
+
+
+def _follow(line: Payout, target_speed: float, acceleration: float, step_s: float) -> Payout:
+    change = target_speed - line.speed_m_per_s
+    reached = abs(change) / acceleration
+    if reached >= step_s:
+        rate = math.copysign(acceleration, change)
+        speed = line.speed_m_per_s + rate * step_s
+        return Payout(line.length_m + step_s * 0.5 * (line.speed_m_per_s + speed), speed)
+    mean = 0.5 * (line.speed_m_per_s + target_speed)
+    return Payout(line.length_m + reached * mean + (step_s - reached) * target_speed, target_speed)
+
 
 DEPTH_SMOOTHING_S = 20.0  # longer than wave and axial periods, shorter than a lift
 

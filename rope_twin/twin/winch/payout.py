@@ -1,9 +1,32 @@
-"""Values exchanged between the components of a winch."""
+"""Payout of a winch, and the tension feedback that it needs from its rope.
+
+Tension feedback is the expected response of the rope to a change of pay-out speed within one step.
+The tension is that of the last step. Over the next one the node below the hang-off continues with
+its velocity, and responds to the change like the uppermost node of an endless chain of masses m·l
+and springs k in one step h of the implicit Euler rule. Such a chain has at its end the stiffness
+
+    D = (√(μ² + 4·k·μ) - μ)/2,   μ = m·l/h²,
+
+which is k for long elements and √(EA·m)/h, the impedance over the step, for short ones. A drum that
+uses F - h·D·(V' - parting) as the next tension is stable as long as the rope's true response is
+less than twice that, and the step is shorter than half the time L/c that a wave takes along the
+rope (otherwise its lower end responds within a step, which an endless chain does not). The reported
+tension also includes the acceleration of the half element at the hang-off, which follows the payout
+at once: for the drum that half element is inertia. Rope is counted unstretched, so V takes up V
+times the stretch of the separation.
+"""
 
 from __future__ import annotations
 
 import math
+from math import sqrt
 from typing import NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats, Rope
+from rope_twin.scene.schema import RopeLine
 
 
 class Payout(NamedTuple):
@@ -58,3 +81,46 @@ class WinchStep(NamedTuple):
     step_s: float
     heave_m_per_s: float  # velocity of the hang-off, up, at the step's end
     feedback: TensionFeedback | None  # tension feedback, if a component or command needs it
+
+
+class HangOffMotion(NamedTuple):
+    """Motion of a hang-off and its winch at the beginning of a step."""
+
+    heave_m: float  # above its mean position
+    payout_m_per_s2: float  # acceleration of the payout
+
+
+def tension_feedback(
+    rope: Rope, line: RopeLine, pull_n: float, border: Floats, course: HangOffMotion
+) -> TensionFeedback:
+    """Return the tension feedback of a rope to its winch.
+
+    Args:
+        rope: with the state at the end of the last step.
+        line: its definition in the scene.
+        pull_n: its tension at the hang-off then [N].
+        border: hang-off at the beginning and end of the next step, (2, rows.MOTIONS) [m].
+        course: motion of hang-off and winch at the beginning.
+    """
+    state, h = rope.state, rope.model.step
+    n = int(state.counts[rows.ELEMENTS])
+    places = state.nodes[rows.POSITION : rows.POSITION + 3]
+    depth = course.heave_m - float(places[2, 0])
+    way = places[:, n] - places[:, n - 1]
+    long = float(np.linalg.norm(way))
+    moved = (border[1, : rows.LINE] - border[0, : rows.LINE]) / h
+    velocity = state.nodes[rows.VELOCITY : rows.VELOCITY + 3, n - 1]
+    rest = float(state.s[n] - state.s[n - 1])
+    stretch = long / rest
+    parting = float(way @ (moved - velocity)) / (long * stretch)
+    section = int(np.searchsorted(rope.sections[rows.END], 0.5 * (state.s[n] + state.s[n - 1])))
+    mass = float(rope.sections[rows.PER_METRE, section]) * rest
+    free = pull_n + 0.5 * mass * stretch * course.payout_m_per_s2
+    if pull_n <= 0.0:
+        return TensionFeedback(pull_n, free, depth, parting, 0.0, 0.5 * mass * stretch / h)
+    stiffness = line.made_of[section].rope.tangent_n(pull_n) / rest
+    damping = float(rope.sections[rows.C, section]) / rest
+    both, mu = stiffness + damping / h, mass / (h * h)
+    share = 0.5 * stretch * (sqrt(mu * mu + 4.0 * both * mu) - mu) / both
+    brace = share * damping + 0.5 * mass * stretch / h
+    return TensionFeedback(pull_n, free, depth, parting, share * stiffness * h, brace)

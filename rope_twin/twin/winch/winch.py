@@ -17,7 +17,6 @@ from rope_twin.scene.validation.rigging import places, winch_of
 from rope_twin.scene.winch import HOLD_SPEED, RAMP_TO_ZERO, SET_THE_BRAKE, SWITCHES
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.snapshot import InputHealth, WinchShot
-from rope_twin.twin.winch.command_queue import CommandQueue, SwitchQueue
 from rope_twin.twin.winch.commands import (
     COMMANDER_EVENTS,
     COMPENSATE,
@@ -30,12 +29,19 @@ from rope_twin.twin.winch.commands import (
     RESET,
     SET_BRAKE,
     SPEED,
+    CommandQueue,
+    ScheduleMonitor,
+    SwitchQueue,
     WinchCommand,
     find_fault,
 )
 from rope_twin.twin.winch.components import Component, adding_components, drum_components
-from rope_twin.twin.winch.control_modes import control_modes
-from rope_twin.twin.winch.motion_profile import AccelerationLimited, JerkLimited, MotionProfile
+from rope_twin.twin.winch.control_modes import (
+    AccelerationLimited,
+    JerkLimited,
+    MotionProfile,
+    control_modes,
+)
 from rope_twin.twin.winch.payout import (
     UNKNOWN_ROPE,
     Payout,
@@ -43,7 +49,6 @@ from rope_twin.twin.winch.payout import (
     TensionFeedback,
     WinchStep,
 )
-from rope_twin.twin.winch.schedule import ScheduleMonitor
 
 STALE_NS = 2_000_000_000
 _WHEN_LOST = {
