@@ -74,11 +74,11 @@ class Setup:
         watch = MonitorSettings(self.vibration, self.fatigue)
         kind = twin_class(self.energy, self.error_band, watch)
         twin = kind(scene) if state is None else kind.restore(state, scene)
-        twin.judge_clocks(self.sender_lead_s, self.correct_sender_clocks)
+        twin.inputs.judge_clocks(self.sender_lead_s, self.correct_sender_clocks)
         if self.other_sea:
             twin.invalidate_error(OTHER_SEA)
         if self.feeds_itself:
-            twin.expect_motion(None)
+            twin.inputs.expect_motion(None)
         else:
             hear(twin)
         return twin

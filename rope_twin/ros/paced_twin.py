@@ -248,7 +248,7 @@ class PacedTwin:
         self._made_ns = time.monotonic_ns()
         self.twin, self.begun = _begin(scene, params)
         self.twin.failure_folder = Path(params.failure_directory).resolve()
-        self.twin.judge_clocks(params.sender_lead_s, params.correct_sender_clocks)
+        self.twin.inputs.judge_clocks(params.sender_lead_s, params.correct_sender_clocks)
         if params.other_sea:
             self.twin.invalidate_error(OTHER_SEA)
         self._recovery = Recovery(self.twin)

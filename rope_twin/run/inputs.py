@@ -89,7 +89,7 @@ def expect_own_sea(twin: Twin) -> None:
     if math.isnan(twin.card_error.rms_pct):
         return
     try:
-        twin.expect_motion(open_sea(twin.scene))
+        twin.inputs.expect_motion(open_sea(twin.scene))
     except RopeTwinError as error:
         twin.invalidate_error(f"the scene's own sea cannot be opened: {error}")
 

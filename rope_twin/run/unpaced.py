@@ -72,7 +72,7 @@ class UnpacedRun:
         kind = twin_class(options.energy, options.error_band, options.watch)
         self.twin = kind(scene) if start is None else kind.restore(start, scene)
         self.twin.failure_folder = options.failure_folder
-        self.twin.expect_motion(None)  # `_offer` passes on the samples of `open_sea` only
+        self.twin.inputs.expect_motion(None)  # `_offer` passes on the samples of `open_sea` only
         if options.other_sea:
             self.twin.invalidate_error(OTHER_SEA)
         self._recovery = Recovery(self.twin)

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.solve.halving import HALVINGS
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.saving.saved_state import SavedState
@@ -242,3 +243,12 @@ def moving_arrays(name: str, part: Any) -> Iterator[tuple[str, rows.Floats]]:
     elif type(part).__module__.startswith(("rope_twin.core", "rope_twin.effects")):
         for key, one in getattr(part, "__dict__", {}).items():
             yield from moving_arrays(f"{name}/{key}", one)
+
+
+def step_failure(step: int, time_s: float) -> str:
+    """Return the message for a failed step; step: its number, time_s: its start [s]."""
+    return phrase(
+        f"step {step} at {time_s:.2f} s",
+        f"the rope's next state is not finite even at 1/{2**HALVINGS} of the step",
+        "the last good state is kept; shorten the step or check the scene",
+    )

@@ -18,15 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rope_twin.core import state as rows
-from rope_twin.core.solve.halving import HALVINGS
 from rope_twin.errors import InputError, SolverError, StateError, phrase
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.scene.validation.rigging import is_joined, refuse_body, refuse_joined, winch_of
-from rope_twin.scene.validation.vortices import model_beside, refuse_shedding
-from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh, error_at_level
+from rope_twin.scene.validation.rigging import is_joined, winch_of
+from rope_twin.scene.validation.vortices import model_beside
+from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh, check_transferable, error_at_level
 from rope_twin.twin.accuracy.regrid import HangOff
-from rope_twin.twin.accuracy.validity import CUT_REASON, SceneMotion
+from rope_twin.twin.accuracy.validity import CUT_REASON
 from rope_twin.twin.current_input import CurrentInput
 from rope_twin.twin.cutting.cut_input import CutInput, rope_number
 from rope_twin.twin.cutting.rope_cut import CutPosition
@@ -34,7 +33,7 @@ from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL, BoundaryConditions, Present
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.multi_line.system import MultiLineRopes
-from rope_twin.twin.recovery import Checkpoint, moving_arrays
+from rope_twin.twin.recovery import Checkpoint, moving_arrays, step_failure
 from rope_twin.twin.ropes import ropes_of
 from rope_twin.twin.run_record import RunRecord
 from rope_twin.twin.saving import saved_state
@@ -69,8 +68,8 @@ class Twin:
         self._ropes = ropes_of(scene, STEPS_PER_CALL)
         self._rope = self._ropes.first
         self._mesh = Mesh(scene, self._rope)
-        self._inputs = TwinInputs(scene, self._ropes, self._clock)
-        self._motion = BoundaryConditions(scene, STEPS_PER_CALL, self._inputs.winch.line.length_m)
+        self.inputs = TwinInputs(scene, self._ropes, self._clock)
+        self._motion = BoundaryConditions(scene, STEPS_PER_CALL, self.inputs.winch.line.length_m)
         self._card_error = known_error(scene)  # by the scene's convergence study alone
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
         self._pull = self._ropes.solve_statics()
@@ -98,14 +97,14 @@ class Twin:
         received_ns: arrival by the twin's clock, in twin time, to judge the sender's clock; None:
         unknown.
         """
-        return self._inputs.offer_heave(stamp_ns, position_m, velocity_m_per_s, received_ns)
+        return self.inputs.offer_heave(stamp_ns, position_m, velocity_m_per_s, received_ns)
 
     def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
         """Submit a ship pose, which moves the hang-off in x, y, z; return "" or the rejection.
 
         received_ns: as in `offer_heave`.
         """
-        return self._inputs.offer_pose(pose, received_ns)
+        return self.inputs.offer_pose(pose, received_ns)
 
     def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
         """Command a winch speed, + pays out (stamp None: at once); return "" or the rejection."""
@@ -116,14 +115,14 @@ class Twin:
 
         A command for an unknown winch counts as rejected by the first one.
         """
-        return self._inputs.offer_command(stamp_ns, command, winch)
+        return self.inputs.offer_command(stamp_ns, command, winch)
 
     def offer_current(self, profile: ArrayLike) -> str:
         """Submit a current profile; return "" or the reason for its rejection.
 
         profile: rows of z [m], east, north [m/s] from the surface down, (rows, 3).
         """
-        return self._inputs.offer_current(profile)
+        return self.inputs.offer_current(profile)
 
     def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
         """Submit a cut of a rope (stamp None: at once); return "" or the reason for its rejection.
@@ -131,39 +130,26 @@ class Twin:
         below_m: unstretched distance below its upper end [m]; infinite: as close to the lower end
         as possible. rope: its name in a multi-line scene; "" is the first one.
         """
-        return self._inputs.offer_cut(stamp_ns, below_m, rope)
-
-    def expect_motion(self, own: SceneMotion | None) -> None:
-        """Compare each accepted motion sample with the scene's own sea from now on.
-
-        The error known from the scene's convergence study is reported only for motion that was
-        compared in this way. None: the caller itself supplies the scene's own sea, and nothing is
-        compared.
-        """
-        self._inputs.expect_motion(own)
+        return self.inputs.offer_cut(stamp_ns, below_m, rope)
 
     def prescribe_motion(self) -> None:
         """Accept heave as computed values of any form (step, pluck, stop) from now on.
 
         Sensor checks are then skipped: samples are checked only for order, range and finiteness.
         """
-        self._inputs.prescribe_motion()
-
-    def judge_clocks(self, lead_s: float, correct: bool) -> None:
-        """Set the lead allowed to senders of motion [s], and whether their stamps are corrected."""
-        self._inputs.judge_clocks(lead_s, correct)
+        self.inputs.prescribe_motion()
 
     def invalidate_inputs(self) -> None:
         """Invalidate inputs that were known in advance, after a pause or a restart."""
-        self._inputs.invalidate()
+        self.inputs.invalidate()
 
     def winch_called(self, name: str) -> str:
         """Return the name of the commanded winch; a single-line scene accepts its rope's too."""
-        return self._inputs.winch_called(name)
+        return self.inputs.winch_called(name)
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted sample of heave, cut and each winch [ns]."""
-        return self._inputs.newest_ns()
+        return self.inputs.newest_ns()
 
     # Present
 
@@ -195,7 +181,7 @@ class Twin:
     @property
     def rope(self) -> rows.Rope:
         """The core's arrays in their present state; use them in the stepping thread only."""
-        rope, effects = self._rope, self._inputs.current.effects
+        rope, effects = self._rope, self.inputs.current.effects
         return rope if rope.effects is effects else rope._replace(effects=effects)
 
     @property
@@ -211,12 +197,12 @@ class Twin:
     @property
     def cut(self) -> CutShot | None:
         """Position and time of the cut; None if no rope was cut."""
-        return self._inputs.cut.done
+        return self.inputs.cut.done
 
     @property
     def card_error(self) -> KnownError:
         """Error of the top tension that is known at present (twin/accuracy/validity.py)."""
-        return self._inputs.validity.claim(self._card_error, self.time_ns)
+        return self.inputs.validity.claim(self._card_error, self.time_ns)
 
     @property
     def top_pull_n(self) -> float:
@@ -249,7 +235,7 @@ class Twin:
 
         For callers that know the run differs from the convergence study, as in another sea.
         """
-        self._inputs.validity.invalidate(why)
+        self.inputs.validity.invalidate(why)
 
     # Steps
 
@@ -272,7 +258,7 @@ class Twin:
 
     def _advance_some(self, steps: int) -> int:
         """Advance as far as inputs can be prescribed without tension feedback; return the steps."""
-        began, clock, inputs = time.perf_counter(), self._clock, self._inputs
+        began, clock, inputs = time.perf_counter(), self._clock, self.inputs
         if self._viv_drag is not None:
             steps = min(steps, self._viv_drag.steps_to_sampling(clock.steps))
         with inputs.lock:
@@ -316,7 +302,7 @@ class Twin:
 
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present; call it from the stepping thread."""
-        record, inputs = self._record, self._inputs
+        record, inputs = self._record, self.inputs
         unconverged = int(self._rope.state.health[rows.SUBSTEPS_UNCONVERGED])
         with inputs.lock:
             health = inputs.health()
@@ -365,11 +351,7 @@ class Twin:
                 transferred to another mesh.
             StateError: the rope was cut; its parts cannot be transferred either.
         """
-        refuse_joined(self.scene)
-        if self.cut:
-            raise StateError(phrase("other elements", "the rope was cut", "its parts keep theirs"))
-        refuse_body(self.scene, "it cannot be carried over to another grid")
-        refuse_shedding(self.scene, "wakes of vortices cannot be carried over to another grid")
+        check_transferable(self.scene, self.cut is not None)
         V = float(self._boundary.rate[0, rows.LINE])
         at = HangOff(self._pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
         self._motion.steps = 0  # boundary conditions ahead are valid for the old step only
@@ -390,11 +372,11 @@ class Twin:
     def _record_cut(self, lost_m: float, left_m: float, rope: int) -> None:
         """Record a cut at the present time."""
         if rope == 0:
-            self._inputs.winch.adapt_to_cut(lost_m, left_m)
+            self.inputs.winch.adapt_to_cut(lost_m, left_m)
         else:
             self._ropes.adapt_to_cut(rope, lost_m, left_m)
         name = self.scene.ropes[rope].name if is_joined(self.scene) else ""
-        self._inputs.cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m, name)
+        self.inputs.cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m, name)
 
     def _split(self, lost_m: float, rope: int = 0) -> float:
         """Split a rope in two; return the length below the cut [m]."""
@@ -403,7 +385,7 @@ class Twin:
         place = CutPosition(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
         self._ropes, lost_m = self._ropes.cut(whole, self._boundary, place)
         self._rope = self._ropes.first
-        self._inputs.ropes, self._inputs.current.effects = self._ropes, self._rope.effects
+        self.inputs.ropes, self.inputs.current.effects = self._ropes, self._rope.effects
         if self._viv_drag is not None:
             self._viv_drag.cut(whole, self._rope)
         if rope == 0:
@@ -417,11 +399,11 @@ class Twin:
         For use after a failed step, whose inputs may be the cause; call it from the stepping
         thread.
         """
-        with self._inputs.lock:
+        with self.inputs.lock:
             self._motion.steps = 0
             value, rate = self._boundary
             line = Payout(float(value[0, rows.LINE]), float(rate[0, rows.LINE]))
-            self._inputs.winch.continue_from(line)
+            self.inputs.winch.continue_from(line)
             self._ropes.discard_prescribed()
 
     def checkpoint(self) -> Checkpoint:
@@ -429,7 +411,7 @@ class Twin:
         border = self._ropes.border(self._boundary)
         kept = {name: array.copy() for name, array in self._moving_arrays().items()}
         return Checkpoint(self.time_ns, self.level, self.cut, border, kept,
-                          self._inputs.current.effects, self._record.extremes())  # fmt: skip
+                          self.inputs.current.effects, self._record.extremes())  # fmt: skip
 
     def return_to(self, then: Checkpoint) -> bool:
         """Return the ropes to an earlier state at the present time; return whether the state fits.
@@ -462,8 +444,8 @@ class Twin:
 
     def revert_current(self, then: Checkpoint) -> bool:
         """Revert a current profile accepted since the checkpoint; return whether there was one."""
-        with self._inputs.lock:
-            return self._inputs.current.revert(then.effects, self.time_ns)
+        with self.inputs.lock:
+            return self.inputs.current.revert(then.effects, self.time_ns)
 
     # State
 
@@ -498,7 +480,7 @@ class Twin:
             cut_left_m=cut.left_m if cut else 0.0,
             cut_rope=cut.rope if cut else "",
         )
-        with self._inputs.lock:
+        with self.inputs.lock:
             return saved_state.take(self._state(), about, self.scene)
 
     @classmethod
@@ -527,7 +509,7 @@ class Twin:
 
     def branch(self) -> Twin:
         """Return an independent, bit-identical copy; call it from the stepping thread."""
-        inputs = self._inputs
+        inputs = self.inputs
         with inputs.lock:
             shared: dict[int, Any] = {
                 id(own): own for own in (self.scene, inputs.own_motion) if own is not None
@@ -542,7 +524,7 @@ class Twin:
             mesh=self._mesh.state(),
             ropes=self._rope_arrays(),
             motion=self._motion.state(),
-            inputs=self._inputs.state(),
+            inputs=self.inputs.state(),
             record=self._record.state(),
             monitors=self._monitor_states(),
         )
@@ -552,14 +534,14 @@ class Twin:
         self._clock.restore(state.clock)
         self._mesh.restore(state.mesh)
         self._motion.restore(state.motion)
-        self._inputs.restore(state.inputs)
+        self.inputs.restore(state.inputs)
         self._record.restore(state.record)
         ropes = dict(state.ropes)
         self._pull = ropes.pop("rope/pull")
         tension, model = ropes.pop("rope/tension"), ropes.pop("rope/model", self._rope.model)
         self._rope = self._rope._replace(
             **{name: ropes.pop(f"rope/{name}") for name in saved_state.changing_parts(self._rope)},
-            effects=self._inputs.current.effects,
+            effects=self.inputs.current.effects,
             model=model,
         )
         self._tension[:] = tension
@@ -574,7 +556,7 @@ class Twin:
 
     def _moving_arrays(self) -> dict[str, rows.Floats]:
         """Return views of all arrays of a checkpoint, by name."""
-        kept = self._rope_arrays() | {"effects": self._inputs.current.effects}
+        kept = self._rope_arrays() | {"effects": self.inputs.current.effects}
         return {
             name: array for name, part in kept.items() for name, array in moving_arrays(name, part)
         }
@@ -591,19 +573,19 @@ class Twin:
 
     @property
     def _lock(self) -> threading.Lock:
-        return self._inputs.lock
+        return self.inputs.lock
 
     @property
     def _current(self) -> CurrentInput:
-        return self._inputs.current
+        return self.inputs.current
 
     @property
     def _cut(self) -> CutInput:
-        return self._inputs.cut
+        return self.inputs.cut
 
     @property
     def _winch(self) -> Winch:
-        return self._inputs.winch
+        return self.inputs.winch
 
     @property
     def _steps(self) -> int:
@@ -616,12 +598,3 @@ class Twin:
     @_computing_s.setter
     def _computing_s(self, value: float) -> None:
         self._clock.computing_s = value
-
-
-def step_failure(step: int, time_s: float) -> str:
-    """Return the message for a failed step; step: its number, time_s: its start [s]."""
-    return phrase(
-        f"step {step} at {time_s:.2f} s",
-        f"the rope's next state is not finite even at 1/{2**HALVINGS} of the step",
-        "the last good state is kept; shorten the step or check the scene",
-    )

@@ -338,7 +338,7 @@ def test_a_senders_clock_is_corrected_on_demand(tmp_path: Path, clock_s: float) 
         return replace(one, stamp_s=one.stamp_s + clock_s)
 
     twin = Twin(usual(tmp_path))
-    twin.judge_clocks(0.2, correct=True)
+    twin.inputs.judge_clocks(0.2, correct=True)
     found = run(twin, fault, 16.0, at_s=-1.0, clocked=True)
     off = [shot.heave_m - truth(shot.time_s)[0] for shot in found.shots if shot.time_s > 6.0]
     assert np.abs(off).max() < 1.5 * OMEGA * 2.0 * LATENCY_S

@@ -159,14 +159,14 @@ def test_any_exception_is_recovered_from(tmp_path: Path, monkeypatch: pytest.Mon
     twin = heaving(tmp_path)
     recovery = Recovery(twin)
     run(recovery, twin, 2.0)
-    at, left = twin._inputs.heave.at, [1]
+    at, left = twin.inputs.heave.at, [1]
 
     def fail_once(time_ns: int) -> tuple[float, float]:
         if left.pop() if left else 0:
             raise ZeroDivisionError("float division by zero")
         return at(time_ns)
 
-    monkeypatch.setattr(twin._inputs.heave, "at", fail_once)
+    monkeypatch.setattr(twin.inputs.heave, "at", fail_once)
     shots = run(recovery, twin, 2.0)
     assert recovery.count == 1
     assert "a step failed on ZeroDivisionError: float division by zero" in recovery.reason

@@ -132,7 +132,7 @@ def test_a_schedule_must_be_heard(tmp_path: Path) -> None:
 def test_motion_is_compared_with_the_scenes_own_sea(tmp_path: Path) -> None:
     scene = variant_scene(tmp_path, "effects:", f"{SEA}effects:")
     fed, compared, other, deaf, unknown = (Twin(scene) for _ in range(5))
-    fed.expect_motion(None)
+    fed.inputs.expect_motion(None)
     for twin in (compared, other, deaf):
         expect_own_sea(twin)
     sea = open_sea(scene)

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from rope_twin.core.state import Floats, Model, Rope
+from rope_twin.errors import StateError, phrase
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import body_of, is_joined
-from rope_twin.scene.validation.vortices import shedding_model
+from rope_twin.scene.validation.rigging import body_of, is_joined, refuse_body, refuse_joined
+from rope_twin.scene.validation.vortices import refuse_shedding, shedding_model
 from rope_twin.twin.accuracy.regrid import Grid, HangOff, coarse_room, coarser, finer, marks_of
 
 
@@ -58,6 +59,20 @@ def levels_of(scene: Scene) -> tuple[AccuracyLevel, ...]:
         levels.append(AccuracyLevel(levels[-1].step_ns, halvings))
         halvings += 1
     return tuple(levels)
+
+
+def check_transferable(scene: Scene, is_cut: bool) -> None:
+    """Check that the ropes of a scene can be transferred to another mesh.
+
+    Raises:
+        SceneError: the scene is multi-line, has a VIV model or a rigid body.
+        StateError: the rope was cut; its parts cannot be transferred either.
+    """
+    refuse_joined(scene)
+    if is_cut:
+        raise StateError(phrase("other elements", "the rope was cut", "its parts keep theirs"))
+    refuse_body(scene, "it cannot be carried over to another grid")
+    refuse_shedding(scene, "wakes of vortices cannot be carried over to another grid")
 
 
 def error_at_level(scene: Scene, level: AccuracyLevel) -> KnownError:

@@ -14,9 +14,9 @@ from rope_twin.core.step import advance
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary
+from rope_twin.twin.recovery import step_failure
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.snapshot_builder import Extremes, SnapshotInputs, build_snapshot
-from rope_twin.twin.twin import step_failure
 
 
 class Scratch:
