@@ -33,7 +33,7 @@ ARGUMENTS = (
     ("sea", "true", "play the recorded sea; false: a motion sensor publishes ship/heave"),
     ("schedule", "true", "play the scene's winch schedule; false: somebody else commands"),
     ("record", "false", "record every topic"),
-    ("directory", "", "bag directory to make; empty: rope_twin_DATE_TIME"),
+    ("out", "", "bag directory to create; empty: rope_twin_DATE_TIME"),
     ("view", "false", "show the run in rerun"),
     ("view_file", "", "write this .rrd file instead of opening a window"),
     ("allow_cut", "false", "listen to rope/cut: whoever publishes there cuts the rope"),
@@ -73,14 +73,14 @@ def generate_launch_description() -> LaunchDescription:
         "bag": ParameterValue(value("bag"), **text),
         "poses": ParameterValue(value("poses"), **text),
         "topic": ParameterValue(value("topic"), **text),
-        "start_s": ParameterValue(value("sea_offset"), value_type=float),
+        "sea_offset_s": ParameterValue(value("sea_offset"), value_type=float),
     }
     named = PythonExpression(["'", value("bag"), value("poses"), "' != ''"])
     other = {"other_sea": ParameterValue(named, value_type=bool)}  # no error by the card then
     cut = {"allow_cut": ParameterValue(value("allow_cut"), value_type=bool)}
-    bag = {"directory": ParameterValue(value("directory"), **text), "beside": True}
+    bag = {"out": ParameterValue(value("out"), **text), "beside": True}
     state = ParameterValue(value("state"), **text)
-    saved = {"save_to": state, "start_from": state, "save_every_s": 2.0}
+    saved = {"save_state": state, "from_state": state, "save_every_s": 2.0}
     picture = {"file": ParameterValue(value("view_file"), **text)}
     return LaunchDescription(
         [

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
+from rope_twin.scene.schema import WINCH
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION
 
@@ -183,5 +184,47 @@ SESSION_TOPIC, INPUT_LOG_TOPIC = "twin/session", "twin/inputs"
 MOTION_TOPICS = "ship/heave", "ship/odometry"
 # topics that the simulation subscribes to
 INPUTS = (*MOTION_TOPICS, *WINCH_TOPICS, CUT_TOPIC, "current")
+
+
+@dataclass(frozen=True)
+class Service:
+    """One row of the table of services; `{winch}` is `winch`, or `winch/NAME` for another one."""
+
+    name: str
+    type_name: str
+    about: str
+
+
+TAKE, RELEASE = "take_seat", "release_seat"
+# switches of a winch by service: name of the service, command for true (or a Trigger) and for false
+WINCH_SERVICES = {
+    "emergency_stop": ("emergency_stop", ""),
+    "reset": ("reset", ""),
+    "set_brake": ("set_brake", "release_brake"),
+    "set_compensation": ("compensate", "stop_compensating"),
+}
+SAVE_STATE = "simulation/save_state"
+SERVICES: tuple[Service, ...] = (
+    Service("winch/emergency_stop", "std_srvs/srv/Trigger",
+            "stops the winch; accepted from everybody at any time"),
+    Service("winch/reset", "std_srvs/srv/Trigger",
+            "ends an emergency stop; only while the seat is free"),
+    Service("winch/set_brake", "std_srvs/srv/SetBool",
+            "true: sets the brake, false: releases it; only while the seat is free"),
+    Service("winch/set_compensation", "std_srvs/srv/SetBool",
+            "heave compensation (AHC) on or off; only while the seat is free"),
+    Service(f"winch/{TAKE}", "std_srvs/srv/Trigger",
+            "the next command of another node of the commander's priority takes the seat"),
+    Service(f"winch/{RELEASE}", "std_srvs/srv/Trigger",
+            "frees the seat of a commander that has sent no command for 1 s"),
+    Service(SAVE_STATE, "std_srvs/srv/Trigger",
+            "saves the state at the end of the cycle, to the file of the parameter save_state"),
+)  # fmt: skip
+
+
+def service_name(winch: str, what: str) -> str:
+    """Return the service name for a winch: winch/take_seat, or winch/NAME/take_seat."""
+    return f"winch/{what}" if winch == WINCH else f"winch/{winch}/{what}"
+
 
 BY_NAME: dict[str, Topic] = {topic.name: topic for topic in TOPICS}

@@ -20,6 +20,7 @@ SECTIONS: dict[str, Callable[[], str]] = {
     "commands": command_line.overview,
     "command line": command_line.reference,
     "topics": interface.topics,
+    "services": interface.services,
     "qos": interface.qos_profiles,
     "parameters": interface.parameters,
     "diagnostics": interface.diagnostics,

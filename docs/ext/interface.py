@@ -13,7 +13,7 @@ from markdown import code, prose, table, words
 
 import rope_twin
 from rope_twin.ros import params
-from rope_twin.topics import QOS_ROWS, TOPICS
+from rope_twin.topics import QOS_ROWS, SERVICES, TOPICS
 
 PACKAGE = Path(rope_twin.__file__).parent
 ROW = re.compile(r"(simulation|recorder): ?[a-z -]*")
@@ -71,6 +71,15 @@ def topics() -> str:
         for topic in TOPICS
     )
     return table(("topic", "type", "publisher", "rate", "QoS", "content and units"), rows)
+
+
+def services() -> str:
+    """Return the table of services."""
+    rows = (
+        (code(one.name), code(one.type_name.replace("/srv/", "/")), prose(one.about))
+        for one in SERVICES
+    )
+    return table(("service", "type", "effect"), rows)
 
 
 def qos_profiles() -> str:

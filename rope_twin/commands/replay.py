@@ -119,7 +119,8 @@ def _sentences(bag: Path, found: Verification) -> list[str]:
         rows.append(f"  not compared, since their inputs are not known: {found.unverified}")
     rows.append(f"  inputs applied: {_counts(found.applied) or 'none'}")
     if found.unrecorded:
-        rows.append(f"  of these not on their own topic in the bag: {_counts(found.unrecorded)}")
+        counts = _counts(found.unrecorded)
+        rows.append(f"  of these lost on their topic, or given by a service: {counts}")
     rows += [f"  left out: {topic}, since {why}" for topic, why in LEFT_OUT.items()]
     machine = found.sessions[0].content["machine"]
     rows.append(f"  recorded on {machine['processor']}, numba {machine['numba']}")

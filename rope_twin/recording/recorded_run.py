@@ -36,7 +36,7 @@ from rope_twin.topics import (
 )
 from rope_twin.twin.input_queue import Call
 from rope_twin.twin.motion.ship_pose import ShipPose
-from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.commands import COMMANDER_EVENTS, WinchCommand
 
 _STAMPED = "hang_off/wrench"  # due at every slot, with a stamp
 _STAMP = struct.Struct("<iI")  # behind the encapsulation of 4 bytes
@@ -348,6 +348,8 @@ def _given(call: Call) -> tuple[str, int | None, Values] | None:
     if call.method == "offer_command":
         stamp_ns, order = call.arguments[:2]
         assert isinstance(order, WinchCommand)
+        if order.kind in COMMANDER_EVENTS:
+            return None
         topic = ORDER_TOPICS.get(order.kind)
         return (topic or SWITCH_TOPIC, stamp_ns, (order.value if topic else order.kind,))
     if call.method == "offer_cut":

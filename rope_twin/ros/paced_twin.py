@@ -254,9 +254,9 @@ class PacedTwin:
         self._recovery = Recovery(self.twin)
         expect_own_sea(self.twin)
         self._keeper: AutoSave | None = None
-        if params.save_to:
+        if params.save_state:
             every_s = params.save_every_s * params.speed
-            self._keeper = AutoSave(self._recovery, Path(params.save_to).resolve(), every_s)
+            self._keeper = AutoSave(self._recovery, Path(params.save_state).resolve(), every_s)
         self.ladder = _ladder(self.twin, params)
         self._described = describe_run(scene, _setup(params), params.speed)
         self._log = InputLog(uuid4().hex)
@@ -327,6 +327,16 @@ class PacedTwin:
         if self._keeper is not None:
             self._keeper.finish()
         reset_threads()
+
+    def save(self) -> tuple[bool, str]:
+        """Save the state at the end of the present cycle; return success and text."""
+        if self._keeper is None:
+            return False, "no file: give the parameter save_state when the simulation is configured"
+        path = self._keeper.health().path
+        if self.border.epoch_ns is None:
+            return True, f"paused, the state is in {path}"
+        self._keeper.request()
+        return True, f"saving to {path}; `simulation: saving` of diagnostics has the result"
 
     @property
     def last(self) -> Snapshot:
@@ -399,10 +409,10 @@ def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
     """Return the twin in static equilibrium or at a saved state, and a text saying which."""
     watch = MonitorSettings(params.vibration, params.fatigue)
     kind = twin_class(params.energy, params.error_band, watch)
-    if not params.start_from:
+    if not params.from_state:
         return kind(scene), "starting from static equilibrium"
-    path = Path(params.start_from).resolve()
-    if params.start_from == params.save_to and not path.exists():
+    path = Path(params.from_state).resolve()
+    if params.from_state == params.save_state and not path.exists():
         return kind(scene), f"starting from static equilibrium: no saved state {path} yet"
     twin = kind.restore(path, scene)
     return twin, f"resuming from {path} at {twin.time_ns * 1e-9:.2f} s"

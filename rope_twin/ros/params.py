@@ -47,14 +47,14 @@ class SimulationParams:
         "publisher, outputs until they have a subscriber", "",
     )  # fmt: skip
     wait_for_s: float = quantity("timeout of wait_for", "s", 0.0, 60.0, default=5.0)
-    save_to: str = text("file for the saved state, written periodically and at the end; empty: "
+    save_state: str = text("file for the saved state, written periodically and at the end; empty: "
                         "none", "")  # fmt: skip
     save_every_s: float = quantity("real time between two saved states", "s", 0.1, 3600.0,
                                    default=10.0)  # fmt: skip
-    start_from: str = text(
+    from_state: str = text(
         "saved state to resume from; empty: start from static equilibrium. If it is the file of "
-        "save_to, it may be missing: a first run starts from static equilibrium, and a restarted "
-        "one resumes", "",
+        "save_state, it may be missing: a first run starts from static equilibrium, and a "
+        "restarted one resumes", "",
     )  # fmt: skip
     failure_directory: str = text(
         "folder for the state at a solver failure; empty: the working directory", "",
@@ -98,8 +98,8 @@ class SeaStateParams:
     bag: str = text("name in bags/ or path of a bag with a heave topic; empty: the scene's", "")
     poses: str = text("bag of ship poses to replay in place of heave; empty: none", "")
     topic: str = text("topic in the bag; empty: the only suitable one", "")
-    start_s: float = quantity("offset into the bag, added to the scene's if it is the scene's bag",
-                              "s", 0.0, 1e6, default=0.0)  # fmt: skip
+    sea_offset_s: float = quantity("offset into the bag, added to the scene's if it is its bag",
+                                   "s", 0.0, 1e6, default=0.0)  # fmt: skip
     loop: bool = text("repeat the record from its beginning", True)
     significant_height_m: float = quantity(
         "significant wave height Hs of a JONSWAP sea; 0: replay a bag",
@@ -142,9 +142,9 @@ class WinchScheduleParams:
 class RecorderParams:
     """Parameters of the recorder node."""
 
-    directory: str = text("bag directory to create; empty: rope_twin_DATE_TIME here", "")
+    out: str = text("bag directory to create; empty: rope_twin_DATE_TIME here", "")
     beside: bool = text(
-        "if the directory exists, record to DIRECTORY_2 and so on: for a restarted recorder", False
+        "if the directory exists, record to OUT_2 and so on: for a restarted recorder", False
     )
     standby: str = text(
         "start recording when this file exists, to replace a failed recorder; empty: immediately",

@@ -106,13 +106,14 @@ class Processes:
         simulation |= {"wait_for": _awaited(options), "wait_for_s": _FIND_S}
         # A restarted simulation resumes from there.
         simulation |= {
-            "save_to": simulation["save_to"] or str(Path(self._folder.name) / "simulation.state"),
+            "save_state": simulation["save_state"]
+            or str(Path(self._folder.name) / "simulation.state"),
             "save_every_s": _SAVE_EVERY_S,
         }
         self._scene = options.scene
         self._spare: Spare | None = None
         self._call = Path()  # file that activates the current standby recorder
-        self._state_before = _signature(Path(simulation["save_to"]))
+        self._state_before = _signature(Path(simulation["save_state"]))
         for name in self._parameters:
             self._start(name)
         if "recorder" in self._parameters:
@@ -175,7 +176,7 @@ class Processes:
 
     def _next_bag(self) -> str:
         """Return the bag of the next recorder, and how to recover the previous bag."""
-        bag = Path(self._parameters["recorder"]["directory"])
+        bag = Path(self._parameters["recorder"]["out"])
         self._bags.append(free_path(bag))
         return f"{self._bags[-1]}; recover the first part with `rope_twin recover {self._bags[-2]}`"
 
@@ -197,9 +198,9 @@ class Processes:
             parameters["file"] = str(free_path(Path(parameters["file"]), ".rrd"))
         elif again and name == "simulation":
             parameters["wait_for_s"] = _FIND_AGAIN_S
-            saved = _signature(Path(parameters["save_to"]))
+            saved = _signature(Path(parameters["save_state"]))
             if saved is not None and saved != self._state_before:  # saved by this run
-                parameters["start_from"] = parameters["save_to"]
+                parameters["from_state"] = parameters["save_state"]
         self._running[name] = self._begin(name, parameters)
         self._started_s[name] = time.monotonic()
 

@@ -98,7 +98,7 @@ class RecorderNode(Node):
         self.get_logger().info("recorder on standby")
 
     def _start(self) -> None:
-        directory = Path(self._params.directory or time.strftime("rope_twin_%Y%m%d_%H%M%S"))
+        directory = Path(self._params.out or time.strftime("rope_twin_%Y%m%d_%H%M%S"))
         if self._params.beside:
             directory = free_path(directory)
         topics = [t for t in TOPICS if t.name != CUT_TOPIC or self._params.allow_cut]

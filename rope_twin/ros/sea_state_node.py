@@ -75,12 +75,12 @@ def _open(params: SeaStateParams) -> Sea | None:
     if params.significant_height_m > 0.0:
         spectrum = jonswap(params.significant_height_m, params.peak_period_s)
         sea = synthesise(spectrum, BoxHull(), params.seed)
-        return replay_sea(sea, params.start_s, params.loop)
+        return replay_sea(sea, params.sea_offset_s, params.loop)
     return open_sea(
         load_scene(params.scene),
         params.bag,
         params.topic,
-        params.start_s,
+        params.sea_offset_s,
         params.loop,
         params.poses,
     )

@@ -19,7 +19,7 @@ from rclpy.duration import Duration
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, encode_diagnostics, encode_epoch, encode_seat
@@ -36,7 +36,6 @@ from rope_twin.ros.qos import (
     unheard_publishers,
     unsuited,
 )
-from rope_twin.run.seat import RELEASE, TAKE, service_name
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.warnings.rope import sense_checks
@@ -46,9 +45,14 @@ from rope_twin.topics import (
     INPUT_LOG_TOPIC,
     INPUTS,
     MOTION_TOPICS,
+    RELEASE,
+    SAVE_STATE,
     SEAT_TOPIC,
+    TAKE,
     TOPICS,
+    WINCH_SERVICES,
     WINCH_TOPICS,
+    service_name,
 )
 from rope_twin.twin.pacing import keep_pauses_short
 
@@ -73,7 +77,7 @@ class SimulationNode(LifecycleNode):
         self._published = Counter[str]()  # messages by topic
         self._listeners, self._described_s = 0, float("-inf")  # subscribers of the input log
         self._senders = Senders(self)
-        self._seat_services: list[Any] = []
+        self._own_services: list[Any] = []
         self._seat_words = ""  # last published text
         self._looked_s = 0.0  # time of the last check of the commanders
         self.paced: PacedTwin | None = None
@@ -143,8 +147,8 @@ class SimulationNode(LifecycleNode):
             for warning in sense_checks(scene):
                 self.get_logger().warning(warning)
             self.paced = PacedTwin(scene, self._params, self._publish, self._published.copy)
-            self._offer_seats()
-            if self._params.start_from:
+            self._offer_services()
+            if self._params.from_state:
                 self.get_logger().info(self.paced.begun)
             if self.paced.twin.told:
                 self.get_logger().info(self.paced.twin.told)
@@ -177,9 +181,9 @@ class SimulationNode(LifecycleNode):
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Drop the twin."""
         self.paced = None
-        for service in self._seat_services:
+        for service in self._own_services:
             self.destroy_service(service)
-        self._seat_services.clear()
+        self._own_services.clear()
         self._state = "unconfigured"
         return _SUCCESS
 
@@ -268,18 +272,38 @@ class SimulationNode(LifecycleNode):
             self._seat_words = words
             self._publish(SEAT_TOPIC, encode_seat(words))
 
-    def _offer_seats(self) -> None:
-        """Create the services that take and release the seats of the winches."""
+    def _offer_services(self) -> None:
+        """Create the services of the table for each winch, and the one that saves the state."""
         assert self.paced is not None
         for winch in self.paced.border.seats.winches:
             for what in (TAKE, RELEASE):
-                name = service_name(winch, what)
-                try:
-                    made = self.create_service(Trigger, name, self._seat_server(winch, what))
-                except InvalidServiceNameException:
-                    self.get_logger().warning(f"no service {name}: not a valid ROS name")
-                else:
-                    self._seat_services.append(made)
+                self._serve(service_name(winch, what), Trigger, self._seat_server(winch, what))
+            for what, kinds in WINCH_SERVICES.items():
+                kind = SetBool if kinds[1] else Trigger
+                self._serve(service_name(winch, what), kind, self._switch_server(winch, *kinds))
+        self._serve(SAVE_STATE, Trigger, self._save_state)
+
+    def _serve(self, name: str, kind: Any, serve: Any) -> None:
+        try:
+            self._own_services.append(self.create_service(kind, name, serve))
+        except InvalidServiceNameException:
+            self.get_logger().warning(f"no service {name}: not a valid ROS name")
+
+    def _switch_server(self, winch: str, on: str, off: str) -> Any:
+        def serve(request: Any, response: Any) -> Any:
+            response.message = f"the simulation is {self._state}"
+            if self.paced is not None:
+                kind = on if getattr(request, "data", True) else off
+                response.success, response.message = self.paced.border.switch(winch, kind)
+            return response
+
+        return serve
+
+    def _save_state(self, request: Any, response: Any) -> Any:
+        response.message = f"the simulation is {self._state}"
+        if self.paced is not None:
+            response.success, response.message = self.paced.save()
+        return response
 
     def _seat_server(self, winch: str, what: str) -> Any:
         def serve(request: Any, response: Any) -> Any:

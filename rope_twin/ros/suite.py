@@ -46,20 +46,20 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         "bag": options.bag,
         "poses": options.poses,
         "topic": options.topic,
-        "start_s": options.sea_offset_s,
+        "sea_offset_s": options.sea_offset_s,
         **speed,
     }
     nodes["winch_schedule"] = {"scene": options.scene, "cut": options.cut, **speed}
     # After the nodes that read named files: nothing is written to disk for a mistyped name.
     if options.record is not None:
-        nodes["recorder"] = {"directory": str(options.record), **cut}
+        nodes["recorder"] = {"out": str(options.record), **cut}
     if options.view is not None:
         nodes["viewer"] = {"file": str(options.view_file or "")}
     nodes["simulation"] = {
         "scene": options.scene,
         "stop_after_s": options.end_s or 0.0,
-        "save_to": str(options.save or ""),
-        "start_from": str(options.start_from or ""),
+        "save_state": str(options.save or ""),
+        "from_state": str(options.start_from or ""),
         "failure_directory": str(options.failure_folder),
         "energy": options.energy,
         "elements": options.elements or 0,

@@ -170,6 +170,16 @@ class InputBorder:
             at_ns = admitted.stamp_ns
         self._command(at_ns, order, name)
 
+    def switch(self, winch: str, kind: str) -> tuple[bool, str]:
+        """Execute a switch that comes by a service immediately; return success and text."""
+        if self._epoch() is None:
+            return False, f"winch {winch}: '{kind}' ignored, the simulation is not active"
+        refusal = self.seats.permit(winch, kind)
+        if refusal:
+            return False, refusal
+        self._command(None, WinchCommand(kind), winch)
+        return True, f"winch {winch}: {kind.replace('_', ' ')}"
+
     def take_cut(self, data: bytes) -> None:
         """Accept or reject a rope/cut message."""
         content = self._read(CUT_TOPIC, lambda: read_cut(data))

@@ -19,8 +19,10 @@ from typing import NamedTuple
 
 from rope_twin.errors import phrase
 from rope_twin.messages import Level, Status
-from rope_twin.scene.schema import WINCH, Scene
+from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import winches_by_name
+from rope_twin.scene.winch import SWITCHES
+from rope_twin.topics import RELEASE, TAKE, service_name
 from rope_twin.twin.winch.commands import (
     COMMANDER_LOST,
     CONTROL_MODES,
@@ -103,6 +105,16 @@ class CommandSeat:
         self._lost = self._yielded = ""
         self._streak, self._unseen_s, self._silent = 0, None, False
         return Verdict(is_new=is_new)
+
+    def permit(self, kind: str, now_s: float) -> str:
+        """Accept ("") or reject (why) a switch that comes by a service, which has no sender."""
+        if kind == EMERGENCY_STOP or not self.holder:
+            return ""
+        what = f"'{kind}' by service rejected: {self.holder} has the seat"
+        right = f"release it with the service {service_name(self.winch, RELEASE)}"
+        self._refusal = phrase(f"winch {self.winch}", what, right)
+        self.refused, self._refused_s = self.refused + 1, now_s
+        return self._refusal
 
     def note(self, order: WinchCommand, stamp_ns: int | None, now_ns: int, now_s: float) -> None:
         """Register a command of the holder.
@@ -243,9 +255,10 @@ class Seats:
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._now_s = now_s
+        self._winches = winches_by_name(scene)
         self._by_winch = {
             name: CommandSeat(name, priority, winch.when_commander_lost)
-            for name, winch in winches_by_name(scene).items()
+            for name, winch in self._winches.items()
         }
         self._order = order
         self._planner = planner_of(priority)
@@ -283,6 +296,14 @@ class Seats:
         if is_stop and ahead and command.sender.rpartition("/")[2] != self._planner:
             return command._replace(stamp_ns=None)
         return command
+
+    def permit(self, winch: str, kind: str) -> str:
+        """Accept ("") or reject (why) a switch of a winch that comes by a service."""
+        needed = SWITCHES[kind]
+        if getattr(self._winches[winch], needed) is None:
+            what = f"'{kind}', but it has no {needed.replace('_', ' ')}"
+            return phrase(f"winch {winch}", what, f"add `{needed}` to it in the scene")
+        return self._by_winch[winch].permit(kind, self._now_s())
 
     def resume(self, now_ns: int) -> None:
         """Start, or continue after a pause."""
@@ -325,11 +346,3 @@ def planner_of(priority: str) -> str:
     """Return the planning node, which sends commands ahead of time: the last in the list."""
     last = priority.split()[-1:]
     return last[0] if last and last != [ANY] else ""
-
-
-TAKE, RELEASE = "take_seat", "release_seat"
-
-
-def service_name(winch: str, what: str) -> str:
-    """Return the service name for a winch: winch/take_seat, or winch/NAME/take_seat."""
-    return f"winch/{what}" if winch == WINCH else f"winch/{winch}/{what}"

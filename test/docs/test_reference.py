@@ -11,7 +11,7 @@ from rope_twin.cli import COMMANDS
 from rope_twin.effects import EFFECTS
 from rope_twin.scene.load import rope_presets, scene_names
 from rope_twin.scene.reference import scene_keys
-from rope_twin.topics import TOPICS
+from rope_twin.topics import SERVICES, TOPICS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 sys.path.append(str(DOCS / "ext"))
@@ -23,6 +23,7 @@ import profiles  # noqa: E402
 NAMES = {
     "commands": [f"`rope_twin {name.replace('_', '-')}`" for name in COMMANDS],
     "topics": [f"| `{topic.name}` |" for topic in TOPICS],
+    "services": [f"| `{one.name}` |" for one in SERVICES],
     "scene keys": [
         f"`{key.path.removeprefix('effects[].')}`" for key in scene_keys() if key.path != "effects"
     ],

@@ -19,10 +19,8 @@ from rope_twin.messages import encode_cut
 from rope_twin.ros.entry import DISCOVERY_RANGE
 from rope_twin.ros.processes import STANDBY
 from rope_twin.ros.suite import END_ORDER
-from rope_twin.run.seat import RELEASE, TAKE, service_name
-from rope_twin.scene.schema import WINCH
 from rope_twin.share import share_dir
-from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUTS, TOPICS, WINCH_TOPICS
+from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUTS, SERVICES, TOPICS, WINCH_TOPICS
 
 pytestmark = pytest.mark.ros
 SCENE = "still_water"
@@ -163,8 +161,9 @@ def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() ->
     for name, profile in profiles.items():
         assert profile.publish | profile.subscribe <= {*BY_NAME, *of_ros}, name
         own = {service for service in profile.reply if service.startswith(f"{name}/")}
-        seats = {service_name(WINCH, what) for what in (TAKE, RELEASE)}
-        assert profile.reply - own == (seats if name == "simulation" else set())
+        offered = {one.name for one in SERVICES} if name == "simulation" else set()
+        assert profile.reply >= offered
+        assert profile.reply - own == offered - own
         assert CUT_TOPIC not in profile.publish | profile.subscribe
     for topic in TOPICS:
         if topic.publisher and topic.name != CUT_TOPIC:

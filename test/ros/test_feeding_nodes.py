@@ -131,7 +131,7 @@ def test_samples_come_before_their_time(bench: Bench) -> None:
 
 def test_the_bag_can_be_another_one_started_anywhere(bench: Bench) -> None:
     heave = bench.listen("ship/heave")
-    node = sea_state(bench, bag="sea_6p5m", start_s=100.0)
+    node = sea_state(bench, bag="sea_6p5m", sea_offset_s=100.0)
     node.begin()
     publish_epoch(bench)
     bench.until(lambda: len(heave) >= 3, "heave")
@@ -177,7 +177,7 @@ def test_without_an_epoch_to_wait_for_it_starts_now(bench: Bench) -> None:
 
 def test_a_record_that_does_not_loop_ends_and_the_node_lives(bench: Bench) -> None:
     heave = bench.listen("ship/heave")
-    node = sea_state(bench, start_s=1199.0, loop=False)
+    node = sea_state(bench, sea_offset_s=1199.0, loop=False)
     node.begin()
     publish_epoch(bench)
     bench.until(lambda: node.ended, "the end is noticed")
@@ -189,7 +189,7 @@ def test_a_record_that_does_not_loop_ends_and_the_node_lives(bench: Bench) -> No
     ("parameters", "error", "words"),
     [
         ({"bag": "sea_9m"}, BagError, "sea_9m"),
-        ({"start_s": 5000.0}, BagError, "5000"),
+        ({"sea_offset_s": 5000.0}, BagError, "5000"),
         ({"topic": "heaven"}, BagError, "heave"),
         ({"scene": "deep_lif"}, SceneError, "did you mean 'deep_lift'"),
         ({"significant_height_m": 12.0, "peak_period_s": 1.0}, InputError, "2 to 30 s"),

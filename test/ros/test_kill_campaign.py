@@ -259,10 +259,10 @@ def test_a_simulation_that_dies_goes_on_from_a_state_of_its_own_run_only(
     state.write_bytes(b"of an earlier run")
     made = ros_processes.Processes(RunOptions(scene=SCENE, save=state))
     made.restart("simulation", -9, stepping=True)
-    assert not any("start_from" in word for word in started[-1])
+    assert not any("from_state" in word for word in started[-1])
     write_whole(state, b"of this run")
     made.restart("simulation", -9, stepping=True)
-    assert f'start_from:="{state}"' in started[-1]
+    assert f'from_state:="{state}"' in started[-1]
     made.close()
 
 

@@ -39,7 +39,7 @@ def newest_ns(bag: Path) -> int:
 @pytest.mark.parametrize("turn", range(10))
 def test_recorder(bench: Bench, processes: Processes, tmp_path: Path, turn: int) -> None:
     odometry = bench.listen("payloads/state")
-    recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
+    recorder = processes.node("recorder", out=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     simulation = processes.node("simulation", scene=SCENE, **EVERYBODY)
     bench.until(lambda: len(odometry) >= 100 + 17 * turn, "some seconds of the run")
@@ -62,7 +62,7 @@ def test_recorder(bench: Bench, processes: Processes, tmp_path: Path, turn: int)
 @pytest.mark.parametrize("turn", range(10))
 def test_simulation(bench: Bench, processes: Processes, tmp_path: Path, turn: int) -> None:
     odometry = bench.listen("payloads/state")
-    recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
+    recorder = processes.node("recorder", out=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     first = processes.node("simulation", scene=SCENE, **EVERYBODY)
     bench.until(lambda: len(odometry) >= 50 + 13 * turn, "some of the run")

@@ -89,7 +89,7 @@ def test_every_parameter_that_it_sets_exists(tree: ast.Module) -> None:
         and getattr(value.func, "id", "") == "ParameterValue"
     }  # fmt: skip
     assert set_here <= known
-    assert {"scene", "speed", "bag", "directory", "other_sea"} <= set_here
+    assert {"scene", "speed", "bag", "out", "other_sea"} <= set_here
 
 
 def test_it_runs_where_launch_is_installed() -> None:

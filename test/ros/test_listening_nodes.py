@@ -22,7 +22,7 @@ def recorder(bench: Bench, directory: Path) -> Any:
     from rope_twin.ros.params import overrides
     from rope_twin.ros.recorder_node import RecorderNode
 
-    given = overrides({"directory": str(directory)})
+    given = overrides({"out": str(directory)})
     return bench.add(RecorderNode(parameter_overrides=given))
 
 

@@ -20,7 +20,7 @@ def held_up_recorder(bench: Bench, directory: Path, count: int) -> Any:
     from rope_twin.ros.params import overrides
     from rope_twin.ros.recorder_node import RecorderNode
 
-    node = bench.add(RecorderNode(parameter_overrides=overrides({"directory": str(directory)})))
+    node = bench.add(RecorderNode(parameter_overrides=overrides({"out": str(directory)})))
     node.begin()
     heave = bench.publisher("ship/heave")
     bench.until(lambda: heave.get_subscription_count() > 0, "the recorder listens")

@@ -88,7 +88,7 @@ def test_killed_recorder_loses_little_and_the_twin_does_not_notice(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:
     odometry = bench.listen("payloads/state")
-    recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
+    recorder = processes.node("recorder", out=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     simulation = processes.node("simulation", scene=SCENE, **EVERYBODY)
     bench.until(lambda: len(odometry) >= 150, "three seconds of the run")
@@ -117,7 +117,7 @@ def test_killed_simulation_is_started_again_and_is_fed_again(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:
     odometry, epochs = bench.listen("payloads/state"), bench.listen("twin/epoch")
-    recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
+    recorder = processes.node("recorder", out=str(tmp_path / "bag"))
     sea = processes.node("sea_state", scene=SCENE)
     winch = processes.node("winch_schedule", scene=SCENE)
     first = processes.node("simulation", scene=SCENE, **EVERYBODY)
@@ -254,7 +254,7 @@ def test_all_entries_end_cleanly_when_told(
 def entry(processes: Processes, name: str, folder: Path) -> Process:
     """One of ENTRIES, started."""
     parameters = {
-        "recorder": {"directory": str(folder / "bag")},
+        "recorder": {"out": str(folder / "bag")},
         "viewer": {"file": str(folder / "run.rrd")},
     }.get(name, {"scene": SCENE})
     return processes.node(name, **parameters)
@@ -268,7 +268,7 @@ def entry(processes: Processes, name: str, folder: Path) -> Process:
         ("sea_state", {"bag": "no_such"}, "no_such"),
         ("winch_schedule", {"lead_s": "soon"}, "it must be a number"),
         ("viewer", {"file": ""}, "no display"),
-        ("recorder", {"directory": "/proc/no"}, "cannot be made"),
+        ("recorder", {"out": "/proc/no"}, "cannot be made"),
     ],
 )
 def test_a_bad_parameter_is_one_sentence_and_exit_code_1(

@@ -34,7 +34,7 @@ def recorded(bench: Bench, bag: Path, **parameters: Any) -> tuple[Any, Any]:
     from rope_twin.ros.recorder_node import RecorderNode
     from rope_twin.ros.simulation_node import SimulationNode
 
-    own = {"directory": str(bag), "allow_cut": True}
+    own = {"out": str(bag), "allow_cut": True}
     recorder = bench.add(RecorderNode(parameter_overrides=overrides(own)))
     recorder.begin()
     given = {"scene": SCENE, "wait_for": LISTENED, "wait_for_s": 60.0, **parameters}
@@ -139,10 +139,38 @@ def test_a_run_with_every_input_a_pause_and_fewer_elements_is_replayed(
     assert levels
 
 
+def test_switches_by_service_are_replayed(bench: Bench, tmp_path: Path) -> None:
+    from std_srvs.srv import SetBool, Trigger
+
+    bag = tmp_path / "bag"
+    recorder, node = recorded(bench, bag, scene="emergency_stop")
+    sender = Sender(bench, node)
+    node.begin()
+    bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
+    sender.sail(400_000_000)
+    calls = (
+        ("emergency_stop", Trigger, Trigger.Request()),
+        ("reset", Trigger, Trigger.Request()),
+        ("set_brake", SetBool, SetBool.Request(data=False)),
+    )
+    for name, kind, request in calls:
+        client = bench.own.create_client(kind, f"winch/{name}")
+        bench.until(client.service_is_ready, "the service is there")
+        answer = client.call_async(request)
+        bench.until(answer.done, "its answer")
+        assert answer.result().success
+        sender.sail(node.paced.last.stamp_ns + 200_000_000)
+    end(bench, recorder, node)
+    found = verify(bag, expect_own_sea)
+    assert found.difference is None, str(found.difference)
+    assert found.outcome is Outcome.EQUAL, found.fault
+    assert found.applied["winch/switch_command"] == found.unrecorded["winch/switch_command"] == 3
+
+
 def test_a_node_that_goes_on_from_a_saved_state_is_replayed(bench: Bench, tmp_path: Path) -> None:
     """Two simulations, one after the other, in one bag: the second begins from a state."""
     bag, state = tmp_path / "bag", str(tmp_path / "run.state")
-    kept = {"save_to": state, "start_from": state}
+    kept = {"save_state": state, "from_state": state}
     recorder, first = recorded(bench, bag, **kept)
     sender = Sender(bench, first)
     first.begin()
@@ -182,7 +210,7 @@ def test_a_recorder_that_joins_late_is_given_what_it_needs(bench: Bench, tmp_pat
     bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
     sender.command(WinchCommand(SPEED, 0.3))
     sender.sail(1_500_000_000)
-    given = overrides({"directory": str(tmp_path / "second"), "allow_cut": True})
+    given = overrides({"out": str(tmp_path / "second"), "allow_cut": True})
     second = bench.add(RecorderNode(parameter_overrides=given))
     second.begin()
     joined_ns = node.paced.last.stamp_ns
@@ -247,12 +275,12 @@ def test_a_killed_simulation_that_goes_on_is_replayed(
 ) -> None:
     """kill -9 of the node's process; what it published after its last state comes twice."""
     bag, state = tmp_path / "bag", tmp_path / "run.state"
-    recorder = processes.node("recorder", directory=str(bag))
+    recorder = processes.node("recorder", out=str(bag))
     for name in ("sea_state", "winch_schedule"):
         processes.node(name, scene=SCENE)
     top = bench.listen("ropes/tension_top")
     parameters = {
-        "scene": SCENE, "save_to": str(state), "start_from": str(state), "save_every_s": 1.0,
+        "scene": SCENE, "save_state": str(state), "from_state": str(state), "save_every_s": 1.0,
         "wait_for": f"ship/heave winch/speed_command {LISTENED}", "wait_for_s": 20.0,
     }  # fmt: skip
     for wanted in (250, 200):

@@ -53,7 +53,7 @@ def row(node: Any, name: str) -> Any:
 def test_a_second_node_goes_on_where_the_first_was_closed(bench: Bench, tmp_path: Path) -> None:
     """One command line for both: at rest the first time. Twin time and stamps only rise."""
     path = tmp_path / "run.state"
-    kept = {"save_to": str(path), "start_from": str(path), "save_every_s": 0.2}
+    kept = {"save_state": str(path), "from_state": str(path), "save_every_s": 0.2}
     odometry = bench.listen("payloads/state")
     first = simulation(bench, **kept)
     first.begin()
@@ -83,11 +83,11 @@ def test_the_end_counts_from_the_beginning_of_the_run(bench: Bench, tmp_path: Pa
     twin = Twin(load_scene(SCENE))
     twin.advance(50)
     twin.save(path)
-    node = simulation(bench, start_from=str(path), stop_after_s=0.6)
+    node = simulation(bench, from_state=str(path), stop_after_s=0.6)
     node.begin()
     bench.until(lambda: node.finished, "the tenth of a second that was left")
     assert node.paced.twin.steps == 60
-    late = simulation(bench, start_from=str(path), stop_after_s=0.5)
+    late = simulation(bench, from_state=str(path), stop_after_s=0.5)
     with pytest.raises(InputError, match=r"stop_after_s 0.5: the saved state is at 0.5 s already"):
         late.begin()
 
@@ -95,9 +95,9 @@ def test_the_end_counts_from_the_beginning_of_the_run(bench: Bench, tmp_path: Pa
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"start_from": "none.state"}, "none.state: it cannot be read"),
-        ({"start_from": __file__}, "it is no saved state"),
-        ({"save_to": "/none/x.state"}, "saved state /none/x.state: it cannot be written"),
+        ({"from_state": "none.state"}, "none.state: it cannot be read"),
+        ({"from_state": __file__}, "it is no saved state"),
+        ({"save_state": "/none/x.state"}, "saved state /none/x.state: it cannot be written"),
     ],
 )
 def test_what_does_not_serve_is_one_sentence(
@@ -137,7 +137,7 @@ def test_a_failed_step_ends_pacing_only_if_it_fails_on(
         return int(step(rope, boundary, pull, time_s, steps))
 
     monkeypatch.setattr(ropes_module, "advance", fail)
-    node = simulation(bench, failure_directory=str(tmp_path), save_to=str(tmp_path / "x.state"))
+    node = simulation(bench, failure_directory=str(tmp_path), save_state=str(tmp_path / "x.state"))
     node.begin()
     pacer = node.paced.pacer
     if times > 1:
@@ -169,7 +169,7 @@ def test_a_kill_costs_nothing_but_time(bench: Bench, processes: Processes, tmp_p
     for name in ("sea_state", "winch_schedule"):
         processes.node(name, scene=SCENE)
     parameters = {
-        "scene": SCENE, "save_to": str(path), "start_from": str(path), "save_every_s": 1.0,
+        "scene": SCENE, "save_state": str(path), "from_state": str(path), "save_every_s": 1.0,
         "wait_for": "ship/heave winch/speed_command", "wait_for_s": 20.0,
         "input_delay_s": 3.0,  # inputs come in time on a machine that is busy, too
     }  # fmt: skip

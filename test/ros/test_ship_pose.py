@@ -38,7 +38,7 @@ def test_a_way_is_fed_over_the_topic(bench: Bench) -> None:
     health = node.paced.last.inputs["heave"]
     assert health.accepted > 20
     assert health.refused == 0
-    assert {message.header.frame_id for message in heard} == {"ship_at_rest"}
+    assert {message.header.frame_id for message in heard} == {"ship_mean"}
     assert {message.child_frame_id for message in heard} == {"ship"}
 
 

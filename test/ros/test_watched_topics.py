@@ -20,7 +20,7 @@ def test_a_process_that_listens_hears_them_and_the_recorder_keeps_them(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:
     shaking, used = bench.listen("ropes/vibration"), bench.listen("ropes/fatigue")
-    recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
+    recorder = processes.node("recorder", out=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     simulation = processes.node(
         "simulation", scene="shallow_lift", vibration="modes", fatigue="stranded_wire",

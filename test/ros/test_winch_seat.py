@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -53,13 +54,14 @@ class Operators:
         self.bench.nodes.remove(node)
         node.destroy_node()
 
-    def call(self, service: str) -> Any:
+    def call(self, service: str, on: bool | None = None) -> Any:
         """The answer of a service."""
-        from std_srvs.srv import Trigger
+        from std_srvs.srv import SetBool, Trigger
 
-        client = self.bench.own.create_client(Trigger, service)
+        kind = Trigger if on is None else SetBool
+        client = self.bench.own.create_client(kind, service)
         self.bench.until(client.service_is_ready, "the service is there")
-        future = client.call_async(Trigger.Request())
+        future = client.call_async(kind.Request(**({} if on is None else {"data": on})))
         self.bench.until(future.done, "its answer")
         return future.result()
 
@@ -104,6 +106,34 @@ def test_one_node_commands_by_priority_and_all_may_stop(bench: Bench) -> None:
     own.tell("console", WinchCommand("reset"))
     bench.until(lambda: own.target[0] == "speed", "it is the commander's")
     assert own.held == "winch: console"
+
+
+def test_a_winch_is_switched_by_services_while_its_seat_is_free(bench: Bench) -> None:
+    own = Operators(bench)
+    assert own.call("winch/emergency_stop").success
+    bench.until(lambda: own.target[0] == "emergency_stop", "it stops")
+    assert own.call("winch/reset").success
+    bench.until(lambda: own.target[0] == "speed", "it is reset")
+    assert own.call("winch/set_brake", False).success
+    answer = own.call("winch/set_compensation", True)
+    assert (answer.success, "no heave compensation" in answer.message) == (False, True)
+    own.tell("console", WinchCommand("speed", 0.2))
+    bench.until(lambda: own.held == "winch: console", "a commander takes the seat")
+    answer = own.call("winch/reset")
+    assert (answer.success, "console has the seat" in answer.message) == (False, True)
+    assert own.call("winch/emergency_stop").success
+    bench.until(lambda: own.target[0] == "emergency_stop", "the stop always works")
+
+
+def test_a_state_is_saved_on_request(bench: Bench, tmp_path: Path) -> None:
+    own = Operators(bench)
+    answer = own.call("simulation/save_state")
+    assert (answer.success, "save_state" in answer.message) == (False, True)
+    own.simulation.close()
+    path = tmp_path / "run.state"
+    other = Operators(bench, save_state=str(path), save_every_s=3600.0)
+    assert other.call("simulation/save_state").success
+    bench.until(path.exists, "the state")
 
 
 def test_a_seat_is_asked_for_and_released_on_services(bench: Bench) -> None:

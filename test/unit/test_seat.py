@@ -14,9 +14,9 @@ from rope_twin.run.seat import (
     Command,
     CommandSeat,
     Seats,
-    service_name,
 )
 from rope_twin.scene.load import load_scene
+from rope_twin.topics import service_name
 from rope_twin.twin.winch.commands import COMMANDER_LOST, NEW_COMMANDER, WinchCommand
 
 S = 1_000_000_000
@@ -229,3 +229,19 @@ def test_a_hole_in_a_stream_of_commands_is_warned_of_for_a_minute() -> None:
         assert row.level == level
         assert ("interrupted for 1.0 s" in row.message) == (level == Level.WARN)
         assert own.row(100.0).level == Level.OK
+
+
+def test_a_switch_by_service_is_for_a_free_seat_and_a_stop_for_everybody() -> None:
+    own = seat()
+    assert own.permit("reset", 0.0) == ""
+    own.judge("console", SPEED, 0.0)
+    assert own.permit("emergency_stop", 1.0) == ""
+    refusal = own.permit("reset", 1.0)
+    assert "'reset' by service rejected: console has the seat" in refusal
+    assert own.row(1.0).values["refused"] == "1"
+    assert own.holder == "console"
+
+
+def test_a_switch_by_service_needs_its_component() -> None:
+    seats = Seats(load_scene("deep_lift"), PRIORITY, lambda order, winch: None)
+    assert "no brake; add `brake` to it" in seats.permit("winch", "set_brake")

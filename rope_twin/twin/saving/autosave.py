@@ -45,6 +45,7 @@ class AutoSave:
         self._due_ns = twin.time_ns + self._every_ns
         self._kept_step = twin.steps  # the newest step that is saved or needs no saving
         self._failed = False
+        self._requested = False  # save at the end of the next cycle
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="twin-state")
         self._writer.submit(int)  # start its thread here, not within a cycle
         self._writing: Future[None] | None = None
@@ -67,13 +68,18 @@ class AutoSave:
             self._failed = True
             raise
         written = self._writing is None or self._writing.done()
-        if written and self._twin.time_ns >= self._due_ns:
+        if written and (self._requested or self._twin.time_ns >= self._due_ns):
+            self._requested = False
             self._due_ns = self._twin.time_ns + self._every_ns
             self._take()
 
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present."""
         return self._twin.snapshot()
+
+    def request(self) -> None:
+        """Save the state at the end of the next cycle; may be called from any thread."""
+        self._requested = True
 
     def health(self) -> SavingStatus:
         """Return the status of saving; may be called from any thread."""
