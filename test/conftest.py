@@ -17,6 +17,7 @@ from hypothesis import HealthCheck, Phase, settings
 ROS = Path(__file__).parent / "ros"
 # validation/ and benchmarks/ are not installed. Last, so that an installed rope_twin is tested.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
+sys.path.append(str(Path(__file__).resolve().parent / "support"))  # fixtures of several folders
 # Files whose entries reach the same kernels: of a step read as assembly, of ropes that meet.
 ALIKE = {
     "test_compiled_effects.py": "assembly",

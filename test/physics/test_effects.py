@@ -44,7 +44,10 @@ XX, XY, XZ, YY, YZ, ZZ = range(6)
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
     """The same results from a process whose kernels are plain Python."""
-    folder, file = Path(__file__).parent, tmp_path_factory.mktemp("plain") / "plain.npz"
+    folder, file = (
+        Path(__file__).parents[1] / "support",
+        tmp_path_factory.mktemp("plain") / "plain.npz",
+    )
     path = os.pathsep.join([str(folder), *sys.path])
     at: dict[str, Vector] = {}
     with_bodies(at)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from box_motion import box_responses, table_of
 from hypothesis import given
 from hypothesis import strategies as st
 from rigs import Rig
@@ -18,7 +19,6 @@ from rope_twin.recording.ship_sea import ShipOnWaves
 from rope_twin.run.inputs import FIRST_NS, offer, open_sea, series_of
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import OnWaves, Scene, SeaState, Ship
-from rope_twin.sea.box_motion import box_responses, table_of
 from rope_twin.sea.components import Waves
 from rope_twin.sea.ship_motion import BoxHull, heave_response, read_responses
 from rope_twin.share import share_dir

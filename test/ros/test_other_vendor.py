@@ -12,7 +12,7 @@ from ros_process import Processes
 from rope_twin.share import share_dir
 
 pytestmark = pytest.mark.ros
-LISTENER = Path(__file__).with_name("cyclone_listener.py")
+LISTENER = Path(__file__).parents[1] / "support" / "cyclone_listener.py"
 TOPICS = ("ropes/tension_top", "payloads/state", "ropes/length", "hang_off/odometry",
           "ropes/nodes")  # fmt: skip
 

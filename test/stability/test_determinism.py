@@ -12,7 +12,7 @@ from determinism_process import run
 
 def in_a_process_of_its_own(every: int) -> str:
     """The digest that a fresh process finds."""
-    folder = Path(__file__).parent
+    folder = Path(__file__).parents[1] / "support"
     done = subprocess.run(
         [sys.executable, str(folder / "determinism_process.py"), str(every)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), *sys.path])},

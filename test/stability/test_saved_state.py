@@ -83,7 +83,7 @@ def test_another_process_goes_on(
     twin = Twin(scene)
     run_until(twin, 260)
     twin.save(tmp_path / "saved")
-    here = Path(__file__).parent
+    here = Path(__file__).parents[1] / "support"
     done = subprocess.run(
         [sys.executable, str(here / "saved_runs.py"), str(tmp_path / "saved"), str(tmp_path),
          str(END)],
@@ -118,11 +118,12 @@ def test_statistics_go_on(scene: Scene, tmp_path: Path) -> None:
 
 def test_effects_of_their_own_memory_are_in_it(tmp_path: Path) -> None:
     """An effect that owns changing arrays; in plain Python, since only this test has it."""
+    here = Path(__file__).parents[1] / "support"
     done = subprocess.run(
-        [sys.executable, str(Path(__file__).parent / "remembering_effect_process.py"),
+        [sys.executable, str(here / "remembering_effect_process.py"),
          str(tmp_path)],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1",
-             "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
+             "PYTHONPATH": os.pathsep.join([str(here), *sys.path])},
         check=False, capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

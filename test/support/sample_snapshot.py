@@ -9,7 +9,16 @@ import numpy as np
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.results import MaterialFatigue, RopeVibration, TensionInterval
-from rope_twin.twin.snapshot import BedContact, BodyShot, InputHealth, Snapshot, SolverHealth
+from rope_twin.twin.snapshot import (
+    BedContact,
+    BodyShot,
+    InputHealth,
+    PayloadShot,
+    RopeShot,
+    Snapshot,
+    SolverHealth,
+    StrutShot,
+)
 
 
 def hanging_rope(
@@ -93,4 +102,49 @@ def rolled_ship(stamp_ns: int) -> ShipPose:
     """A ship 1.5 m up, turned about x by 2·asin(0.6), with rates about all axes."""
     return ShipPose(
         stamp_ns, (0.3, -0.2, 1.5), (0.1, 0.0, -0.4), (0.6, 0.0, 0.0, 0.8), (0.02, -0.01, 0.003)
+    )
+
+
+def lifted() -> Snapshot:
+    """A hoist and two slings, a bar, two payloads."""
+    first = hanging_rope(5, length_m=100.0)
+    ropes = [
+        RopeShot(
+            name="hoist",
+            node_position_m=first.node_position_m,
+            node_tension_n=first.node_tension_n,
+            element_tension_n=first.element_tension_n,
+            tension_top_n=first.tension_top_n,
+            line_out_m=100.0,
+            payout_speed_m_per_s=0.5,
+        )
+    ]
+    for k, name in enumerate(("port", "starboard")):
+        end = first.node_position_m[-1]
+        nodes = end + np.linspace(0.0, 1.0, 3 + k)[:, None] * [2.0 * k - 1.0, 0.0, -8.0]
+        ropes.append(
+            RopeShot(
+                name=name,
+                node_position_m=nodes,
+                node_tension_n=np.linspace(6e3, 5e3, 3 + k),
+                element_tension_n=np.linspace(6e3, 5e3, 2 + k),
+                tension_top_n=6e3 + k,
+                line_out_m=8.0,
+                payout_speed_m_per_s=0.0,
+            )
+        )
+    payloads = [
+        PayloadShot(
+            name=rope.name,
+            position_m=rope.node_position_m[-1],
+            velocity_m_per_s=np.array([0.1, 0.0, -0.2]) * (k + 1),
+        )
+        for k, rope in enumerate(ropes[1:])
+    ]
+    ends = np.stack([one.position_m for one in payloads])
+    return replace(
+        first,
+        ropes=tuple(ropes),
+        payloads=tuple(payloads),
+        struts=(StrutShot(name="bar", ends_m=ends, pull_n=-4e3),),
     )

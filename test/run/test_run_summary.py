@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_messages_joined import lifted
+from sample_snapshot import lifted
 
 from rope_twin.commands.console import CaseProgress
 from rope_twin.run.progress import FigureProgress

@@ -1,7 +1,7 @@
 """Golden wording: all diagnostics rows and the run summary of a few situations.
 
 Other tests assert levels, key values and key words only. After a deliberate change of the wording,
-rewrite the file with `python test/unit/test_wording.py` and review its difference.
+rewrite the file with `python test/cli/test_wording.py` and review its difference.
 """
 
 from __future__ import annotations

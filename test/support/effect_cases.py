@@ -127,7 +127,7 @@ def params_of(name: str) -> Any:
     if name in VARIANTS:
         return VARIANTS[name]
     assert name in PARAMS, (
-        f"effect '{name}' is in EFFECTS but has no row in PARAMS of test/physics/effect_cases.py;"
+        f"effect '{name}' is in EFFECTS but has no row in PARAMS of test/support/effect_cases.py;"
         " add one with parameters that make it act, so that it is tested"
     )
     return PARAMS[name]

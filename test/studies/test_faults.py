@@ -1,7 +1,7 @@
 """The fault campaign: what it injects, how it judges, and that the border holds.
 
-All faults of a livelier sea: `pytest -m long test/unit/test_faults.py`, some minutes; the figures
-are those of `rope_twin faults SCENE --json`.
+All faults of a livelier sea: `pytest -m long test/studies/test_faults.py`, some minutes; the
+figures are those of `rope_twin faults SCENE --json`.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ def wait_for(condition, seconds: float = 20.0) -> None:
 @pytest.mark.parametrize("messages", [110, 150])
 def test_kill_9_loses_at_most_a_second(tmp_path, messages):
     bag = tmp_path / "bag"
-    script = Path(__file__).with_name("bag_recording_process.py")
+    script = SOURCE / "test" / "support" / "bag_recording_process.py"
     environment = os.environ | {"PYTHONPATH": str(SOURCE)}
     with subprocess.Popen(
         [sys.executable, str(script), str(bag)], stdout=subprocess.PIPE, env=environment

@@ -1,6 +1,6 @@
 """Recovery of bags with one flipped bit: it costs the chunk that it is in, at most.
 
-    pytest -n 0 -m long -s test/unit/test_bag_damage.py
+    pytest -n 0 -m long -s test/recording/test_bag_damage.py
 
 flips 300 bits of a bag that a run has recorded and prints what came back.
 """

@@ -3,7 +3,7 @@
 The entry is the smallest that there is; the last test starts whole scenes at once, with nothing
 compiled:
 
-    pytest -n 0 -m long test/specialise/test_kept_code.py
+    pytest -n 0 -m long test/core/test_kept_code.py
 """
 
 from __future__ import annotations

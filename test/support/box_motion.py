@@ -81,7 +81,7 @@ def _slope(along: Vector, length: float) -> Vector:
 
 def table_of(responses: Responses) -> str:
     """Return the table as text that `read_responses` reads."""
-    lines = [f"# Responses of a {responses.source}", "# made by rope_twin.sea.box_motion"]
+    lines = [f"# Responses of a {responses.source}", "# made by test/support/box_motion.py"]
     lines.append(",".join(COLUMNS))
     size, phase = np.abs(responses.answer), np.degrees(np.angle(responses.answer))
     size[3:] = np.degrees(size[3:])

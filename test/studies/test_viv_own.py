@@ -155,7 +155,7 @@ def test_a_scene_beside_the_step_and_its_files(
 ) -> None:
     """In line its model has no motion: nothing is told of one.
 
-    `pytest -n 0 -m long test/unit/test_viv_own.py`
+    `pytest -n 0 -m long test/studies/test_viv_own.py`
     """
     words = ["viv", "vortices_modal", "--time-domain", "--duration", "10", "--out", str(tmp_path)]
     assert main(words) == 0

@@ -86,7 +86,7 @@ def test_a_card_is_what_a_new_run_finds() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", scene_names())
 def test_every_scene_has_a_current_card(name: str) -> None:
-    """`pytest -m long test/unit/test_accuracy_cards.py`, some ten minutes: before a release."""
+    """`pytest -m long test/studies/test_accuracy_cards.py`, some ten minutes: before a release."""
     scene = load_scene(name)
     card = read_card(scene)
     assert card is not None
