@@ -74,7 +74,7 @@ class InputNode(Node, ABC):
         super().__init__(name, **node_options)
         self._due_clock: InputClock | None = None
         self._own_publishers: dict[str, Any] = {}
-        self._senders = Senders(self)
+        self.senders = Senders(self)
         self._simulation = ""  # name of the node whose epoch is followed
         self._epochs: dict[bytes, tuple[int, dict[str, Any]]] = {}  # pending, by publisher
         self._warned: set[str] = set()
@@ -143,7 +143,7 @@ class InputNode(Node, ABC):
         if now_ns == 0:
             return  # use_sim_time, and no /clock message yet
         for publisher, (epoch_ns, info) in list(self._epochs.items()):
-            sender = self._senders.name(EPOCH_TOPIC, info)
+            sender = self.senders.name(EPOCH_TOPIC, info)
             if not sender:
                 continue
             del self._epochs[publisher]

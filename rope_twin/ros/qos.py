@@ -88,6 +88,7 @@ def quiet_listener() -> SubscriptionEventCallbacks:
 
 ASK_AGAIN_S = 0.1  # minimum time between graph queries for the same publisher
 MAX_SENDERS = 1000  # publishers that are remembered
+NAMELESS_S = 3.0  # a publisher without a node for so long belongs to none
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name in the graph of a node that is not discovered yet
 
 
@@ -102,6 +103,7 @@ class Senders:
         self._node = node
         self._names: dict[bytes, str] = {}
         self._asked_s: dict[bytes, float] = {}  # time of the last unsuccessful query
+        self._nameless_s: dict[bytes, float] = {}  # time since when a publisher has no name
 
     def name(self, topic: str, info: dict[str, Any]) -> str:
         """Name of the node that has sent a message; with its namespace if that is not ours.
@@ -128,6 +130,24 @@ class Senders:
         ends = [end for one in topics for end in self._node.get_publishers_info_by_topic(one)]
         names = {self._called(end) for end in ends if end.node_name not in ("", _UNKNOWN)}
         return names | {publisher_name(bytes(end.endpoint_gid)) for end in ends}
+
+    def others(self, topics: Iterable[str]) -> list[str]:
+        """Return the names of other nodes and publishers that currently publish on these topics.
+
+        The graph knows a publisher before the node that it belongs to, as of a node that has just
+        started again: it counts once it has had no name for NAMELESS_S.
+        """
+        now_s, names, nameless = time.monotonic(), set(), dict[bytes, float]()
+        for end in (end for one in topics for end in self._node.get_publishers_info_by_topic(one)):
+            gid = bytes(end.endpoint_gid)
+            if end.node_name not in ("", _UNKNOWN):
+                names.add(self._called(end))
+                continue
+            nameless[gid] = self._nameless_s.get(gid, now_s)
+            if now_s - nameless[gid] >= NAMELESS_S:
+                names.add(publisher_name(gid))
+        self._nameless_s = nameless
+        return sorted(names - {self._node.get_name()})
 
     def _called(self, end: Any) -> str:
         name, own = str(end.node_name), self._node.get_namespace()

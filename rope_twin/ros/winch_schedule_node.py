@@ -69,12 +69,10 @@ class WinchScheduleNode(InputNode):
                 self.send(*encode_order(epoch_ns + sample.stamp_ns, sample.command, name))
 
     def _other_commanders(self) -> list[str]:
-        """Return the names of other nodes that publish on a winch command topic."""
-        others: set[str] = set()
-        for topic in WINCH_TOPICS:
-            if self.count_publishers(topic) > self.publishes(topic):
-                others.update(end.node_name for end in self.get_publishers_info_by_topic(topic))
-        return sorted(others - {self.get_name()})
+        """Return the names of others that publish on a winch command topic."""
+        if all(self.count_publishers(one) <= self.publishes(one) for one in WINCH_TOPICS):
+            return []
+        return self.senders.others(WINCH_TOPICS)
 
 
 def topics_of(winches: Iterable[Winch]) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from ros_messages import encode_speed
 from rope_twin.errors import BagError, InputError, SceneError
 from rope_twin.messages import decode, encode_epoch
 from rope_twin.recording.heave import open_heave
+from rope_twin.ros import qos
 from rope_twin.run.inputs import open_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.winch.commands import schedule_samples
@@ -211,6 +212,31 @@ def test_the_schedule_is_stamped_exactly_from_the_epoch(bench: Bench) -> None:
     wanted = schedule_samples(load_scene(SCENE).winch, 0, 10 * S)[: len(heard)]
     assert [stamp_ns(m) - epoch_ns for m in heard] == [sample.stamp_ns for sample in wanted]
     assert [list(m.velocity) for m in heard] == [[sample.command.value] for sample in wanted]
+
+
+def test_the_schedule_does_not_yield_to_a_publisher_whose_node_is_not_known_yet(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The node of a publisher that has just started is unknown at first, outside ROS always."""
+    monkeypatch.setattr(qos, "NAMELESS_S", 1.0)
+    heard = bench.listen("winch/speed_command")
+    node = winch_schedule(bench)
+    known = node.get_publishers_info_by_topic
+
+    def nameless(topic: str) -> list[Any]:
+        ends = known(topic)
+        for end in (end for end in ends if end.node_name != node.get_name()):
+            end.node_name = "_NODE_NAME_UNKNOWN_"
+        return ends
+
+    node.begin()
+    publish_epoch(bench)
+    bench.until(lambda: heard, "the schedule commands")
+    monkeypatch.setattr(node, "get_publishers_info_by_topic", nameless)
+    began_s = time.monotonic()
+    bench.publisher("winch/speed_command")
+    bench.until(lambda: node.yielded, "it yields")
+    assert time.monotonic() - began_s >= 1.0
 
 
 def test_the_schedule_yields_for_good_to_who_takes_the_winch(bench: Bench) -> None:
