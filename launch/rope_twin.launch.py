@@ -36,7 +36,7 @@ ARGUMENTS = (
     ("out", "", "bag directory to create; empty: rope_twin_DATE_TIME"),
     ("view", "false", "show the run in rerun"),
     ("view_file", "", "write this .rrd file instead of opening a window"),
-    ("allow_cut", "false", "listen to rope/cut: whoever publishes there cuts the rope"),
+    ("allow_cut", "false", "listen to ropes/cut: whoever publishes there cuts the rope"),
     ("network", "false", "let other machines take part; false: loopback interface only"),
     (
         "state",

@@ -10,13 +10,8 @@ from rope_twin.topics import TOPICS
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 
-# made from more or less than a snapshot
-_OF_ITS_OWN = ("diagnostics", "twin/epoch", "twin/session", "twin/inputs", "winch/seat")
-_FROM_SNAPSHOT = tuple(
-    topic for topic in TOPICS if topic.publisher == "simulation" and topic.name not in _OF_ITS_OWN
-)
-SNAPSHOT_TOPICS = tuple(topic for topic in _FROM_SNAPSHOT if not topic.only_with)
-EXTRA_TOPICS = tuple(topic for topic in _FROM_SNAPSHOT if topic.only_with)
+SNAPSHOT_TOPICS = tuple(one for one in TOPICS if one.of_snapshot and not one.only_with)
+EXTRA_TOPICS = tuple(one for one in TOPICS if one.of_snapshot and one.only_with)
 DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 

@@ -53,35 +53,43 @@ class Topic:
     publisher: str  # node of the suite that publishes it
     about: str
     only_with: str = ""  # published only if this field of the Snapshot is set; "": always
+    of_snapshot: bool = True  # False: an input, or made from more or less than a snapshot
+    in_view: bool = True  # drawn by the viewer
 
 
 TOPICS: tuple[Topic, ...] = (
     # inputs
     Topic("ship/heave", "nav_msgs/msg/Odometry", Qos.SENSOR, 20.0, "sea_state",
-          "heave of the hang-off: pose.position.z [m, up], twist.linear.z [m/s]"),
+          "heave of the hang-off: pose.position.z [m, up], twist.linear.z [m/s]",
+          of_snapshot=False),
     Topic("ship/odometry", "nav_msgs/msg/Odometry", Qos.SENSOR, 20.0, "sea_state",
           "in place of ship/heave: pose of the ship's reference point relative to its still-water "
-          "position [m], and twist in body axes [m/s, rad/s]"),
+          "position [m], and twist in body axes [m/s, rad/s]", of_snapshot=False),
     Topic("winch/speed_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0,
           "winch_schedule", "velocity[0] pay-out rate [m/s], positive = pay out; `header.stamp` = "
-          "0: apply immediately; `name[0]` selects the winch"),
+          "0: apply immediately; `name[0]` selects the winch", of_snapshot=False, in_view=False),
     Topic("winch/length_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0, "winch_schedule",
-          "position[0] line out to stop at [m]; stamp and name as for speed_command"),
+          "position[0] line out to stop at [m]; stamp and name as for speed_command",
+          of_snapshot=False, in_view=False),
     Topic("winch/depth_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0, "winch_schedule",
-          "position[0] payload depth to stop at [m]; stamp and name as for speed_command"),
+          "position[0] payload depth to stop at [m]; stamp and name as for speed_command",
+          of_snapshot=False, in_view=False),
     Topic("winch/tension_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0,
           "winch_schedule", "effort[0] set-point of the top tension in constant-tension mode [N]; "
-          "stamp and name as for speed_command"),
+          "stamp and name as for speed_command", of_snapshot=False, in_view=False),
     Topic("winch/switch_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 0.0,
-          "winch_schedule", "name[0] the winch, name[1] one of " + ", ".join(SWITCHES)),
-    Topic("rope/cut", "sensor_msgs/msg/JointState", Qos.COMMAND, 0.0, "winch_schedule",
+          "winch_schedule", "name[0] the winch, name[1] one of " + ", ".join(SWITCHES),
+          of_snapshot=False, in_view=False),
+    Topic("ropes/cut", "sensor_msgs/msg/JointState", Qos.COMMAND, 0.0, "winch_schedule",
           "cuts the rope, once: position[0] unstretched length from hang-off to cut [m], infinite: "
-          "at the lower end; `header.stamp` = 0: apply immediately; `name[0]` selects the rope"),
+          "at the lower end; `header.stamp` = 0: apply immediately; `name[0]` selects the rope",
+          of_snapshot=False, in_view=False),
     Topic("current", "std_msgs/msg/Float64MultiArray", Qos.COMMAND, 0.0, "",
-          "current profile: rows of z [m], east, north [m/s], from the surface down"),
+          "current profile: rows of z [m], east, north [m/s], from the surface down",
+          of_snapshot=False, in_view=False),
     # for display only, not used by the rope
     Topic("sea/elevation", "geometry_msgs/msg/PointStamped", Qos.STREAM, 20.0, "sea_state",
-          "sea surface elevation at the ship: point.z [m]"),
+          "sea surface elevation at the ship: point.z [m]", of_snapshot=False),
     # outputs; ropes are in the same order in all topics `ropes/...`
     Topic("ropes/tension_top", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "effort: top tension of each rope [N], magnitude of its force at the upper end"),
@@ -103,7 +111,7 @@ TOPICS: tuple[Topic, ...] = (
           "per rope since the start: name; utilisation, maximum tension over MBL; "
           "dynamic_amplification (DAF), maximum over static tension at the same line out; "
           "max_tension_n; static_tension_n, present static tension [N]; NaN: unknown",
-          only_with="strength"),
+          only_with="strength", in_view=False),
     Topic("ropes/bend_radius", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
           "smallest bend radius of each rope with bending stiffness or minimum_bend_radius_m: "
           "name; x, y, z [m]; radius_m; line_out_m down to it; smallest_radius_m since the start; "
@@ -118,11 +126,12 @@ TOPICS: tuple[Topic, ...] = (
           "from_lower_end_m, from_hang_off_m (negative: aboard), damage; if enabled",
           only_with="fatigue"),
     Topic("ropes/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
-          "ropes coloured by tension, payloads, hang-off, for display"),
+          "ropes coloured by tension, payloads, hang-off, for display", in_view=False),
     Topic("hang_off/wrench", "geometry_msgs/msg/WrenchStamped", Qos.STREAM, 50.0, "simulation",
-          "force of the first rope on its hang-off [N], in the axes of map"),
+          "force of the first rope on its hang-off [N], in the axes of map", in_view=False),
     Topic("hang_off/odometry", "nav_msgs/msg/Odometry", Qos.STREAM, 50.0, "simulation",
-          "position [m] and velocity [m/s] of the first rope's hang-off, in the axes of map"),
+          "position [m] and velocity [m/s] of the first rope's hang-off, in the axes of map",
+          in_view=False),
     Topic("payloads/state", "sensor_msgs/msg/MultiDOFJointState", Qos.STREAM, 50.0, "simulation",
           "pose of each payload in map [m] and its velocity [m/s]; of a 6-DOF payload also "
           "attitude, and twist [m/s, rad/s] in body axes; names are frames"),
@@ -141,13 +150,13 @@ TOPICS: tuple[Topic, ...] = (
           "drum_radius_m, motor_torque_n_m and others of the scene's components, with their unit "
           "in the name; NaN: not of this winch", only_with="winches"),
     Topic("winch/mode", "std_msgs/msg/String", Qos.STREAM, 10.0, "simulation",
-          "winch control mode and active limit (text)", only_with="winches"),
+          "winch control mode and active limit (text)", only_with="winches", in_view=False),
     Topic("winch/seat", "std_msgs/msg/String", Qos.LATCHED, 0.0, "simulation",
           "node in command of each winch, for example `winch: console`; or that the seat is free, "
-          "and how the last commander was lost"),
+          "and how the last commander was lost", of_snapshot=False, in_view=False),
     Topic("seabed/contact", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 50.0, "simulation",
           "payload_height_m above the seabed; payload_reaction_n; rope_on_seabed_m, length of rope "
-          "on it; rope_reaction_n", only_with="seabed"),
+          "on it; rope_reaction_n", only_with="seabed", in_view=False),
     Topic("seabed/touchdown", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
           "touchdown point (TDP) of each rope on the seabed: name; x, y, z [m]; line_out_m; "
           "layback_m; tension_n; angle_deg", only_with="seabed"),
@@ -158,15 +167,18 @@ TOPICS: tuple[Topic, ...] = (
           "start or end of a crossing of two lines: time, depth, angle (text)",
           only_with="line_events"),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
-          "pacing, solver and inputs: OK, WARN or ERROR with the reason; also of the recorder"),
+          "pacing, solver and inputs: OK, WARN or ERROR with the reason; also of the recorder",
+          of_snapshot=False),
     Topic("twin/epoch", "builtin_interfaces/msg/Time", Qos.LATCHED, 0.0, "simulation",
-          "ROS time of the simulation's t = 0; replayed inputs are stamped from it"),
+          "ROS time of the simulation's t = 0; replayed inputs are stamped from it",
+          of_snapshot=False),
     Topic("twin/session", "std_msgs/msg/String", Qos.LATCHED, 0.0, "simulation",
           "JSON, at each start and after each pause, for `rope_twin replay`: scene, parameters, "
-          "program, machine, seeds, and the initial state if it is not the static equilibrium"),
+          "program, machine, seeds, and the initial state if it is not the static equilibrium",
+          of_snapshot=False, in_view=False),
     Topic("twin/inputs", "std_msgs/msg/String", Qos.LOG, 0.0, "simulation",
           "JSON, for each real-time cycle with inputs: the simulation time at which they were "
-          "applied, and each call with all its values"),
+          "applied, and each call with all its values", of_snapshot=False, in_view=False),
 )  # fmt: skip
 
 # command topic of each control mode of a winch
@@ -177,7 +189,7 @@ ORDER_TOPICS = {
     TENSION: "winch/tension_command",
 }
 SWITCH_TOPIC = "winch/switch_command"
-CUT_TOPIC = "rope/cut"
+CUT_TOPIC = "ropes/cut"
 SEAT_TOPIC = "winch/seat"
 WINCH_TOPICS = (*ORDER_TOPICS.values(), SWITCH_TOPIC)
 SESSION_TOPIC, INPUT_LOG_TOPIC = "twin/session", "twin/inputs"

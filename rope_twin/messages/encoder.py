@@ -218,7 +218,7 @@ class Encoder:
             raise InputError(phrase("encode", "the snapshot has no vibration", "ask for it"))
         columns = vibration_columns(shaking)
         points = np.column_stack([snapshot.node_position_m, *columns.values()]).astype("<f4")
-        kind = templates.point_type([(name, "<f4") for name in ("x", "y", "z", *columns)])
+        kind = templates.point_type(templates.columns(" ".join(("x", "y", "z", *columns)), "<f4"))
         return self._cloud("ropes/vibration", snapshot, points.view(kind).ravel())
 
     def _fatigue(self, snapshot: Snapshot) -> bytes:

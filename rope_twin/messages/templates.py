@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -120,12 +121,14 @@ def free_bodies(frame_id: str, names: Sequence[str]) -> Any:
     )
 
 
+@cache
 def columns(names: str, kind: str = "<f8") -> Columns:
     """Return columns of one type of number; a column `name` is text."""
     return tuple((one, NAME_TYPE if one == "name" else kind) for one in names.split())
 
 
-def point_type(described: Sequence[tuple[str, str]]) -> np.dtype[Any]:
+@cache
+def point_type(described: Columns) -> np.dtype[Any]:
     """Return the type of a row with these columns."""
     return np.dtype(list(described))
 

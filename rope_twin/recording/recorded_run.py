@@ -1,8 +1,6 @@
 """Content of a bag that an exact replay needs: sessions, input log, and recorded inputs.
 
 The bag is read from its beginning, so that a truncated bag is read up to its break.
-
-The bag is read from its beginning, so that one that was cut off is read as far as it goes.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ class SimulationParams:
         "nodes that may command a winch, highest priority first; * stands for all others, the last "
         "one may send commands ahead of time", PRIORITY,
     )  # fmt: skip
-    allow_cut: bool = text("subscribe to rope/cut: any publisher there can cut the rope", False)
+    allow_cut: bool = text("subscribe to ropes/cut: any publisher there can cut the rope", False)
     vibration: str = text("VIV model of the monitored response; empty: none", "")
     fatigue: str = text("S-N curve of the monitored fatigue damage; empty: none", "")
     sender_lead_s: float = quantity(
@@ -150,7 +150,7 @@ class RecorderParams:
         "start recording when this file exists, to replace a failed recorder; empty: immediately",
         "",
     )
-    allow_cut: bool = text("record rope/cut too, if the simulation subscribes to it", False)
+    allow_cut: bool = text("record ropes/cut too, if the simulation subscribes to it", False)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -181,7 +181,7 @@ class InputBorder:
         return True, f"winch {winch}: {kind.replace('_', ' ')}"
 
     def take_cut(self, data: bytes) -> None:
-        """Accept or reject a rope/cut message."""
+        """Accept or reject a ropes/cut message."""
         content = self._read(CUT_TOPIC, lambda: read_cut(data))
         if content is not None and (epoch_ns := self._epoch()) is not None:
             stamp_ns, below_m, rope = content
@@ -333,7 +333,7 @@ _VALUES = {  # name of the value in the plural, and its meaning
 
 
 def read_cut(data: bytes) -> tuple[int | None, float, str]:
-    """Return ROS stamp [ns] (None: at once), length above the cut [m] and rope of a rope/cut.
+    """Return ROS stamp [ns] (None: at once), length above the cut [m] and rope of a ropes/cut.
 
     Raises:
         InputError: if the bytes are not such a message, its stamp is invalid, or it does not carry

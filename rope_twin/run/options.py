@@ -54,7 +54,7 @@ class RunOptions:
     calibrated_pct: float | None = None  # what of it was measured for them, before the run
     cut: str = ""  # PLACE@SECONDS, checked; empty: no cut
     error_band: bool = False  # discretisation-error interval on top tension
-    allow_cut: bool = False  # any publisher on rope/cut can cut the rope
+    allow_cut: bool = False  # any publisher on ropes/cut can cut the rope
     network: bool = False  # reachable from other machines
     watch: MonitorSettings | None = None  # vibration and fatigue to report
     allow_overload: bool = False  # exit code 0 even if a limit was exceeded
@@ -199,7 +199,7 @@ def _add_network(group: argparse._ArgumentGroup) -> None:
         help="allow discovery by other machines (default: this machine only, unless "
         "ROS_AUTOMATIC_DISCOVERY_RANGE is set)")  # fmt: skip
     add("--allow-cut", action="store_true",
-        help="subscribe to rope/cut: any publisher there can cut the rope")  # fmt: skip
+        help="subscribe to ropes/cut: any publisher there can cut the rope")  # fmt: skip
 
 
 def read_options(args: argparse.Namespace) -> RunOptions:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.messages.templates import NANOSECONDS, read_cloud, scale_above
-from rope_twin.topics import CUT_TOPIC, TOPICS, WINCH_TOPICS
+from rope_twin.topics import TOPICS
 from rope_twin.view.blueprint import (
     BAND_CURVES,
     CURVES,
@@ -35,13 +35,7 @@ from rope_twin.view.ticks import decade_range
 from rope_twin.view.timelines import Timelines
 from rope_twin.view.watched import WatchedCharts
 
-NOT_SHOWN = (
-    "twin/session", "twin/inputs", "winch/seat", "winch/mode", "ropes/markers", "ropes/utilisation",
-    "hang_off/wrench", "hang_off/odometry", "seabed/contact", "current",
-)  # fmt: skip
-SHOWN_TOPICS = tuple(
-    topic.name for topic in TOPICS if topic.name not in (*NOT_SHOWN, *WINCH_TOPICS, CUT_TOPIC)
-)
+SHOWN_TOPICS = tuple(topic.name for topic in TOPICS if topic.in_view)
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
 _EPOCH_WITHIN_NS = 2 * NANOSECONDS  # how long the first messages are held until twin/epoch comes
 

@@ -31,7 +31,7 @@ OF_ONE_BAG = ("diagnostics", "twin/epoch", "winch/seat", "twin/session", "twin/i
 # by a scene of heave and speeds only, with no bed, no topic of current and no error band
 NOT_TOLD = {
     "current", "ship/odometry", "seabed/contact", "ropes/vibration",
-    "ropes/fatigue", "rope/cut", *WINCH_TOPICS,
+    "ropes/fatigue", "ropes/cut", *WINCH_TOPICS,
 } - {"winch/speed_command"}  # fmt: skip
 COMPARED = [topic.name for topic in TOPICS if topic.name not in OF_ONE_BAG and not topic.only_with]
 

@@ -50,7 +50,7 @@ def test_a_cut_comes_back_and_stamp_zero_means_at_once(below_m: float) -> None:
 
 
 def test_a_cut_without_a_place_gets_one_sentence() -> None:
-    with pytest.raises(InputError, match="rope/cut: 0 positions"):
+    with pytest.raises(InputError, match="ropes/cut: 0 positions"):
         read_cut(joint([0.5]))
 
 

@@ -71,7 +71,7 @@ class Sender:
     def __init__(self, bench: Bench, node: Any) -> None:
         self._bench, self._node = bench, node
         topics = ("ship/heave", "winch/speed_command", "winch/length_command",
-                  "winch/switch_command", "current", "rope/cut")  # fmt: skip
+                  "winch/switch_command", "current", "ropes/cut")  # fmt: skip
         self.publishers = {name: bench.publisher(name) for name in topics}
         bench.until(
             lambda: all(one.get_subscription_count() > 1 for one in self.publishers.values()),
@@ -130,7 +130,7 @@ def test_a_run_with_every_input_a_pause_and_fewer_elements_is_replayed(
     assert [one.number for one in found.sessions] == [1, 2]
     assert found.applied["ship/heave"] > 60
     assert found.applied["current"] == 2
-    assert found.applied["winch/speed_command"] == found.applied["rope/cut"] == 1
+    assert found.applied["winch/speed_command"] == found.applied["ropes/cut"] == 1
     assert found.applied["winch/switch_command"] == found.applied["winch/length_command"] == 1
     assert found.compared["ropes/tension_top"] > 100
     assert found.compared["ropes/nodes"] > 5  # after the cut

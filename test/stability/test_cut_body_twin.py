@@ -143,7 +143,7 @@ def test_a_bag_tells_of_the_body_after_the_cut_and_is_seen(scene: Scene, tmp_pat
     assert "cut at 1.00 s, 12.0 m below the hang-off" in summary.as_text()
     with BagReader(tmp_path / "bag") as reader:
         counts = {name.strip("/"): content.messages for name, content in reader.topics.items()}
-    assert counts["rope/cut"] == 1
+    assert counts["ropes/cut"] == 1
     assert counts["slings/state"] == counts["ropes/nodes"] == pytest.approx(76, abs=2)
     view = RopeView(FileSink(tmp_path / "seen.rrd", footer=True))
     play(tmp_path / "bag", view)

@@ -288,7 +288,7 @@ def test_a_run_records_the_order_and_both_ropes(scene: Scene, tmp_path: Path) ->
     assert "cut at 1.50 s, 80.0 m below the hang-off" in summary.as_text()
     with BagReader(tmp_path / "bag") as reader:
         counts = {name.strip("/"): content.messages for name, content in reader.topics.items()}
-    assert counts["rope/cut"] == 1
+    assert counts["ropes/cut"] == 1
     assert counts["ropes/length"] == counts["payloads/state"] == 150
     assert counts["ropes/nodes"] == pytest.approx(75, abs=1)
     rows = statuses(run_to_its_end(scene), None)
