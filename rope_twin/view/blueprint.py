@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rope_twin.view import depth_chart, overview, surface
-from rope_twin.view.figures import Plot
+from rope_twin.view.depth_chart import FATIGUE, VIBRATION
 from rope_twin.view.profile import HEIGHT, RANGE_S, WIDTH
-from rope_twin.view.timelines import TWIN_TIME
-from rope_twin.view.watched import FATIGUE, VIBRATION
+from rope_twin.view.series import TWIN_TIME, Plot
 
 BACKGROUND = (18, 19, 24)
 OVERVIEW, SURFACE, PROFILE, LOG = "overview", "surface", "profile", "diagnostics"

@@ -23,17 +23,21 @@ from rope_twin.view.blueprint import (
     Shown,
     layout,
 )
-from rope_twin.view.figures import Figures
+from rope_twin.view.depth_chart import WatchedCharts
 from rope_twin.view.lower_end import LowerEnd
 from rope_twin.view.overview import Overview
 from rope_twin.view.profile import Profile
-from rope_twin.view.series import FILE_BATCH_NS, LIVE_BATCH_NS, Series
+from rope_twin.view.series import (
+    FILE_BATCH_NS,
+    LIVE_BATCH_NS,
+    Figures,
+    Series,
+    StatusLog,
+    Timelines,
+)
 from rope_twin.view.sinks import Sink
-from rope_twin.view.status_log import StatusLog
 from rope_twin.view.surface import Surface
 from rope_twin.view.ticks import decade_range
-from rope_twin.view.timelines import Timelines
-from rope_twin.view.watched import WatchedCharts
 
 SHOWN_TOPICS = tuple(topic.name for topic in TOPICS if topic.in_view)
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
