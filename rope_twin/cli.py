@@ -168,7 +168,7 @@ class _Version(argparse.Action):
     """Prints the versions and ends the program."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
-        from rope_twin.commands.versions import version_text
+        from rope_twin.commands.doctor import version_text
 
         print(version_text(lambda: str(_middleware().rmw_name())))
         parser.exit()

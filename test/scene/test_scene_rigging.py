@@ -11,8 +11,7 @@ from scene_text import GOOD, assert_refused, written
 from rope_twin import load_scene
 from rope_twin.core.joined.hanging import initial_shape
 from rope_twin.core.joined.joints import LOOSE
-from rope_twin.scene.model.first_shape import first_places
-from rope_twin.scene.model.joined import alone, build_joined
+from rope_twin.scene.model.joined import alone, build_joined, first_places
 from rope_twin.scene.warnings.rope import sense_checks
 
 Place = tuple[float, float, float]

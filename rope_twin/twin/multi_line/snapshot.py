@@ -11,7 +11,7 @@ from rope_twin.core.joined.joints import System
 from rope_twin.core.joined.sheaves import FLOW_COLUMN, POINT
 from rope_twin.core.joined.ties import FIRST, PULL, SECOND
 from rope_twin.core.state import Floats
-from rope_twin.scene.model.sheaves import runs_over_sheave
+from rope_twin.scene.model.joined import runs_over_sheave
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.snapshot import (
     BedContact,

@@ -19,8 +19,7 @@ from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.joined.ties import PULL
 from rope_twin.core.state import Boundary, Floats, Rope
-from rope_twin.scene.model.joined import build_joined
-from rope_twin.scene.model.sheaves import runs_over_sheave
+from rope_twin.scene.model.joined import build_joined, runs_over_sheave
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import winch_of
 from rope_twin.twin.cutting.rope_cut import CutPosition
