@@ -19,10 +19,10 @@ import numpy as np
 from rope_twin.effects import EFFECTS
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.twin import Twin
-from rope_twin.viv.decomposed import decomposed, fine_enough
-from rope_twin.viv.decomposed_response import DecomposedResponse
-from rope_twin.viv.modal_response import ModalResponse
-from rope_twin.viv.shedding import Shedding
+from rope_twin.vortex.decomposed_response import DecomposedResponse
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.power_in import decomposed, fine_enough
+from rope_twin.vortex.shedding import Shedding
 from validation.published_ropes import LCD_CABLE, LCD_RISER, PublishedRope, lcd_current
 
 ALONE: dict[str, PublishedRope] = {"[LCD] cable": LCD_CABLE, "[LCD] riser": LCD_RISER}

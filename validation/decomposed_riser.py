@@ -9,11 +9,12 @@ from math import pi
 
 import numpy as np
 
+from rope_twin.core.state import Floats
 from rope_twin.studies.picture import Line, Panel, Vector
-from rope_twin.viv.decomposed import Decomposed, Excitation, analyse, decomposed
-from rope_twin.viv.decomposed_response import PER_PERIOD, REMEMBERED, DecomposedResponse
-from rope_twin.viv.integrators import Integrator, bathe, newmark
-from rope_twin.viv.span import Floats, Span
+from rope_twin.vortex.decomposed_response import PER_PERIOD, REMEMBERED, DecomposedResponse
+from rope_twin.vortex.integrators import Integrator, bathe, newmark
+from rope_twin.vortex.line_model import Span
+from rope_twin.vortex.power_in import Decomposed, Excitation, analyse, decomposed
 from validation.case import Case, Finding, Found, between, shown
 from validation.published_ropes import DENSITY, PublishedRope
 from validation.steady_riser import READINGS, mean_rms

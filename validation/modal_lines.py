@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rope_twin.core.modes.sharing import share_out
+from rope_twin.core.state import Floats
 from rope_twin.studies.picture import Field, Line, Panel, Vector
-from rope_twin.viv.modal_response import ModalResponse
-from rope_twin.viv.shedding import (
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.shedding import (
     TIE,
     Shedding,
     all_zones,
     dominant_zones,
     nearest_zones,
+    share_out,
 )
-from rope_twin.viv.span import Floats
 from validation.case import Case, Finding, Found, between, shown, within_pct
 from validation.published_ropes import LCD_CABLE, LCD_RISER, PublishedRope, lcd_current
 from validation.wave_lines import waves_of_cable, waves_of_riser

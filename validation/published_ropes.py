@@ -7,7 +7,8 @@ from math import pi
 
 import numpy as np
 
-from rope_twin.viv.span import Floats, Span
+from rope_twin.core.state import Floats
+from rope_twin.vortex.line_model import Span
 
 DENSITY, GRAVITY = 1025.0, 9.80665
 

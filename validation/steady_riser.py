@@ -17,10 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.viv.decomposed import Decomposed, analyse, displaced
-from rope_twin.viv.integrators import upper_bands
-from rope_twin.viv.lateral_modes import stiffness
-from rope_twin.viv.span import Floats, Span
+from rope_twin.core.state import Floats
+from rope_twin.vortex.integrators import upper_bands
+from rope_twin.vortex.line_model import Span
+from rope_twin.vortex.modes import stiffness
+from rope_twin.vortex.power_in import Decomposed, analyse, displaced
 
 DIAGONALS = 2  # of the stiffness beside the main one
 ROUNDS, SHARE, SAME = 400, 0.4, 1e-7

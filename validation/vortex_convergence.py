@@ -19,7 +19,7 @@ import numpy as np
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.studies.picture import Line, Panel, Vector
-from rope_twin.viv.shedding import Shedding
+from rope_twin.vortex.shedding import Shedding
 from validation import curved_pipe, modal_lines, wave_lines
 from validation.case import choose
 from validation.published_ropes import LCD_CABLE, lcd_current

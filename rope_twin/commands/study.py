@@ -24,7 +24,7 @@ from rope_twin.studies.parameter_study.design import read_study
 from rope_twin.studies.parameter_study.results import draw_study, study_lines
 from rope_twin.studies.parameter_study.run import check_parquet, run_parameter_study
 from rope_twin.studies.picture import check_picture
-from rope_twin.twin.fatigue.curves import wire_curve_warning
+from rope_twin.vortex.fatigue import wire_curve_warning
 
 PICTURE = "study.png"
 BAR = 24

@@ -31,9 +31,9 @@ from rope_twin.studies.viv.own import run_own
 from rope_twin.studies.viv.own_picture import own_figures, own_words, write_own
 from rope_twin.studies.viv.picture import check_folder, write_all
 from rope_twin.studies.viv.study import Fatigue, VivRun, count_fatigue, most_moved, run_viv
-from rope_twin.twin.fatigue.curves import STRESS_CURVES, StressCurve, find_stress_curve
-from rope_twin.twin.vibration.drag_amplification import shedding_of
-from rope_twin.viv.shedding import Shedding
+from rope_twin.vortex.coupled import shedding_of
+from rope_twin.vortex.fatigue import STRESS_CURVES, StressCurve, find_stress_curve
+from rope_twin.vortex.shedding import Shedding
 
 SHOWN = 10  # modes in the table, those that move most
 HEAD = ("mode", "Hz", "excited m", "rms A/D")

@@ -6,7 +6,7 @@ excites the rope where it is positive and damps it elsewhere; the component in a
 acceleration is an added mass C_a(A/D, f·D/U); both from a table (config/viv, its source is in its
 header). A pre-analysis determines which mode each place excites and its natural frequency;
 amplitude and frequency are measured from the running motion. All this is decoupled from the step,
-on a mesh of its own (rope_twin.viv.decomposed_response, rope_twin.twin.vibration), and the
+on a mesh of its own (rope_twin.vortex.decomposed_response, rope_twin.vortex.coupled), and the
 pre-analysis is repeated as tension and paid-out length change: elements and step of the scene need
 not resolve it.
 
@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rope_twin.core.vortices.drag_growth import DragGrowthParams, build_growth
 from rope_twin.quantity import quantity
+from rope_twin.vortex.drag_amplification import DragGrowthParams, build_growth
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 [LCD] Le Cunff and Durand (1999), eqs 1-9: the natural modes of the rope in its present shape are
 locked in where U/(f·d) lies in a band; there the lift C_l(A/d) excites them (two parabolas,
 Venugopal 1996), elsewhere the water damps them. The response is decoupled from the step, on a mesh
-of its own (rope_twin.viv.modal_response, rope_twin.twin.vibration), with the modal analysis
+of its own (rope_twin.vortex.modal_response, rope_twin.vortex.coupled), with the modal analysis
 repeated as tension and paid-out length change: elements and step of the scene need not resolve it.
 
 The feedback on the rope is in the step: the drag coefficient at each node is multiplied by 1 +
@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rope_twin.core.vortices.drag_growth import DragGrowthParams, build_growth
 from rope_twin.quantity import quantity
+from rope_twin.vortex.drag_amplification import DragGrowthParams, build_growth
 
 
 @dataclass(frozen=True, kw_only=True)

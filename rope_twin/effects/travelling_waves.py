@@ -48,14 +48,15 @@ from rope_twin.core.state import (
     VOLUME,
     Floats,
 )
-from rope_twin.core.vortices.half_waves import (
+from rope_twin.quantity import quantity, text
+from rope_twin.vortex.wake import (
     across,
+    evaluate_statics,
     hold_frequencies,
+    set_node_lengths,
     set_paces,
     wave_number,
 )
-from rope_twin.core.vortices.shedding import evaluate_statics, set_node_lengths
-from rope_twin.quantity import quantity, text
 
 CARRIED = 4  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate
 PHASE, OMEGA, SQUARE, SQUARE_RATE = range(CARRIED)

@@ -13,7 +13,7 @@ an upright rope where it is inclined by less than 45° to the normal of the flow
 drag of the paper, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is the effect `drag`.
 
 The equation is for steady flow. In unsteady flow it is solved in the wake's own time, ω_s·dt
-(core/vortices/van_der_pol): shedding follows the water velocity and stops where the water is still.
+(rope_twin.vortex.wake): shedding follows the water velocity and stops where the water is still.
 The lift is normal to U, so that in still water it does no work for any q.
 
 q is solved at each node inside the stage (TR-BDF2 like the rope): for the node's velocity the
@@ -53,9 +53,9 @@ from rope_twin.core.state import (
     VELOCITY,
     Floats,
 )
-from rope_twin.core.vortices import shedding
-from rope_twin.core.vortices.van_der_pol import faded, smooth_noise, solve_wake, wake_of
 from rope_twin.quantity import quantity, text
+from rope_twin.vortex import wake as shedding
+from rope_twin.vortex.wake import faded, smooth_noise, solve_wake, wake_of
 
 CARRIED = 7
 Q, RATE, WAKE, WAKE_RATE, SHAPE = range(5)  # q, q', p, p', and the mean tangent (three)

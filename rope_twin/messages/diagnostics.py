@@ -11,7 +11,7 @@ from rope_twin.messages import templates
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.results import EnergyBalance, MaterialFatigue, RopeVibration, TensionInterval
+from rope_twin.twin.results import EnergyBalance, TensionInterval
 from rope_twin.twin.snapshot import (
     BedContact,
     Bend,
@@ -23,6 +23,7 @@ from rope_twin.twin.snapshot import (
     Snapshot,
     Touchdown,
 )
+from rope_twin.vortex.results import MaterialFatigue, RopeVibration
 
 HARDWARE_ID = "rope_twin"
 

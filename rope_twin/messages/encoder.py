@@ -18,9 +18,9 @@ from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates, new, serialise
 from rope_twin.messages.templates import scale_above, tension_colours
-from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.snapshot import BodyShot, RopeShot, Snapshot, WinchShot, first_rope
 from rope_twin.twin.winch.commands import CONTROL_MODES
+from rope_twin.vortex.results import RopeVibration
 
 MAP = "map"  # REP 105: the fixed frame; x east, y north, z up, z = 0 at mean water level
 HANG_OFF, PAYLOAD = "hang_off", "payload"  # frames of the first hang-off and of a single payload

@@ -44,7 +44,7 @@ from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.saving.autosave import AutoSave, SavingStatus
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.settings import MonitorSettings
+from rope_twin.vortex.settings import MonitorSettings
 
 RUN_ROW = "simulation: run"
 MOTION_ROW = "simulation: input heave"

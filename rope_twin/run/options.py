@@ -15,10 +15,10 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import read_quantity
 from rope_twin.run.arguments import SCENE, add_duration, add_json, add_out, add_scene, add_time
 from rope_twin.twin.cutting.cut_input import read_plan
-from rope_twin.twin.fatigue.curves import CURVES
 from rope_twin.twin.saving.state_file import check_place
-from rope_twin.twin.vibration.settings import MODELS, MonitorSettings
 from rope_twin.view.sinks import has_screen
+from rope_twin.vortex.fatigue import CURVES
+from rope_twin.vortex.settings import MonitorSettings
 
 if TYPE_CHECKING:
     from rope_twin.scene.schema import Scene
@@ -175,7 +175,8 @@ def _add_monitors(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
     add("--energy", action="store_true", help="keep the energy balance and report its residual")
     add("--vibration", default="", metavar="MODEL",
-        help=f"publish the vibration along the line, by {' | '.join(MODELS)}")  # fmt: skip
+        help="publish the VIV response along the line: time-domain (the scene's own VIV model) or "
+        "frequency-domain (natural modes that follow the line)")  # fmt: skip
     add(
         "--fatigue",
         default="",

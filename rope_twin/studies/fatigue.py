@@ -3,7 +3,7 @@
 The pieces belong to the material: each has its distance from the lower end and keeps it while the
 winch pays out or hauls in. A piece that is aboard meets no tension of the sea: its history stands
 still until it comes out again. Where the winch has a sheave, each passage bends and straightens it
-once (rope_twin.twin.fatigue.damage), by a curve of stress.
+once (rope_twin.vortex.damage), by a curve of stress.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.schema import RopeLine
-from rope_twin.twin.fatigue.curves import (
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.vortex.fatigue import (
     Curve,
     Cycles,
     StressCurve,
@@ -24,7 +25,6 @@ from rope_twin.twin.fatigue.curves import (
     check_all_steel,
     strength_of,
 )
-from rope_twin.twin.snapshot import Snapshot
 
 SAMPLES_KEPT = 2048  # of every piece, before they are reduced to where they turn
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
 from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitored import MonitoredTwin
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.settings import MonitorSettings
+from rope_twin.vortex.settings import MonitorSettings
 
 
 class EnergyIntervalTwin(EnergyTwin, ErrorIntervalTwin):
@@ -19,9 +20,5 @@ def twin_class(energy: bool, error_band: bool, watch: MonitorSettings | None = N
         kind = EnergyIntervalTwin if error_band else EnergyTwin
     if not watch:
         return kind
-    from rope_twin.twin.vibration.monitored import (
-        MonitoredTwin,  # imported here: its filters take a second to load
-    )
-
     parts = (MonitoredTwin,) if kind is Twin else (MonitoredTwin, kind)
     return type(f"Watched{kind.__name__}", parts, {"asked": watch})

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.multi_line.clearance_results import LineEvent, LinesShot
-from rope_twin.twin.results import EnergyBalance, MaterialFatigue, RopeVibration, TensionInterval
+from rope_twin.twin.results import EnergyBalance, TensionInterval
+from rope_twin.vortex.results import MaterialFatigue, RopeVibration
 
 Vector = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +22,7 @@ from rope_twin.errors import InputError, SolverError, StateError, phrase
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.scene.validation.rigging import is_joined, winch_of
-from rope_twin.scene.validation.vortices import model_beside
+from rope_twin.scene.validation.vortices import coupled_settings, model_beside
 from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh, check_transferable, error_at_level
 from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.validity import CUT_REASON
@@ -33,6 +33,7 @@ from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL, BoundaryConditions, Present
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.multi_line.system import MultiLineRopes
+from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.recovery import Checkpoint, moving_arrays, step_failure
 from rope_twin.twin.ropes import ropes_of
 from rope_twin.twin.run_record import RunRecord
@@ -44,9 +45,7 @@ from rope_twin.twin.state import Clock, TwinState
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
 from rope_twin.twin.winch.payout import Payout
 from rope_twin.twin.winch.winch import Winch
-
-if TYPE_CHECKING:
-    from rope_twin.twin.vibration.drag_amplification import VivDragAmplification
+from rope_twin.vortex.coupled import VivDragAmplification
 
 
 class Twin:
@@ -76,11 +75,8 @@ class Twin:
         upper = self._pull[None] if self.joined is None else self.joined.pull
         self._record = RunRecord(scene, self._ropes, upper, float(self._tension[0]))
         if model_beside(scene) is not None:
-            from rope_twin.twin.vibration.drag_amplification import (
-                VivDragAmplification,  # imported here: its filters take a second to load
-            )
-
-            self._viv_drag = VivDragAmplification(scene, self.rope)
+            cycle = steps_in_slot(scene.time.step_s)
+            self._viv_drag = VivDragAmplification(coupled_settings(scene), self.rope, cycle)
             self.told = self._viv_drag.tracker.told
 
     # Inputs, accepted from any thread

@@ -150,7 +150,7 @@ def summaries() -> dict[str, RunSummary]:
         "summary of a run with all monitors": replace(
             SUMMARY, energy=ENERGY.figures(),
             error_band={"low_n": 3.1e5, "high_n": 3.3e5, "bound_n": 1e4, "cost_pct": 50.0},
-            vibration={"model": "motion", "cross_flow_diameters": 0.4, "frequency_hz": 1.2,
+            vibration={"model": "time-domain", "cross_flow_diameters": 0.4, "frequency_hz": 1.2,
                        "from_hang_off_m": 300.0, "drag_amplification": 1.8, "cost_pct": 2.0},
             fatigue={"curve": "stranded_wire", "used": 1e-5, "from_lower_end_m": 3000.0,
                      "counted_s": 60.0},

@@ -17,13 +17,13 @@ from rope_twin.core.acting.loads import add_load
 from rope_twin.core.jit.decorators import assembly
 from rope_twin.core.rope.elastic import stretch
 from rope_twin.core.state import Stage
-from rope_twin.core.vortices.drag_growth import DragGrowth
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
+from rope_twin.vortex.drag_amplification import DragGrowth
 
 # a square root of several doubles at once: x86-64 and aarch64
 PACKED_ROOT = re.compile(r"\bv?sqrtpd\b|\bfsqrt\s+v\d+\.2d")
@@ -92,7 +92,7 @@ def test_a_table_of_stiffness_leaves_no_trace_where_there_is_none(whole: str) ->
 
 def test_drag_that_grows_leaves_no_trace_where_it_does_not(whole: str) -> None:
     """Its kernels are in the loads of a rope whose vortices are beside the step."""
-    module = "rope_twin.core.vortices.drag_growth"
+    module = "rope_twin.vortex.drag_amplification"
     scene = main_job()
     rope = build(replace(scene, effects=(*scene.effects, ModalVibrationParams())))
     grown = tuple(own for own in rope.effects if isinstance(own, DragGrowth))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rope_twin.core.modes.sharing import parts_below, share_out
+from rope_twin.vortex.shedding import parts_below, share_out
 
 Floats = np.ndarray
 

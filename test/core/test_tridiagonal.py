@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh_tridiagonal
 
-from rope_twin.core.modes.tridiagonal import count_below, find_eigenpairs
+from rope_twin.vortex.modes import count_below, find_eigenpairs
 
 Floats = np.ndarray
 

@@ -8,8 +8,8 @@ from cut_rigs import fallen
 
 from rope_twin import Twin, load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
-from rope_twin.twin.vibration.line_model import line_model
+from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
+from rope_twin.vortex.line_model import line_model
 
 SCENES = pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
 STEPS_PER_S = 100

@@ -14,10 +14,10 @@ from test_energy_accounts import seen, three
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import account_sum
-from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth, set_growth
-from rope_twin.core.vortices.drag_growth import NODES as NOTED
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.scene.schema import Scene, Winch
+from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth, set_growth
+from rope_twin.vortex.drag_amplification import NODES as NOTED
 
 NAMES = ("modal_vibration", "decomposed_force")
 SPEED, LENGTH, WEIGHT = 1.0, 40.0, 4000.0

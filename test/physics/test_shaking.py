@@ -13,7 +13,6 @@ from test_vibration import CABLE
 from test_vibration_live import WINCH, watched
 
 from rope_twin import Snapshot, Twin
-from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
@@ -21,9 +20,10 @@ from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.viv.own import run_own
 from rope_twin.studies.viv.study import run_viv
-from rope_twin.twin.results import RopeVibration
-from rope_twin.twin.vibration.settings import MODES, MOTION
-from rope_twin.viv.shedding import Shedding
+from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
+from rope_twin.vortex.results import RopeVibration
+from rope_twin.vortex.settings import FREQUENCY_DOMAIN, TIME_DOMAIN
+from rope_twin.vortex.shedding import Shedding
 
 MODELS = [ModalVibrationParams(), DecomposedForceParams()]
 ENOUGH_S = 60.0
@@ -231,8 +231,15 @@ def test_without_a_current_it_keeps_still() -> None:
     assert grown(twin).max() > 0.3
 
 
-@pytest.mark.parametrize("asked", [MODES, MOTION])
-def test_it_is_told_without_being_asked(asked: str) -> None:
-    words = rf"vibration {asked}: the scene's own modal_vibration tells .* asked; leave it out"
+def test_its_vibration_is_reported_without_an_option() -> None:
+    """To ask for it changes nothing; a second model is rejected."""
+    scene = shaken(ModalVibrationParams())
+    plain, asked = Twin(scene), watched(scene, TIME_DOMAIN)
+    for twin in (plain, asked):
+        twin.advance(500)
+    one, other = shaking(plain.snapshot()), shaking(asked.snapshot())
+    assert one.model == other.model == "modal_vibration"
+    assert np.array_equal(one.cross_flow, other.cross_flow)
+    words = "the scene's own modal_vibration computes the vibration already; leave it out"
     with pytest.raises(InputError, match=words):
-        watched(shaken(ModalVibrationParams()), asked)
+        watched(scene, FREQUENCY_DOMAIN)

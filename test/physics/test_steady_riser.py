@@ -8,10 +8,10 @@ from math import pi
 import numpy as np
 import pytest
 
-from rope_twin.viv.decomposed import analyse, decomposed
-from rope_twin.viv.decomposed_response import DecomposedResponse
-from rope_twin.viv.force_table import ForceTable
-from rope_twin.viv.span import Span
+from rope_twin.vortex.decomposed_response import DecomposedResponse
+from rope_twin.vortex.force_table import ForceTable
+from rope_twin.vortex.line_model import Span
+from rope_twin.vortex.power_in import analyse, decomposed
 from validation.steady_riser import steady_amplitude
 
 L, D, T, M, EI = 90.0, 0.03, 3700.0, 2.268, 3640.0

@@ -11,10 +11,10 @@ from rigs import Rig, march, sine
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import RegularHeave, SeaState, Winch
 from rope_twin.studies.viv.moving import run_moving
-from rope_twin.twin.vibration.modal_vibration import ModalVibration, line_model_of_twin
-from rope_twin.viv.lateral_modes import find_lateral_modes
-from rope_twin.viv.modal_response import ModalResponse
-from rope_twin.viv.shedding import Shedding
+from rope_twin.twin.modal_vibration import ModalVibration, line_model_of_twin
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.modes import find_lateral_modes
+from rope_twin.vortex.shedding import Shedding
 
 CABLE = Rig(
     length=200.0, elements=40, mass=6.4, EA=6.5e7, diameter=0.04, load=3e3, density=1025.0,

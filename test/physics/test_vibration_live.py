@@ -14,17 +14,16 @@ from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.studies.driven_twin import march
 from rope_twin.twin.kinds import twin_class
-from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.modal_vibration import line_model_of_twin
-from rope_twin.twin.vibration.settings import DECOMPOSED, MODES, MonitorSettings
-from rope_twin.viv.decomposed import POWER_MIN, ExcitationSearch, decomposed, near_driven
-from rope_twin.viv.decomposed_response import DecomposedResponse
-from rope_twin.viv.lateral_modes import ModeSearch, find_lateral_modes
-from rope_twin.viv.modal_response import ModalResponse
-from rope_twin.viv.shedding import Shedding
-from rope_twin.viv.span import Span, refined
+from rope_twin.vortex.decomposed_response import DecomposedResponse
+from rope_twin.vortex.line_model import Span, line_model, refined
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.modes import ModeSearch, find_lateral_modes
+from rope_twin.vortex.power_in import POWER_MIN, ExcitationSearch, decomposed, near_driven
+from rope_twin.vortex.results import RopeVibration
+from rope_twin.vortex.settings import FREQUENCY_DOMAIN, MonitorSettings
+from rope_twin.vortex.shedding import Shedding
 from validation.rigs import sine
 
 WINCH = Winch(
@@ -43,7 +42,7 @@ def shaking(shot: Snapshot) -> RopeVibration:
 
 
 def fine_span(ends: bool = True) -> Span:
-    span = refined(line_model_of_twin(CABLE.twin()), 1.0)
+    span = refined(line_model(CABLE.twin().rope), 1.0)
     return span if ends else span._replace(end_mass=None)
 
 
@@ -96,7 +95,7 @@ def test_what_is_near_what_is_driven_is_all_that_is_driven() -> None:
 
 def test_a_model_keeps_its_elements_while_their_number_is_about_right() -> None:
     """1.25 times as many would do, or half: it is then the same on grids that differ a little."""
-    span = line_model_of_twin(CABLE.twin())
+    span = line_model(CABLE.twin().rope)
     length = float(span.s[-1])
     assert len(span.tension) < 98
     for wanted, made in ((200, 200), (249, 200), (251, 251), (101, 200), (99, 99)):
@@ -127,8 +126,8 @@ def test_followed_to_the_same_rope_the_decomposed_response_goes_on_as_it_was() -
 
 def test_beside_a_rope_at_rest_it_is_the_response_at_constant_tension() -> None:
     scene = CABLE.scene()
-    twin = watched(scene, MODES)
-    alone = ModalResponse(line_model_of_twin(Twin(scene)), Shedding())
+    twin = watched(scene, FREQUENCY_DOMAIN)
+    alone = ModalResponse(line_model(Twin(scene).rope), Shedding())
     twin.advance(1000)
     alone.advance(20.0)
     seen = shaking(twin.snapshot())
@@ -140,13 +139,12 @@ def test_beside_a_rope_at_rest_it_is_the_response_at_constant_tension() -> None:
     assert seen.in_line is None
 
 
-@pytest.mark.parametrize("model", [MODES, DECOMPOSED])
-def test_it_follows_the_rope_through_the_winch_and_goes_on_from_a_state(model: str) -> None:
+def test_it_follows_the_rope_through_the_winch_and_goes_on_from_a_state() -> None:
     """To the bit, also if saved between two searches; and the twin's own run is untouched."""
     scene = replace(CABLE, winch=WINCH).scene()
     course: Any = (sine(0.3, 6.0), 8.0, 1, [(2.0, 2.0)])
     plain = [shot.tension_top_n for shot in march(Twin(scene), *course)]
-    twin = watched(scene, model)
+    twin = watched(scene, FREQUENCY_DOMAIN)
     assert [shot.tension_top_n for shot in march(twin, *course)] == plain
     twin.advance(17)
     again = type(twin).restore(twin.capture(), scene)
@@ -162,7 +160,7 @@ def test_it_follows_the_rope_through_the_winch_and_goes_on_from_a_state(model: s
 
 
 def test_slack_keeps_the_modes_that_it_had_and_says_so() -> None:
-    twin = watched(CABLE.scene(), MODES)
+    twin = watched(CABLE.scene(), FREQUENCY_DOMAIN)
     notes = [shaking(shot).note for shot in march(twin, sine(4.0, 4.0), 10.0, 5)]
     assert any("elements are slack" in note for note in notes)
     assert "" in notes
@@ -170,7 +168,7 @@ def test_slack_keeps_the_modes_that_it_had_and_says_so() -> None:
 
 def test_the_bending_of_the_vibration_wears_the_rope() -> None:
     """Stress of a wave on the rope: E·d/2·k²·A, k² = m·ω²/T; rainflow of it over the run."""
-    twin = watched(replace(CABLE, diameter=0.032).scene(), MODES, "stranded_wire")
+    twin = watched(replace(CABLE, diameter=0.032).scene(), FREQUENCY_DOMAIN, "stranded_wire")
     twin.advance(1000)
     before = twin.snapshot()
     twin.advance(500)
@@ -190,5 +188,5 @@ def test_the_bending_of_the_vibration_wears_the_rope() -> None:
 def test_a_scene_that_shakes_its_rope_itself_gets_no_second_model() -> None:
     scene = CABLE.scene()
     scene = replace(scene, effects=(*scene.effects, WakeOscillatorParams()))
-    with pytest.raises(InputError, match=r"own wake_oscillator shakes its rope.*ask for motion"):
-        watched(scene, MODES)
+    with pytest.raises(InputError, match=r"own wake_oscillator computes.*ask for time-domain"):
+        watched(scene, FREQUENCY_DOMAIN)

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from rope_twin.errors import InputError
-from rope_twin.viv.decomposed import Decomposed, analyse, decomposed, displaced
-from rope_twin.viv.decomposed_response import DecomposedResponse
-from rope_twin.viv.force_table import fitted_forces, read_force_table
-from rope_twin.viv.integrators import (
+from rope_twin.vortex.decomposed_response import DecomposedResponse
+from rope_twin.vortex.force_table import fitted_forces, read_force_table
+from rope_twin.vortex.integrators import (
     Integrator,
     Matrices,
     Motion,
@@ -22,8 +21,9 @@ from rope_twin.viv.integrators import (
     times,
     upper_bands,
 )
-from rope_twin.viv.lateral_modes import stiffness
-from rope_twin.viv.span import Span
+from rope_twin.vortex.line_model import Span
+from rope_twin.vortex.modes import stiffness
+from rope_twin.vortex.power_in import Decomposed, analyse, decomposed, displaced
 
 L, D, T, M, EI = 90.0, 0.03, 3700.0, 2.268, 3640.0
 

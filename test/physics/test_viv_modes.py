@@ -11,9 +11,10 @@ from scipy.integrate import solve_ivp
 from scipy.special import jn_zeros
 
 from rope_twin.errors import InputError
-from rope_twin.viv.lateral_modes import find_lateral_modes
-from rope_twin.viv.modal_response import ModalResponse
-from rope_twin.viv.shedding import (
+from rope_twin.vortex.line_model import Span, refined
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.modes import find_lateral_modes
+from rope_twin.vortex.shedding import (
     Lift,
     Shedding,
     all_zones,
@@ -21,7 +22,6 @@ from rope_twin.viv.shedding import (
     leading_zones,
     nearest_zones,
 )
-from rope_twin.viv.span import Span, refined
 
 L, T, M = 300.0, 100e3, 2.05
 

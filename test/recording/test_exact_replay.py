@@ -26,7 +26,7 @@ from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
 from rope_twin.share import share_dir
 from rope_twin.topics import BY_NAME, INPUT_LOG_TOPIC, SESSION_TOPIC, TOPICS
-from rope_twin.twin.vibration.settings import MonitorSettings
+from rope_twin.vortex.settings import MonitorSettings
 
 EPOCH_NS = 1_700_000_000 * 10**9
 SCENE = "shallow_lift"
@@ -253,7 +253,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "ropes that meet": {"scene": "bridle_lift"},
     "poses of the ship": {"scene": "ship_6dof"},
     "everything kept": {
-        "energy": True, "error_band": True, "watch": MonitorSettings("modes", "stranded_wire"),
+        "energy": True, "error_band": True,
+        "watch": MonitorSettings("frequency-domain", "stranded_wire"),
     },
     "a cut, another setting, another sea": {
         "elements": 30, "step_s": 0.005, "bag": "sea_2p5m", "cut": "100@1.1",

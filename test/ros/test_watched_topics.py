@@ -23,7 +23,7 @@ def test_a_process_that_listens_hears_them_and_the_recorder_keeps_them(
     recorder = processes.node("recorder", out=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     simulation = processes.node(
-        "simulation", scene="shallow_lift", vibration="modes", fatigue="stranded_wire",
+        "simulation", scene="shallow_lift", vibration="frequency-domain", fatigue="stranded_wire",
         wait_for="ropes/markers", wait_for_s=60.0,
     )  # fmt: skip
     bench.until(lambda: len(used) >= 3 and len(shaking) >= 12, "three seconds of the run")

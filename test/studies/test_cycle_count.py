@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.studies.fatigue import count_cycles
-from rope_twin.twin.fatigue.curves import Cycles, Vector
-from rope_twin.twin.fatigue.rainflow import Numbers, RainflowCount
+from rope_twin.vortex.fatigue import Cycles, Numbers, RainflowCount, Vector
 
 
 def cost(which: Numbers, cycles: Cycles) -> Vector:

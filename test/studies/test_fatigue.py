@@ -24,8 +24,8 @@ from rope_twin.studies.fatigue import (
     turning_points,
 )
 from rope_twin.twin.ensemble.ensemble import Ensemble
-from rope_twin.twin.fatigue.curves import CURVES, Cycles, StressCurve, find_curve, strength_of
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.vortex.fatigue import CURVES, Cycles, StressCurve, find_curve, strength_of
 
 STEEL = rope_preset("steel_wire_40mm")
 FIBRE = rope_preset("hmpe_25mm")

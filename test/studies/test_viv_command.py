@@ -17,9 +17,9 @@ from rope_twin.errors import SceneError
 from rope_twin.studies.modes.modes import find_modes
 from rope_twin.studies.viv.scene import span_of
 from rope_twin.studies.viv.study import chosen_places, count_fatigue, run_viv
-from rope_twin.twin.fatigue.curves import CURVES, StressCurve, pipe_area
-from rope_twin.viv.lateral_modes import find_lateral_modes
-from rope_twin.viv.shedding import Shedding
+from rope_twin.vortex.fatigue import CURVES, StressCurve, pipe_area
+from rope_twin.vortex.modes import find_lateral_modes
+from rope_twin.vortex.shedding import Shedding
 
 PICTURES = {"current.png", "modes.png", "along.png", "motion.png", "spectra.png"}
 TABLES = {"along.parquet", "modes.parquet", "motion.parquet"}

@@ -26,7 +26,7 @@ from rope_twin.studies.viv.own import (
 )
 from rope_twin.studies.viv.own_looks import made_even
 from rope_twin.studies.viv.own_picture import own_words
-from rope_twin.twin.results import MaterialFatigue
+from rope_twin.vortex.results import MaterialFatigue
 
 U = 0.5
 

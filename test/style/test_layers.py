@@ -17,7 +17,7 @@ EVERYTHING = [*SOURCES, *LABORATORY, *TESTS, *sorted(ROOT.glob("launch/*.py"))]
 # Imports run downward only; parts of one floor may use each other.
 FLOORS = (
     ("core", "sea", "errors", "quantity", "share", "whole_file"),
-    ("effects", "viv"),
+    ("effects", "vortex"),
     ("scene",),
     ("twin",),
     ("topics", "cadence", "messages", "recording", "view"),
@@ -166,7 +166,7 @@ def test_private_parts_of_the_compiler_have_one_folder() -> None:
 
 
 def test_effects_know_the_core_and_no_one_else() -> None:
-    """An effect may use the core and quantity; of the other effects only EFFECTS knows."""
+    """An effect may use core, vortex and quantity; of the other effects only EFFECTS knows."""
     strangers = [
         f"{relative(path)}:{line}: {name}"
         for path in sorted((PACKAGE / "effects").glob("*.py"))

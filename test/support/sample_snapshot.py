@@ -8,7 +8,7 @@ import numpy as np
 
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.motion.ship_pose import ShipPose
-from rope_twin.twin.results import MaterialFatigue, RopeVibration, TensionInterval
+from rope_twin.twin.results import TensionInterval
 from rope_twin.twin.snapshot import (
     BedContact,
     BodyShot,
@@ -19,6 +19,7 @@ from rope_twin.twin.snapshot import (
     SolverHealth,
     StrutShot,
 )
+from rope_twin.vortex.results import MaterialFatigue, RopeVibration
 
 
 def hanging_rope(
@@ -63,7 +64,7 @@ def hanging_rope(
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
         band=TensionInterval(float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0),
         vibration=RopeVibration(
-            "motion",
+            "time-domain",
             0.5 * swing,
             2.0 + swing,
             0.1 * swing,

@@ -23,13 +23,13 @@ from rope_twin.scene.schema import RopeSection, Scene, Winch
 from rope_twin.scene.winch import TopSheave
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.studies.fatigue import RopeFatigue
-from rope_twin.twin.fatigue.curves import CURVES, wire_curve_warning
-from rope_twin.twin.fatigue.damage import turned
 from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.measured import MeasuredVibration, diameters
-from rope_twin.twin.vibration.settings import MonitorSettings
+from rope_twin.vortex.fatigue import CURVES, wire_curve_warning
+from rope_twin.vortex.measured import MeasuredVibration
+from rope_twin.vortex.sampling import diameters, turned
+from rope_twin.vortex.settings import MonitorSettings
 from validation.rigs import Rig, sine
 
 STEEL = Rig(length=100.0, elements=20, mass=6.4, EA=6.5e7, diameter=0.032, damping=5e4, load=5e3)
@@ -193,10 +193,11 @@ def test_below_a_cut_nothing_more_is_used_and_metres_keep_their_names() -> None:
 def test_what_cannot_be_told_is_refused() -> None:
     with pytest.raises(InputError, match=r"fatigue: no curve 'wire'; did you mean 'spiral_wire'"):
         MonitorSettings(fatigue="wire")
-    with pytest.raises(InputError, match=r"vibration: no model 'motions'; did you mean 'motion'"):
-        MonitorSettings(vibration="motions")
-    with pytest.raises(InputError, match="lists no model of vortices"):
-        watched(STEEL.scene(), MonitorSettings(vibration="motion"))
+    words = r"vibration: no model 'time_domain'; did you mean 'time-domain'"
+    with pytest.raises(InputError, match=words):
+        MonitorSettings(vibration="time_domain")
+    with pytest.raises(InputError, match="lists no VIV model"):
+        watched(STEEL.scene(), MonitorSettings(vibration="time-domain"))
     with pytest.raises(InputError, match=r"not all of steel.*six_strand_tension"):
         watched(load_scene("hmpe_lift"))
     with pytest.raises(SceneError, match="meet"):
@@ -233,18 +234,19 @@ def test_stress_of_bending_is_that_of_the_curvature() -> None:
     rig = replace(STEEL, EI=100.0)
     twin = watched(rig.scene())
     twin.advance(2)
-    wear, rope = twin._damage, twin.rope
+    monitor, rope = twin._monitor, twin.rope
+    wear = monitor.damage
     n, radius = int(rope.state.counts[rows.ELEMENTS]), 400.0
     angle = rope.state.s[: n + 1] / radius
     rope.state.nodes[rows.POSITION, : n + 1] = radius * (1.0 - np.cos(angle))
     rope.state.nodes[rows.POSITION + 2, : n + 1] = radius * np.sin(angle)
-    bent = twin._bent()
+    bent = monitor.bent(rope, 0.0)
     assert bent.shape == (2, 100)
     assert bent[0, 20:80] == pytest.approx(1.0 / radius, rel=1e-3)
     assert np.abs(bent[1]).max() < 1e-12
-    twin._damage.take(rope, 5e4, np.zeros_like(bent))
+    wear.take(rope, 5e4, np.zeros_like(bent))
     tension = wear._count._last.reshape(8, 100)[0, 50]
-    twin._damage.take(rope, 5e4, bent)
+    wear.take(rope, 5e4, bent)
     stress = wear._count._last.reshape(8, 100)[:, 50] - tension
     full = rig.EA / AREA * 0.016 / radius
     half = full / np.sqrt(2.0)
@@ -335,8 +337,8 @@ def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> N
     """Near Strouhal's frequency, under payout that splits elements; in line at twice of it."""
     scene = CABLE.scene()
     scene = replace(scene, effects=(*scene.effects, WakeOscillatorParams()))
-    twin = watched(scene, MonitorSettings("motion", "stranded_wire"))
-    assert twin._every == 5
+    twin = watched(scene, MonitorSettings("time-domain", "stranded_wire"))
+    assert twin._monitor.every == 5
     twin.offer_speed(2_000_000_000, 0.5)
     for _ in range(1000):  # also right after an element has split, between two looks
         twin.advance(3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rope_twin.viv.handover import PERIODS, handed_over
+from rope_twin.vortex.shedding import PERIODS, handed_over
 
 
 def test_a_place_goes_over_in_periods_of_its_own_vortices() -> None:

@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.twin.energy_account import EnergyTwin
-from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
+from rope_twin.vortex.results import RopeVibration
 from validation.hard_cases.check import Case, Check, all_converged, off
 from validation.hard_cases.vortices import treat_roughly
 from validation.rigs import WATER, Rig

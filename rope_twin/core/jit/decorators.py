@@ -23,7 +23,7 @@ _PACKAGE = Path(__file__).resolve().parents[2]
 def source_digest() -> str:
     """SHA-256 (first 16 digits) of every file that can change a compiled kernel."""
     digest = hashlib.sha256()
-    for folder in ("core", "effects"):
+    for folder in ("core", "effects", "vortex"):
         for path in sorted((_PACKAGE / folder).rglob("*.py")):
             digest.update(path.name.encode())
             digest.update(path.read_bytes())

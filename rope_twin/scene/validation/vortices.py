@@ -24,6 +24,7 @@ from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.grid import Bar, tension_at_length
 from rope_twin.scene.model.lift import LiftFigures
 from rope_twin.scene.schema import Scene
+from rope_twin.vortex.settings import CoupledSettings
 
 # Linear elements shorten a wave by (π/n)²/6: 0.4 % at 20. At 200 steps TR-BDF2 has a period error
 # of 0.01 % and negligible damping; the wake, with a damping of 5 %, needs no more than that.
@@ -53,6 +54,17 @@ def model_beside(scene: Scene) -> Any:
     """Return the parameters of the scene's decoupled VIV model, or None."""
     kinds = tuple(effect.params for effect in EFFECTS if effect.beside)
     return next((own for own in scene.effects if isinstance(own, kinds)), None)
+
+
+def coupled_settings(scene: Scene) -> CoupledSettings:
+    """Return the settings of the scene's decoupled VIV model, as `model_beside`."""
+    return CoupledSettings(
+        name=shedding_model(scene),
+        params=model_beside(scene),
+        strouhal=strouhal_number(scene),
+        density=scene.environment.water_density_kg_per_m3,
+        step_s=scene.time.step_s,
+    )
 
 
 def strouhal_number(scene: Scene) -> float:

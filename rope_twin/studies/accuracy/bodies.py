@@ -17,8 +17,10 @@ from rope_twin.scene.model.joined import build_joined
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import model_beside
+from rope_twin.scene.validation.vortices import coupled_settings, model_beside
+from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.statics import check_equilibrium, solve_scene_statics
+from rope_twin.vortex.coupled import VivDragAmplification
 
 
 class Body(Protocol):
@@ -117,11 +119,8 @@ class ShakenBody(RopeBody):
         return done, pull[:, rows.PULL]
 
     def _shake(self) -> None:
-        from rope_twin.twin.vibration.drag_amplification import (
-            VivDragAmplification,  # here: its filters take a second to load
-        )
-
-        self._viv_drag = VivDragAmplification(self._scene, self._rope)
+        cycle = steps_in_slot(self._scene.time.step_s)
+        self._viv_drag = VivDragAmplification(coupled_settings(self._scene), self._rope, cycle)
         self._steps = 0
 
 

@@ -22,7 +22,7 @@ from rope_twin.scene.load import load_scene, rope_preset
 from rope_twin.scene.reader import read_object
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.validation.relations import faults
-from rope_twin.twin.fatigue.curves import CURVES
+from rope_twin.vortex.fatigue import CURVES
 
 SEA_OFFSET_S = "sea_offset_s"  # the path of a variable that moves a run along the recorded sea
 RUNS_MOST = 100_000

@@ -32,7 +32,7 @@ from rope_twin.studies.parameter_study.design import (
     made_of,
 )
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation, cores, whole_steps
-from rope_twin.twin.fatigue.curves import CURVES
+from rope_twin.vortex.fatigue import CURVES
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:

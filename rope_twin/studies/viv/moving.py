@@ -12,16 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
+from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
 from rope_twin.recording.heave import RegularSea
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import Motion, Speeds, march, still
 from rope_twin.studies.picture import write_picture
+from rope_twin.twin.modal_vibration import ModalVibration
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.modal_vibration import ModalVibration
-from rope_twin.viv.modal_response import ModalResponse
-from rope_twin.viv.shedding import Shedding
-from rope_twin.viv.span import Floats
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.shedding import Shedding
 
 PLACES = 200  # along the rope, over its length at the time
 SAMPLE_S = 0.1  # how often the vibration is looked at

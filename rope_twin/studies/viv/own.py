@@ -10,7 +10,7 @@ Drag amplification is that of the run: the mean of f·|u_n|·u_n over |U_n|·U_n
 the water relative to the rope and normal to it, u_n, its mean, U_n, and f, the drag amplification
 of a model outside the time step. Stress is that of bending, E·d/2 times the curvature of the rope
 on its nodes, or of the motion of the model, in the direction in which it is largest; damage is that
-of tension and bending together (rope_twin.twin.fatigue.damage), per year of the run.
+of tension and bending together (rope_twin.vortex.damage), per year of the run.
 """
 
 from __future__ import annotations
@@ -31,12 +31,13 @@ from rope_twin.scene.validation.vortices import expected_pace, shedding_model
 from rope_twin.studies.viv.moving import regular_motion
 from rope_twin.studies.viv.own_looks import PLACES, Look, looks_of, made_even, marched
 from rope_twin.studies.viv.study import YEAR_S
-from rope_twin.twin.fatigue.curves import metal_area
-from rope_twin.twin.fatigue.damage import DamageSettings, RopeDamage, bending_stiffness
-from rope_twin.twin.results import MaterialFatigue
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.measured import CUT_OFF
-from rope_twin.viv.drag import amplified_drag
+from rope_twin.vortex.damage import DamageSettings, RopeDamage
+from rope_twin.vortex.drag_amplification import amplified_drag
+from rope_twin.vortex.fatigue import metal_area
+from rope_twin.vortex.measured import CUT_OFF
+from rope_twin.vortex.results import MaterialFatigue
+from rope_twin.vortex.sampling import bending_stiffness
 
 STEADY = 0.5  # of a run: the part that counts
 LEAST_PERIODS = 10  # of the fastest vortices in that part
@@ -218,7 +219,7 @@ def _wear(scene: Scene, twin: Twin, curve: str) -> RopeDamage | None:
     if any(np.isnan(metal_area(section.rope, EI)) for section in line.made_of):
         return None
     most = scene.winch.most_line_out_m if scene.winch else line.length_m
-    return RopeDamage(line, most, DamageSettings(curve, True), EI)
+    return RopeDamage(line, ends_m(line), most, DamageSettings(curve, True), EI)
 
 
 def _fast(motion: Floats, hz: float, every_s: float) -> Floats:

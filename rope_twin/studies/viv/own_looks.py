@@ -1,7 +1,7 @@
 """Samples of a rope with the scene's own VIV model, at equal intervals.
 
 A model inside the time step moves the rope's nodes. A model outside the time step
-(rope_twin.twin.vibration.drag_amplification) has its own motion, cross-flow only, and amplifies
+(rope_twin.vortex.coupled) has its own motion, cross-flow only, and amplifies
 the drag; it is sampled right after each of its updates.
 """
 
@@ -16,11 +16,16 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError, phrase
 from rope_twin.studies.driven_twin import Motion, Speeds, march
-from rope_twin.twin.fatigue.damage import bending_stiffness, curvature
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.drag_amplification import VivDragAmplification
-from rope_twin.twin.vibration.measured import flow_directions, relative_flow, tangents
+from rope_twin.vortex.coupled import VivDragAmplification
+from rope_twin.vortex.sampling import (
+    bending_stiffness,
+    curvature,
+    flow_directions,
+    relative_flow,
+    tangents,
+)
 
 PLACES = 200  # along the rope, over its length at the time
 PER_PERIOD = 24  # looks per period of the fastest vortices

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.state import Floats
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
@@ -19,7 +20,7 @@ from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.modes.equilibrium import AtRest, bring_to_rest, water_at
-from rope_twin.viv.span import Floats, Span
+from rope_twin.vortex.line_model import Span
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
 """VIV assessment of a rope: lock-in zones, VIV response and fatigue damage.
 
-Modal response (rope_twin.viv.modal_response) about the static equilibrium. Drag is amplified by 1 +
-1.043·(2·rms/d)^0.65 (Vandiver 1983). Stress is that of bending, E·d/2·y″ with E = EA over the metal
-area: an upper bound for a stranded rope, whose wires slide. A rope with the bending stiffness of a
-pipe of its diameter, EI/EA = (d² + d_i²)/16, is treated as a pipe, with its metal area. Damage is
-counted by rainflow of the bending stress alone; the tension is static.
+Modal response (rope_twin.vortex.modal_response) about the static equilibrium. Drag is amplified by
+1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983). Stress is that of bending, E·d/2·y″ with E = EA over the
+metal area: an upper bound for a stranded rope, whose wires slide. A rope with the bending stiffness
+of a pipe of its diameter, EI/EA = (d² + d_i²)/16, is treated as a pipe, with its metal area. Damage
+is counted by rainflow of the bending stress alone; the tension is static.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rope_twin.core.state import Floats
 from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.fatigue import stress_damage
 from rope_twin.studies.viv.scene import SceneSpan, span_of
-from rope_twin.twin.fatigue.curves import StressCurve, metal_area
-from rope_twin.viv.drag import amplified_drag
-from rope_twin.viv.modal_response import ModalResponse
-from rope_twin.viv.shedding import Shedding
-from rope_twin.viv.span import Floats
+from rope_twin.vortex.drag_amplification import amplified_drag
+from rope_twin.vortex.fatigue import StressCurve, metal_area
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.shedding import Shedding
 
 YEAR_S = 365.25 * 86400.0
 STEADY = 0.5  # of a run: the part that statistics are taken of

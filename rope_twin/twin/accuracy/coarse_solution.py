@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -23,19 +23,15 @@ from rope_twin.core.solve.remembering import remembers
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.step import advance
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import places
 from rope_twin.twin.accuracy.error_bound import EVERY
 from rope_twin.twin.accuracy.regrid import HangOff, coarser
 from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL
-
-if TYPE_CHECKING:
-    from rope_twin.twin.vibration.drag_amplification import VivDragAmplification
-
-
-from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import places
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.payout import HangOffMotion, tension_feedback
 from rope_twin.twin.winch.winch import Winch
+from rope_twin.vortex.coupled import VivDragAmplification
 
 SAMPLING_RATIO = 4  # samplings of the twin's VIV model per sampling here, so six in a period
 MIN_ELEMENTS = 4  # elements: a rope with fewer is not coarsened, as joined ropes need at least two

@@ -17,12 +17,12 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core.state import Floats, Rope
-from rope_twin.core.vortices.drag_growth import DragGrowth
 from rope_twin.core.waves.rows import AMPLITUDE, OMEGA, K
 from rope_twin.effects.current import Current, CurrentInTime
 from rope_twin.effects.waves import Waves
 from rope_twin.twin.accuracy.divergence import VIV_FRACTION
 from rope_twin.twin.accuracy.error_bound import THIRD
+from rope_twin.vortex.drag_amplification import DragGrowth
 
 MULTI_LINE = 0.5  # multi-line: elements of several lengths have different errors, and those that
 # cancel in the difference may not in the rope; fitted on bridle_lift, where 1/3 covered 94.8 %

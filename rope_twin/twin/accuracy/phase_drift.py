@@ -23,6 +23,7 @@ from math import atan2, hypot, pi, sin, sqrt, tau
 
 from rope_twin.core.state import Boundary, Rope
 from rope_twin.twin.accuracy.error_bound import MEAN_S, THIRD, Recent
+from rope_twin.vortex.sampling import needs_new_interval, shedding_hz
 
 PHASE, AMPLITUDE = 1.4, 1.3  # safety factors on a third of the phase, and on the amplitude
 MIN_COHERENCE = 0.3  # minimum coherence for a phase
@@ -30,15 +31,6 @@ CUT_OFF, POLES = 0.5, 3  # of the vortex frequency; the tension has once or twic
 SAMPLES = 32  # per vortex period: resolves a crest of twice the frequency to 2 %
 LOOK_S = 1.0  # interval at which the vortex frequency is updated
 MIN_VIBRATION = 1e-6  # of the static tension: minimum amplitude of a vibration
-
-
-class _Pace:
-    """Vortex frequency functions, imported before a run as their filters take a second to load."""
-
-    def __init__(self) -> None:
-        from rope_twin.twin.vibration.sampling import needs_new_interval, shedding_hz
-
-        self.is_another_pace, self.vortices_hz = needs_new_interval, shedding_hz
 
 
 class PhaseDrift:
@@ -50,7 +42,6 @@ class PhaseDrift:
         rest_n: static tension [N]; step_s: step of the coarse solution [s]; resting: the coarse
         solution was started in static equilibrium.
         """
-        self._pace = _Pace()
         self._strouhal, self._hz, self._look_s = strouhal, 0.0, 0.0
         self._least = 0.5 * (MIN_VIBRATION * rest_n) ** 2
         self._step_s, self._weight = step_s, 0.0
@@ -74,8 +65,8 @@ class PhaseDrift:
         if time_s < self._look_s:
             return
         self._look_s = time_s + LOOK_S
-        hz = self._pace.vortices_hz(rope, boundary, self._strouhal)
-        if self._pace.is_another_pace(hz, self._hz, False):
+        hz = shedding_hz(rope, boundary, self._strouhal)
+        if needs_new_interval(hz, self._hz, False):
             self.keep_pace(hz)
 
     def keep_pace(self, hz: float) -> None:

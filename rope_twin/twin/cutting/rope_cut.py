@@ -44,7 +44,6 @@ from rope_twin.core.state import (
     new_work,
 )
 from rope_twin.core.step import advance
-from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
 from rope_twin.effects.fairing import Fairing, TowedFairing
 from rope_twin.effects.net import Net
 from rope_twin.effects.payload import Payload, TwoWayPayload
@@ -55,6 +54,7 @@ from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.model.grid import ROOM, halvings
 from rope_twin.scene.model.rope import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.twin.elements import elements_of, tensions
+from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
 
 
 def has_state(effect: Any) -> bool:

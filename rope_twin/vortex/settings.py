@@ -1,15 +1,16 @@
-"""Selection of the vibration and fatigue monitors of a run (rope_twin.twin.vibration.monitored)."""
+"""Selection of the VIV models and of the vibration and fatigue monitors of a run."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.twin.fatigue.curves import find_curve
+from rope_twin.vortex.fatigue import find_curve
 
-MOTION = "motion"  # measured in the twin, with its scene's own VIV model
-MODES, DECOMPOSED = "modes", "decomposed"  # loosely coupled models without feedback
-MODELS = (MOTION, MODES, DECOMPOSED)
+TIME_DOMAIN = "time-domain"  # the scene's own VIV model
+FREQUENCY_DOMAIN = "frequency-domain"  # natural modes of the line, without feedback on it
+MODELS = (TIME_DOMAIN, FREQUENCY_DOMAIN)
 
 
 @dataclass(frozen=True)
@@ -32,3 +33,13 @@ class MonitorSettings:
 
     def __bool__(self) -> bool:
         return bool(self.vibration or self.fatigue)
+
+
+class CoupledSettings(NamedTuple):
+    """Loosely coupled VIV model that a scene lists."""
+
+    name: str  # of the effect
+    params: Any  # of the effect
+    strouhal: float
+    density: float  # of the water [kg/m³]
+    step_s: float  # of the run

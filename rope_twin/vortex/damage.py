@@ -17,25 +17,24 @@ without twisting. Tension curve: tension alone.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
-from rope_twin.effects.bending import Bending
-from rope_twin.scene.model.grid import ends_m
-from rope_twin.scene.schema import RopeLine
-from rope_twin.twin.fatigue.curves import (
+from rope_twin.vortex.fatigue import (
     Cycles,
+    Numbers,
+    RainflowCount,
+    RopeLine,
     StressCurve,
     check_all_steel,
     find_curve,
     metal_area,
 )
-from rope_twin.twin.fatigue.rainflow import Numbers, RainflowCount
-from rope_twin.twin.results import MaterialFatigue
+from rope_twin.vortex.results import MaterialFatigue
 
 SEGMENT_M = 1.0
 OUT, ABOARD, UNKNOWN = 0, 1, 2
@@ -60,15 +59,21 @@ class RopeDamage:
     """
 
     def __init__(
-        self, line: RopeLine, most_line_out_m: float, settings: DamageSettings, EI: float
+        self,
+        line: RopeLine,
+        ends_m: Sequence[float],
+        most_line_out_m: float,
+        settings: DamageSettings,
+        EI: float,
     ) -> None:
+        """Start without damage; ends_m: upper ends of the sections, from the lower end up [m]."""
         pieces = max(1, round(most_line_out_m / SEGMENT_M))
         self.middles = (np.arange(pieces) + 0.5) * most_line_out_m / pieces
         self.name, self._curve = settings.curve, find_curve("fatigue", settings.curve)
         by_stress = isinstance(self._curve, StressCurve)
         if by_stress:
             check_all_steel(line, EI)
-        which = np.searchsorted(ends_m(line), self.middles, side="right")
+        which = np.searchsorted(ends_m, self.middles, side="right")
         made = [section.rope for section in line.made_of]
         area = np.array([metal_area(rope, EI) for rope in made])
         strength = area if by_stress else np.array([rope.breaking_load_n for rope in made])
@@ -136,39 +141,3 @@ class RopeDamage:
     def _used(self, which: Numbers, cycles: Cycles) -> Floats:
         """Return the damage of cycles of these series."""
         return self._curve.used(cycles)
-
-
-def curvature(rope: Rope) -> tuple[Floats, Floats]:
-    """Curvature of the rope at its nodes by its bending effect, in components of `turned`.
-
-    Returns material coordinates of the nodes [m], (nodes,), and curvature [1/m], (2, nodes).
-    """
-    n = int(rope.state.counts[rows.ELEMENTS])
-    s = rope.state.s[: n + 1]
-    rest = np.diff(s)
-    q = np.diff(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1], axis=1) / rest
-    bent = np.zeros((3, n + 1))
-    bent[:, 1:-1] = np.diff(q, axis=1) / (0.5 * (rest[1:] + rest[:-1]))
-    for own in rope.effects:
-        if isinstance(own, Bending) and own.clamp > 0.0:
-            held = np.array([own.x, own.y, own.z])
-            lacking = held - q[:, -1]
-            bent[:, -1] = 2.0 / rest[-1] * (lacking - (lacking @ held) * held)
-    along = np.concatenate([q[:, :1], q[:, 1:] + q[:, :-1], q[:, -1:]], axis=1)
-    return s, turned(bent, along / np.sqrt((along * along).sum(axis=0)))
-
-
-def turned(vectors: Floats, along: Floats) -> Floats:
-    """Components (2, points) of vectors (3, points) across a rope along unit vectors.
-
-    East and north as carried along by a rope that is tilted from upright without twist: a·b - (a·(e
-    + t))·t_b/(1 + t_z), with e upward and t along the rope.
-    """
-    lean = vectors[2] + (vectors * along).sum(axis=0)
-    share = lean / np.maximum(1.0 + along[2], 1e-9)
-    return np.asarray(vectors[:2] - share * along[:2])
-
-
-def bending_stiffness(effects: tuple[Any, ...]) -> float:
-    """Bending stiffness EI of the rope [N·m²]; 0: none."""
-    return float(sum(own.EI for own in effects if isinstance(own, Bending)))

@@ -1,9 +1,10 @@
 """Drag amplification by vortex-induced vibration that is not resolved as motion of the nodes.
 
 The additional force per metre is -½·ρ·d·Cdn·g·|n|·n with n the relative velocity normal to the rope
-and g the increase of the drag coefficient relative to it, 0 where the rope does not vibrate. g is
-one number at each node, set between two steps by the VIV model, constant over a step. It is carried
-with the rope's material (core/solve/remembering.py) through the winch, splits and merges.
+and g = a·(2·rms/d)^b (Vandiver 1983) the increase of the drag coefficient relative to it, 0 where
+the rope does not vibrate. g is one number at each node, set between two steps by the VIV model,
+constant over a step. It is carried with the rope's material (core/solve/remembering.py) through the
+winch, splits and merges.
 """
 
 from __future__ import annotations
@@ -143,3 +144,12 @@ def power(growth: Any, place: Any) -> Any:
     across = u - (u * place.tangent).sum(axis=0) * place.tangent
     c = growth.kn * place.frontal * grown * np.sqrt((across * across).sum(axis=0))
     return -c * (across * place.velocity).sum(axis=0)
+
+
+VANDIVER = (1.043, 0.65)  # Vandiver (1983)
+
+
+def amplified_drag(rms: Floats, growth: tuple[float, float] = VANDIVER) -> Floats:
+    """Return 1 + a·(2·rms/d)^b, with a and b in `growth`; rms over the diameter."""
+    a, b = growth
+    return np.asarray(1.0 + a * (2.0 * rms) ** b)

@@ -16,21 +16,20 @@ points; a new node takes values interpolated between its neighbours.
 from __future__ import annotations
 
 from math import exp, pi
-from typing import Any
 
 import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
-from rope_twin.twin.results import RopeVibration
-from rope_twin.twin.vibration.settings import MOTION
+from rope_twin.vortex.results import RopeVibration
+from rope_twin.vortex.sampling import AVERAGING_PERIODS, diameters, flow_directions, relative_flow
+from rope_twin.vortex.settings import TIME_DOMAIN
 
 CUT_OFF = 0.2  # cut-off over the frequency of the fastest vortices: slower motion is no VIV
 ORDER = 4
 BLOCK = 8  # number of samples filtered together
 SETTLING_PERIODS = 10.0  # until the filter has settled
-AVERAGING_PERIODS = 10.0  # of the means
 MIN_PERIODS = 2.0  # of averaging before a result
 MIN_MOTION_M = 1e-7  # smaller motion has no frequency
 MIN_FLOW_M_PER_S = 1e-3  # slower flow has no drag amplification
@@ -99,7 +98,7 @@ class MeasuredVibration:
 
         (across, along), (across_hz, along_hz) = self.amplitudes_m(), self.frequencies_hz()
         return RopeVibration(
-            model=MOTION,
+            model=TIME_DOMAIN,
             cross_flow=(now(across) / diameter)[::-1],
             cross_flow_hz=now(across_hz)[::-1],
             in_line=(now(along) / diameter)[::-1],
@@ -181,54 +180,9 @@ def _drags(flow: Floats, fast: Floats) -> Floats:
     )
 
 
-def relative_flow(rope: Rope) -> Floats:
-    """Velocity of water relative to rope at the nodes [m/s], (3, nodes).
-
-    The hang-off has the value of the node below it.
-    """
-    n = int(rope.state.counts[rows.ELEMENTS])
-    relative = rope.work[_FLOW, : n + 1] - rope.state.nodes[_VELOCITY, : n + 1]
-    relative[:, n] = relative[:, n - 1]
-    return np.asarray(relative)
-
-
-def max_shedding_hz(flow: Floats, along: Floats, diameter: Floats, strouhal: float) -> float:
-    """Frequency of the fastest vortices, St·|U across the rope|/d at the nodes [Hz]."""
-    across = flow - (flow * along).sum(axis=0) * along
-    return float((strouhal * np.sqrt((across * across).sum(axis=0)) / diameter).max())
-
-
-def tangents(place: Floats) -> Floats:
-    """Unit vectors along the rope at its nodes, upward, (3, nodes)."""
-    step = np.diff(place, axis=1)
-    along = np.concatenate([step[:, :1], step[:, 1:] + step[:, :-1], step[:, -1:]], axis=1)
-    return np.asarray(along / np.sqrt((along * along).sum(axis=0)))
-
-
-def diameters(rope: Rope) -> Floats:
-    """Hydrodynamic diameter at the nodes [m], (nodes,)."""
-    n, sections = int(rope.state.counts[rows.ELEMENTS]), rope.sections
-    s = rope.state.s[: n + 1]
-    which = np.searchsorted(sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
-    diameter = np.sqrt(4.0 * sections[rows.PER_METRE + 1, which] / pi)
-    return np.append(diameter, diameter[-1])
-
-
 def _marks(rope: Rope) -> Floats:
     return np.array(rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1])
 
 
 def _places(rope: Rope) -> Floats:
     return np.array(rope.state.nodes[_PLACE, : int(rope.state.counts[rows.ELEMENTS]) + 1])
-
-
-def flow_directions(place: Floats, flow: Floats) -> Floats:
-    """Unit vectors across rope and flow, and across the rope with the flow, (2, 3, nodes)."""
-    along = tangents(place)
-    across: Any = np.cross(flow, along, axis=0)
-    size = np.sqrt((across * across).sum(axis=0))
-    east = np.zeros_like(along)
-    east[0] = 1.0
-    across = np.where(size > 1e-9, across, np.cross(east, along, axis=0))
-    across = across / np.maximum(np.sqrt((across * across).sum(axis=0)), 1e-12)
-    return np.stack([across, np.cross(along, across, axis=0)])

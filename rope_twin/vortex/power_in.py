@@ -16,11 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core.modes.apart import solve_added_mass
-from rope_twin.core.modes.sharing import parts_below, share_out
-from rope_twin.viv.force_table import ForceTable, fitted_forces
-from rope_twin.viv.lateral_modes import MAX_MODES, LateralModes, ModeSearch
-from rope_twin.viv.span import EVEN, Floats, Span, refined
+from rope_twin.core.state import Floats
+from rope_twin.vortex.force_table import ForceTable, fitted_forces, solve_added_mass
+from rope_twin.vortex.line_model import EVEN, Span, refined
+from rope_twin.vortex.modes import MAX_MODES, LateralModes, ModeSearch
+from rope_twin.vortex.shedding import parts_below, share_out
 
 PER_WAVE = 24  # elements per wave length at the highest frequency that can be excited
 MOST_ELEMENTS = 6000

@@ -4,32 +4,52 @@ The twin steps the rope at the time scale of ship and winch. Once a second its t
 the flow across it are sampled; the modes and their excitation are then searched in parts, some at
 each sampling, and used a second later. No sampling therefore takes long, and an offline run is
 bit-identical to a real-time one: the work done at each sampling does not depend on the machine.
-Unless the scene lists the model (`drag_amplification.py`), the twin's own motion is unchanged.
+
+Where a scene lists the model (`modal_vibration`, `decomposed_force`), `VivDragAmplification`
+advances it at each sampling by the time since the previous one, and amplifies the drag coefficient
+at the rope's nodes by the rms of the vibration around them (`drag_amplification.py`). The rope's
+inclination and tension then change the modes that the model finds in its next search. Otherwise the
+twin's own motion is unchanged.
 """
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable
-from math import ceil
-from typing import Any, NamedTuple
+from dataclasses import replace
+from functools import singledispatch
+from math import ceil, sqrt
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.modes.nodes import along, mix_flow
-from rope_twin.core.state import Floats, Rope
+from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
+from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError
-from rope_twin.twin.fatigue.damage import turned
-from rope_twin.twin.results import RopeVibration
-from rope_twin.twin.vibration.line_model import line_model
-from rope_twin.twin.vibration.measured import AVERAGING_PERIODS, flow_directions, tangents
-from rope_twin.viv.decomposed import Decomposed, ExcitationSearch, fine_enough
-from rope_twin.viv.decomposed_response import DecomposedResponse
-from rope_twin.viv.lateral_modes import ModeSearch
-from rope_twin.viv.modal_response import ModalResponse
-from rope_twin.viv.shedding import Shedding
-from rope_twin.viv.span import Span
+from rope_twin.vortex.decomposed_response import DecomposedResponse
+from rope_twin.vortex.drag_amplification import DragGrowth, amplified_drag, set_growth
+from rope_twin.vortex.line_model import Span, line_model
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.modes import ModeSearch
+from rope_twin.vortex.power_in import Decomposed, ExcitationSearch, decomposed, fine_enough
+from rope_twin.vortex.results import RopeVibration
+from rope_twin.vortex.sampling import (
+    AVERAGING_PERIODS,
+    along,
+    flow_directions,
+    mean_around,
+    mix_flow,
+    needs_new_interval,
+    sampling_steps,
+    shedding_hz,
+    tangents,
+    turned,
+)
+from rope_twin.vortex.settings import CoupledSettings
+from rope_twin.vortex.shedding import Lift, Shedding
 
 EVERY_S = 1.0
 COMPILE_STEP_S = 1e-3
@@ -248,3 +268,160 @@ def force_decomposition_model(
         return fine_enough(line_model(rope, moved_water=False), model, elements)
 
     return CoupledModel(name, rope, span_of, DecomposedResponse(span_of(rope, 0), model), every_s)
+
+
+class VivDragState(NamedTuple):
+    """State from which the model resumes."""
+
+    tracker: CoupledModelState
+    hz: float
+    currents: int
+    looked: int
+    second: int
+
+
+class VivDragAmplification:
+    """Loosely coupled VIV model of a scene, from a start without vibration.
+
+    Raises:
+        InputError: the rope is slack somewhere.
+    """
+
+    def __init__(self, settings: CoupledSettings, rope: Rope, cycle: int) -> None:
+        """Start the model for a rope in static equilibrium; cycle: steps of a real-time cycle."""
+        self.hz, self._currents = 0.0, 0  # vortex frequency of the interval, current profiles
+        self._looked, self._second = 0, -1  # step of the last sampling, second of its time
+        self._strouhal, self._step_s = settings.strouhal, settings.step_s
+        self._cycle, self._every, self._rarer = cycle, cycle, 1
+        params = settings.params
+        self._growth: tuple[float, float] = params.drag_growth
+        self.tracker: CoupledModel = _tracker(params, rope, settings.density, settings.name)
+        self._amplification_less_1(rope)  # compile now, not at the first sampling
+        self._took_s = self._looked_s = 0.0  # CPU time of the model, and twin time covered
+
+    @property
+    def every(self) -> int:
+        """Number of steps between two samplings."""
+        return self._every
+
+    def steps_to_sampling(self, steps: int) -> int:
+        """Return the number of steps left until the next sampling, after `steps` steps."""
+        return self._looked + self._every - steps
+
+    def look(self, rope: Rope, boundary: Boundary, steps: int, currents: int) -> None:
+        """Advance by the time since the last sampling, and set the drag amplification.
+
+        boundary: row 0 is the present; steps: done by the twin; currents: number of profiles
+        accepted.
+        """
+        began = time.perf_counter()
+        since_s = (steps - self._looked) * self._step_s
+        self._looked = steps
+        self._update_interval(rope, boundary, currents)
+        self.tracker.take(rope, since_s, self.hz)
+        grown = self._amplification_less_1(rope)
+        for own in rope.effects:
+            if isinstance(own, DragGrowth):
+                set_growth(own, rope.state, grown)
+        self._looked_s += since_s
+        self._took_s += time.perf_counter() - began
+
+    def coarse_copy(self, rarer: int) -> Self:
+        """Return an independent copy that samples `rarer` times less often.
+
+        Its first sampling is at the same time as this one's.
+        """
+        other = copy.deepcopy(self)
+        other.tracker.restrict_searches()
+        other._rarer = rarer
+        if other.hz > 0.0:
+            other._every = rarer * sampling_steps(other.hz, other._step_s, other._cycle)
+        return other
+
+    def cut(self, whole: Rope, upper: Rope) -> None:
+        """Adapt to a cut: the part left has modes of its own."""
+        n, left = (int(rope.state.counts[ELEMENTS]) for rope in (whole, upper))
+        self.tracker.cut(min(left / n, 1.0))
+
+    def shot(self, rope: Rope) -> RopeVibration:
+        """Return the VIV response at the nodes of the rope."""
+        cost_pct = 100.0 * self._took_s / max(self._looked_s, self._step_s)
+        amplified = self.drag_amplification(rope)[::-1].copy()
+        return replace(self.tracker.shot(rope), drag_amplification=amplified, cost_pct=cost_pct)
+
+    def drag_amplification(self, rope: Rope) -> Floats:
+        """Return the drag amplification at the nodes, from the lower end up."""
+        return 1.0 + self._amplification_less_1(rope)
+
+    def _amplification_less_1(self, rope: Rope) -> Floats:
+        """Return the drag amplification less 1 at the nodes.
+
+        A node takes the mean up to its neighbours, over at least half a wave length to either side.
+        The drag of a rope in standing waves is then the same whether the nodes resolve the waves or
+        not.
+        """
+        s, amplitude, half_wave = self.tracker.at_model_nodes()
+        grown = amplified_drag(amplitude / sqrt(2.0), self._growth) - 1.0
+        at = along(rope)
+        return mean_around(at, s, grown, np.interp(at, s, half_wave))
+
+    def kept(self) -> VivDragState:
+        """Return the state from which `take_back` resumes."""
+        return VivDragState(
+            self.tracker.kept(), self.hz, self._currents, self._looked, self._second
+        )
+
+    def take_back(self, kept: VivDragState) -> None:
+        """Resume from this state."""
+        self.tracker.take_back(kept.tracker)
+        self.hz, self._currents = kept.hz, kept.currents
+        self._looked, self._second = kept.looked, kept.second
+        self._every = self._rarer * sampling_steps(self.hz, self._step_s, self._cycle)
+
+    def _update_interval(self, rope: Rope, boundary: Boundary, currents: int) -> None:
+        """Adapt the sampling interval to the vortex frequency, once a second."""
+        second = int(self._looked * self._step_s + 1e-9)
+        if second == self._second:
+            return
+        self._second = second
+        hz = shedding_hz(rope, boundary, self._strouhal)
+        if needs_new_interval(hz, self.hz, currents != self._currents):
+            self.hz, self._currents = hz, currents
+            self._every = self._rarer * sampling_steps(hz, self._step_s, self._cycle)
+
+
+@singledispatch
+def _tracker(params: Any, rope: Rope, density: float, name: str) -> CoupledModel:
+    """Return the model of a scene for a rope in static equilibrium."""
+    raise TypeError(f"{name} is not a loosely coupled model")
+
+
+@_tracker.register
+def _modes(params: ModalVibrationParams, rope: Rope, density: float, name: str) -> CoupledModel:
+    return modal_model(rope, shedding_of(params, density), name, params.modes_every_s)
+
+
+@_tracker.register
+def _decomposed(
+    params: DecomposedForceParams, rope: Rope, density: float, name: str
+) -> CoupledModel:
+    fixed = params.added_mass
+    model = replace(
+        decomposed(fixed is None, params.damping_fraction),
+        fixed_added_mass=1.0 if fixed is None else fixed,
+        band=params.band,
+        density=density,
+    )
+    return force_decomposition_model(rope, model, name, params.modes_every_s)
+
+
+def shedding_of(params: ModalVibrationParams, density: float) -> Shedding:
+    """Return the hydrodynamic properties of the modal model of a scene."""
+    return Shedding(
+        strouhal=params.strouhal,
+        band=params.band,
+        density=density,
+        viscosity=params.viscosity_m2_per_s,
+        structural=params.damping_fraction,
+        lift=Lift(*params.lift, *params.lift_at),
+    )

@@ -3,7 +3,7 @@
 The twin steps the rope at the time scale of ship and winch; vortices shake it ten or a hundred
 times faster and on shorter waves. At intervals the rope's tension, payout and the flow relative to
 its own motion are sampled, the natural modes solved, and the vibration transferred to them
-(rope_twin.viv.modal_response). Its CPU time is counted. The twin's own motion is unchanged.
+(rope_twin.vortex.modal_response). Its CPU time is counted. The twin's own motion is unchanged.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.validation.rigging import refuse_joined
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.line_model import line_model
-from rope_twin.viv.modal_response import ModalResponse
-from rope_twin.viv.shedding import Shedding
-from rope_twin.viv.span import Span
+from rope_twin.vortex.line_model import Span, line_model
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.shedding import Shedding
 
 
 @dataclass(frozen=True)

@@ -5,19 +5,37 @@ mode of frequency f is locked in where the reduced velocity U/(f·d) lies in a b
 excites it, elsewhere the water damps it. Choices that [LCD] leaves open, and the variants tried,
 are in docs/validation.md (L1, L2): with this band and these zones both of its largest amplitudes
 are reproduced.
+
+Power-in zones with mode competition: of several locked-in modes the largest is excited. A place
+that mode k is locked in over the fraction l_k is assigned to it by l_k·Π(1 - l_j·b_jk) over the
+other modes j, with b_jk = 1 where j is larger, 0 where it is smaller; the result is scaled so that
+all together receive the locked-in fraction 1 - Π(1 - l_j), which is already the sum where each b is
+0 or 1. Two modes whose amplitudes agree within a factor of 1 + `tie` share: b varies smoothly from
+0 to 1 with the logarithm of their ratio, so that assignments do not jump where one outgrows the
+other.
+
+A place moves from exciting one mode to another gradually, over some shedding periods. The papers
+assign places to modes once, in a constant current. Along a moving rope the assignment is recomputed
+again and again, and an instantaneous change of a place's mode would be unphysical: the vortices
+shed before are still present. The assignment therefore changes as 1 - e^(-t·f/PERIODS), f the
+shedding frequency of the place. The number of periods is our choice; in a constant current nothing
+depends on it. Without the transition there is a feedback: drag is amplified where modes take over,
+which moves the rope at some per cent of the water's speed, and which mode leads depends on that
+speed; two twins on different meshes then soon diverge.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import log, pi, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.core.modes.sharing import parts_below, share_out
-from rope_twin.viv.span import Floats
+from rope_twin.core.jit.decorators import jit, jit_entry
+from rope_twin.core.state import Floats
 
 Mask = NDArray[np.bool_]
 TIE = 0.1  # relative difference of response below which modes share a place
@@ -135,3 +153,105 @@ class Shedding:
         turned = 2.0 * pi * speed / diameter
         up_to = parts_below(turned, self.band[1] * omega)
         return parts_below(turned, self.band[0] * omega), 1.0 - up_to
+
+
+def share_out(size: Floats, locked: Floats, tie: float) -> Floats:
+    """Return the fraction of each place assigned to each mode, 0 to 1, (places, modes).
+
+    size: amplitude of the modes (0: assigned nothing); locked: fraction of each place that a mode
+    is locked in over.
+    """
+    given, larger = np.zeros_like(locked), np.zeros((len(size), len(size)))
+    _share_out(np.ascontiguousarray(size), locked, log(1.0 + tie), larger, given)
+    return given
+
+
+@jit_entry
+def _share_out(size: Any, locked: Any, width: float, larger: Any, given: Any) -> None:
+    modes = size.shape[0]
+    for j in range(modes):
+        for k in range(modes):
+            larger[j, k] = 0.0 if j == k else _larger(size[j], size[k], width)
+    for p in range(locked.shape[0]):
+        first, last = modes, -1
+        for k in range(modes):
+            if locked[p, k] > 0.0 and size[k] > 0.0:
+                first, last = min(first, k), k
+        free, whole = 1.0, 0.0
+        for k in range(first, last + 1):
+            if size[k] > 0.0:
+                part = locked[p, k]
+                free *= 1.0 - part
+                for j in range(first, last + 1):
+                    part *= 1.0 - locked[p, j] * larger[j, k]
+                given[p, k] = part
+                whole += part
+        for k in range(first, last + 1):
+            given[p, k] *= (1.0 - free) / whole
+
+
+@jit
+def _larger(one: float, other: float, width: float) -> float:
+    """Return 1 where one is larger than the other, 0 where it is smaller, smooth within a tie."""
+    if one <= 0.0 or other <= 0.0:
+        return 0.0
+    x = log(one / other) / width
+    if x <= -1.0:
+        return 0.0
+    if x >= 1.0:
+        return 1.0
+    return 0.5 + x * (0.75 - 0.25 * x * x)
+
+
+def parts_below(values: Floats, limits: Floats) -> Floats:
+    """Return the fraction of each place where `values`, linear between places, are below a limit.
+
+    A place extends halfway to its neighbours. Result: (places, limits).
+    """
+    ends = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
+    low, high = np.minimum(ends[1:], ends[:-1]), np.maximum(ends[1:], ends[:-1])
+    found = np.empty((len(values), len(limits)))
+    _parts_below(low, high, np.ascontiguousarray(limits), found)
+    return found
+
+
+@jit_entry
+def _parts_below(low: Any, high: Any, limits: Any, found: Any) -> None:
+    for p in range(low.shape[0]):
+        width = high[p] - low[p]
+        for k in range(limits.shape[0]):
+            above = limits[k] - low[p]
+            if above <= 0.0:
+                found[p, k] = 0.0
+            else:
+                found[p, k] = 1.0 if above >= width else above / width
+
+
+PERIODS = 8.0
+
+
+def handed_over(
+    before: Floats, wanted: Floats, locked: Floats, shedding_hz: Floats, since_s: float
+) -> Floats:
+    """Return the fraction of each place that excites each mode now, (places, modes).
+
+    before: the same `since_s` ago, for the places and modes of that time; wanted: the final value;
+    locked: the fraction at which a mode is locked in, an upper bound; shedding_hz: of the places,
+    (places,).
+    """
+    share = 1.0 - np.exp(-since_s * shedding_hz / PERIODS)
+    places, modes = wanted.shape
+    known = min(modes, before.shape[1])
+    was = np.zeros_like(wanted)
+    was[:, :known] = _at_shares(before[:, :known], places)
+    return np.asarray(np.minimum(was + share[:, None] * (wanted - was), locked))
+
+
+def _at_shares(table: Floats, places: int) -> Floats:
+    """Return rows at equal fractions of the rope, linear between those given at equal fractions."""
+    if len(table) == places:
+        return table
+    at = np.linspace(0.0, len(table) - 1.0, places)
+    low = np.minimum(at.astype(int), len(table) - 2)
+    part = (at - low)[:, None]
+    return np.asarray((1.0 - part) * table[low] + part * table[low + 1])

@@ -16,9 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core.modes.apart import Drives, Nodes, node_forces, update_means
-from rope_twin.core.modes.sharing import share_out
-from rope_twin.viv.decomposed import (
+from rope_twin.core.state import Floats
+from rope_twin.vortex.force_table import Drives, Nodes, node_forces, update_means
+from rope_twin.vortex.integrators import Integrator, Matrices, Motion, bathe, upper_bands
+from rope_twin.vortex.line_model import Span, half_waves
+from rope_twin.vortex.modes import stiffness
+from rope_twin.vortex.power_in import (
     TIE,
     Decomposed,
     Excitation,
@@ -26,10 +29,7 @@ from rope_twin.viv.decomposed import (
     displaced,
     near_driven,
 )
-from rope_twin.viv.handover import handed_over
-from rope_twin.viv.integrators import Integrator, Matrices, Motion, bathe, upper_bands
-from rope_twin.viv.lateral_modes import stiffness
-from rope_twin.viv.span import Floats, Span, half_waves
+from rope_twin.vortex.shedding import handed_over, share_out
 
 PER_PERIOD = 24  # steps per period of the fastest excited mode
 REMEMBERED = 3.0  # periods over which motion is averaged

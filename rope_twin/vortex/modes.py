@@ -4,7 +4,20 @@ K consists of tension, which varies along the rope, and of bending, EI·|y''|² 
 nodes with hinged ends ([LCD] eqs 1 and 2: Le Cunff and Durand 1999; Irvine 1981, ch. 3). Unlike
 `studies.modes` it treats the rope as a straight line, not in three dimensions, which is fast enough
 for repeated use in a running twin. Without bending the matrix is tridiagonal
-(core/modes/tridiagonal.py); with it, shift-and-invert on the sparse one.
+(`find_eigenpairs`); with it, shift-and-invert on the sparse one.
+
+Eigenvalues and vectors of a symmetric tridiagonal matrix are found many at a time. Twisted
+factorisations, as in LAPACK's dlar1v (Dhillon and Parlett 2004): pivots of A - x from below, p_i =
+a_i - x - b²_{i-1}/p_{i-1}, and from above, q_i = a_i - x - b²_i/q_{i+1}. The number of negative p_i
+is the number of eigenvalues below x (Sylvester). With γ_i = p_i + q_i - (a_i - x) and r where it is
+smallest, the vector that is 1 at r, z_i = -b_i·z_{i+1}/p_i below and -b_{i-1}·z_{i-1}/q_i above,
+solves (A - x)·z = γ_r·e_r, and x + γ_r/|z|² is its Rayleigh quotient, whose error is quadratic in
+that of x. |z|² comes with the pivots, from below by u_i = 1 + (b_{i-1}/p_{i-1})²·u_{i-1}.
+
+The counts keep each eigenvalue in a bracket; a quotient outside of it, or computed while others
+share it, is replaced by the bracket's middle.
+
+The innermost loops run over the eigenvalues, whose divisions are independent of each other.
 """
 
 from __future__ import annotations
@@ -15,9 +28,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.modes.tridiagonal import count_below, find_eigenpairs
+from rope_twin.core.jit.decorators import jit, jit_entry
+from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
-from rope_twin.viv.span import Floats, Span
+from rope_twin.vortex.line_model import Span
 
 SPARE = 4  # modes requested beyond the number of a string without bending
 MAX_MODES = 400  # maximum number of modes
@@ -162,3 +176,157 @@ def stiffness(span: Span) -> Any:
     per_node = diags_array(2.0 * span.stiffness / (rest[1:] + rest[:-1]))
     taut = slope.T @ diags_array(span.tension * rest) @ slope
     return csr_array(taut + curve.T @ per_node @ curve)
+
+
+EXACT = 1e-13  # of a bracket's width: a shift this close to the eigenvalue is converged
+ROUNDING = 2e-16  # of n times the largest diagonal entry: a smaller γ is round-off
+MOST_ROUNDS = 200  # bisection alone takes 60
+
+
+class _Hunt(NamedTuple):
+    """Iteration state of each eigenvalue, (k,)."""
+
+    number: Floats  # from the lowest, 0
+    shift: Floats  # x
+    low: Floats  # the bracket, and the number of eigenvalues below its ends
+    high: Floats
+    low_count: Floats
+    high_count: Floats
+    counted: Floats  # number of eigenvalues below x
+    twist: Floats  # γ_r
+    at: Floats  # r
+    width: Floats  # of the initial bracket
+    done: Floats  # 0 or 1
+    value: Floats
+
+
+class _Pivots(NamedTuple):
+    """Pivots and sums of squares at all shifts, (n, k)."""
+
+    below: Floats
+    above: Floats
+    sum_below: Floats
+    sum_above: Floats
+
+
+def count_below(own: Floats, between: Floats, shifts: Floats) -> Floats:
+    """Return the number of eigenvalues below each shift; own: diagonal, between: off-diagonal."""
+    counts = np.zeros(len(shifts))
+    _count(own, between, shifts, counts, np.zeros(len(shifts)))
+    return counts
+
+
+def find_eigenpairs(
+    own: Floats, between: Floats, grid: Floats, counts: Floats, numbers: Floats
+) -> tuple[Floats, Floats]:
+    """Return the eigenvalues of these indices (lowest: 0), (k,), and their vectors, (n, k).
+
+    grid, counts: ascending shifts and the number of eigenvalues below each; the eigenvalues lie
+    between them. The largest component of a vector is about 1.
+    """
+    n, k = len(own), len(numbers)
+    vectors = np.zeros((n, k))
+    above = np.searchsorted(counts, numbers, side="right")
+    low, high = grid[above - 1], grid[above]
+    none = np.zeros((5, k))
+    hunt = _Hunt(
+        np.asarray(numbers, dtype=float), 0.5 * (low + high), low.copy(), high.copy(),
+        counts[above - 1], counts[above], none[0], none[1], none[2], high - low, none[3], none[4],
+    )  # fmt: skip
+    least = ROUNDING * n * float(own.max())
+    _find(own, between, least, hunt, _Pivots(*np.empty((4, n, k))), vectors)
+    return hunt.value, vectors
+
+
+@jit_entry
+def _count(own: Any, between: Any, shifts: Any, counts: Any, pivots: Any) -> None:
+    for k in range(shifts.shape[0]):
+        pivots[k] = own[0] - shifts[k]
+        counts[k] = 1.0 if pivots[k] < 0.0 else 0.0
+    for i in range(1, own.shape[0]):
+        a, square = own[i], between[i - 1] * between[i - 1]
+        for k in range(shifts.shape[0]):
+            pivots[k] = a - shifts[k] - square / pivots[k]
+            counts[k] += 1.0 if pivots[k] < 0.0 else 0.0
+
+
+@jit_entry
+def _find(own: Any, between: Any, least: float, hunt: Any, pivots: Any, vectors: Any) -> None:
+    for _ in range(MOST_ROUNDS):
+        _factorise(own, between, hunt, pivots)
+        going = 0
+        for k in range(vectors.shape[1]):
+            if hunt.done[k] == 0.0:
+                going += _improve(least, hunt, pivots, k)
+        if going == 0:
+            break
+    for k in range(vectors.shape[1]):
+        _write(between, hunt, pivots, vectors, k)
+
+
+@jit
+def _factorise(own: Any, between: Any, hunt: Any, pivots: Any) -> None:
+    """Compute pivots from below and above, sums of squares, and where γ is smallest."""
+    n, lanes = pivots.below.shape
+    p, q, u, w = pivots.below, pivots.above, pivots.sum_below, pivots.sum_above
+    x, count, twist, at = hunt.shift, hunt.counted, hunt.twist, hunt.at
+    for k in range(lanes):
+        p[0, k] = own[0] - x[k]
+        q[n - 1, k] = own[n - 1] - x[k]
+        u[0, k] = w[n - 1, k] = 1.0
+        count[k] = 1.0 if p[0, k] < 0.0 else 0.0
+        twist[k] = np.inf
+    for i in range(1, n):
+        a, b = own[i], between[i - 1]
+        for k in range(lanes):
+            ratio = b / p[i - 1, k]
+            p[i, k] = a - x[k] - b * ratio
+            u[i, k] = 1.0 + ratio * ratio * u[i - 1, k]
+            count[k] += 1.0 if p[i, k] < 0.0 else 0.0
+    for i in range(n - 2, -1, -1):
+        a, b = own[i], between[i]
+        for k in range(lanes):
+            ratio = b / q[i + 1, k]
+            q[i, k] = a - x[k] - b * ratio
+            w[i, k] = 1.0 + ratio * ratio * w[i + 1, k]
+    for i in range(n):
+        a = own[i]
+        for k in range(lanes):
+            found = p[i, k] + q[i, k] - (a - x[k])
+            less = abs(found) < abs(twist[k])
+            twist[k] = found if less else twist[k]
+            at[k] = float(i) if less else at[k]
+
+
+@jit
+def _improve(least: float, hunt: Any, pivots: Any, k: int) -> int:
+    """Set the next shift of one eigenvalue; return 0 if it has converged."""
+    x, r = hunt.shift[k], int(hunt.at[k])
+    square = pivots.sum_below[r, k] + pivots.sum_above[r, k] - 1.0
+    better = x + hunt.twist[k] / square
+    alone = hunt.high_count[k] - hunt.low_count[k] == 1.0
+    inside = hunt.low[k] < better < hunt.high[k]
+    exact = abs(better - x) < EXACT * hunt.width[k] or abs(hunt.twist[k]) < least
+    if alone and inside and exact:
+        hunt.value[k], hunt.done[k] = better, 1.0
+        return 0
+    if hunt.counted[k] <= hunt.number[k]:
+        hunt.low[k], hunt.low_count[k] = x, hunt.counted[k]
+    else:
+        hunt.high[k], hunt.high_count[k] = x, hunt.counted[k]
+    inside = hunt.low[k] < better < hunt.high[k]
+    alone = hunt.high_count[k] - hunt.low_count[k] == 1.0
+    hunt.shift[k] = better if alone and inside else 0.5 * (hunt.low[k] + hunt.high[k])
+    hunt.value[k] = hunt.shift[k]
+    return 1
+
+
+@jit
+def _write(between: Any, hunt: Any, pivots: Any, vectors: Any, k: int) -> None:
+    """Write the eigenvector that is 1 at its twist index."""
+    r = int(hunt.at[k])
+    vectors[r, k] = 1.0
+    for i in range(r - 1, -1, -1):
+        vectors[i, k] = -between[i] / pivots.below[i, k] * vectors[i + 1, k]
+    for i in range(r + 1, vectors.shape[0]):
+        vectors[i, k] = -between[i - 1] / pivots.above[i, k] * vectors[i - 1, k]

@@ -1,1 +1,0 @@
-"""Shared kernels of several models of vortex-induced vibration."""

@@ -1,0 +1,233 @@
+"""Vibration and fatigue monitors of the rope of a run.
+
+The monitors observe only. They sample the rope at equal times, often enough to resolve the fastest
+vortices. In the time domain the vibration is that of the scene's own VIV model, measured as motion
+of the nodes; in the frequency domain it is that of the modal model, which follows the rope.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.errors import InputError, phrase
+from rope_twin.vortex.coupled import CoupledModel, VivDragAmplification, modal_model
+from rope_twin.vortex.damage import RopeDamage
+from rope_twin.vortex.results import MaterialFatigue, RopeVibration
+from rope_twin.vortex.sampling import (
+    bending_stiffness,
+    curvature,
+    needs_new_interval,
+    sampling_steps,
+    shedding_hz,
+)
+from rope_twin.vortex.settings import FREQUENCY_DOMAIN, TIME_DOMAIN, MonitorSettings
+from rope_twin.vortex.shedding import Shedding
+
+SECOND_NS = 1_000_000_000  # interval of the fatigue results
+
+
+class Vortices(NamedTuple):
+    """Vortex shedding in a scene."""
+
+    model: str  # VIV model that the scene lists, or ""
+    strouhal: float
+    density: float  # of the water [kg/m³]
+
+
+class Sample(NamedTuple):
+    """State of a run at a sampling."""
+
+    rope: Rope
+    boundary: Boundary  # row 0 is the present
+    time_ns: int
+    top_tension_n: float
+    line_out_m: float
+    lost_m: float  # length of a part that was cut off
+    profiles: int  # number of current profiles accepted
+
+
+def check_monitors(asked: MonitorSettings, model: str, coupled: bool) -> None:
+    """Reject a vibration monitor that the scene does not allow.
+
+    model: VIV model that the scene lists, or ""; coupled: whether it is loosely coupled.
+
+    Raises:
+        InputError: the monitor is not possible.
+    """
+    where = f"vibration {asked.vibration}"
+    if asked.vibration == TIME_DOMAIN and not model:
+        what = "the scene lists no VIV model, so its rope does not vibrate"
+        raise InputError(phrase(where, what, f"list one of them, or ask for {FREQUENCY_DOMAIN}"))
+    if asked.vibration == FREQUENCY_DOMAIN and model:
+        what = f"the scene's own {model} computes the vibration already"
+        raise InputError(
+            phrase(where, what, "leave it out" if coupled else f"ask for {TIME_DOMAIN}")
+        )
+
+
+class RopeMonitor:
+    """Monitors of a rope; `observe` it whenever `steps_to_sampling` have been done."""
+
+    def __init__(
+        self,
+        asked: MonitorSettings,
+        vortices: Vortices,
+        rope: Rope,
+        interval: tuple[float, int],
+        damage: RopeDamage | None,
+        viv_drag: VivDragAmplification | None,
+    ) -> None:
+        """Start without vibration.
+
+        interval: time step [s], and steps of a real-time cycle; damage: fatigue count, if asked
+        for; viv_drag: loosely coupled model of the scene, which has a sampling interval of its own.
+
+        Raises:
+            InputError: the rope is slack somewhere.
+        """
+        self._asked, self._vortices, self._viv_drag = asked, vortices, viv_drag
+        self.damage = damage
+        self.fatigue: MaterialFatigue | None = None
+        self._hz, self._profiles = 0.0, 0  # vortex frequency and profiles of the interval
+        self.set_step(*interval)
+        if asked.vibration == TIME_DOMAIN and viv_drag is None:
+            import rope_twin.vortex.measured  # noqa: F401  its filters take a second to load
+        # a monitor of the nodes' motion starts with the flow
+        self._tracker = self._coupled_model(rope)
+        self.counting_from_ns, self._second = 0, -1
+        self._observing_s = self._observed_s = 0.0  # CPU time of the monitors, and time covered
+
+    @property
+    def told(self) -> str:
+        """Description of the vibration model and its cost; "" for none."""
+        return self._tracker.told if isinstance(self._tracker, CoupledModel) else ""
+
+    @property
+    def every(self) -> int:
+        """Number of steps between two samplings of the monitors' own."""
+        return self._every
+
+    def set_step(self, step_s: float, cycle: int) -> None:
+        """Set the time step [s] and the steps of a real-time cycle."""
+        self._step_s, self._cycle = step_s, cycle
+        self._every = sampling_steps(self._hz, step_s, cycle)
+
+    def steps_to_sampling(self, steps: int) -> int:
+        """Return the number of steps left until the next sampling, after `steps` steps."""
+        if self._viv_drag is not None:
+            return self._viv_drag.steps_to_sampling(steps)
+        return self._every - steps % self._every
+
+    def observe(self, seen: Sample) -> float:
+        """Sample the rope, and return the time that took [s].
+
+        Once a second the interval and the fatigue results are updated too.
+        """
+        began = time.perf_counter()
+        second = seen.time_ns // SECOND_NS
+        new, self._second = second != self._second, second
+        if new:
+            self._update_interval(seen)
+        if self._tracker is not None and self._viv_drag is None:
+            self._tracker.take(seen.rope, self._every * self._step_s, self._hz)
+        if self.damage is not None:
+            if seen.lost_m > 0.0:
+                self.damage.cut_off(seen.lost_m)
+            self.damage.take(seen.rope, seen.top_tension_n, self.bent(seen.rope, seen.lost_m))
+            if new:
+                counted_s = (seen.time_ns - self.counting_from_ns) * 1e-9
+                self.fatigue = self.damage.shot(seen.line_out_m, counted_s)
+        spent = time.perf_counter() - began
+        self._observing_s += spent
+        self._observed_s += self._every * self._step_s
+        return spent
+
+    def vibration(self, rope: Rope) -> RopeVibration | None:
+        """Return the vibration at the nodes; None: none is monitored, or it is not known yet."""
+        if self._viv_drag is not None or self._tracker is None:
+            return None
+        found: RopeVibration | None = self._tracker.shot(rope)
+        if found is None:
+            return None
+        observed_s = max(self._observed_s, self._step_s)
+        return replace(found, cost_pct=100.0 * self._observing_s / observed_s)
+
+    def bent(self, rope: Rope, lost_m: float) -> Floats | None:
+        """Curvature of rope and vibration per metre [1/m], (2, metres); None: not counted.
+
+        lost_m: length of a part that was cut off [m].
+        """
+        if self.damage is None or not self.damage.bends:
+            return None
+        middles = self.damage.middles - lost_m
+        bent = np.zeros((2, len(middles)))
+        if bending_stiffness(rope.effects) > 0.0:
+            s, own = curvature(rope)
+            bent += [np.interp(middles, s, part) for part in own]
+        vibrating = self._tracker.bent(rope, middles) if self._tracker is not None else None
+        return bent if vibrating is None else bent + vibrating
+
+    def cut(self) -> None:
+        """Restart the vibration monitor on the part of a cut rope that is left."""
+        self._tracker, self._hz = None, 0.0
+
+    def kept(self) -> dict[str, Any]:
+        """Return the state from which `take_back` resumes, by name."""
+        kept: dict[str, Any] = {}
+        if self.damage is not None:
+            kept["wear"], kept["counting_from_ns"] = self.damage, self.counting_from_ns
+        if self._tracker is not None and self._viv_drag is None:
+            kept["model"] = self._asked.vibration
+            kept["tracker"] = self._tracker.kept()
+            kept["looks"] = [self._hz, self._profiles]
+        return kept
+
+    def take_back(
+        self, kept: dict[str, Any], rope: Rope, time_ns: int, read: Callable[[str, Any], Any]
+    ) -> None:
+        """Resume from this state as far as it has these monitors.
+
+        read: returns a saved object by its name and a template of it.
+        """
+        self.counting_from_ns = kept.get("counting_from_ns", time_ns)
+        if self.damage is not None and "wear" in kept:
+            self.damage = read("wear", self.damage)
+        self._tracker = self._coupled_model(rope)
+        if self._asked.vibration and kept.get("model") == self._asked.vibration:
+            self._hz, self._profiles = kept["looks"]
+            self.set_step(self._step_s, self._cycle)
+            tracker = self._tracker or self._measured_vibration(rope)
+            tracker.take_back(read("tracker", tracker.kept()))
+            self._tracker = tracker
+
+    def _update_interval(self, seen: Sample) -> None:
+        """Adapt the sampling interval to the vortex frequency; only a new current extends it."""
+        sheds = self._asked.vibration or self._vortices.model
+        if self._viv_drag is not None or not sheds:
+            return
+        hz = shedding_hz(seen.rope, seen.boundary, self._vortices.strouhal)
+        if needs_new_interval(hz, self._hz, seen.profiles != self._profiles):
+            self._hz, self._profiles = hz, seen.profiles
+            self.set_step(self._step_s, self._cycle)
+            if self._asked.vibration == TIME_DOMAIN:
+                self._tracker = self._measured_vibration(seen.rope) if hz > 0.0 else None
+
+    def _measured_vibration(self, rope: Rope) -> Any:
+        from rope_twin.vortex.measured import MeasuredVibration
+
+        return MeasuredVibration(rope, self._every * self._step_s, self._hz)
+
+    def _coupled_model(self, rope: Rope) -> Any:
+        """Return the loosely coupled model of the scene or of the run in its initial state."""
+        if self._viv_drag is not None:
+            return self._viv_drag.tracker
+        if self._asked.vibration != FREQUENCY_DOMAIN:
+            return None
+        water = Shedding(strouhal=self._vortices.strouhal, density=self._vortices.density)
+        return modal_model(rope, water, FREQUENCY_DOMAIN)
