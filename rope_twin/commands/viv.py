@@ -18,19 +18,29 @@ from rope_twin.run.arguments import (
     add_json,
     add_out,
     add_scene,
-    add_time,
 )
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.scene.validation.vortices import model_beside, shedding_model, vortex_words
-from rope_twin.studies.viv.beside import beside_json, beside_table, draw_beside, run_shaken
-from rope_twin.studies.viv.moving import MovingRun, draw_moving, run_moving
-from rope_twin.studies.viv.own import run_own
-from rope_twin.studies.viv.own_picture import own_figures, own_words, write_own
-from rope_twin.studies.viv.picture import check_folder, write_all
-from rope_twin.studies.viv.study import Fatigue, VivRun, count_fatigue, most_moved, run_viv
+from rope_twin.studies.viv.frequency_domain import (
+    Fatigue,
+    FrequencyDomainRun,
+    count_fatigue,
+    most_moved,
+    run_frequency_domain,
+)
+from rope_twin.studies.viv.pictures import (
+    check_folder,
+    time_domain_figures,
+    time_domain_words,
+    write_all,
+    write_time_domain,
+)
+from rope_twin.studies.viv.time_domain import (
+    run_time_domain,
+    with_model,
+)
 from rope_twin.vortex.coupled import shedding_of
 from rope_twin.vortex.fatigue import STRESS_CURVES, StressCurve, find_stress_curve
 from rope_twin.vortex.shedding import Shedding
@@ -42,11 +52,12 @@ HEAD = ("mode", "Hz", "excited m", "rms A/D")
 EXAMPLES = (
     "viv deep_lift --out viv",
     "viv cable_waves --time-domain --duration 10min --json",
-    "viv viv_in_heave --compare viv_calm",
+    "viv viv_in_heave --time-domain --duration 200s",
 )
-MORE = """Response in natural modes across the current, about static equilibrium (Le Cunff and
-Durand 1999). The fatigue damage is that of bending alone; with --time-domain, of tension and
-bending."""
+MORE = """Frequency domain: response in natural modes across the current, about static equilibrium
+(Le Cunff and Durand 1999); the fatigue damage is that of bending alone. Time domain: a run of the
+scene with heave and winch, by the VIV model that it lists, else by the same modes, which follow
+tension, length and current; the fatigue damage is that of tension and bending."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -68,15 +79,9 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         metavar="CURVE",
         help=f"S-N curve of stress: {', '.join(sorted(STRESS_CURVES))} (default: %(default)s)",
     )
-    way = parser.add_mutually_exclusive_group()
-    add_time(way, "--update-modes", "also run the scene with its heave and winch, and solve the "
-             "modes again at this interval")  # fmt: skip
-    way.add_argument("--compare", metavar="SCENE",
-                     help="compare with a second scene, each by its own VIV model in a "
-                     "time-domain run")  # fmt: skip
-    way.add_argument("--time-domain", action="store_true",
-                     help="use the scene's own VIV model in a time-domain run (default: "
-                     "frequency-domain modes)")  # fmt: skip
+    add("--time-domain", action="store_true",
+        help="run the scene with its VIV model, or the modal one if it lists none (default: "
+        "frequency domain)")  # fmt: skip
     add_out(parser, "DIR", "write pictures and Parquet tables there")
     add_json(parser)
     parser.set_defaults(run=run)
@@ -86,30 +91,19 @@ def run(args: argparse.Namespace) -> int:
     """Run the assessment and print it. Raises RopeTwinError."""
     curve = _checked(args)
     scene = load_scene(args.scene)
-    if args.compare is not None:
-        return _beside(args, scene)
     if args.time_domain:
-        return _own(args, scene)
+        return _time_domain(args, scene)
     shedding = _shedding(args, scene)
-    found = run_viv(scene, shedding, args.duration)
+    found = run_frequency_domain(scene, shedding, args.duration)
     fatigue = count_fatigue(found, scene, curve)
     files = write_all(scene.name, found, fatigue, args.out) if args.out is not None else []
-    moving = None
-    if args.update_modes is not None:
-        moving = run_moving(scene, shedding, args.duration, args.update_modes)
-        if args.out is not None:
-            files.append(args.out / "moving.png")
-            draw_moving(scene.name, moving, files[-1])
     if args.json:
         told = {"scene": scene.name, **_summary(found, fatigue), "files": [str(f) for f in files]}
-        if moving is not None:
-            told["moving"] = _moving(moving)
         print_json(told)
         return ExitCode.OK
     _show(found, fatigue)
-    _show_moving(moving)
-    if words := _of_its_own(scene):
-        print(words)
+    if model := shedding_model(scene):
+        print(f"(frequency-domain modes; for the scene's own {model}: --time-domain)")
     for path in files:
         print(path)
     return ExitCode.OK
@@ -141,76 +135,23 @@ def _shedding(args: argparse.Namespace, scene: Scene) -> Shedding:
     return replace(own, **{name: value for name, value in given.items() if value is not None})
 
 
-def _of_its_own(scene: Scene) -> str:
-    """Return a hint to the scene's own VIV model; "" if it lists none."""
-    model = shedding_model(scene)
-    return f"(frequency-domain modes; for the scene's own {model}: --time-domain)" if model else ""
-
-
-def _own(args: argparse.Namespace, scene: Scene) -> int:
-    _say_what_it_wants(scene)
-    found = run_own(scene, args.duration, args.fatigue)
-    files = write_own(found, args.out) if args.out is not None else []
+def _time_domain(args: argparse.Namespace, scene: Scene) -> int:
+    scene = with_model(scene, args.strouhal, args.damping)
+    if words := vortex_words(scene, lift_figures(scene)):
+        print(words, file=sys.stderr)  # required resolution, and its cost
+    found = run_time_domain(scene, args.duration, args.fatigue)
+    files = write_time_domain(found, args.out) if args.out is not None else []
     if args.json:
-        told = {"scene": scene.name, **own_figures(found), "files": [str(path) for path in files]}
-        print_json(told)
+        result = {"scene": scene.name, **time_domain_figures(found)}
+        print_json({**result, "files": [str(path) for path in files]})
         return ExitCode.OK
-    print(own_words(found))
+    print(time_domain_words(found))
     for path in files:
         print(path)
     return ExitCode.OK
 
 
-def _say_what_it_wants(scene: Scene) -> None:
-    """Print the mesh and time step that the scene's VIV model needs, and their cost."""
-    if not is_joined(scene) and (words := vortex_words(scene, lift_figures(scene))):
-        print(words, file=sys.stderr)
-
-
-def _beside(args: argparse.Namespace, scene: Scene) -> int:
-    other = load_scene(args.compare)
-    for own in (scene, other):
-        _say_what_it_wants(own)
-    runs = tuple(run_shaken(own, args.duration) for own in (scene, other))
-    files = []
-    if args.out is not None:
-        files.append(args.out / "beside.png")
-        draw_beside(runs, files[-1])
-    if args.json:
-        told = {"runs": beside_json(runs), "files": [str(path) for path in files]}
-        print_json(told)
-        return ExitCode.OK
-    print_table(beside_table(runs))
-    print("(published VIV codes differ from each other by a factor of 1.7)")
-    for path in files:
-        print(path)
-    return ExitCode.OK
-
-
-def _moving(run: MovingRun) -> dict[str, float]:
-    return {
-        "rms_max_diameters": float(run.rms.max()),
-        "rms_constant_max_diameters": float(run.rms_constant.max()),
-        "tension_top_min_n": float(run.tension_top_n.min()),
-        "tension_top_max_n": float(run.tension_top_n.max()),
-        "solves": run.solves,
-        "cost_of_real_time": run.cost,
-        "slack_share": run.slack_share,
-    }
-
-
-def _show_moving(run: MovingRun | None) -> None:
-    if run is None:
-        return
-    own = _moving(run)
-    print(
-        f"moving line: rms A/D at most {own['rms_max_diameters']:.3g}, at constant "
-        f"tension {own['rms_constant_max_diameters']:.3g}; modes solved {own['solves']} "
-        f"times, {own['cost_of_real_time']:.2%} of real time in all"
-    )
-
-
-def _summary(found: VivRun, fatigue: Fatigue) -> dict[str, Any]:
+def _summary(found: FrequencyDomainRun, fatigue: Fatigue) -> dict[str, Any]:
     rms, span = found.rms(), found.response.span
     at = int(rms.argmax())
     worst = fatigue.damage_per_year
@@ -229,7 +170,7 @@ def _summary(found: VivRun, fatigue: Fatigue) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _rows(found: VivRun) -> list[dict[str, Any]]:
+def _rows(found: FrequencyDomainRun) -> list[dict[str, Any]]:
     """Return the responding modes, SHOWN at most, from the lowest up."""
     most = most_moved(found, SHOWN)
     driven = found.response.zones.T @ found.response.span.node_length
@@ -244,7 +185,7 @@ def _rows(found: VivRun) -> list[dict[str, Any]]:
     ]
 
 
-def _show(found: VivRun, fatigue: Fatigue) -> None:
+def _show(found: FrequencyDomainRun, fatigue: Fatigue) -> None:
     told = _summary(found, fatigue)
     cells = [
         (str(row["mode"]), f"{row['frequency_hz']:.4g}", f"{row['driven_m']:.4g}",

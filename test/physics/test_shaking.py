@@ -18,8 +18,8 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.viv.own import run_own
-from rope_twin.studies.viv.study import run_viv
+from rope_twin.studies.viv.frequency_domain import run_frequency_domain
+from rope_twin.studies.viv.time_domain import run_time_domain
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
 from rope_twin.vortex.results import RopeVibration
 from rope_twin.vortex.settings import FREQUENCY_DOMAIN, TIME_DOMAIN
@@ -82,7 +82,7 @@ def test_it_shakes_as_the_study_of_the_scene_does() -> None:
     """`rope_twin viv` has the rope at rest: without growth of the drag the twin is that, too."""
     scene = shaken(ModalVibrationParams(drag_growth=(0.0, 1.0)))
     shot, _ = settled(scene)
-    alone = run_viv(scene, Shedding(), ENOUGH_S)
+    alone = run_frequency_domain(scene, Shedding(), ENOUGH_S)
     seen = shaking(shot)
     expected = np.interp(shot.arc_length_m, alone.from_top_m[::-1], alone.rms()[::-1])
     assert (seen.model, seen.note) == ("modal_vibration", "")
@@ -137,7 +137,7 @@ def test_the_growth_of_coarse_nodes_is_that_of_the_rope_between_them() -> None:
 def test_the_study_by_its_own_model_tells_what_the_twin_does(model: Any) -> None:
     """`rope_twin viv --time-domain` looks at the motion itself, the twin reports live."""
     scene = shaken(model, replace(CABLE, diameter=0.032).scene())
-    found = run_own(scene, 30.0, "stranded_wire")
+    found = run_time_domain(scene, 30.0, "stranded_wire")
     shots = [shot for shot in march(Twin(scene), still, 30.0, 5) if shot.time_s >= 15.0]
     seen = [shaking(shot) for shot in shots]
     depth = shots[0].arc_length_m

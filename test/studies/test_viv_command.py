@@ -15,8 +15,12 @@ from rope_twin.cli import main
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError
 from rope_twin.studies.modes.modes import find_modes
-from rope_twin.studies.viv.scene import span_of
-from rope_twin.studies.viv.study import chosen_places, count_fatigue, run_viv
+from rope_twin.studies.viv.frequency_domain import (
+    chosen_places,
+    count_fatigue,
+    run_frequency_domain,
+    span_of,
+)
 from rope_twin.vortex.fatigue import CURVES, StressCurve, pipe_area
 from rope_twin.vortex.modes import find_lateral_modes
 from rope_twin.vortex.shedding import Shedding
@@ -54,7 +58,7 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
 def test_statistics_of_a_run() -> None:
     """rms by the modes' covariance is that of the motion; damage needs steel or a pipe."""
     scene = load_scene("deep_lift")
-    run = run_viv(scene, Shedding(), 40.0)
+    run = run_frequency_domain(scene, Shedding(), 40.0)
     np.testing.assert_allclose(run.rms(), run.motion().std(axis=0), atol=1e-9)
     frequency, power = run.spectra(chosen_places(run, 5))
     assert power.shape == (len(frequency), 5)

@@ -1,4 +1,4 @@
-"""`rope_twin viv SCENE --time-domain`: what it tells of a run is what the scene's own model did."""
+"""`rope_twin viv SCENE --time-domain` reports what the VIV model did in a run of the scene."""
 
 from __future__ import annotations
 
@@ -10,25 +10,33 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
+from rope_twin.scene.sea_state import RegularHeave, SeaState
 
 from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.core.state import Floats
 from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.schema import Scene, Time
-from rope_twin.studies.viv.own import (
-    OwnRun,
+from rope_twin.studies.viv.pictures import time_domain_words
+from rope_twin.studies.viv.time_domain import (
+    TimeDomainRun,
     _amplification,
     _figures,
     _worst_rms,
-    run_own,
+    made_even,
+    run_time_domain,
+    with_model,
 )
-from rope_twin.studies.viv.own_looks import made_even
-from rope_twin.studies.viv.own_picture import own_words
 from rope_twin.vortex.results import MaterialFatigue
+from validation.rigs import Rig
 
 U = 0.5
+CABLE = Rig(
+    length=200.0, elements=40, mass=6.4, EA=6.5e7, diameter=0.04, load=3e3, density=1025.0,
+    damping=1e5, current=((0.0, (0.3, 0.0)),), drag=(1.2, 0.02), added_mass=1.0, step=0.02,
+)  # fmt: skip
 
 
 def relative(in_line: float, across: float) -> Floats:
@@ -84,20 +92,71 @@ def test_figures_of_a_standing_wave() -> None:
     )
     motion = np.stack([across, in_line])
     ones = np.ones(21)
-    run = OwnRun("s", "m", 2.0, 0.02, below, t, motion, 1e4 + 0.0 * t, ones, ones, fatigue)
+    run = TimeDomainRun("s", "m", 2.0, 0.02, below, t, motion, 1e4 + 0.0 * t, ones, ones, fatigue)
     assert run.rms[0].max() == pytest.approx(0.6 / math.sqrt(2.0), rel=1e-3)
     assert run.frequency_hz[0, 10] == pytest.approx(2.0, rel=1e-3)
     assert run.frequency_hz[1, 10] == pytest.approx(4.0, rel=1e-3)
     assert run.damage_per_year[10] == pytest.approx(1e-5 * 365.25 * 24.0, rel=1e-6)
     assert run.growth == pytest.approx(1.0, abs=1e-3)
-    assert "settled" not in own_words(run)
+    assert "settled" not in time_domain_words(run)
     built_up = replace(run, motion=motion * np.linspace(0.5, 1.5, len(t))[:, None])
     # rms of what grows evenly from 0.5 to 1, and from 1 to 1.5: √(19/7)
     assert built_up.growth == pytest.approx(math.sqrt(19.0 / 7.0), rel=1e-2)
-    assert "not settled: its rms along the rope in the second half of that time is 1.6 times" in (
-        own_words(built_up)
+    assert "not settled: the rms of the second half of that time is 1.6 times" in (
+        time_domain_words(built_up)
     )
     assert run.vandiver[10] == pytest.approx(1.0 + 1.043 * (math.sqrt(2.0) * 0.6) ** 0.65, rel=1e-3)
+
+
+def test_modulation_has_side_bands() -> None:
+    """A standing half wave of 2 Hz, its size swelling by a part of itself at 1/8 Hz."""
+    t, shape = 0.04 * np.arange(4000), np.sin(math.pi * np.linspace(0.0, 1.0, 31))
+    ones, carrier = np.ones(31), np.sin(4.0 * math.pi * t)
+    runs = []
+    for part in (0.0, 0.6):
+        across = np.outer(0.5 * (1.0 + part * np.sin(0.25 * math.pi * t)) * carrier, shape)
+        motion = np.stack([across, np.full_like(across, np.nan)])
+        runs.append(TimeDomainRun("s", "m", 2.0, 0.04, ones, t, motion, 0.0 * t, ones, ones, None))
+    steady, modulated = runs
+    assert steady.modulation < 0.01
+    assert steady.spectrum.centre_hz == pytest.approx(2.0, abs=1e-3)
+    assert modulated.spectrum.centre_hz == pytest.approx(2.0, abs=1e-3)
+    # a carrier of power 1 with two side bands of (0.6/2)² each
+    side = 2.0 * 0.3**2 / (1.0 + 2.0 * 0.3**2)
+    assert modulated.spectrum.bandwidth_hz == pytest.approx(0.125 * math.sqrt(side), rel=0.05)
+    assert modulated.modulation > 0.3
+
+
+def test_heave_widens_the_spectrum() -> None:
+    """One lift in heave and at constant tension, for 48 s: the same mean tension."""
+    heave, calm = (
+        run_time_domain(load_scene(name), 48.0, "stranded_wire")
+        for name in ("viv_in_heave", "viv_calm")
+    )
+    assert heave.tension_top_n.mean() == pytest.approx(calm.tension_top_n.mean(), rel=0.03)
+    assert np.ptp(heave.tension_top_n) > 20e3
+    assert np.ptp(calm.tension_top_n) < 2e3
+    assert heave.spectrum.bandwidth_hz > 1.5 * calm.spectrum.bandwidth_hz
+    assert 0.3 < calm.rms[0].max() < 1.0
+
+
+def test_a_scene_without_a_model_gets_the_modal_one() -> None:
+    """Its modes follow the tension; options are those of the model."""
+    calm = CABLE.scene()
+    heave = RegularHeave(amplitude_m=0.7, period_s=5.0)
+    hove = replace(calm, sea_state=SeaState(heave=heave))
+    steady, moving = (run_time_domain(scene, 40.0, "stranded_wire") for scene in (calm, hove))
+    assert steady.model == moving.model == "modal_vibration"
+    assert not steady.in_line
+    assert 0.2 < steady.rms[0].max() < 1.0
+    assert np.ptp(moving.tension_top_n) > 5e3 > 100.0 > np.ptp(steady.tension_top_n)
+    assert np.abs(moving.rms[0] - steady.rms[0]).max() > 0.02
+    own = with_model(calm, 0.2, 0.05).listed(ModalVibrationParams)
+    assert own == ModalVibrationParams(strouhal=0.2, damping_fraction=0.05)
+    modal = load_scene("vortices_modal")
+    assert with_model(modal) is modal
+    changed = with_model(modal, damping=0.05).listed(ModalVibrationParams)
+    assert changed == replace(modal.listed(ModalVibrationParams), damping_fraction=0.05)
 
 
 def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -117,14 +176,14 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "lock-in at 1.7 Hz requires elements below" in printed.err
     told = json.loads(printed.out)
     assert {Path(path).name for path in told["files"]} == {
-        "own_along.png", "own_motion.png", "own_along.parquet", "own_motion.parquet",
+        "time_along.png", "time_motion.png", "time_along.parquet", "time_motion.parquet",
     }  # fmt: skip
     assert told["model"] == "travelling_waves"
     assert told["frequency_there_hz"] == pytest.approx(1.7, rel=0.02), "Strouhal's"
     assert 0.02 < told["rms_max_diameters"] < 0.72
     assert told["steady_s"] == pytest.approx(12.0, abs=0.1)
-    along = pyarrow.parquet.read_table(tmp_path / "own_along.parquet").to_pydict()
-    motion = pyarrow.parquet.read_table(tmp_path / "own_motion.parquet").to_pydict()
+    along = pyarrow.parquet.read_table(tmp_path / "time_along.parquet").to_pydict()
+    motion = pyarrow.parquet.read_table(tmp_path / "time_motion.parquet").to_pydict()
     assert max(along["rms_diameters"]) == pytest.approx(told["rms_max_diameters"])
     some = [np.std(motion[name]) for name in motion if name.startswith("y_over_d")]
     assert max(some) == pytest.approx(told["rms_max_diameters"], rel=0.05)
@@ -141,7 +200,7 @@ def test_what_it_tells_does_not_hang_on_where_a_run_ends() -> None:
     Forward and backward over all that both looked at, filtered motions differ by what comes after.
     """
     cable = load_scene("cable_waves")
-    short, long = (run_own(cable, seconds, "stranded_wire") for seconds in (24.0, 33.6))
+    short, long = (run_time_domain(cable, seconds, "stranded_wire") for seconds in (24.0, 33.6))
     from_s, to_s = long.time_s[0] - 1e-6, short.time_s[-1] + 1e-6
     assert (short.time_s[0], to_s) == pytest.approx((12.0, 24.0), abs=0.03), "the second half"
     early = short.motion[:, short.time_s > from_s]
@@ -155,22 +214,22 @@ def test_a_scene_beside_the_step_and_its_files(
 ) -> None:
     """In line its model has no motion: nothing is told of one.
 
-    `pytest -n 0 -m long test/studies/test_viv_own.py`
+    `pytest -n 0 -m long test/studies/test_viv_time_domain.py`
     """
     words = ["viv", "vortices_modal", "--time-domain", "--duration", "10", "--out", str(tmp_path)]
     assert main(words) == 0
     printed = capsys.readouterr()
     assert "computed decoupled from the step" in printed.err
-    assert "in line none in its model" in printed.out
-    assert "what the model's growth of the drag makes of it" in printed.out
-    along = pyarrow.parquet.read_table(tmp_path / "own_along.parquet").to_pydict()
-    motion = pyarrow.parquet.read_table(tmp_path / "own_motion.parquet").to_pydict()
+    assert "in line not in the model" in printed.out
+    assert "by the model's drag amplification" in printed.out
+    along = pyarrow.parquet.read_table(tmp_path / "time_along.parquet").to_pydict()
+    motion = pyarrow.parquet.read_table(tmp_path / "time_motion.parquet").to_pydict()
     assert 0.05 < max(along["rms_diameters"]) < 1.0
     assert np.isnan(along["in_line_rms_diameters"]).all()
     assert not [name for name in motion if name.startswith("x_over_d")]
     some = [np.std(motion[name]) for name in motion if name.startswith("y_over_d")]
     assert max(some) == pytest.approx(max(along["rms_diameters"]), rel=0.1)
-    assert (tmp_path / "own_motion.png").stat().st_size > 20_000
+    assert (tmp_path / "time_motion.png").stat().st_size > 20_000
 
 
 def test_stress_is_known_of_steel() -> None:
@@ -190,17 +249,21 @@ def without(scene: Scene, kind: type) -> Scene:
 def test_what_cannot_be_shaken_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """One sentence each, before anything is stepped."""
     cable = load_scene("cable_waves")
-    with pytest.raises(SceneError, match="lists no model of vortices; list one of them"):
-        run_own(load_scene("still_water"), 60.0, "stranded_wire")
+    with pytest.raises(SceneError, match="nothing flows, so no vortices"):
+        run_time_domain(load_scene("still_water"), 60.0, "stranded_wire")
+    with pytest.raises(SceneError, match="ropes meet"):
+        run_time_domain(load_scene("bridle_lift"), 60.0, "stranded_wire")
+    with pytest.raises(InputError, match="its sea is not a regular heave"):
+        run_time_domain(load_scene("deep_lift"), 60.0, "stranded_wire")
     with pytest.raises(SceneError, match="nothing flows, so no vortices; give 'current' a speed"):
-        run_own(without(cable, CurrentParams), 60.0, "stranded_wire")
+        run_time_domain(without(cable, CurrentParams), 60.0, "stranded_wire")
     with pytest.raises(InputError, match=r"5 s are too short for vortices of 1.7 Hz; give 12 or"):
-        run_own(cable, 5.0, "stranded_wire")
+        run_time_domain(cable, 5.0, "stranded_wire")
     slow = replace(load_scene("vortices_modal"), time=Time(step_s=0.1))
     with pytest.raises(
-        InputError, match=r"100 ms are 3.8 looks in a period of 2.65 Hz; give 94 ms"
+        InputError, match=r"100 ms are 3.8 samples in a period of 2.65 Hz; give 94 ms"
     ):
-        run_own(slow, 60.0, "stranded_wire")
-    with pytest.raises(SystemExit):
-        main(["viv", "cable_waves", "--time-domain", "--update-modes", "1"])
-    assert "--update-modes: not allowed with argument --time-domain" in capsys.readouterr().err
+        run_time_domain(slow, 60.0, "stranded_wire")
+    assert main(["viv", "cable_waves", "--time-domain", "--damping", "0.1"]) == 1
+    words = "the scene's own travelling_waves is not the modal model; leave them out.\n"
+    assert capsys.readouterr().err == f"--strouhal, --damping: {words}"

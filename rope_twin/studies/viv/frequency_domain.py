@@ -1,10 +1,13 @@
-"""VIV assessment of a rope: lock-in zones, VIV response and fatigue damage.
+"""VIV assessment in the frequency domain: lock-in zones, VIV response and fatigue damage.
 
-Modal response (rope_twin.vortex.modal_response) about the static equilibrium. Drag is amplified by
-1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983). Stress is that of bending, E·d/2·y″ with E = EA over the
-metal area: an upper bound for a stranded rope, whose wires slide. A rope with the bending stiffness
-of a pipe of its diameter, EI/EA = (d² + d_i²)/16, is treated as a pipe, with its metal area. Damage
-is counted by rainflow of the bending stress alone; the tension is static.
+The modal response (rope_twin.vortex.modal_response) is about the static equilibrium in the scene's
+current: tension, mass with added mass, and normal flow velocity. The motion is normal to the plane
+of current and rope, for which a sagging rope is a string of its own length (Irvine 1981, ch. 3).
+
+Drag is amplified by 1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983). Stress is that of bending, E·d/2·y″
+with E = EA over the metal area: an upper bound for a stranded rope, whose wires slide. A rope with
+the bending stiffness of a pipe of its diameter, EI/EA = (d² + d_i²)/16, is treated as a pipe, with
+its metal area. Damage is counted by rainflow of the bending stress alone; the tension is static.
 """
 
 from __future__ import annotations
@@ -13,13 +16,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
+from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.current import CurrentParams
+from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.grid import ends_m
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.fatigue import stress_damage
-from rope_twin.studies.viv.scene import SceneSpan, span_of
+from rope_twin.studies.modes.equilibrium import AtRest, bring_to_rest, water_at
 from rope_twin.vortex.drag_amplification import amplified_drag
 from rope_twin.vortex.fatigue import StressCurve, metal_area
+from rope_twin.vortex.line_model import Span
 from rope_twin.vortex.modal_response import ModalResponse
 from rope_twin.vortex.shedding import Shedding
 
@@ -31,7 +41,7 @@ HARDLY = 1e-2  # of the largest motion: what moves less is as good as at rest
 
 
 @dataclass(frozen=True)
-class VivRun:
+class FrequencyDomainRun:
     """A response over time; places from the lower end up."""
 
     scene: SceneSpan
@@ -107,7 +117,7 @@ class Fatigue:
     damage_per_year: Floats  # Miner's sum; NaN likewise
 
 
-def run_viv(scene: Scene, shedding: Shedding, duration_s: float) -> VivRun:
+def run_frequency_domain(scene: Scene, shedding: Shedding, duration_s: float) -> FrequencyDomainRun:
     """Compute the VIV response of a scene's rope from rest for a given time.
 
     Raises:
@@ -124,10 +134,10 @@ def run_viv(scene: Scene, shedding: Shedding, duration_s: float) -> VivRun:
         coordinate[row] = response.coordinate
     time_s: Floats = np.asarray(step * np.arange(1.0, count + 1.0), dtype=np.float64)
     from_top = np.interp(response.span.s, lying.span.s, lying.unstretched)
-    return VivRun(lying, response, time_s, coordinate, from_top)
+    return FrequencyDomainRun(lying, response, time_s, coordinate, from_top)
 
 
-def most_moved(run: VivRun, count: int) -> Floats:
+def most_moved(run: FrequencyDomainRun, count: int) -> Floats:
     """Return the numbers of the modes with the largest motion, at most `count`, in rising order."""
     rms = run.modal_rms
     most = np.argsort(-rms, kind="stable")[:count]
@@ -139,14 +149,14 @@ def where_it_moves(frequency_hz: Floats, rms: Floats) -> Floats:
     return np.where(rms > HARDLY * rms.max(initial=0.0), frequency_hz, np.nan)
 
 
-def chosen_places(run: VivRun, most: int = PLACES) -> Floats:
+def chosen_places(run: FrequencyDomainRun, most: int = PLACES) -> Floats:
     """Return the numbers of a limited number of equally spaced places."""
     last = len(run.response.span.s) - 1
     count = min(most, last + 1)
     return np.unique(np.linspace(0.0, last, count).round())
 
 
-def count_fatigue(run: VivRun, scene: Scene, curve: StressCurve) -> Fatigue:
+def count_fatigue(run: FrequencyDomainRun, scene: Scene, curve: StressCurve) -> Fatigue:
     """Return bending stress of the steady part of the run, and its damage per year."""
     places = chosen_places(run)
     some = places.astype(int)
@@ -162,7 +172,7 @@ def count_fatigue(run: VivRun, scene: Scene, curve: StressCurve) -> Fatigue:
     return Fatigue(run.from_top_m[some], rms, damage * YEAR_S / lasted)
 
 
-def _stress_per_curvature(run: VivRun, scene: Scene, some: np.ndarray) -> Floats:
+def _stress_per_curvature(run: FrequencyDomainRun, scene: Scene, some: np.ndarray) -> Floats:
     """Return E·d/2 [Pa·m] at places; NaN where the rope is not solid steel."""
     line = scene.ropes[0]
     figures = []
@@ -173,3 +183,70 @@ def _stress_per_curvature(run: VivRun, scene: Scene, some: np.ndarray) -> Floats
     below = run.from_top_m[0] - run.from_top_m[some]
     which = np.searchsorted(ends_m(line), below, side="left")
     return np.asarray(np.array(figures)[np.minimum(which, len(figures) - 1)])
+
+
+@dataclass(frozen=True)
+class SceneSpan:
+    """The line, and where it lies."""
+
+    span: Span
+    place: Floats  # of its nodes, from the lower end up [m], (3, nodes)
+    unstretched: Floats  # from the hang-off [m], (nodes,)
+
+
+def span_of(scene: Scene) -> SceneSpan:
+    """Return the line model of a scene in static equilibrium.
+
+    Raises:
+        SceneError: a multi-line system, no current, no static equilibrium, or a slack rope.
+    """
+    if not any(isinstance(params, CurrentParams) for params in scene.effects):
+        what = "no current, so no vortices"
+        raise SceneError(phrase(f"{scene.path}: effects", what, "add the effect 'current'"))
+    rest = bring_to_rest(scene)
+    sections = build(scene).sections
+    steps = np.diff(rest.place, axis=1)
+    length = np.sqrt((steps * steps).sum(axis=0))
+    unstretched = np.concatenate([[0.0], np.cumsum(rest.rest)])
+    middle = 0.5 * (unstretched[1:] + unstretched[:-1])
+    which = np.searchsorted(sections[rows.END], middle, side="right")
+    mass, volume = sections[rows.PER_METRE : rows.PER_METRE + 2, which]
+    added = sum(p.normal for p in scene.effects if isinstance(p, AddedMassParams))
+    density = scene.environment.water_density_kg_per_m3
+    stretch = length / rest.rest
+    span = Span(
+        s=np.concatenate([[0.0], np.cumsum(length)]),
+        tension=rest.tension,
+        mass=(mass + added * density * volume) / stretch,
+        diameter=_at_nodes(np.sqrt(4.0 * volume / np.pi)),
+        speed=_speed(scene, rest),
+        stiffness=sum(p.stiffness_n_m2 for p in scene.effects if isinstance(p, BendingParams)),
+    )
+    if rest.first == 0:
+        normal = _across(scene, rest)
+        whole = float(normal @ rest.mass[:, :, 0] @ normal)
+        span = span._replace(end_mass=max(whole - float(span.node_mass[0]), 0.0))
+    return SceneSpan(span, rest.place, unstretched[-1] - unstretched)
+
+
+def _at_nodes(of_elements: Floats) -> Floats:
+    """Return the mean of the elements adjacent to each node."""
+    both = np.concatenate([of_elements[:1], of_elements, of_elements[-1:]])
+    return np.asarray(0.5 * (both[1:] + both[:-1]))
+
+
+def _speed(scene: Scene, rest: AtRest) -> Floats:
+    """Return the speed of the current normal to the rope at all nodes [m/s]."""
+    water = water_at(scene, rest.place[2])
+    direction = np.gradient(rest.place, axis=1)
+    direction /= np.sqrt((direction * direction).sum(axis=0))
+    across = water - (water * direction).sum(axis=0) * direction
+    return np.asarray(np.sqrt((across * across).sum(axis=0)))
+
+
+def _across(scene: Scene, rest: AtRest) -> Floats:
+    """Return the unit vector normal to rope and current at the lower end."""
+    water = water_at(scene, rest.place[2]).sum(axis=1)
+    normal = np.cross(water, rest.place[:, 1] - rest.place[:, 0])
+    size = float(np.linalg.norm(normal))
+    return normal / size if size > 0.0 else np.array([0.0, 1.0, 0.0])

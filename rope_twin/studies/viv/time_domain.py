@@ -1,0 +1,518 @@
+"""VIV assessment in the time domain: a run of the scene's twin with its VIV model.
+
+A scene without a VIV model is run with the modal one (`with_model`). The second half of the run
+counts; heave and winch move as in the scene.
+
+With a model inside the time step, motion slower than a fifth of the fastest vortices (ship, winch,
+sway) is removed from the nodes' motion by a Butterworth filter, forward and backward in time, and
+the rest is resolved into cross-flow and in-line components. A filter has edge effects: sampling
+begins AROUND_PERIODS before the evaluated part, and continues for as long after it. A model outside
+the time step (rope_twin.vortex.coupled) has its own motion, which has no in-line component; it is
+sampled right after each of its updates.
+
+Drag amplification is that of the run: the mean of f·|u_n|·u_n over |U_n|·U_n, with the velocity of
+the water relative to the rope and normal to it, u_n, its mean, U_n, and f, the drag amplification
+of a model outside the time step. Stress is that of bending, E·d/2 times the curvature of the rope
+on its nodes, or of the motion of the model, in the direction in which it is largest; damage is that
+of tension and bending together (rope_twin.vortex.damage), per year of the run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats, Rope
+from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.errors import InputError, SceneError, phrase
+from rope_twin.recording.heave import RegularSea
+from rope_twin.scene.model.grid import ends_m
+from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import refuse_joined
+from rope_twin.scene.validation.vortices import expected_pace, shedding_model
+from rope_twin.studies.driven_twin import Motion, Speeds, march, still, with_effect
+from rope_twin.studies.viv.frequency_domain import YEAR_S
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+from rope_twin.vortex.coupled import VivDragAmplification
+from rope_twin.vortex.damage import DamageSettings, RopeDamage
+from rope_twin.vortex.drag_amplification import amplified_drag
+from rope_twin.vortex.fatigue import metal_area
+from rope_twin.vortex.measured import CUT_OFF
+from rope_twin.vortex.results import MaterialFatigue
+from rope_twin.vortex.sampling import (
+    bending_stiffness,
+    curvature,
+    flow_directions,
+    relative_flow,
+    tangents,
+)
+
+STEADY = 0.5  # of a run: the part that counts
+LEAST_PERIODS = 10  # of the fastest vortices in that part
+# periods before and after it, for the filter: in five its edge effects fall to 1.2 %, as
+# exp(-t·√½·2π·CUT_OFF·f)
+AROUND_PERIODS = 5.0
+SPECTRUM_S = 40.0  # part of the run that resolves a spectrum
+WINDOW_S = 2.0  # over which the size of the motion is taken
+PLACES = 200  # along the rope, over its length at the time
+PER_PERIOD = 24  # samples per period of the fastest vortices
+LEAST_PER_PERIOD = 4.0  # of a model outside the time step, which advances once a step at most
+AHEAD_S = 5.0  # by which `march` offers winch commands in advance
+_PLACE = slice(rows.POSITION, rows.POSITION + 3)
+
+
+class Spectrum(NamedTuple):
+    """Cross-flow motion over frequency, mean of all places."""
+
+    frequency_hz: Floats  # (frequencies,)
+    power: Floats  # [d²/Hz], (frequencies,)
+    centre_hz: float  # of the power
+    bandwidth_hz: float  # standard deviation of the power about the centre
+
+
+@dataclass(frozen=True)
+class TimeDomainRun:
+    """The steady part of a run; places are from the hang-off down."""
+
+    scene: str
+    model: str
+    vortices_hz: float  # the fastest that were expected
+    every_s: float
+    from_hang_off_m: Floats  # unstretched, at the end, (places,)
+    time_s: Floats  # (times,)
+    # across the flow and with it (NaN: its model has none), over the diameter, (2, times, places)
+    motion: Floats
+    tension_top_n: Floats  # (times,)
+    drag_amplification: Floats  # (places,)
+    stress_rms_pa: Floats  # of bending; NaN where no stress is known, (places,)
+    fatigue: MaterialFatigue | None  # None: no stress is known
+
+    @property
+    def rms(self) -> Floats:
+        """Return the RMS of cross-flow and in-line motion over the diameter, (2, places)."""
+        return np.asarray(self.motion.std(axis=1))
+
+    @property
+    def growth(self) -> float:
+        """Return the cross-flow RMS of all places in the second half over that in the first.
+
+        1: settled; else it still builds up or fades, or swells slowly. NaN: nothing moved at first.
+        """
+        middle = len(self.time_s) // 2
+        early, late = (
+            float(np.sqrt(part.var(axis=0).mean()))
+            for part in (self.motion[0, :middle], self.motion[0, middle:])
+        )
+        return late / early if early > 0.0 else float("nan")
+
+    @property
+    def in_line(self) -> bool:
+        """Return whether its model has in-line motion."""
+        return bool(np.isfinite(self.motion[1]).all())
+
+    @property
+    def frequency_hz(self) -> Floats:
+        """Return Rice's (1944) mean frequency of both directions, 0 without motion, (2, places)."""
+        rise = np.diff(self.motion, axis=1).std(axis=1)
+        total = (self.motion[:, 1:] + self.motion[:, :-1]).std(axis=1)
+        moves = total > 1e-9
+        angle = np.arctan(rise / np.where(moves, total, 1.0))
+        return np.where(moves, angle / (np.pi * self.every_s), 0.0)
+
+    @property
+    def damage_per_year(self) -> Floats:
+        """Return Miner's sum per year of such a run; NaN where no stress is known, (places,)."""
+        if self.fatigue is None:
+            return np.full(len(self.from_hang_off_m), np.nan)
+        own, used = self.fatigue.from_hang_off_m[::-1], self.fatigue.used[::-1]
+        return np.interp(self.from_hang_off_m, own, used) * YEAR_S / self.fatigue.counted_s
+
+    @property
+    def vandiver(self) -> Floats:
+        """Return the drag amplification of such a motion by Vandiver (1983), (places,)."""
+        return amplified_drag(self.rms[0])
+
+    def spectra(self) -> tuple[Floats, Floats]:
+        """Return frequencies [Hz] and cross-flow power [d²/Hz], (frequencies, places)."""
+        from scipy.signal import welch
+
+        length = max(16, len(self.time_s) // 2)
+        found: tuple[Floats, Floats] = welch(
+            self.motion[0], fs=1.0 / self.every_s, nperseg=length, axis=0
+        )
+        return found
+
+    @property
+    def spectrum(self) -> Spectrum:
+        """Return the cross-flow spectrum of all places together."""
+        from scipy.signal import welch
+
+        length = min(len(self.time_s), round(SPECTRUM_S / self.every_s))
+        frequency, power = welch(self.motion[0], fs=1.0 / self.every_s, nperseg=length, axis=0)
+        frequency, power = frequency[1:], power[1:].mean(axis=1)
+        whole = power.sum() or 1.0
+        centre = float((power * frequency).sum() / whole)
+        width = float(np.sqrt((power * (frequency - centre) ** 2).sum() / whole))
+        return Spectrum(frequency, power, centre, width)
+
+    @property
+    def size(self) -> tuple[Floats, Floats]:
+        """Return times [s] and cross-flow RMS of all places over WINDOW_S around them."""
+        count = min(max(1, round(WINDOW_S / self.every_s)), len(self.time_s))
+        motion = self.motion[0] - self.motion[0].mean(axis=0)
+        window = np.full(count, 1.0 / count)
+        mean = np.convolve((motion**2).mean(axis=1), window, "valid")
+        return np.convolve(self.time_s, window, "valid"), np.sqrt(np.maximum(mean, 0.0))
+
+    @property
+    def modulation(self) -> float:
+        """Return the standard deviation of `size` over its mean; 0 without motion."""
+        size = self.size[1]
+        return float(size.std() / (size.mean() or 1.0))
+
+
+def with_model(scene: Scene, strouhal: float | None = None, damping: float | None = None) -> Scene:
+    """Return the scene with the VIV model that it lists, else with the modal one.
+
+    strouhal, damping: Strouhal number and structural damping ratio of the modal model; None: as
+    the scene has them.
+
+    Raises:
+        SceneError: the scene is a multi-line system.
+        InputError: a value is given, and the scene lists another model.
+    """
+    refuse_joined(scene, "a VIV assessment")
+    given = strouhal is not None or damping is not None
+    own, model = scene.listed(ModalVibrationParams), shedding_model(scene)
+    if model and own is None and given:
+        what = f"the scene's own {model} is not the modal model"
+        raise InputError(phrase("--strouhal, --damping", what, "leave them out"))
+    if model and not given:
+        return scene
+    params = own or ModalVibrationParams()
+    params = replace(
+        params,
+        strouhal=params.strouhal if strouhal is None else strouhal,
+        damping_fraction=params.damping_fraction if damping is None else damping,
+    )
+    others = tuple(one for one in scene.effects if one is not own)
+    return with_effect(replace(scene, effects=others), params)
+
+
+def run_time_domain(scene: Scene, duration_s: float, curve: str) -> TimeDomainRun:
+    """Run a scene from static equilibrium with its regular heave and winch schedule.
+
+    The second half counts. A scene without a VIV model gets the modal one.
+    curve: name of an S-N curve of stress.
+
+    Raises:
+        SceneError: it is a multi-line system, has no flow, or cannot be built.
+        InputError: the run is too short, its sea is neither still nor a regular heave, or its winch
+            has other commands than speeds.
+        SolverError: the twin's next state would not be finite.
+    """
+    scene = with_model(scene)
+    hz = expected_hz(scene)
+    refuse_short(duration_s, hz)
+    heave, speeds = regular_motion(scene)
+    twin = Twin(scene)
+    looks, wear = looks_of(twin, hz), _wear(scene, twin, curve)
+    around_s = AROUND_PERIODS / hz if looks.drifts else 0.0
+    from_s, line_out = STEADY * duration_s, 0.0
+    seen: list[tuple[float, float, Look]] = []  # time, top tension
+    for shot in marched(twin, heave, duration_s + around_s, speeds, looks.steps):
+        if shot.time_s < from_s - around_s:
+            continue
+        seen.append((shot.time_s, shot.tension_top_n, looks.look()))
+        if from_s <= shot.time_s <= duration_s:
+            line_out = float(twin.rope.state.s[int(twin.rope.state.counts[rows.ELEMENTS])])
+            if wear is not None:
+                wear.take(twin.rope, shot.tension_top_n, looks.bent(wear.middles))
+    from_top = np.linspace(0.0, line_out, PLACES)
+    thick, stiff = _figures(scene, line_out - from_top, bending_stiffness(twin.rope.effects))
+    times, pulls, moved, *others = _even(seen)
+    every_s = float(times[-1] - times[0]) / (len(times) - 1)
+    motion = moved.transpose(1, 0, 2) / thick
+    if looks.drifts:
+        motion = _fast(motion, hz, every_s)
+    steady = (from_s <= times) & (times <= duration_s)
+    across, grown, bent = (part[steady] for part in others)
+    return TimeDomainRun(
+        scene.name, shedding_model(scene), hz, every_s, from_top, times[steady],
+        motion[:, steady], pulls[steady], _amplification(across, grown), stiff * _worst_rms(bent),
+        None if wear is None else wear.shot(line_out, steady.sum() * every_s),
+    )  # fmt: skip
+
+
+def refuse_short(duration_s: float, vortices_hz: float) -> None:
+    """Reject a run whose evaluated part is shorter than LEAST_PERIODS.
+
+    Raises:
+        InputError: the run is too short.
+    """
+    least = LEAST_PERIODS / (vortices_hz * (1.0 - STEADY))
+    if duration_s < least:
+        what = f"{duration_s:g} s are too short for vortices of {vortices_hz:.3g} Hz"
+        raise InputError(phrase("--duration", what, f"give {math.ceil(least)} or more"))
+
+
+def _even(seen: list[tuple[float, float, Look]]) -> list[Floats]:
+    """Return times, top tensions and the fields of the samples at equal intervals, time first."""
+    times, pulls, looks = zip(*seen, strict=True)
+    parts = zip(*looks, strict=True)
+    return made_even(np.array(times), np.array(pulls), *(np.array(part) for part in parts))
+
+
+def expected_hz(scene: Scene) -> float:
+    """Return the frequency of the fastest vortices [Hz].
+
+    Raises:
+        SceneError: there are none.
+    """
+    pace = expected_pace(scene, lift_figures(scene))
+    if pace is None:
+        what = "nothing flows, so no vortices"
+        raise SceneError(phrase(f"{scene.path}: effects", what, "give 'current' a speed"))
+    return pace.frequency_hz
+
+
+def _figures(scene: Scene, from_lower_m: Floats, EI: float) -> tuple[Floats, Floats]:
+    """Return hydrodynamic diameter [m] and E·d/2 [Pa·m] at places; NaN: not solid steel."""
+    line = scene.ropes[0]
+    made = [section.rope for section in line.made_of]
+    which = np.minimum(np.searchsorted(ends_m(line), from_lower_m, side="right"), len(made) - 1)
+    thick = np.array([rope.hydrodynamic_diameter_m for rope in made])
+    areas = [metal_area(rope, EI) for rope in made]
+    stiff = [
+        0.5 * rope.tangent_n(0.0) * rope.diameter_m / area
+        for rope, area in zip(made, areas, strict=True)
+    ]
+    return thick[which], np.array(stiff)[which]
+
+
+def _wear(scene: Scene, twin: Twin, curve: str) -> RopeDamage | None:
+    """Return the fatigue counter; None: part of the rope is neither solid steel nor a pipe."""
+    line, EI = scene.ropes[0], bending_stiffness(twin.rope.effects)
+    if any(np.isnan(metal_area(section.rope, EI)) for section in line.made_of):
+        return None
+    most = scene.winch.most_line_out_m if scene.winch else line.length_m
+    return RopeDamage(line, ends_m(line), most, DamageSettings(curve, True), EI)
+
+
+def _fast(motion: Floats, hz: float, every_s: float) -> Floats:
+    """Return motion without slow components (ship, winch); (sides, times, places)."""
+    from scipy.signal import butter, sosfiltfilt
+
+    mean = motion.mean(axis=1, keepdims=True)
+    filtered = sosfiltfilt(
+        butter(2, CUT_OFF * hz, "highpass", fs=1.0 / every_s, output="sos"), motion - mean, axis=1
+    )
+    return np.asarray(filtered)
+
+
+def _amplification(across: Floats, grown: Floats) -> Floats:
+    """Return mean drag over that of the mean velocity, 1 without flow, (places,).
+
+    across: (times, 3, places); grown: what the coefficient is multiplied by, (times, places).
+    """
+    speed = np.sqrt((across * across).sum(axis=1, keepdims=True))
+    drag, mean = (grown[:, None] * speed * across).mean(axis=0), across.mean(axis=0)
+    still = (mean * mean).sum(axis=0)
+    flows = still > 1e-12
+    shaken = (drag * mean).sum(axis=0) / np.sqrt(np.where(flows, still, 1.0))
+    return np.where(flows, shaken / np.where(flows, still, 1.0), 1.0)
+
+
+def _worst_rms(bent: Floats) -> Floats:
+    """Return the largest standard deviation of vectors (times, 2, places) over direction,
+    (places,).
+    """
+    off = bent - bent.mean(axis=0)
+    xx, yy = (off * off).mean(axis=0)
+    xy = (off[:, 0] * off[:, 1]).mean(axis=0)
+    return np.asarray(np.sqrt(0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))))
+
+
+class Look(NamedTuple):
+    """One instant at the places, from the hang-off down."""
+
+    moved: Floats  # across the flow and with it, of its model [m]; NaN: it has none, (2, places)
+    across: Floats  # water less rope, across it [m/s], (3, places)
+    grown: Floats  # what the drag coefficient is multiplied by, (places,)
+    bent: Floats  # curvature [1/m], (2, places)
+
+
+class Looks(Protocol):
+    """Sampling of a rope."""
+
+    drifts: bool  # whether its motion has slow parts that are none of its vortices
+
+    def steps(self) -> int:
+        """Return the number of steps to the next sample."""
+
+    def look(self) -> Look:
+        """Take a sample."""
+
+    def bent(self, middles: Floats) -> Floats:
+        """Return the curvature at material coordinates [1/m], (2, places)."""
+
+
+def looks_of(twin: Twin, vortices_hz: float) -> Looks:
+    """Return the sampling that the scene's model needs.
+
+    Raises:
+        InputError: steps are too long to look at vortices of that frequency.
+    """
+    if twin.viv_drag is None:
+        return _AtNodes(twin, vortices_hz)
+    per_period = 1.0 / (vortices_hz * twin.step_s)
+    if per_period < LEAST_PER_PERIOD:
+        what = (
+            f"steps of {1e3 * twin.step_s:.3g} ms are {per_period:.2g} samples in a period of "
+            f"{vortices_hz:.3g} Hz"
+        )
+        right = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --time-domain"
+        raise InputError(phrase(f"{twin.scene.path}: time.step_s", what, right))
+    return _Beside(twin, twin.viv_drag)
+
+
+def marched(
+    twin: Twin, heave: Motion, duration_s: float, speeds: Speeds, steps: Callable[[], int]
+) -> Iterator[Snapshot]:
+    """Advance like `march`, with the currently required number of steps each time.
+
+    Raises:
+        SolverError: as `march` does.
+    """
+    told_s, total = -1.0, round(duration_s / twin.step_s)
+    while twin.steps + (count := steps()) <= total:
+        ahead_s = (twin.steps + count) * twin.step_s + AHEAD_S
+        due = [one for one in speeds if told_s < one[0] <= ahead_s]
+        told_s = ahead_s
+        yield from march(twin, heave, count * twin.step_s, count, due)
+
+
+def made_even(times: Floats, *values: Floats) -> list[Floats]:
+    """Resample at equal intervals, the shortest that occur; the interval may change in a run."""
+    every = float(np.diff(times).min())
+    if np.diff(times).max() < (1.0 + 1e-6) * every:
+        return [times, *values]
+    grid = times[0] + every * np.arange(int((times[-1] - times[0]) / every + 1e-9) + 1)
+    low = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 2)
+    share = (grid - times[low]) / (times[low + 1] - times[low])
+    even = [grid]
+    for own in values:
+        part = share.reshape(-1, *[1] * (own.ndim - 1))
+        even.append(own[low] * (1.0 - part) + own[low + 1] * part)
+    return even
+
+
+class _AtNodes:
+    """A model that moves the nodes."""
+
+    drifts = True
+
+    def __init__(self, twin: Twin, vortices_hz: float) -> None:
+        self._twin = twin
+        self._every = max(1, int(1.0 / (PER_PERIOD * vortices_hz * twin.step_s)))
+        self._split: Floats | None = None  # unit vectors of the first look
+
+    def steps(self) -> int:
+        return self._every
+
+    def look(self) -> Look:
+        rope = self._twin.rope
+        s, place = _marks(rope), rope.state.nodes[_PLACE, : len(_marks(rope))]
+        if self._split is None:
+            self._split = _sides(rope)
+        moved = np.einsum("skp,kp->sp", self._split, _at_places(s, place))
+        bent = _at_places(s, curvature(rope)[1])
+        return Look(moved, _at_places(s, _across(rope)), np.ones(PLACES), bent)
+
+    def bent(self, middles: Floats) -> Floats:
+        s, own = curvature(self._twin.rope)
+        return np.stack([np.interp(middles, s, part) for part in own])
+
+
+class _Beside:
+    """A model that has a motion of its own."""
+
+    drifts = False
+
+    def __init__(self, twin: Twin, shaking: VivDragAmplification) -> None:
+        self._twin, self._viv_drag = twin, shaking
+
+    def steps(self) -> int:
+        return self._viv_drag.steps_to_sampling(self._twin.steps)
+
+    def look(self) -> Look:
+        rope, tracker = self._twin.rope, self._viv_drag.tracker
+        s = _marks(rope)
+        at = np.linspace(s[-1], 0.0, PLACES)
+        moved = np.stack([tracker.moved(rope, at), np.full(PLACES, np.nan)])
+        grown = np.interp(at, s, self._viv_drag.drag_amplification(rope))
+        return Look(moved, _at_places(s, _across(rope)), grown, self.bent(at))
+
+    def bent(self, middles: Floats) -> Floats:
+        """Return the curvature of the model, and of the rope if the scene lists its bending."""
+        rope = self._twin.rope
+        bent = self._viv_drag.tracker.bent(rope, middles)
+        if bending_stiffness(rope.effects) > 0.0:
+            s, own = curvature(rope)
+            bent = bent + np.stack([np.interp(middles, s, part) for part in own])
+        return bent
+
+
+def _marks(rope: Rope) -> Floats:
+    """Return the material coordinates of the nodes, from the lower end up."""
+    return np.asarray(rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1])
+
+
+def _across(rope: Rope) -> Floats:
+    """Return the velocity of the water relative to the rope, normal to it, at the nodes, (3,
+    nodes).
+    """
+    along, flow = tangents(rope.state.nodes[_PLACE, : len(_marks(rope))]), relative_flow(rope)
+    return np.asarray(flow - (flow * along).sum(axis=0) * along)
+
+
+def _at_places(s: Floats, values: Floats) -> Floats:
+    at = np.linspace(s[-1], s[0], PLACES)
+    return np.stack([np.interp(at, s, part) for part in values])
+
+
+def _sides(rope: Rope) -> Floats:
+    """Return unit vectors normal to the rope, across and along the flow, (2, 3, places)."""
+    s = _marks(rope)
+    water = rope.work[rows.FLOW : rows.FLOW + 3, : len(s)].copy()
+    water[:, -1] = water[:, -2]
+    both = flow_directions(rope.state.nodes[_PLACE, : len(s)], water)
+    return np.stack([_at_places(s, own) for own in both])
+
+
+def regular_motion(scene: Scene) -> tuple[Motion, Speeds]:
+    """Return heave over time and the winch's speeds.
+
+    Raises:
+        InputError: the sea is neither still nor a regular heave, or the winch has other commands.
+    """
+    sea = scene.sea_state
+    if sea.moves and sea.heave is None:
+        right = "give `sea_state: {heave: {amplitude_m: 1.5, period_s: 8.0}}`"
+        raise InputError(phrase(f"scene {scene.name}", "its sea is not a regular heave", right))
+    heave = RegularSea(sea.heave, sea.start_s).at if sea.heave is not None else still
+    schedule = scene.winch.schedule if scene.winch else ()
+    speeds = []
+    for row in schedule:
+        if row.speed_m_per_s is None:
+            what = f"at {row.at_s:g} s its winch is told something else than a speed"
+            raise InputError(phrase(f"scene {scene.name}", what, "give speed_m_per_s there"))
+        speeds.append((row.at_s, row.speed_m_per_s))
+    return heave, speeds
