@@ -79,7 +79,7 @@ class SimulationParams:
         "one may send commands ahead of time", PRIORITY,
     )  # fmt: skip
     allow_cut: bool = text("subscribe to ropes/cut: any publisher there can cut the rope", False)
-    vibration: str = text("VIV model of the monitored response; empty: none", "")
+    vibration: str = text("VIV response: time-domain or frequency-domain; empty: none", "")
     fatigue: str = text("S-N curve of the monitored fatigue damage; empty: none", "")
     sender_lead_s: float = quantity(
         "time by which a replay may publish ship motion in advance; a stamp further ahead of its "
