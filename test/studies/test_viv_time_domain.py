@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
-from rope_twin.scene.sea_state import RegularHeave, SeaState
 
 from rope_twin import load_scene
 from rope_twin.cli import main
@@ -18,7 +17,7 @@ from rope_twin.core.state import Floats
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError
-from rope_twin.scene.schema import Scene, Time
+from rope_twin.scene.schema import RegularHeave, Scene, SeaState, Time
 from rope_twin.studies.viv.pictures import time_domain_words
 from rope_twin.studies.viv.time_domain import (
     TimeDomainRun,
