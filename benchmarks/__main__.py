@@ -35,7 +35,7 @@ from benchmarks.peers import page as peers_page
 from benchmarks.peers import race as peers
 from benchmarks.peers import vortices as vortex_peer
 from rope_twin.cli import CommandLine, exit_code
-from rope_twin.commands.console import CaseProgress, print_table
+from rope_twin.cli.console import CaseProgress, print_table
 from rope_twin.errors import InputError
 from rope_twin.scene.load import scene_names
 from rope_twin.studies.picture import check_picture

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from rope_twin.cli import CommandLine, exit_code
-from rope_twin.commands.console import CaseProgress, print_table
+from rope_twin.cli.console import CaseProgress, print_table
 from rope_twin.studies.picture import check_picture, draw_panels
 from validation import vortex_convergence
 from validation.case import Row, run_each

@@ -193,7 +193,7 @@ def refused(tmp_path: Path, *words: str, output: str) -> str:
 
     with Path(output).open("w") as stream:
         done = subprocess.run(
-            [sys.executable, "-m", "rope_twin.cli", *words], stdout=stream,
+            [sys.executable, "-m", "rope_twin", *words], stdout=stream,
             stderr=subprocess.PIPE, preexec_fn=small_files, cwd=tmp_path, timeout=120, check=False,
         )  # fmt: skip
     assert done.returncode == 1

@@ -11,9 +11,8 @@ from typing import Any
 
 import pytest
 
-from rope_twin.cli import main
-from rope_twin.commands import doctor
-from rope_twin.commands.doctor import ERROR, OK, WARN
+from rope_twin.cli import doctor, main
+from rope_twin.cli.doctor import ERROR, OK, WARN
 from rope_twin.core import SOLVER_VERSION
 from rope_twin.errors import InputError
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from rope_twin.cli import build_parser, main
-from rope_twin.commands.console import MEANINGS, ExitCode
+from rope_twin.cli.console import MEANINGS, ExitCode
 from rope_twin.run.arguments import leaf_parsers
 
 PARSER = build_parser()

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from scene_text import GOOD, spoilt, written
 
-from rope_twin.commands import scene
+from rope_twin.cli import scene
 from rope_twin.scene.load import load_scene, scene_names
 
 

@@ -37,7 +37,7 @@ COMPARED = [topic.name for topic in TOPICS if topic.name not in OF_ONE_BAG and n
 
 
 def command(*words: str) -> list[str]:
-    return [sys.executable, "-m", "rope_twin.cli", "run", "--speed", "0", *words]
+    return [sys.executable, "-m", "rope_twin", "run", "--speed", "0", *words]
 
 
 def messages(bag: Path, topics: Sequence[str]) -> dict[str, list[tuple[int, bytes]]]:

@@ -10,7 +10,7 @@ import zstandard
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from rope_twin.commands import sea_state
+from rope_twin.cli import sea_state
 from rope_twin.errors import InputError
 from rope_twin.recording.bag import list_bags
 from rope_twin.recording.heave import read_heave

@@ -48,7 +48,7 @@ def start(processes: Processes, *words: str, **environment: str) -> Process:
     for name in (DISCOVERY_RANGE, "FASTDDS_BUILTIN_TRANSPORTS"):
         os.environ.pop(name, None)
     process = processes.start(
-        ["-m", "rope_twin.cli", "run", SCENE, "--headless", "--no-record", *words], **environment
+        ["-m", "rope_twin", "run", SCENE, "--headless", "--no-record", *words], **environment
     )
     process.until_says("late")
     return process

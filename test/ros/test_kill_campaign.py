@@ -76,7 +76,7 @@ class Campaign:
         command = ["run", SCENE, "--processes", "--headless", "--json", "--out", str(self._bag)]
         profile = share_dir() / "config" / "ros" / "fastdds_loopback.xml"  # as every run takes it
         self.run: Process = processes.start(
-            ["-m", "rope_twin.cli", *command], FASTDDS_DEFAULT_PROFILES_FILE=str(profile)
+            ["-m", "rope_twin", *command], FASTDDS_DEFAULT_PROFILES_FILE=str(profile)
         )
         bench.until(lambda: all(self._heard.values()), "the run")
         bench.until(lambda: set(NAMES) <= set(self.pids()), "all processes", 60.0)

@@ -47,7 +47,7 @@ def test_recorder(bench: Bench, processes: Processes, tmp_path: Path, turn: int)
     recorder.wait()
     newest = stamp_ns(odometry[-1])
     done = subprocess.run(
-        [sys.executable, "-m", "rope_twin.cli", "recover", str(tmp_path / "bag")],
+        [sys.executable, "-m", "rope_twin", "recover", str(tmp_path / "bag")],
         capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
     assert done.returncode in (0, 3), done.stderr

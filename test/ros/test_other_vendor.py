@@ -20,7 +20,7 @@ TOPICS = ("ropes/tension_top", "payloads/state", "ropes/length", "hang_off/odome
 def test_cyclone_dds_hears_scalars_structs_and_arrays(processes: Processes) -> None:
     profile = str(share_dir() / "config" / "ros" / "fastdds_other_vendors.xml")
     run = processes.start(
-        ["-m", "rope_twin.cli", "run", "shallow_lift", "--headless", "--no-record"],
+        ["-m", "rope_twin", "run", "shallow_lift", "--headless", "--no-record"],
         FASTDDS_DEFAULT_PROFILES_FILE=profile,
     )
     run.until_says("late")

@@ -98,7 +98,7 @@ def test_killed_recorder_loses_little_and_the_twin_does_not_notice(
     until_running(bench, odometry, "the twin goes on")
     assert not simulation.ended
     done = subprocess.run(
-        [sys.executable, "-m", "rope_twin.cli", "recover", str(tmp_path / "bag")],
+        [sys.executable, "-m", "rope_twin", "recover", str(tmp_path / "bag")],
         capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
     assert done.returncode in (0, 3), done.stderr

@@ -41,7 +41,7 @@ def counts(bag: Path) -> dict[str, int]:
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "rope_twin.cli", *arguments],
+        [sys.executable, "-m", "rope_twin", *arguments],
         capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
 

@@ -19,10 +19,9 @@ from card_samples import (
     write_card,
 )
 
-from rope_twin.cli import _parser, main
-from rope_twin.commands import run as run_command
-from rope_twin.commands import selection
-from rope_twin.commands.selection import (
+from rope_twin.cli import _parser, main, selection
+from rope_twin.cli import run as run_command
+from rope_twin.cli.selection import (
     AIM,
     CEILING_PCT,
     LEAST,

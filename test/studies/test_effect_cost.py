@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from rope_twin import load_scene
-from rope_twin.commands import scene as command
+from rope_twin.cli import scene as command
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.current import CurrentParams

@@ -18,8 +18,7 @@ import pyarrow.parquet as parquet
 import pytest
 from study_text import GOOD, written
 
-from rope_twin.cli import main
-from rope_twin.commands import study
+from rope_twin.cli import main, study
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.ensemble import Plan, variations

@@ -106,7 +106,7 @@ class Processes:
         return self.start(node_command(name, parameters)[1:])
 
     def cli(self, *arguments: str) -> Process:
-        return self.start(["-m", "rope_twin.cli", *arguments])
+        return self.start(["-m", "rope_twin", *arguments])
 
     def early(self, *arguments: str) -> Process:
         """As `cli`, with inputs that come well before they are needed."""

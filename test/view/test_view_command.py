@@ -15,7 +15,7 @@ from rerun.chunk import RrdReader
 from sample_snapshot import hanging_rope
 
 from rope_twin import messages
-from rope_twin.commands import view
+from rope_twin.cli import view
 from rope_twin.errors import BagError, InputError
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import TOPICS

@@ -7,7 +7,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import ExitCode, print_json
+from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.run.arguments import add_command, add_json
 from rope_twin.twin.saving.saved_state import SavedState, load_state
 

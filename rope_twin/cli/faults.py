@@ -9,7 +9,7 @@ import argparse
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from rope_twin.commands.console import ExitCode, print_json
+from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.run.arguments import add_command, add_json, add_scene
 from rope_twin.run.progress import FigureProgress

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, fields
 from typing import Any
 
-from rope_twin.commands.console import CaseProgress, ExitCode, print_json
+from rope_twin.cli.console import CaseProgress, ExitCode, print_json
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import ExitCode, print_json
+from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError, phrase
 from rope_twin.run.arguments import add_command, add_json, add_out, add_time
 

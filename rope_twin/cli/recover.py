@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import ExitCode, print_json
+from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.recording.recover import Outcome, Recovery, recover
 from rope_twin.run.arguments import add_command, add_json, add_out
 

@@ -14,8 +14,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import CaseProgress, ExitCode, print_json, print_table
-from rope_twin.commands.selection import find_quantity, read_amount
+from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_table
+from rope_twin.cli.selection import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
 from rope_twin.scene.card import card_path, known_error, read_card, told_bound

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rope_twin.commands.console import ExitCode
+from rope_twin.cli.console import ExitCode
 from rope_twin.run.arguments import add_command
 from rope_twin.run.options import RunOptions, add_arguments, read_options
 from rope_twin.run.progress import FigureProgress
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
     options = read_options(args)
     progress = FigureProgress()
     if any(given is not None for given in (args.within, args.budget, args.quantity)):
-        from rope_twin.commands.selection import choose
+        from rope_twin.cli.selection import choose
 
         options = choose(args, options)
         progress.say(options.chosen)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import ExitCode, print_json
+from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, did_you_mean, phrase

@@ -1,4 +1,4 @@
-"""The command line `rope_twin COMMAND ...`. Each command is a module of rope_twin.commands."""
+"""The command line `rope_twin COMMAND ...`. Each command is a module of this package."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from rope_twin.commands.console import MEANINGS, ExitCode
+from rope_twin.cli.console import MEANINGS, ExitCode
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 from rope_twin.run.arguments import HelpFormatter
 
@@ -129,7 +129,7 @@ def _needed(words: list[str]) -> tuple[str, ...]:
 
 
 def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"rope_twin.commands.{name}")
+    return importlib.import_module(f"rope_twin.cli.{name}")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -168,7 +168,7 @@ class _Version(argparse.Action):
     """Prints the versions and ends the program."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
-        from rope_twin.commands.doctor import version_text
+        from rope_twin.cli.doctor import version_text
 
         print(version_text(lambda: str(_middleware().rmw_name())))
         parser.exit()
@@ -188,7 +188,3 @@ def _paced(options: RunOptions, progress: FigureProgress) -> RunSummary:
     from rope_twin.ros.suite import run_suite
 
     return run_suite(options, progress)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from rope_twin.commands.console import ExitCode, print_json
+from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.run.arguments import add_command, add_json
 from rope_twin.scene.load import scene_names
 
