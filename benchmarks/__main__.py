@@ -16,12 +16,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks import (
-    band,
-    band_page,
     compile_time,
     effect_page,
     effect_speed,
     ensemble_speed,
+    error_interval,
     joined_statics_speed,
     orders,
     performance_page,
@@ -88,6 +87,16 @@ def _effects_option(parser: argparse.ArgumentParser) -> None:
 
 def _rows_option(parser: argparse.ArgumentParser) -> None:
     text = "put each row into the page in DIR as it is found; others are kept"
+    parser.add_argument("--into", type=Path, metavar="DIR", help=text)
+
+
+def _variants_options(parser: argparse.ArgumentParser) -> None:
+    count, seed = error_interval.VARIANTS, error_interval.SEED
+    text = "number of variants (default: %(default)s)"
+    parser.add_argument("--variants", type=int, default=count, metavar="N", help=text)
+    text = "seed of the draws (default: %(default)s)"
+    parser.add_argument("--seed", type=int, default=seed, metavar="S", help=text)
+    text = "write the result into error_interval.md in DIR"
     parser.add_argument("--into", type=Path, metavar="DIR", help=text)
 
 
@@ -224,12 +233,23 @@ def _vortices(args: argparse.Namespace, progress: CaseProgress) -> int:
     return 0
 
 
-def _band(args: argparse.Namespace, progress: CaseProgress) -> int:
-    """Run the error-interval benchmark; exit code 1 if a scene is not covered, or too widely."""
-    cases = band.QUICK if args.quick else band.choose_cases(args.scenes)
-    rows = list(_kept(band.measure_bands(cases, progress.show), args.into, band_page))
-    _tell(args, [asdict(row) for row in rows], band_page.band_table(rows))
-    return 0 if all(row.ok for row in rows) else 1
+def _error_interval(args: argparse.Namespace, progress: CaseProgress) -> int:
+    """Run the error-interval benchmark; exit code 1 if too few variants are covered."""
+    count, seconds = args.variants, error_interval.SECONDS
+    if args.quick:
+        count, seconds = error_interval.QUICK_VARIANTS, error_interval.QUICK_SECONDS
+    if args.into is not None:
+        error_interval.check_page(args.into)
+    found = error_interval.measure_variants(count, args.seed, seconds, progress.show)
+    result = error_interval.IntervalResult(args.seed, seconds, tuple(found))
+    if args.into is not None:
+        print(error_interval.write_page(result, args.into), file=sys.stderr)
+    if args.json:
+        print(json.dumps(error_interval.as_json(result), ensure_ascii=False, allow_nan=False))
+    else:
+        print_table(error_interval.interval_table(result.rows))
+        print(f"\n{result.as_sentence()}")
+    return 0 if result.ok else 1
 
 
 def _peers(args: argparse.Namespace, progress: CaseProgress) -> int:
@@ -288,12 +308,12 @@ ACTIONS = {
         "rest runs without.",
         (_json_option,),
     ),
-    "band": Action(
-        _band,
-        "whether the live error band holds, and what it costs, in every scene",
-        "Runs the scenes with an error band and beside them references on four times the elements "
-        "with a quarter of the step or finer (some fifteen minutes).",
-        (_scenes_option, _rows_option, _json_option),
+    "error_interval": Action(
+        _error_interval,
+        "coverage and cost of the error interval in random variants of the scenes",
+        "Draws variants of the shipped scenes by a seed and compares each with a reference of four "
+        "times the elements and a quarter of the step (some fifteen minutes).",
+        (_variants_options, _json_option),
     ),
     "peers": Action(
         _peers,

@@ -31,7 +31,7 @@ ROWS_MEAN = {
     "simulation: bend": "minimum bend radius of each line; WARN below the permitted one",
     "simulation: clocks": "drift of ROS time against the steady clock",
     "simulation: energy": "energy balance and its residual, in runs that keep it",
-    "simulation: error band": "95 % discretisation-error interval, in runs that compute it",
+    "simulation: error interval": "95 % discretisation-error interval, in runs that compute it",
     "simulation: fatigue": "accumulated (Miner) damage, in runs that compute it",
     "simulation: input ...": "one row per input (heave, winch command, current): accepted and "
     "rejected samples, age, faults",

@@ -93,7 +93,7 @@ def measure_setting(
 
     solves_per_step: what the card counted where the rope moves; it scales the steps.
     """
-    kind = twin_class(options.energy, options.error_band, options.watch)
+    kind = twin_class(options.energy, options.error_interval, options.watch)
     twin = kind(variant(scene, setting.elements, setting.step_s))
     steps = steps_in_slot(setting.step_s)
     encoder = Encoder(0)

@@ -263,10 +263,12 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         rows.append(_cut(snapshot.cut, -float(snapshot.payload_position_m[2])))
     if snapshot.energy is not None:
         rows.append(_energy(snapshot.energy))
-    if snapshot.band is not None:
-        rows.append(_band(snapshot, snapshot.band))
-    if snapshot.no_band:
-        rows.append(Status("simulation: error band", Level.WARN, snapshot.no_band, {}))
+    if snapshot.error_interval is not None:
+        rows.append(_error_interval_status(snapshot, snapshot.error_interval))
+    if snapshot.no_error_interval:
+        rows.append(
+            Status("simulation: error interval", Level.WARN, snapshot.no_error_interval, {})
+        )
     if snapshot.vibration is not None:
         rows.append(_vibration(snapshot, snapshot.vibration))
     if snapshot.fatigue is not None:
@@ -413,21 +415,21 @@ def cut_words(cut: CutShot) -> str:
     return f"rope {at} the hang-off; {cut.lost_m:.1f} m released"
 
 
-def _band(snapshot: Snapshot, band: TensionInterval) -> Status:
+def _error_interval_status(snapshot: Snapshot, found: TensionInterval) -> Status:
     tension_n = snapshot.tension_top_n
     values = {
-        "low [N]": f"{band.low_n:.6g}",
-        "high [N]": f"{band.high_n:.6g}",
-        "error bound [N]": f"{band.bound_n:.3g}",
-        "extra CPU time [%]": f"{band.cost_pct:.0f}",
+        "low [N]": f"{found.low_n:.6g}",
+        "high [N]": f"{found.high_n:.6g}",
+        "error bound [N]": f"{found.bound_n:.3g}",
+        "extra CPU time [%]": f"{found.cost_pct:.0f}",
     }
     if tension_n > 0.0:
-        values["error bound [% of the tension]"] = f"{100.0 * band.bound_n / tension_n:.3g}"
+        values["error bound [% of the tension]"] = f"{100.0 * found.bound_n / tension_n:.3g}"
     for one in snapshot.ropes[1:]:
-        if one.band is not None:
-            values[f"error bound of '{one.name}' [N]"] = f"{one.band.bound_n:.3g}"
-    message = f"top tension within {band.bound_n:.3g} N of the converged solution (95 % interval)"
-    return Status("simulation: error band", Level.OK, message, values)
+        if one.error_interval is not None:
+            values[f"error bound of '{one.name}' [N]"] = f"{one.error_interval.bound_n:.3g}"
+    message = f"top tension within {found.bound_n:.3g} N of the converged solution (95 % interval)"
+    return Status("simulation: error interval", Level.OK, message, values)
 
 
 def _vibration(snapshot: Snapshot, shaking: RopeVibration) -> Status:

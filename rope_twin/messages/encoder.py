@@ -146,7 +146,7 @@ class Encoder:
         """Return error bound and interval of each rope; NaN where unknown."""
         rows: list[Row] = []
         for number, rope in enumerate(ropes_of(snapshot)):
-            interval = rope.band if number else snapshot.band
+            interval = rope.error_interval if number else snapshot.error_interval
             rms_pct = math.nan if number else snapshot.card_error.rms_pct
             low_n, high_n = (interval.low_n, interval.high_n) if interval else (math.nan,) * 2
             rows.append(

@@ -55,7 +55,7 @@ class Setup:
     elements: int | None = None  # in place of the scene's
     step_s: float | None = None  # likewise
     energy: bool = False
-    error_band: bool = False
+    error_interval: bool = False
     vibration: str = ""
     fatigue: str = ""
     other_sea: bool = False
@@ -72,7 +72,7 @@ class Setup:
             RopeTwinError: scene, state or parameters are invalid.
         """
         watch = MonitorSettings(self.vibration, self.fatigue)
-        kind = twin_class(self.energy, self.error_band, watch)
+        kind = twin_class(self.energy, self.error_interval, watch)
         twin = kind(scene) if state is None else kind.restore(state, scene)
         twin.inputs.judge_clocks(self.sender_lead_s, self.correct_sender_clocks)
         if self.other_sea:

@@ -408,7 +408,7 @@ class PacedTwin:
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
     """Return the twin in static equilibrium or at a saved state, and a text saying which."""
     watch = MonitorSettings(params.vibration, params.fatigue)
-    kind = twin_class(params.energy, params.error_band, watch)
+    kind = twin_class(params.energy, params.error_interval, watch)
     if not params.from_state:
         return kind(scene), "starting from static equilibrium"
     path = Path(params.from_state).resolve()
@@ -424,7 +424,7 @@ def _setup(params: SimulationParams) -> Setup:
         elements=params.elements or None,
         step_s=params.step_s or None,
         energy=params.energy,
-        error_band=params.error_band,
+        error_interval=params.error_interval,
         vibration=params.vibration,
         fatigue=params.fatigue,
         other_sea=params.other_sea,

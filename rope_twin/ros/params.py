@@ -68,7 +68,7 @@ class SimulationParams:
         "overload protection: longer time steps, then fewer elements, while the deadline is missed",
         True,
     )
-    error_band: bool = text(
+    error_interval: bool = text(
         "publish a 95 % discretisation-error interval of the top tension; slower", False
     )
     other_sea: bool = text(

@@ -73,7 +73,7 @@ def _build(options: RunOptions) -> None:
         signal.signal(number, signal.SIG_DFL)
     sys.stdout = sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
-    twin_class(options.energy, options.error_band, options.watch)(scene)
+    twin_class(options.energy, options.error_interval, options.watch)(scene)
 
 
 NODES = ("simulation", "sea_state", "winch_schedule", "recorder", "viewer")

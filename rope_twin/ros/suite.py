@@ -64,7 +64,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         "energy": options.energy,
         "elements": options.elements or 0,
         "step_s": options.step_s or 0.0,
-        "error_band": options.error_band,
+        "error_interval": options.error_interval,
         "other_sea": options.other_sea,
         **cut,
         "vibration": options.watch.vibration if options.watch else "",

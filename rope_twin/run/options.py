@@ -53,7 +53,7 @@ class RunOptions:
     budget_pct: float | None = None  # of one core, if --budget asked
     calibrated_pct: float | None = None  # what of it was measured for them, before the run
     cut: str = ""  # PLACE@SECONDS, checked; empty: no cut
-    error_band: bool = False  # discretisation-error interval on top tension
+    error_interval: bool = False  # discretisation-error interval on top tension
     allow_cut: bool = False  # any publisher on ropes/cut can cut the rope
     network: bool = False  # reachable from other machines
     watch: MonitorSettings | None = None  # vibration and fatigue to report
@@ -243,7 +243,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         start_from=args.from_state and Path(args.from_state).resolve(),
         begins_s=begins_s,
         energy=args.energy,
-        error_band=args.error_interval,
+        error_interval=args.error_interval,
         cut=cut,
         allow_cut=args.allow_cut,
         network=args.network,

@@ -115,8 +115,10 @@ class RunSummary:
     energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not enabled
     cut: dict[str, Any] | None = None  # fields of CutShot; None: the rope is intact
     cut_refused: str = ""  # why a requested cut was not made
-    error_band: dict[str, float] | None = None  # fields of TensionBand; None: not enabled, or
-    no_band: str = ""  # why there is none
+    error_interval: dict[str, float] | None = (
+        None  # fields of TensionInterval; None: not enabled, or
+    )
+    no_error_interval: str = ""  # why there is none
     vibration: dict[str, float | str] | None = None  # at its maximum; None: not enabled
     fatigue: dict[str, float | str] | None = None  # at the maximum damage; None: not enabled
 
@@ -221,13 +223,17 @@ class RunSummary:
                 f"energy: {self.energy['exchanged_j']:.4g} J exchanged, residual "
                 f"{numerical:.3g} J ({part:.2g} %; positive: numerical dissipation)"
             )
-        if self.error_band is not None:
+        if self.error_interval is not None:
             lines.append(
-                f"error interval (95 %): top tension now {_kn(self.error_band['low_n'])} to "
-                f"{_kn(self.error_band['high_n'])} (±{self.error_band['bound_n']:.3g} N); "
-                f"{self.error_band['cost_pct']:.0f} % extra CPU time"
+                f"error interval (95 %): top tension now {_kn(self.error_interval['low_n'])} to "
+                f"{_kn(self.error_interval['high_n'])} (±{self.error_interval['bound_n']:.3g} N); "
+                f"{self.error_interval['cost_pct']:.0f} % extra CPU time"
             )
-        return [*lines, f"error interval: {self.no_band}"] if self.no_band else lines
+        return (
+            [*lines, f"error interval: {self.no_error_interval}"]
+            if self.no_error_interval
+            else lines
+        )
 
     def _missing_words(self) -> str:
         if not self.not_recorded:
@@ -370,8 +376,10 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         cut=dataclasses.asdict(snapshot.cut) if snapshot.cut else None,
         cut_refused=cut.note if cut and cut.refused else "",
         energy=snapshot.energy.figures() if snapshot.energy else None,
-        error_band=dataclasses.asdict(snapshot.band) if snapshot.band else None,
-        no_band=snapshot.no_band,
+        error_interval=dataclasses.asdict(snapshot.error_interval)
+        if snapshot.error_interval
+        else None,
+        no_error_interval=snapshot.no_error_interval,
         vibration=vibration_figures(snapshot),
         fatigue=fatigue_figures(snapshot),
     )

@@ -69,7 +69,7 @@ class UnpacedRun:
         )
         self._options = options
         start = options.start_from
-        kind = twin_class(options.energy, options.error_band, options.watch)
+        kind = twin_class(options.energy, options.error_interval, options.watch)
         self.twin = kind(scene) if start is None else kind.restore(start, scene)
         self.twin.failure_folder = options.failure_folder
         self.twin.inputs.expect_motion(None)  # `_offer` passes on the samples of `open_sea` only
@@ -205,7 +205,7 @@ def _setup(options: RunOptions) -> Setup:
         elements=options.elements,
         step_s=options.step_s,
         energy=options.energy,
-        error_band=options.error_band,
+        error_interval=options.error_interval,
         vibration=watch.vibration if watch else "",
         fatigue=watch.fatigue if watch else "",
         other_sea=options.other_sea,
@@ -220,7 +220,7 @@ def measure_alone(options: RunOptions, time_s: float) -> float:
     run is slower: each cycle starts with cold CPU caches, which can cost several times the work of
     a short time step; `RunSummary.paced_real_time_factor` includes that.
     """
-    run = UnpacedRun(replace(options, record=None, energy=False, error_band=False, watch=None))
+    run = UnpacedRun(replace(options, record=None, energy=False, error_interval=False, watch=None))
     run.twin.failure_folder = None
     end_ns = run.twin.time_ns + time_s * 1e9
     # a saved state includes the computing time up to it

@@ -13,11 +13,13 @@ class EnergyIntervalTwin(EnergyTwin, ErrorIntervalTwin):
     """A twin with an energy balance and a discretisation-error interval."""
 
 
-def twin_class(energy: bool, error_band: bool, watch: MonitorSettings | None = None) -> type[Twin]:
+def twin_class(
+    energy: bool, error_interval: bool, watch: MonitorSettings | None = None
+) -> type[Twin]:
     """Return the twin class with these analyses; watch: the VIV and fatigue monitors, if any."""
-    kind: type[Twin] = ErrorIntervalTwin if error_band else Twin
+    kind: type[Twin] = ErrorIntervalTwin if error_interval else Twin
     if energy:
-        kind = EnergyIntervalTwin if error_band else EnergyTwin
+        kind = EnergyIntervalTwin if error_interval else EnergyTwin
     if not watch:
         return kind
     parts = (MonitoredTwin,) if kind is Twin else (MonitoredTwin, kind)

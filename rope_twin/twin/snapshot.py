@@ -203,7 +203,7 @@ class RopeShot:
     tension_top_n: float  # at the hang-off, connection or sheave at its upper end
     line_out_m: float  # unstretched length
     payout_speed_m_per_s: float  # + paying out
-    band: TensionInterval | None = None  # for ropes from the ship, if a run asks for it
+    error_interval: TensionInterval | None = None  # for ropes from the ship, if a run asks for it
 
 
 @dataclass(frozen=True)
@@ -278,8 +278,8 @@ class Snapshot:
     body: BodyShot | None = None  # only of a scene whose payload is a rigid body
     winches: tuple[WinchShot, ...] = ()  # winches of the scene
     energy: EnergyBalance | None = None  # only of a run with an energy balance
-    band: TensionInterval | None = None  # only of a run that asks for it, once it is known
-    no_band: str = ""  # why a run that asks for it has none at present
+    error_interval: TensionInterval | None = None  # if a run asks for it, once it is known
+    no_error_interval: str = ""  # why a run that asks for it has none at present
     vibration: RopeVibration | None = None  # only of a run that asks for it, once it is known
     fatigue: MaterialFatigue | None = None  # only of a run that asks for it
     ropes: tuple[RopeShot, ...] = ()  # all ropes of a multi-line scene or after a cut; else none

@@ -23,7 +23,7 @@ CURVES = (
     ("plots/real_time_factor", "real-time factor", "c0c0c8"),
 )
 # error interval of the top tension, only if a run computes one
-BAND_CURVES = (
+INTERVAL_CURVES = (
     ("plots/tension/top/low", "lower bound (95 %)", "8d8432"),
     ("plots/tension/top/high", "upper bound (95 %)", "8d8432"),
 )

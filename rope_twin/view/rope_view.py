@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from rope_twin.messages.templates import NANOSECONDS, read_cloud, scale_above
 from rope_twin.topics import TOPICS
 from rope_twin.view.blueprint import (
-    BAND_CURVES,
     CURVES,
+    INTERVAL_CURVES,
     LOG,
     LOWER_END,
     OVERVIEW,
@@ -177,7 +177,7 @@ class RopeView:
         edges = float(first["lower_n"]), float(first["upper_n"])
         if not all(math.isfinite(edge) for edge in edges):
             return
-        for (path, name, rgb), force in zip(BAND_CURVES, edges, strict=True):
+        for (path, name, rgb), force in zip(INTERVAL_CURVES, edges, strict=True):
             if path not in self._series:
                 self._add_curve(path, name, rgb)
             self._series[path].add(time_ns, force / 1000.0)

@@ -28,7 +28,7 @@ EPOCH_NS = 10**18
 # Not compared: computing times; epoch and session, which every bag begins with; the log of inputs,
 # which is numbered by session.
 OF_ONE_BAG = ("diagnostics", "twin/epoch", "winch/seat", "twin/session", "twin/inputs")
-# by a scene of heave and speeds only, with no bed, no topic of current and no error band
+# by a scene of heave and speeds only, with no bed, no topic of current and no error interval
 NOT_TOLD = {
     "current", "ship/odometry", "seabed/contact", "ropes/vibration",
     "ropes/fatigue", "ropes/cut", *WINCH_TOPICS,

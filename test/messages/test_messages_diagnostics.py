@@ -91,9 +91,10 @@ def test_an_unpaced_run_has_no_pacing_row() -> None:
     assert not [r for r in statuses(hanging_rope(), None) if "pacing" in r.name]
 
 
-def test_the_error_band_is_told_where_there_is_one() -> None:
-    assert not [r for r in statuses(replace(hanging_rope(), band=None), GOOD) if "band" in r.name]
-    told = row("error band", hanging_rope())
+def test_the_error_interval_is_reported_where_there_is_one() -> None:
+    without = replace(hanging_rope(), error_interval=None)
+    assert not [r for r in statuses(without, GOOD) if "interval" in r.name]
+    told = row("error interval", hanging_rope())
     assert told.level is Level.OK
     assert "within 40 N of the converged" in told.message
     assert told.values["extra CPU time [%]"] == "25"

@@ -125,7 +125,7 @@ def wrench(snapshot: Snapshot) -> object:
 
 
 def interval(snapshot: Snapshot) -> object:
-    found = snapshot.band
+    found = snapshot.error_interval
     assert found is not None
     return cloud(
         snapshot, ("name", "S32", [b"rope"]), ("rms_pct", "<f8", [0.5]),

@@ -33,7 +33,9 @@ WINCH = Winch(
 
 
 def watched(scene: Scene, model: str, curve: str = "") -> Any:
-    return twin_class(energy=False, error_band=False, watch=MonitorSettings(model, curve))(scene)
+    return twin_class(energy=False, error_interval=False, watch=MonitorSettings(model, curve))(
+        scene
+    )
 
 
 def shaking(shot: Snapshot) -> RopeVibration:

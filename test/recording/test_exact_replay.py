@@ -253,7 +253,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "ropes that meet": {"scene": "bridle_lift"},
     "poses of the ship": {"scene": "ship_6dof"},
     "everything kept": {
-        "energy": True, "error_band": True,
+        "energy": True, "error_interval": True,
         "watch": MonitorSettings("frequency-domain", "stranded_wire"),
     },
     "a cut, another setting, another sea": {

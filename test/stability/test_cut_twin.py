@@ -256,27 +256,29 @@ def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> N
     assert plan_for(scene, "") is None
 
 
-def test_an_error_band_is_unknown_from_the_cut_on_and_says_so(scene: Scene) -> None:
+def test_an_error_interval_is_unknown_from_the_cut_on_and_says_so(scene: Scene) -> None:
     """The run goes on to the bit as without one, from a saved state as well."""
     twin, alone = told(ErrorIntervalTwin(scene)), told(Twin(scene))
     twin.advance(200)
-    assert twin.snapshot().band is not None
+    assert twin.snapshot().error_interval is not None
     assert ends(twin, 100, 600)[-1].tension_top_n == ends(alone, 100, 600)[-1].tension_top_n
     other = ErrorIntervalTwin.restore(twin.capture(), scene)
     for one in (twin, twin.branch(), other):
         one.advance(50)
         shot = one.snapshot()
-        assert shot.band is None
-        assert shot.no_band.startswith("unknown since the cut at 2.51 s: ")
-        (row,) = (row for row in statuses(shot, None) if row.name == "simulation: error band")
-        assert (row.level, row.message) == (Level.WARN, shot.no_band)
+        assert shot.error_interval is None
+        assert shot.no_error_interval.startswith("unknown since the cut at 2.51 s: ")
+        (row,) = (row for row in statuses(shot, None) if row.name == "simulation: error interval")
+        assert (row.level, row.message) == (Level.WARN, shot.no_error_interval)
 
 
-def test_a_run_with_a_band_is_cut_and_told_at_the_end(scene: Scene) -> None:
-    options = RunOptions(scene=str(scene.path), end_s=2.0, speed=0.0, error_band=True, cut="80@1.5")
+def test_a_run_with_an_interval_is_cut_and_told_at_the_end(scene: Scene) -> None:
+    options = RunOptions(
+        scene=str(scene.path), end_s=2.0, speed=0.0, error_interval=True, cut="80@1.5"
+    )
     summary = run_unpaced(options, lambda run: None)
     assert "error interval: unknown since the cut at 1.50 s" in summary.as_text()
-    assert summary.error_band is None
+    assert summary.error_interval is None
 
 
 def test_a_run_records_the_order_and_both_ropes(scene: Scene, tmp_path: Path) -> None:

@@ -268,7 +268,7 @@ def test_what_follows_the_rope_goes_back_with_it(
         assert abs(balance.residual_j) < 0.05 * balance.exchanged_j
         assert balance.since_s >= 3.49
     else:
-        assert "unknown until 23.5 s" in shots[-1].no_band  # its coarse solution settles
+        assert "unknown until 23.5 s" in shots[-1].no_error_interval  # its coarse solution settles
 
 
 def test_a_return_is_part_of_a_saved_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -62,7 +62,9 @@ def hanging_rope(
         card_error=KnownError(0.5, 0.1, "at most, in a run on paper"),
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
-        band=TensionInterval(float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0),
+        error_interval=TensionInterval(
+            float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0
+        ),
         vibration=RopeVibration(
             "time-domain",
             0.5 * swing,

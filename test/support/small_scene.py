@@ -55,8 +55,8 @@ def small_scene(folder: Path) -> Scene:
 
 # no plain numbers, or there only for who asks or where ropes meet
 NO_FIGURES = {
-    "solver", "inputs", "winch_at_limit", "card_error", "energy", "band", "no_band", "seabed",
-    "ropes",
+    "solver", "inputs", "winch_at_limit", "card_error", "energy", "error_interval",
+    "no_error_interval", "seabed", "ropes",
     "payloads", "struts", "sheaves", "winches", "cut", "vibration", "fatigue", "lines",
     "line_events", "body", "strength", "breaches", "touchdowns", "bends",
 }  # fmt: skip

@@ -160,10 +160,10 @@ def test_before_the_start_it_takes_the_rung_that_fits_at_once(machine: Machine) 
 
 
 @pytest.mark.parametrize("energy", [False, True])
-@pytest.mark.parametrize("error_band", [False, True])
-def test_time_line_and_payload_go_on_where_they_were(energy: bool, error_band: bool) -> None:
+@pytest.mark.parametrize("error_interval", [False, True])
+def test_time_line_and_payload_go_on_where_they_were(energy: bool, error_interval: bool) -> None:
     """With a winch that pays out, down two rungs and back; each kind of twin."""
-    twin = twin_class(energy, error_band)(load_scene("deep_lift"))
+    twin = twin_class(energy, error_interval)(load_scene("deep_lift"))
     twin.offer_speed(None, 0.5)
     twin.advance(200)
     for rung in (

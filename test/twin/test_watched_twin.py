@@ -42,7 +42,7 @@ WORN = MonitorSettings(fatigue="stranded_wire")
 
 
 def watched(scene: Scene, watch: MonitorSettings = WORN) -> Any:
-    return twin_class(energy=False, error_band=False, watch=watch)(scene)
+    return twin_class(energy=False, error_interval=False, watch=watch)(scene)
 
 
 def used(shot: Snapshot) -> np.ndarray:
@@ -146,7 +146,7 @@ def test_the_run_is_the_same_to_the_bit_and_a_saved_one_goes_on_to_the_bit() -> 
     alone = [shot.tension_top_n for shot in lifted(Twin(scene), 12.0)]
     twin = watched(scene)
     assert [shot.tension_top_n for shot in lifted(twin, 12.0)] == alone
-    with_books = twin_class(energy=True, error_band=True, watch=WORN)(scene)
+    with_books = twin_class(energy=True, error_interval=True, watch=WORN)(scene)
     assert [shot.tension_top_n for shot in lifted(with_books, 3.0)] == alone[:150]
     state = twin.capture()
     again = type(twin).restore(state, scene)

@@ -69,16 +69,18 @@ def test_every_scalar_is_kept_and_ropes_are_drawn_ten_times_a_second(session: Se
     assert np.diff(drawn).min() > 0.0999
 
 
-def test_a_band_around_the_tension_is_drawn_with_it_where_there_is_one(session: Session) -> None:
+def test_an_interval_around_the_tension_is_drawn_with_it_where_there_is_one(
+    session: Session,
+) -> None:
     """Both edges lie below the entity of the top tension, so that one plot shows all three."""
     session.epoch()
     session.rope(1.0)
     shot = hanging_rope(21, time_s=1.0)
-    assert shot.band is not None
+    assert shot.error_interval is not None
     topic = "ropes/tension_top_error"
     session.show(topic, session.encoder.encode(topic, shot), EPOCH_NS)
     found = session.finish()
-    for edge, force_n in (("low", shot.band.low_n), ("high", shot.band.high_n)):
+    for edge, force_n in (("low", shot.error_interval.low_n), ("high", shot.error_interval.high_n)):
         drawn = found.column(f"plots/tension/top/{edge}", "Scalars:scalars")
         assert drawn == [[pytest.approx(force_n / 1e3)]]
         assert found.seconds(f"plots/tension/top/{edge}") == pytest.approx([1.0])

@@ -8,8 +8,8 @@ except for a rope whose winch responds to its tension: there the coarse solution
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
-from typing import Any, Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,238 +24,203 @@ from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import places
-from rope_twin.twin.accuracy.error_bound import EVERY
+from rope_twin.scene.validation.rigging import places, winches
 from rope_twin.twin.accuracy.regrid import HangOff, coarser
-from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.payout import HangOffMotion, tension_feedback
 from rope_twin.twin.winch.winch import Winch
 from rope_twin.vortex.coupled import VivDragAmplification
 
+RATIO = 2  # of the step and element length to the twin's; Richardson extrapolation takes 2
+MIN_ELEMENTS = 4  # a rope with fewer is not coarsened, as ropes of a system need at least two
 SAMPLING_RATIO = 4  # samplings of the twin's VIV model per sampling here, so six in a period
-MIN_ELEMENTS = 4  # elements: a rope with fewer is not coarsened, as joined ropes need at least two
 
 
-class CoarseSolution(Protocol):
-    """Interface of a coarse solution."""
+class Chunk(NamedTuple):
+    """Ropes of a twin and their boundary conditions over the steps of one call of `advance`."""
 
-    rests: bool  # it started in static equilibrium
-    waiting: int  # steps of the twin that it has not done yet
-    winches: dict[int, CoarseWinch]  # by rope, winches that have used tension feedback
+    ropes: Rope | System  # at present, with the effects in use
+    boundary: Boundary  # of every rope at the boundaries of the steps, (ropes, steps + 1, MOTIONS)
+    pulls: Floats  # force on every upper end after each step [N], (ropes, steps, PULL_COLUMNS)
+    done: int  # steps done: row `done` of the boundary is the present. 0: pulls has the present
+    time_ns: int  # the present
+    step_s: float
+    steps: int  # done since the start of the twin
+    currents: int  # current profiles accepted since then
 
-    def follow(
-        self, boundary: Boundary, done: int, effects: Any, time_s: float
-    ) -> list[float] | None:
-        """Advance by the twin's last `done` steps up to `time_s`; return the top tensions [N].
+    @property
+    def border(self) -> tuple[Floats, Floats]:
+        """Return value and rate of the prescribed motion at present, (ropes, MOTIONS) each."""
+        return self.boundary.value[:, self.done].copy(), self.boundary.rate[:, self.done].copy()
 
-        boundary: of the twin's first rope, row 0 before those steps. None: the next state would not
-        be finite.
-        """
-
-    def look(self, boundary: Boundary, steps: int, currents: int) -> None:
-        """Sample the loosely coupled VIV model, when it is due; steps: done by the twin."""
-
-    def drag_amplification(self) -> Floats:
-        """Return the drag amplification at the nodes, from the lower end up."""
-
-    def further(self, r: int) -> list[float]:
-        """Return the top tensions of another rope from the ship in the last `follow` [N]."""
+    @property
+    def pull(self) -> Floats:
+        """Return the force on the upper ends at present [N], (ropes, PULL_COLUMNS)."""
+        now: Floats = self.pulls[:, max(self.done - 1, 0)]
+        return now
 
 
-class CoarseRope:
-    """Coarse solution of a single rope; with a winch drive it keeps the elements."""
+class CoarseSolution:
+    """Coarse solution of a twin, started from the twin's present state.
+
+    In a scene with a winch drive it has all elements and only twice the step: the error of a drive
+    is of first order in the step, and longer elements may hide it in the difference.
+    """
 
     def __init__(
-        self,
-        rope: Rope,
-        at: HangOff,
-        border: tuple[Floats, Floats],
-        resting: bool,
-        elements: bool = True,
-        viv_drag: VivDragAmplification | None = None,
+        self, scene: Scene, now: Chunk, at_rest: bool, viv_drag: VivDragAmplification | None
     ) -> None:
-        """Coarsen the rope at `border`, value and rate of the prescribed motion now.
+        """Coarsen the ropes; at_rest: whether to solve for static equilibrium.
 
-        resting: whether to solve for static equilibrium; elements: whether to halve their number,
-        or only to double the step; shaking: the twin's loosely coupled VIV model.
+        viv_drag: the twin's loosely coupled VIV model.
         """
+        self._scene, (value, rate) = scene, now.border
+        self._value, self._rate = value, rate  # prescribed motion that it has reached
+        self._pull_n: list[float] = now.pull[:, rows.PULL].tolist()
         self._viv_drag = None if viv_drag is None else viv_drag.coarse_copy(SAMPLING_RATIO)
-        half = coarser(rope, at) if elements else copy.deepcopy(rope)
-        self._effects = SeparateEffects(rope.effects)
-        self._rope = half._replace(
-            model=half.model._replace(step=EVERY * rope.model.step), effects=self._effects.own
-        )
-        self.rests = resting and solve_statics(self._rope, float(border[0][rows.LINE])).found
-        room = (STEPS_PER_CALL // EVERY + 2, rows.MOTIONS)
-        self._ahead = Boundary(np.zeros(room), np.zeros(room))
-        self._ahead.value[0], self._ahead.rate[0] = border
-        self.waiting = 0
-        self.winches: dict[int, CoarseWinch] = {}
-        self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
-        self._pull_n = float(np.linalg.norm(at.pull_n))
+        self._winches: dict[int, CoarseWinch] = {}  # by rope, winches that had tension feedback
+        self._waiting = 0  # steps of the twin that it has not done yet
+        driven = any(winch.drive is not None for _, winch in winches(scene))
+        ropes = now.ropes
+        self._ropes: Rope | System
+        if isinstance(ropes, Rope):
+            at = HangOff(
+                now.pull[0, rows.PULL_X : rows.PULL_Z + 1].copy(), float(rate[0, rows.LINE])
+            )
+            coarse = copy.deepcopy(ropes) if driven else coarser(ropes, at)
+            self._effects = SeparateEffects(ropes.effects)
+            self._ropes = with_step_of(coarse, ropes)._replace(effects=self._effects.own)
+            found = at_rest and solve_statics(self._ropes, float(value[0, rows.LINE])).found
+        else:
+            self._effects = SeparateEffects(ropes.ropes[0].effects)
+            self._ropes = coarsened(ropes, now.pull, rate[:, rows.LINE], not driven)
+            found = at_rest and solve_reeved_statics(self._ropes, value).found
+        self.at_rest = bool(found)  # whether it started in static equilibrium
 
-    def follow(
-        self, boundary: Boundary, done: int, effects: Any, time_s: float
-    ) -> list[float] | None:
-        """Advance by the twin's last steps; return the top tensions [N], or None if it failed."""
-        first = EVERY - self.waiting  # row of the boundary at which its next step ends
-        steps, self.waiting = divmod(self.waiting + done, EVERY)
-        if steps == 0:
-            return []
-        value, rate = self._ahead
-        value[1 : steps + 1] = boundary.value[first : done + 1 : EVERY]
-        rate[1 : steps + 1] = boundary.rate[first : done + 1 : EVERY]
-        if self._effects.given is not effects:
-            self._rope = self._rope._replace(effects=self._effects.take(effects))
-        step = self._rope.model.step
-        start_s = time_s - (self.waiting / EVERY + steps) * step
-        if self._advance(start_s, steps) < steps:
-            return None
-        value[0], rate[0] = value[steps], rate[steps]
-        tensions: list[float] = self._pulls[:steps, rows.PULL].tolist()
-        self._pull_n = tensions[-1]
-        return tensions
+    def follow(self, chunk: Chunk) -> tuple[int, Floats] | None:
+        """Advance by the twin's last steps; None: the next state would not be finite.
 
-    def drag_amplification(self) -> Floats:
-        """Return the drag amplification by its loosely coupled VIV model at the nodes."""
-        assert self._viv_drag is not None
-        return self._viv_drag.drag_amplification(self._rope)
-
-    def look(self, boundary: Boundary, steps: int, currents: int) -> None:
-        """Sample its loosely coupled VIV model when due."""
-        own = self._viv_drag
-        if own is not None and self.waiting == 0 and own.steps_to_sampling(steps) <= 0:
-            own.look(self._rope, boundary, steps, currents)
-
-    def _advance(self, start_s: float, steps: int) -> int:
-        """Advance through the step boundaries ahead; return the number of steps done."""
-        if not self.winches:
-            return advance(self._rope, self._ahead, self._pulls, start_s, steps)
-        pull_n, step = self._pull_n, self._rope.model.step
-        for k in range(steps):
-            borders = Boundary(*(table[k : k + 2] for table in self._ahead))
-            begin_s = start_s + k * step
-            self.winches[0].prescribe(self._rope, round(begin_s * 1e9), borders, pull_n)
-            if advance(self._rope, borders, self._pulls[k:], begin_s, 1) < 1:
-                return k
-            pull_n = float(self._pulls[k, rows.PULL])
-        return steps
-
-    def further(self, r: int) -> list[float]:
-        """Raise KeyError, as there is no other rope."""
-        raise KeyError(r)
-
-
-class MultiLineSystem(Protocol):
-    """Multi-line system of a twin after a call of `advance`."""
-
-    pull: Floats  # force on each upper end now [N], (ropes, PULL_COLUMNS)
-    moved: Boundary  # hang-offs and payouts in the last call, (ropes, steps + 1, MOTIONS)
-
-    def system(self, first: Rope) -> System:
-        """Return the system of all ropes."""
-
-    def borders(self, boundary: Boundary, steps: int) -> Boundary:
-        """Return hang-offs and paid-out lengths of coming steps, (ropes, steps + 1, MOTIONS)."""
-
-
-class CoarseSystem:
-    """Coarse solution of a multi-line system; with a winch drive it keeps the elements."""
-
-    def __init__(
-        self,
-        ropes: MultiLineSystem,
-        first: Rope,
-        boundary: Boundary,
-        border: int,
-        resting: bool,
-        elements: bool = True,
-    ) -> None:
-        """Coarsen the ropes; boundary: of the first rope, row `border` is the present.
-
-        resting: whether to solve for static equilibrium; elements: whether to halve their number,
-        or only to double the step.
+        Return the number of the twin's steps after which the first of its own steps ended, and its
+        top tensions [N] after each of its steps, (ropes, steps): every `RATIO` steps of the twin.
         """
-        self._ropes, whole = ropes, ropes.system(first)
-        value, rate = (table[:, border] for table in ropes.borders(boundary, border))
-        joints = whole.joints
-        # prescribed motion now of the ropes that hang from the ship
-        self.hang_offs = {
-            r: (value[r].copy(), rate[r].copy())
-            for r, upper in enumerate(joints.upper)
-            if upper == LOOSE
-        }
-        self.made_fast = [
-            bool(lower == LOOSE and rope.model.first_free == 1)
-            for lower, rope in zip(joints.lower, whole.ropes, strict=True)
-        ]
-        self._system = (
-            coarsened(whole, ropes.pull, rate[:, rows.LINE])
-            if elements
-            else _joined_as(whole, [_with_step_doubled(rope, rope) for rope in whole.ropes])
-        )
-        self.rests = resting and solve_reeved_statics(self._system, value).found
-        self._now = value.copy(), rate.copy()
-        self.waiting = 0
-        self.winches: dict[int, CoarseWinch] = {}
-        self._pulls = np.zeros((len(whole.ropes), 0, rows.PULL_COLUMNS))
-        self._pull_n: list[float] = ropes.pull[:, rows.PULL].tolist()
+        first = RATIO - self._waiting
+        steps, self._waiting = divmod(self._waiting + chunk.done, RATIO)
+        pulls = np.zeros((len(self._value), steps, rows.PULL_COLUMNS))
+        if steps > 0:
+            now, given = (self._value, self._rate), chunk.boundary
+            ahead = Boundary(
+                *(
+                    np.concatenate([own[:, None], table[:, first : chunk.done + 1 : RATIO]], axis=1)
+                    for own, table in zip(now, given, strict=True)
+                )
+            )
+            self._use_effects_of(chunk.ropes)
+            step_s = self._first.model.step
+            start_s = chunk.time_ns * 1e-9 - (self._waiting / RATIO + steps) * step_s
+            if self._advance(ahead, pulls, start_s) < steps:
+                return None
+            self._value, self._rate = ahead.value[:, steps], ahead.rate[:, steps]
+            self._pull_n = pulls[:, -1, rows.PULL].tolist()
+        return first, pulls[:, :, rows.PULL]
 
-    def follow(
-        self, boundary: Boundary, done: int, effects: Any, time_s: float
-    ) -> list[float] | None:
-        """Advance by the twin's last steps; return the top tensions [N], or None if it failed."""
-        first = EVERY - self.waiting
-        steps, self.waiting = divmod(self.waiting + done, EVERY)
-        if steps == 0:
-            return []
-        moved, room = self._ropes.moved, (len(self._now[0]), steps + 1, rows.MOTIONS)
-        ahead = Boundary(np.empty(room), np.empty(room))
-        for table, now, given in zip(ahead, self._now, moved, strict=True):
-            table[:, 0], table[:, 1:] = now, given[:, first : done + 1 : EVERY]
-        system = self._system
-        if system.ropes[0].effects is not effects:
-            ropes = (system.ropes[0]._replace(effects=effects), *system.ropes[1:])
-            self._system = system = system._replace(ropes=ropes)
-        step = system.ropes[0].model.step
-        start_s = time_s - (self.waiting / EVERY + steps) * step
-        self._pulls = np.zeros((len(system.ropes), steps, rows.PULL_COLUMNS))
-        if self._advance(ahead, start_s, steps) < steps:
-            return None
-        self._now = ahead.value[:, steps], ahead.rate[:, steps]
-        self._pull_n = self._pulls[:, -1, rows.PULL].tolist()
-        return self.further(0)
+    def sample_vortices(self, chunk: Chunk) -> None:
+        """Sample the loosely coupled VIV model when it is due."""
+        own = self._viv_drag
+        if own is None or self._waiting or own.steps_to_sampling(chunk.steps) > 0:
+            return
+        now = Boundary(*(table[0, chunk.done :] for table in chunk.boundary))
+        own.look(self._first, now, chunk.steps, chunk.currents)
 
-    def _advance(self, ahead: Boundary, start_s: float, steps: int) -> int:
+    def share_winches(self, responding: Mapping[int, Winch]) -> None:
+        """Copy winches that respond to the tension in the next step, by rope, if not yet there.
+
+        It copies once it has reached the twin's time.
+        """
+        if not self._waiting:
+            for r in responding.keys() - self._winches.keys():
+                self._winches[r] = CoarseWinch(responding[r], self._scene, r)
+
+    def command(self, r: int, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> None:
+        """Pass a command that the twin's winch of rope r has accepted."""
+        if (winch := self._winches.get(r)) is not None:
+            winch.take(stamp_ns, command, now_ns)
+
+    def invalidate(self) -> None:
+        """Invalidate winch commands that were known in advance."""
+        for winch in self._winches.values():
+            winch.invalidate()
+
+    @property
+    def ropes(self) -> tuple[Rope, ...]:
+        """Return the coarse ropes."""
+        own = self._ropes
+        return (own,) if isinstance(own, Rope) else own.ropes
+
+    @property
+    def winches(self) -> frozenset[int]:
+        """Return the numbers of the ropes that have a winch of their own here."""
+        return frozenset(self._winches)
+
+    @property
+    def viv_drag(self) -> VivDragAmplification | None:
+        """Return the copy of the loosely coupled VIV model."""
+        return self._viv_drag
+
+    @property
+    def top_tensions_n(self) -> list[float]:
+        """Return the force on every upper end after the last coarse step [N]."""
+        return list(self._pull_n)
+
+    @property
+    def payouts_m(self) -> Floats:
+        """Return the paid-out length of each rope [m], (ropes,)."""
+        lengths: Floats = self._value[:, rows.LINE].copy()
+        return lengths
+
+    @property
+    def _first(self) -> Rope:
+        return self.ropes[0]
+
+    def _use_effects_of(self, twin: Rope | System) -> None:
+        """Use the twin's present effects (another current), with own copies of those that move."""
+        given = twin.effects if isinstance(twin, Rope) else twin.ropes[0].effects
+        if self._effects.given is given:
+            return
+        effects, own = self._effects.take(given), self._ropes
+        if isinstance(own, Rope):
+            self._ropes = own._replace(effects=effects)
+        else:
+            ropes = (own.ropes[0]._replace(effects=effects), *own.ropes[1:])
+            self._ropes = own._replace(ropes=ropes)
+
+    def _advance(self, ahead: Boundary, pulls: Floats, start_s: float) -> int:
         """Advance through boundaries (ropes, steps + 1, MOTIONS); return the steps done."""
-        system = self._system
-        if not self.winches:
-            return advance_joined(system, ahead, self._pulls, start_s, steps)
-        step, pull_n = system.ropes[0].model.step, self._pull_n
+        steps = int(pulls.shape[1])
+        if not self._winches:
+            return self._step(ahead, pulls, start_s)
+        step_s, pull_n = self._first.model.step, self._pull_n
         for k in range(steps):
-            borders, begin_s = [table[:, k : k + 2] for table in ahead], start_s + k * step
-            for r, winch in self.winches.items():
-                own = Boundary(*(table[r] for table in borders))
-                winch.prescribe(system.ropes[r], round(begin_s * 1e9), own, pull_n[r])
-            pulls = self._pulls[:, k : k + 1].copy()
-            given = Boundary(*map(np.ascontiguousarray, borders))
-            if advance_joined(system, given, pulls, begin_s, 1) < 1:
+            begin_s = start_s + k * step_s
+            part = Boundary(*(np.ascontiguousarray(table[:, k : k + 2]) for table in ahead))
+            for r, winch in self._winches.items():
+                own = Boundary(*(table[r] for table in part))
+                winch.prescribe(self.ropes[r], round(begin_s * 1e9), own, pull_n[r])
+            end = np.zeros((len(pulls), 1, rows.PULL_COLUMNS))
+            if self._step(part, end, begin_s) < 1:
                 return k
-            self._pulls[:, k : k + 1], pull_n = pulls, pulls[:, 0, rows.PULL].tolist()
+            pulls[:, k], pull_n = end[:, 0], end[:, 0, rows.PULL].tolist()
+            for table, done in zip(ahead, part, strict=True):
+                table[:, k + 1] = done[:, 1]
         return steps
 
-    def drag_amplification(self) -> Floats:
-        """Raise TypeError, as multi-line systems have no loosely coupled VIV model."""
-        raise TypeError
-
-    def look(self, boundary: Boundary, steps: int, currents: int) -> None:
-        """Do nothing, as multi-line systems have no loosely coupled VIV model."""
-
-    def further(self, r: int) -> list[float]:
-        """Return the top tensions of rope r in the last `follow` [N]."""
-        tensions: list[float] = self._pulls[r, :, rows.PULL].tolist()
-        return tensions
+    def _step(self, ahead: Boundary, pulls: Floats, start_s: float) -> int:
+        own = self._ropes
+        if isinstance(own, Rope):
+            only = Boundary(*(table[0] for table in ahead))
+            done = advance(own, only, pulls[0], start_s, pulls.shape[1])
+        else:
+            done = advance_joined(own, ahead, pulls, start_s, pulls.shape[1])
+        return int(done)
 
 
 class SeparateEffects:
@@ -282,11 +247,16 @@ class SeparateEffects:
         return effects
 
 
-def coarsened(whole: System, pull: Floats, payout_m_per_s: Floats) -> System:
-    """Return the system with every rope on every second node and twice the step.
+def with_step_of(rope: Rope, twin: Rope) -> Rope:
+    """Return the rope with `RATIO` times the twin's step."""
+    return rope._replace(model=rope.model._replace(step=RATIO * twin.model.step))
 
-    Connections stay. pull: force of each rope on its hang-off or upper connection [N], (ropes,
-    PULL_COLUMNS); payout: of the ropes that hang from the ship, (ropes,).
+
+def coarsened(whole: System, pull: Floats, payout_m_per_s: Floats, halve: bool) -> System:
+    """Return a copy of the system with twice the step and, if `halve`, every second node.
+
+    pull: force of each rope on its hang-off or upper connection [N], (ropes, PULL_COLUMNS); payout:
+    of the ropes that hang from the ship, (ropes,).
     """
     passing = _passing_m_per_s(whole)
     ropes = []
@@ -294,14 +264,9 @@ def coarsened(whole: System, pull: Floats, payout_m_per_s: Floats) -> System:
         loose = whole.joints.upper[r] == LOOSE
         speed = float(payout_m_per_s[r]) if loose else passing[r]
         at = HangOff(pull[r, rows.PULL_X : rows.PULL_Z + 1].copy(), speed)
-        half = rope if int(rope.state.counts[ELEMENTS]) < MIN_ELEMENTS else coarser(rope, at)
-        ropes.append(_with_step_doubled(half, rope))
+        enough = int(rope.state.counts[ELEMENTS]) >= MIN_ELEMENTS
+        ropes.append(with_step_of(coarser(rope, at) if halve and enough else rope, rope))
     return _joined_as(whole, ropes)
-
-
-def _with_step_doubled(rope: Rope, twin: Rope) -> Rope:
-    """Return the rope with twice the twin's step."""
-    return rope._replace(model=rope.model._replace(step=EVERY * twin.model.step))
 
 
 def _passing_m_per_s(whole: System) -> list[float]:
