@@ -19,12 +19,12 @@ from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.schema import RegularHeave, Scene, SeaState, Time
 from rope_twin.studies.viv.pictures import time_domain_words
+from rope_twin.studies.viv.samplers import resampled
 from rope_twin.studies.viv.time_domain import (
     TimeDomainRun,
     _amplification,
     _figures,
     _worst_rms,
-    made_even,
     run_time_domain,
     with_model,
 )
@@ -61,14 +61,14 @@ def test_drag_amplification_of_a_sine() -> None:
     assert _amplification(relative(0.0, 0.0), grown) == pytest.approx(2.0)
 
 
-def test_looks_at_another_pace_are_made_even() -> None:
+def test_samples_of_two_intervals_are_resampled() -> None:
     """From 20 ms to 10 ms: on 10 ms all the way; equal ones stay as they are."""
     t = np.concatenate([np.arange(0.0, 1.0, 0.02), np.arange(1.0, 2.0, 0.01)])
-    even, line, table = made_even(t, 3.0 * t, np.stack([t, -t], axis=1))
+    even, line, table = resampled(t, 3.0 * t, np.stack([t, -t], axis=1))
     assert even == pytest.approx(np.arange(0.0, 1.995, 0.01))
     assert line == pytest.approx(3.0 * even)
     assert table[:, 1] == pytest.approx(-even)
-    (same,) = made_even(even)
+    (same,) = resampled(even)
     assert same is even
 
 

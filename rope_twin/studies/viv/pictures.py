@@ -266,25 +266,25 @@ def time_domain_figures(run: TimeDomainRun) -> dict[str, Any]:
 
 def time_domain_words(run: TimeDomainRun) -> str:
     """Return the results as text."""
-    told = time_domain_figures(run)
+    one = time_domain_figures(run)
     in_line = "not in the model"
     if run.in_line:
-        in_line = f"{told['in_line_rms_max_diameters']:.3g}"
+        in_line = f"{one['in_line_rms_max_diameters']:.3g}"
     cause = "relative velocity" if run.in_line else "drag amplification"
     words = (
-        f"{run.model}, last {told['steady_s']:.4g} s: maximum rms A/D "
-        f"{told['rms_max_diameters']:.3g} at {told['rms_max_at_m']:.4g} m below the hang-off, "
-        f"{told['frequency_there_hz']:.3g} Hz; in line {in_line}\n"
-        f"mean rms A/D {told['rms_mean_diameters']:.3g}; spectrum about "
-        f"{told['spectrum_centre_hz']:.3g} Hz, bandwidth {told['spectrum_bandwidth_hz']:.2g} Hz; "
-        f"modulation {told['modulation']:.0%}\n"
+        f"{run.model}, last {one['steady_s']:.4g} s: maximum rms A/D "
+        f"{one['rms_max_diameters']:.3g} at {one['rms_max_at_m']:.4g} m below the hang-off, "
+        f"{one['frequency_there_hz']:.3g} Hz; in line {in_line}\n"
+        f"mean rms A/D {one['rms_mean_diameters']:.3g}; spectrum about "
+        f"{one['spectrum_centre_hz']:.3g} Hz, bandwidth {one['spectrum_bandwidth_hz']:.2g} Hz; "
+        f"modulation {one['modulation']:.0%}\n"
         f"{_unsettled(run.growth)}"
         f"(published VIV codes differ from each other by a factor of 1.7)\n"
-        f"top tension {1e-3 * told['tension_top_min_n']:.4g} to "
-        f"{1e-3 * told['tension_top_max_n']:.4g} kN, mean {1e-3 * told['tension_top_mean_n']:.4g}\n"
-        f"drag amplification at most {told['drag_amplification_max']:.3g}, mean "
-        f"{told['drag_amplification_mean']:.3g}, by the model's {cause} "
-        f"(Vandiver 1983 for this motion: {told['drag_amplification_vandiver_max']:.3g})"
+        f"top tension {1e-3 * one['tension_top_min_n']:.4g} to "
+        f"{1e-3 * one['tension_top_max_n']:.4g} kN, mean {1e-3 * one['tension_top_mean_n']:.4g}\n"
+        f"drag amplification at most {one['drag_amplification_max']:.3g}, mean "
+        f"{one['drag_amplification_mean']:.3g}, by the model's {cause} "
+        f"(Vandiver 1983 for this motion: {one['drag_amplification_vandiver_max']:.3g})"
     )
     if run.fatigue is None:
         return (
@@ -292,8 +292,8 @@ def time_domain_words(run: TimeDomainRun) -> str:
             "scene"
         )
     return (
-        f"{words}\nbending stress at most {1e-6 * told['stress_rms_max_pa']:.3g} MPa rms, Miner "
-        f"damage of tension and bending {told['damage_per_year_max']:.3g} per year; a stranded "
+        f"{words}\nbending stress at most {1e-6 * one['stress_rms_max_pa']:.3g} MPa rms, Miner "
+        f"damage of tension and bending {one['damage_per_year_max']:.3g} per year; a stranded "
         "rope counts as solid: an upper bound"
     )
 
@@ -316,8 +316,8 @@ def _panels_along(run: TimeDomainRun) -> list[Panel]:
 
     sides = ("across the flow", "in line") if run.in_line else ("across the flow",)
     moving_hz = [where_it_moves(*own) for own in zip(run.frequency_hz, run.rms, strict=True)]
-    worn = run.damage_per_year > 0.0
-    damage = np.log10(run.damage_per_year, out=np.full(len(worn), np.nan), where=worn)
+    damaged = run.damage_per_year > 0.0
+    damage = np.log10(run.damage_per_year, out=np.full(len(damaged), np.nan), where=damaged)
     return [
         panel("rms of the motion", "rms/d", *zip(run.rms, sides, strict=False)),
         panel("mean frequency", "[Hz]", *zip(moving_hz, sides, strict=False)),

@@ -20,14 +20,13 @@ of tension and bending together (rope_twin.vortex.damage), per year of the run.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.state import Floats, Rope
+from rope_twin.core.state import Floats
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.recording.heave import RegularSea
@@ -36,11 +35,10 @@ from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import refuse_joined
 from rope_twin.scene.validation.vortices import expected_pace, shedding_model
-from rope_twin.studies.driven_twin import Motion, Speeds, march, still, with_effect
+from rope_twin.studies.driven_twin import Motion, Speeds, still, with_effect
 from rope_twin.studies.viv.frequency_domain import YEAR_S
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.studies.viv.samplers import PLACES, Sample, advance_by, resampled, sampler_of
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.coupled import VivDragAmplification
 from rope_twin.vortex.damage import DamageSettings, RopeDamage
 from rope_twin.vortex.drag_amplification import amplified_drag
 from rope_twin.vortex.fatigue import metal_area
@@ -48,10 +46,6 @@ from rope_twin.vortex.measured import CUT_OFF
 from rope_twin.vortex.results import MaterialFatigue
 from rope_twin.vortex.sampling import (
     bending_stiffness,
-    curvature,
-    flow_directions,
-    relative_flow,
-    tangents,
 )
 
 STEADY = 0.5  # of a run: the part that counts
@@ -61,11 +55,6 @@ LEAST_PERIODS = 10  # of the fastest vortices in that part
 AROUND_PERIODS = 5.0
 SPECTRUM_S = 40.0  # part of the run that resolves a spectrum
 WINDOW_S = 2.0  # over which the size of the motion is taken
-PLACES = 200  # along the rope, over its length at the time
-PER_PERIOD = 24  # samples per period of the fastest vortices
-LEAST_PER_PERIOD = 4.0  # of a model outside the time step, which advances once a step at most
-AHEAD_S = 5.0  # by which `march` offers winch commands in advance
-_PLACE = slice(rows.POSITION, rows.POSITION + 3)
 
 
 class Spectrum(NamedTuple):
@@ -223,31 +212,32 @@ def run_time_domain(scene: Scene, duration_s: float, curve: str) -> TimeDomainRu
     refuse_short(duration_s, hz)
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
-    looks, wear = looks_of(twin, hz), _wear(scene, twin, curve)
-    around_s = AROUND_PERIODS / hz if looks.drifts else 0.0
+    sampler, damage = sampler_of(twin, hz), _new_damage(scene, twin, curve)
+    around_s = AROUND_PERIODS / hz if sampler.has_slow_parts else 0.0
     from_s, line_out = STEADY * duration_s, 0.0
-    seen: list[tuple[float, float, Look]] = []  # time, top tension
-    for shot in marched(twin, heave, duration_s + around_s, speeds, looks.steps):
+    seen: list[tuple[float, float, Sample]] = []  # time, top tension
+    for shot in advance_by(twin, heave, duration_s + around_s, speeds, sampler.steps):
         if shot.time_s < from_s - around_s:
             continue
-        seen.append((shot.time_s, shot.tension_top_n, looks.look()))
+        seen.append((shot.time_s, shot.tension_top_n, sampler.sample()))
         if from_s <= shot.time_s <= duration_s:
             line_out = float(twin.rope.state.s[int(twin.rope.state.counts[rows.ELEMENTS])])
-            if wear is not None:
-                wear.take(twin.rope, shot.tension_top_n, looks.bent(wear.middles))
+            if damage is not None:
+                damage.take(twin.rope, shot.tension_top_n, sampler.bent(damage.middles))
     from_top = np.linspace(0.0, line_out, PLACES)
-    thick, stiff = _figures(scene, line_out - from_top, bending_stiffness(twin.rope.effects))
+    diameter, stiff = _figures(scene, line_out - from_top, bending_stiffness(twin.rope.effects))
     times, pulls, moved, *others = _even(seen)
     every_s = float(times[-1] - times[0]) / (len(times) - 1)
-    motion = moved.transpose(1, 0, 2) / thick
-    if looks.drifts:
+    motion = moved.transpose(1, 0, 2) / diameter
+    if sampler.has_slow_parts:
         motion = _fast(motion, hz, every_s)
     steady = (from_s <= times) & (times <= duration_s)
-    across, grown, bent = (part[steady] for part in others)
+    across, amplified, bent = (part[steady] for part in others)
     return TimeDomainRun(
         scene.name, shedding_model(scene), hz, every_s, from_top, times[steady],
-        motion[:, steady], pulls[steady], _amplification(across, grown), stiff * _worst_rms(bent),
-        None if wear is None else wear.shot(line_out, steady.sum() * every_s),
+        motion[:, steady], pulls[steady], _amplification(across, amplified),
+        stiff * _worst_rms(bent),
+        None if damage is None else damage.shot(line_out, steady.sum() * every_s),
     )  # fmt: skip
 
 
@@ -263,11 +253,11 @@ def refuse_short(duration_s: float, vortices_hz: float) -> None:
         raise InputError(phrase("--duration", what, f"give {math.ceil(least)} or more"))
 
 
-def _even(seen: list[tuple[float, float, Look]]) -> list[Floats]:
+def _even(seen: list[tuple[float, float, Sample]]) -> list[Floats]:
     """Return times, top tensions and the fields of the samples at equal intervals, time first."""
-    times, pulls, looks = zip(*seen, strict=True)
-    parts = zip(*looks, strict=True)
-    return made_even(np.array(times), np.array(pulls), *(np.array(part) for part in parts))
+    times, pulls, samples = zip(*seen, strict=True)
+    parts = zip(*samples, strict=True)
+    return resampled(np.array(times), np.array(pulls), *(np.array(part) for part in parts))
 
 
 def expected_hz(scene: Scene) -> float:
@@ -288,16 +278,16 @@ def _figures(scene: Scene, from_lower_m: Floats, EI: float) -> tuple[Floats, Flo
     line = scene.ropes[0]
     made = [section.rope for section in line.made_of]
     which = np.minimum(np.searchsorted(ends_m(line), from_lower_m, side="right"), len(made) - 1)
-    thick = np.array([rope.hydrodynamic_diameter_m for rope in made])
+    diameter = np.array([rope.hydrodynamic_diameter_m for rope in made])
     areas = [metal_area(rope, EI) for rope in made]
     stiff = [
         0.5 * rope.tangent_n(0.0) * rope.diameter_m / area
         for rope, area in zip(made, areas, strict=True)
     ]
-    return thick[which], np.array(stiff)[which]
+    return diameter[which], np.array(stiff)[which]
 
 
-def _wear(scene: Scene, twin: Twin, curve: str) -> RopeDamage | None:
+def _new_damage(scene: Scene, twin: Twin, curve: str) -> RopeDamage | None:
     """Return the fatigue counter; None: part of the rope is neither solid steel nor a pipe."""
     line, EI = scene.ropes[0], bending_stiffness(twin.rope.effects)
     if any(np.isnan(metal_area(section.rope, EI)) for section in line.made_of):
@@ -317,17 +307,17 @@ def _fast(motion: Floats, hz: float, every_s: float) -> Floats:
     return np.asarray(filtered)
 
 
-def _amplification(across: Floats, grown: Floats) -> Floats:
+def _amplification(across: Floats, amplified: Floats) -> Floats:
     """Return mean drag over that of the mean velocity, 1 without flow, (places,).
 
-    across: (times, 3, places); grown: what the coefficient is multiplied by, (times, places).
+    across: (times, 3, places); amplified: drag amplification of the model, (times, places).
     """
     speed = np.sqrt((across * across).sum(axis=1, keepdims=True))
-    drag, mean = (grown[:, None] * speed * across).mean(axis=0), across.mean(axis=0)
+    drag, mean = (amplified[:, None] * speed * across).mean(axis=0), across.mean(axis=0)
     still = (mean * mean).sum(axis=0)
     flows = still > 1e-12
-    shaken = (drag * mean).sum(axis=0) / np.sqrt(np.where(flows, still, 1.0))
-    return np.where(flows, shaken / np.where(flows, still, 1.0), 1.0)
+    vibrating = (drag * mean).sum(axis=0) / np.sqrt(np.where(flows, still, 1.0))
+    return np.where(flows, vibrating / np.where(flows, still, 1.0), 1.0)
 
 
 def _worst_rms(bent: Floats) -> Floats:
@@ -338,163 +328,6 @@ def _worst_rms(bent: Floats) -> Floats:
     xx, yy = (off * off).mean(axis=0)
     xy = (off[:, 0] * off[:, 1]).mean(axis=0)
     return np.asarray(np.sqrt(0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))))
-
-
-class Look(NamedTuple):
-    """One instant at the places, from the hang-off down."""
-
-    moved: Floats  # across the flow and with it, of its model [m]; NaN: it has none, (2, places)
-    across: Floats  # water less rope, across it [m/s], (3, places)
-    grown: Floats  # what the drag coefficient is multiplied by, (places,)
-    bent: Floats  # curvature [1/m], (2, places)
-
-
-class Looks(Protocol):
-    """Sampling of a rope."""
-
-    drifts: bool  # whether its motion has slow parts that are none of its vortices
-
-    def steps(self) -> int:
-        """Return the number of steps to the next sample."""
-
-    def look(self) -> Look:
-        """Take a sample."""
-
-    def bent(self, middles: Floats) -> Floats:
-        """Return the curvature at material coordinates [1/m], (2, places)."""
-
-
-def looks_of(twin: Twin, vortices_hz: float) -> Looks:
-    """Return the sampling that the scene's model needs.
-
-    Raises:
-        InputError: steps are too long to look at vortices of that frequency.
-    """
-    if twin.viv_drag is None:
-        return _AtNodes(twin, vortices_hz)
-    per_period = 1.0 / (vortices_hz * twin.step_s)
-    if per_period < LEAST_PER_PERIOD:
-        what = (
-            f"steps of {1e3 * twin.step_s:.3g} ms are {per_period:.2g} samples in a period of "
-            f"{vortices_hz:.3g} Hz"
-        )
-        right = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --time-domain"
-        raise InputError(phrase(f"{twin.scene.path}: time.step_s", what, right))
-    return _Beside(twin, twin.viv_drag)
-
-
-def marched(
-    twin: Twin, heave: Motion, duration_s: float, speeds: Speeds, steps: Callable[[], int]
-) -> Iterator[Snapshot]:
-    """Advance like `march`, with the currently required number of steps each time.
-
-    Raises:
-        SolverError: as `march` does.
-    """
-    told_s, total = -1.0, round(duration_s / twin.step_s)
-    while twin.steps + (count := steps()) <= total:
-        ahead_s = (twin.steps + count) * twin.step_s + AHEAD_S
-        due = [one for one in speeds if told_s < one[0] <= ahead_s]
-        told_s = ahead_s
-        yield from march(twin, heave, count * twin.step_s, count, due)
-
-
-def made_even(times: Floats, *values: Floats) -> list[Floats]:
-    """Resample at equal intervals, the shortest that occur; the interval may change in a run."""
-    every = float(np.diff(times).min())
-    if np.diff(times).max() < (1.0 + 1e-6) * every:
-        return [times, *values]
-    grid = times[0] + every * np.arange(int((times[-1] - times[0]) / every + 1e-9) + 1)
-    low = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 2)
-    share = (grid - times[low]) / (times[low + 1] - times[low])
-    even = [grid]
-    for own in values:
-        part = share.reshape(-1, *[1] * (own.ndim - 1))
-        even.append(own[low] * (1.0 - part) + own[low + 1] * part)
-    return even
-
-
-class _AtNodes:
-    """A model that moves the nodes."""
-
-    drifts = True
-
-    def __init__(self, twin: Twin, vortices_hz: float) -> None:
-        self._twin = twin
-        self._every = max(1, int(1.0 / (PER_PERIOD * vortices_hz * twin.step_s)))
-        self._split: Floats | None = None  # unit vectors of the first look
-
-    def steps(self) -> int:
-        return self._every
-
-    def look(self) -> Look:
-        rope = self._twin.rope
-        s, place = _marks(rope), rope.state.nodes[_PLACE, : len(_marks(rope))]
-        if self._split is None:
-            self._split = _sides(rope)
-        moved = np.einsum("skp,kp->sp", self._split, _at_places(s, place))
-        bent = _at_places(s, curvature(rope)[1])
-        return Look(moved, _at_places(s, _across(rope)), np.ones(PLACES), bent)
-
-    def bent(self, middles: Floats) -> Floats:
-        s, own = curvature(self._twin.rope)
-        return np.stack([np.interp(middles, s, part) for part in own])
-
-
-class _Beside:
-    """A model that has a motion of its own."""
-
-    drifts = False
-
-    def __init__(self, twin: Twin, shaking: VivDragAmplification) -> None:
-        self._twin, self._viv_drag = twin, shaking
-
-    def steps(self) -> int:
-        return self._viv_drag.steps_to_sampling(self._twin.steps)
-
-    def look(self) -> Look:
-        rope, tracker = self._twin.rope, self._viv_drag.tracker
-        s = _marks(rope)
-        at = np.linspace(s[-1], 0.0, PLACES)
-        moved = np.stack([tracker.moved(rope, at), np.full(PLACES, np.nan)])
-        grown = np.interp(at, s, self._viv_drag.drag_amplification(rope))
-        return Look(moved, _at_places(s, _across(rope)), grown, self.bent(at))
-
-    def bent(self, middles: Floats) -> Floats:
-        """Return the curvature of the model, and of the rope if the scene lists its bending."""
-        rope = self._twin.rope
-        bent = self._viv_drag.tracker.bent(rope, middles)
-        if bending_stiffness(rope.effects) > 0.0:
-            s, own = curvature(rope)
-            bent = bent + np.stack([np.interp(middles, s, part) for part in own])
-        return bent
-
-
-def _marks(rope: Rope) -> Floats:
-    """Return the material coordinates of the nodes, from the lower end up."""
-    return np.asarray(rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1])
-
-
-def _across(rope: Rope) -> Floats:
-    """Return the velocity of the water relative to the rope, normal to it, at the nodes, (3,
-    nodes).
-    """
-    along, flow = tangents(rope.state.nodes[_PLACE, : len(_marks(rope))]), relative_flow(rope)
-    return np.asarray(flow - (flow * along).sum(axis=0) * along)
-
-
-def _at_places(s: Floats, values: Floats) -> Floats:
-    at = np.linspace(s[-1], s[0], PLACES)
-    return np.stack([np.interp(at, s, part) for part in values])
-
-
-def _sides(rope: Rope) -> Floats:
-    """Return unit vectors normal to the rope, across and along the flow, (2, 3, places)."""
-    s = _marks(rope)
-    water = rope.work[rows.FLOW : rows.FLOW + 3, : len(s)].copy()
-    water[:, -1] = water[:, -2]
-    both = flow_directions(rope.state.nodes[_PLACE, : len(s)], water)
-    return np.stack([_at_places(s, own) for own in both])
 
 
 def regular_motion(scene: Scene) -> tuple[Motion, Speeds]:
@@ -512,7 +345,7 @@ def regular_motion(scene: Scene) -> tuple[Motion, Speeds]:
     speeds = []
     for row in schedule:
         if row.speed_m_per_s is None:
-            what = f"at {row.at_s:g} s its winch is told something else than a speed"
+            what = f"at {row.at_s:g} s its winch gets another command than a speed"
             raise InputError(phrase(f"scene {scene.name}", what, "give speed_m_per_s there"))
         speeds.append((row.at_s, row.speed_m_per_s))
     return heave, speeds
