@@ -12,6 +12,7 @@ from typing import Any
 
 from rope_twin.core.acting import terms
 from rope_twin.core.jit.decorators import compiled, jit, jit_entry, jit_sum
+from rope_twin.core.jit.held import hold
 from rope_twin.core.jit.rows import copy
 from rope_twin.core.jit.subnormals import flush, restore
 from rope_twin.core.payout.events import change_elements, split_length
@@ -213,11 +214,13 @@ def _advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> in
     n = state.counts[ELEMENTS]
     copy(state.nodes, ZERO, work, ZERO, n + 1)
     set_lengths(work, state.s, rope.sections, n, boundary.value[0, LINE])
+    # The end of a step is inlined here, once; all other kernels take the rope by its address.
+    held, held_boundary = hold(rope), hold(boundary)
     for row in range(steps):
         now = time + row * rope.model.step
         begin_step(rope.effects, rope, now)
-        at = boundary, row, now
-        if not advance_substeps(rope, state.health, at, _substep, _copy_start, _accept):
+        at = held_boundary, row, now
+        if not advance_substeps(held, state.health, at, _substep, _copy_start, _accept):
             recall_tension(rope, boundary, row, now)
             return row
         finish(rope, boundary, pull, row, now + rope.model.step)

@@ -172,7 +172,7 @@ def _choose_law(law: Any, r: Any) -> Any:
     def none(law: Any, r: Any) -> Any:
         return None
 
-    return table if isinstance(law, types.BaseTuple) else none
+    return none if isinstance(law, types.NoneType) else table
 
 
 @jit

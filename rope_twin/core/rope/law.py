@@ -80,7 +80,7 @@ def _by_table(law: Any, section: Any, stiffness: Any, e: int, extension: float, 
 
 @overload(pull_of, jit_options={**LINKED, "forceinline": True}, strict=False)
 def _choose(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
-    chosen = _by_table if isinstance(law, types.BaseTuple) else _by_stiffness
+    chosen = _by_stiffness if isinstance(law, types.NoneType) else _by_table
 
     def choice(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
         return chosen(law, section, stiffness, e, extension, rest)
