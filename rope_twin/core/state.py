@@ -38,11 +38,12 @@ STIFFNESS, DAMPING = 49, 50  # EA/rest [N/m], c/rest [N·s/m]
 TENSION = 51  # [N]; a result after `advance`
 AXIAL = 52  # p·(axial stiffness) + q·(axial damping) - GEOMETRIC [kg]
 GEOMETRIC = 53  # p·T/l, geometric stiffness [kg]
+GROWTH = 54  # rate of the unstretched length over that length [1/s]; 0 below the top element
 # scalars at nodes, lumped from the adjacent half elements:
-MASS, VOLUME = 54, 55  # [kg], [m³] of displaced water
-FRONTAL, SKIN = 56, 57  # reference areas of normal and tangential drag [m²]
-SECTION = 58  # of an element: index of its section
-KEPT = 59  # NODE_ROWS of the state at the start of the step, to restore it
+MASS, VOLUME = 55, 56  # [kg], [m³] of displaced water
+FRONTAL, SKIN = 57, 58  # reference areas of normal and tangential drag [m²]
+SECTION = 59  # of an element: index of its section
+KEPT = 60  # NODE_ROWS of the state at the start of the step, to restore it
 CHANGE = KEPT  # change of element forces [N], three rows; in full steps, where KEPT is unused
 FLOW_RATE = KEPT + NODE_ROWS  # acceleration of the water [m/s²]; set only by some effects
 SURFACE = FLOW_RATE + 3  # elevation of the water surface above the node [m]; likewise

@@ -71,7 +71,7 @@ def stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: fl
     """Set the boundary condition at the fraction `part` of the step and return the stage there."""
     n, h = rope.state.counts[ELEMENTS], rope.model.step
     L, V, _ = place_hang_off(rope.work, boundary, row, part, h, n)
-    set_top_length(rope.work, rope.state.s, rope.sections, n, L)
+    set_top_length(rope.work, rope.state.s, rope.sections, n, L, V)
     return Stage(time + part * h, c * c, c, V)
 
 
@@ -195,7 +195,7 @@ def recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
     n = state.counts[ELEMENTS]
     copy(state.nodes, ZERO, work, ZERO, n + 1)
     L, V, _ = place_hang_off(work, boundary, row, 0.0, rope.model.step, n)
-    set_top_length(work, state.s, rope.sections, n, L)
+    set_top_length(work, state.s, rope.sections, n, L, V)
     stretch_all(rope, Stage(time, 1.0, 0.0, V))
 
 

@@ -93,7 +93,7 @@ def pass_end(sheaves: Any, joints: Any, rope: Any, r: int) -> None:
     work, state = rope.work, rope.state
     n, P = state.counts[ELEMENTS], int(sheaves.figures[POINT, sheaves.of[r]])
     L, V, A = line_at(sheaves, joints.work, r)
-    set_top_length(work, state.s, rope.sections, n, L if state.s[n - 1] < L else nan)
+    set_top_length(work, state.s, rope.sections, n, L if state.s[n - 1] < L else nan, 0.0)
     rest = work[REST, n - 1]
     for k in range(3):
         q = (joints.work[POSITION + k, P] - work[POSITION + k, n - 1]) / rest

@@ -30,7 +30,7 @@ from rope_twin.core.joined.joints import (
 from rope_twin.core.joined.sheaves import add_sheaves, pass_end
 from rope_twin.core.joined.stack import rope_of
 from rope_twin.core.joined.ties import add_ties, count_unexpected_ties, expect_pulls, pull_ties
-from rope_twin.core.rope.elastic import growth_of, stretch, stretch_corrected, stretch_top
+from rope_twin.core.rope.elastic import stretch, stretch_corrected
 from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.solve.prediction import correct, predict_bdf2, predict_trapezoid
 from rope_twin.core.solve.search import SEARCH_FROM, search
@@ -166,15 +166,14 @@ def _evaluate_rope(system: Any, stage: Any, kind: int, factor: float, r: int) ->
     work, n = rope.work, rope.state.counts[ELEMENTS]
     for start in range(0, n, CHUNK):
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
-        done, last = max(start - 1, 0), high - 1
+        done, last, elements = max(start - 1, 0), high - 1, high - 1
         if high == n:
-            last = upto
+            last, elements = upto, n
         if kind != RELOAD:
             _move((rope.state.nodes, work), stage, kind, factor, low, high)
             if high == n:
                 pass_end(system.sheaves, system.joints, rope, r)
-                stretch_top(rope, stage)
-            stretch(rope.law, work, rope.state.offset, stage.p, stage.q, 0.0, done, high - 1)
+            stretch(rope.law, work, rope.state.offset, stage.p, stage.q, done, elements)
         if high == n:
             end_rope(work, n)
         if kind < SEARCH:
@@ -216,9 +215,9 @@ def _correct_rope(system: Any, stage: Any, r: int) -> Any:
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
         before += slope(work, low, high)
         correct(work, stage.p, stage.q, 1.0, low, high)
-        unexpected += stretch_corrected(rope, stage, 0.0, max(start - 1, 0), high - 1)
+        unexpected += stretch_corrected(rope, stage, max(start - 1, 0), high - 1)
     pass_end(system.sheaves, system.joints, rope, r)
-    return before, unexpected + stretch_corrected(rope, stage, growth_of(rope, stage), n - 1, n)
+    return before, unexpected + stretch_corrected(rope, stage, n - 1, n)
 
 
 @jit

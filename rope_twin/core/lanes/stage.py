@@ -13,7 +13,7 @@ from typing import Any
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.wide import ALL, choose, mask_of
 from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
-from rope_twin.core.rope.elastic import growth_of, stretch, stretch_all, stretch_corrected
+from rope_twin.core.rope.elastic import stretch, stretch_all, stretch_corrected
 from rope_twin.core.solve.again import count_left
 from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow
 from rope_twin.core.solve.prediction import correct, predict_bdf2, predict_trapezoid
@@ -77,11 +77,11 @@ def _evaluate(rope: Any, stage: Any, kind: int) -> None:
                 predict_trapezoid(state.nodes, work, p, q, low, high)
             else:
                 predict_bdf2(state.nodes, work, p, q, low, high)
-            stretch(rope.law, work, state.offset, p, q, 0.0, max(start - 1, 0), high - 1)
+            stretch(rope.law, work, state.offset, p, q, max(start - 1, 0), high - 1)
         done, last = max(chunk - 1, 0), end - 1
         if end == n:
             last = n
-            stretch(rope.law, work, state.offset, p, q, growth_of(rope, stage), n - 1, n)
+            stretch(rope.law, work, state.offset, p, q, n - 1, n)
         set_flow(rope.effects, work, stage, done, last)
         load_nodes(rope.effects, work, stage, max(done, 1), last)
     load_lowest(rope.effects, work, stage)
@@ -98,7 +98,7 @@ def _reload(rope: Any, stage: Any) -> None:
 def _correct_span(rope: Any, stage: Any, going: Any, low: int, high: int, done: int) -> int:
     """Apply delta to the nodes low <= i < high, and update the elements from `done` to high - 2."""
     correct(rope.work, stage.p, stage.q, going, low, high)
-    return int(stretch_corrected(rope, stage, 0.0, done, high - 1))
+    return int(stretch_corrected(rope, stage, done, high - 1))
 
 
 @jit
@@ -114,8 +114,8 @@ def _correct(rope: Any, stage: Any, going: Any) -> int:
         low = max(high - SPAN, 0)
         substitute_wide(work, first, n, low, high)
         correct(work, stage.p, stage.q, going, first + low, first + high)
-        unexpected |= stretch_corrected(rope, stage, 0.0, first + low, first + high)
+        unexpected |= stretch_corrected(rope, stage, first + low, first + high)
         unexpected |= _correct_span(rope, stage, going, n - high, n - low, n - high - 1)
-    unexpected |= stretch_corrected(rope, stage, 0.0, 0, first)
-    unexpected |= stretch_corrected(rope, stage, growth_of(rope, stage), n - 1, n)
+    unexpected |= stretch_corrected(rope, stage, 0, first)
+    unexpected |= stretch_corrected(rope, stage, n - 1, n)
     return int(ALL - unexpected)

@@ -205,7 +205,8 @@ def _stage_at(rope: Any, place: Any, boundary: Any, step: int, kind: int, time: 
     part = GAMMA if kind == TRAPEZOID else 1.0
     c = 0.5 * GAMMA * h
     L, V, _ = place_hang_off(rope.work, boundary, step, part, h, n)
-    set_top_of(rope.work, rope.state.s, rope.sections, n, L, place[n - 1], place[n - 2])
+    places = place[n - 1], place[n - 2]
+    set_top_of(rope.work, rope.state.s, rope.sections, n, (L, V), places)
     return Stage(time + part * h, c * c, c, V)
 
 

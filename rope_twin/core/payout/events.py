@@ -17,12 +17,19 @@ from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import copy
 from rope_twin.core.payout.trial import AFTER, HIGH, LOW, MIDDLE, TRIALS, along
 from rope_twin.core.rope.elastic import stretch, stretch_all
-from rope_twin.core.rope.sections import SAME_PLACE, section_above, set_element, set_lengths
+from rope_twin.core.rope.sections import (
+    SAME_PLACE,
+    section_above,
+    set_element,
+    set_growth,
+    set_lengths,
+)
 from rope_twin.core.solve.elimination import add_six, solve_symmetric, spring
 from rope_twin.core.state import (
     DIRECTION,
     ELEMENTS,
     END,
+    GROWTH,
     LOWEST_OFFSET,
     MERGES,
     NODE_ROWS,
@@ -66,6 +73,7 @@ def change_elements(rope: Any, stage: Any, L: float, lower: float) -> None:
         n = state.counts[ELEMENTS]
         copy(state.nodes, ZERO, work, ZERO, n + 1)
         set_lengths(work, state.s, rope.sections, n, L)
+        set_growth(work, n - 1, stage.V)
         stretch_all(rope, stage)
 
 
@@ -104,7 +112,7 @@ def _least_length(rope: Any, V: float) -> Any:
 
 
 @jit
-def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
+def _find_equilibrium(rope: Any, middle: int) -> bool:
     """Move ghost node `middle` to T_u·t_u - T_l·t_l + (l/2)·load = 0.
 
     The load is in its RESIDUAL, its neighbours are the adjacent ghost nodes. Returns False if an
@@ -114,8 +122,7 @@ def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
     work, low = rope.work, middle - 1
     half = 0.5 * (work[REST, low] + work[REST, middle])
     for _ in range(MAX_ITERATIONS):
-        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, 0.0, low, middle)
-        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, growth, middle, middle + 1)
+        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, low, middle + 1)
         T_low, T_up = work[TENSION, low], work[TENSION, middle]
         if T_low <= 0.0 or T_up <= 0.0:
             return False
@@ -170,12 +177,11 @@ def _balance_parts(rope: Any, V: float, lower: float, shares: Any) -> Any:
     state.offset[low], state.offset[middle] = share_low, share_up
     for k in range(3):  # the top element uses the geometric velocity of the hang-off
         work[VELOCITY + k, high] = state.nodes[VELOCITY + k, e + 1]
-    growth = V / upper
-    _place_middle(rope, rest, growth, middle)
+    work[GROWTH, middle] = V / upper
+    _place_middle(rope, rest, middle)
     if above != below:
         _keep_strain_rate(rope, V, rest, upper)
-    stretch(rope.law, work, state.offset, 1.0, 0.0, 0.0, low, middle)
-    stretch(rope.law, work, state.offset, 1.0, 0.0, growth, middle, high)
+    stretch(rope.law, work, state.offset, 1.0, 0.0, low, high)
     if work[TENSION, low] > 0.0 and T_low > 0.0:
         share_low += (T_low - work[TENSION, low]) / work[STIFFNESS, low]
     if work[TENSION, middle] > 0.0 and T_up > 0.0:
@@ -185,11 +191,11 @@ def _balance_parts(rope: Any, V: float, lower: float, shares: Any) -> Any:
 
 
 @jit
-def _place_middle(rope: Any, rest: float, growth: float, middle: int) -> None:
+def _place_middle(rope: Any, rest: float, middle: int) -> None:
     """Move the new node from the chord into equilibrium, if that is found near the chord."""
     work = rope.work
     cx, cy, cz = work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle]
-    found = _find_equilibrium(rope, growth, middle)
+    found = _find_equilibrium(rope, middle)
     x, y, z = work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle]
     ox, oy, oz = x - cx, y - cy, z - cz
     if not found or sqrt(ox * ox + oy * oy + oz * oz) > SAG_LIMIT * rest:
@@ -243,7 +249,8 @@ def _merge(rope: Any, stage: Any) -> None:
         work[k, low], work[k, middle] = state.nodes[k, n - 2], state.nodes[k, n]
     set_element(work, sections, section_above(sections, state.s[n - 2]), low, rest)
     state.offset[low] = offset
-    stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, stage.V / rest, low, middle)
+    work[GROWTH, low] = stage.V / rest
+    stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, low, middle)
     state.offset[low] = 0.0
     if T > 0.0 and work[TENSION, low] > 0.0:
         pull_after = work[TENSION, low] - 0.5 * rest * along(work, after, low)

@@ -24,6 +24,7 @@ from rope_twin.core.state import (
     DIRECTION,
     ELEMENTS,
     GEOMETRIC,
+    GROWTH,
     POSITION,
     REST,
     SECTION,
@@ -48,7 +49,7 @@ def _corrected(motion: Any, deltas: Any, weights: Any, e: int) -> Any:
     """Return the relative position and velocity with a pending correction of the nodes included."""
     px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
     dx, dy, dz, ex, ey, ez = deltas
-    p, q, _ = weights
+    p, q = weights
     return (
         (nx[e] + p * ex[e]) - (px[e] + p * dx[e]),
         (ny[e] + p * ey[e]) - (py[e] + p * dy[e]),
@@ -62,10 +63,10 @@ def _corrected(motion: Any, deltas: Any, weights: Any, e: int) -> Any:
 @jit_within
 def _stretched(part: Any, apart: Any, weights: Any, e: int) -> Any:
     """Return direction, tension, AXIAL and GEOMETRIC of element e, as defined in `stretch`."""
-    law, rest, slack, section, stiffness, damping = part
+    law, rest, slack, section, stiffness, damping, growths = part
     dx, dy, dz, wx, wy, wz = apart
-    p, q, growth = weights
-    l0 = rest[e]
+    p, q = weights
+    l0, growth = rest[e], growths[e]
     length = sqrt(dx * dx + dy * dy + dz * dz + STRETCH2_MIN * l0 * l0)
     inverse = 1.0 / length
     dx *= inverse
@@ -87,7 +88,7 @@ def _part(law: Any, work: Any, offset: Any, low: int) -> Any:
     stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
     return (
         law, row(work, REST, low), offset_row(offset, low), row(work, SECTION, low), stiffness,
-        damping,
+        damping, row(work, GROWTH, low),
     )  # fmt: skip
 
 
@@ -102,14 +103,12 @@ def _motion(work: Any, low: int) -> Any:
 
 
 @jit
-def stretch(
-    law: Any, work: Any, offset: Any, p: float, q: float, growth: float, low: int, high: int
-) -> None:
+def stretch(law: Any, work: Any, offset: Any, p: float, q: float, low: int, high: int) -> None:
     """Set direction, tension and stiffness blocks of the elements low <= e < high.
 
-    T = E((l + offset - l_0)/l_0) + DAMPING·(t·Δv - growth·l), l_0 the unstretched length, where
-    growth [1/s] is its relative rate; STIFFNESS is E's tangent over l_0. The block of an element is
-    AXIAL·t·tᵀ + GEOMETRIC·I with GEOMETRIC = p·T/l and AXIAL = p·(STIFFNESS - growth·DAMPING) +
+    T = E((l + offset - l_0)/l_0) + DAMPING·(t·Δv - GROWTH·l), l_0 the unstretched length, where
+    GROWTH [1/s] is its relative rate; STIFFNESS is E's tangent over l_0. The block of an element is
+    AXIAL·t·tᵀ + GEOMETRIC·I with GEOMETRIC = p·T/l and AXIAL = p·(STIFFNESS - GROWTH·DAMPING) +
     q·DAMPING - GEOMETRIC, both 0 when slack. The derivative of the direction inside the strain rate
     is omitted, which keeps the block symmetric and costs no additional Newton iterations
     (measured).
@@ -118,7 +117,7 @@ def stretch(
     tx, ty, tz = rows(work, DIRECTION, low)
     T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
     for e in range(high - low):
-        x, y, z, pull, along, across = _stretched(part, _apart(motion, e), (p, q, growth), e)
+        x, y, z, pull, along, across = _stretched(part, _apart(motion, e), (p, q), e)
         tx[e] = x
         ty[e] = y
         tz[e] = z
@@ -128,7 +127,7 @@ def stretch(
 
 
 @jit
-def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int) -> int:
+def stretch_corrected(rope: Any, stage: Any, low: int, high: int) -> int:
     """Apply `stretch` after a correction; return the number of tensions that deviate.
 
     The linearisation predicts T + (AXIAL + GEOMETRIC)·t·Δdelta, T itself where slack. NaN always
@@ -136,7 +135,7 @@ def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int)
     """
     work, tolerance = rope.work, rope.model.tolerance
     part = _part(rope.law, work, rope.state.offset, low)
-    motion, weights = _motion(work, low), (stage.p, stage.q, growth)
+    motion, weights = _motion(work, low), (stage.p, stage.q)
     dx, dy, dz = rows(work, CORRECTION, low)
     nx, ny, nz = rows(work, CORRECTION, low + 1)
     tx, ty, tz = rows(work, DIRECTION, low)
@@ -157,14 +156,14 @@ def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int)
 
 
 @jit
-def count_unexpected(rope: Any, stage: Any, growth: float, low: int, high: int) -> int:
+def count_unexpected(rope: Any, stage: Any, low: int, high: int) -> int:
     """Return the number of tensions that will deviate once motion is corrected.
 
     Direction and tension are set as if the motion were corrected.
     """
     work, tolerance = rope.work, rope.model.tolerance
     part = _part(rope.law, work, rope.state.offset, low)
-    motion, weights = _motion(work, low), (stage.p, stage.q, growth)
+    motion, weights = _motion(work, low), (stage.p, stage.q)
     deltas = (*rows(work, CORRECTION, low), *rows(work, CORRECTION, low + 1))
     tx, ty, tz = rows(work, DIRECTION, low)
     T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
@@ -184,14 +183,14 @@ def count_unexpected(rope: Any, stage: Any, growth: float, low: int, high: int) 
 
 
 @jit
-def find_change(rope: Any, stage: Any, growth: float, low: int, high: int, column: int) -> None:
+def find_change(rope: Any, stage: Any, low: int, high: int, column: int) -> None:
     """Set direction and tension as if motion were corrected; store the change of element forces.
 
     The change is stored from `column` on.
     """
     work = rope.work
     part = _part(rope.law, work, rope.state.offset, low)
-    motion, weights = _motion(work, low), (stage.p, stage.q, growth)
+    motion, weights = _motion(work, low), (stage.p, stage.q)
     deltas = (*rows(work, CORRECTION, low), *rows(work, CORRECTION, low + 1))
     tx, ty, tz = rows(work, DIRECTION, low)
     T = row(work, TENSION, low)
@@ -208,22 +207,8 @@ def find_change(rope: Any, stage: Any, growth: float, low: int, high: int, colum
         T[e] = pull
 
 
-@jit_within
-def growth_of(rope: Any, stage: Any) -> Any:
-    """Return the relative rate of the top element's unstretched length [1/s]."""
-    return stage.V / rope.work[REST, rope.state.counts[ELEMENTS] - 1]
-
-
-@jit
-def stretch_top(rope: Any, stage: Any) -> None:
-    """Apply `stretch` to the top element, which grows at the payout speed V."""
-    top, growth = rope.state.counts[ELEMENTS] - 1, growth_of(rope, stage)
-    stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, growth, top, top + 1)
-
-
 @jit
 def stretch_all(rope: Any, stage: Any) -> None:
     """Apply `stretch` to all elements."""
-    top = rope.state.counts[ELEMENTS] - 1
-    stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, 0.0, top - top, top)
-    stretch_top(rope, stage)
+    n = rope.state.counts[ELEMENTS]
+    stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, n - n, n)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.decorators import jit, jit_ordered_within, jit_within
 from rope_twin.core.state import (
     DAMPING,
     EA,
     END,
+    GROWTH,
     MASS,
     PER_METRE,
     REST,
@@ -37,16 +38,23 @@ def section_above(sections: Any, s: float) -> int:
 
 @jit_within
 def set_element(work: Any, sections: Any, k: int, e: int, rest: float) -> None:
-    """Set unstretched length, section and stiffness of element e, of section k."""
+    """Set unstretched length, section k and stiffness of element e; it does not grow."""
     work[REST, e] = rest
+    work[GROWTH, e] = 0.0
     work[SECTION, e] = k
     work[STIFFNESS, e] = sections[EA, k] / rest
     work[DAMPING, e] = sections[C, k] / rest
 
 
+@jit_ordered_within
+def set_growth(work: Any, e: int, V: Any) -> None:
+    """Set the growth rate of element e, whose unstretched length changes at V [m/s]."""
+    work[GROWTH, e] = V / work[REST, e]
+
+
 @jit
 def set_lengths(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
-    """Set all elements and lumped nodes for paid-out length L."""
+    """Set all elements and lumped nodes for paid-out length L; no element grows."""
     k = 0
     for row in range(MASS, SKIN + 1):
         work[row, 0] = 0.0
@@ -62,15 +70,19 @@ def set_lengths(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
 
 
 @jit
-def set_top_length(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
-    """Set the quantities that depend on the paid-out length L: the top element and its nodes."""
+def set_top_length(work: Any, s: Any, sections: Any, n: int, L: float, V: float) -> None:
+    """Set what depends on the paid-out length L and its rate V: the top element and its nodes."""
     top, below = section_above(sections, s[n - 1]), section_above(sections, s[n - 2])
-    set_top_of(work, s, sections, n, L, top, below)
+    set_top_of(work, s, sections, n, (L, V), (top, below))
 
 
 @jit_within
-def set_top_of(work: Any, s: Any, sections: Any, n: int, L: float, top: int, below: int) -> None:
-    """Set the top element and its nodes for given sections of the top element and the one below."""
+def set_top_of(work: Any, s: Any, sections: Any, n: int, line: Any, places: Any) -> None:
+    """Set the top element and its nodes.
+
+    line: paid-out length and its rate; places: sections of the top element and of the one below.
+    """
+    (L, V), (top, below) = line, places
     rest = L - s[n - 1]
     set_element(work, sections, top, n - 1, rest)
     for row in range(MASS, SKIN + 1):
@@ -78,3 +90,4 @@ def set_top_of(work: Any, s: Any, sections: Any, n: int, L: float, top: int, bel
         half = 0.5 * rest * sections[per_metre, top]
         work[row, n - 1] = 0.5 * work[REST, n - 2] * sections[per_metre, below] + half
         work[row, n] = half
+    set_growth(work, n - 1, V)

@@ -13,8 +13,8 @@ from typing import Any
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.jit.wide import count_beyond
-from rope_twin.core.rope.elastic import find_change, growth_of
-from rope_twin.core.state import BLOCK, CHANGE, CORRECTION, ELEMENTS, RESIDUAL
+from rope_twin.core.rope.elastic import find_change
+from rope_twin.core.state import BLOCK, CHANGE, CORRECTION, ELEMENTS, RESIDUAL, REST
 
 # Residual tolerance at a node over that of a tension: residuals of many nodes may add up.
 SHARE = 1e-3
@@ -28,20 +28,16 @@ def count_left(rope: Any, stage: Any, chunk: int) -> int:
     Column e - start + 2 of CHANGE belongs to element e; below the lowest there is none.
     """
     work, n, first = rope.work, rope.state.counts[ELEMENTS], rope.model.first_free
-    none, left = 0.0 * growth_of(rope, stage), 0
+    none, left = 0.0 * work[REST, 0], 0
     for k in range(CHANGE, CHANGE + 3):
         work[k, 1] = none
     for start in range(0, n, chunk):
-        last = min(start + chunk, n) - 1
-        done = max(start - 1, 0)
-        find_change(rope, stage, none, done, last, done - start + 2)
+        end = min(start + chunk, n)
+        done, last = max(start - 1, 0), n if end == n else end - 1
+        find_change(rope, stage, done, last, done - start + 2)
         left |= _count(rope, max(start - 1, first), last, start)
-        if last == n - 1:
-            find_change(rope, stage, growth_of(rope, stage), last, n, last - start + 2)
-            left |= _count(rope, max(last, first), n, start)
-        else:
-            for k in range(CHANGE, CHANGE + 3):
-                work[k, 0] = work[k, last - start + 1]
+        for k in range(CHANGE, CHANGE + 3):
+            work[k, 0] = work[k, last - start + 1]
     return left
 
 

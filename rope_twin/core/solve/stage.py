@@ -19,7 +19,7 @@ from numba.extending import overload
 from rope_twin.core.acting import hooks, terms
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.jit.rows import rows
-from rope_twin.core.rope.elastic import count_unexpected, growth_of, stretch, stretch_top
+from rope_twin.core.rope.elastic import count_unexpected, stretch
 from rope_twin.core.solve.again import count_left
 from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.solve.coupled_elimination import take_links
@@ -157,11 +157,8 @@ def _evaluate(rope: Any, stage: Any, kind: int, factor: float, pending: float) -
             predict_on(state.nodes, work, p, q, pending, low, high)
         else:
             correct(work, p, q, factor, low, high)
-        done, last = max(start - 1, 0), high - 1
-        if high == n:
-            last = n
-            stretch_top(rope, stage)
-        stretch(rope.law, work, state.offset, p, q, 0.0, done, high - 1)
+        done, last = max(start - 1, 0), n if high == n else high - 1
+        stretch(rope.law, work, state.offset, p, q, done, last)
         if kind != SEARCH:
             set_flow(rope.effects, work, stage, done, last)
             predict_memories(rope.effects, rope, stage, kind, done, last)
@@ -173,11 +170,8 @@ def _evaluate(rope: Any, stage: Any, kind: int, factor: float, pending: float) -
 @jit
 def _look_ahead(rope: Any, stage: Any) -> int:
     """Set direction and tension as if corrected; return the number of deviating tensions."""
-    last = rope.state.counts[ELEMENTS] - 1
-    return int(
-        count_unexpected(rope, stage, 0.0, last - last, last)
-        + count_unexpected(rope, stage, growth_of(rope, stage), last, last + 1)
-    )
+    n = rope.state.counts[ELEMENTS]
+    return int(count_unexpected(rope, stage, n - n, n))
 
 
 @jit
