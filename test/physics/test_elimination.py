@@ -9,9 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
+from rope_twin.core.banded.tridiagonal import eliminate, eliminate_plainly, push, push_plainly
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.solve.elimination import eliminate_plainly, push_plainly
-from rope_twin.core.solve.fold import eliminate, push
 
 Vector = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """Condensation of a rope (a chain of nodes) to the connections at its ends, and back-substitution.
 
-The recursion is that of `elimination`, node by node; the result is the chain's Schur complement on
+The recursion is that of `banded/nodes`, node by node; the result is the chain's Schur complement on
 the end nodes. Where both ends are connections the lower one is carried along as three more columns:
 node i has (S + K)·delta_i = f + K·delta_{i+1} + P·delta_0, so that with H = (S + K)⁻¹·P delta_i = y
 + G·delta_{i+1} + H·delta_0, and K·H takes the place of P at node i + 1. That is what
@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from rope_twin.core.banded.nodes import eliminate_node, spring
 from rope_twin.core.jit.decorators import jit_ordered, jit_within
 from rope_twin.core.jit.rows import column
-from rope_twin.core.solve.elimination import eliminate_node, spring
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,

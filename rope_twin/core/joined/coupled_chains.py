@@ -1,7 +1,7 @@
 """Condensation of a block-pentadiagonal chain to its end connections, and back-substitution.
 
-It is to `chains` what `coupled_node` is to `elimination`: node i has the block B = c·I - K with the
-next node and d·I with the second next. A lower connection is carried along as three more columns P
+The algebra is that of `core/banded/nodes`: node i has the block B = c·I - K with the next node and
+d·I with the second next. A lower connection is carried along as three more columns P
 of forces, which a node passes on to the next two like its own force: delta_i = own - G·delta_{i+1}
 - S⁻¹·d·delta_{i+2} + F·delta_0 with F = S⁻¹·P. The connection's own node begins with P_1 = K_0 -
 c_0·I and P_2 = -d_0·I. A connection is a hinge: an effect that bends the rope has a moment at inner
@@ -12,20 +12,23 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.jit.decorators import jit_ordered, jit_within
-from rope_twin.core.jit.rows import column
-from rope_twin.core.joined.chains import set_column
-from rope_twin.core.solve.coupled_elimination import SECOND, keep, kept_of
-from rope_twin.core.solve.coupled_node import (
+from rope_twin.core.banded.nodes import (
     add,
     add_nine,
+    add_six,
     eliminate_coupled_node,
+    ground,
     link_less,
     onto_next,
     scaled,
+    six,
+    spring,
     substituted,
 )
-from rope_twin.core.solve.elimination import add_six, ground, six, spring
+from rope_twin.core.banded.pentadiagonal import SECOND, keep, kept_of
+from rope_twin.core.jit.decorators import jit_ordered, jit_within
+from rope_twin.core.jit.rows import column
+from rope_twin.core.joined.chains import set_column
 from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, LINK, RESIDUAL
 
 INVERSE = ELIMINATED + 12  # after own and G: 6 rows, S⁻¹ of a node

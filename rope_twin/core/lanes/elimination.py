@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within
-from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.jit.wide import choose
-from rope_twin.core.solve.elimination import (
+from rope_twin.core.banded.nodes import (
     add_six,
     eliminate_node,
     ground,
@@ -16,6 +13,9 @@ from rope_twin.core.solve.elimination import (
     solve_symmetric,
     spring,
 )
+from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within
+from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,

@@ -13,6 +13,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
+from rope_twin.core.banded.nodes import add_six, solve_symmetric, spring
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import copy
 from rope_twin.core.payout.trial import AFTER, HIGH, LOW, MIDDLE, TRIALS, along
@@ -24,7 +25,6 @@ from rope_twin.core.rope.sections import (
     set_growth,
     set_lengths,
 )
-from rope_twin.core.solve.elimination import add_six, solve_symmetric, spring
 from rope_twin.core.state import (
     DIRECTION,
     ELEMENTS,

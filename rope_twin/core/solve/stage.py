@@ -17,14 +17,13 @@ import numpy as np
 from numba.extending import overload
 
 from rope_twin.core.acting import hooks, terms
+from rope_twin.core.banded.pentadiagonal import eliminate_coupled, push_coupled, take_links
+from rope_twin.core.banded.tridiagonal import eliminate, push
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.rope.elastic import count_unexpected, stretch
 from rope_twin.core.solve.again import count_left
 from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow, slope
-from rope_twin.core.solve.coupled_elimination import take_links
-from rope_twin.core.solve.coupled_fold import eliminate_coupled, push_coupled
-from rope_twin.core.solve.fold import eliminate, push
 from rope_twin.core.solve.prediction import correct, predict_on, predict_trapezoid
 from rope_twin.core.solve.remembering import predict_memories
 from rope_twin.core.solve.search import SEARCH_FROM, search

@@ -1,8 +1,12 @@
-"""Two-sided (twisted) factorisation of the chain of core/solve/elimination, a side per SIMD lane.
+"""Block-tridiagonal solver of the node equations, O(n): a node is coupled to the next one only.
 
-A one-sided recursion is bound by its own latency. Pair k is the nodes first + k and n - 1 - k; the
-two sides meet in the middle. The factors of a pair are a record of 36 numbers; records lie end to
-end in the rows ELIMINATED.
+`eliminate_plainly` proceeds from the lower end to the hang-off. Such a recursion is bound by its
+own latency, so compiled code factorises from both ends at once (twisted factorisation), one side in
+each SIMD lane: pair k is the nodes first + k and n - 1 - k, and the two sides meet in the middle.
+The factors of a pair are a record of 36 numbers; records lie end to end in the rows ELIMINATED. A
+test compares both with a dense solver.
+
+`push` solves for another residual with the factors of the last elimination.
 """
 
 from __future__ import annotations
@@ -11,21 +15,21 @@ from typing import Any
 
 from numba import config
 
-from rope_twin.core.jit.decorators import jit_ordered, jit_within
-from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.jit.simd import gather, lane, load, pair, store
-from rope_twin.core.solve.elimination import (
+from rope_twin.core.banded.nodes import (
     add_six,
     eliminate_node,
-    eliminate_plainly,
     ground,
     hold_ends,
+    lanes,
     push_node,
-    push_plainly,
     six,
+    six_lanes,
     solve_symmetric,
     spring,
 )
+from rope_twin.core.jit.decorators import jit_ordered, jit_within
+from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.simd import gather, lane, load, pair, store
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
@@ -35,6 +39,70 @@ from rope_twin.core.state import (
     GEOMETRIC,
     RESIDUAL,
 )
+
+
+@jit_within
+def _plain_node(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
+    """Eliminate node i through element e, in a one-sided sweep."""
+    zxx, zxy, zxz, zyy, zyz, zzz = Z
+    fx, fy, fz = f
+    b = work[GEOMETRIC, e]
+    S = (
+        zxx + (work[BLOCK, i] + b), zxy + work[BLOCK + 1, i], zxz + work[BLOCK + 2, i],
+        zyy + (work[BLOCK + 3, i] + b), zyz + work[BLOCK + 4, i], zzz + (work[BLOCK + 5, i] + b),
+    )  # fmt: skip
+    force = (
+        fx + work[RESIDUAL, i], fy + work[RESIDUAL + 1, i], fz + work[RESIDUAL + 2, i],
+    )  # fmt: skip
+    t = (work[DIRECTION, e], work[DIRECTION + 1, e], work[DIRECTION + 2, e])
+    return eliminate_node(S, force, t, work[AXIAL, e], b)
+
+
+@jit_ordered
+def eliminate_plainly(work: Any, first: int, n: int) -> None:
+    """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
+    Z, f = ground(work, first), (0.0, 0.0, 0.0)
+    for i in range(first, n):
+        gain, own, Z, f, inverse = _plain_node(work, i, i, Z, f)
+        for k in range(9):
+            work[ELIMINATED + k, i] = gain[k]
+        for k in range(3):
+            work[ELIMINATED + 9 + k, i] = own[k]
+        for k in range(6):
+            work[ELIMINATED + 12 + k, i] = inverse[k]
+    _substitute_plainly(work, first, n)
+
+
+@jit_ordered
+def push_plainly(work: Any, first: int, n: int) -> None:
+    """Solve for another residual with the factors of `eliminate_plainly`."""
+    f = (0.0, 0.0, 0.0)
+    G = work[ELIMINATED : ELIMINATED + 18]
+    for i in range(first, n):
+        x, y, z = f
+        gain = (G[0, i], G[1, i], G[2, i], G[3, i], G[4, i], G[5, i], G[6, i], G[7, i], G[8, i])
+        inverse = (G[12, i], G[13, i], G[14, i], G[15, i], G[16, i], G[17, i])
+        force = (x + work[RESIDUAL, i], y + work[RESIDUAL + 1, i], z + work[RESIDUAL + 2, i])
+        own, f = push_node(gain, inverse, force)
+        for k in range(3):
+            G[9 + k, i] = own[k]
+    _substitute_plainly(work, first, n)
+
+
+@jit_ordered
+def _substitute_plainly(work: Any, first: int, n: int) -> None:
+    """Back-substitute from the hang-off down."""
+    dx = dy = dz = 0.0
+    for i in range(n - 1, first - 1, -1):
+        G = work[ELIMINATED : ELIMINATED + 12]
+        dx, dy, dz = (
+            G[9, i] + G[0, i] * dx + G[1, i] * dy + G[2, i] * dz,
+            G[10, i] + G[3, i] * dx + G[4, i] * dy + G[5, i] * dz,
+            G[11, i] + G[6, i] * dx + G[7, i] * dy + G[8, i] * dz,
+        )
+        work[CORRECTION, i], work[CORRECTION + 1, i], work[CORRECTION + 2, i] = dx, dy, dz
+    hold_ends(work, first, n)
+
 
 RECORD = 36  # numbers: pairs of the gain (S + K)⁻¹·K by rows, of own, of the inverse
 
@@ -77,18 +145,6 @@ def _paired_node(work: Any, i: int, j: int, k: int, Z: Any, f: Any) -> Any:
     store(record, 32, inverse[4])
     store(record, 34, inverse[5])
     return left, pushed
-
-
-@jit_within
-def lanes(p: Any, k: int) -> Any:
-    """Return lane k of three pairs."""
-    return lane(p[0], k), lane(p[1], k), lane(p[2], k)
-
-
-@jit_within
-def six_lanes(p: Any, k: int) -> Any:
-    """Return lane k of six pairs."""
-    return lane(p[0], k), lane(p[1], k), lane(p[2], k), lane(p[3], k), lane(p[4], k), lane(p[5], k)
 
 
 @jit_within

@@ -1,0 +1,1 @@
+"""Banded direct solvers of the node equations: node algebra and sweeps."""
