@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rope_twin.core.acting.hooks import hooks_of, kernel_of
 from rope_twin.core.jit.decorators import assembly
+from rope_twin.core.loads.hooks import hooks_of, kernel_of
 from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
 from rope_twin.core.step import advance_steps
 from rope_twin.scene.model.rope import build

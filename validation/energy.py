@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.core.energy import measure
-from rope_twin.core.solve.prediction import GAMMA, K1, K2
+from rope_twin.core.integrator import GAMMA, K1, K2
 from rope_twin.core.state import Boundary
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.picture import Line, Panel, Vector

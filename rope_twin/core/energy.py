@@ -19,11 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.elements import SAME_PLACE, hold
 from rope_twin.core.guards import STRETCH2_MIN, TANGENT2_MIN
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.rope.law import hold
-from rope_twin.core.rope.sections import SAME_PLACE
-from rope_twin.core.solve.assembly import set_flow
+from rope_twin.core.loads.balance import set_flow
 from rope_twin.core.state import (
     ACCELERATION,
     EA,

@@ -10,35 +10,40 @@ from __future__ import annotations
 from math import exp, isfinite, sqrt
 from typing import Any
 
-from rope_twin.core.acting import terms
+from rope_twin.core.elements import set_lengths, set_top_length, stretch_all
+from rope_twin.core.integrator import (
+    BDF2,
+    CONVERGED,
+    GAMMA,
+    HALVINGS,
+    NOT_FINITE,
+    OUT,
+    PENDING,
+    TRAPEZOID,
+    UNCONVERGED,
+    accept,
+    advance_substeps,
+)
 from rope_twin.core.jit.decorators import compiled, jit, jit_entry, jit_sum
 from rope_twin.core.jit.held import hold
 from rope_twin.core.jit.rows import copy
 from rope_twin.core.jit.subnormals import flush, restore
-from rope_twin.core.payout.events import change_elements, split_length
-from rope_twin.core.payout.motion import place_hang_off, prescribed
-from rope_twin.core.payout.trial import HIGH, load_trials
-from rope_twin.core.rope.elastic import stretch_all
-from rope_twin.core.rope.sections import set_lengths, set_top_length
-from rope_twin.core.solve.halving import HALVINGS, OUT, advance_substeps
-from rope_twin.core.solve.prediction import GAMMA, accept
-from rope_twin.core.solve.remembering import (
+from rope_twin.core.loads.balance import add_pull
+from rope_twin.core.loads.memory import (
     accept_memories,
     begin_step,
     keep_memories,
     return_memories,
     settle_memories,
 )
-from rope_twin.core.solve.stage import (
-    BDF2,
-    CONVERGED,
-    MAX_CORRECTIONS,
-    MAX_CORRECTIONS_LAST,
-    NOT_FINITE,
-    PENDING,
-    TRAPEZOID,
-    UNCONVERGED,
-    solve_stage,
+from rope_twin.core.newton import MAX_CORRECTIONS, MAX_CORRECTIONS_LAST, solve_stage
+from rope_twin.core.payout import (
+    HIGH,
+    change_elements,
+    load_trials,
+    place_hang_off,
+    prescribed,
+    split_length,
 )
 from rope_twin.core.state import (
     DIRECTION,
@@ -59,15 +64,17 @@ from rope_twin.core.state import (
     ZERO,
     Boundary,
     Floats,
+    Model,
     Rope,
     Stage,
+    State,
 )
 
 OFFSET_GONE = 1e-15  # a decaying length correction below this fraction of its element is set to 0
 
 
 @jit
-def stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: float) -> Any:
+def stage_at(rope: Rope, boundary: Boundary, row: int, part: float, time: float, c: float) -> Any:
     """Set the boundary condition at the fraction `part` of the step and return the stage there."""
     n, h = rope.state.counts[ELEMENTS], rope.model.step
     L, V, _ = place_hang_off(rope.work, boundary, row, part, h, n)
@@ -76,7 +83,7 @@ def stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: fl
 
 
 @jit_sum
-def _is_finite(rope: Any) -> bool:
+def _is_finite(rope: Rope) -> bool:
     """Return whether the stage's motion is finite.
 
     A converged stage always is, because NaN fails the tension criterion.
@@ -90,7 +97,7 @@ def _is_finite(rope: Any) -> bool:
 
 
 @jit
-def _substep(rope: Any, at: Any, level: int, done: int) -> Any:
+def _substep(rope: Rope, at: Any, level: int, done: int) -> Any:
     """Solve both stages over 1/2^level of the step, from done/2^HALVINGS, in work.
 
     Returns the worse outcome of the two stages, their weight q, and the fraction of CORRECTION that
@@ -118,7 +125,7 @@ def _substep(rope: Any, at: Any, level: int, done: int) -> Any:
 
 
 @jit
-def _accept(rope: Any, found: Any) -> None:
+def _accept(rope: Rope, found: Any) -> None:
     """Copy the converged substep's motion to the state; that of the hang-off as prescribed."""
     _, q, pending = found
     n, first = rope.state.counts[ELEMENTS], rope.model.first_free
@@ -129,7 +136,7 @@ def _accept(rope: Any, found: Any) -> None:
 
 
 @jit
-def _copy_start(rope: Any, way: int) -> None:
+def _copy_start(rope: Rope, way: int) -> None:
     """Save motion and internal variables of the step's start (way OUT), or restore them."""
     nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
     if way == OUT:
@@ -141,7 +148,7 @@ def _copy_start(rope: Any, way: int) -> None:
 
 
 @jit
-def _fade_offsets(model: Any, state: Any, n: int) -> None:
+def _fade_offsets(model: Model, state: State, n: int) -> None:
     """Let length corrections of splits and merges decay with the time constant `absorb`."""
     keep = exp(-model.step / model.absorb)
     low = state.counts[LOWEST_OFFSET]
@@ -154,7 +161,7 @@ def _fade_offsets(model: Any, state: Any, n: int) -> None:
 
 
 @jit
-def _report(rope: Any, pull: Any, row: int) -> None:
+def _report(rope: Rope, pull: Any, row: int) -> None:
     """Write the rope's tension on the hang-off at the end of step `row`, from the ghost node there.
 
     It is the force balance of the half element at the hang-off, -T·t + (l/2)·(loads - m·a), with
@@ -174,7 +181,7 @@ def _report(rope: Any, pull: Any, row: int) -> None:
 
 
 @jit
-def finish(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
+def finish(rope: Rope, boundary: Boundary, pull: Any, row: int, time: float) -> None:
     """Complete step `row`, which ends at `time`: report tension, split or merge the top element."""
     state, h = rope.state, rope.model.step
     L, V, A = prescribed(boundary, row, LINE_COLUMN, 1.0, h)
@@ -184,12 +191,12 @@ def finish(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
     lower = split_length(rope, V)
     load_trials(rope, stage, A, lower)
     _report(rope, pull, row)
-    terms.add_pull(rope.effects, rope.work, state.counts[ELEMENTS], pull, row)
+    add_pull(rope.effects, rope.work, state.counts[ELEMENTS], pull, row)
     change_elements(rope, stage, L, lower)
 
 
 @jit
-def recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
+def recall_tension(rope: Rope, boundary: Boundary, row: int, time: float) -> None:
     """Recompute element tensions at the start of step `row`, after a failed attempt at it."""
     state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
@@ -200,7 +207,7 @@ def recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
 
 
 @jit_entry
-def advance_steps(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
+def advance_steps(rope: Rope, boundary: Boundary, pull: Any, time: float, steps: int) -> int:
     """Entry point of the compiled code behind `advance`."""
     was = flush()
     done = _advance(rope, boundary, pull, time, steps)
@@ -209,7 +216,7 @@ def advance_steps(rope: Any, boundary: Any, pull: Any, time: float, steps: int) 
 
 
 @jit
-def _advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
+def _advance(rope: Rope, boundary: Boundary, pull: Any, time: float, steps: int) -> int:
     state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
     copy(state.nodes, ZERO, work, ZERO, n + 1)

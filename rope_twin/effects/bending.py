@@ -26,11 +26,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import BLOCK, LINK, POSITION, RESIDUAL, REST, Floats
 from rope_twin.quantity import quantity
 

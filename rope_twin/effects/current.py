@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.acting.hooks import kernel, wide_kernel
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import bits, choose
+from rope_twin.core.loads.hooks import kernel, wide_kernel
 from rope_twin.core.state import FLOW, POSITION, Floats
 from rope_twin.quantity import quantity, text
 

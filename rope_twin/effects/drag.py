@@ -19,11 +19,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.acting.hooks import kernel
-from rope_twin.core.acting.loads import Load
 from rope_twin.core.energy import account
 from rope_twin.core.guards import DIVISOR_MIN, SPEED2_MIN
 from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.loads.balance import Load
+from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import Floats
 from rope_twin.quantity import quantity, text
 

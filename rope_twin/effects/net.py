@@ -20,10 +20,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY
 from rope_twin.quantity import quantity, text
 

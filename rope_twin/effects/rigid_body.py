@@ -30,7 +30,7 @@ from rope_twin.core.body import contact as body_contact
 from rope_twin.core.body import state as body_state
 from rope_twin.core.body.kinds import with_parts
 from rope_twin.core.body.state import Deck, Immersed, RigidBody
-from rope_twin.core.solve.remembering import new_memory
+from rope_twin.core.loads.memory import new_memory
 from rope_twin.quantity import quantity, text
 
 at = body_state

@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.acting.hooks import kernel, switching
-from rope_twin.core.acting.loads import Load
 from rope_twin.core.bed import (
     Grid,
     ManyGrids,
@@ -31,6 +29,8 @@ from rope_twin.core.bed import (
 from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.loads.balance import Load
+from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.state import BLOCK, CORRECTION, POSITION, RESIDUAL, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 

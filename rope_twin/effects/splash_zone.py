@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.acting.hooks import kernel, switching
 from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

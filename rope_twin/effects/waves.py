@@ -27,12 +27,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.acting.hooks import kernel
-from rope_twin.core.acting.loads import Load
 from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.loads.balance import Load
+from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
 from rope_twin.core.waves.field import add_water
 from rope_twin.core.waves.reach import asides, echoes, levels_to, lowest, reaches, thirds

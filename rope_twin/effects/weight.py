@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from rope_twin.core.acting.hooks import kernel
-from rope_twin.core.acting.loads import Load
 from rope_twin.core.energy import account
+from rope_twin.core.loads.balance import Load
+from rope_twin.core.loads.hooks import kernel
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.rope.law import hold
-from rope_twin.core.rope.sections import SAME_PLACE
+from rope_twin.core.elements import SAME_PLACE, hold
 from rope_twin.core.state import Floats, Ints, Rope, State, Table
 
 HALVINGS = 60

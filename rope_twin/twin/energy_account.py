@@ -17,9 +17,9 @@ from typing import Any, Self
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.acting.hooks import hooks_of
 from rope_twin.core.energy import Power, accounts_of
 from rope_twin.core.joined.energy import SystemBorder, lost
+from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene

@@ -3,7 +3,7 @@
 The additional force per metre is -½·ρ·d·Cdn·g·|n|·n with n the relative velocity normal to the rope
 and g = a·(2·rms/d)^b (Vandiver 1983) the increase of the drag coefficient relative to it, 0 where
 the rope does not vibrate. g is one number at each node, set between two steps by the VIV model,
-constant over a step. It is carried with the rope's material (core/solve/remembering.py) through the
+constant over a step. It is carried with the rope's material (core/loads/memory.py) through the
 winch, splits and merges.
 """
 
@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.payout.trial import TRIALS, set_trials
-from rope_twin.core.solve.remembering import new_memory, remembering
+from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.payout import TRIALS, set_trials
 from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,

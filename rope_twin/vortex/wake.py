@@ -32,11 +32,11 @@ from __future__ import annotations
 from math import pi, sin, sqrt
 from typing import Any
 
+from rope_twin.core.elements import stretch_all
 from rope_twin.core.guards import DIVISOR_MIN, RATE_MIN, TANGENT2_MIN
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows
-from rope_twin.core.rope.elastic import stretch_all
-from rope_twin.core.solve.assembly import set_flow
+from rope_twin.core.loads.balance import set_flow
 from rope_twin.core.state import (
     DIRECTION,
     ELEMENTS,

@@ -13,9 +13,9 @@ import pytest
 from benchmarks.effect_code import step_assembly
 from benchmarks.effect_code import traces as symbols
 from rope_twin import load_scene
-from rope_twin.core.acting.loads import add_load
+from rope_twin.core.elements import stretch
 from rope_twin.core.jit.decorators import assembly
-from rope_twin.core.rope.elastic import stretch
+from rope_twin.core.loads.balance import add_load
 from rope_twin.core.state import Stage
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.modal_vibration import ModalVibrationParams

@@ -11,11 +11,10 @@ from payout_rigs import SEA
 from rigs import Bench
 
 from rope_twin.core import state as rows
+from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.solve.again import SHARE, count_left
-from rope_twin.core.solve.prediction import GAMMA
-from rope_twin.core.solve.remembering import begin_step
-from rope_twin.core.solve.stage import BDF2, SEARCH, TRAPEZOID, _eliminate, _evaluate, _push
+from rope_twin.core.loads.memory import begin_step
+from rope_twin.core.newton import RESIDUAL_SHARE, SEARCH, _eliminate, _evaluate, _push, count_left
 from rope_twin.core.state import Boundary, Floats
 from rope_twin.core.step import stage_at
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
@@ -79,7 +78,7 @@ def test_factors_of_the_first_stage_serve_the_second(moving: tuple[Any, Boundary
     assert tried(rope, boundary, 1.0, 0.0) == 0
     assert residual(rope).max() > rope.model.tolerance
     assert tried(rope, boundary, 1.0, 1.0) == 0
-    assert residual(rope).max() < 2.0 * SHARE * rope.model.tolerance
+    assert residual(rope).max() < 2.0 * RESIDUAL_SHARE * rope.model.tolerance
 
 
 def test_factors_that_do_not_serve_are_refused(moving: tuple[Any, Boundary]) -> None:

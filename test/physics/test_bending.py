@@ -16,8 +16,8 @@ from scipy.integrate import solve_bvp  # type: ignore[import-untyped]
 from test_payout_events import JUMP, assert_smooth
 
 from rope_twin.core import state as rows
-from rope_twin.core.acting.terms import add_couplings
 from rope_twin.core.jit.decorators import jit_entry
+from rope_twin.core.loads.balance import add_couplings
 from rope_twin.effects.bending import Bending, BendingParams, build
 from validation.energy import energy
 

@@ -11,12 +11,12 @@ from effect_cases import SMALL, Vector, apply, params_of, some_stage, some_work
 from scipy.spatial.transform import Rotation
 
 from rope_twin.core import state as rows
-from rope_twin.core.acting.terms import is_calm
 from rope_twin.core.body import state as at
 from rope_twin.core.body.balance import balance
 from rope_twin.core.body.rotation import vector
 from rope_twin.core.body.state import PlaneBed, RigidBody
 from rope_twin.core.jit.decorators import jit_entry
+from rope_twin.core.loads.balance import is_calm
 from rope_twin.effects.rigid_body import DeckParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams

@@ -30,7 +30,7 @@ from effect_cases import (
 from symmetry_cases import Turn, lowered, scene_of
 
 from rope_twin.core import state as rows
-from rope_twin.core.acting.hooks import hooks_of
+from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.effects import EFFECTS
 
 Vector = effect_cases.Vector

@@ -9,8 +9,8 @@ import pytest
 from effect_cases import NODES, apply, data_of, loads, some_stage, some_work
 
 from rope_twin.core import state as rows
-from rope_twin.core.acting.hooks import hooks_of
 from rope_twin.core.energy import Place, account, account_sum, accounts_of
+from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.core.state import Floats
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.weight import Weight

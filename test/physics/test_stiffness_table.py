@@ -12,7 +12,7 @@ from rigs import Bench, Rig, frequency, march, sine, still, top_tension, with_no
 from table_rigs import HMPE, tabled
 
 from rope_twin import Twin
-from rope_twin.core.rope.law import hold, tension_at
+from rope_twin.core.elements import hold, tension_at
 from rope_twin.scene.stiffness import StiffnessTable
 
 RIG = Rig(length=1000.0, elements=100, mass=2.9, load=20e3, EA=206e6, damping=1e6)

@@ -14,7 +14,7 @@ from saved_runs import run_until
 from small_scene import digest, small_scene
 
 from rope_twin.cli import main
-from rope_twin.core.acting import hooks
+from rope_twin.core.loads import hooks
 from rope_twin.effects.drag import Drag
 from rope_twin.errors import SceneError
 from rope_twin.messages import decode

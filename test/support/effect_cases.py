@@ -20,9 +20,8 @@ from table_rigs import HMPE, tabled
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.core.acting.loads import add_load
-from rope_twin.core.acting.terms import add_couplings, add_end, add_flow
 from rope_twin.core.jit.decorators import jit_entry
+from rope_twin.core.loads.balance import add_couplings, add_end, add_flow, add_load
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams

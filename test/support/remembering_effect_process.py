@@ -12,7 +12,7 @@ from small_scene import SMALL_SCENE, digest
 
 import rope_twin.scene.model.rope as build_module
 from rope_twin import Twin, load_scene
-from rope_twin.core.acting.hooks import kernel
+from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import RESIDUAL
 
 build_effects = build_module.build_effects

@@ -37,8 +37,8 @@ from rope_twin.core.body.parts import part
 from rope_twin.core.body.rotation import along, cross, dot, inward, outward, put, vector
 from rope_twin.core.body.state import Afloat, RigidBody
 from rope_twin.core.jit.decorators import jit, jit_within
-from rope_twin.core.payout.trial import LOW
-from rope_twin.core.solve.assembly import set_flow
+from rope_twin.core.loads.balance import set_flow
+from rope_twin.core.payout import LOW
 from rope_twin.core.state import POSITION, SURFACE, Floats
 
 DRY_TOL = 1e-12  # submerged fraction below which a body counts as dry

@@ -9,7 +9,6 @@ from __future__ import annotations
 from itertools import product
 from typing import Any
 
-from rope_twin.core.acting.hooks import kernel, switching
 from rope_twin.core.body import energy as body_energy
 from rope_twin.core.body import step as body_step
 from rope_twin.core.body.state import (
@@ -22,7 +21,8 @@ from rope_twin.core.body.state import (
     RigidBody,
 )
 from rope_twin.core.energy import account
-from rope_twin.core.solve.remembering import remembering
+from rope_twin.core.loads.hooks import kernel, switching
+from rope_twin.core.loads.memory import remembering
 
 
 def _make(parts: tuple[type, ...]) -> type[RigidBody]:

@@ -10,7 +10,7 @@ Type)`:
 - `floor(part, body, place)`: the height at which the body's corners there would touch it.
 - `power(part, body, pose)`, plain Python: power into the body [W]; pose: of core/body/energy.py.
 
-The types select the code while numba compiles (like effects, core/acting/hooks.py): an absent
+The types select the code while numba compiles (like effects, core/loads/hooks.py): an absent
 component leaves no code.
 """
 
@@ -21,9 +21,9 @@ from typing import Any
 
 from numba.extending import overload
 
-from rope_twin.core.acting.hooks import written_out
 from rope_twin.core.body.rotation import along
 from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.loads.hooks import written_out
 
 _KERNELS: dict[str, dict[type, Any]] = {"act": {}, "foresee": {}, "floor": {}, "power": {}}
 

@@ -119,7 +119,7 @@ class GridBed(NamedTuple):
 class RigidBody(NamedTuple):
     """A payload with six degrees of freedom that hangs on slings, or by a pin, from the hook."""
 
-    memory: Floats  # index of the valid record; see core/solve/remembering.py
+    memory: Floats  # index of the valid record; see core/loads/memory.py
     records: Floats  # (RECORDS, RECORD)
     stage: Floats  # scratch, (STAGE,)
     matrix: Floats  # scratch, (6, COLUMNS)

@@ -1,6 +1,6 @@
 """Coupling of a rigid body to the rope's stages: prediction, solution, update.
 
-The index of the valid record is an internal variable (core/solve/remembering.py): a substep that is
+The index of the valid record is an internal variable (core/loads/memory.py): a substep that is
 rejected, or a step that fails, leaves the body unchanged. core/body/kinds.py registers these
 kernels for each type of body.
 """
@@ -26,12 +26,11 @@ from rope_twin.core.body.rotation import (
     turned,
     vector,
 )
+from rope_twin.core.integrator import GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import rows, span
-from rope_twin.core.payout.trial import LOW
-from rope_twin.core.solve.assembly import set_flow
-from rope_twin.core.solve.prediction import GAMMA, K1, K2
-from rope_twin.core.solve.stage import TRAPEZOID
+from rope_twin.core.loads.balance import set_flow
+from rope_twin.core.payout import LOW
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

@@ -11,11 +11,11 @@ from typing import Any
 
 from numba.extending import overload
 
-from rope_twin.core.acting import terms
-from rope_twin.core.acting.hooks import couples
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.jit.rows import column
 from rope_twin.core.joined import chains, coupled_chains
+from rope_twin.core.loads import balance
+from rope_twin.core.loads.hooks import couples
 from rope_twin.core.state import BLOCK, RESIDUAL
 
 _WITHIN = {**LINKED, "forceinline": True}  # inlined in the caller, without effects as arguments
@@ -60,7 +60,7 @@ substitute_between = _chosen(chains.substitute_between, coupled_chains.substitut
 def _couple(effects: Any, work: Any, stage: Any, n: int, upto: int) -> None:
     """Add the couplings and keep the loads of node n (present where upto > n), which they clear."""
     R, S = column(work, RESIDUAL, n), (column(work, BLOCK, n), column(work, BLOCK + 3, n))
-    terms.add_couplings(effects, work, stage, n)
+    balance.add_couplings(effects, work, stage, n)
     if upto > n:
         for k in range(3):
             work[RESIDUAL + k, n] += R[k]

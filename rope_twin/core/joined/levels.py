@@ -13,7 +13,7 @@ import numpy as np
 from rope_twin.core.joined.hanging import Link, guess_positions, initial_shape
 from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
 from rope_twin.core.joined.ties import ANCHORED, FIRST, LEAST, LENGTH, SECOND
-from rope_twin.core.payout.trial import TRIALS
+from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import ELEMENTS, END, POSITION, Floats, Rope, new_state
 
 SPARE_NODES = 4

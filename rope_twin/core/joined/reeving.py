@@ -23,7 +23,7 @@ from rope_twin.core.joined.sheaves import (
     Sheaves,
 )
 from rope_twin.core.joined.statics import refine_joined_statics, solve_joined_statics
-from rope_twin.core.payout.trial import TRIALS
+from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     EA,
     ELEMENTS,

@@ -11,7 +11,7 @@ of the rope's last node in its kernels, so that an element needs no term for the
 it. For a variation du the node moves by B·du, B = -q on one side and +q on the other: the flow has
 the balance ΣB·R of the half elements there, that is F = F' of the tensions next to the sheave less
 friction and inertia of the wheel, and no jump when an element splits or merges there, which keeps F
-(core/payout/events.py). On the sheave act -F·t - F'·t' + m·V²·(q + q'), the last term being the
+(core/payout.py). On the sheave act -F·t - F'·t' + m·V²·(q + q'), the last term being the
 momentum flux of the turning rope, by the momentum balance of what is at the sheave.
 
 Omitted from the Jacobian, not from the balance: the derivatives of the momentum flux, of 2·V·dq/dt
@@ -23,10 +23,10 @@ from __future__ import annotations
 from math import acos, nan, sqrt, tanh
 from typing import Any, NamedTuple
 
+from rope_twin.core.elements import set_top_length
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.stack import rope_of
-from rope_twin.core.rope.sections import set_top_length
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

@@ -1,4 +1,4 @@
-"""One implicit stage of a multi-line system: Newton's method for all ropes, as in core/solve/stage.
+"""One implicit stage of a multi-line system: Newton's method for all ropes, as in core/newton.
 
 Passes, acceptance and line search are the same; only the linear solve includes the connections. A
 stage is accepted when every tension in the system agrees with its linearisation and, where an
@@ -13,7 +13,17 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
-from rope_twin.core.acting import hooks
+from rope_twin.core.elements import stretch, stretch_corrected
+from rope_twin.core.integrator import (
+    BDF2,
+    CONVERGED,
+    NOT_FINITE,
+    TRAPEZOID,
+    UNCONVERGED,
+    correct,
+    predict_bdf2,
+    predict_trapezoid,
+)
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.condensation import add_couplings
@@ -30,19 +40,9 @@ from rope_twin.core.joined.joints import (
 from rope_twin.core.joined.sheaves import add_sheaves, pass_end
 from rope_twin.core.joined.stack import rope_of
 from rope_twin.core.joined.ties import add_ties, count_unexpected_ties, expect_pulls, pull_ties
-from rope_twin.core.rope.elastic import stretch, stretch_corrected
-from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow, slope
-from rope_twin.core.solve.prediction import correct, predict_bdf2, predict_trapezoid
-from rope_twin.core.solve.search import SEARCH_FROM, search
-from rope_twin.core.solve.stage import (
-    BDF2,
-    CHUNK,
-    CONVERGED,
-    NOT_FINITE,
-    SEARCH,
-    TRAPEZOID,
-    UNCONVERGED,
-)
+from rope_twin.core.loads import hooks
+from rope_twin.core.loads.balance import load_lowest, load_nodes, set_flow, slope
+from rope_twin.core.newton import CHUNK, SEARCH, SEARCH_FROM, search
 from rope_twin.core.state import (
     AXIAL,
     DIRECTION,
@@ -148,7 +148,7 @@ def _move(motion: Any, stage: Any, kind: int, factor: float, low: int, high: int
     if kind == TRAPEZOID:
         predict_trapezoid(nodes, work, stage.p, stage.q, low, high)
     elif kind == BDF2:
-        predict_bdf2(nodes, work, stage.p, stage.q, low, high)
+        predict_bdf2(nodes, work, stage.p, stage.q, 0.0, low, high)
     else:
         correct(work, stage.p, stage.q, factor, low, high)
 

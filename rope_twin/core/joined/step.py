@@ -5,7 +5,19 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from rope_twin.core.acting import terms
+from rope_twin.core.elements import set_lengths, stretch_all
+from rope_twin.core.integrator import (
+    BACK,
+    BDF2,
+    CONVERGED,
+    GAMMA,
+    HALVINGS,
+    NOT_FINITE,
+    OUT,
+    TRAPEZOID,
+    UNCONVERGED,
+    advance_substeps,
+)
 from rope_twin.core.jit.decorators import compiled, jit, jit_entry
 from rope_twin.core.jit.held import hold
 from rope_twin.core.jit.subnormals import flush, restore
@@ -13,20 +25,8 @@ from rope_twin.core.joined.joints import LOOSE, STEP, Joined, System, place_ends
 from rope_twin.core.joined.sheaves import finish_at_sheave, is_at_sheave, pass_end
 from rope_twin.core.joined.stack import load, rope_of, stacked_effects, store
 from rope_twin.core.joined.stage import end_rope, solve_joined
-from rope_twin.core.rope.elastic import stretch_all
-from rope_twin.core.rope.sections import set_lengths
-from rope_twin.core.solve.assembly import load_nodes
-from rope_twin.core.solve.halving import BACK, HALVINGS, OUT, advance_substeps
-from rope_twin.core.solve.prediction import GAMMA
-from rope_twin.core.solve.stage import (
-    BDF2,
-    CONVERGED,
-    MAX_CORRECTIONS,
-    MAX_CORRECTIONS_LAST,
-    NOT_FINITE,
-    TRAPEZOID,
-    UNCONVERGED,
-)
+from rope_twin.core.loads.balance import add_pull, load_nodes
+from rope_twin.core.newton import MAX_CORRECTIONS, MAX_CORRECTIONS_LAST
 from rope_twin.core.state import (
     ELEMENTS,
     KEPT_ROWS,
@@ -145,7 +145,7 @@ def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
         pull[row, PULL_X + k] = work[RESIDUAL + k, n]
         square += work[RESIDUAL + k, n] ** 2
     pull[row, PULL] = square**0.5
-    terms.add_pull(rope.effects, work, n, pull, row)
+    add_pull(rope.effects, work, n, pull, row)
 
 
 @jit

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import config
 
-from rope_twin.core.acting import hooks
+from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.jit.decorators import compiled
 from rope_twin.core.jit.wide import ALIGNMENT, ALL, LANES
 from rope_twin.core.lanes.step import TALLIES, Run, advance_lanes_steps
-from rope_twin.core.payout.trial import TRIALS
-from rope_twin.core.rope.sections import SAME_PLACE
+from rope_twin.core.loads import hooks
+from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     COUNTS,
     ELEMENTS,

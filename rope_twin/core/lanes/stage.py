@@ -1,7 +1,7 @@
-"""One implicit stage of a SIMD batch: Newton's method as in `core/solve/stage`.
+"""One implicit stage of a SIMD batch: Newton's method as in `core/newton`.
 
 A lane that has converged is frozen while others iterate, and keeps the factors of its last
-elimination, with which its BDF2 stage begins (core/solve/again). Rare cases are excluded: a lane
+elimination, with which its BDF2 stage begins (core/newton). Rare cases are excluded: a lane
 that needs the line search, or whose factors cannot be reused, is dropped, and its rope takes the
 step in the single-rope solver.
 """
@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from rope_twin.core.elements import stretch, stretch_all, stretch_corrected
+from rope_twin.core.integrator import TRAPEZOID, correct, predict_bdf2, predict_trapezoid
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.wide import ALL, choose, mask_of
 from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
-from rope_twin.core.rope.elastic import stretch, stretch_all, stretch_corrected
-from rope_twin.core.solve.again import count_left
-from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow
-from rope_twin.core.solve.prediction import correct, predict_bdf2, predict_trapezoid
-from rope_twin.core.solve.search import SEARCH_FROM
-from rope_twin.core.solve.stage import CHUNK, TRAPEZOID
+from rope_twin.core.loads.balance import load_lowest, load_nodes, set_flow
+from rope_twin.core.newton import CHUNK, SEARCH_FROM, count_left
 from rope_twin.core.state import ELEMENTS
 
 SPAN = 4
@@ -76,7 +74,7 @@ def _evaluate(rope: Any, stage: Any, kind: int) -> None:
             if kind == TRAPEZOID:
                 predict_trapezoid(state.nodes, work, p, q, low, high)
             else:
-                predict_bdf2(state.nodes, work, p, q, low, high)
+                predict_bdf2(state.nodes, work, p, q, 0.0, low, high)
             stretch(rope.law, work, state.offset, p, q, max(start - 1, 0), high - 1)
         done, last = max(chunk - 1, 0), end - 1
         if end == n:

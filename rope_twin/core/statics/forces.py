@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.acting.hooks import couples, switches
-from rope_twin.core.acting.terms import add_couplings
 from rope_twin.core.jit.decorators import jit_entry
+from rope_twin.core.loads.balance import add_couplings
+from rope_twin.core.loads.hooks import couples, switches
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from rope_twin.core import state as rows
-from rope_twin.core.acting.hooks import hooks_of, work_rows
 from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.body.kinds import with_parts
 from rope_twin.core.body.state import Afloat, GridBed, PlaneBed, RigidBody
-from rope_twin.core.payout.trial import TRIALS
-from rope_twin.core.rope.sections import SAME_PLACE
+from rope_twin.core.elements import SAME_PLACE
+from rope_twin.core.loads.hooks import hooks_of, work_rows
+from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     ELEMENTS,
     POSITION,

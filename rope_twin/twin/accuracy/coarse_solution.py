@@ -19,7 +19,7 @@ from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
 from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.sheaves import FLOW_COLUMN
 from rope_twin.core.joined.step import advance_joined
-from rope_twin.core.solve.remembering import remembers
+from rope_twin.core.loads.memory import remembers
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.step import advance

@@ -20,8 +20,8 @@ from itertools import pairwise
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.acting.hooks import work_rows
-from rope_twin.core.rope.sections import SAME_PLACE
+from rope_twin.core.elements import SAME_PLACE
+from rope_twin.core.loads.hooks import work_rows
 from rope_twin.core.state import Floats, Ints, Model, Rope, State, new_state, new_work
 from rope_twin.effects.payload import Payload
 from rope_twin.twin.elements import Elements, elements_of, offsets_for, tensions

@@ -13,7 +13,7 @@ free. The node that holds that section moves ahead of the end along it, so that 
 the rope's own. For effects with bending stiffness the section is so long that it does not resist;
 VIV models count the rope between nodes, and get a section of 2 mm: 1 mm more at the end.
 
-Each part has its own arrays of effects with internal variables (core/solve/remembering), so that
+Each part has its own arrays of effects with internal variables (core/loads/memory), so that
 neither changes the state of the other. Nodes keep their values; the node inserted at the cut takes
 values between those of its neighbours, as where an element splits. Effects at the lower end of the
 upper part keep their types, so that nothing is recompiled.
@@ -26,13 +26,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.acting.hooks import hooks_of, work_rows
 from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.body import state as at
 from rope_twin.core.body.state import LEG, Afloat, RigidBody
-from rope_twin.core.payout.events import SMALLEST_REST
-from rope_twin.core.rope.sections import SAME_PLACE
-from rope_twin.core.solve.remembering import numbers_carried
+from rope_twin.core.elements import SAME_PLACE
+from rope_twin.core.loads.hooks import hooks_of, work_rows
+from rope_twin.core.loads.memory import numbers_carried
+from rope_twin.core.payout import SMALLEST_REST
 from rope_twin.core.state import (
     Boundary,
     Floats,

@@ -34,10 +34,10 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
-from rope_twin.core.acting.hooks import kernel_of, kernels_by_place, written_out
+from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit
-from rope_twin.core.solve.prediction import correct
-from rope_twin.core.state import ELEMENTS, ZERO
+from rope_twin.core.loads.hooks import kernel_of, kernels_by_place, written_out
+from rope_twin.core.state import ELEMENTS, ZERO, Rope, Stage, State
 
 _REMEMBERED: dict[type, int] = {}
 
@@ -71,7 +71,7 @@ def new_memory(count: int, own: int, room: int) -> Any:
 
 
 @jit
-def _carry_over(memory: Any, state: Any, k: int) -> None:
+def _carry_over(memory: Any, state: State, k: int) -> None:
     """Interpolate the values to the present nodes, if these have changed since the last call."""
     n, last = state.counts[ELEMENTS], memory.shape[1] - 1
     old = int(memory[3 * k, last])
@@ -90,7 +90,7 @@ def _carry_over(memory: Any, state: Any, k: int) -> None:
 
 
 @jit
-def _mark(memory: Any, state: Any, k: int) -> None:
+def _mark(memory: Any, state: State, k: int) -> None:
     """Record the material coordinates of the present nodes."""
     n = state.counts[ELEMENTS]
     for i in range(n):
@@ -108,19 +108,19 @@ def _copy(memory: Any, source: int, target: int, k: int, n: int) -> None:
 
 
 @jit
-def _keep(memory: Any, state: Any, k: int) -> None:
+def _keep(memory: Any, state: State, k: int) -> None:
     """Save the current values as those of the step's start."""
     _copy(memory, ZERO, 2 * k, k, state.counts[ELEMENTS])
 
 
 @jit
-def _take(memory: Any, state: Any, k: int) -> None:
+def _take(memory: Any, state: State, k: int) -> None:
     """Make the values of the last stage the current ones."""
     _copy(memory, k, ZERO, k, state.counts[ELEMENTS])
 
 
 @jit
-def _return(memory: Any, state: Any, k: int) -> None:
+def _return(memory: Any, state: State, k: int) -> None:
     """Restore the values of the step's start."""
     _copy(memory, 2 * k, ZERO, k, state.counts[ELEMENTS])
 
@@ -147,7 +147,7 @@ def _for_each(
     return written_out(head, [*lines, f"return {result}"], calls, **names)
 
 
-def begin_step(effects: Any, rope: Any, time: Any) -> Any:
+def begin_step(effects: Any, rope: Rope, time: Any) -> Any:
     """Initialise internal variables at time 0, else interpolate them to the present nodes."""
     for effect, k in _with_variables(effects):
         if time == 0.0:
@@ -158,7 +158,7 @@ def begin_step(effects: Any, rope: Any, time: Any) -> Any:
 
 
 @overload(begin_step, jit_options=LINKED, strict=False)
-def _compose_begin(effects: Any, rope: Any, time: Any) -> Any:
+def _compose_begin(effects: Any, rope: Rope, time: Any) -> Any:
     line = (
         "if time == 0.0:\n        kernel_#(effects[#], rope)\n"
         "        mark(effects[#].memory, rope.state, k_#)\n"
@@ -168,19 +168,19 @@ def _compose_begin(effects: Any, rope: Any, time: Any) -> Any:
     return _for_each("effects, rope, time", effects, line, "start", **names)
 
 
-def keep_memories(effects: Any, state: Any) -> Any:
+def keep_memories(effects: Any, state: State) -> Any:
     """Save internal variables of the step's start when the first substep is accepted."""
     for effect, k in _with_variables(effects):
         _keep(effect.memory, state, k)
 
 
 @overload(keep_memories, jit_options=LINKED, strict=False)
-def _compose_keep(effects: Any, state: Any) -> Any:
+def _compose_keep(effects: Any, state: State) -> Any:
     line = "keep(effects[#].memory, state, k_#)"
     return _for_each("effects, state", effects, line, keep=_keep)
 
 
-def predict_memories(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
+def predict_memories(effects: Any, rope: Rope, stage: Stage, kind: Any, low: Any, high: Any) -> Any:
     """Predict internal variables at the beginning of a stage, for the nodes low <= i < high.
 
     Position, velocity and water are predicted already.
@@ -190,13 +190,13 @@ def predict_memories(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, h
 
 
 @overload(predict_memories, jit_options=LINKED, strict=False)
-def _compose_predict(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
+def _compose_predict(effects: Any, rope: Rope, stage: Stage, kind: Any, low: Any, high: Any) -> Any:
     line = "kernel_#(effects[#], rope, stage, kind, low, high)"
     return _for_each("effects, rope, stage, kind, low, high", effects, line, "predict")
 
 
 @jit
-def _complete(rope: Any, stage: Any, pending: float) -> float:
+def _complete(rope: Rope, stage: Stage, pending: float) -> float:
     """Apply the pending correction to the stage's motion; return 0, the fraction still pending."""
     n, first = rope.state.counts[ELEMENTS], rope.model.first_free
     if pending != 0.0:
@@ -204,7 +204,7 @@ def _complete(rope: Any, stage: Any, pending: float) -> float:
     return 0.0
 
 
-def settle_memories(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any) -> Any:
+def settle_memories(effects: Any, rope: Rope, stage: Stage, kind: Any, pending: Any) -> Any:
     """Update internal variables after a converged stage; return the pending correction.
 
     Effects with internal variables require the complete motion of the stage.
@@ -216,31 +216,31 @@ def settle_memories(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any
 
 
 @overload(settle_memories, jit_options=LINKED, strict=False)
-def _compose_settle(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any) -> Any:
+def _compose_settle(effects: Any, rope: Rope, stage: Stage, kind: Any, pending: Any) -> Any:
     line = "pending = complete(rope, stage, pending)\n    kernel_#(effects[#], rope, stage, kind)"
     head = "effects, rope, stage, kind, pending"
     return _for_each(head, effects, line, "settle", "pending", complete=_complete)
 
 
-def accept_memories(effects: Any, state: Any) -> Any:
+def accept_memories(effects: Any, state: State) -> Any:
     """Accept the internal variables of a substep."""
     for effect, k in _with_variables(effects):
         _take(effect.memory, state, k)
 
 
 @overload(accept_memories, jit_options=LINKED, strict=False)
-def _compose_accept(effects: Any, state: Any) -> Any:
+def _compose_accept(effects: Any, state: State) -> Any:
     line = "take(effects[#].memory, state, k_#)"
     return _for_each("effects, state", effects, line, take=_take)
 
 
-def return_memories(effects: Any, state: Any) -> Any:
+def return_memories(effects: Any, state: State) -> Any:
     """Restore internal variables of the step's start after a failed step."""
     for effect, k in _with_variables(effects):
         _return(effect.memory, state, k)
 
 
 @overload(return_memories, jit_options=LINKED, strict=False)
-def _compose_return(effects: Any, state: Any) -> Any:
+def _compose_return(effects: Any, state: State) -> Any:
     line = "back(effects[#].memory, state, k_#)"
     return _for_each("effects, state", effects, line, back=_return)

@@ -2,7 +2,7 @@
 
 An effect is a NamedTuple of its own arrays and numbers. Its file registers kernels with
 `@kernel(hook, Type)`. The *types* in the scene's tuple of effects select the code: the loop over
-the tuple is unrolled while numba compiles (core/acting/terms.py, core/acting/loads.py), so an
+the tuple is unrolled while numba compiles (core/loads/balance.py), so an
 absent effect leaves no code and no branch behind. Plain Python (NUMBA_DISABLE_JIT=1) loops over the
 same tuple.
 
@@ -21,7 +21,7 @@ same tuple.
   contact): whether the active set is the same for the present motion and for that with share·delta,
   on the n free nodes.
 - `start`, `predict`, `load_nodes` and `settle` belong to effects with internal variables
-  (core/solve/remembering.py).
+  (core/loads/memory.py).
 
 A kernel whose arithmetic also holds for SIMD vectors (core/lanes) is registered with `wide=True`; a
 kernel that branches on values that differ from rope to rope has a SIMD variant, `@wide_kernel(hook,

@@ -1,9 +1,17 @@
-"""Tension-only elements, T = max(0, E(strain) + c·strain rate), and their stiffness blocks.
+"""Elements of a rope: sections, axial law, direction, tension and stiffness blocks.
 
-E is EA·strain, or a table where the rope has one (core/rope/law.py). One max() over the sum keeps
-the law continuous and convex: a damper never pushes and there is no jump c·rate at first contact.
-Discretisation and regularisation: lumped-mass rope with element directions t = Δx/l; l² is
-regularised by (1e-8·l_0)² for an element whose nodes coincide.
+An element pulls only: T = max(0, E(strain) + c·strain rate). One max() over the sum keeps the law
+continuous and convex: a damper never pushes and there is no jump c·rate at first contact. E is
+EA·strain, or a table of the section: a monotone cubic between its points (Fritsch and Butland 1984,
+SIAM J. Sci. Stat. Comput. 5, 300), whose tangents are continuous, so that the only kink for
+Newton's method is that at zero tension. The type of `rope.law` selects the code while numba
+compiles, so a rope without a table contains no code for one.
+
+Masses are lumped; an element's direction is t = Δx/l, with l² regularised by (1e-8·l_0)² for nodes
+that coincide. A boundary between sections is always a node, so an element belongs to one section.
+Stiffness per element and mass, volume and areas per node follow from the unstretched lengths;
+effects read those rows and do not depend on sections. Only the top element grows, at the payout
+speed.
 """
 
 from __future__ import annotations
@@ -11,27 +19,178 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
+import numpy as np
+from numba import types
+from numba.extending import overload
+
 from rope_twin.core.guards import STRETCH2_MIN
-from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit, jit_ordered_within, jit_within
 from rope_twin.core.jit.rows import offset_row, row, rows
 from rope_twin.core.jit.wide import choose, count_beyond
-from rope_twin.core.rope.law import pull_of
 from rope_twin.core.state import (
     AXIAL,
     CHANGE,
     CORRECTION,
     DAMPING,
     DIRECTION,
+    EA,
     ELEMENTS,
+    END,
     GEOMETRIC,
     GROWTH,
+    MASS,
+    PER_METRE,
     POSITION,
     REST,
     SECTION,
+    SKIN,
     STIFFNESS,
     TENSION,
     VELOCITY,
+    C,
+    Floats,
+    Rope,
+    Stage,
+    Table,
 )
+
+SAME_PLACE = 1e-6  # m: material coordinates closer than this are one
+
+
+@jit_within
+def section_above(sections: Any, s: float) -> int:
+    """Return the section of the rope just above material coordinate s."""
+    k = 0
+    while sections[END, k] <= s + SAME_PLACE:
+        k += 1
+    return k
+
+
+@jit_within
+def set_element(work: Any, sections: Any, k: int, e: int, rest: float) -> None:
+    """Set unstretched length, section k and stiffness of element e; it does not grow."""
+    work[REST, e] = rest
+    work[GROWTH, e] = 0.0
+    work[SECTION, e] = k
+    work[STIFFNESS, e] = sections[EA, k] / rest
+    work[DAMPING, e] = sections[C, k] / rest
+
+
+@jit_ordered_within
+def set_growth(work: Any, e: int, V: Any) -> None:
+    """Set the growth rate of element e, whose unstretched length changes at V [m/s]."""
+    work[GROWTH, e] = V / work[REST, e]
+
+
+@jit
+def set_lengths(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
+    """Set all elements and lumped nodes for paid-out length L; no element grows."""
+    section = 0
+    for k in range(MASS, SKIN + 1):
+        work[k, 0] = 0.0
+    for e in range(n):
+        rest = (L if e == n - 1 else s[e + 1]) - s[e]
+        while sections[END, section] <= s[e] + SAME_PLACE:
+            section += 1
+        set_element(work, sections, section, e, rest)
+        for k in range(MASS, SKIN + 1):
+            half = 0.5 * rest * sections[k - MASS + PER_METRE, section]
+            work[k, e] += half
+            work[k, e + 1] = half
+
+
+@jit
+def set_top_length(work: Any, s: Any, sections: Any, n: int, L: float, V: float) -> None:
+    """Set what depends on the paid-out length L and its rate V: the top element and its nodes."""
+    top, below = section_above(sections, s[n - 1]), section_above(sections, s[n - 2])
+    set_top_of(work, s, sections, n, (L, V), (top, below))
+
+
+@jit_within
+def set_top_of(work: Any, s: Any, sections: Any, n: int, line: Any, places: Any) -> None:
+    """Set the top element and its nodes.
+
+    line: paid-out length and its rate; places: sections of the top element and of the one below.
+    """
+    (L, V), (top, below) = line, places
+    rest = L - s[n - 1]
+    set_element(work, sections, top, n - 1, rest)
+    for k in range(MASS, SKIN + 1):
+        per_metre = k - MASS + PER_METRE
+        half = 0.5 * rest * sections[per_metre, top]
+        work[k, n - 1] = 0.5 * work[REST, n - 2] * sections[per_metre, below] + half
+        work[k, n] = half
+    set_growth(work, n - 1, V)
+
+
+def pull_of(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
+    """Return the elastic tension [N] of element e at this extension [m], and its tangent [N/m].
+
+    section, stiffness: rows; a table stores its tangent in `stiffness`.
+    """
+    chosen = _by_stiffness if law is None else _by_table
+    return chosen(law, section, stiffness, e, extension, rest)
+
+
+@jit_within
+def tension_at(law: Any, section: int, strain: float) -> Any:
+    """Return T and dT/dstrain [N] of a section; linear below the first and beyond the last knot."""
+    j = 0
+    while j + 1 < law.knot.shape[1] and strain >= law.knot[section, j + 1]:
+        j += 1
+    u = strain - law.knot[section, j]
+    v = max(u, 0.0)
+    slope, curve, bend = law.slope[section, j], law.curve[section, j], law.bend[section, j]
+    return (
+        law.tension[section, j] + slope * u + v * v * (curve + bend * v),
+        slope + v * (2.0 * curve + 3.0 * bend * v),
+    )
+
+
+def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> Any:
+    """Return elastic tension [N] and stored energy per unstretched metre [J/m]; 0 when slack.
+
+    In numpy, for the energy balance outside the step. stiffness: EA [N] of each element, where
+    there is no table.
+    """
+    strain = np.maximum(strain, 0.0)
+    if law is None:
+        return stiffness * strain, 0.5 * stiffness * strain**2
+    tension, stored = np.zeros_like(strain), np.zeros_like(strain)
+    for j in range(law.knot.shape[1]):
+        low, t, slope, curve, bend = (row[section, j] for row in law)
+        end = law.knot[section, j + 1] if j + 1 < law.knot.shape[1] else np.inf
+        here = strain >= low
+        u = np.where(here, np.minimum(strain, end) - np.where(here, low, 0.0), 0.0)
+        inside = t + u * (slope + u * (curve + u * bend))
+        tension = np.where(here, inside, tension)
+        stored += u * (t + u * (slope / 2.0 + u * (curve / 3.0 + u * bend / 4.0)))
+    return tension, stored
+
+
+@jit_within
+def _by_stiffness(
+    law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float
+) -> Any:
+    return stiffness[e] * extension, stiffness[e]
+
+
+@jit_within
+def _by_table(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
+    tension, tangent = tension_at(law, int(section[e]), extension / rest)
+    k = tangent / rest
+    stiffness[e] = k
+    return tension, k
+
+
+@overload(pull_of, jit_options={**LINKED, "forceinline": True}, strict=False)
+def _choose(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
+    chosen = _by_stiffness if isinstance(law, types.NoneType) else _by_table
+
+    def choice(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
+        return chosen(law, section, stiffness, e, extension, rest)
+
+    return choice
 
 
 @jit_within
@@ -127,7 +286,7 @@ def stretch(law: Any, work: Any, offset: Any, p: float, q: float, low: int, high
 
 
 @jit
-def stretch_corrected(rope: Any, stage: Any, low: int, high: int) -> int:
+def stretch_corrected(rope: Rope, stage: Stage, low: int, high: int) -> int:
     """Apply `stretch` after a correction; return the number of tensions that deviate.
 
     The linearisation predicts T + (AXIAL + GEOMETRIC)·t·Δdelta, T itself where slack. NaN always
@@ -156,7 +315,7 @@ def stretch_corrected(rope: Any, stage: Any, low: int, high: int) -> int:
 
 
 @jit
-def count_unexpected(rope: Any, stage: Any, low: int, high: int) -> int:
+def count_unexpected(rope: Rope, stage: Stage, low: int, high: int) -> int:
     """Return the number of tensions that will deviate once motion is corrected.
 
     Direction and tension are set as if the motion were corrected.
@@ -183,7 +342,7 @@ def count_unexpected(rope: Any, stage: Any, low: int, high: int) -> int:
 
 
 @jit
-def find_change(rope: Any, stage: Any, low: int, high: int, column: int) -> None:
+def find_change(rope: Rope, stage: Stage, low: int, high: int, column: int) -> None:
     """Set direction and tension as if motion were corrected; store the change of element forces.
 
     The change is stored from `column` on.
@@ -208,7 +367,7 @@ def find_change(rope: Any, stage: Any, low: int, high: int, column: int) -> None
 
 
 @jit
-def stretch_all(rope: Any, stage: Any) -> None:
+def stretch_all(rope: Rope, stage: Stage) -> None:
     """Apply `stretch` to all elements."""
     n = rope.state.counts[ELEMENTS]
     stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, n - n, n)

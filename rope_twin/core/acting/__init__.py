@@ -1,1 +1,0 @@
-"""Contributions of effects to the step: hooks, loads and terms, composed at compile time."""

@@ -1,0 +1,1 @@
+"""Loads on the nodes: hooks of effects, balance of forces, internal variables."""

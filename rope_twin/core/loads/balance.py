@@ -1,0 +1,374 @@
+"""Balance of forces on the nodes of one stage: residual R and block A = -dR/da.
+
+    R = T_i·t_i - T_{i-1}·t_{i-1} + Σ loads - m·a
+
+with the tensions of the elements above and below. Inertia and the loads of all effects are summed
+in registers for a node, in one loop over the nodes (`load_nodes`). Each loop over the effects
+(core/loads/hooks.py) is unrolled while numba compiles: an absent effect leaves no code.
+
+Every pass works on a span of nodes low <= i < high, so that a stage can process the rope in chunks:
+the results of one pass are still in the processor's nearest cache when the next one reads them.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any, NamedTuple
+
+from numba.extending import overload
+
+from rope_twin.core.guards import TANGENT2_MIN
+from rope_twin.core.jit.decorators import LINKED, jit, jit_sum, jit_within
+from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.loads.hooks import (
+    couples,
+    kernels,
+    kernels_by_place,
+    may_be_calm,
+    members,
+    switches,
+    written_out,
+)
+from rope_twin.core.state import (
+    ACCELERATION,
+    BLOCK,
+    CORRECTION,
+    DIRECTION,
+    FLOW,
+    FLOW_RATE,
+    LINK,
+    MASS,
+    POSITION,
+    PULL,
+    PULL_X,
+    RESIDUAL,
+    TANGENT,
+    TENSION,
+    VELOCITY,
+    ZERO,
+    Stage,
+)
+
+
+class Node(NamedTuple):
+    """Kinematics and lumped properties of a node, the input of a load."""
+
+    x: float  # position [m]
+    y: float
+    z: float
+    vx: float  # velocity [m/s]
+    vy: float
+    vz: float
+    ax: float  # acceleration [m/s²]
+    ay: float
+    az: float
+    tx: float  # unit tangent of the rope, upward
+    ty: float
+    tz: float
+    ux: float  # water velocity [m/s]
+    uy: float
+    uz: float
+    wx: float  # acceleration of the water [m/s²], set only by some effects
+    wy: float
+    wz: float
+    mass: float  # of the rope [kg]
+    volume: float  # of displaced water [m³]
+    frontal: float  # reference area of normal drag [m²]
+    skin: float  # reference area of tangential drag [m²]
+
+
+class Load(NamedTuple):
+    """Load on a node: force less inertia, and minus its derivative to the acceleration.
+
+    The derivative is q·d/dv + p·d/dx + d/da, as a symmetric block.
+    """
+
+    x: float  # [N]
+    y: float
+    z: float
+    xx: float  # [kg]
+    xy: float
+    xz: float
+    yy: float
+    yz: float
+    zz: float
+
+
+@jit
+def load_nodes(effects: Any, work: Any, stage: Stage, low: int, high: int) -> None:
+    """Set residual R and block A of the nodes 1 <= low <= i < high.
+
+    R_i = T_i·t_i - T_{i-1}·t_{i-1} + Σ loads - MASS·a; A_i = MASS·I + the effects' blocks. The
+    tangent is the mean direction of both adjacent elements.
+    """
+    nodes = load_rows(work, low)
+    T, T_below = row(work, TENSION, low), row(work, TENSION, low - 1)
+    tx, ty, tz = rows(work, DIRECTION, low)
+    bx, by, bz = rows(work, DIRECTION, low - 1)
+    Rx, Ry, Rz = rows(work, RESIDUAL, low)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
+    for i in range(high - low):
+        x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
+        inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
+        load = load_of(effects, stage, nodes, (x * inverse, y * inverse, z * inverse), i)
+        # tension above - tension below + (loads of all effects - m·a)
+        Rx[i] = T[i] * tx[i] - T_below[i] * bx[i] + load.x
+        Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y
+        Rz[i] = T[i] * tz[i] - T_below[i] * bz[i] + load.z
+        Axx[i] = load.xx
+        Axy[i] = load.xy
+        Axz[i] = load.xz
+        Ayy[i] = load.yy
+        Ayz[i] = load.yz
+        Azz[i] = load.zz
+    load_remembering(effects, work, stage, low, high, True)
+
+
+@jit_within
+def load_of(effects: Any, stage: Stage, nodes: Any, tangent: Any, i: int) -> Any:
+    """Return inertia plus the loads of all effects on node i of `load_rows`."""
+    x, y, z, vx, vy, vz, ax, ay, az, ux, uy, uz, wx, wy, wz, mass, volume, frontal, skin = nodes
+    tx, ty, tz = tangent
+    node = Node(
+        x[i], y[i], z[i], vx[i], vy[i], vz[i], ax[i], ay[i], az[i], tx, ty, tz,
+        ux[i], uy[i], uz[i], wx[i], wy[i], wz[i], mass[i], volume[i], frontal[i], skin[i],
+    )  # fmt: skip
+    return _sum_loads(effects, node, stage)
+
+
+def _sum_loads(effects: Any, node: Any, stage: Stage) -> Any:
+    """Return the sum of the rope's inertia and the loads of all effects on one node."""
+    total = _inertia(node)
+    for effect, call in members("load", effects):
+        total = _sum(total, call(effect, node, stage))
+    return total
+
+
+@overload(_sum_loads, jit_options={**LINKED, "forceinline": True}, strict=False)
+def _compose_load(effects: Any, node: Any, stage: Stage) -> Any:
+    calls = kernels_by_place("load", effects)
+    lines = [f"total = add(total, kernel_{i}(effects[{i}], node, stage))" for i in calls]
+    lines = ["total = inertia(node)", *lines, "return total"]
+    return written_out("effects, node, stage", lines, calls, inertia=_inertia, add=_sum)
+
+
+@jit_within
+def _inertia(node: Any) -> Any:
+    """Return -m·a of the rope's own mass, and its block m·I."""
+    m = node.mass
+    return Load(-m * node.ax, -m * node.ay, -m * node.az, m, 0.0, 0.0, m, 0.0, m)
+
+
+@jit_within
+def _sum(a: Any, b: Any) -> Any:
+    return Load(
+        a.x + b.x, a.y + b.y, a.z + b.z, a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy,
+        a.yz + b.yz, a.zz + b.zz,
+    )  # fmt: skip
+
+
+@jit_within
+def load_rows(work: Any, low: int) -> Any:
+    """Return the rows that loads depend on, from node `low` on, except for the tangent."""
+    x, y, z = rows(work, POSITION, low)
+    vx, vy, vz = rows(work, VELOCITY, low)
+    ax, ay, az = rows(work, ACCELERATION, low)
+    ux, uy, uz = rows(work, FLOW, low)
+    wx, wy, wz = rows(work, FLOW_RATE, low)
+    mass, volume, frontal, skin = span(work, MASS, 4, low)
+    return (
+        x, y, z, vx, vy, vz, ax, ay, az, ux, uy, uz, wx, wy, wz, mass, volume, frontal, skin
+    )  # fmt: skip
+
+
+@jit
+def load_lowest(effects: Any, work: Any, stage: Stage) -> None:
+    """Set residual and block of node 0, which has no element below it."""
+    for k in range(3):
+        work[TANGENT + k, 0] = work[DIRECTION + k, 0]
+        work[RESIDUAL + k, 0] = work[TENSION, 0] * work[DIRECTION + k, 0]
+    add_load(effects, work, stage, ZERO, ZERO + 1)
+    add_end(effects, work, stage)
+
+
+@jit
+def add_load(effects: Any, work: Any, stage: Stage, low: int, high: int) -> None:
+    """Add loads and inertia to the residual and set the block, for the nodes low <= i < high.
+
+    TANGENT of the nodes must be given; `assembly.load_nodes` computes it from the elements.
+    """
+    nodes = load_rows(work, low)
+    tx, ty, tz = rows(work, TANGENT, low)
+    Rx, Ry, Rz = rows(work, RESIDUAL, low)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
+    for i in range(high - low):
+        load = load_of(effects, stage, nodes, (tx[i], ty[i], tz[i]), i)
+        Rx[i] += load.x
+        Ry[i] += load.y
+        Rz[i] += load.z
+        Axx[i] = load.xx
+        Axy[i] = load.xy
+        Axz[i] = load.xz
+        Ayy[i] = load.yy
+        Ayz[i] = load.yz
+        Azz[i] = load.zz
+    load_remembering(effects, work, stage, low, high, False)
+
+
+def load_remembering(
+    effects: Any, work: Any, stage: Stage, low: Any, high: Any, tangents: Any
+) -> Any:
+    """Add the loads of effects with internal variables; `tangents`: compute the tangents first."""
+    calls = members("load_nodes", effects)
+    if tangents and calls:
+        _set_tangents(work, low, high)
+    for effect, call in calls:
+        call(effect, work, stage, low, high)
+
+
+@overload(load_remembering, jit_options=LINKED, strict=False)
+def _compose_remembering(
+    effects: Any, work: Any, stage: Stage, low: Any, high: Any, tangents: Any
+) -> Any:
+    calls = kernels("load_nodes", effects, work)
+    lines = [f"kernel_{i}(effects[{i}], work, stage, low, high)" for i in calls]
+    lines = ["if tangents: set_tangents(work, low, high)", *lines] if calls else []
+    head = "effects, work, stage, low, high, tangents"
+    return written_out(head, [*lines, "return None"], calls, set_tangents=_set_tangents)
+
+
+@jit
+def _set_tangents(work: Any, low: int, high: int) -> None:
+    """Set TANGENT of the nodes 1 <= low <= i < high to the mean direction of adjacent elements."""
+    tx, ty, tz = rows(work, DIRECTION, low)
+    bx, by, bz = rows(work, DIRECTION, low - 1)
+    mx, my, mz = rows(work, TANGENT, low)
+    for i in range(high - low):
+        x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
+        inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
+        mx[i] = x * inverse
+        my[i] = y * inverse
+        mz[i] = z * inverse
+
+
+@jit
+def set_flow(effects: Any, work: Any, stage: Stage, low: int, high: int) -> None:
+    """Set the water velocity at the nodes, at the stage's predicted positions.
+
+    They differ from the accepted ones by p·(a - a predicted), of third order in the step.
+    """
+    ux, uy, uz = rows(work, FLOW, low)
+    for i in range(high - low):
+        ux[i] = 0.0
+        uy[i] = 0.0
+        uz[i] = 0.0
+    add_flow(effects, work, stage, low, high)
+
+
+@jit_sum
+def slope(work: Any, low: int, high: int) -> float:
+    """Return R·delta: minus the slope of the stage's energy along the correction."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, low)
+    dx, dy, dz = rows(work, CORRECTION, low)
+    total = 0.0
+    for i in range(high - low):
+        total += Rx[i] * dx[i] + Ry[i] * dy[i] + Rz[i] * dz[i]
+    return total
+
+
+def add_flow(effects: Any, work: Any, stage: Stage, low: Any, high: Any) -> Any:
+    """Add every effect's water velocity for the nodes low <= i < high."""
+    for effect, call in members("flow", effects):
+        call(effect, work, stage, low, high)
+
+
+@overload(add_flow, jit_options=LINKED, strict=False)
+def _compose_flow(effects: Any, work: Any, stage: Stage, low: Any, high: Any) -> Any:
+    calls = kernels("flow", effects, work)
+    lines = [f"kernel_{i}(effects[{i}], work, stage, low, high)" for i in calls]
+    return written_out("effects, work, stage, low, high", [*lines, "return None"], calls)
+
+
+def add_end(effects: Any, work: Any, stage: Stage) -> Any:
+    """Add every effect's load at the lower end."""
+    for effect, call in members("load_end", effects):
+        call(effect, work, stage)
+
+
+@overload(add_end, jit_options=LINKED, strict=False)
+def _compose_end(effects: Any, work: Any, stage: Stage) -> Any:
+    calls = kernels("load_end", effects, work)
+    lines = [f"kernel_{i}(effects[{i}], work, stage)" for i in calls]
+    return written_out("effects, work, stage", [*lines, "return None"], calls)
+
+
+@jit
+def _clear_links(work: Any, n: int) -> None:
+    """Clear the couplings, and residual and block of the hang-off's node, which loads leave out."""
+    for i in range(n + 1):
+        work[LINK, i] = work[LINK + 1, i] = 0.0
+    for k in range(3):
+        work[RESIDUAL + k, n] = 0.0
+    for k in range(6):
+        work[BLOCK + k, n] = 0.0
+
+
+def add_couplings(effects: Any, work: Any, stage: Stage, n: Any) -> Any:
+    """Add every effect's forces between nodes that are not next neighbours."""
+    if couples(map(type, effects)):
+        _clear_links(work, n)
+    for effect, call in members("couple", effects):
+        call(effect, work, stage, n)
+
+
+@overload(add_couplings, jit_options=LINKED, strict=False)
+def _compose_couplings(effects: Any, work: Any, stage: Stage, n: Any) -> Any:
+    calls = kernels("couple", effects, work)
+    lines = [f"kernel_{i}(effects[{i}], work, stage, n)" for i in calls]
+    lines = ["clear(work, n)", *lines] if calls else []
+    return written_out(
+        "effects, work, stage, n", [*lines, "return None"], calls, clear=_clear_links
+    )
+
+
+@jit
+def _add_to_pull(force: Any, pull: Any, row: int) -> None:
+    """Add a force on the hang-off to the tension of step `row`."""
+    square = 0.0
+    for k in range(3):
+        pull[row, PULL_X + k] += force[k]
+        square += pull[row, PULL_X + k] ** 2
+    pull[row, PULL] = sqrt(square)
+
+
+def add_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
+    """Add the contribution of coupling effects to the rope's force on the hang-off."""
+    for effect, call in members("pull", effects):
+        _add_to_pull(call(effect, work, n), pull, row)
+
+
+@overload(add_pull, jit_options=LINKED, strict=False)
+def _compose_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
+    calls = kernels("pull", effects, work)
+    lines = [f"add(kernel_{i}(effects[{i}], work, n), pull, row)" for i in calls]
+    lines.append("return None")
+    return written_out("effects, work, n, pull, row", lines, calls, add=_add_to_pull)
+
+
+def is_calm(effects: Any, work: Any, stage: Stage, n: Any, share: Any) -> Any:
+    """Return whether no active set differs between the present motion and that with share·delta."""
+    if not may_be_calm(map(type, effects)):
+        return False
+    return all(call(own, work, stage, n, share) for own, call in members("calm", effects))
+
+
+@overload(is_calm, jit_options=LINKED, strict=False)
+def _compose_calm(effects: Any, work: Any, stage: Stage, n: Any, share: Any) -> Any:
+    kinds = [effect.instance_class for effect in effects]
+    if not switches(kinds):
+        return lambda effects, work, stage, n, share: True
+    if not may_be_calm(kinds):
+        return lambda effects, work, stage, n, share: False
+    calls = kernels("calm", effects, work)
+    lines = [f"if not kernel_{i}(effects[{i}], work, stage, n, share): return False" for i in calls]
+    return written_out("effects, work, stage, n, share", [*lines, "return True"], calls)

@@ -1,0 +1,288 @@
+"""One implicit stage, x = x_hat + p·a and v = v_hat + q·a, solved for a by semismooth Newton.
+
+The tension-only energy is convex in a, so there is one minimum. A stage is accepted when every
+tension agrees with its linearisation and, where an effect has an active set, every node is
+balanced; from the fourth correction on a secant line search keeps Newton's method from overshooting
+between slack and taut (full steps suffice before).
+
+**Factor reuse** (simplified Newton). Both stages of a step have the same weights p and q, and the
+rope changes little between them. Where the first needed one correction, the second tries the
+first's factors: that costs a third of an elimination. Its loads and blocks are still its own, and
+the residual after the correction is evaluated with them: the change of both element forces exactly,
+that of the loads by the block.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numba.extending import overload
+
+from rope_twin.core.banded.pentadiagonal import eliminate_coupled, push_coupled, take_links
+from rope_twin.core.banded.tridiagonal import eliminate, push
+from rope_twin.core.elements import count_unexpected, find_change, stretch
+from rope_twin.core.integrator import (
+    BDF2,
+    CONVERGED,
+    NOT_FINITE,
+    PENDING,
+    TRAPEZOID,
+    UNCONVERGED,
+    correct,
+    predict_bdf2,
+    predict_trapezoid,
+)
+from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.wide import count_beyond
+from rope_twin.core.loads import hooks
+from rope_twin.core.loads.balance import (
+    add_couplings,
+    is_calm,
+    load_lowest,
+    load_nodes,
+    set_flow,
+    slope,
+)
+from rope_twin.core.loads.memory import predict_memories
+from rope_twin.core.state import (
+    BLOCK,
+    CHANGE,
+    CORRECTION,
+    ELEMENTS,
+    RESIDUAL,
+    REST,
+    SOLVES,
+    SOLVES_MAX,
+    Rope,
+    Stage,
+)
+
+SEARCH_FROM = 4  # the first correction with a line search
+SEARCH_EVALUATIONS = 8
+# Residual tolerance at a node over that of a tension: residuals of many nodes may add up.
+RESIDUAL_SHARE = 1e-3
+MAX_CORRECTIONS = 12  # corrections before the step is divided into substeps
+# A row of slack elements becomes taut one by one, one correction each: at the shortest substep more
+# corrections are allowed (the energy is convex, so they converge).
+MAX_CORRECTIONS_LAST = 200
+SEARCH = np.int64(2)  # kind of evaluation, after TRAPEZOID and BDF2: corrected, not predicted
+CHUNK = 64  # nodes per chunk of all passes: their rows fit into the nearest cache
+
+
+def _as_coupled(coupled: Any, plain: Any) -> Any:
+    """Return a solver of the chain: `coupled` if an effect's type couples nodes, else `plain`."""
+
+    def solve(effects: Any, work: Any, first: Any, n: Any) -> None:
+        (coupled if hooks.couples(map(type, effects)) else plain)(work, first, n)
+
+    @overload(solve, jit_options=LINKED, strict=False)
+    def choose(effects: Any, work: Any, first: Any, n: Any) -> Any:
+        chosen = coupled if hooks.couples(part.instance_class for part in effects) else plain
+
+        def call(effects: Any, work: Any, first: Any, n: Any) -> None:
+            chosen(work, first, n)
+
+        return call
+
+    return solve
+
+
+@jit
+def _push_links(work: Any, first: int, n: int) -> None:
+    """Solve with the previous factors; subtract the effect of the couplings from the residual."""
+    push_coupled(work, first, n)
+    take_links(work, n)
+
+
+_eliminate = _as_coupled(eliminate_coupled, eliminate)
+
+
+_push = _as_coupled(_push_links, push)  # with the existing factors
+
+
+@jit
+def solve_stage(rope: Rope, stage: Stage, kind: int, cap: int, pending: float, again: bool) -> int:
+    """Solve for the acceleration; tension and motion are then the stage's.
+
+    kind: TRAPEZOID or BDF2; cap: maximum number of corrections; pending: fraction of CORRECTION
+    still to be added to the previous motion; again: begin with the existing factors. Returns
+    PENDING if the last correction is still to be added to the motion, CONVERGED, UNCONVERGED, or
+    NOT_FINITE if a force is not.
+    """
+    state, work = rope.state, rope.work
+    n, first = state.counts[ELEMENTS], rope.model.first_free
+    _evaluate(rope, stage, kind, 0.0, pending)
+    if again and _is_solved_again(rope, stage):
+        return PENDING
+    for correction in range(1, cap + 1):
+        _eliminate(rope.effects, work, first, n)
+        state.health[SOLVES] += 1
+        state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
+        unexpected = _look_ahead(rope, stage)
+        if unexpected == 0 and is_calm(rope.effects, work, stage, n, 1.0):
+            return PENDING
+        before = _slope(rope)
+        if not isfinite(before):
+            return NOT_FINITE
+        _evaluate(rope, stage, SEARCH, 1.0, 0.0)
+        if unexpected == 0 and _switches(rope.effects) and _is_balanced(rope):
+            return CONVERGED
+        if correction >= SEARCH_FROM:
+            search(rope, stage, before, _correct_by, _slope)
+    return UNCONVERGED
+
+
+@jit
+def _evaluate(rope: Rope, stage: Stage, kind: int, factor: float, pending: float) -> None:
+    """Evaluate motion, tension, residual and blocks: predicted, or (SEARCH) corrected.
+
+    SEARCH applies a += factor·delta. Elements and loads follow one node behind, since an element
+    needs both of its nodes.
+    """
+    state, work, p, q = rope.state, rope.work, stage.p, stage.q
+    n = state.counts[ELEMENTS]
+    for start in range(0, n, CHUNK):
+        low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
+        if kind == TRAPEZOID:
+            predict_trapezoid(state.nodes, work, p, q, low, high)
+        elif kind == BDF2:
+            predict_bdf2(state.nodes, work, p, q, pending, low, high)
+        else:
+            correct(work, p, q, factor, low, high)
+        done, last = max(start - 1, 0), n if high == n else high - 1
+        stretch(rope.law, work, state.offset, p, q, done, last)
+        if kind != SEARCH:
+            set_flow(rope.effects, work, stage, done, last)
+            predict_memories(rope.effects, rope, stage, kind, done, last)
+        load_nodes(rope.effects, work, stage, max(done, 1), last)
+    load_lowest(rope.effects, work, stage)
+    add_couplings(rope.effects, work, stage, n)
+
+
+@jit
+def _look_ahead(rope: Rope, stage: Stage) -> int:
+    """Set direction and tension as if corrected; return the number of deviating tensions."""
+    n = rope.state.counts[ELEMENTS]
+    return int(count_unexpected(rope, stage, n - n, n))
+
+
+def _switches(effects: Any) -> Any:
+    """Return whether effects have active sets, so that tensions alone do not show convergence."""
+    return hooks.switches(map(type, effects))
+
+
+@overload(_switches, jit_options=LINKED, strict=False)
+def _choose_balance(effects: Any) -> Any:
+    if hooks.switches(effect.instance_class for effect in effects):
+        return lambda effects: True
+    return lambda effects: False
+
+
+@jit
+def _is_balanced(rope: Rope) -> bool:
+    """Return whether the residual of every node is below the tolerance and not NaN."""
+    Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
+    most, left = rope.model.tolerance * rope.model.tolerance, 0
+    for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
+        left += not Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= most
+    return bool(left == 0)
+
+
+@jit
+def _is_solved_again(rope: Rope, stage: Stage) -> bool:
+    """Return whether one correction with the last elimination's factors solves the stage.
+
+    If not, motion, tension and blocks are those of the prediction.
+    """
+    effects, work, n = rope.effects, rope.work, rope.state.counts[ELEMENTS]
+    if not is_calm(effects, work, stage, n, 0.0):
+        return False
+    _push(effects, work, rope.model.first_free, n)
+    rope.state.health[SOLVES] += 1
+    if count_left(rope, stage, CHUNK) == 0 and is_calm(effects, work, stage, n, 1.0):
+        return True
+    _evaluate(rope, stage, SEARCH, 0.0, 0.0)
+    return False
+
+
+@jit
+def count_left(rope: Rope, stage: Stage, chunk: int) -> int:
+    """Return nonzero (for SIMD batches: lane bits) if a node has a residual after the correction.
+
+    Direction and tension are set as if motion were corrected. Nodes follow one behind the elements.
+    Column e - start + 2 of CHANGE belongs to element e; below the lowest there is none.
+    """
+    work, n, first = rope.work, rope.state.counts[ELEMENTS], rope.model.first_free
+    none, left = 0.0 * work[REST, 0], 0
+    for k in range(CHANGE, CHANGE + 3):
+        work[k, 1] = none
+    for start in range(0, n, chunk):
+        end = min(start + chunk, n)
+        done, last = max(start - 1, 0), n if end == n else end - 1
+        find_change(rope, stage, done, last, done - start + 2)
+        left |= _count(rope, max(start - 1, first), last, start)
+        for k in range(CHANGE, CHANGE + 3):
+            work[k, 0] = work[k, last - start + 1]
+    return left
+
+
+@jit
+def _count(rope: Rope, low: int, high: int, start: int) -> int:
+    """Return nonzero if one of the nodes low <= i < high has a residual."""
+    work, least = rope.work, RESIDUAL_SHARE * rope.model.tolerance
+    fx, fy, fz = rows(work, CHANGE, low - start + 2)
+    gx, gy, gz = rows(work, CHANGE, low - start + 1)
+    Rx, Ry, Rz = rows(work, RESIDUAL, low)
+    dx, dy, dz = rows(work, CORRECTION, low)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
+    count = 0
+    for i in range(high - low):
+        x = Rx[i] + (fx[i] - gx[i]) - (Axx[i] * dx[i] + Axy[i] * dy[i] + Axz[i] * dz[i])
+        y = Ry[i] + (fy[i] - gy[i]) - (Axy[i] * dx[i] + Ayy[i] * dy[i] + Ayz[i] * dz[i])
+        z = Rz[i] + (fz[i] - gz[i]) - (Axz[i] * dx[i] + Ayz[i] * dy[i] + Azz[i] * dz[i])
+        count = count_beyond(count, abs(x) + abs(y) + abs(z), 0.0, least)
+    return count
+
+
+@jit
+def search(rope: Any, stage: Any, before: float, correct: Any, slope_of: Any) -> None:
+    """Move along the correction until |R·delta| is at most half of `before`, its start value.
+
+    rope: a rope or a multi-line system; `correct(rope, stage, factor)` applies a += factor·delta,
+    and `slope_of(rope)` is R·delta there. Secant steps in a bracket that starts as (0, 1).
+    """
+    low, slope_low, high, slope_high = 0.0, before, 1.0, 0.0
+    factor, here = 1.0, slope_of(rope)
+    for evaluation in range(SEARCH_EVALUATIONS):
+        if here < -0.5 * before:
+            high, slope_high = factor, here
+        elif evaluation > 0 and here > 0.5 * before:
+            low, slope_low = factor, here
+        else:
+            return
+        target = _secant(low, slope_low, high, slope_high)
+        correct(rope, stage, target - factor)
+        factor, here = target, slope_of(rope)
+
+
+@jit
+def _secant(low: float, slope_low: float, high: float, slope_high: float) -> float:
+    """Return the zero of the secant through the bracket's ends, inside 5 to 95 % of it."""
+    span = high - low
+    cross = low + span * slope_low / (slope_low - slope_high)
+    return min(max(cross, low + 0.05 * span), high - 0.05 * span)
+
+
+@jit
+def _correct_by(rope: Rope, stage: Stage, factor: float) -> None:
+    """Apply a += factor·delta and evaluate the stage."""
+    _evaluate(rope, stage, SEARCH, factor, 0.0)
+
+
+@jit
+def _slope(rope: Rope) -> Any:
+    """Return R·delta of the rope."""
+    return slope(rope.work, rope.model.first_free, rope.state.counts[ELEMENTS])

@@ -1,0 +1,400 @@
+"""Payout and hauling: prescribed motion, and elements that split and merge at the sheave.
+
+**Motion.** Hang-off and paid-out length are cubic Hermite polynomials over a step; values and rates
+are given at the step boundaries (a Boundary: rows are boundaries, columns x, y, z and paid-out
+length), so that every stage and substep sees the prescribed motion at its own time.
+
+**Ghost nodes** at the end of the arrays are probes on the rope where the force per metre is
+evaluated, after every step, in one pass. LOW is the node below the top element, HIGH the rope that
+passes the hang-off, MIDDLE the node that a split would create between them. AFTER is the rope at
+the hang-off as the next event would leave it: of the section above a new node, or, without a split,
+with the node below removed. HIGH gives the tension at the hang-off, and the others let a split or a
+merge balance its forces without evaluating an effect again.
+
+**Split and merge** of the top element happen without a transient. A new node gets the *material*
+velocity and acceleration of the rope at its position, is placed in local dynamic equilibrium, and
+each half gets a length correction that makes its tension what the balance of its ends demands; so
+neither the tension at the hang-off nor any acceleration changes at the event, and the corrections
+then decay (Model.absorb). Material coordinates are kept: an event changes only the end of the
+arrays. A boundary between sections becomes a node as soon as it has left the sheave.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any
+
+from rope_twin.core.banded.nodes import add_six, solve_symmetric, spring
+from rope_twin.core.elements import (
+    SAME_PLACE,
+    section_above,
+    set_element,
+    set_growth,
+    set_lengths,
+    stretch,
+    stretch_all,
+)
+from rope_twin.core.guards import STRETCH2_MIN
+from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.rows import copy
+from rope_twin.core.loads.balance import add_load, set_flow
+from rope_twin.core.state import (
+    ACCELERATION,
+    DIRECTION,
+    ELEMENTS,
+    END,
+    GROWTH,
+    LINE_COLUMN,
+    LOWEST_OFFSET,
+    MASS,
+    MERGES,
+    NODE_ROWS,
+    PER_METRE,
+    POSITION,
+    RESIDUAL,
+    REST,
+    SKIN,
+    SPLITS,
+    STIFFNESS,
+    TANGENT,
+    TENSION,
+    VELOCITY,
+    ZERO,
+    Boundary,
+    Rope,
+    Stage,
+)
+
+LOW, MIDDLE, HIGH, AFTER = -4, -3, -2, -1  # from the end of the arrays
+TRIALS = 4
+FORCED_SPLIT = 4.0  # times split_above: an element this long splits even when slack
+SAG_LIMIT = 0.05  # of the chord: a new node farther off it is placed on the chord
+MAX_ITERATIONS = 10
+# Convergence of a new node's position: relative to the element that it splits, and [m]
+POSITION_TOL, POSITION_TOL_M = 1e-13, 1e-12
+SMALLEST_REST = 1e-3  # m
+SMALLEST_STEPS = 2.0  # and at least this many steps of payout
+
+
+@jit
+def prescribed(boundary: Boundary, row: int, column: int, part: float, h: float) -> Any:
+    """Return value, rate and second derivative of a column at the fraction `part` of a step."""
+    y0, y1 = boundary.value[row, column], boundary.value[row + 1, column]
+    d0, d1 = boundary.rate[row, column] * h, boundary.rate[row + 1, column] * h
+    c2 = 3.0 * (y1 - y0) - 2.0 * d0 - d1
+    c3 = 2.0 * (y0 - y1) + d0 + d1
+    u = part
+    value = y0 + u * (d0 + u * (c2 + u * c3))
+    first = (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h
+    second = (2.0 * c2 + 6.0 * c3 * u) / (h * h)
+    return value, first, second
+
+
+@jit
+def place_hang_off(work: Any, boundary: Boundary, row: int, part: float, h: float, n: int) -> Any:
+    """Set the hang-off's motion at node n; return paid-out length L, its rate and acceleration."""
+    for k in range(3):
+        value, first, second = prescribed(boundary, row, k, part, h)
+        work[POSITION + k, n] = value
+        work[VELOCITY + k, n] = first
+        work[ACCELERATION + k, n] = second
+    return prescribed(boundary, row, LINE_COLUMN, part, h)
+
+
+@jit
+def change_elements(rope: Rope, stage: Stage, L: float, lower: float) -> None:
+    """Perform at most one split or merge after a step; tensions then belong to the new elements.
+
+    stage: time and payout speed at the step's end; lower: of `split_length`. The ghost nodes must
+    have been loaded for this state.
+    """
+    model, state, work = rope.model, rope.state, rope.work
+    n = state.counts[ELEMENTS]
+    rest = work[REST, n - 1]
+    taut = work[TENSION, n - 1] > 0.0 and work[TENSION, n - 2] > 0.0
+    room = n + 1 < state.s.shape[0] - TRIALS
+    if lower > 0.0:
+        if room and (taut or rest > FORCED_SPLIT * model.split_above):
+            _split(rope, stage, lower)
+    elif n > 2 and rest < _merge_length(rope, stage.V):
+        _merge(rope, stage)
+    if state.counts[ELEMENTS] != n:
+        n = state.counts[ELEMENTS]
+        copy(state.nodes, ZERO, work, ZERO, n + 1)
+        set_lengths(work, state.s, rope.sections, n, L)
+        set_growth(work, n - 1, stage.V)
+        stretch_all(rope, stage)
+
+
+@jit
+def split_length(rope: Rope, V: float) -> Any:
+    """Return the unstretched length of the lower part of a top element to be split; 0 if it is not.
+
+    A section's end that is paid out by twice the minimum length determines the new node's position.
+    """
+    n = rope.state.counts[ELEMENTS]
+    s, rest = rope.state.s[n - 1], rope.work[REST, n - 1]
+    end = rope.sections[END, section_above(rope.sections, s)]
+    if s + rest - end > 2.0 * _least_length(rope, V):
+        return end - s
+    return rope.model.element_length if rest > rope.model.split_above else 0.0
+
+
+@jit
+def _merge_length(rope: Rope, V: float) -> Any:
+    """Return the unstretched length below which the top element merges.
+
+    A section's end is kept as long as possible. Next to an element shorter than standard the limit
+    is reduced in proportion.
+    """
+    top, least = rope.state.counts[ELEMENTS] - 1, _least_length(rope, V)
+    s, below = rope.state.s[top], rope.work[REST, top - 1] / rope.model.element_length
+    for k in range(rope.sections.shape[1]):
+        if abs(rope.sections[END, k] - s) <= SAME_PLACE:
+            return least
+    return max(rope.model.merge_below * min(below, 1.0), least)
+
+
+@jit
+def _least_length(rope: Rope, V: float) -> Any:
+    return max(SMALLEST_STEPS * abs(V) * rope.model.step, SMALLEST_REST)
+
+
+@jit
+def _split(rope: Rope, stage: Stage, lower: float) -> None:
+    """Insert a new node in the top element, `lower` above the element's lower end."""
+    state, work = rope.state, rope.work
+    e = state.counts[ELEMENTS] - 1
+    rest = work[REST, e]
+    xi = lower / rest
+    shares = xi * state.offset[e], (1.0 - xi) * state.offset[e]
+    if work[TENSION, e] > 0.0:
+        shares = _balance_parts(rope, stage.V, lower, shares)
+    _insert(rope, e, lower, shares)
+
+
+@jit
+def _merge(rope: Rope, stage: Stage) -> None:
+    """Remove the node below the hang-off; nothing else moves."""
+    state, work, sections = rope.state, rope.work, rope.sections
+    n, slots = state.counts[ELEMENTS], state.s.shape[0]
+    low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
+    upper, rest = work[REST, n - 1], work[REST, n - 2] + work[REST, n - 1]
+    offset = state.offset[n - 2] + state.offset[n - 1]
+    T = work[TENSION, n - 1]
+    pull_before = T - 0.5 * upper * along(work, high, n - 1)
+    # the merged element as a probe, from slot `low` to slot `middle`
+    for k in range(VELOCITY + 3):
+        work[k, low], work[k, middle] = state.nodes[k, n - 2], state.nodes[k, n]
+    set_element(work, sections, section_above(sections, state.s[n - 2]), low, rest)
+    state.offset[low] = offset
+    work[GROWTH, low] = stage.V / rest
+    stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, low, middle)
+    state.offset[low] = 0.0
+    if T > 0.0 and work[TENSION, low] > 0.0:
+        pull_after = work[TENSION, low] - 0.5 * rest * along(work, after, low)
+        offset += (pull_before - pull_after) / work[STIFFNESS, low]
+    for k in range(NODE_ROWS):
+        state.nodes[k, n - 1] = state.nodes[k, n]
+    state.s[n - 1] = state.s[n]
+    state.offset[n - 2] = offset
+    state.offset[n - 1] = 0.0
+    state.counts[LOWEST_OFFSET] = min(state.counts[LOWEST_OFFSET], n - 2)
+    state.counts[ELEMENTS] = n - 1
+    state.health[MERGES] += 1
+
+
+@jit
+def _balance_parts(rope: Rope, V: float, lower: float, shares: Any) -> Any:
+    """Place the new node in equilibrium; return the length corrections of both parts.
+
+    They preserve the acceleration below and the tension at the hang-off; a section that begins at
+    the new node has its own weight for the rope above it. shares: fractions of the existing
+    correction.
+    """
+    state, work, sections = rope.state, rope.work, rope.sections
+    e, slots = state.counts[ELEMENTS] - 1, state.s.shape[0]
+    low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
+    (share_low, share_up), rest, T = shares, work[REST, e], work[TENSION, e]
+    upper = rest - lower
+    T_low = T + 0.5 * upper * along(work, low, e)
+    T_up = T - 0.5 * (rest * along(work, high, e) - upper * along(work, after, e))
+    below = section_above(sections, state.s[e])
+    above = section_above(sections, state.s[e] + lower)
+    set_element(work, sections, below, low, lower)
+    set_element(work, sections, above, middle, upper)
+    state.offset[low], state.offset[middle] = share_low, share_up
+    for k in range(3):  # the top element uses the geometric velocity of the hang-off
+        work[VELOCITY + k, high] = state.nodes[VELOCITY + k, e + 1]
+    work[GROWTH, middle] = V / upper
+    _place_middle(rope, rest, middle)
+    if above != below:
+        _keep_strain_rate(rope, V, rest, upper)
+    stretch(rope.law, work, state.offset, 1.0, 0.0, low, high)
+    if work[TENSION, low] > 0.0 and T_low > 0.0:
+        share_low += (T_low - work[TENSION, low]) / work[STIFFNESS, low]
+    if work[TENSION, middle] > 0.0 and T_up > 0.0:
+        share_up += (T_up - work[TENSION, middle]) / work[STIFFNESS, middle]
+    state.offset[low], state.offset[middle] = 0.0, 0.0
+    return share_low, share_up
+
+
+@jit
+def _place_middle(rope: Rope, rest: float, middle: int) -> None:
+    """Move the new node from the chord into equilibrium, if that is found near the chord."""
+    work = rope.work
+    cx, cy, cz = work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle]
+    found = _find_equilibrium(rope, middle)
+    x, y, z = work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle]
+    ox, oy, oz = x - cx, y - cy, z - cz
+    if not found or sqrt(ox * ox + oy * oy + oz * oz) > SAG_LIMIT * rest:
+        work[POSITION, middle], work[POSITION + 1, middle] = cx, cy
+        work[POSITION + 2, middle] = cz
+
+
+@jit
+def _find_equilibrium(rope: Rope, middle: int) -> bool:
+    """Move ghost node `middle` to T_u·t_u - T_l·t_l + (l/2)·load = 0.
+
+    The load is in its RESIDUAL, its neighbours are the adjacent ghost nodes. Returns False if an
+    element goes slack or Newton's method does not converge; the caller then uses the point on the
+    chord.
+    """
+    work, low = rope.work, middle - 1
+    half = 0.5 * (work[REST, low] + work[REST, middle])
+    for _ in range(MAX_ITERATIONS):
+        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, low, middle + 1)
+        T_low, T_up = work[TENSION, low], work[TENSION, middle]
+        if T_low <= 0.0 or T_up <= 0.0:
+            return False
+        rx = T_up * work[DIRECTION, middle] - T_low * work[DIRECTION, low]
+        ry = T_up * work[DIRECTION + 1, middle] - T_low * work[DIRECTION + 1, low]
+        rz = T_up * work[DIRECTION + 2, middle] - T_low * work[DIRECTION + 2, low]
+        rx += half * work[RESIDUAL, middle]
+        ry += half * work[RESIDUAL + 1, middle]
+        rz += half * work[RESIDUAL + 2, middle]
+        K = add_six(spring(work, low), spring(work, middle))
+        dx, dy, dz = solve_symmetric(K, (rx, ry, rz))
+        work[POSITION, middle] += dx
+        work[POSITION + 1, middle] += dy
+        work[POSITION + 2, middle] += dz
+        if sqrt(dx * dx + dy * dy + dz * dz) < POSITION_TOL * 2.0 * half + POSITION_TOL_M:
+            return True
+    return False
+
+
+@jit
+def _keep_strain_rate(rope: Rope, V: float, rest: float, upper: float) -> None:
+    """Set the ghost node's velocity to preserve the strain rate of the rope above it.
+
+    A section with another stiffness leaves the sheave at another speed V·(1 + strain); its damper
+    must not interpret that as a strain rate.
+    """
+    nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
+    middle = rope.state.s.shape[0] + MIDDLE
+    for k in range(3):
+        q = (nodes[POSITION + k, n] - nodes[POSITION + k, n - 1]) / rest
+        q_above = (nodes[POSITION + k, n] - work[POSITION + k, middle]) / upper
+        work[VELOCITY + k, middle] += V * (q - q_above)
+
+
+@jit
+def _insert(rope: Rope, e: int, lower: float, offsets: Any) -> None:
+    """Turn ghost node MIDDLE into a node, and element e into two."""
+    state, work, n = rope.state, rope.work, e + 1
+    middle = state.s.shape[0] + MIDDLE
+    for k in range(NODE_ROWS):
+        state.nodes[k, n + 1] = state.nodes[k, n]
+        state.nodes[k, n] = work[k, middle]
+    state.s[n + 1] = state.s[n]
+    state.s[n] = state.s[e] + lower
+    state.offset[e], state.offset[n] = offsets
+    state.counts[LOWEST_OFFSET] = min(state.counts[LOWEST_OFFSET], e)
+    state.counts[ELEMENTS] = n + 1
+    state.health[SPLITS] += 1
+
+
+@jit
+def _set_material(rope: Rope, below: int, rest: float, V: float, A: float, slot: int) -> None:
+    """Set a ghost node to the rope at the hang-off, whose element extends down to node `below`.
+
+    Its velocity is v - V·q and its acceleration a - A·q - 2·V·dq/dt, with q the element's vector
+    over its unstretched length.
+    """
+    nodes, work = rope.state.nodes, rope.work
+    n = rope.state.counts[ELEMENTS]
+    dx = nodes[POSITION, n] - nodes[POSITION, below]
+    dy = nodes[POSITION + 1, n] - nodes[POSITION + 1, below]
+    dz = nodes[POSITION + 2, n] - nodes[POSITION + 2, below]
+    work[TANGENT, slot], work[TANGENT + 1, slot], work[TANGENT + 2, slot] = dx, dy, dz
+    length = sqrt(dx * dx + dy * dy + dz * dz + STRETCH2_MIN * rest * rest)
+    for k in range(3):
+        q = work[TANGENT + k, slot] / rest
+        q_rate = (nodes[VELOCITY + k, n] - nodes[VELOCITY + k, below] - V * q) / rest
+        work[POSITION + k, slot] = nodes[POSITION + k, n]
+        work[VELOCITY + k, slot] = nodes[VELOCITY + k, n] - V * q
+        work[ACCELERATION + k, slot] = nodes[ACCELERATION + k, n] - A * q - 2.0 * V * q_rate
+        work[TANGENT + k, slot] /= length
+
+
+@jit
+def load_trials(rope: Rope, stage: Stage, A: float, lower: float) -> None:
+    """Evaluate force less inertia per metre at the ghost nodes, into their RESIDUAL.
+
+    For the state after a step: `work` holds its elements, stage its time and payout speed V, A is
+    the rate of V, `lower` the unstretched length below MIDDLE.
+    """
+    s, sections = rope.state.s, rope.sections
+    n = rope.state.counts[ELEMENTS]
+    here = section_above(sections, s[n - 1])
+    other = section_above(sections, s[n - 1] + lower if lower > 0.0 else s[n - 2])
+    load_trials_of(rope, stage, A, lower, here, other)
+
+
+@jit
+def load_trials_of(rope: Rope, stage: Stage, A: float, lower: float, here: int, other: int) -> None:
+    """Evaluate the ghost nodes; here, other: sections at the hang-off and of AFTER."""
+    state, work, sections = rope.state, rope.work, rope.sections
+    n, slots = state.counts[ELEMENTS], state.s.shape[0]
+    low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
+    rest = work[REST, n - 1]
+    xi = min(lower / rest, 1.0)
+    _set_material(rope, n - 1, rest, stage.V, A, high)
+    below, length = n - 1, rest
+    if not lower > 0.0:
+        below, length = n - 2, rest + work[REST, n - 2]
+    _set_material(rope, below, length, stage.V, A, after)
+    for k in range(NODE_ROWS):
+        work[k, low] = state.nodes[k, n - 1]
+        work[k, middle] = (1.0 - xi) * work[k, low] + xi * work[k, high]
+    for k in range(TANGENT, TANGENT + 3):
+        work[k, low] = work[k, middle] = work[k, high]
+    for row in range(MASS, SKIN + 1):
+        own, others = (
+            sections[row - MASS + PER_METRE, here],
+            sections[row - MASS + PER_METRE, other],
+        )
+        work[row, low], work[row, high], work[row, after] = own, own, others
+        work[row, middle] = xi * own + (1.0 - xi) * others
+    for slot in range(low, slots):
+        for k in range(3):
+            work[RESIDUAL + k, slot] = 0.0
+    set_flow(rope.effects, work, stage, low, slots)
+    add_load(rope.effects, work, stage, low, slots)
+
+
+@jit_within
+def set_trials(memory: Any, row: int, value: float, rope: Rope) -> None:
+    """Set one value at every ghost node, in a row of an effect's internal variables."""
+    slots = rope.state.s.shape[0]
+    for slot in range(slots - TRIALS, slots):
+        memory[row, slot] = value
+
+
+@jit
+def along(work: Any, slot: int, element: int) -> float:
+    """Return the component of a ghost node's load along an element [N/m]."""
+    total = 0.0
+    for k in range(3):
+        total += work[RESIDUAL + k, slot] * work[DIRECTION + k, element]
+    return total

@@ -1,1 +1,0 @@
-"""Payout: material through the sheave, remeshing, and the prescribed motion."""

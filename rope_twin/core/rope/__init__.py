@@ -1,1 +1,0 @@
-"""Elements of a rope: sections, tension law, stiffness."""

@@ -1,1 +1,0 @@
-"""One implicit stage of a rope: prediction, assembly, and the direct solver."""
