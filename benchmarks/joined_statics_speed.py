@@ -13,7 +13,7 @@ from benchmarks.statics_speed import COIL_M, NODES, REPETITIONS, StaticsRow
 from rope_twin.core.joined.joints import LOOSE
 from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.state import ELEMENTS, LINE, MOTIONS, POSITION, Floats
-from rope_twin.core.statics.forces import Equilibrium
+from rope_twin.core.statics.shape import Equilibrium
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.joined import build_joined
 from rope_twin.scene.schema import Scene

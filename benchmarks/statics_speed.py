@@ -11,7 +11,7 @@ import numpy as np
 
 from rope_twin.core.state import POSITION, Floats
 from rope_twin.core.statics.equilibrium import solve_statics
-from rope_twin.core.statics.forces import Equilibrium
+from rope_twin.core.statics.shape import Equilibrium
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.rope import build

@@ -25,9 +25,8 @@ from rope_twin.core.integrator import (
     advance_substeps,
 )
 from rope_twin.core.jit.decorators import compiled, jit, jit_entry, jit_sum
-from rope_twin.core.jit.held import hold
-from rope_twin.core.jit.rows import copy
-from rope_twin.core.jit.subnormals import flush, restore
+from rope_twin.core.jit.floats import flush, restore
+from rope_twin.core.jit.rows import copy, hold
 from rope_twin.core.loads.balance import add_pull
 from rope_twin.core.loads.memory import (
     accept_memories,

@@ -29,8 +29,8 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.guards import DIVISOR_MIN, RATE_MIN
 from rope_twin.core.integrator import BDF2, K1, K2, TRAPEZOID
-from rope_twin.core.jit.cosine import cosine
 from rope_twin.core.jit.decorators import jit
+from rope_twin.core.jit.floats import cosine
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering

@@ -14,7 +14,7 @@ from rope_twin.core.body.energy import pose_of
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.statics.equilibrium import solve_statics
-from rope_twin.core.statics.forces import Equilibrium
+from rope_twin.core.statics.shape import Equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.lift import hung_together

@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba.core.registry import cpu_target
 
 from rope_twin.core.jit.decorators import OPTIONS, jit
-from rope_twin.core.jit.held import HeldType, hold
+from rope_twin.core.jit.rows import HeldType, hold
 from rope_twin.core.state import Boundary, Floats
 
 

@@ -137,8 +137,7 @@ def test_wide_numbers() -> None:
     """Operators, casts, masks and overloads of wide numbers, and their tables."""
     with _supported("wide numbers"):
         from rope_twin.core.jit.rows import row
-        from rope_twin.core.jit.tables import table, tiles, wide
-        from rope_twin.core.jit.wide import LANES, bits, choose
+        from rope_twin.core.jit.wide import LANES, bits, choose, table, tiles, wide
         from rope_twin.core.lanes.group import aligned
 
         def entry(array: Any, tile: Any, number: Any) -> int:
@@ -159,8 +158,8 @@ def test_wide_numbers() -> None:
 
 def test_structs_by_reference_and_the_register_of_subnormals() -> None:
     with _supported("structs by reference"):
-        from rope_twin.core.jit.held import hold
-        from rope_twin.core.jit.subnormals import flush, restore
+        from rope_twin.core.jit.floats import flush, restore
+        from rope_twin.core.jit.rows import hold
         from rope_twin.core.state import Boundary
 
         def entry(boundary: Any) -> float:

@@ -8,8 +8,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from rope_twin.core.jit.cosine import cosine
 from rope_twin.core.jit.decorators import OPTIONS, jit_entry
+from rope_twin.core.jit.floats import cosine
 
 # a product of several doubles at once: x86-64 and aarch64
 PACKED_PRODUCT = re.compile(

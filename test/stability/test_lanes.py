@@ -23,8 +23,7 @@ import rope_twin.twin.ensemble.simd as lanes_module
 from rope_twin import load_scene
 from rope_twin.core.banded.tridiagonal import eliminate, push
 from rope_twin.core.jit.decorators import OPTIONS, jit, jit_entry
-from rope_twin.core.jit.tables import tiles, wide
-from rope_twin.core.jit.wide import ALL, LANES, mask_of
+from rope_twin.core.jit.wide import ALL, LANES, mask_of, tiles, wide
 from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
 from rope_twin.core.lanes.group import Group, aligned, kind_of, why_alone
 from rope_twin.core.state import (

@@ -42,8 +42,8 @@ import numba  # noqa: E402
 from numba.core import config  # noqa: E402
 from numba.core.registry import cpu_target  # noqa: E402
 
+from rope_twin.core.jit.compiler import EntryCompiler, LinkedCompiler  # noqa: E402
 from rope_twin.core.jit.kept_code import KeptCode  # noqa: E402
-from rope_twin.core.jit.pipeline import EntryCompiler, LinkedCompiler  # noqa: E402
 
 if FOLDER is not None:
     config.CACHE_DIR = str(FOLDER.path)  # in case numba was imported before us

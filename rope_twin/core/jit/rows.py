@@ -1,13 +1,21 @@
-"""Rows of a matrix, for loops over nodes or elements.
+"""Arrays and records as kernels see them: rows without overlap, structs handed on by address.
 
-`rows(work, POSITION, low)` gives the x, y and z rows from column `low` on, `row(work, MASS, low)`
-one of them, `span` several, `node_rows(nodes, POSITION, low)` rows of the state. The row's number
-is part of its compiled type: a row never overlaps another, and LLVM is told so (scoped no-alias
-metadata). Without that it compares every row that a loop writes with every one that it touches
-before it dares to vectorise, at each entry of the loop: for the loads of the effects some three
-hundred comparisons, more work than the 64 nodes of a chunk.
+**Rows** of a matrix, for loops over nodes or elements. `rows(work, POSITION, low)` gives the x, y
+and z rows from column `low` on, `row(work, MASS, low)` one of them, `span` several,
+`node_rows(nodes, POSITION, low)` rows of the state. The row's number is part of its compiled type:
+a row never overlaps another, and LLVM is told so (scoped no-alias metadata). Without that it
+compares every row that a loop writes with every one that it touches before it dares to vectorise,
+at each entry of the loop: for the loads of the effects some three hundred comparisons, more work
+than the 64 nodes of a chunk.
 
 Rows are not bounds-checked and take no negative index. Plain Python gets numpy views.
+
+**Held structs.** In machine code a struct goes from kernel to kernel as one word for each number in
+it, and each of its arrays is ten: a rope is a hundred, a system of ropes two hundred, which every
+call copies. `hold(struct)` leaves it in one place, and is handed on as one pointer; a field is read
+where it is asked for. It lives as long as the kernel that holds it, and its fields are not written
+to (what its arrays hold is). Loops over nodes take arrays: a compiler that cannot see who else
+knows an address reads it again and again.
 """
 
 from __future__ import annotations
@@ -20,8 +28,14 @@ import numpy as np
 from llvmlite import ir
 from numba import config, types
 from numba.core import cgutils
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.core.typing.templates import (
+    AbstractTemplate,
+    AttributeTemplate,
+    infer_getattr,
+    infer_global,
+    signature,
+)
+from numba.extending import intrinsic, lower_builtin, lower_getattr_generic, models, register_model
 
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.state import NODE_ROWS, WORK_ROWS
@@ -245,3 +259,60 @@ def copy(source: Any, first: int, target: Any, first_target: int, n: int) -> Non
 def column(work: Any, first: int, i: int) -> Any:
     """Column i of three rows."""
     return work[first, i], work[first + 1, i], work[first + 2, i]
+
+
+_NAMED = (types.NamedTuple, types.NamedUniTuple)
+
+
+class HeldType(types.Type):  # type: ignore[misc]
+    """numba's type of a struct that is handed on by its address."""
+
+    def __init__(self, inner: Any) -> None:
+        super().__init__(name=f"Held({inner})")
+        self.inner = inner
+
+    def field(self, name: str) -> tuple[int, Any]:
+        """Number and type of a field; structs within are held too."""
+        number = self.inner.fields.index(name)
+        kind = list(self.inner)[number]
+        return number, HeldType(kind) if isinstance(kind, _NAMED) else kind
+
+
+@register_model(HeldType)
+class _HeldModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, manager.lookup(kind.inner).get_value_type().as_pointer())
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):  # type: ignore[misc]
+    key = HeldType
+
+    def generic_resolve(self, held: Any, name: str) -> Any:
+        return held.field(name)[1] if name in held.inner.fields else None
+
+
+@lower_getattr_generic(HeldType)
+def _read(context: Any, builder: Any, kind: Any, address: Any, name: str) -> Any:
+    number, of = kind.field(name)
+    index = [ir.Constant(ir.IntType(32), k) for k in (0, number)]
+    place = builder.gep(address, index, inbounds=True)
+    return place if isinstance(of, HeldType) else builder.load(place)
+
+
+@intrinsic
+def _hold(context: Any, struct: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return cgutils.alloca_once_value(builder, arguments[0])
+
+    return HeldType(struct)(struct), generate
+
+
+if config.DISABLE_JIT:
+
+    def hold(struct: Any) -> Any:
+        """The struct itself."""
+        return struct
+
+else:
+    hold = _hold

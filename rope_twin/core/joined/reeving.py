@@ -34,7 +34,7 @@ from rope_twin.core.state import (
     Floats,
     Rope,
 )
-from rope_twin.core.statics.forces import Equilibrium
+from rope_twin.core.statics.shape import Equilibrium
 
 HELD = 1e30  # kg: inertia of a locked wheel
 ROUNDS = 12

@@ -35,8 +35,7 @@ from rope_twin.core.state import (
     Floats,
 )
 from rope_twin.core.statics.equilibrium import FORCE_TOL_N, MAX_RATIO, ROUND_OFF, TENSION_TOL
-from rope_twin.core.statics.forces import INSTANT, SYMMETRIC, Equilibrium
-from rope_twin.core.statics.shape import largest
+from rope_twin.core.statics.shape import INSTANT, SYMMETRIC, Equilibrium, largest
 
 ROUNDS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 40, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS, FALL_STEPS, FALL_STEP = 8, 300, 0.05

@@ -19,8 +19,8 @@ from rope_twin.core.integrator import (
     advance_substeps,
 )
 from rope_twin.core.jit.decorators import compiled, jit, jit_entry
-from rope_twin.core.jit.held import hold
-from rope_twin.core.jit.subnormals import flush, restore
+from rope_twin.core.jit.floats import flush, restore
+from rope_twin.core.jit.rows import hold
 from rope_twin.core.joined.joints import LOOSE, STEP, Joined, System, place_ends
 from rope_twin.core.joined.sheaves import finish_at_sheave, is_at_sheave, pass_end
 from rope_twin.core.joined.stack import load, rope_of, stacked_effects, store

@@ -15,10 +15,9 @@ from numba.extending import overload
 from rope_twin.core.elements import SAME_PLACE, set_element, set_top_of
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry
+from rope_twin.core.jit.floats import flush, restore
 from rope_twin.core.jit.rows import node_rows, row, rows
-from rope_twin.core.jit.subnormals import flush, restore
-from rope_twin.core.jit.tables import table, tiles, wide
-from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of
+from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of, table, tiles, wide
 from rope_twin.core.lanes.stage import solve_stage
 from rope_twin.core.payout import (
     SMALLEST_REST,

@@ -31,7 +31,7 @@ from rope_twin.core.state import (
     Rope,
 )
 from rope_twin.core.statics.equilibrium import solve_statics
-from rope_twin.core.statics.forces import SYMMETRIC, Couplings, Elastic, StillRope
+from rope_twin.core.statics.shape import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.joined import build_joined
