@@ -67,7 +67,7 @@ def section_above(sections: Any, s: float) -> int:
 
 
 @jit_within
-def set_element(work: Any, sections: Any, k: int, e: int, rest: float) -> None:
+def set_element(work: Floats, sections: Any, k: int, e: int, rest: float) -> None:
     """Set unstretched length, section k and stiffness of element e; it does not grow."""
     work[REST, e] = rest
     work[GROWTH, e] = 0.0
@@ -77,13 +77,13 @@ def set_element(work: Any, sections: Any, k: int, e: int, rest: float) -> None:
 
 
 @jit_ordered_within
-def set_growth(work: Any, e: int, V: Any) -> None:
+def set_growth(work: Floats, e: int, V: Any) -> None:
     """Set the growth rate of element e, whose unstretched length changes at V [m/s]."""
     work[GROWTH, e] = V / work[REST, e]
 
 
 @jit
-def set_lengths(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
+def set_lengths(work: Floats, s: Any, sections: Any, n: int, L: float) -> None:
     """Set all elements and lumped nodes for paid-out length L; no element grows."""
     section = 0
     for k in range(MASS, SKIN + 1):
@@ -100,14 +100,14 @@ def set_lengths(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
 
 
 @jit
-def set_top_length(work: Any, s: Any, sections: Any, n: int, L: float, V: float) -> None:
+def set_top_length(work: Floats, s: Any, sections: Any, n: int, L: float, V: float) -> None:
     """Set what depends on the paid-out length L and its rate V: the top element and its nodes."""
     top, below = section_above(sections, s[n - 1]), section_above(sections, s[n - 2])
     set_top_of(work, s, sections, n, (L, V), (top, below))
 
 
 @jit_within
-def set_top_of(work: Any, s: Any, sections: Any, n: int, line: Any, places: Any) -> None:
+def set_top_of(work: Floats, s: Any, sections: Any, n: int, line: Any, places: Any) -> None:
     """Set the top element and its nodes.
 
     line: paid-out length and its rate; places: sections of the top element and of the one below.
@@ -242,7 +242,7 @@ def _stretched(part: Any, apart: Any, weights: Any, e: int) -> Any:
 
 
 @jit_within
-def _part(law: Any, work: Any, offset: Any, low: int) -> Any:
+def _part(law: Any, work: Floats, offset: Any, low: int) -> Any:
     """Return the law and rows of the elements from `low` on."""
     stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
     return (
@@ -252,7 +252,7 @@ def _part(law: Any, work: Any, offset: Any, low: int) -> Any:
 
 
 @jit_within
-def _motion(work: Any, low: int) -> Any:
+def _motion(work: Floats, low: int) -> Any:
     """Return the rows of position and velocity of the elements' lower and upper nodes."""
     px, py, pz = rows(work, POSITION, low)
     nx, ny, nz = rows(work, POSITION, low + 1)
@@ -262,7 +262,7 @@ def _motion(work: Any, low: int) -> Any:
 
 
 @jit
-def stretch(law: Any, work: Any, offset: Any, p: float, q: float, low: int, high: int) -> None:
+def stretch(law: Any, work: Floats, offset: Any, p: float, q: float, low: int, high: int) -> None:
     """Set direction, tension and stiffness blocks of the elements low <= e < high.
 
     T = E((l + offset - l_0)/l_0) + DAMPING·(t·Δv - GROWTH·l), l_0 the unstretched length, where

@@ -29,6 +29,7 @@ from rope_twin.core.state import (
     SUBSTEPS_UNCONVERGED,
     VELOCITY,
     ZERO,
+    Floats,
 )
 
 GAMMA = 2.0 - sqrt(2.0)
@@ -64,7 +65,7 @@ def _corrected(x: Any, v: Any, a: Any, change: Any, p: float, q: float) -> Any:
 
 
 @jit
-def predict_trapezoid(nodes: Any, work: Any, p: float, q: float, low: int, high: int) -> None:
+def predict_trapezoid(nodes: Floats, work: Floats, p: float, q: float, low: int, high: int) -> None:
     """Predict the trapezoidal stage, for the nodes low <= i < high."""
     x0, y0, z0 = node_rows(nodes, POSITION, low)
     vx0, vy0, vz0 = node_rows(nodes, VELOCITY, low)
@@ -83,7 +84,7 @@ def predict_trapezoid(nodes: Any, work: Any, p: float, q: float, low: int, high:
 
 @jit
 def predict_bdf2(
-    nodes: Any, work: Any, p: float, q: float, pending: float, low: int, high: int
+    nodes: Floats, work: Floats, p: float, q: float, pending: float, low: int, high: int
 ) -> None:
     """Predict the BDF2 stage for the nodes low <= i < high, from the middle plus pending·delta."""
     x0, y0, z0 = node_rows(nodes, POSITION, low)
@@ -105,7 +106,9 @@ def predict_bdf2(
 
 
 @jit
-def accept(nodes: Any, work: Any, p: float, q: float, pending: float, low: int, high: int) -> None:
+def accept(
+    nodes: Floats, work: Floats, p: float, q: float, pending: float, low: int, high: int
+) -> None:
     """Copy the stage's motion, plus pending·delta, to the state of the nodes low <= i < high."""
     x0, y0, z0 = node_rows(nodes, POSITION, low)
     vx0, vy0, vz0 = node_rows(nodes, VELOCITY, low)
@@ -121,7 +124,7 @@ def accept(nodes: Any, work: Any, p: float, q: float, pending: float, low: int, 
 
 
 @jit
-def correct(work: Any, p: float, q: float, factor: float, low: int, high: int) -> None:
+def correct(work: Floats, p: float, q: float, factor: float, low: int, high: int) -> None:
     """Apply a += factor·delta, and the same correction to x and v."""
     x, y, z = rows(work, POSITION, low)
     vx, vy, vz = rows(work, VELOCITY, low)

@@ -56,6 +56,7 @@ from rope_twin.core.state import (
     REST,
     SOLVES,
     SOLVES_MAX,
+    Floats,
     Rope,
     Stage,
 )
@@ -75,14 +76,14 @@ CHUNK = 64  # nodes per chunk of all passes: their rows fit into the nearest cac
 def _as_coupled(coupled: Any, plain: Any) -> Any:
     """Return a solver of the chain: `coupled` if an effect's type couples nodes, else `plain`."""
 
-    def solve(effects: Any, work: Any, first: Any, n: Any) -> None:
+    def solve(effects: Any, work: Floats, first: Any, n: Any) -> None:
         (coupled if hooks.couples(map(type, effects)) else plain)(work, first, n)
 
     @overload(solve, jit_options=LINKED, strict=False)
-    def choose(effects: Any, work: Any, first: Any, n: Any) -> Any:
+    def choose(effects: Any, work: Floats, first: Any, n: Any) -> Any:
         chosen = coupled if hooks.couples(part.instance_class for part in effects) else plain
 
-        def call(effects: Any, work: Any, first: Any, n: Any) -> None:
+        def call(effects: Any, work: Floats, first: Any, n: Any) -> None:
             chosen(work, first, n)
 
         return call
@@ -91,7 +92,7 @@ def _as_coupled(coupled: Any, plain: Any) -> Any:
 
 
 @jit
-def _push_links(work: Any, first: int, n: int) -> None:
+def _push_links(work: Floats, first: int, n: int) -> None:
     """Solve with the previous factors; subtract the effect of the couplings from the residual."""
     push_coupled(work, first, n)
     take_links(work, n)

@@ -61,6 +61,7 @@ from rope_twin.core.state import (
     VELOCITY,
     ZERO,
     Boundary,
+    Floats,
     Rope,
     Stage,
 )
@@ -91,7 +92,9 @@ def prescribed(boundary: Boundary, row: int, column: int, part: float, h: float)
 
 
 @jit
-def place_hang_off(work: Any, boundary: Boundary, row: int, part: float, h: float, n: int) -> Any:
+def place_hang_off(
+    work: Floats, boundary: Boundary, row: int, part: float, h: float, n: int
+) -> Any:
     """Set the hang-off's motion at node n; return paid-out length L, its rate and acceleration."""
     for k in range(3):
         value, first, second = prescribed(boundary, row, k, part, h)
@@ -392,7 +395,7 @@ def set_trials(memory: Any, row: int, value: float, rope: Rope) -> None:
 
 
 @jit
-def along(work: Any, slot: int, element: int) -> float:
+def along(work: Floats, slot: int, element: int) -> float:
     """Return the component of a ghost node's load along an element [N/m]."""
     total = 0.0
     for k in range(3):

@@ -28,13 +28,7 @@ from typing import Any
 
 from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within, jit_within
 from rope_twin.core.jit.simd import lane
-from rope_twin.core.state import (
-    AXIAL,
-    CORRECTION,
-    DIRECTION,
-    GEOMETRIC,
-    ZERO,
-)
+from rope_twin.core.state import AXIAL, CORRECTION, DIRECTION, GEOMETRIC, ZERO, Floats
 
 
 @jit_ordered_within
@@ -107,7 +101,7 @@ def push_node(gain: Any, inverse: Any, f: Any) -> Any:
 
 
 @jit_within
-def six(work: Any, first: int, i: int) -> Any:
+def six(work: Floats, first: int, i: int) -> Any:
     """Return column i of six rows."""
     return (
         work[first, i], work[first + 1, i], work[first + 2, i], work[first + 3, i],
@@ -116,7 +110,7 @@ def six(work: Any, first: int, i: int) -> Any:
 
 
 @jit_within
-def spring(work: Any, e: int) -> Any:
+def spring(work: Floats, e: int) -> Any:
     """Return K of element e: xx, xy, xz, yy, yz, zz."""
     x, y, z = work[DIRECTION, e], work[DIRECTION + 1, e], work[DIRECTION + 2, e]
     b, ax, ay = work[GEOMETRIC, e], work[AXIAL, e] * x, work[AXIAL, e] * y
@@ -124,7 +118,7 @@ def spring(work: Any, e: int) -> Any:
 
 
 @jit_within
-def ground(work: Any, first: int) -> Any:
+def ground(work: Floats, first: int) -> Any:
     """Return Z of the lowest free node: zero, or the element to the fixed node below it."""
     xx, xy, xz, yy, yz, zz = spring(work, ZERO)
     tied = 1.0 if first == 1 else 0.0
@@ -132,7 +126,7 @@ def ground(work: Any, first: int) -> Any:
 
 
 @jit_within
-def hold_ends(work: Any, first: int, n: int) -> None:
+def hold_ends(work: Floats, first: int, n: int) -> None:
     """Set the correction to zero where motion is prescribed."""
     for k in range(3):
         work[CORRECTION + k, n] = 0.0

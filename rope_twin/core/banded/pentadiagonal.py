@@ -45,13 +45,14 @@ from rope_twin.core.state import (
     GEOMETRIC,
     LINK,
     RESIDUAL,
+    Floats,
 )
 
 SECOND = LINK + 1  # coupling with the second next node
 
 
 @jit_ordered
-def single_node(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
+def single_node(work: Floats, i: int, state: Any, K: Any, c: float, d: float) -> Any:
     """Eliminate node i of one chain, with its next element K and its couplings c and d.
 
     state: Schur complement on it, its force, Schur complement on the next node, and between the
@@ -65,7 +66,7 @@ def single_node(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> An
 
 
 @jit_within
-def keep(work: Any, factors: int, i: int, kept: Any) -> None:
+def keep(work: Floats, factors: int, i: int, kept: Any) -> None:
     """Store the factors of node i for the back-substitution; S⁻¹ from row `factors` on."""
     own, G, inverse = kept
     for k in range(3):
@@ -78,7 +79,7 @@ def keep(work: Any, factors: int, i: int, kept: Any) -> None:
 
 
 @jit_within
-def kept_of(work: Any, factors: int, i: int) -> Any:
+def kept_of(work: Floats, factors: int, i: int) -> Any:
     """Load the factors of node i that `keep` stored."""
     G = (
         column(work, ELIMINATED + 3, i), column(work, ELIMINATED + 6, i),
@@ -88,14 +89,14 @@ def kept_of(work: Any, factors: int, i: int) -> Any:
 
 
 @jit_within
-def set_correction(work: Any, i: int, delta: Any) -> None:
+def set_correction(work: Floats, i: int, delta: Any) -> None:
     """Set the correction of a node."""
     for k in range(3):
         work[CORRECTION + k, i] = delta[k]
 
 
 @jit_ordered
-def eliminate_coupled_plainly(work: Any, first: int, n: int) -> None:
+def eliminate_coupled_plainly(work: Floats, first: int, n: int) -> None:
     """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
     nothing = (0.0, 0.0, 0.0)
     nil = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -108,7 +109,7 @@ def eliminate_coupled_plainly(work: Any, first: int, n: int) -> None:
 
 
 @jit_ordered
-def push_coupled_plainly(work: Any, first: int, n: int) -> None:
+def push_coupled_plainly(work: Floats, first: int, n: int) -> None:
     """Solve for another residual with the factors of `eliminate_coupled_plainly`."""
     f = carried = (0.0, 0.0, 0.0)
     for i in range(first, n):
@@ -122,7 +123,7 @@ def push_coupled_plainly(work: Any, first: int, n: int) -> None:
 
 
 @jit_ordered
-def _substitute_plainly(work: Any, first: int, n: int) -> None:
+def _substitute_plainly(work: Floats, first: int, n: int) -> None:
     """Back-substitute from the hang-off down."""
     near = far = (0.0, 0.0, 0.0)
     for i in range(n - 1, first - 1, -1):
@@ -133,7 +134,7 @@ def _substitute_plainly(work: Any, first: int, n: int) -> None:
 
 
 @jit
-def take_links(work: Any, n: int) -> None:
+def take_links(work: Floats, n: int) -> None:
     """Subtract the effect of the couplings on the corrections from the residual."""
     c, d = row(work, LINK, 0), row(work, SECOND, 0)
     for k in range(3):
@@ -152,7 +153,7 @@ RECORD, MORE = 24, 12  # numbers of a pair in ELIMINATED, and in FACTOR
 
 
 @jit_within
-def _gathered_six(work: Any, i: int, j: int) -> Any:
+def _gathered_six(work: Floats, i: int, j: int) -> Any:
     """Return the blocks of the nodes i and j."""
     xx, xy, xz, yy, yz, zz = span(work, BLOCK, 6, 0)
     return (
@@ -162,7 +163,7 @@ def _gathered_six(work: Any, i: int, j: int) -> Any:
 
 
 @jit_ordered_within
-def _springs(work: Any, i: int, e: int) -> Any:
+def _springs(work: Floats, i: int, e: int) -> Any:
     """Return K of the elements i and e."""
     tx, ty, tz = rows(work, DIRECTION, 0)
     x, y, z = gather(tx, i, e), gather(ty, i, e), gather(tz, i, e)
@@ -172,7 +173,7 @@ def _springs(work: Any, i: int, e: int) -> Any:
 
 
 @jit_ordered_within
-def _paired_node(work: Any, i: int, j: int, k: int, state: Any) -> Any:
+def _paired_node(work: Floats, i: int, j: int, k: int, state: Any) -> Any:
     """Eliminate node i onto those above it and node j onto those below; store record k."""
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     S, f, carried, between = state
@@ -186,7 +187,7 @@ def _paired_node(work: Any, i: int, j: int, k: int, state: Any) -> Any:
 
 
 @jit_within
-def _store(work: Any, k: int, kept: Any) -> None:
+def _store(work: Floats, k: int, kept: Any) -> None:
     """Store record k."""
     own, G, I = kept
     record = row(work, ELIMINATED, RECORD * k)
@@ -212,7 +213,7 @@ def _store(work: Any, k: int, kept: Any) -> None:
 
 
 @jit_within
-def _stored(work: Any, k: int) -> Any:
+def _stored(work: Floats, k: int) -> Any:
     """Load record k."""
     r, m = row(work, ELIMINATED, RECORD * k), row(work, FACTOR, MORE * k)
     G = (
@@ -247,7 +248,7 @@ def _lanes_of(state: Any, k: int) -> Any:
 
 
 @jit_ordered
-def _solve_middle(work: Any, middle: int, rest: int, below: Any, above: Any) -> Any:
+def _solve_middle(work: Floats, middle: int, rest: int, below: Any, above: Any) -> Any:
     """Solve the 2 or 3 nodes from `middle` on; return delta of the lowest and highest two.
 
     The highest two are ordered inwards. below, above: Schur complements of both sides on the lowest
@@ -279,7 +280,7 @@ def _solve_middle(work: Any, middle: int, rest: int, below: Any, above: Any) -> 
 
 
 @jit_ordered
-def _eliminate_coupled_folded(work: Any, first: int, n: int) -> None:
+def _eliminate_coupled_folded(work: Floats, first: int, n: int) -> None:
     """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
     if n - first == 1:
         _solve_one(work, first, n)
@@ -296,7 +297,7 @@ def _eliminate_coupled_folded(work: Any, first: int, n: int) -> None:
 
 
 @jit_ordered
-def _solve_one(work: Any, i: int, n: int) -> None:
+def _solve_one(work: Floats, i: int, n: int) -> None:
     """Solve for the correction of the only free node."""
     S = add_six(add_six(ground(work, i), spring(work, i)), six(work, BLOCK, i))
     set_correction(work, i, solve_symmetric(S, column(work, RESIDUAL, i)))
@@ -320,7 +321,7 @@ def _loaded_six(r: Any, at: int) -> Any:
 
 
 @jit_within
-def _store_middle(work: Any, pairs: int, state: Any) -> None:
+def _store_middle(work: Floats, pairs: int, state: Any) -> None:
     """Store the Schur complements on the middle, after the records of the pairs."""
     S, _, (second, _), (x, y, z) = state
     record = row(work, ELIMINATED, RECORD * pairs)
@@ -333,7 +334,7 @@ def _store_middle(work: Any, pairs: int, state: Any) -> None:
 
 
 @jit_within
-def _stored_middle(work: Any, pairs: int, f: Any, far: Any) -> Any:
+def _stored_middle(work: Floats, pairs: int, f: Any, far: Any) -> Any:
     """Load the Schur complements on the middle; f, far: forces on it and on the next node."""
     r = row(work, ELIMINATED, RECORD * pairs)
     x, y = (load(r, 24), load(r, 26), load(r, 28)), (load(r, 30), load(r, 32), load(r, 34))
@@ -342,7 +343,7 @@ def _stored_middle(work: Any, pairs: int, f: Any, far: Any) -> Any:
 
 
 @jit_ordered
-def _push_coupled_folded(work: Any, first: int, n: int) -> None:
+def _push_coupled_folded(work: Floats, first: int, n: int) -> None:
     """Solve for another residual with the records of `_eliminate_coupled_folded`."""
     if n - first == 1:
         _solve_one(work, first, n)
@@ -365,7 +366,7 @@ def _push_coupled_folded(work: Any, first: int, n: int) -> None:
 
 
 @jit_ordered
-def _substitute_folded(work: Any, first: int, n: int, state: Any) -> None:
+def _substitute_folded(work: Floats, first: int, n: int, state: Any) -> None:
     """Back-substitute from the middle outward; state: the Schur complements of both sides there."""
     dx, dy, dz = rows(work, CORRECTION, 0)
     pairs = (n - first - 2) // 2

@@ -38,11 +38,12 @@ from rope_twin.core.state import (
     ELIMINATED,
     GEOMETRIC,
     RESIDUAL,
+    Floats,
 )
 
 
 @jit_within
-def _plain_node(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
+def _plain_node(work: Floats, i: int, e: int, Z: Any, f: Any) -> Any:
     """Eliminate node i through element e, in a one-sided sweep."""
     zxx, zxy, zxz, zyy, zyz, zzz = Z
     fx, fy, fz = f
@@ -59,7 +60,7 @@ def _plain_node(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
 
 
 @jit_ordered
-def eliminate_plainly(work: Any, first: int, n: int) -> None:
+def eliminate_plainly(work: Floats, first: int, n: int) -> None:
     """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
     Z, f = ground(work, first), (0.0, 0.0, 0.0)
     for i in range(first, n):
@@ -74,7 +75,7 @@ def eliminate_plainly(work: Any, first: int, n: int) -> None:
 
 
 @jit_ordered
-def push_plainly(work: Any, first: int, n: int) -> None:
+def push_plainly(work: Floats, first: int, n: int) -> None:
     """Solve for another residual with the factors of `eliminate_plainly`."""
     f = (0.0, 0.0, 0.0)
     G = work[ELIMINATED : ELIMINATED + 18]
@@ -90,7 +91,7 @@ def push_plainly(work: Any, first: int, n: int) -> None:
 
 
 @jit_ordered
-def _substitute_plainly(work: Any, first: int, n: int) -> None:
+def _substitute_plainly(work: Floats, first: int, n: int) -> None:
     """Back-substitute from the hang-off down."""
     dx = dy = dz = 0.0
     for i in range(n - 1, first - 1, -1):
@@ -108,7 +109,7 @@ RECORD = 36  # numbers: pairs of the gain (S + K)⁻¹·K by rows, of own, of th
 
 
 @jit_within
-def _paired_node(work: Any, i: int, j: int, k: int, Z: Any, f: Any) -> Any:
+def _paired_node(work: Floats, i: int, j: int, k: int, Z: Any, f: Any) -> Any:
     """Eliminate node i through the element above it and node j through the one below.
 
     Their factors are stored as record k; Z and force for the neighbours are returned.
@@ -148,7 +149,7 @@ def _paired_node(work: Any, i: int, j: int, k: int, Z: Any, f: Any) -> Any:
 
 
 @jit_within
-def _substitute(work: Any, k: int, px: Any, py: Any, pz: Any) -> Any:
+def _substitute(work: Floats, k: int, px: Any, py: Any, pz: Any) -> Any:
     """Return delta of a pair of nodes from that of their neighbours nearer the middle."""
     record = row(work, ELIMINATED, RECORD * k)
     return (
@@ -160,7 +161,7 @@ def _substitute(work: Any, k: int, px: Any, py: Any, pz: Any) -> Any:
 
 
 @jit_ordered
-def _eliminate_folded(work: Any, first: int, n: int) -> None:
+def _eliminate_folded(work: Floats, first: int, n: int) -> None:
     """Solve for the corrections of the nodes first <= i < n, from both ends at once.
 
     Pair k is the nodes first + k and n - 1 - k. The sides meet in the middle; with an even number
@@ -188,7 +189,7 @@ def _eliminate_folded(work: Any, first: int, n: int) -> None:
 
 
 @jit_within
-def _pushed_pair(work: Any, i: int, j: int, k: int, f: Any) -> Any:
+def _pushed_pair(work: Floats, i: int, j: int, k: int, f: Any) -> Any:
     """Return the force on the neighbours of nodes i and j, whose factors are record k."""
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     record = row(work, ELIMINATED, RECORD * k)
@@ -209,7 +210,7 @@ def _pushed_pair(work: Any, i: int, j: int, k: int, f: Any) -> Any:
 
 
 @jit_ordered
-def _push_folded(work: Any, first: int, n: int) -> None:
+def _push_folded(work: Floats, first: int, n: int) -> None:
     """Solve for another residual with the records of `_eliminate_folded`."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
@@ -223,7 +224,7 @@ def _push_folded(work: Any, first: int, n: int) -> None:
 
 
 @jit_ordered
-def _substitute_all(work: Any, first: int, n: int, low: Any, high: Any) -> None:
+def _substitute_all(work: Floats, first: int, n: int, low: Any, high: Any) -> None:
     """Back-substitute from the middle outward; low and high: force from either side."""
     dx, dy, dz = rows(work, CORRECTION, 0)
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2

@@ -46,6 +46,7 @@ from rope_twin.core.state import (
     TENSION,
     VELOCITY,
     ZERO,
+    Floats,
     Stage,
 )
 
@@ -95,7 +96,7 @@ class Load(NamedTuple):
 
 
 @jit
-def load_nodes(effects: Any, work: Any, stage: Stage, low: int, high: int) -> None:
+def load_nodes(effects: Any, work: Floats, stage: Stage, low: int, high: int) -> None:
     """Set residual R and block A of the nodes 1 <= low <= i < high.
 
     R_i = T_i·t_i - T_{i-1}·t_{i-1} + Σ loads - MASS·a; A_i = MASS·I + the effects' blocks. The
@@ -168,7 +169,7 @@ def _sum(a: Any, b: Any) -> Any:
 
 
 @jit_within
-def load_rows(work: Any, low: int) -> Any:
+def load_rows(work: Floats, low: int) -> Any:
     """Return the rows that loads depend on, from node `low` on, except for the tangent."""
     x, y, z = rows(work, POSITION, low)
     vx, vy, vz = rows(work, VELOCITY, low)
@@ -182,7 +183,7 @@ def load_rows(work: Any, low: int) -> Any:
 
 
 @jit
-def load_lowest(effects: Any, work: Any, stage: Stage) -> None:
+def load_lowest(effects: Any, work: Floats, stage: Stage) -> None:
     """Set residual and block of node 0, which has no element below it."""
     for k in range(3):
         work[TANGENT + k, 0] = work[DIRECTION + k, 0]
@@ -192,7 +193,7 @@ def load_lowest(effects: Any, work: Any, stage: Stage) -> None:
 
 
 @jit
-def add_load(effects: Any, work: Any, stage: Stage, low: int, high: int) -> None:
+def add_load(effects: Any, work: Floats, stage: Stage, low: int, high: int) -> None:
     """Add loads and inertia to the residual and set the block, for the nodes low <= i < high.
 
     TANGENT of the nodes must be given; `assembly.load_nodes` computes it from the elements.
@@ -216,7 +217,7 @@ def add_load(effects: Any, work: Any, stage: Stage, low: int, high: int) -> None
 
 
 def load_remembering(
-    effects: Any, work: Any, stage: Stage, low: Any, high: Any, tangents: Any
+    effects: Any, work: Floats, stage: Stage, low: Any, high: Any, tangents: Any
 ) -> Any:
     """Add the loads of effects with internal variables; `tangents`: compute the tangents first."""
     calls = members("load_nodes", effects)
@@ -228,7 +229,7 @@ def load_remembering(
 
 @overload(load_remembering, jit_options=LINKED, strict=False)
 def _compose_remembering(
-    effects: Any, work: Any, stage: Stage, low: Any, high: Any, tangents: Any
+    effects: Any, work: Floats, stage: Stage, low: Any, high: Any, tangents: Any
 ) -> Any:
     calls = kernels("load_nodes", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage, low, high)" for i in calls]
@@ -238,7 +239,7 @@ def _compose_remembering(
 
 
 @jit
-def _set_tangents(work: Any, low: int, high: int) -> None:
+def _set_tangents(work: Floats, low: int, high: int) -> None:
     """Set TANGENT of the nodes 1 <= low <= i < high to the mean direction of adjacent elements."""
     tx, ty, tz = rows(work, DIRECTION, low)
     bx, by, bz = rows(work, DIRECTION, low - 1)
@@ -252,7 +253,7 @@ def _set_tangents(work: Any, low: int, high: int) -> None:
 
 
 @jit
-def set_flow(effects: Any, work: Any, stage: Stage, low: int, high: int) -> None:
+def set_flow(effects: Any, work: Floats, stage: Stage, low: int, high: int) -> None:
     """Set the water velocity at the nodes, at the stage's predicted positions.
 
     They differ from the accepted ones by p·(a - a predicted), of third order in the step.
@@ -266,7 +267,7 @@ def set_flow(effects: Any, work: Any, stage: Stage, low: int, high: int) -> None
 
 
 @jit_sum
-def slope(work: Any, low: int, high: int) -> float:
+def slope(work: Floats, low: int, high: int) -> float:
     """Return R·delta: minus the slope of the stage's energy along the correction."""
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
     dx, dy, dz = rows(work, CORRECTION, low)
@@ -276,34 +277,34 @@ def slope(work: Any, low: int, high: int) -> float:
     return total
 
 
-def add_flow(effects: Any, work: Any, stage: Stage, low: Any, high: Any) -> Any:
+def add_flow(effects: Any, work: Floats, stage: Stage, low: Any, high: Any) -> Any:
     """Add every effect's water velocity for the nodes low <= i < high."""
     for effect, call in members("flow", effects):
         call(effect, work, stage, low, high)
 
 
 @overload(add_flow, jit_options=LINKED, strict=False)
-def _compose_flow(effects: Any, work: Any, stage: Stage, low: Any, high: Any) -> Any:
+def _compose_flow(effects: Any, work: Floats, stage: Stage, low: Any, high: Any) -> Any:
     calls = kernels("flow", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage, low, high)" for i in calls]
     return written_out("effects, work, stage, low, high", [*lines, "return None"], calls)
 
 
-def add_end(effects: Any, work: Any, stage: Stage) -> Any:
+def add_end(effects: Any, work: Floats, stage: Stage) -> Any:
     """Add every effect's load at the lower end."""
     for effect, call in members("load_end", effects):
         call(effect, work, stage)
 
 
 @overload(add_end, jit_options=LINKED, strict=False)
-def _compose_end(effects: Any, work: Any, stage: Stage) -> Any:
+def _compose_end(effects: Any, work: Floats, stage: Stage) -> Any:
     calls = kernels("load_end", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage)" for i in calls]
     return written_out("effects, work, stage", [*lines, "return None"], calls)
 
 
 @jit
-def _clear_links(work: Any, n: int) -> None:
+def _clear_links(work: Floats, n: int) -> None:
     """Clear the couplings, and residual and block of the hang-off's node, which loads leave out."""
     for i in range(n + 1):
         work[LINK, i] = work[LINK + 1, i] = 0.0
@@ -313,7 +314,7 @@ def _clear_links(work: Any, n: int) -> None:
         work[BLOCK + k, n] = 0.0
 
 
-def add_couplings(effects: Any, work: Any, stage: Stage, n: Any) -> Any:
+def add_couplings(effects: Any, work: Floats, stage: Stage, n: Any) -> Any:
     """Add every effect's forces between nodes that are not next neighbours."""
     if couples(map(type, effects)):
         _clear_links(work, n)
@@ -322,7 +323,7 @@ def add_couplings(effects: Any, work: Any, stage: Stage, n: Any) -> Any:
 
 
 @overload(add_couplings, jit_options=LINKED, strict=False)
-def _compose_couplings(effects: Any, work: Any, stage: Stage, n: Any) -> Any:
+def _compose_couplings(effects: Any, work: Floats, stage: Stage, n: Any) -> Any:
     calls = kernels("couple", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage, n)" for i in calls]
     lines = ["clear(work, n)", *lines] if calls else []
@@ -341,21 +342,21 @@ def _add_to_pull(force: Any, pull: Any, row: int) -> None:
     pull[row, PULL] = sqrt(square)
 
 
-def add_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
+def add_pull(effects: Any, work: Floats, n: Any, pull: Any, row: Any) -> Any:
     """Add the contribution of coupling effects to the rope's force on the hang-off."""
     for effect, call in members("pull", effects):
         _add_to_pull(call(effect, work, n), pull, row)
 
 
 @overload(add_pull, jit_options=LINKED, strict=False)
-def _compose_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
+def _compose_pull(effects: Any, work: Floats, n: Any, pull: Any, row: Any) -> Any:
     calls = kernels("pull", effects, work)
     lines = [f"add(kernel_{i}(effects[{i}], work, n), pull, row)" for i in calls]
     lines.append("return None")
     return written_out("effects, work, n, pull, row", lines, calls, add=_add_to_pull)
 
 
-def is_calm(effects: Any, work: Any, stage: Stage, n: Any, share: Any) -> Any:
+def is_calm(effects: Any, work: Floats, stage: Stage, n: Any, share: Any) -> Any:
     """Return whether no active set differs between the present motion and that with share·delta."""
     if not may_be_calm(map(type, effects)):
         return False
@@ -363,7 +364,7 @@ def is_calm(effects: Any, work: Any, stage: Stage, n: Any, share: Any) -> Any:
 
 
 @overload(is_calm, jit_options=LINKED, strict=False)
-def _compose_calm(effects: Any, work: Any, stage: Stage, n: Any, share: Any) -> Any:
+def _compose_calm(effects: Any, work: Floats, stage: Stage, n: Any, share: Any) -> Any:
     kinds = [effect.instance_class for effect in effects]
     if not switches(kinds):
         return lambda effects, work, stage, n, share: True
