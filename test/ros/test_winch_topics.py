@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from ros_bench import Bench, clocks
 
-from rope_twin.messages import encode_order
+from rope_twin.messages import encode_order, read_cloud
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import WINCH_TOPICS
 from rope_twin.twin.winch.commands import WinchCommand
@@ -29,7 +29,8 @@ def test_a_winch_is_commanded_stopped_and_refuses_over_its_topics(
     given = {"scene": str(path), "speed": 5.0}
     node = bench.add(SimulationNode(parameter_overrides=overrides(given)))
     publishers = {topic: bench.publisher(topic) for topic in WINCH_TOPICS}
-    mode, parts, state = (bench.listen(f"winch/{name}") for name in ("mode", "parts", "state"))
+    mode, parts = (bench.listen(f"winch/{name}") for name in ("mode", "state"))
+    state = bench.listen("ropes/length")
     node.begin()
     bench.until(lambda: mode and parts and state, "the winch speaks")
     bench.until(
@@ -41,7 +42,8 @@ def test_a_winch_is_commanded_stopped_and_refuses_over_its_topics(
         publishers[topic].publish(data)
 
     def figures() -> dict[str, float]:
-        return dict(zip(parts[-1].name, parts[-1].position.tolist(), strict=True))
+        (row,) = read_cloud(parts[-1])
+        return {f"{row['name'].decode()}/{name}": float(row[name]) for name in row.dtype.names[1:]}
 
     tell(WinchCommand("length", 1003.0))
     bench.until(lambda: mode[-1].data == "winch: length 1003 m", "the order is told")

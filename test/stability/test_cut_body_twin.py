@@ -135,9 +135,12 @@ def test_a_deck_that_heaves_with_the_ship_is_refused_in_a_sentence(scene: Scene)
 
 
 def test_a_bag_tells_of_the_body_after_the_cut_and_is_seen(scene: Scene, tmp_path: Path) -> None:
-    """Rigging and both ropes on their topics; the picture falls with the body."""
+    """Rigging and both ropes on their topics; the picture falls with the body.
+
+    The run ends with a picture: one each 0.12 s from 0.04 s on.
+    """
     options = RunOptions(
-        scene="manifold_lift", end_s=3.0, speed=0.0, record=tmp_path / "bag", cut=f"{BELOW_M}@1.0"
+        scene="manifold_lift", end_s=3.04, speed=0.0, record=tmp_path / "bag", cut=f"{BELOW_M}@1.0"
     )
     summary = run_unpaced(options, lambda run: None)
     assert "cut at 1.00 s, 12.0 m below the hang-off" in summary.as_text()
