@@ -107,7 +107,7 @@ class Plot:
     title: str
 
 
-# group, title, factor and curve name of each quantity of a winch's components (twin/hoisting)
+# group, title, factor and curve name of each quantity of a winch's components (twin/winch)
 _WINCH = {
     "drum_speed_rad_per_s": ("drum_speed", "Drum speed [rad/s], positive = pay out", 1.0, "drum"),
     "motor_torque_n_m": ("torque", "Motor and brake torque [kN·m]", 1e-3, "motor"),
