@@ -13,16 +13,21 @@ from mcap.records import Channel
 
 from benchmarks import error_interval as benchmark
 from rope_twin.core import state as rows
+from rope_twin.core.joined.joints import System
 from rope_twin.messages import Encoder, decode, read_cloud, statuses
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun, run_unpaced
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.model.joined import build_joined
+from rope_twin.scene.model.rope import build
+from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.studies.driven_twin import fed, march
 from rope_twin.twin.accuracy.error_interval import (
     SETTLING_S,
     ErrorIntervalTwin,
     WindowMaximum,
+    stands_on_bed,
 )
 from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.results import TensionInterval
@@ -109,6 +114,36 @@ def test_a_coarse_solution_that_fails_is_replaced() -> None:
     shots = list(march(twin, HEAVE, 22.0, 2))
     assert shots[0].error_interval is None
     assert np.isfinite(without_cost(shots[-1]).bound_n)
+
+
+@pytest.mark.parametrize(("name", "lower"), [("landing", 0), ("two_line_landing", 1)])
+def test_a_payload_that_stands_on_the_seabed_is_found(name: str, lower: int) -> None:
+    scene = load_scene(name)
+    joined = is_joined(scene)
+    ropes = build_joined(scene).system if joined else build(scene)
+    ends = ropes.ropes if isinstance(ropes, System) else (ropes,)
+    for rope in ends:
+        rope.state.nodes[rows.POSITION + 2] = -10.0
+    assert not stands_on_bed(ropes)
+    ends[lower].state.nodes[rows.POSITION + 2, 0] = -1000.0
+    assert stands_on_bed(ropes)
+
+
+def test_an_anchored_end_does_not_stand_on_the_seabed() -> None:
+    rope = build(load_scene("chain_on_bottom"))
+    rope.state.nodes[rows.POSITION + 2] = -1000.0
+    assert not stands_on_bed(rope)
+
+
+def test_it_is_unknown_while_the_payload_stands_on_the_seabed() -> None:
+    twin = ErrorIntervalTwin(load_scene("landing"))
+    twin.advance(2)
+    assert twin.snapshot().error_interval is not None
+    twin.rope.state.nodes[rows.POSITION + 2, 0] = -401.0  # 1 m below the bed
+    twin.advance(2)
+    shot = twin.snapshot()
+    assert shot.error_interval is None
+    assert shot.no_error_interval.startswith("unknown until 20.0 s: the payload stood on")
 
 
 def test_it_is_unknown_with_a_wake_oscillator_and_costs_nothing() -> None:

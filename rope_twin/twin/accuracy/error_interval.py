@@ -22,6 +22,7 @@ from typing import Self
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.bed import Grid, Plane, clearance
 from rope_twin.core.joined.joints import LOOSE, System
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
@@ -40,6 +41,7 @@ from rope_twin.vortex.coupled import VivDragAmplification
 MARGIN = 1.25  # bound over the largest difference: safety factor of the grid convergence index
 WINDOW_S = 10.0  # largest difference so long: more than a wave period or first axial period
 SETTLING_S = 20.0  # settling time of a coarse solution that was started during a run
+_PLACE = slice(rows.POSITION, rows.POSITION + 3)
 
 
 class WindowMaximum:
@@ -91,9 +93,7 @@ class ErrorInterval:
         self._largest = {r: WindowMaximum(WINDOW_S) for r in ropes_from_ship(now.ropes)}
         self._reason, self._known_from_ns = "", 0
         if not self.coarse.at_rest:
-            self._known_from_ns = now.time_ns + round(SETTLING_S * 1e9)
-            until = f"{self._known_from_ns * 1e-9:.1f} s"
-            self._reason = f"unknown until {until}: its coarse solution has to settle"
+            self._settle(now.time_ns, "its coarse solution has to settle")
 
     def end(self, reason: str) -> None:
         """End the coarse solution; the interval is unknown from now on."""
@@ -107,6 +107,8 @@ class ErrorInterval:
         if self.coarse is None or chunk.done == 0:
             return
         began = time.perf_counter()
+        if stands_on_bed(chunk.ropes):
+            self._settle(chunk.time_ns, "the payload stood on the seabed")
         followed = self.coarse.follow(chunk)
         if followed is None:
             self.start(chunk, at_rest=False)
@@ -129,6 +131,11 @@ class ErrorInterval:
         low = max(tension_n - bound, 0.0)
         return TensionInterval(low, tension_n + bound, bound, cost_pct)
 
+    def _settle(self, time_ns: int, why: str) -> None:
+        """Make the interval unknown for the settling time from now on."""
+        self._known_from_ns = time_ns + round(SETTLING_S * 1e9)
+        self._reason = f"unknown until {self._known_from_ns * 1e-9:.1f} s: {why}"
+
     def _compare(self, chunk: Chunk, first: int, coarse_n: Floats) -> None:
         """Take the differences after every coarse step; first: step of the chunk that ends it."""
         ends = range(first, chunk.done + 1, RATIO)
@@ -144,6 +151,22 @@ def ropes_from_ship(ropes: Rope | System) -> tuple[int, ...]:
     if isinstance(ropes, Rope):
         return (0,)
     return tuple(r for r, upper in enumerate(ropes.joints.upper) if upper == LOOSE)
+
+
+def stands_on_bed(ropes: Rope | System) -> bool:
+    """Return whether the free lower end of a rope, or one that carries a load, is on the seabed.
+
+    The rope above it then lies in loops that neither solution resolves, so that their difference
+    does not contain the error.
+    """
+    ends = [ropes] if isinstance(ropes, Rope) else list(ropes.ropes)
+    joined = [LOOSE] if isinstance(ropes, Rope) else ropes.joints.lower.tolist()
+    bed = next((one for one in ends[0].effects if isinstance(one, Plane | Grid)), None)
+    return bed is not None and any(
+        bool(clearance(bed, rope.state.nodes[_PLACE, :1])[0] <= 0.0)
+        for rope, lower in zip(ends, joined, strict=True)
+        if lower != LOOSE or rope.model.first_free == 0
+    )
 
 
 class ErrorIntervalTwin(Twin):
