@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from math import pi, sqrt
 
 import numpy as np
 import pytest
+from joint_rigs import JointBench, cut
 from payout_rigs import WINCH
 from rigs import Bench, Rig, frequency, march, sine, still, top_tension, with_nothing_below
 from table_rigs import HMPE, tabled
 
 from rope_twin import Twin
+from rope_twin.core import state as rows
 from rope_twin.core.elements import hold, tension_at
+from rope_twin.core.step import advance
+from rope_twin.scene.model.rope import build
+from rope_twin.scene.schema import Scene
 from rope_twin.scene.stiffness import StiffnessTable
 
 RIG = Rig(length=1000.0, elements=100, mass=2.9, load=20e3, EA=206e6, damping=1e6)
@@ -137,3 +142,31 @@ def test_paid_out_and_hauled_in() -> None:
     assert len(events) >= 3
     bend = np.abs(np.diff(tension, 2))
     assert max(bend[at - 1 : at + 10].max() for at in events) <= 1e-4 * tension.mean()
+
+
+@dataclass(frozen=True)
+class TabledRig(Rig):
+    """A rig whose rope has a table in place of EA."""
+
+    def scene(self) -> Scene:
+        """Return the scene with the table."""
+        return tabled(Rig(**{one.name: getattr(self, one.name) for one in fields(self)}), HMPE)
+
+
+def test_cut_in_three_it_keeps_its_table() -> None:
+    """A multi-line system takes the table of each rope: the load bounces as on the whole rope."""
+    rig = TabledRig(
+        length=100.0, elements=20, mass=2.9, load=20e3, EA=206e6, damping=1e6, tolerance=1e-3
+    )
+    rope, steps = build(rig.scene()), 30
+    place = rope.state.s[: rig.elements + 1] - rig.length
+    rope.state.nodes[2, : rig.elements + 1] = place
+    bench = JointBench(cut(rig, (8, 14), (0.0, 0.0, 0.0)))
+    motion = bench.still(steps)
+    motion.value[0, :, rows.LINE] = rig.length
+    whole = np.zeros((steps, rows.PULL_COLUMNS))
+    own = rows.Boundary(motion.value[0].copy(), motion.rate[0].copy())
+    assert advance(rope, own, whole, 0.0, steps) == steps
+    parts = bench.follow(bench.still(steps))[0]
+    assert np.ptp(whole[:, rows.PULL]) > 1e3
+    assert np.abs(parts - whole).max() < 1e-6 * whole[:, rows.PULL].max()
