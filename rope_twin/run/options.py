@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import read_quantity
 from rope_twin.run.arguments import SCENE, add_duration, add_json, add_out, add_scene, add_time
-from rope_twin.twin.cutting.cut_input import read_plan
+from rope_twin.twin.cutting.cut_plan import read_plan
 from rope_twin.twin.saving.state_file import check_place
 from rope_twin.view.sinks import has_screen
 from rope_twin.vortex.fatigue import CURVES
