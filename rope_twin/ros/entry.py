@@ -30,11 +30,9 @@ from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.qos import message_type, profile
 from rope_twin.run.progress import ending_signals
-from rope_twin.share import share_dir
 from rope_twin.topics import BY_NAME
 
 _USAGE = "parameters are given as --ros-args -p NAME:=VALUE"
-DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PARENT = "ROPE_TWIN_PARENT"  # environment: process id of the suite that started this node
 _WAIT_S = 0.1  # longest wait in the executor, and so the delay until a signal is noticed
 
@@ -86,20 +84,6 @@ class StopSignal:
         """Restore the previous signal handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
-
-
-def keep_to_loopback() -> None:
-    """Restrict the nodes of this process and of its child processes to this machine.
-
-    To be called before `initialise`. An environment that already has ROS_AUTOMATIC_DISCOVERY_RANGE
-    is left unchanged. The variable limits discovery only; the Fast DDS profile restricts reception
-    to the loopback interface, unless the environment names another profile.
-    """
-    if DISCOVERY_RANGE in os.environ:
-        return
-    os.environ[DISCOVERY_RANGE] = "LOCALHOST"
-    profile = share_dir() / "config" / "ros" / "fastdds_loopback.xml"
-    os.environ.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(profile))
 
 
 def initialise(args: list[str] | None) -> None:

@@ -1,4 +1,4 @@
-"""The middleware of this installation: its versions, and a round trip through it."""
+"""The middleware of this installation: its versions, its reach, and a round trip through it."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.ros.entry import keep_to_loopback
+from rope_twin.share import share_dir
 
+DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PATIENCE_S = 0.05  # with a message, which is lost while the participants do not know each other
 _COUNTED = 5  # messages; the fastest is reported
 
@@ -23,6 +24,20 @@ class RoundTrip(NamedTuple):
 
     discovery_s: float
     latency_s: float
+
+
+def keep_to_loopback() -> None:
+    """Restrict the nodes of this process and of its child processes to this machine.
+
+    To be called before `initialise`. An environment that already has ROS_AUTOMATIC_DISCOVERY_RANGE
+    is left unchanged. The variable limits discovery only; the Fast DDS profile restricts reception
+    to the loopback interface, unless the environment names another profile.
+    """
+    if DISCOVERY_RANGE in os.environ:
+        return
+    os.environ[DISCOVERY_RANGE] = "LOCALHOST"
+    profile = share_dir() / "config" / "ros" / "fastdds_loopback.xml"
+    os.environ.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(profile))
 
 
 def rmw_name() -> str:

@@ -21,7 +21,8 @@ from rclpy.node import Node
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
-from rope_twin.ros.entry import PARENT, StopSignal, initialise, keep_to_loopback
+from rope_twin.ros.entry import PARENT, StopSignal, initialise
+from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.paced_twin import RUN_ROW
 from rope_twin.ros.qos import Senders, message_type, profile
 from rope_twin.ros.recorder_node import free_path

@@ -15,10 +15,10 @@ from rope_twin.ros.entry import (
     InstanceLock,
     StopSignal,
     initialise,
-    keep_to_loopback,
     lock_instance,
 )
 from rope_twin.ros.executor import make_executor
+from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.params import overrides
 from rope_twin.ros.recorder_node import RecorderNode
 from rope_twin.ros.sea_state_node import SeaStateNode

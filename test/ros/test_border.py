@@ -16,7 +16,7 @@ from ros_bench import Bench
 from ros_process import Process, Processes, until_running
 
 from rope_twin.messages import encode_cut
-from rope_twin.ros.entry import DISCOVERY_RANGE
+from rope_twin.ros.middleware import DISCOVERY_RANGE
 from rope_twin.ros.processes import STANDBY
 from rope_twin.ros.suite import END_ORDER
 from rope_twin.share import share_dir
