@@ -27,7 +27,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.studies.driven_twin import fed, variant
 from rope_twin.studies.page import page_table
-from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
+from rope_twin.twin.monitors.settings import ERROR_INTERVAL
 from rope_twin.twin.twin import Twin
 from validation.marked_page import MarkedPage
 
@@ -216,7 +216,7 @@ def measure_variants(
             break
         listen(done, count, drawn.name)
         try:
-            twin = ErrorIntervalTwin(drawn.scene())
+            twin = Twin(drawn.scene(), ERROR_INTERVAL)
         except SceneError:
             continue
         yield row_of(drawn.name, twin.scene, series_of(twin, seconds))
@@ -224,7 +224,7 @@ def measure_variants(
     listen(count, count, "")
 
 
-def series_of(twin: ErrorIntervalTwin, seconds: float) -> Series:
+def series_of(twin: Twin, seconds: float) -> Series:
     """Run a variant and, if it has an interval, its reference.
 
     Raises:

@@ -29,7 +29,6 @@ from rope_twin.studies.accuracy.within import (
 )
 from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.accuracy.validity import CUT_REASON, beyond
-from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
 
@@ -93,8 +92,7 @@ def measure_setting(
 
     solves_per_step: what the card counted where the rope moves; it scales the steps.
     """
-    kind = twin_class(options.energy, options.error_interval, options.watch)
-    twin = kind(variant(scene, setting.elements, setting.step_s))
+    twin = Twin(variant(scene, setting.elements, setting.step_s), options.monitors)
     steps = steps_in_slot(setting.step_s)
     encoder = Encoder(0)
     period_s = steps * setting.step_s / options.speed

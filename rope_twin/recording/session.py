@@ -37,7 +37,7 @@ from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.health import SENDER_LEAD_S
-from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_properties
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.settings import MonitorSettings
@@ -71,9 +71,9 @@ class Setup:
         Raises:
             RopeTwinError: scene, state or parameters are invalid.
         """
-        watch = MonitorSettings(self.vibration, self.fatigue)
-        kind = twin_class(self.energy, self.error_interval, watch)
-        twin = kind(scene) if state is None else kind.restore(state, scene)
+        vortex = MonitorSettings(self.vibration, self.fatigue)
+        asked = Monitors(self.energy, self.error_interval, vortex)
+        twin = Twin(scene, asked) if state is None else Twin.restore(state, scene, asked)
         twin.inputs.judge_clocks(self.sender_lead_s, self.correct_sender_clocks)
         if self.other_sea:
             twin.invalidate_error(OTHER_SEA)

@@ -31,7 +31,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.pacing import (
     Pacer,
     SnapshotQueue,
@@ -407,14 +407,14 @@ class PacedTwin:
 
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
     """Return the twin in static equilibrium or at a saved state, and a text saying which."""
-    watch = MonitorSettings(params.vibration, params.fatigue)
-    kind = twin_class(params.energy, params.error_interval, watch)
+    vortex = MonitorSettings(params.vibration, params.fatigue)
+    asked = Monitors(params.energy, params.error_interval, vortex)
     if not params.from_state:
-        return kind(scene), "starting from static equilibrium"
+        return Twin(scene, asked), "starting from static equilibrium"
     path = Path(params.from_state).resolve()
     if params.from_state == params.save_state and not path.exists():
-        return kind(scene), f"starting from static equilibrium: no saved state {path} yet"
-    twin = kind.restore(path, scene)
+        return Twin(scene, asked), f"starting from static equilibrium: no saved state {path} yet"
+    twin = Twin.restore(path, scene, asked)
     return twin, f"resuming from {path} at {twin.time_ns * 1e-9:.2f} s"
 
 

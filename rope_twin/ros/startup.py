@@ -30,7 +30,7 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import ending_signals
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.twin import Twin
 
 _WAIT_S = 0.1  # delay until a signal is noticed
 
@@ -73,7 +73,7 @@ def _build(options: RunOptions) -> None:
         signal.signal(number, signal.SIG_DFL)
     sys.stdout = sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
-    twin_class(options.energy, options.error_interval, options.watch)(scene)
+    Twin(scene, options.monitors)
 
 
 NODES = ("simulation", "sea_state", "winch_schedule", "recorder", "viewer")

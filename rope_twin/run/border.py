@@ -162,7 +162,7 @@ class InputBorder:
         stamp_ns, order, name = content
         at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
         if sender is not None:
-            winch, now_ns = self._twin.winch_called(name), self._twin.time_ns
+            winch, now_ns = self._twin.inputs.winch_called(name), self._twin.time_ns
             command = Command(order, at_ns, sender, publisher)
             admitted = self.seats.admit(winch, command, now_ns)
             if admitted is None:

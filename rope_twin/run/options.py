@@ -15,6 +15,7 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import read_quantity
 from rope_twin.run.arguments import SCENE, add_duration, add_json, add_out, add_scene, add_time
 from rope_twin.twin.cutting.cut_plan import read_plan
+from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.saving.state_file import check_place
 from rope_twin.view.sinks import has_screen
 from rope_twin.vortex.fatigue import CURVES
@@ -64,6 +65,11 @@ class RunOptions:
         """Return the folder for the state at which the solver failed: that of the outputs."""
         made = self.record or self.save
         return Path.cwd() if made is None else made.parent
+
+    @property
+    def monitors(self) -> Monitors:
+        """Return the monitors of the run."""
+        return Monitors(self.energy, self.error_interval, self.watch)
 
     @property
     def other_sea(self) -> bool:

@@ -37,10 +37,10 @@ from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.topics import SESSION_TOPIC, TOPICS
 from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
 from rope_twin.twin.winch.winch import input_of
 
@@ -69,8 +69,8 @@ class UnpacedRun:
         )
         self._options = options
         start = options.start_from
-        kind = twin_class(options.energy, options.error_interval, options.watch)
-        self.twin = kind(scene) if start is None else kind.restore(start, scene)
+        asked = options.monitors
+        self.twin = Twin(scene, asked) if start is None else Twin.restore(start, scene, asked)
         self.twin.failure_folder = options.failure_folder
         self.twin.inputs.expect_motion(None)  # `_offer` passes on the samples of `open_sea` only
         if options.other_sea:

@@ -15,6 +15,7 @@ from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import twin
+from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors
 from rope_twin.twin.saving.saved_state import SavedState
 
 Arguments = ParamSpec("Arguments")
@@ -31,20 +32,25 @@ class Twin(twin.Twin):
             to start from.
     """
 
-    def __init__(self, scene: Scene | str | Path) -> None:
-        super().__init__(_loaded(scene))
+    def __init__(self, scene: Scene | str | Path, monitors: Monitors = NO_MONITORS) -> None:
+        super().__init__(_loaded(scene), monitors)
 
     @classmethod
-    def restore(cls, saved: str | Path | SavedState, scene: Scene | str | Path) -> Self:
+    def restore(
+        cls,
+        saved: str | Path | SavedState,
+        scene: Scene | str | Path,
+        monitors: Monitors = NO_MONITORS,
+    ) -> Self:
         """Return a twin that resumes from a saved state of this scene.
 
-        saved: the state, or the path of its file.
+        saved: the state, or the path of its file. monitors: those of the run.
 
         Raises:
             StateError: the file is invalid, or the scene differs; the message names the difference.
             SceneError: as for a new twin.
         """
-        return super().restore(saved, _loaded(scene))
+        return super().restore(saved, _loaded(scene), monitors)
 
 
 def _loaded(scene: Scene | str | Path) -> Scene:

@@ -19,7 +19,6 @@ from __future__ import annotations
 import logging
 import math
 from collections import deque
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -43,7 +42,6 @@ MAX_FAILURES = 5
 FAILURE_WINDOW_NS = 60_000_000_000
 MAX_FAILURE_FILES = 10  # per run: repeated failures must not fill the disk
 
-_NOT_PUT_BACK = ("joined/winches", "joined/lines", "joined/highest", "rope/model", "lower/model")
 
 _log = logging.getLogger(__name__)
 
@@ -229,20 +227,6 @@ def _is_finite(shot: Snapshot) -> bool:
         figures += [float(np.add.reduce(one.node_position_m.ravel())) for one in shot.ropes]
         figures += [sum(one.position_m.tolist()) for one in shot.payloads]
     return all(map(math.isfinite, figures))
-
-
-def moving_arrays(name: str, part: Any) -> Iterator[tuple[str, rows.Floats]]:
-    """Yield all arrays of a component that a recovery restores, by name."""
-    if name in _NOT_PUT_BACK:
-        return
-    if isinstance(part, np.ndarray):
-        yield name, part
-    elif isinstance(part, tuple | list):
-        for number, one in enumerate(part):
-            yield from moving_arrays(f"{name}/{number}", one)
-    elif type(part).__module__.startswith(("rope_twin.core", "rope_twin.effects")):
-        for key, one in getattr(part, "__dict__", {}).items():
-            yield from moving_arrays(f"{name}/{key}", one)
 
 
 def step_failure(step: int, time_s: float) -> str:

@@ -6,11 +6,25 @@ everything beyond the first rope; for a single rope that is nothing.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Protocol
+
+import numpy as np
 
 from rope_twin.core.energy import measure
 from rope_twin.core.joined.energy import SystemBorder, of_one
-from rope_twin.core.state import PULL_X, PULL_Z, Boundary, Floats, Rope
+from rope_twin.core.state import (
+    ACCELERATION,
+    ELEMENTS,
+    PULL_COLUMNS,
+    PULL_X,
+    PULL_Z,
+    SUBSTEPS_UNCONVERGED,
+    TENSION,
+    Boundary,
+    Floats,
+    Rope,
+)
 from rope_twin.core.step import advance
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
@@ -19,10 +33,14 @@ from rope_twin.twin.cutting.parted import CutRope, SingleWinch
 from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope, without_load
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line.system import MultiLineRopes
+from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import Snapshot, first_rope
 from rope_twin.twin.snapshot_builder import RopeShape, shape_from_top
 from rope_twin.twin.statics import solve_scene_statics
 from rope_twin.twin.winch.commands import WinchCommand
+
+# of a checkpoint: what continues from the present instead
+_NOT_PUT_BACK = ("joined/winches", "joined/lines", "joined/highest", "rope/model", "lower/model")
 
 
 class Ropes(Protocol):
@@ -163,3 +181,119 @@ def ropes_of(scene: Scene, steps: int) -> Ropes:
         SceneError: the scene cannot be built.
     """
     return MultiLineRopes(scene, steps) if is_joined(scene) else OneRope(scene)
+
+
+class RopeSystem:
+    """All ropes of a twin at the newest step, and the force of the first one on its hang-off."""
+
+    def __init__(self, scene: Scene, steps: int) -> None:
+        """Build the ropes in static equilibrium, for calls of up to `steps` steps.
+
+        Raises:
+            SceneError: the scene cannot be built, or there is no equilibrium.
+        """
+        self.ropes = ropes_of(scene, steps)
+        self.first = self.ropes.first  # with the effects of the newest step, see `with_effects`
+        self._pulls = np.zeros((steps, PULL_COLUMNS))
+        self.pull = self.ropes.solve_statics()  # (PULL_COLUMNS,)
+
+    @property
+    def joined(self) -> MultiLineRopes | None:
+        """The multi-line system; None for a single rope."""
+        return self.ropes if isinstance(self.ropes, MultiLineRopes) else None
+
+    @property
+    def tension(self) -> Floats:
+        """Tension of the first rope's elements [N], a view of the scratch array."""
+        tension: Floats = self.first.work[TENSION, : self.first.state.counts[ELEMENTS]]
+        return tension
+
+    @property
+    def upper_pulls(self) -> Floats:
+        """Force of all ropes on their upper ends [N], (ropes, PULL_COLUMNS)."""
+        return self.pull[None] if self.joined is None else self.joined.pull
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether position, velocity and tension of the first rope are finite."""
+        nodes = self.first.state.nodes[:ACCELERATION, : self.first.state.counts[ELEMENTS] + 1]
+        return all(bool(np.isfinite(one).all()) for one in (nodes, self.tension, self.pull))
+
+    @property
+    def unconverged(self) -> int:
+        """Number of unconverged substeps of the first rope since the start."""
+        return int(self.first.state.health[SUBSTEPS_UNCONVERGED])
+
+    def with_effects(self, effects: tuple[Any, ...]) -> Rope:
+        """Return the first rope with the effects in use."""
+        rope = self.first
+        return rope if rope.effects is effects else rope._replace(effects=effects)
+
+    def advance(self, rope: Rope, boundary: Boundary, time_s: float, steps: int) -> Floats:
+        """Advance all ropes; return the first one's force after each step, (done, PULL_COLUMNS).
+
+        rope: the first one with the effects in use. Fewer steps are done if the next state would
+        not be finite.
+        """
+        pulls = self._pulls[:steps]
+        done = self.ropes.advance(rope, boundary, time_s, pulls)
+        if done:
+            self.pull = pulls[done - 1].copy()
+        return pulls[:done]
+
+    def cut(self, whole: Rope, border: Boundary, place: CutPosition) -> float:
+        """Cut a rope; return the length of the lower part [m]. whole: with the effects in use.
+
+        Raises:
+            SolverError: the cut cannot be made.
+        """
+        self.ropes, lost_m = self.ropes.cut(whole, border, place)
+        self.first = self.ropes.first
+        return lost_m
+
+    def arrays(self) -> dict[str, Any]:
+        """Return all that the steps change, by name; effects belong to the inputs."""
+        own = {f"rope/{name}": getattr(self.first, name) for name in changing_parts(self.first)}
+        own |= {"rope/tension": self.tension, "rope/pull": self.pull}
+        return own | self.ropes.changing()
+
+    def restore(self, arrays: dict[str, Any], effects: tuple[Any, ...]) -> None:
+        """Continue from restored arrays and effects."""
+        left = dict(arrays)
+        self.pull, tension = left.pop("rope/pull"), left.pop("rope/tension")
+        parts = {name: left.pop(f"rope/{name}") for name in changing_parts(self.first)}
+        model = left.pop("rope/model", self.first.model)
+        self.first = self.first._replace(**parts, effects=effects, model=model)
+        self.tension[:] = tension
+        self.ropes.take_back(left, self.first)
+
+    def moving_arrays(self, effects: tuple[Any, ...]) -> dict[str, Floats]:
+        """Return views of all arrays of a checkpoint, by name; effects: those in use."""
+        kept = self.arrays() | {"effects": effects}
+        return {
+            name: array for name, part in kept.items() for name, array in moving_arrays(name, part)
+        }
+
+    def put_back(self, kept: dict[str, Floats], effects: tuple[Any, ...]) -> bool:
+        """Copy the arrays of a checkpoint into those in use; return whether they fit."""
+        if self.moving_arrays(effects).keys() != kept.keys():
+            return False
+        for _ in range(2):  # after the first pass the views have the restored element counts
+            for name, array in self.moving_arrays(effects).items():
+                if array.shape == kept[name].shape:
+                    array[...] = kept[name]
+        return True
+
+
+def moving_arrays(name: str, part: Any) -> Iterator[tuple[str, Floats]]:
+    """Yield all arrays of a component that a recovery restores, by name."""
+    if name in _NOT_PUT_BACK:
+        return
+    if isinstance(part, np.ndarray):
+        yield name, part
+    elif isinstance(part, tuple | list):
+        for number, one in enumerate(part):
+            yield from moving_arrays(f"{name}/{number}", one)
+    elif type(part).__module__.startswith(("rope_twin.core", "rope_twin.effects")):
+        for key, one in getattr(part, "__dict__", {}).items():
+            yield from moving_arrays(f"{name}/{key}", one)

@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,16 +26,17 @@ from rope_twin.scene.validation.vortices import coupled_settings, model_beside
 from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh, check_transferable, error_at_level
 from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.validity import CUT_REASON
-from rope_twin.twin.current_input import CurrentInput
-from rope_twin.twin.cutting.cut_input import CutInput, rope_number
+from rope_twin.twin.cutting.cut_input import rope_number
 from rope_twin.twin.cutting.rope_cut import CutPosition
 from rope_twin.twin.inputs import TwinInputs
+from rope_twin.twin.monitors.monitor import Chunk, Monitor, TwinView, chunk_of
+from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors, new_monitors
 from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL, BoundaryConditions, Present
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.multi_line.system import MultiLineRopes
 from rope_twin.twin.pacing import steps_in_slot
-from rope_twin.twin.recovery import Checkpoint, moving_arrays, step_failure
-from rope_twin.twin.ropes import ropes_of
+from rope_twin.twin.recovery import Checkpoint, step_failure
+from rope_twin.twin.ropes import RopeSystem
 from rope_twin.twin.run_record import RunRecord
 from rope_twin.twin.saving import saved_state
 from rope_twin.twin.saving.saved_state import SavedState, StateDescription
@@ -44,8 +45,9 @@ from rope_twin.twin.snapshot_builder import RunStatistics, SnapshotInputs, build
 from rope_twin.twin.state import Clock, TwinState
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
 from rope_twin.twin.winch.payout import Payout
-from rope_twin.twin.winch.winch import Winch
 from rope_twin.vortex.coupled import VivDragAmplification
+
+AnyMonitor = TypeVar("AnyMonitor", bound=Monitor)
 
 
 class Twin:
@@ -60,24 +62,28 @@ class Twin:
     told = ""  # message for the user before the run
     _viv_drag: VivDragAmplification | None = None  # if the scene's VIV model is loosely coupled
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, monitors: Monitors = NO_MONITORS) -> None:
+        """Build the twin of a scene with the monitors that a run asks for."""
+        self._monitors = new_monitors(scene, monitors)  # first, as they may reject the scene
         self.scene = scene
         self.failure_folder: Path | None = None  # for the state from which a step failed
         self._clock = Clock()
-        self._ropes = ropes_of(scene, STEPS_PER_CALL)
-        self._rope = self._ropes.first
-        self._mesh = Mesh(scene, self._rope)
-        self.inputs = TwinInputs(scene, self._ropes, self._clock)
+        self._system = RopeSystem(scene, STEPS_PER_CALL)
+        self._mesh = Mesh(scene, self._system.first)
+        self.inputs = TwinInputs(scene, self._system.ropes, self._clock)
         self._motion = BoundaryConditions(scene, STEPS_PER_CALL, self.inputs.winch.line.length_m)
         self._card_error = known_error(scene)  # by the scene's convergence study alone
-        self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
-        self._pull = self._ropes.solve_statics()
-        upper = self._pull[None] if self.joined is None else self.joined.pull
-        self._record = RunRecord(scene, self._ropes, upper, float(self._tension[0]))
+        end_n = float(self._system.tension[0])
+        self._record = RunRecord(scene, self._system.ropes, self._system.upper_pulls, end_n)
         if model_beside(scene) is not None:
             cycle = steps_in_slot(scene.time.step_s)
             self._viv_drag = VivDragAmplification(coupled_settings(scene), self.rope, cycle)
             self.told = self._viv_drag.tracker.told
+        now, present = self.inspect(), self._present()
+        for monitor in self._monitors:
+            monitor.start(now, present)
+        texts = self.told, *(monitor.told for monitor in self._monitors)
+        self.told = "\n".join(text for text in texts if text)
 
     # Inputs, accepted from any thread
 
@@ -111,7 +117,14 @@ class Twin:
 
         A command for an unknown winch counts as rejected by the first one.
         """
-        return self.inputs.offer_command(stamp_ns, command, winch)
+        refusal = self.inputs.offer_command(stamp_ns, command, winch)
+        if self._monitors and not refusal:
+            names = [WINCH, *(line.from_ for line in self.scene.ropes[1:])]
+            rope = names.index(self.inputs.winch_called(winch))
+            with self.inputs.lock:
+                for monitor in self._monitors:
+                    monitor.command(self.time_ns, rope, stamp_ns, command)
+        return refusal
 
     def offer_current(self, profile: ArrayLike) -> str:
         """Submit a current profile; return "" or the reason for its rejection.
@@ -138,16 +151,40 @@ class Twin:
     def invalidate_inputs(self) -> None:
         """Invalidate inputs that were known in advance, after a pause or a restart."""
         self.inputs.invalidate()
-
-    def winch_called(self, name: str) -> str:
-        """Return the name of the commanded winch; a single-line scene accepts its rope's too."""
-        return self.inputs.winch_called(name)
+        with self.inputs.lock:
+            for monitor in self._monitors:
+                monitor.invalidate()
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted sample of heave, cut and each winch [ns]."""
         return self.inputs.newest_ns()
 
     # Present
+
+    def inspect(self) -> TwinView:
+        """Return a read-only view for analyses; use it in the stepping thread, until the next step.
+
+        Its arrays are those in use, with the effects of the present current.
+        """
+        return TwinView(
+            self.scene,
+            self._clock,
+            self.step_s,
+            self.rope,
+            self._system.ropes,
+            self._motion.boundary,
+            self._system.pull,
+            self.inputs,
+            self._viv_drag,
+        )
+
+    def monitor(self, kind: type[AnyMonitor]) -> AnyMonitor | None:
+        """Return the run's monitor of this type; None: the run has none."""
+        return next((one for one in self._monitors if isinstance(one, kind)), None)
+
+    def _present(self) -> Chunk:
+        """Return the ropes at present, after no step."""
+        return chunk_of(self.inspect(), self._system.pull[:0], self._motion.boundary)
 
     @property
     def time_ns(self) -> int:
@@ -167,7 +204,7 @@ class Twin:
     @property
     def step_s(self) -> float:
         """Length of a step [s]."""
-        return self._rope.model.step
+        return self._system.first.model.step
 
     @property
     def level(self) -> AccuracyLevel:
@@ -177,13 +214,12 @@ class Twin:
     @property
     def rope(self) -> rows.Rope:
         """The core's arrays in their present state; use them in the stepping thread only."""
-        rope, effects = self._rope, self.inputs.current.effects
-        return rope if rope.effects is effects else rope._replace(effects=effects)
+        return self._system.with_effects(self.inputs.current.effects)
 
     @property
     def joined(self) -> MultiLineRopes | None:
         """The multi-line system; None for a single rope."""
-        return self._ropes if isinstance(self._ropes, MultiLineRopes) else None
+        return self._system.joined
 
     @property
     def viv_drag(self) -> VivDragAmplification | None:
@@ -203,24 +239,12 @@ class Twin:
     @property
     def top_pull_n(self) -> float:
         """Tension of the first rope at its hang-off after the newest step [N]."""
-        return float(self._pull[rows.PULL])
+        return float(self._system.pull[rows.PULL])
 
     @property
     def is_finite(self) -> bool:
         """Whether the state is finite and may be published; call it from the stepping thread."""
-        count = self._rope.state.counts[rows.ELEMENTS] + 1
-        shown = self._rope.state.nodes[: rows.ACCELERATION, :count], self._tension, self._pull
-        return all(bool(np.isfinite(one).all()) for one in (*shown, self._boundary.value[0]))
-
-    @property
-    def _boundary(self) -> rows.Boundary:
-        """Hang-off position and paid-out length at the step boundaries; row 0 is the present."""
-        return self._motion.boundary
-
-    @property
-    def _tension(self) -> rows.Floats:
-        """Tension of the elements [N], a view of the scratch array."""
-        return self._rope.work[rows.TENSION, : self._rope.state.counts[rows.ELEMENTS]]
+        return self._system.is_finite and bool(np.isfinite(self._motion.boundary.value[0]).all())
 
     def statistics(self) -> RunStatistics:
         """Return the statistics of the run since its start."""
@@ -253,37 +277,60 @@ class Twin:
             raise SolverError(str(error).removesuffix(".") + self._keep_failure(error)) from error
 
     def _advance_some(self, steps: int) -> int:
-        """Advance as far as inputs can be prescribed without tension feedback; return the steps."""
-        began, clock, inputs = time.perf_counter(), self._clock, self.inputs
-        if self._viv_drag is not None:
-            steps = min(steps, self._viv_drag.steps_to_sampling(clock.steps))
-        with inputs.lock:
-            inputs.check_profiles()
-            taken = inputs.cut.take(clock.time_ns, self._length_m)
-            if taken is not None:
-                self._cut_here(*taken)
-            steps = inputs.cut.steps_before(clock.time_ns, self.step_ns, steps)
-            now = Present(clock.time_ns, self.step_ns, self._rope, float(self._pull[rows.PULL]))
-            steps = self._motion.fill(steps, inputs, now)
-            rope = self.rope
-        pulls = self._pulls[:steps]
-        done = self._ropes.advance(rope, self._boundary, clock.time_ns * 1e-9, pulls)
+        """Advance by at most this number of steps; return how many were done.
+
+        Raises:
+            SolverError: the next state would not be finite.
+        """
+        began, clock, motion = time.perf_counter(), self._clock, self._motion
+        rope, steps = self._prescribe(steps)
+        pulls = self._system.advance(rope, motion.boundary, clock.time_ns * 1e-9, steps)
+        done = len(pulls)
         clock.advance(done, self.step_ns)
-        self._drop_boundaries(done)
-        if done:
-            self._pull = pulls[done - 1].copy()
-            self._record.take(pulls[:done, rows.PULL].tolist())
-        if self._viv_drag is not None and self._viv_drag.steps_to_sampling(clock.steps) == 0:
-            self._viv_drag.look(self.rope, self._boundary, clock.steps, inputs.current.changes)
+        self._record.take(pulls[:, rows.PULL].tolist())
+        moved = motion.until(done) if self._monitors else motion.boundary
+        motion.forget(done)
+        self._system.ropes.forget(done, motion.steps)
+        self._observe(pulls, moved)
         clock.computing_s += time.perf_counter() - began
         if done < steps:
             raise SolverError(step_failure(clock.steps + 1, clock.time_ns * 1e-9))
         return done
 
-    def _drop_boundaries(self, done: int) -> None:
-        """Make the step boundary after `done` steps the first one, for all ropes."""
-        self._motion.forget(done)
-        self._ropes.forget(done, self._motion.steps)
+    def _prescribe(self, steps: int) -> tuple[rows.Rope, int]:
+        """Prescribe the motion of the next steps, after a cut that is due.
+
+        Return the first rope with the effects in use, and the number of steps up to the next
+        observation or tension feedback, `steps` at most.
+        """
+        clock, inputs, system = self._clock, self.inputs, self._system
+        if self._viv_drag is not None:
+            steps = min(steps, self._viv_drag.steps_to_sampling(clock.steps))
+        for monitor in self._monitors:
+            steps = min(steps, monitor.steps_to_observation(self.inspect()))
+        with inputs.lock:
+            inputs.check_profiles()
+            due = inputs.cut.take(clock.time_ns, self._length_m)
+            if due is not None:
+                self._cut_here(*due)
+            steps = inputs.cut.steps_before(clock.time_ns, self.step_ns, steps)
+            now = Present(clock.time_ns, self.step_ns, system.first, self.top_pull_n)
+            return self.rope, self._motion.fill(steps, inputs, now)
+
+    def _observe(self, pulls: rows.Floats, moved: rows.Boundary) -> None:
+        """Sample the loosely coupled VIV model, if that is due, and let the monitors observe.
+
+        pulls: after each step just done; moved: boundary conditions of these steps.
+        """
+        viv_drag, steps = self._viv_drag, self._clock.steps
+        if viv_drag is not None and viv_drag.steps_to_sampling(steps) == 0:
+            changes = self.inputs.current.changes
+            viv_drag.look(self.rope, self._motion.boundary, steps, changes)
+        if self._monitors:
+            now = self.inspect()
+            chunk = chunk_of(now, pulls, moved)
+            for monitor in self._monitors:
+                monitor.observe(now, chunk)
 
     def _keep_failure(self, error: SolverError) -> str:
         """Write the state from which the step failed; return the end of the error message."""
@@ -298,27 +345,27 @@ class Twin:
 
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present; call it from the stepping thread."""
-        record, inputs = self._record, self.inputs
-        unconverged = int(self._rope.state.health[rows.SUBSTEPS_UNCONVERGED])
+        record, inputs, system = self._record, self.inputs, self._system
+        (value, rate), ropes, first = self._motion.boundary, system.ropes, system.first
         with inputs.lock:
             health = inputs.health()
             at_limit, winch = inputs.winch.at_limit, inputs.winch.shot()
         taken = build_snapshot(
-            self._rope.state,
-            self._rope.work,
+            first.state,
+            first.work,
             SnapshotInputs(
                 stamp_ns=self.time_ns,
                 step=self.steps,
                 step_s=self.step_s,
                 line=self.scene.ropes[0],
                 ship=self.scene.ship,
-                border=self._boundary.value[0],
-                border_rate=self._boundary.rate[0],
-                pull=self._pull,
+                border=value[0],
+                border_rate=rate[0],
+                pull=system.pull,
                 recent=record.recent,
                 run=record.run,
                 winch_at_limit=at_limit,
-                doubtful=record.is_doubtful(unconverged),
+                doubtful=record.is_doubtful(system.unconverged),
                 computing_s=self._clock.computing_s,
                 inputs=health,
                 card_error=self._card_error,
@@ -326,14 +373,17 @@ class Twin:
                 cut=self.cut,
             ),
         )
-        record.begin_interval(unconverged)
-        taken = record.add_contact(taken, self._rope, self._ropes)
+        record.begin_interval(system.unconverged)
+        taken = record.add_contact(taken, first, ropes)
         if self._viv_drag is not None:
             amended(taken, vibration=self._viv_drag.shot(self.rope))
-        taken = self._ropes.complete(taken, self.time_ns)
+        taken = ropes.complete(taken, self.time_ns)
         inputs.validity.look(taken, inputs.motion_judged)
-        taken = record.add_loads(taken, self._rope, self._ropes)
-        return amended(taken, card_error=self.card_error)
+        taken = record.add_loads(taken, first, ropes)
+        amended(taken, card_error=self.card_error)
+        for monitor in self._monitors:
+            taken = monitor.amend(self.inspect(), taken)
+        return taken
 
     # Changes of the ropes between steps
 
@@ -348,44 +398,51 @@ class Twin:
             StateError: the rope was cut; its parts cannot be transferred either.
         """
         check_transferable(self.scene, self.cut is not None)
-        V = float(self._boundary.rate[0, rows.LINE])
-        at = HangOff(self._pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
+        V = float(self._motion.boundary.rate[0, rows.LINE])
+        at = HangOff(self._system.pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
         self._motion.steps = 0  # boundary conditions ahead are valid for the old step only
-        self._rope = self._mesh.changed(self._rope, level, at)
+        self._system.first = self._mesh.changed(self._system.first, level, at)
         self._card_error = error_at_level(self.scene, level)
+        self._restart_monitors()
+
+    def _restart_monitors(self) -> None:
+        for monitor in self._monitors:
+            monitor.restart(self.inspect(), self._present())
 
     def _length_m(self, rope: int) -> float:
         """Return the present unstretched length of a rope [m]."""
         if rope > 0:
-            return self._ropes.length_m(rope)
-        return float(self._boundary.value[0, rows.LINE])
+            return self._system.ropes.length_m(rope)
+        return float(self._motion.boundary.value[0, rows.LINE])
 
     def _cut_here(self, lost_m: float, rope: int) -> None:
         """Cut a rope now at this height above its lower end [m], or at a node close by."""
-        lost_m = self._split(lost_m, rope)
+        lost_m = self.split(lost_m, rope)
         self._record_cut(lost_m, self._length_m(rope), rope)
+        for monitor in self._monitors:
+            monitor.cut(self.inspect())
 
     def _record_cut(self, lost_m: float, left_m: float, rope: int) -> None:
         """Record a cut at the present time."""
         if rope == 0:
             self.inputs.winch.adapt_to_cut(lost_m, left_m)
         else:
-            self._ropes.adapt_to_cut(rope, lost_m, left_m)
+            self._system.ropes.adapt_to_cut(rope, lost_m, left_m)
         name = self.scene.ropes[rope].name if is_joined(self.scene) else ""
         self.inputs.cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m, name)
 
-    def _split(self, lost_m: float, rope: int = 0) -> float:
+    def split(self, lost_m: float, rope: int = 0) -> float:
         """Split a rope in two; return the length below the cut [m]."""
         whole, now_s = self.rope, self.time_ns * 1e-9
         winch = winch_of(self.scene, self.scene.ropes[rope])
         place = CutPosition(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
-        self._ropes, lost_m = self._ropes.cut(whole, self._boundary, place)
-        self._rope = self._ropes.first
-        self.inputs.ropes, self.inputs.current.effects = self._ropes, self._rope.effects
+        system, boundary = self._system, self._motion.boundary
+        lost_m = system.cut(whole, boundary, place)
+        self.inputs.ropes, self.inputs.current.effects = system.ropes, system.first.effects
         if self._viv_drag is not None:
-            self._viv_drag.cut(whole, self._rope)
+            self._viv_drag.cut(whole, system.first)
         if rope == 0:
-            self._boundary.value[:, rows.LINE] -= lost_m
+            boundary.value[:, rows.LINE] -= lost_m
         self.invalidate_error(CUT_REASON)
         return lost_m
 
@@ -397,17 +454,18 @@ class Twin:
         """
         with self.inputs.lock:
             self._motion.steps = 0
-            value, rate = self._boundary
+            value, rate = self._motion.boundary
             line = Payout(float(value[0, rows.LINE]), float(rate[0, rows.LINE]))
             self.inputs.winch.continue_from(line)
-            self._ropes.discard_prescribed()
+            self._system.ropes.discard_prescribed()
 
     def checkpoint(self) -> Checkpoint:
         """Return a copy of all that the steps change, for `return_to`; for the stepping thread."""
-        border = self._ropes.border(self._boundary)
-        kept = {name: array.copy() for name, array in self._moving_arrays().items()}
-        return Checkpoint(self.time_ns, self.level, self.cut, border, kept,
-                          self.inputs.current.effects, self._record.extremes())  # fmt: skip
+        border = self._system.ropes.border(self._motion.boundary)
+        effects = self.inputs.current.effects
+        kept = {name: one.copy() for name, one in self._system.moving_arrays(effects).items()}
+        extremes = self._record.extremes()
+        return Checkpoint(self.time_ns, self.level, self.cut, border, kept, effects, extremes)
 
     def return_to(self, then: Checkpoint) -> bool:
         """Return the ropes to an earlier state at the present time; return whether the state fits.
@@ -416,24 +474,18 @@ class Twin:
         from their earlier paid-out length with the present commands. A current profile that came
         since is reverted. Call it from the stepping thread.
         """
+        went = self._return_to(then)
+        self._restart_monitors()
+        return went
+
+    def _return_to(self, then: Checkpoint) -> bool:
         if then.level != self.level or then.cut is not self.cut:
             return False
-        present = self._ropes.border(self._boundary)
+        present = self._system.ropes.border(self._motion.boundary)
         self.revert_current(then)
-        if self._moving_arrays().keys() != then.kept.keys():
+        if not self._system.put_back(then.kept, self.inputs.current.effects):
             return False
-        for _ in range(2):  # after the first pass the views have the restored element counts
-            for name, array in self._moving_arrays().items():
-                if array.shape == then.kept[name].shape:
-                    array[...] = then.kept[name]
-        self._boundary.value[0], self._boundary.rate[0] = (table[0] for table in then.border)
-        blending = self._motion.blending
-        error, rate = blending.at(self.time_ns)
-        moved = [
-            np.nan_to_num((old - new)[: len(error), : rows.LINE])
-            for old, new in zip(then.border, present, strict=True)
-        ]
-        blending.begin(self.time_ns, error + moved[0], rate + moved[1])
+        self._motion.return_to(then.border, present, self.time_ns)
         self._record.restore_finite(then.extremes)
         self.discard_prescribed()
         return True
@@ -458,8 +510,9 @@ class Twin:
 
         failure: the error message, if a step from this state failed.
         """
-        state, (value, rate) = self._rope.state, self._boundary
-        payload = self._ropes.lowest(self._rope).state.nodes[rows.POSITION : rows.POSITION + 3, 0]
+        system, (value, rate) = self._system, self._motion.boundary
+        lowest = system.ropes.lowest(system.first).state
+        payload = lowest.nodes[rows.POSITION : rows.POSITION + 3, 0]
         cut = self.cut
         about = StateDescription(
             **saved_state.stamp(self.scene, failure),
@@ -467,10 +520,10 @@ class Twin:
             step=self.steps,
             step_s=self.step_s,
             halvings=self.level.halvings,
-            elements=int(state.counts[rows.ELEMENTS]),
+            elements=int(system.first.state.counts[rows.ELEMENTS]),
             line_out_m=float(value[0, rows.LINE]),
             payout_speed_m_per_s=float(rate[0, rows.LINE]),
-            tension_top_n=float(self._pull[rows.PULL]),
+            tension_top_n=self.top_pull_n,
             payload_position_m=tuple(payload.tolist()),
             cut_lost_m=cut.lost_m if cut else 0.0,
             cut_left_m=cut.left_m if cut else 0.0,
@@ -480,10 +533,13 @@ class Twin:
             return saved_state.take(self._state(), about, self.scene)
 
     @classmethod
-    def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
+    def restore(
+        cls, saved: str | Path | SavedState, scene: Scene, monitors: Monitors = NO_MONITORS
+    ) -> Self:
         """Return a twin that resumes from a saved state of this scene.
 
-        saved: the state, or the path of its file.
+        saved: the state, or the path of its file. monitors: those of the run; they continue as far
+        as the state has them.
 
         Raises:
             StateError: the file is invalid, or the scene differs; the message names the difference.
@@ -491,16 +547,18 @@ class Twin:
         """
         state = saved if isinstance(saved, SavedState) else saved_state.load_state(saved)
         saved_state.check_scene(state, scene)
-        twin = cls(scene)
+        twin = cls(scene, monitors)
         if (level := state.level) != twin.level:
             twin.set_level(level)
         if (lost_m := state.about.cut_lost_m) > 0.0:  # anywhere: arrays are restored below
             rope = rope_number(scene, state.about.cut_rope)
-            twin._split(0.5 * twin._length_m(rope), rope)
+            twin.split(0.5 * twin._length_m(rope), rope)
             twin._record_cut(lost_m, state.about.cut_left_m, rope)
         twin._continue_from(state.restored(twin._state()))
         if twin._viv_drag is not None:
             twin._viv_drag.take_back(state.read_monitor("viv_drag", twin._viv_drag.kept()))
+        for monitor in twin._monitors:
+            monitor.restore(twin.inspect(), twin._present(), state)
         return twin
 
     def branch(self) -> Twin:
@@ -518,7 +576,7 @@ class Twin:
         return TwinState(
             clock=self._clock.state(),
             mesh=self._mesh.state(),
-            ropes=self._rope_arrays(),
+            ropes=self._system.arrays(),
             motion=self._motion.state(),
             inputs=self.inputs.state(),
             record=self._record.state(),
@@ -532,65 +590,11 @@ class Twin:
         self._motion.restore(state.motion)
         self.inputs.restore(state.inputs)
         self._record.restore(state.record)
-        ropes = dict(state.ropes)
-        self._pull = ropes.pop("rope/pull")
-        tension, model = ropes.pop("rope/tension"), ropes.pop("rope/model", self._rope.model)
-        self._rope = self._rope._replace(
-            **{name: ropes.pop(f"rope/{name}") for name in saved_state.changing_parts(self._rope)},
-            effects=self.inputs.current.effects,
-            model=model,
-        )
-        self._tension[:] = tension
-        self._ropes.take_back(ropes, self._rope)
-
-    def _rope_arrays(self) -> dict[str, Any]:
-        """Return the arrays of all ropes that the steps change; effects belong to the inputs."""
-        parts = saved_state.changing_parts(self._rope)
-        own = {f"rope/{name}": getattr(self._rope, name) for name in parts}
-        own |= {"rope/tension": self._tension, "rope/pull": self._pull}
-        return own | self._ropes.changing()
-
-    def _moving_arrays(self) -> dict[str, rows.Floats]:
-        """Return views of all arrays of a checkpoint, by name."""
-        kept = self._rope_arrays() | {"effects": self.inputs.current.effects}
-        return {
-            name: array for name, part in kept.items() for name, array in moving_arrays(name, part)
-        }
+        self._system.restore(state.ropes, self.inputs.current.effects)
 
     def _monitor_states(self) -> dict[str, Any]:
         """Return the states of the monitors by name."""
         own = {} if self._viv_drag is None else {"viv_drag": self._viv_drag.kept()}
-        return own | self._changing()
-
-    # Names that the twins with monitors use
-
-    def _changing(self) -> dict[str, Any]:
-        return {}
-
-    @property
-    def _lock(self) -> threading.Lock:
-        return self.inputs.lock
-
-    @property
-    def _current(self) -> CurrentInput:
-        return self.inputs.current
-
-    @property
-    def _cut(self) -> CutInput:
-        return self.inputs.cut
-
-    @property
-    def _winch(self) -> Winch:
-        return self.inputs.winch
-
-    @property
-    def _steps(self) -> int:
-        return self._clock.steps
-
-    @property
-    def _computing_s(self) -> float:
-        return self._clock.computing_s
-
-    @_computing_s.setter
-    def _computing_s(self, value: float) -> None:
-        self._clock.computing_s = value
+        for monitor in self._monitors:
+            own |= monitor.state()
+        return own

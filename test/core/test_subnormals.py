@@ -39,8 +39,8 @@ def test_the_register_is_given_back_as_it_was() -> None:
 def test_nothing_fades_below_what_is_normal(name: str) -> None:
     """Of one rope, and of ropes that meet: all that moves it sideways is far below 1e-308."""
     twin = Twin(load_scene(name))
-    twin._rope.state.nodes[VELOCITY + 1, 3] = FADED
+    twin.rope.state.nodes[VELOCITY + 1, 3] = FADED
     twin.advance(2)
-    left = np.abs(twin._rope.state.nodes)
+    left = np.abs(twin.rope.state.nodes)
     assert not ((left > 0.0) & (left < SMALLEST)).any()
     assert np.float64(FADED) * 0.5 > 0.0

@@ -17,7 +17,7 @@ from rigs import Rig, march, sine
 from rope_twin import Twin
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY
 
 G, RHO, MASS = 9.80665, 1025.0, 6000.0
 LENGTH, WIDTH, HEIGHT = 4.0, 3.0, 1.2
@@ -137,7 +137,7 @@ def test_the_account_closes_through_the_surface() -> None:
         hang_off=(0.0, 0.0, 25.0), mass=1.0, EA=2e7, damping=2e4,
     )  # fmt: skip
     body = replace(BARGE, slings=slings, hook_mass_kg=50.0, added_inertia_kg_m2=None)
-    twin = EnergyTwin(between(rig, body, DEEP, AREA))
+    twin = Twin(between(rig, body, DEEP, AREA), ENERGY)
     heights = []
     for shot in march(twin, sine(0.9, 5.0), 7.0, every=20):
         heights.append(shot.payload_position_m[2])

@@ -26,7 +26,7 @@ def test_nothing_is_lost_at_the_cut(at: float) -> None:
     before = sums(twin.rope, VACUUM, VACUUM.load)
     n = int(twin.rope.state.counts[rows.ELEMENTS])
     s, v = twin.rope.state.s[: n + 1].copy(), twin.rope.state.nodes[3:6, : n + 1].copy()
-    assert twin._split(at) == pytest.approx(at, abs=0.01 * 20.0)
+    assert twin.split(at) == pytest.approx(at, abs=0.01 * 20.0)
     both = Sums(*(a + b for a, b in zip(*parts(twin, VACUUM), strict=True)))
     assert both.mass == pytest.approx(before.mass, rel=1e-13)
     np.testing.assert_allclose(both.momentum, before.momentum, rtol=1e-12, atol=1e-9)

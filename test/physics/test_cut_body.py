@@ -19,7 +19,7 @@ from rope_twin.core.step import advance
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.twin.cutting.rope_cut import without_load
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY
 
 G, RHO, HOOK = 9.80665, 1025.0, 150.0
 CORNERS = [(x, y, 0.6) for x in (-1.5, 1.5) for y in (-1.0, 1.0)]
@@ -70,7 +70,7 @@ def test_the_cut_leaves_the_body_as_it_is_and_compiles_nothing(below: float) -> 
     body = body_in(twin)
     before = body.records[int(body.memory[0, 0])].copy()
     codes = len(getattr(advance, "overloads", ()))
-    twin._split(1.0 if math.isinf(below) else 60.0 - below)
+    twin.split(1.0 if math.isinf(below) else 60.0 - below)
     after = falling(twin)
     assert (after.records[int(after.memory[0, 0])] == before).all()
     parked = body_in(twin)
@@ -156,7 +156,7 @@ def test_through_the_surface_onto_the_bed() -> None:
     """Energy is kept on the way, a slam at 10 m/s included; the bed carries the body in the end."""
     bed = SeabedParams(depth_m=30.0, payload_penetration_m=0.05, friction=0.4)
     rig = replace(WET, length=30.0, elements=10, hang_off=(0.0, 0.0, 40.0), mass=5.0, step=0.0025)
-    twin = EnergyTwin(between(rig, BODY, bed, bottom_m2=2.0))
+    twin = Twin(between(rig, BODY, bed, bottom_m2=2.0), ENERGY)
     twin.advance(200)
     assert not twin.offer_cut(None, 20.0)
     twin.advance(1400)

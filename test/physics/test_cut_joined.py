@@ -15,7 +15,7 @@ from rope_twin.core.state import Floats
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.cut_input import PlannedCut, plan_for
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY
 from rope_twin.twin.multi_line.system import MultiLineRopes
 from rope_twin.twin.twin import Twin
 
@@ -66,7 +66,7 @@ def test_a_rope_with_a_ring_is_cut_as_the_whole_rope(tmp_path: Path) -> None:
 
 def figures(twin: Twin) -> tuple[float, Floats]:
     """Mass [kg] and momentum [N·s] of all rope."""
-    ropes = twin._ropes
+    ropes = twin.inspect().ropes
     assert isinstance(ropes, MultiLineRopes)
     mass, momentum = 0.0, np.zeros(3)
     for rope in ropes.system(twin.rope).ropes:
@@ -85,7 +85,7 @@ def test_nothing_is_lost_at_the_cut(bridle: Scene, number: int, above_m: float) 
     heaved(twin, 6)
     twin.advance(400)
     mass, momentum = figures(twin)
-    lost = twin._split(above_m, number)
+    lost = twin.split(above_m, number)
     after, gone = figures(twin)
     assert lost == pytest.approx(above_m, abs=0.1)
     assert after == pytest.approx(mass, rel=1e-13)
@@ -102,11 +102,11 @@ def pulls(shot: Snapshot) -> dict[str, float]:
 
 def test_what_a_cut_leg_held_hangs_on_the_other(bridle: Scene) -> None:
     """All of the weight is on the other leg, the balance closes, and a saved run is the run."""
-    twin = EnergyTwin(bridle)
+    twin = Twin(bridle, ENERGY)
     before = pulls(twin.snapshot())
     assert not twin.offer_cut(1_000_000_000, 4.0, "leg_port")
     twin.advance(150)
-    branch = EnergyTwin.restore(twin.capture(), bridle)
+    branch = Twin.restore(twin.capture(), bridle, ENERGY)
     for one in (twin, branch):
         one.advance(150)
     shot, other = twin.snapshot(), branch.snapshot()

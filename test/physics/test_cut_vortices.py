@@ -20,7 +20,7 @@ from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.rope_cut import has_state
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY
 
 RIG = replace(HAULED, winch=HAULING, mass=4.0, load=400.0, area=(0.3,) * 3)
 # its parameters, numbers carried, and the row of the strength per node, with its value per metre
@@ -68,7 +68,7 @@ def test_every_node_keeps_its_wake(model: str, at: float) -> None:
     n = int(twin.rope.state.counts[rows.ELEMENTS])
     s, memory = twin.rope.state.s[:n].copy(), memory_of(twin.rope).copy()
     assert np.ptp(memory[0, :n]) > 0.1, "it is shaken"
-    lost = twin._split(at)
+    lost = twin.split(at)
     lower, upper = fallen(twin), twin.rope
     for rope, start in ((lower, 0.0), (upper, lost)):
         own = memory_of(rope)
@@ -126,7 +126,7 @@ def test_a_rope_that_falls_along_itself_sheds_nothing(model: str) -> None:
 @EACH
 def test_the_balance_of_both_parts_closes(model: str) -> None:
     """Over the cut and the fall, with what the vortices bring."""
-    twin = EnergyTwin(scene_of(model))
+    twin = Twin(scene_of(model), ENERGY)
     twin.advance(300)
     assert not twin.offer_cut(None, 12.0)
     twin.advance(500)

@@ -10,8 +10,9 @@ import pytest
 from payout_rigs import STEEL
 from rigs import Heave, Rig, Speeds, lift, march, sine, still
 
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY
 from rope_twin.twin.results import EnergyBalance
+from rope_twin.twin.twin import Twin
 from validation.snap import ROPE, SPRING
 
 FREE = replace(STEEL, elements=50, tolerance=1e-2, ramp=4.0)
@@ -21,7 +22,7 @@ def balances(
     rig: Rig, heave: Heave, seconds: float, every: int = 10, speeds: Speeds = ()
 ) -> list[EnergyBalance]:
     """The balance of a run after each `every` steps."""
-    shots = march(EnergyTwin(rig.scene()), heave, seconds, every, speeds)
+    shots = march(Twin(rig.scene(), ENERGY), heave, seconds, every, speeds)
     found = [shot.energy for shot in shots]
     return [balance for balance in found if balance is not None]
 
@@ -29,7 +30,7 @@ def balances(
 def test_drag_takes_the_weight_times_the_terminal_speed() -> None:
     """A payload under a slack rope falls at v = √(2·W/(ρ·CdA)); the water takes W·v."""
     rig = replace(SPRING, area=(0.0, 0.0, 76.0))
-    shots = list(march(EnergyTwin(rig.scene()), lift(-8.0, 3.0), 2.8, every=20))
+    shots = list(march(Twin(rig.scene(), ENERGY), lift(-8.0, 3.0), 2.8, every=20))
     at_2_s, end = shots[9], shots[13]
     assert end.element_tension_n.max() < 1e-2 * rig.load_weight
     speed = math.sqrt(2.0 * rig.load_weight / (rig.density * 76.0))
@@ -66,7 +67,7 @@ def test_payout_at_constant_speed_is_supplied_by_the_sheave() -> None:
     What it brings is that of the top element, whose middle is half of it further down.
     """
     rig = replace(FREE, length=200.0, elements=20, winch=STEEL.winch)
-    shots = list(march(EnergyTwin(rig.scene()), still, 20.0, 1000, [(0.0, 1.0)]))
+    shots = list(march(Twin(rig.scene(), ENERGY), still, 20.0, 1000, [(0.0, 1.0)]))
     a, b = (shot.energy for shot in shots)
     assert a is not None
     assert b is not None

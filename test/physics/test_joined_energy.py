@@ -16,8 +16,9 @@ from rope_twin import load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.joined.energy import SystemBorder, lost, measure_system
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY
 from rope_twin.twin.results import EnergyBalance
+from rope_twin.twin.twin import Twin
 
 FINE_N = 0.1  # of the solver: what it leaves must not be what is measured
 
@@ -30,7 +31,7 @@ def fine(name: str) -> Scene:
 
 def balance(scene: Scene, seconds: float, winches: dict[str, float]) -> EnergyBalance:
     """After a run in a heave of 1 m in 6 s, with these winches at these speeds."""
-    twin, omega = EnergyTwin(scene), 2.0 * math.pi / 6.0
+    twin, omega = Twin(scene, ENERGY), 2.0 * math.pi / 6.0
     for name, speed in winches.items():
         assert twin.offer_speed(0, speed, name) == ""
     for half in range(round(2.0 * seconds)):

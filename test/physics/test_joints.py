@@ -197,13 +197,13 @@ def test_the_lower_part_of_a_cut_rope_is_one_that_hangs_on_a_joint_without_a_mee
     """Its end is free: the twin's own way of stepping it against the joints', in a current."""
     rig = replace(WATER, current=((0.0, (0.8, 0.0)), (-300.0, (0.2, 0.4))), tolerance=1e-3)
     twin = rig.twin()
-    twin._split(120.0)  # at a node
+    twin.split(120.0)  # at a node
     lengths = replace(rig, length=120.0, elements=12)
     bench = JointBench([Line(rig=lengths, low=(0.0,) * 3, high=(0.0,) * 3, upper=0)])
     bench.system.ropes[0].state.nodes[:, :13] = fallen(twin).state.nodes[:, :13]
     bench.system.joints.nodes[:, 0] = fallen(twin).state.nodes[:, 12]
-    assert isinstance(twin._ropes, CutRope)
-    twin._ropes._fresh = False  # the bench takes its first step in one piece
+    assert isinstance(twin.inspect().ropes, CutRope)
+    twin.inspect().ropes._fresh = False  # the bench takes its first step in one piece
     for _ in range(40):
         twin.advance(10)
         bench.hold(10)

@@ -56,7 +56,7 @@ def moving_twins(
 
 def parts(twin: Twin) -> tuple[Rope, Floats, Floats, Floats, Floats]:
     """The rope with its rest lengths, node masses, velocities (3, nodes) and tensions."""
-    rope = twin._rope
+    rope = twin.rope
     n = int(rope.state.counts[rows.ELEMENTS])
     rest = np.diff(rope.state.s[: n + 1])
     half = 0.5 * rest * rope.sections[rows.PER_METRE, 0]
@@ -80,7 +80,7 @@ def test_fewer_elements_keep_mass_marks_momentum_and_gain_no_energy(twin: Twin) 
     before, rest, mass, velocity, tension = parts(twin)
     load = float(twin.scene.payloads[0].mass_kg)
     kinetic = motion(twin, load)
-    value, at_ns = twin._boundary.value[0].copy(), twin.time_ns
+    value, at_ns = twin.inspect().boundary.value[0].copy(), twin.time_ns
     nodes, s = before.state.nodes.copy(), before.state.s.copy()
     twin.set_level(COARSE)
     rope, rest_2, mass_2, velocity_2, tension_2 = parts(twin)
@@ -104,7 +104,7 @@ def test_fewer_elements_keep_mass_marks_momentum_and_gain_no_energy(twin: Twin) 
         together = np.add.reduceat(tension**2 * rest, kept[:-1])
         # the top element is as tense as the pull on the hang-off asks for
         assert np.all((tension_2**2 * rest_2 <= together * (1.0 + 1e-9))[:-1])
-    assert np.array_equal(twin._boundary.value[0], value)
+    assert np.array_equal(twin.inspect().boundary.value[0], value)
     assert twin.time_ns == at_ns
 
 
@@ -116,20 +116,20 @@ def test_the_pull_on_the_hang_off_goes_on_where_it_was(twin: Twin, rung: Accurac
     A taut rope with 20 t: within 0.1 % where 20 elements or more are left, as on the ladder. (With
     2 t on an undamped rope, near slack, 0.3 % was found.)
     """
-    assume(float(twin._tension.min()) > 0.0)
+    assume(float(twin.inspect().tension.min()) > 0.0)
     same, down, up = twin, twin.branch(), twin.branch()
     down.set_level(rung)
     up.set_level(rung)
     up.set_level(TOP)
-    assert len(up._tension) == len(same._tension)
+    assert len(up.inspect().tension) == len(same.inspect().tension)
     assert np.allclose(parts(up)[1], parts(same)[1], rtol=0.0, atol=1e-9)
     for one in (same, down, up):
         one.advance(1)
-    here, scale = same._pull[rows.PULL], float(same._pull[rows.PULL])
-    assume(float(same._tension.min()) > 0.0)
-    least = 1e-3 if len(down._tension) >= 20 else 4e-3
-    assert abs(down._pull[rows.PULL] - here) < least * scale
-    assert abs(up._pull[rows.PULL] - here) < least * scale
+    here, scale = same.inspect().pull[rows.PULL], float(same.inspect().pull[rows.PULL])
+    assume(float(same.inspect().tension.min()) > 0.0)
+    least = 1e-3 if len(down.inspect().tension) >= 20 else 4e-3
+    assert abs(down.inspect().pull[rows.PULL] - here) < least * scale
+    assert abs(up.inspect().pull[rows.PULL] - here) < least * scale
 
 
 @settings(max_examples=10)
@@ -139,11 +139,11 @@ def test_settling_on_other_elements_brings_no_energy(
 ) -> None:
     """A rope in vacuum without a damper, kicked at random, with its hang-off held still."""
     twin = Rig(length=300.0, elements=elements).twin()
-    n = int(twin._rope.state.counts[rows.ELEMENTS])
+    n = int(twin.rope.state.counts[rows.ELEMENTS])
     x = np.linspace(0.0, np.pi, n + 1)
     for k in range(3):
         shape = kicks[k] * np.sin(x) + 0.3 * kicks[k + 3] * np.sin(5.0 * x)
-        twin._rope.state.nodes[rows.VELOCITY + k, : n + 1] += shape
+        twin.rope.state.nodes[rows.VELOCITY + k, : n + 1] += shape
     twin.advance(30)
     start = store(twin)
     twin.set_level(COARSE)
@@ -160,26 +160,26 @@ def test_settling_on_other_elements_brings_no_energy(
 
 def store(twin: Twin) -> tuple[float, float, float]:
     """Kinetic, elastic and potential energy."""
-    found = measure(twin._rope, twin._pull[1:4], twin.time_ns * 1e-9, 0.0).store
+    found = measure(twin.rope, twin.inspect().pull[1:4], twin.time_ns * 1e-9, 0.0).store
     return found.kinetic, found.elastic, found.potential
 
 
 def test_ends_of_sections_stay_nodes_and_come_back_with_the_marks() -> None:
     """hybrid_lift: chain, fibre by a table of stiffness, wire; paid out over a joint meanwhile."""
     twin = Twin(load_scene("hybrid_lift"))
-    marks = twin._rope.state.s[: len(twin._tension)].copy()
-    ends = [end for end in twin._rope.sections[rows.END] if end < marks[-1]]
+    marks = twin.rope.state.s[: len(twin.inspect().tension)].copy()
+    ends = [end for end in twin.rope.sections[rows.END] if end < marks[-1]]
     twin.offer_speed(None, 1.0)
     twin.advance(500)
     twin.set_level(COARSE)
-    coarse = twin._rope.state.s[: len(twin._tension)]
+    coarse = twin.rope.state.s[: len(twin.inspect().tension)]
     assert all(np.abs(coarse - end).min() < 1e-9 for end in ends)
     twin.advance(500)
     twin.set_level(TOP)
-    again = twin._rope.state.s[: len(twin._tension)]
+    again = twin.rope.state.s[: len(twin.inspect().tension)]
     assert all(np.abs(again - mark).min() < 1e-9 for mark in marks)
-    lengths = np.diff(twin._rope.state.s[: len(twin._tension) + 1])
-    assert lengths.max() <= twin._rope.model.split_above
+    lengths = np.diff(twin.rope.state.s[: len(twin.inspect().tension) + 1])
+    assert lengths.max() <= twin.rope.model.split_above
     twin.advance(100)
 
 
@@ -197,5 +197,5 @@ def test_a_slack_rope_is_carried_over_too() -> None:
     branch.advance(50)
     branch.set_level(TOP)
     branch.advance(50)
-    assert np.isfinite(branch._pull).all()
+    assert np.isfinite(branch.inspect().pull).all()
     assert branch.snapshot().solver.unconverged_substeps == 0

@@ -19,8 +19,8 @@ from rope_twin.core.body.energy import pose_of, pulls_of
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.errors import SceneError
 from rope_twin.twin.accuracy.level import AccuracyLevel, levels_of
-from rope_twin.twin.energy_account import EnergyTwin
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
+from rope_twin.twin.monitors.settings import ENERGY
 
 G, RHO = 9.80665, 1025.0
 ADRIFT = replace(LINE, gravity=0.0, density=RHO, step=0.01)
@@ -302,7 +302,7 @@ def test_slack_slings_do_not_push_and_the_account_closes() -> None:
         added=(600.0, 900.0, 4000.0), area=(3.0, 4.0, 11.0), step=0.0025, drag=(1.2, 0.02),
         added_mass=1.0, current=((0.0, (0.6, 0.2)), (-100.0, (0.2, 0.3))), ramp=4.0,
     )  # fmt: skip
-    twin = EnergyTwin(scene_of(rig, TEMPLATE))
+    twin = Twin(scene_of(rig, TEMPLATE), ENERGY)
     pulls, shot = [], twin.snapshot()
     for shot in march(twin, sine(1.6, 4.5), 12.0, every=20):
         assert shot.body is not None

@@ -102,7 +102,7 @@ def test_a_payload_bounces_as_hunt_and_crossley_say() -> None:
     rig = Rig(length=120.0, elements=6, load=mass, mass=0.01, diameter=1e-3, step=1e-3, EA=1e5)
     twin = Twin(on_bed(rig, replace(BED, damping_s_per_m=chi)))
     assert twin.snapshot().payload_position_m[2] == pytest.approx(-100.05, abs=1e-3)
-    nodes = twin._rope.state.nodes
+    nodes = twin.rope.state.nodes
     nodes[2, 0] = -99.99
     nodes[rows.VELOCITY + 2, 0] = -1.0
     seen = np.array(
@@ -131,7 +131,7 @@ def test_a_payload_slides_to_rest() -> None:
         last = shot
     assert abs(last.payload_velocity_m_per_s[2]) < 1e-3
     assert last.payload_position_m[2] == pytest.approx(-100.05, abs=1e-3)
-    twin._rope.state.nodes[rows.VELOCITY, 0] = 2.0
+    twin.rope.state.nodes[rows.VELOCITY, 0] = 2.0
     before = float(last.payload_position_m[0])
     way = [float(shot.payload_position_m[0]) - before for shot in march(twin, still, 3.0)]
     assert max(way) == pytest.approx(2.0**2 / (2.0 * 0.4 * G), rel=0.02)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rigs import Vector, march, sine, still
 from test_vibration import CABLE
-from test_vibration_live import WINCH, watched
+from test_vibration_live import WINCH, asked_for, watched
 
 from rope_twin import Snapshot, Twin
 from rope_twin.effects.decomposed_force import DecomposedForceParams
@@ -173,7 +173,7 @@ def test_it_goes_on_from_a_state_and_from_a_branch_to_the_bit(model: Any) -> Non
         list(march(own, *course))
         own.advance(17)
     others = [Twin.restore(twin.capture(), scene), twin.branch(), worn]
-    others.append(type(worn).restore(worn.capture(), scene))
+    others.append(Twin.restore(worn.capture(), scene, asked_for("", "stranded_wire")))
     (last,) = list(march(twin, sine(0.3, 6.0), 4.0, 200))
     assert len(last.element_tension_n) > 40
     assert shaking(last).cross_flow.max() > 0.05

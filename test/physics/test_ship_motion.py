@@ -138,7 +138,7 @@ def test_the_hang_off_goes_where_the_pose_and_the_arm_say() -> None:
             18.0 * math.cos(angle) - 12.0 * math.sin(angle),
             18.0 * math.sin(angle) + 12.0 * math.cos(angle),
         )
-        value, speed = (table[0, : rows.LINE] for table in twin._boundary)
+        value, speed = (table[0, : rows.LINE] for table in twin.inspect().boundary)
         assert value == pytest.approx([0.0, y - 18.0, z - 12.0], abs=2e-6)
         assert speed == pytest.approx([0.0, -rate * z, rate * y], abs=2e-4)
     assert twin.snapshot().node_position_m[0] == pytest.approx(value, abs=1e-12)
@@ -190,7 +190,7 @@ def test_a_way_is_followed() -> None:
     speeds = [math.hypot(*one.aside[2:]) for one in turning if one.aside]
     assert speeds == pytest.approx([0.75] * len(speeds), abs=2e-3)
     twin.advance(200)
-    assert twin._boundary.value[0, 0] == pytest.approx(
+    assert twin.inspect().boundary.value[0, 0] == pytest.approx(
         sea.between(2_000_000_000, 2_000_000_001)[0].aside[0], abs=1e-9
     )
 
@@ -211,8 +211,8 @@ def test_studies_and_twins_see_the_same_motion() -> None:
     course = Course(scene, 1.0, 0.1).motion(scene.time.step_s)
     for row in range(1, 51):
         twin.advance(1)
-        assert (twin._boundary.value[0] == course.value[row]).all()
-        assert (twin._boundary.rate[0] == course.rate[row]).all()
+        assert (twin.inspect().boundary.value[0] == course.value[row]).all()
+        assert (twin.inspect().boundary.rate[0] == course.rate[row]).all()
 
 
 def test_a_saved_state_keeps_the_way_aside() -> None:
@@ -223,8 +223,8 @@ def test_a_saved_state_keeps_the_way_aside() -> None:
     other = Twin.restore(twin.capture(), scene)
     for one in (twin, other):
         one.advance(100)
-    assert (other._boundary.value[0] == twin._boundary.value[0]).all()
-    assert twin._boundary.value[0, 0] > 0.0
+    assert (other.inspect().boundary.value[0] == twin.inspect().boundary.value[0]).all()
+    assert twin.inspect().boundary.value[0, 0] > 0.0
     assert other.snapshot().tension_top_n == twin.snapshot().tension_top_n
 
 

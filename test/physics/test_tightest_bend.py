@@ -101,11 +101,11 @@ def test_a_bend_below_the_minimum_is_warned_of(tmp_path: Path) -> None:
 def test_the_tightest_of_all_snapshots_is_kept() -> None:
     twin = Twin(swung())
     first = twin.snapshot().bends[0].now
-    twin._rope.state.nodes[:2, :20] = 0.0  # straight but for its top
+    twin.rope.state.nodes[:2, :20] = 0.0  # straight but for its top
     later = twin.snapshot().bends[0]
     assert later.now.radius_m != first.radius_m
     assert later.tightest.radius_m == min(first.radius_m, later.now.radius_m)
-    twin._rope.state.nodes[0, :21] = twin._rope.state.nodes[0, 20]
+    twin.rope.state.nodes[0, :21] = twin.rope.state.nodes[0, 20]
     straight = twin.snapshot().bends[0]
     assert straight.tightest == later.tightest
 
@@ -118,14 +118,14 @@ def test_each_section_has_its_own_minimum_and_a_joint_the_larger() -> None:
     lax = replace(line.rope, minimum_bend_radius_m=1.0)
     made = (RopeSection(rope=lax, length_m=50.0), RopeSection(rope=stiff))
     twin = Twin(replace(scene, ropes=(replace(line, rope=None, sections=made),)))
-    (hung,) = twin._ropes.shapes(twin.rope, twin.snapshot())
+    (hung,) = twin.inspect().ropes.shapes(twin.rope, twin.snapshot())
     assert minimum_radii(hung).tolist() == [4.0] * 11 + [1.0] * 10
 
 
 def test_a_straight_rope_has_no_bend_and_says_so() -> None:
     scene = limited(load_scene("still_water"), 0.5)
     twin = Twin(scene)
-    twin._rope.state.nodes[:2] = 0.0
+    twin.rope.state.nodes[:2] = 0.0
     shot = twin.snapshot()
     assert math.isinf(shot.bends[0].now.radius_m)
     said = summarise(twin, shot, None)

@@ -165,7 +165,7 @@ def test_the_arc_length_is_that_of_the_line_out(name: str) -> None:
     twin.offer_speed(None, 0.5)
     twin.advance(300)
     shot = twin.snapshot()
-    ropes = twin._ropes.shapes(twin.rope, shot)
+    ropes = twin.inspect().ropes.shapes(twin.rope, shot)
     out = [one.line_out_m for one in shot.ropes] or [shot.line_out_m]
     for hanging, line_out in zip(ropes, out, strict=True):
         assert hanging.arc_m[-1] == pytest.approx(line_out, rel=1e-9)

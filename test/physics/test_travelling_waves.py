@@ -139,7 +139,7 @@ def hauled(**given: Any) -> Twin:
 def test_waves_belong_to_the_rope_through_splits_and_merges(by_half_waves: bool) -> None:
     """Paid out and hauled in at 1 m/s under heave: it moves, converges, and no phase jumps."""
     twin = hauled(by_half_waves=by_half_waves)
-    memory = waves_of(twin._current.effects).memory
+    memory = waves_of(twin.rope.effects).memory
     across, turned, phase = [], [], np.zeros(60)
     for shot in march(twin, sine(0.2, 6.0), 24.0, speeds=[(2.0, 1.0), (12.0, -1.0)]):
         across.append(np.abs(shot.node_position_m[:, 1]).max())
@@ -157,7 +157,7 @@ def test_half_waves_share_their_upper_end() -> None:
     scene = replace(HAULED, current=((0.0, (1.0, 0.0)), (-30.0, (0.2, 0.0)))).scene()
     twin = Twin(replace(scene, effects=(*scene.effects, TravellingWavesParams())))
     twin.advance(2)
-    memory = waves_of(twin._current.effects).memory
+    memory = waves_of(twin.rope.effects).memory
     held = memory[tw.HELD, :30]
     values = np.unique(held)
     assert 1 < len(values) < 15

@@ -13,7 +13,7 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.studies.driven_twin import march
-from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.decomposed_response import DecomposedResponse
@@ -32,10 +32,12 @@ WINCH = Winch(
 )  # fmt: skip
 
 
+def asked_for(model: str, curve: str = "") -> Monitors:
+    return Monitors(vortex=MonitorSettings(model, curve))
+
+
 def watched(scene: Scene, model: str, curve: str = "") -> Any:
-    return twin_class(energy=False, error_interval=False, watch=MonitorSettings(model, curve))(
-        scene
-    )
+    return Twin(scene, asked_for(model, curve))
 
 
 def shaking(shot: Snapshot) -> RopeVibration:
@@ -149,7 +151,7 @@ def test_it_follows_the_rope_through_the_winch_and_goes_on_from_a_state() -> Non
     twin = watched(scene, FREQUENCY_DOMAIN)
     assert [shot.tension_top_n for shot in march(twin, *course)] == plain
     twin.advance(17)
-    again = type(twin).restore(twin.capture(), scene)
+    again = Twin.restore(twin.capture(), scene, asked_for(FREQUENCY_DOMAIN))
     for one in (twin, again):
         for _ in march(one, sine(0.3, 6.0), 6.0, 1):
             pass

@@ -172,7 +172,7 @@ def test_a_wake_stands_where_its_water_stops(left: float) -> None:
     """
     scene = replace(HAULED, current=((0.0, (0.6, 0.0)),)).scene()
     twin = Twin(replace(scene, effects=(*scene.effects, WakeOscillatorParams())))
-    memory = wake_of(twin._current.effects).memory
+    memory = wake_of(twin.rope.effects).memory
     q, across = [], []
     for stop in (False, True):
         if stop:
@@ -192,7 +192,7 @@ def test_wakes_belong_to_the_rope_through_splits_and_merges() -> None:
     """Paid out and hauled in at 1 m/s the wakes of old nodes are kept, new ones lie between."""
     scene = replace(HAULED, winch=HAULING).scene()
     twin = Twin(replace(scene, effects=(*scene.effects, WakeOscillatorParams())))
-    memory = wake_of(twin._current.effects).memory
+    memory = wake_of(twin.rope.effects).memory
     counts, odd = [], []
     q, rate = np.zeros(60), np.zeros(60)
     for shot in march(twin, sine(0.2, 6.0), 24.0, speeds=[(2.0, 1.0), (12.0, -1.0)]):

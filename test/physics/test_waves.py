@@ -234,7 +234,7 @@ def test_a_weightless_ball_goes_with_the_water() -> None:
     )
     scene = replace(scene, effects=(*scene.effects[:1], waves, *scene.effects[1:]))
     twin = Twin(scene)
-    twin._rope.state.nodes[2, : rig.elements + 1] *= 0.25  # slack, its end 15 m deep
+    twin.rope.state.nodes[2, : rig.elements + 1] *= 0.25  # slack, its end 15 m deep
     seen = np.array(
         [shot.payload_position_m for shot in march(twin, still, 48.0, every=10)]
     )  # the last two periods

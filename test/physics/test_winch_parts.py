@@ -21,7 +21,7 @@ from rope_twin.scene.winch import (
     EmergencyStop,
     HeaveCompensation,
 )
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY
 from rope_twin.twin.winch.commands import WinchCommand
 
 HEAVE_M, PERIOD_S = 1.0, 8.0
@@ -239,7 +239,7 @@ def test_a_depth_is_reached_without_passing_its_line(scene: Scene) -> None:
 
 def test_the_energy_of_a_rendering_winch_is_accounted_for(scene: Scene) -> None:
     drive = Drive(inertia_kg_m2=3e3, torque_limit_n_m=60e3)
-    twin = EnergyTwin(with_parts(scene, drum=DRUM, drive=drive))
+    twin = Twin(with_parts(scene, drum=DRUM, drive=drive), ENERGY)
     ran(twin, 10.0)
     balance = twin.snapshot().energy
     assert balance is not None

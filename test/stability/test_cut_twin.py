@@ -18,11 +18,10 @@ from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.cutting.cut_input import CutInput, PlannedCut, plan_for, read_plan
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY, ERROR_INTERVAL
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.saving.saved_state import load_state
 from rope_twin.twin.twin import Twin
@@ -176,7 +175,7 @@ def test_rope_and_payload_come_to_rest_on_the_bed(tmp_path: Path) -> None:
 
 def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
     """Over the cut and the fall; what is left is what the steps dissipate."""
-    twin = told(EnergyTwin(scene))
+    twin = told(Twin(scene, ENERGY))
     twin.advance(2000)
     balance = twin.snapshot().energy
     assert balance is not None
@@ -258,11 +257,11 @@ def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> N
 
 def test_an_error_interval_is_unknown_from_the_cut_on_and_says_so(scene: Scene) -> None:
     """The run goes on to the bit as without one, from a saved state as well."""
-    twin, alone = told(ErrorIntervalTwin(scene)), told(Twin(scene))
+    twin, alone = told(Twin(scene, ERROR_INTERVAL)), told(Twin(scene))
     twin.advance(200)
     assert twin.snapshot().error_interval is not None
     assert ends(twin, 100, 600)[-1].tension_top_n == ends(alone, 100, 600)[-1].tension_top_n
-    other = ErrorIntervalTwin.restore(twin.capture(), scene)
+    other = Twin.restore(twin.capture(), scene, ERROR_INTERVAL)
     for one in (twin, twin.branch(), other):
         one.advance(50)
         shot = one.snapshot()

@@ -20,8 +20,8 @@ from rope_twin.errors import SceneError
 from rope_twin.messages import decode
 from rope_twin.recording.bag import BagReader
 from rope_twin.scene.schema import Scene
-from rope_twin.twin import energy_account
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors import energy as energy_account
+from rope_twin.twin.monitors.settings import ENERGY
 from rope_twin.twin.twin import Twin
 
 MOST_GAIN_PCT = 0.1  # of the energy exchanged; the worst of 300 scenes drawn had 0.02
@@ -60,7 +60,7 @@ def drawn(scene: Scene, draw: st.DataObject) -> Scene:
 @given(draw=st.data())
 def test_energy_never_appears_from_nothing(scene: Scene, draw: st.DataObject) -> None:
     """In taut, slack and snapping ropes, paid out and hauled in, with current, drag and damper."""
-    twin = EnergyTwin(drawn(scene, draw))
+    twin = Twin(drawn(scene, draw), ENERGY)
     height, period = draw.draw(st.floats(0.0, 4.0)), draw.draw(st.floats(5.0, 12.0))
     for at_s, speed in ((0.0, 1.5), (2.0, -1.5)):
         twin.offer_speed(round(at_s * 1e9), draw.draw(st.floats(-1.0, 1.0)) * speed)
@@ -82,7 +82,7 @@ def test_energy_never_appears_from_nothing(scene: Scene, draw: st.DataObject) ->
 
 def test_it_is_the_same_run_to_the_bit(scene: Scene) -> None:
     """With heave, commands, a new current, refused samples, splits and merges."""
-    plain, accounted = Twin(scene), EnergyTwin(scene)
+    plain, accounted = Twin(scene), Twin(scene, ENERGY)
     shots, others = run_until(plain, 2050), run_until(accounted, 2050)
     assert digest(shots) == digest(others)
     assert shots[-1].energy is None
@@ -95,12 +95,12 @@ def test_it_is_the_same_run_to_the_bit(scene: Scene) -> None:
 
 def test_a_saved_state_is_that_of_any_run(scene: Scene, tmp_path: Path) -> None:
     """What a ledger saw is not in it: a restored run opens a new one, a branch goes on with it."""
-    path, twin = tmp_path / "state", EnergyTwin(scene)
+    path, twin = tmp_path / "state", Twin(scene, ENERGY)
     run_until(twin, 260)
     twin.save(path)
     plain, again, branch = (
         Twin.restore(path, scene),
-        EnergyTwin.restore(path, scene),
+        Twin.restore(path, scene, ENERGY),
         (twin.branch()),
     )
     rest = [run_until(one, 700) for one in (twin, plain, again, branch)]
@@ -150,4 +150,4 @@ def test_an_effect_without_an_account_is_refused(
     monkeypatch.setattr(energy_account, "accounts_of", nothing_of_drag)
     Twin(scene)
     with pytest.raises(SceneError, match="effect Drag does not say what energy it stores"):
-        EnergyTwin(scene)
+        Twin(scene, ENERGY)

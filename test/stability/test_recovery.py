@@ -19,7 +19,7 @@ from rope_twin.errors import SolverError
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.current_input import CurrentInput
-from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors
 from rope_twin.twin.recovery import (
     CHECKPOINT_NS,
     CHECKPOINTS,
@@ -56,9 +56,9 @@ class FailingCore:
         return done
 
 
-def heaving(folder: Path, kind: type[Twin] = Twin, speed: float = 0.0) -> Twin:
+def heaving(folder: Path, asked: Monitors = NO_MONITORS, speed: float = 0.0) -> Twin:
     """A twin in a swell of 2 m, with samples for a minute."""
-    twin = kind(small_scene(folder))
+    twin = Twin(small_scene(folder), asked)
     for k in range(-2, 1201):
         t = 0.05 * k
         z, v = 1.0 * math.sin(0.7 * t), 0.7 * math.cos(0.7 * t)
@@ -253,16 +253,18 @@ def test_the_parts_of_a_rope_that_was_cut_go_back_together(
     assert shots[-1].time_s == pytest.approx(10.0)
 
 
-@pytest.mark.parametrize("kind", [(True, False), (False, True)], ids=["energy", "band"])
+@pytest.mark.parametrize(
+    "asked", [Monitors(energy=True), Monitors(error_interval=True)], ids=["energy", "interval"]
+)
 def test_what_follows_the_rope_goes_back_with_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: tuple[bool, bool]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: Monitors
 ) -> None:
     broken(monkeypatch, {350: 2})
-    twin = heaving(tmp_path, twin_class(*kind))
+    twin = heaving(tmp_path, asked)
     recovery = Recovery(twin)
     shots = run(recovery, twin, 6.0)
     assert recovery.count == 2
-    if kind[0]:
+    if asked.energy:
         balance = shots[-1].energy
         assert balance is not None
         assert abs(balance.residual_j) < 0.05 * balance.exchanged_j

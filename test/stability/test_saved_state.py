@@ -136,7 +136,7 @@ def test_the_speed_of_the_model_alone_is_measured_from_a_long_run_s_state_too(
     """It was 0 once the saved run had computed for 3 s: the state knows that time."""
     twin = Twin(scene)
     twin.advance(10)
-    twin._clock.computing_s = 100.0
+    twin.inspect().clock.computing_s = 100.0
     twin.save(tmp_path / "long.state")
     options = RunOptions(scene=str(scene.path), start_from=tmp_path / "long.state")
     assert measure_alone(options, 0.5) > 0.0

@@ -23,7 +23,7 @@ from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY, NO_MONITORS, Monitors
 from rope_twin.twin.twin import Twin
 from validation.rigs import sine
 
@@ -66,9 +66,9 @@ def changed(draw: st.DrawFn) -> Scene:
     return found
 
 
-def through(kind: type[Twin], drawn: Scene, weather: Weather) -> Twin:
+def through(drawn: Scene, weather: Weather, asked: Monitors = NO_MONITORS) -> Twin:
     """Run it, if it has an equilibrium; each look is held."""
-    twin = that_rests(lambda: kind(drawn))
+    twin = that_rests(lambda: Twin(drawn, asked))
     twin.offer_speed(round(1e9), weather.payout_m_per_s)  # refused where there is no winch
     twin.offer_current(np.array([[0.0, *weather.current_m_per_s], [-100.0, 0.0, 0.0]]))
     heave = sine(weather.amplitude_m, weather.period_s)
@@ -84,14 +84,14 @@ def through(kind: type[Twin], drawn: Scene, weather: Weather) -> Twin:
 @settings(max_examples=10, **UNHURRIED)
 @given(drawn=changed(), weather=weathers(5.0, 15.0))
 def test_whatever_its_numbers_are_a_rope_only_pulls(drawn: Scene, weather: Weather) -> None:
-    through(Twin, drawn, weather)
+    through(drawn, weather)
 
 
 @pytest.mark.long
 @settings(max_examples=100, **UNHURRIED)
 @given(drawn=changed(), weather=weathers(5.0, 15.0))
 def test_a_hundred_more(drawn: Scene, weather: Weather) -> None:
-    through(Twin, drawn, weather)
+    through(drawn, weather)
 
 
 @pytest.mark.long
@@ -99,7 +99,7 @@ def test_a_hundred_more(drawn: Scene, weather: Weather) -> None:
 @given(drawn=changed(), weather=weathers(5.0, 15.0))
 def test_no_energy_comes_from_nothing(drawn: Scene, weather: Weather) -> None:
     """What is dissipated numerically is not negative, but for a thousandth of what is exchanged."""
-    energy = through(EnergyTwin, drawn, weather).snapshot().energy
+    energy = through(drawn, weather, ENERGY).snapshot().energy
     assert energy is not None
     assert energy.residual_pct >= -MOST_GAIN_PCT
     assert energy.damped_j >= -1e-6 * energy.exchanged_j

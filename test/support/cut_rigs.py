@@ -57,8 +57,8 @@ def parts(twin: Twin, rig: Rig) -> tuple[Sums, Sums]:
 
 def fallen(twin: Twin) -> Rope:
     """The lower part of a rope that was cut."""
-    assert isinstance(twin._ropes, CutRope)
-    return without_massless_section(twin._ropes.lowest(twin.rope))
+    assert isinstance(twin.inspect().ropes, CutRope)
+    return without_massless_section(twin.inspect().ropes.lowest(twin.rope))
 
 
 def swinging(rig: Rig) -> Twin:

@@ -58,7 +58,7 @@ def differs(folder: Path, spoil: Callable[[Twin], None]) -> bool:
 
 
 def forget(twin: Twin) -> None:
-    twin._current.effects[-1].asked[:] = 0.0
+    twin.rope.effects[-1].asked[:] = 0.0
 
 
 if __name__ == "__main__":

@@ -14,7 +14,8 @@ from rope_twin.scene.schema import Scene, ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.studies.driven_twin import fed, march, variant
 from rope_twin.twin.accuracy.coarse_solution import SAMPLING_RATIO, CoarseSolution
-from rope_twin.twin.accuracy.error_interval import SETTLING_S, ErrorIntervalTwin
+from rope_twin.twin.accuracy.error_interval import SETTLING_S, ErrorInterval
+from rope_twin.twin.monitors.settings import ERROR_INTERVAL
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.winch.commands import WinchCommand
 from validation.rigs import Rig, sine
@@ -24,8 +25,14 @@ RIG = Rig(length=500.0, elements=20, damping=2e5, ramp=4.0, drag=(1.2, 0.01), de
 HEAVE = sine(1.0, 7.0)
 
 
-def coarse_of(twin: ErrorIntervalTwin) -> CoarseSolution:
-    coarse = twin.error_interval.coarse
+def interval_of(twin: Twin) -> ErrorInterval:
+    monitor = twin.monitor(ErrorInterval)
+    assert monitor is not None
+    return monitor
+
+
+def coarse_of(twin: Twin) -> CoarseSolution:
+    coarse = interval_of(twin).coarse
     assert coarse is not None
     return coarse
 
@@ -37,7 +44,7 @@ def pulls(shots: list[Snapshot]) -> list[list[float]]:
 @pytest.mark.parametrize("every", [2, 3])
 def test_it_is_the_rope_on_half_the_elements_with_twice_the_step(every: int) -> None:
     """Its tension is that of a twin of such a scene, which gets the same heave by itself."""
-    twin = ErrorIntervalTwin(RIG.scene())
+    twin = Twin(RIG.scene(), ERROR_INTERVAL)
     other = Twin(variant(RIG.scene(), 10, 0.02))
     alone = [shot.tension_top_n for shot in march(other, HEAVE, 6.0)]
     found = []
@@ -51,8 +58,8 @@ def test_it_is_the_rope_on_half_the_elements_with_twice_the_step(every: int) -> 
 def test_it_is_the_system_on_half_the_elements_with_twice_the_step(name: str) -> None:
     """Its tensions are those of a twin of such a scene, at both winches, over a sheave too."""
     scene = load_scene(name)
-    twin, followed = ErrorIntervalTwin(scene), []
-    last = twin.error_interval.ropes[-1]
+    twin, followed = Twin(scene, ERROR_INTERVAL), []
+    last = interval_of(twin).ropes[-1]
     for _ in fed(twin, 14.0):
         followed.append([coarse_of(twin).top_tensions_n[r] for r in (0, last)])
     half = Twin(variant(scene, scene.ropes[0].elements // 2, 2.0 * scene.time.step_s))
@@ -64,7 +71,7 @@ def test_it_is_the_system_on_half_the_elements_with_twice_the_step(name: str) ->
 def test_it_has_vortices_of_its_own(name: str) -> None:
     """The run is bit-identical, and the coarse solution a rope of half the elements."""
     scene = load_scene(name)
-    twin, found, shots = ErrorIntervalTwin(scene), [], []
+    twin, found, shots = Twin(scene, ERROR_INTERVAL), [], []
     for shot in fed(twin, 2.0):
         shots.append(shot.tension_top_n)
         found += coarse_of(twin).top_tensions_n
@@ -81,7 +88,7 @@ def test_it_has_a_loosely_coupled_model_of_its_own(name: str) -> None:
     Its model samples less often than that scene's does, so its drag is amplified a little later.
     """
     scene = load_scene(name)
-    twin, shots, found = ErrorIntervalTwin(scene), [], []
+    twin, shots, found = Twin(scene, ERROR_INTERVAL), [], []
     for shot in fed(twin, 8.0):
         shots.append(shot.tension_top_n)
         found += coarse_of(twin).top_tensions_n
@@ -101,10 +108,10 @@ def test_it_has_a_loosely_coupled_model_of_its_own(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
 def test_a_restored_twin_makes_one_whose_drag_is_amplified(name: str) -> None:
-    twin = ErrorIntervalTwin(load_scene(name))
+    twin = Twin(load_scene(name), ERROR_INTERVAL)
     for _ in fed(twin, 10.0):
         pass
-    again = ErrorIntervalTwin.restore(twin.capture(), twin.scene)
+    again = Twin.restore(twin.capture(), twin.scene, ERROR_INTERVAL)
     other = coarse_of(again).viv_drag
     assert other is not None
     assert other.drag_amplification(coarse_of(again).ropes[0]).max() > 1.2
@@ -131,7 +138,7 @@ def soft_brake() -> Scene:
 def test_it_is_the_rope_and_its_drive_with_twice_the_step() -> None:
     """Payout and tension are those of a twin of such a scene, which gets the sea by itself."""
     scene = soft_brake()
-    twin, found = ErrorIntervalTwin(scene), []
+    twin, found = Twin(scene, ERROR_INTERVAL), []
     for _ in fed(twin, 10.0):
         half = coarse_of(twin)
         found.append((*half.payouts_m, *half.top_tensions_n))
@@ -146,7 +153,7 @@ def test_it_is_the_rope_and_its_drive_with_twice_the_step() -> None:
 
 def test_with_a_drive_the_run_is_bit_identical_and_so_is_the_interval_of_a_branch() -> None:
     scene = soft_brake()
-    twin, alone = ErrorIntervalTwin(scene), Twin(scene)
+    twin, alone = Twin(scene, ERROR_INTERVAL), Twin(scene)
     shots = [shot.tension_top_n for shot in fed(twin, 6.0)]
     assert shots == [shot.tension_top_n for shot in fed(alone, 6.0)]
     other = twin.branch()
@@ -160,7 +167,7 @@ def test_with_a_drive_the_run_is_bit_identical_and_so_is_the_interval_of_a_branc
 
 
 def test_a_depth_command_during_a_run_makes_a_coarse_winch() -> None:
-    twin = ErrorIntervalTwin(load_scene("shallow_lift"))
+    twin = Twin(load_scene("shallow_lift"), ERROR_INTERVAL)
     twin.advance(101)  # an odd step: the coarse solution has one to wait for
     assert not coarse_of(twin).winches
     twin.offer_command(None, WinchCommand("depth", 195.0))
@@ -175,7 +182,7 @@ def test_a_depth_command_during_a_run_makes_a_coarse_winch() -> None:
 
 def test_a_new_schedule_after_a_pause_reaches_both_winches() -> None:
     """It comes with stamps before those of the old one, which it replaces."""
-    twin = ErrorIntervalTwin(load_scene("emergency_stop"))
+    twin = Twin(load_scene("emergency_stop"), ERROR_INTERVAL)
     twin.advance(10)
     assert twin.offer_command(3_000_000_000, WinchCommand("speed", -0.5)) == ""
     twin.invalidate_inputs()
@@ -188,10 +195,10 @@ def test_a_new_schedule_after_a_pause_reaches_both_winches() -> None:
 
 
 def test_a_restored_twin_gives_its_coarse_solution_a_winch_again() -> None:
-    twin = ErrorIntervalTwin(soft_brake())
+    twin = Twin(soft_brake(), ERROR_INTERVAL)
     for _ in fed(twin, 3.0):
         pass
-    again = ErrorIntervalTwin.restore(twin.capture(), twin.scene)
+    again = Twin.restore(twin.capture(), twin.scene, ERROR_INTERVAL)
     again.advance(round((SETTLING_S + 0.1) / again.step_s))
     assert coarse_of(again).winches
     assert again.snapshot().error_interval is not None
@@ -232,7 +239,7 @@ def test_a_system_has_coarse_winches_where_a_winch_responds(of: tuple[str, ...])
     A line whose winch does not respond is bit-identical to the twin's.
     """
     scene = drives_on_both_lines(of)
-    twin, found = ErrorIntervalTwin(scene), []
+    twin, found = Twin(scene, ERROR_INTERVAL), []
     for _ in fed(twin, 8.0):
         half = coarse_of(twin)
         found.append([*half.payouts_m, *half.top_tensions_n])
@@ -249,7 +256,7 @@ def test_a_system_has_coarse_winches_where_a_winch_responds(of: tuple[str, ...])
 
 def test_a_system_with_drives_is_bit_identical_and_so_is_a_branch() -> None:
     scene = drives_on_both_lines()
-    twin, alone = ErrorIntervalTwin(scene), Twin(scene)
+    twin, alone = Twin(scene, ERROR_INTERVAL), Twin(scene)
     assert pulls(list(fed(twin, 4.0))) == pulls(list(fed(alone, 4.0)))
     other = twin.branch()
     for _ in range(20):
@@ -264,7 +271,7 @@ def test_a_system_with_drives_is_bit_identical_and_so_is_a_branch() -> None:
 
 def test_a_depth_command_to_another_line_makes_its_coarse_winch() -> None:
     """It is made when the command is due, and gets the next one, too."""
-    twin = ErrorIntervalTwin(load_scene("two_line_lift"))
+    twin = Twin(load_scene("two_line_lift"), ERROR_INTERVAL)
     twin.advance(101)
     assert not coarse_of(twin).winches
     assert twin.offer_command(None, WinchCommand("depth", 590.0), "aft_sheave") == ""
@@ -284,6 +291,6 @@ def test_a_depth_command_to_another_line_makes_its_coarse_winch() -> None:
 )
 def test_it_keeps_the_elements_only_with_a_drive(name: str, share: int) -> None:
     """Else the difference would not show their error until a depth or tension command is due."""
-    twin = ErrorIntervalTwin(load_scene(name))
+    twin = Twin(load_scene(name), ERROR_INTERVAL)
     count = coarse_of(twin).ropes[0].state.counts[rows.ELEMENTS]
     assert share * count == twin.rope.state.counts[rows.ELEMENTS]

@@ -25,11 +25,11 @@ from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.studies.driven_twin import fed, march
 from rope_twin.twin.accuracy.error_interval import (
     SETTLING_S,
-    ErrorIntervalTwin,
+    ErrorInterval,
     WindowMaximum,
     stands_on_bed,
 )
-from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.monitors.settings import ERROR_INTERVAL, Monitors
 from rope_twin.twin.results import TensionInterval
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -38,6 +38,12 @@ from validation.rigs import Rig, sine
 RIG = Rig(length=500.0, elements=20, damping=2e5, ramp=4.0, drag=(1.2, 0.01), density=1025.0,
           current=((0.0, (0.4, 0.1)),))  # fmt: skip
 HEAVE = sine(1.0, 7.0)
+
+
+def interval_of(twin: Twin) -> ErrorInterval:
+    monitor = twin.monitor(ErrorInterval)
+    assert monitor is not None
+    return monitor
 
 
 def tensions(twin: Twin, seconds: float = 8.0) -> list[float]:
@@ -50,13 +56,13 @@ def pulls(shots: list[Snapshot]) -> list[list[float]]:
 
 def test_the_run_is_bit_identical_with_an_interval_and_with_an_energy_balance() -> None:
     alone = tensions(RIG.twin())
-    assert tensions(ErrorIntervalTwin(RIG.scene())) == alone
-    assert tensions(twin_class(energy=True, error_interval=True)(RIG.scene())) == alone
+    assert tensions(Twin(RIG.scene(), ERROR_INTERVAL)) == alone
+    assert tensions(Twin(RIG.scene(), Monitors(energy=True, error_interval=True))) == alone
 
 
 def test_a_multi_line_run_is_bit_identical_and_so_is_the_interval_of_a_branch() -> None:
     scene = load_scene("bridle_lift")
-    twin = ErrorIntervalTwin(scene)
+    twin = Twin(scene, ERROR_INTERVAL)
     assert pulls(list(fed(twin, 4.0))) == pulls(list(fed(Twin(scene), 4.0)))
     other = twin.branch()
     for _ in range(40):
@@ -72,7 +78,6 @@ def without_cost(shot: Snapshot) -> TensionInterval:
 
 
 def test_a_run_that_asks_for_no_interval_has_none() -> None:
-    assert twin_class(energy=False, error_interval=False) is Twin
     assert RIG.twin().snapshot().error_interval is None
 
 
@@ -90,9 +95,9 @@ def test_the_maximum_is_that_of_the_samples_in_the_window(
 
 
 def test_a_restored_twin_knows_its_interval_when_the_coarse_solution_has_settled() -> None:
-    twin = ErrorIntervalTwin(RIG.scene())
+    twin = Twin(RIG.scene(), ERROR_INTERVAL)
     tensions(twin, 4.0)
-    again = ErrorIntervalTwin.restore(twin.capture(), RIG.scene())
+    again = Twin.restore(twin.capture(), RIG.scene(), ERROR_INTERVAL)
     shots = list(march(again, HEAVE, 25.0, 2))
     for shot in shots:
         assert (shot.error_interval is None) == (shot.time_s < 4.0 + SETTLING_S)
@@ -105,10 +110,10 @@ def test_a_restored_twin_knows_its_interval_when_the_coarse_solution_has_settled
 
 
 def test_a_coarse_solution_that_fails_is_replaced() -> None:
-    twin = ErrorIntervalTwin(RIG.scene())
+    twin = Twin(RIG.scene(), ERROR_INTERVAL)
     shots = list(march(twin, HEAVE, 1.0, 2))
     assert shots[-1].error_interval is not None
-    coarse = twin.error_interval.coarse
+    coarse = interval_of(twin).coarse
     assert coarse is not None
     coarse.ropes[0].state.nodes[rows.POSITION, 3] = np.nan
     shots = list(march(twin, HEAVE, 22.0, 2))
@@ -136,7 +141,7 @@ def test_an_anchored_end_does_not_stand_on_the_seabed() -> None:
 
 
 def test_it_is_unknown_while_the_payload_stands_on_the_seabed() -> None:
-    twin = ErrorIntervalTwin(load_scene("landing"))
+    twin = Twin(load_scene("landing"), ERROR_INTERVAL)
     twin.advance(2)
     assert twin.snapshot().error_interval is not None
     twin.rope.state.nodes[rows.POSITION + 2, 0] = -401.0  # 1 m below the bed
@@ -147,8 +152,8 @@ def test_it_is_unknown_while_the_payload_stands_on_the_seabed() -> None:
 
 
 def test_it_is_unknown_with_a_wake_oscillator_and_costs_nothing() -> None:
-    twin = ErrorIntervalTwin(load_scene("sonde_cast"))
-    assert twin.error_interval.coarse is None
+    twin = Twin(load_scene("sonde_cast"), ERROR_INTERVAL)
+    assert interval_of(twin).coarse is None
     twin.advance(10)
     shot = twin.snapshot()
     assert shot.error_interval is None
@@ -156,7 +161,7 @@ def test_it_is_unknown_with_a_wake_oscillator_and_costs_nothing() -> None:
 
 
 def test_every_rope_from_the_ship_has_an_interval_and_all_are_reported() -> None:
-    twin = ErrorIntervalTwin(load_scene("two_line_lift"))
+    twin = Twin(load_scene("two_line_lift"), ERROR_INTERVAL)
     twin.advance(10)
     shot, topic = twin.snapshot(), "ropes/tension_top_error"
     assert shot.error_interval == shot.ropes[0].error_interval
@@ -173,7 +178,7 @@ def test_every_rope_from_the_ship_has_an_interval_and_all_are_reported() -> None
     assert table["name"].tolist() == [rope.name.encode() for rope in shot.ropes]
     (row,) = (one for one in statuses(shot, None) if one.name == "simulation: error interval")
     assert "error bound of 'aft' [N]" in row.values
-    legs = ErrorIntervalTwin(load_scene("bridle_lift")).snapshot().ropes
+    legs = Twin(load_scene("bridle_lift"), ERROR_INTERVAL).snapshot().ropes
     assert [rope.error_interval is not None for rope in legs] == [True, *(4 * [False])]
 
 

@@ -25,7 +25,7 @@ from rope_twin.twin.accuracy.overload import (
     OverloadProtection,
     TwinOverloadProtection,
 )
-from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.pacing import Pacer, SlotTimes, SnapshotQueue, steps_in_slot
 from rope_twin.twin.winch.commands import schedule_samples
 from validation.rigs import Rig, sine
@@ -163,7 +163,7 @@ def test_before_the_start_it_takes_the_rung_that_fits_at_once(machine: Machine) 
 @pytest.mark.parametrize("error_interval", [False, True])
 def test_time_line_and_payload_go_on_where_they_were(energy: bool, error_interval: bool) -> None:
     """With a winch that pays out, down two rungs and back; each kind of twin."""
-    twin = twin_class(energy, error_interval)(load_scene("deep_lift"))
+    twin = Twin(load_scene("deep_lift"), Monitors(energy, error_interval))
     twin.offer_speed(None, 0.5)
     twin.advance(200)
     for rung in (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -23,11 +22,14 @@ from rope_twin.scene.schema import RopeSection, Scene, Winch
 from rope_twin.scene.winch import TopSheave
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.studies.fatigue import RopeFatigue
-from rope_twin.twin.kinds import twin_class
+from rope_twin.twin import twin as twin_module
+from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors.vortex import VortexMonitor
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.fatigue import CURVES, wire_curve_warning
 from rope_twin.vortex.measured import MeasuredVibration
+from rope_twin.vortex.monitor import RopeMonitor
 from rope_twin.vortex.sampling import diameters, turned
 from rope_twin.vortex.settings import MonitorSettings
 from validation.rigs import Rig, sine
@@ -42,7 +44,13 @@ WORN = MonitorSettings(fatigue="stranded_wire")
 
 
 def watched(scene: Scene, watch: MonitorSettings = WORN) -> Any:
-    return twin_class(energy=False, error_interval=False, watch=watch)(scene)
+    return Twin(scene, Monitors(vortex=watch))
+
+
+def monitor_of(twin: Twin) -> RopeMonitor:
+    monitor = twin.monitor(VortexMonitor)
+    assert monitor is not None
+    return monitor.rope
 
 
 def used(shot: Snapshot) -> np.ndarray:
@@ -130,26 +138,15 @@ def test_a_metre_that_runs_over_the_sheave_is_bent_once_each_time() -> None:
     assert used(shot) == pytest.approx(other.damage().damage, rel=1e-9)
 
 
-def test_what_a_twin_is_asked_for_shares_no_name_of_its_own_with_the_rest() -> None:
-    """They are put together as one class: the one's method would take the place of the other's."""
-    scene = replace(STEEL, winch=WINCH).scene()
-    asked = ((True, False, None), (False, True, None), (False, False, WORN))
-    plain = {*dir(Twin), *vars(Twin(scene))}
-    own = [{*dir(kind), *vars(kind(scene))} - plain for kind in (twin_class(*one) for one in asked)]
-    assert all(own)
-    shared = [a & b for a, b in itertools.combinations(own, 2)]
-    assert not set().union(*shared)
-
-
 def test_the_run_is_the_same_to_the_bit_and_a_saved_one_goes_on_to_the_bit() -> None:
     scene = replace(STEEL, winch=WINCH).scene()
     alone = [shot.tension_top_n for shot in lifted(Twin(scene), 12.0)]
     twin = watched(scene)
     assert [shot.tension_top_n for shot in lifted(twin, 12.0)] == alone
-    with_books = twin_class(energy=True, error_interval=True, watch=WORN)(scene)
+    with_books = Twin(scene, Monitors(energy=True, error_interval=True, vortex=WORN))
     assert [shot.tension_top_n for shot in lifted(with_books, 3.0)] == alone[:150]
     state = twin.capture()
-    again = type(twin).restore(state, scene)
+    again = Twin.restore(state, scene, Monitors(vortex=WORN))
     assert len(again.capture().arrays) == len(state.arrays)
     for one in (twin, again):
         (*_, last) = march(one, sine(0.5, 3.0), 8.0, 2)
@@ -167,12 +164,12 @@ def test_a_state_is_taken_with_and_without_what_was_counted() -> None:
     assert Twin.restore(state, scene).snapshot().fatigue is None
     plain = Twin(scene)
     plain.advance(200)
-    late = type(twin).restore(plain.capture(), scene)
+    late = Twin.restore(plain.capture(), scene, Monitors(vortex=WORN))
     late.advance(100)
     assert late.snapshot().fatigue.counted_s == pytest.approx(1.0)
-    by_tension = twin_class(False, False, MonitorSettings(fatigue="six_strand_tension"))
+    by_tension = Monitors(vortex=MonitorSettings(fatigue="six_strand_tension"))
     with pytest.raises(StateError, match=r"counted by the curve stranded_wire, .*; ask for str"):
-        by_tension.restore(state, scene)
+        Twin.restore(state, scene, by_tension)
 
 
 def test_below_a_cut_nothing_more_is_used_and_metres_keep_their_names() -> None:
@@ -202,7 +199,6 @@ def test_what_cannot_be_told_is_refused() -> None:
         watched(load_scene("hmpe_lift"))
     with pytest.raises(SceneError, match="meet"):
         watched(load_scene("bridle_lift"))
-    assert twin_class(False, False, MonitorSettings()) is Twin
     assert STEEL.twin().snapshot().vibration is None
 
 
@@ -224,7 +220,7 @@ def test_a_section_that_is_no_wire_is_told_of() -> None:
 def test_a_rope_of_fibre_is_refused_before_its_step_is_compiled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(Twin, "__init__", lambda *given: pytest.fail("the twin is built"))
+    monkeypatch.setattr(twin_module, "RopeSystem", lambda *given: pytest.fail("it is built"))
     with pytest.raises(InputError, match="not all of steel"):
         watched(load_scene("hmpe_lift"))
 
@@ -234,7 +230,7 @@ def test_stress_of_bending_is_that_of_the_curvature() -> None:
     rig = replace(STEEL, EI=100.0)
     twin = watched(rig.scene())
     twin.advance(2)
-    monitor, rope = twin._monitor, twin.rope
+    monitor, rope = monitor_of(twin), twin.rope
     wear = monitor.damage
     n, radius = int(rope.state.counts[rows.ELEMENTS]), 400.0
     angle = rope.state.s[: n + 1] / radius
@@ -337,8 +333,9 @@ def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> N
     """Near Strouhal's frequency, under payout that splits elements; in line at twice of it."""
     scene = CABLE.scene()
     scene = replace(scene, effects=(*scene.effects, WakeOscillatorParams()))
-    twin = watched(scene, MonitorSettings("time-domain", "stranded_wire"))
-    assert twin._monitor.every == 5
+    asked = Monitors(vortex=MonitorSettings("time-domain", "stranded_wire"))
+    twin = Twin(scene, asked)
+    assert monitor_of(twin).every == 5
     twin.offer_speed(2_000_000_000, 0.5)
     for _ in range(1000):  # also right after an element has split, between two looks
         twin.advance(3)
@@ -346,7 +343,7 @@ def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> N
         if seen.vibration is not None:
             assert len(seen.vibration.in_line) == len(seen.node_position_m)
     state = twin.capture()
-    again = type(twin).restore(state, scene)
+    again = Twin.restore(state, scene, asked)
     for one in (twin, again):
         one.advance(1000)
     shot, other = twin.snapshot(), again.snapshot()

@@ -14,7 +14,7 @@ from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.driven_twin import Motion, march, still
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from validation.hard_cases.check import Case, Check, all_converged
@@ -87,7 +87,7 @@ def _through_it_all(model: Any) -> list[Check]:
 def _until_it_stops(model: Any) -> list[Check]:
     """Apply lock-in, remove the current, still water, and the current again."""
     scene = RIG.scene()
-    twin = EnergyTwin(replace(scene, effects=(*scene.effects, model)))
+    twin = Twin(replace(scene, effects=(*scene.effects, model)), ENERGY)
     list(march(twin, still, 2.0, 10))
     twin.offer_current(np.array([[0.0, SPEED, 0.0]]))
     locked = list(march(twin, still, 15.0, 2))

@@ -17,7 +17,7 @@ from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.driven_twin import march, still
-from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.monitors.settings import ENERGY
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
@@ -46,7 +46,7 @@ AMPLITUDE_M = 2.5  # of the heave
 def _through_it_all(model: Any) -> list[Check]:
     """Apply a sudden current, lock-in, slack and snap, haul 20 m, and lock-in again."""
     scene = RIG.scene()
-    twin = EnergyTwin(replace(scene, effects=(*scene.effects, model)))
+    twin = Twin(replace(scene, effects=(*scene.effects, model)), ENERGY)
     locked, rough = treat_roughly(twin, AMPLITUDE_M, SPEED, 5)
     after = list(march(twin, still, FRESH_S - LOOK_S, 5))
     before, (last, growth) = after[-1], _looked(twin)

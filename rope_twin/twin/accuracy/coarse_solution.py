@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import places, winches
 from rope_twin.twin.accuracy.regrid import HangOff, coarser
+from rope_twin.twin.monitors.monitor import Chunk
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.payout import HangOffMotion, tension_feedback
 from rope_twin.twin.winch.winch import Winch
@@ -34,30 +35,6 @@ from rope_twin.vortex.coupled import VivDragAmplification
 RATIO = 2  # of the step and element length to the twin's; Richardson extrapolation takes 2
 MIN_ELEMENTS = 4  # a rope with fewer is not coarsened, as ropes of a system need at least two
 SAMPLING_RATIO = 4  # samplings of the twin's VIV model per sampling here, so six in a period
-
-
-class Chunk(NamedTuple):
-    """Ropes of a twin and their boundary conditions over the steps of one call of `advance`."""
-
-    ropes: Rope | System  # at present, with the effects in use
-    boundary: Boundary  # of every rope at the boundaries of the steps, (ropes, steps + 1, MOTIONS)
-    pulls: Floats  # force on every upper end after each step [N], (ropes, steps, PULL_COLUMNS)
-    done: int  # steps done: row `done` of the boundary is the present. 0: pulls has the present
-    time_ns: int  # the present
-    step_s: float
-    steps: int  # done since the start of the twin
-    currents: int  # current profiles accepted since then
-
-    @property
-    def border(self) -> tuple[Floats, Floats]:
-        """Return value and rate of the prescribed motion at present, (ropes, MOTIONS) each."""
-        return self.boundary.value[:, self.done].copy(), self.boundary.rate[:, self.done].copy()
-
-    @property
-    def pull(self) -> Floats:
-        """Return the force on the upper ends at present [N], (ropes, PULL_COLUMNS)."""
-        now: Floats = self.pulls[:, max(self.done - 1, 0)]
-        return now
 
 
 class CoarseSolution:

@@ -98,6 +98,23 @@ class BoundaryConditions:
         """Continue from a state."""
         self.boundary, self.steps, self.blending = state
 
+    def return_to(self, then: rows.Boundary, present: rows.Boundary, time_ns: int) -> None:
+        """Return to an earlier boundary, and blend the hang-offs into their live motion.
+
+        then, present: of all ropes, (ropes, MOTIONS).
+        """
+        self.boundary.value[0], self.boundary.rate[0] = (table[0] for table in then)
+        error, rate = self.blending.at(time_ns)
+        moved = [
+            np.nan_to_num((old - new)[: len(error), : rows.LINE])
+            for old, new in zip(then, present, strict=True)
+        ]
+        self.blending.begin(time_ns, error + moved[0], rate + moved[1])
+
+    def until(self, done: int) -> rows.Boundary:
+        """Return a copy of the rows up to the boundary after `done` steps."""
+        return rows.Boundary(*(table[: done + 1].copy() for table in self.boundary))
+
     def forget(self, done: int) -> None:
         """Make the boundary after `done` steps the first row; later ones are kept."""
         self.steps -= done

@@ -41,8 +41,6 @@ _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_st
                  "max_hang_off_acceleration_m_per_s2", "when_commander_lost", "accept",
                  "limits"}  # fmt: skip
 
-MONITOR_PREFIX = "watch/"  # prefix of the state of optional monitors (vibration/monitored.py)
-
 _log = logging.getLogger(__name__)
 
 

@@ -41,7 +41,7 @@ _CONSTANT = tuple(
     f"rope_twin.scene.{part}" for part in ("schema", "sea_state", "winch", "winch_parts", "limits")
 )
 # a current may have gained rows and a rope elements, as have the monitors of that rope
-_VARIABLE_LENGTH = {"effects", "tension", "watch", "viv_drag"}
+_VARIABLE_LENGTH = {"effects", "tension", "vortex", "viv_drag"}
 
 
 def serialise(value: Any, arrays: Arrays, at: str) -> Any:

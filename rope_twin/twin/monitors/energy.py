@@ -10,25 +10,18 @@ the hang-off is known only from the force at the step boundaries: with 20 ms the
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
-from pathlib import Path
-from typing import Any, Self
 
 import numpy as np
 
-from rope_twin.core import state as rows
 from rope_twin.core.energy import Power, accounts_of
 from rope_twin.core.joined.energy import SystemBorder, lost
 from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.recovery import Checkpoint
+from rope_twin.twin.monitors.monitor import Chunk, Monitor, TwinView
 from rope_twin.twin.results import EnergyBalance
-from rope_twin.twin.saving.saved_state import SavedState
-from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.twin import Twin
+from rope_twin.twin.snapshot import Snapshot, amended
 
 
 class EnergyAccount:
@@ -84,67 +77,48 @@ class EnergyAccount:
         )
 
 
-class EnergyTwin(Twin):
-    """A twin with an energy balance: a bit-identical run, but stepped one by one and slower.
+class EnergyMonitor(Monitor):
+    """Monitor of the energy balance; it observes every step, so that the run is slower.
 
-    A saved state does not hold the balance; a restored twin opens a new one.
-
-    Raises:
-        SceneError: as for a twin, or an effect does not report its energy.
+    A saved state does not hold the balance: a restored twin opens a new one.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        super().__init__(scene)
-        _check_effects(scene, self._rope)
-        self._account = self._new_account()
+    _account: EnergyAccount
 
-    @classmethod
-    def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
-        """Return a twin that resumes from a saved state, with a new energy balance."""
-        twin = super().restore(saved, scene)
-        twin._account = twin._new_account()
-        return twin
+    def start(self, now: TwinView, present: Chunk) -> None:
+        """Open the balance.
 
-    def snapshot(self) -> Snapshot:
-        """Return a frozen copy of the present with the energy balance."""
-        return replace(super().snapshot(), energy=self._account.balance())
+        Raises:
+            SceneError: an effect does not report its energy.
+        """
+        _check_effects(now.scene, now.rope)
+        self.restart(now, present)
 
-    def set_level(self, level: AccuracyLevel) -> None:
-        """Continue on another accuracy level with a new balance: its elements hold other energy."""
-        super().set_level(level)
-        self._account = self._new_account()
+    def steps_to_observation(self, now: TwinView) -> int:
+        """Return 1."""
+        return 1
 
-    def return_to(self, then: Checkpoint) -> bool:
-        """Return to an earlier state with a new balance, as no step links the two states."""
-        went = super().return_to(then)
-        self._account = self._new_account()
-        return went
+    def observe(self, now: TwinView, chunk: Chunk) -> None:
+        """Add the step just done."""
+        if chunk.done:
+            self._account.take(now.step_s, _measured(now))
 
-    def _changing(self) -> dict[str, Any]:
-        changing = super()._changing()
-        changing.pop("_account", None)
-        return changing
+    def amend(self, now: TwinView, shot: Snapshot) -> Snapshot:
+        """Return the snapshot with the energy balance."""
+        return amended(shot, energy=self._account.balance())
 
-    def _advance_some(self, steps: int) -> int:
-        for _ in range(steps):
-            super()._advance_some(1)
-            self._account.take(self.step_s, self._measured())
-        return steps
+    def restart(self, now: TwinView, present: Chunk) -> None:
+        """Open a new balance, as no step leads to the present."""
+        self._account = EnergyAccount(now.time_ns * 1e-9, _measured(now))
 
-    def _new_account(self) -> EnergyAccount:
-        return EnergyAccount(self.time_ns * 1e-9, self._measured())
+    def cut(self, now: TwinView) -> None:
+        """Continue with the parts: a cut is no step, so its change of energy does not count."""
+        self._account.restart_at(_measured(now))
 
-    def _split(self, lost_m: float, rope: int = 0) -> float:
-        """Cut a rope; a cut is no step, so its change of energy does not enter the residual."""
-        lost_m = super()._split(lost_m, rope)
-        self._account.restart_at(self._measured())
-        return lost_m
 
-    def _measured(self) -> SystemBorder:
-        """Return energy and power of the present state."""
-        rope = self._rope._replace(effects=self._current.effects)
-        V = float(self._boundary.rate[0, rows.LINE])
-        return self._ropes.measure(rope, self._pull, V, self.time_ns * 1e-9)
+def _measured(now: TwinView) -> SystemBorder:
+    """Return energy and power of the present state."""
+    return now.ropes.measure(now.rope, now.pull, now.line[1], now.time_ns * 1e-9)
 
 
 def _steady(one: Floats, other: Floats) -> Floats:
