@@ -84,7 +84,7 @@ def test_a_table_of_stiffness_leaves_no_trace_where_there_is_none(whole: str) ->
     """Its law is in the elements' loop of a rope that has one, and nowhere in the main job."""
     law = "by_table"
     rope = build(load_scene("hybrid_lift"))
-    arguments = (rope.law, rope.work, rope.state.offset, 1.0, 0.0, 0.0, 0, 1)
+    arguments = (rope.law, rope.work, rope.state.offset, 1.0, 0.0, 0, 1)
     assert law in assembly(stretch, arguments)
     assert law not in whole
     assert "by_stiffness" in whole
