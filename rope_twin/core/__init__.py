@@ -2,3 +2,5 @@
 
 # Raised with every change of the results beyond rounding: accuracy cards and studies then are old.
 SOLVER_VERSION = 1
+# The same for scenes with several ropes, whose studies alone it ages; 1 is not named.
+CONNECTIONS_VERSION = 1

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rope_twin.core import SOLVER_VERSION
+from rope_twin.core import CONNECTIONS_VERSION, SOLVER_VERSION
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.grid import elements_with
@@ -36,11 +36,14 @@ def scene_digest(scene: Scene) -> str:
 def solver_version(scene: Scene) -> str:
     """Return the version of the solver, and of each of the scene's effects beyond version 1.
 
-    Such as "1", or "1, drag 2" for a scene that lists a drag whose results were changed once.
+    Such as "1", or "1, drag 2" for a scene that lists a drag whose results were changed once. With
+    several ropes it includes the version of connections beyond 1.
     """
     listed = {type(params) for params in scene.effects}
     changed = [f"{one.name} {one.version}" for one in EFFECTS
                if one.params in listed and one.version > 1]  # fmt: skip
+    if len(scene.ropes) > 1 and CONNECTIONS_VERSION > 1:
+        changed = [f"connections {CONNECTIONS_VERSION}", *changed]
     return ", ".join([str(SOLVER_VERSION), *changed])
 
 

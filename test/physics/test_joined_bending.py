@@ -17,8 +17,11 @@ from test_joined_energy import balance, fine
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import assembly, jit_entry
-from rope_twin.core.joined import condensation
+from rope_twin.core.joined import coupled_chains
 from rope_twin.core.joined.coupled_chains import COUPLED_CHAIN_ROWS
+from rope_twin.core.joined.joints import Joined
+from rope_twin.core.joined.linear_solver import solve_system
+from rope_twin.core.joined.stack import stacked_effects
 from rope_twin.effects.bending import Bending, BendingParams
 from rope_twin.effects.weight import Weight
 from rope_twin.scene.model.joined import build_joined
@@ -28,11 +31,11 @@ ENDS = slice(rows.CORRECTION, rows.CORRECTION + 3)
 
 
 @jit_entry
-def condense(effects: Any, work: Any, first: int, n: int, left: Any) -> None:
+def condense(work: Any, first: int, n: int, left: Any) -> None:
     """Eliminate in all three ways, each in its own scratch; what is left on the ends, by rows."""
-    Z, f = condensation.eliminate_upward(effects, work[0], first, n)
-    D, g = condensation.eliminate_downward(effects, work[1], n)
-    upper, force, lower, pushed, P = condensation.eliminate_between(effects, work[2], n)
+    Z, f = coupled_chains.eliminate_coupled_upward(work[0], first, n)
+    D, g = coupled_chains.eliminate_coupled_downward(work[1], n)
+    upper, force, lower, pushed, P = coupled_chains.eliminate_coupled_between(work[2], n)
     for k in range(6):
         left[0, k], left[1, k], left[2, k], left[3, k] = Z[k], D[k], upper[k], lower[k]
     for k in range(3):
@@ -43,11 +46,17 @@ def condense(effects: Any, work: Any, first: int, n: int, left: Any) -> None:
 
 
 @jit_entry
-def substitute(effects: Any, work: Any, first: int, n: int) -> None:
+def substitute(work: Any, first: int, n: int) -> None:
     """The way back of all three."""
-    condensation.substitute_upward(effects, work[0], first, n)
-    condensation.substitute_downward(effects, work[1], n)
-    condensation.substitute_between(effects, work[2], n)
+    coupled_chains.substitute_coupled_upward(work[0], first, n)
+    coupled_chains.substitute_coupled_downward(work[1], n)
+    coupled_chains.substitute_coupled_between(work[2], n)
+
+
+@jit_entry
+def solve(system: Any) -> None:
+    """Solve for the corrections of a system."""
+    solve_system(system)
 
 
 def full(six: Vector) -> Vector:
@@ -68,7 +77,7 @@ def test_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
     chain[[rows.BLOCK, rows.BLOCK + 3, rows.BLOCK + 5], n] += 1.0
     whole, right = matrix(chain, n + 1), chain[rows.RESIDUAL : rows.RESIDUAL + 3, : n + 1]
     work, left = np.array([chain] * 3), np.zeros((7, 9))
-    condense(BENT, work, first, n, left)
+    condense(work, first, n, left)
     own = [full(chain[rows.BLOCK : rows.BLOCK + 6, i]) for i in (0, n)]
     work[0, ENDS, n] = np.linalg.solve(full(left[0, :6]) + own[1], right[:, n] + left[0, 6:])
     work[1, ENDS, 0] = np.linalg.solve(full(left[1, :6]) + own[0], right[:, 0] + left[1, 6:])
@@ -78,7 +87,7 @@ def test_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
         both, np.concatenate([right[:, 0] + left[3, 6:], right[:, n] + left[2, 6:]])
     )
     work[2, ENDS, 0], work[2, ENDS, n] = ends[:3], ends[3:]
-    substitute(BENT, work, first, n)
+    substitute(work, first, n)
     for found, low, high in ((work[0], first, n + 1), (work[1], 0, n), (work[2], 0, n + 1)):
         free = slice(3 * low, 3 * high)
         expected = np.linalg.solve(whole[free, free], right[:, low:high].T.ravel())
@@ -88,11 +97,13 @@ def test_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
 
 def test_where_nothing_bends_there_is_no_code_for_it() -> None:
     """Of the eliminations by links; where something does, there is."""
-    work, left = np.zeros((3, COUPLED_CHAIN_ROWS, 5)), np.zeros((7, 9))
-    plain = assembly(condense, ((Weight(1.0, 0.0),), work, 1, 4, left))
-    assert "eliminate_upward" in plain
+    bench = JointBench([Line(rig=HALF, low=(0.0, 0.0, -10.0), high=(0.0, 0.0, 0.0), lower=0)])
+    stack, joints = bench.system.stack, bench.system.joints
+    plain = assembly(solve, (Joined(stack._replace(effects=(Weight(1.0, 0.0),)), joints, None),))
+    assert "eliminate_trees" in plain
     assert "coupled" not in plain
-    assert "coupled" in assembly(condense, (BENT, work, 1, 4, left))
+    bent = stacked_effects([bench.system.ropes[0]._replace(effects=BENT)])
+    assert "coupled" in assembly(solve, (Joined(stack._replace(effects=bent), joints, None),))
 
 
 HALF = Rig(

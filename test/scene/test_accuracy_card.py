@@ -93,6 +93,13 @@ def test_only_what_a_scene_lists_ages_its_card(monkeypatch: pytest.MonkeyPatch) 
     assert solver_version(load_scene("riser_300m")) == "1, bending 3"
 
 
+def test_connections_have_a_version_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A change of how ropes meet leaves the cards of single ropes current."""
+    monkeypatch.setattr(card, "CONNECTIONS_VERSION", 2)
+    assert solver_version(load_scene("two_line_lift")) == "1, connections 2"
+    assert solver_version(load_scene("still_water")) == "1"
+
+
 @pytest.mark.parametrize(
     ("bound", "told"),
     [

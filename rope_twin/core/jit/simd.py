@@ -2,7 +2,7 @@
 
 `pair(a, b)` makes one, `+ - *` and `scalar / pair` work lane by lane, `lane(p, 0)` takes one out,
 `gather(row, i, j)` loads from two places, `load(row, i)` and `store(row, i, p)` two neighbours.
-Only compiled code can use it; plain Python takes the scalar twin of a kernel.
+In plain Python a pair is an array of two.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from __future__ import annotations
 import operator
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
@@ -138,3 +139,26 @@ def store(context: Any, row: Any, i: Any, p: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(row, types.intp, PAIR), generate
+
+
+if config.DISABLE_JIT:
+
+    def pair(a: Any, b: Any) -> Any:
+        """Return an array of two numbers."""
+        return np.array([a, b])
+
+    def lane(p: Any, index: Any) -> Any:
+        """Return one of the two."""
+        return p[index]
+
+    def gather(row: Any, i: Any, j: Any) -> Any:
+        """Return row[i] and row[j]."""
+        return np.array([row[i], row[j]])
+
+    def load(row: Any, i: Any) -> Any:
+        """Return row[i] and row[i + 1]."""
+        return row[i : i + 2].copy()
+
+    def store(row: Any, i: Any, p: Any) -> None:
+        """Set row[i] and row[i + 1]."""
+        row[i : i + 2] = p

@@ -28,7 +28,6 @@ from rope_twin.core.banded.nodes import (
 from rope_twin.core.banded.pentadiagonal import SECOND, keep, kept_of
 from rope_twin.core.jit.decorators import jit_ordered, jit_within
 from rope_twin.core.jit.rows import column
-from rope_twin.core.joined.chains import set_column
 from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, LINK, RESIDUAL
 
 INVERSE = ELIMINATED + 12  # after own and G: 6 rows, S⁻¹ of a node
@@ -37,6 +36,12 @@ COUPLED_CHAIN_ROWS = FAR + 9
 _NOTHING = (0.0, 0.0, 0.0)
 _NIL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _NONE = (_NOTHING, _NOTHING, _NOTHING)
+
+
+@jit_within
+def set_column(work: Any, first: int, i: int, d: Any) -> None:
+    """Set column i of three rows."""
+    work[first, i], work[first + 1, i], work[first + 2, i] = d
 
 
 @jit_within

@@ -1,10 +1,8 @@
-"""Connections of a multi-line system: topology, and the dense system of the connections.
+"""Connections of a multi-line system: topology, motion and balance.
 
 A connection (joint) is a point with three unknowns. Its mass and loads are those of the half
 elements of the ropes that end there, of a payload (the `load_end` of the one rope that owns it) and
-of links. Each rope is condensed to its connections (core/joined/chains.py); the connections then
-form one small dense system, solved by LDLᵀ, followed by back-substitution in the ropes. All of it
-is O(nodes); the code of a single rope does not contain it.
+of links. The code of a single rope does not contain it.
 
 The motion of a connection is stored once and copied to the end nodes of its ropes, so that they
 coincide bit for bit.
@@ -16,19 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.jit.decorators import jit, jit_ordered, jit_within
+from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
-from rope_twin.core.joined.condensation import (
-    eliminate_between,
-    eliminate_downward,
-    eliminate_upward,
-    substitute_between,
-    substitute_downward,
-    substitute_upward,
-)
-from rope_twin.core.joined.sheaves import Sheaves, condense_flow, couple_flow, substitute_flow
-from rope_twin.core.joined.stack import Stack, effects_at, load, new_stack, view_of
-from rope_twin.core.joined.ties import TIE_ROWS
+from rope_twin.core.joined.plan import DENSE, RECORD, Plan, Topology, new_plan, write_plan
+from rope_twin.core.joined.sheaves import FLOW_COLUMN, POINT, Sheaves
+from rope_twin.core.joined.stack import Stack, load, new_stack, view_of
+from rope_twin.core.joined.ties import FIRST, SECOND, TIE_ROWS
+from rope_twin.core.loads.hooks import couples
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
@@ -58,8 +50,10 @@ class Joints(NamedTuple):
     # with the ropes' states
     ties: Floats  # tethers and struts, (TIE_ROWS, ties); see core/joined/ties.py
     work: Floats  # scratch, (WORK_ROWS, joints)
-    matrix: Floats  # scratch, (3·joints, 3·joints)
+    matrix: Floats  # scratch: blocks of the connections, (3·joints, 3·joints)
+    factor: Floats  # scratch: with what is condensed onto them, factorised
     speed: Floats  # scratch: payout speed of each rope in this stage [m/s]
+    plan: Plan  # order of elimination; see `renew_plan`
 
 
 class System(NamedTuple):
@@ -107,7 +101,9 @@ def new_system(
         ties=np.zeros((TIE_ROWS, 0)) if ties is None else ties,
         work=np.zeros((WORK_ROWS, count)),
         matrix=np.zeros((3 * count, 3 * count)),
+        factor=np.zeros((3 * count, 3 * count)),
         speed=np.zeros(len(ropes)),
+        plan=new_plan(len(ropes), count, stack.s.size),
     )
     return System(tuple(joined), joints, stack)
 
@@ -121,7 +117,34 @@ def with_flows(joints: Joints, more: int) -> Joints:
         nodes=nodes,
         work=np.zeros((WORK_ROWS, count)),
         matrix=np.zeros((3 * count, 3 * count)),
+        factor=np.zeros((3 * count, 3 * count)),
+        plan=new_plan(len(joints.lower), count, joints.plan.records.size // RECORD - 1),
     )
+
+
+def renew_plan(system: System) -> bool:
+    """Make the plan that of the present numbers of elements; return whether it was another."""
+    joints, sheaves, stack = system.joints, system.sheaves, system.stack
+    counts = stack.counts[:, ELEMENTS]
+    if (joints.plan.counts == counts).all():
+        return False
+    coupled = {*joints.ties[FIRST].astype(int), *joints.ties[SECOND].astype(int)} - {LOOSE}
+    if couples(
+        map(type, system.ropes[0].effects)
+    ):  # the plan is not used, all connections are dense
+        coupled |= set(range(joints.nodes.shape[1]))
+    if sheaves is not None:
+        coupled |= set(sheaves.figures[[POINT, FLOW_COLUMN]].astype(int).ravel())
+    topology = Topology(
+        lower=joints.lower.tolist(),
+        upper=joints.upper.tolist(),
+        first=stack.model[:, FIRST_FREE].astype(int).tolist(),
+        coupled=frozenset(int(j) for j in coupled),
+        columns=stack.work.shape[1] * stack.work.shape[2],
+        joints=joints.nodes.shape[1],
+    )
+    write_plan(joints.plan, topology, counts)
+    return True
 
 
 @jit_within
@@ -150,7 +173,8 @@ def _add_end(joints: Any, work: Any, i: int, joint: int) -> None:
     S, R = work[BLOCK : BLOCK + 6], work[RESIDUAL : RESIDUAL + 3]
     for k in range(3):
         joints.work[RESIDUAL + k, joint] += R[k, i]
-    add_block(joints.matrix, joint, (S[0, i], S[1, i], S[2, i], S[3, i], S[4, i], S[5, i]))
+    if joints.plan.sizes[DENSE] > 0:
+        add_block(joints.matrix, joint, (S[0, i], S[1, i], S[2, i], S[3, i], S[4, i], S[5, i]))
 
 
 @jit
@@ -181,106 +205,6 @@ def gather_ends(system: Any) -> None:
             _add_end(joints, stack.work[r], ZERO, joints.lower[r])
         if joints.upper[r] != LOOSE:
             _add_end(joints, stack.work[r], stack.counts[r, ELEMENTS], joints.upper[r])
-
-
-@jit
-def _push(joints: Any, joint: int, f: Any) -> None:
-    """Add a condensed force to the right-hand side of a connection, held in CORRECTION."""
-    for k in range(3):
-        joints.work[CORRECTION + k, joint] += f[k]
-
-
-@jit
-def _couple(matrix: Any, upper: int, lower: int, P: Any) -> None:
-    """Add -P between two connections (or of one to itself) to the lower triangle."""
-    for k in range(3):
-        for c in range(3):
-            i, j = 3 * upper + k, 3 * lower + c
-            if i >= j:
-                matrix[i, j] -= P[c][k]
-            if j >= i:
-                matrix[j, i] -= P[c][k]
-
-
-@jit
-def _condense(system: Any, work: Any, first: int, n: int, r: int) -> None:
-    """Condense rope r to its connections."""
-    joints, sheaves = system.joints, system.sheaves
-    effects = effects_at(system.stack.effects, r)
-    low, high = joints.lower[r], joints.upper[r]
-    if low == LOOSE:
-        Z, f = eliminate_upward(effects, work, first, n)
-        if high != LOOSE:
-            add_block(joints.matrix, high, Z)
-            _push(joints, high, f)
-            condense_flow(sheaves, joints, r, (Z, f))
-    elif high == LOOSE:
-        Z, f = eliminate_downward(effects, work, n)
-        add_block(joints.matrix, low, Z)
-        _push(joints, low, f)
-    else:
-        Z, f, D, g, P = eliminate_between(effects, work, n)
-        add_block(joints.matrix, high, Z)
-        _push(joints, high, f)
-        add_block(joints.matrix, low, D)
-        _push(joints, low, g)
-        _couple(joints.matrix, high, low, P)
-        condense_flow(sheaves, joints, r, (Z, f))
-        couple_flow(sheaves, joints, r, P)
-
-
-@jit
-def _substitute(system: Any, work: Any, first: int, n: int, r: int) -> None:
-    """Back-substitute rope r from the corrections of its connections."""
-    joints, effects = system.joints, effects_at(system.stack.effects, r)
-    low, high = joints.lower[r], joints.upper[r]
-    for k in range(CORRECTION, CORRECTION + 3):
-        if low != LOOSE:
-            work[k, 0] = joints.work[k, low]
-        work[k, n] = joints.work[k, high] if high != LOOSE else 0.0
-    substitute_flow(system.sheaves, joints, work, r, n)
-    if low == LOOSE:
-        substitute_upward(effects, work, first, n)
-    elif high == LOOSE:
-        substitute_downward(effects, work, n)
-    else:
-        substitute_between(effects, work, n)
-
-
-@jit_ordered
-def _solve_joints(M: Any, b: Any) -> None:
-    """Solve M·x = b for a symmetric positive definite M (its lower triangle), by LDLᵀ in place.
-
-    b: (3, joints), replaced by x.
-    """
-    size = M.shape[0]
-    for j in range(size):
-        for i in range(j, size):
-            total = M[i, j]
-            for k in range(j):
-                total -= M[i, k] * M[j, k] * M[k, k]
-            M[i, j] = total if i == j else total / M[j, j]
-    for i in range(size):
-        for k in range(i):
-            b[i % 3, i // 3] -= M[i, k] * b[k % 3, k // 3]
-    for i in range(size - 1, -1, -1):
-        b[i % 3, i // 3] /= M[i, i]
-        for k in range(i + 1, size):
-            b[i % 3, i // 3] -= M[k, i] * b[k % 3, k // 3]
-
-
-@jit
-def solve_system(system: Any) -> None:
-    """Solve for the corrections of all nodes from residuals and blocks of ropes and connections."""
-    stack, joints = system.stack, system.joints
-    for k in range(3):
-        for j in range(joints.nodes.shape[1]):
-            joints.work[CORRECTION + k, j] = joints.work[RESIDUAL + k, j]
-    for r in range(stack.counts.shape[0]):
-        _condense(system, stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS], r)
-    _solve_joints(joints.matrix, joints.work[CORRECTION : CORRECTION + 3])
-    for r in range(stack.counts.shape[0]):
-        _substitute(system, stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS], r)
 
 
 @jit

@@ -81,10 +81,12 @@ def line_at(sheaves: Any, motion: Any, r: int) -> Any:
 
 
 @jit
-def pass_end(sheaves: Any, joints: Any, rope: Any, r: int) -> None:
+def pass_end(sheaves: Any, joints: Any, rope: Any, r: int, p: float, q: float) -> None:
     """Set the length of rope r's last element, and the motion of the rope that passes the sheave.
 
-    An element that has run out gets the length NaN: the step then counts as not finite.
+    The motion of the connections is that of the stage; p and q are the weights of a correction
+    that the motion of the rope still lacks, 0 where it lacks none. An element that has run out gets
+    the length NaN: the step then counts as not finite.
     """
     if sheaves is None:
         return
@@ -96,11 +98,13 @@ def pass_end(sheaves: Any, joints: Any, rope: Any, r: int) -> None:
     set_top_length(work, state.s, rope.sections, n, L if state.s[n - 1] < L else nan, 0.0)
     rest = work[REST, n - 1]
     for k in range(3):
-        q = (joints.work[POSITION + k, P] - work[POSITION + k, n - 1]) / rest
-        turn = (joints.work[VELOCITY + k, P] - work[VELOCITY + k, n - 1] - V * q) / rest
+        delta = work[CORRECTION + k, n - 1]
+        x, v = work[POSITION + k, n - 1] + p * delta, work[VELOCITY + k, n - 1] + q * delta
+        along = (joints.work[POSITION + k, P] - x) / rest
+        turn = (joints.work[VELOCITY + k, P] - v - V * along) / rest
         work[POSITION + k, n] = joints.work[POSITION + k, P]
-        work[VELOCITY + k, n] = joints.work[VELOCITY + k, P] - V * q
-        work[ACCELERATION + k, n] = joints.work[ACCELERATION + k, P] - A * q - 2.0 * V * turn
+        work[VELOCITY + k, n] = joints.work[VELOCITY + k, P] - V * along
+        work[ACCELERATION + k, n] = joints.work[ACCELERATION + k, P] - A * along - 2.0 * V * turn
 
 
 @jit_within
@@ -134,14 +138,14 @@ def _block(work: Any, i: int) -> Any:
 
 
 @jit
-def add_end_to_flow(sheaves: Any, joints: Any, r: int, S: Any) -> None:
+def _add_end_to_flow(sheaves: Any, matrix: Any, r: int, S: Any) -> None:
     """Project a block S of rope r's last node on the flow: Bᵀ·S·B, and S·B with the sheave."""
     k, B = sheaves.of[r], column(sheaves.way, ZERO, r)
     P, f = int(sheaves.figures[POINT, k]), int(sheaves.figures[FLOW_COLUMN, k])
     SB = _apply(S, B)
-    joints.matrix[3 * f, 3 * f] += _dot(B, SB)
+    matrix[3 * f, 3 * f] += _dot(B, SB)
     for i in range(3):
-        joints.matrix[3 * f, 3 * P + i] += SB[i]
+        matrix[3 * f, 3 * P + i] += SB[i]
 
 
 @jit
@@ -182,8 +186,8 @@ def _add_sheave(sheaves: Any, joints: Any, k: int, pair: Any, q: float) -> None:
     joints.work[RESIDUAL, f] += mean * (pull - pull_b) - grip * creep
     joints.work[RESIDUAL, f] -= figures[WHEEL, k] * joints.work[ACCELERATION, f]
     joints.matrix[3 * f, 3 * f] += q * grip * (1.0 - creep * creep) / CREEP
-    add_end_to_flow(sheaves, joints, a, _block(work, n))
-    add_end_to_flow(sheaves, joints, b, _block(other, m))
+    _add_end_to_flow(sheaves, joints.matrix, a, _block(work, n))
+    _add_end_to_flow(sheaves, joints.matrix, b, _block(other, m))
 
 
 @jit
@@ -195,7 +199,7 @@ def condense_flow(sheaves: Any, joints: Any, r: int, left: Any) -> None:
         return
     f = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
     joints.work[CORRECTION, f] += _dot(column(sheaves.way, ZERO, r), left[1])
-    add_end_to_flow(sheaves, joints, r, left[0])
+    _add_end_to_flow(sheaves, joints.factor, r, left[0])
 
 
 @jit
@@ -207,7 +211,7 @@ def couple_flow(sheaves: Any, joints: Any, r: int, P: Any) -> None:
         return
     f, low = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]]), joints.lower[r]
     for k in range(3):
-        joints.matrix[3 * f, 3 * low + k] -= _dot(column(sheaves.way, ZERO, r), P[k])
+        joints.factor[3 * f, 3 * low + k] -= _dot(column(sheaves.way, ZERO, r), P[k])
 
 
 @jit

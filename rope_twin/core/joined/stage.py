@@ -3,6 +3,9 @@
 Passes, acceptance and line search are the same; only the linear solve includes the connections. A
 stage is accepted when every tension in the system agrees with its linearisation and, where an
 effect has an active set, every node and connection is balanced.
+
+The correction of a stage is applied to the connections at once. That of the ropes' nodes may be
+pending: the next pass over the nodes applies it.
 """
 
 from __future__ import annotations
@@ -10,14 +13,14 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-import numpy as np
 from numba.extending import overload
 
-from rope_twin.core.elements import stretch, stretch_corrected
+from rope_twin.core.elements import count_unexpected, stretch
 from rope_twin.core.integrator import (
     BDF2,
     CONVERGED,
     NOT_FINITE,
+    PENDING,
     TRAPEZOID,
     UNCONVERGED,
     correct,
@@ -35,18 +38,20 @@ from rope_twin.core.joined.joints import (
     gather_ends,
     joint_slope,
     place_ends,
-    solve_system,
 )
-from rope_twin.core.joined.sheaves import add_sheaves, pass_end
-from rope_twin.core.joined.stack import rope_of
+from rope_twin.core.joined.linear_solver import solve_system
+from rope_twin.core.joined.sheaves import add_sheaves, is_at_sheave, pass_end
+from rope_twin.core.joined.stack import effects_at, rope_of
 from rope_twin.core.joined.ties import add_ties, count_unexpected_ties, expect_pulls, pull_ties
-from rope_twin.core.loads import hooks
+from rope_twin.core.loads import balance, hooks
 from rope_twin.core.loads.balance import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.newton import CHUNK, SEARCH, SEARCH_FROM, search
 from rope_twin.core.state import (
     AXIAL,
+    CORRECTION,
     DIRECTION,
     ELEMENTS,
+    GEOMETRIC,
     RESIDUAL,
     SOLVES,
     SOLVES_MAX,
@@ -54,8 +59,6 @@ from rope_twin.core.state import (
     ZERO,
     Stage,
 )
-
-RELOAD = np.int64(3)  # after TRAPEZOID, BDF2 and SEARCH: motion and tension are up to date
 
 
 @jit
@@ -69,9 +72,8 @@ def _count_left(work: Any, low: int, high: int, most: float) -> int:
 
 
 @jit
-def _is_balanced(system: Any, stage: Any) -> bool:
-    """Return whether all residuals are below the tolerance, with all loads evaluated again."""
-    _evaluate(system, stage, RELOAD, 0.0)
+def _is_balanced(system: Any) -> bool:
+    """Return whether the residuals of all nodes and connections are below the tolerance."""
     stack, joints = system.stack, system.joints
     most = stack.model[0, TOLERANCE]
     left = _count_left(joints.work, ZERO, joints.nodes.shape[1], most)
@@ -81,37 +83,50 @@ def _is_balanced(system: Any, stage: Any) -> bool:
     return bool(left == 0)
 
 
-def _balances(effects: Any, system: Any, stage: Any) -> Any:
-    """Return whether the stage is converged with regard to effects with active sets."""
-    return not hooks.switches(map(type, effects)) or _is_balanced(system, stage)
+def _switches(effects: Any) -> Any:
+    """Return whether effects have active sets, so that tensions alone do not show convergence."""
+    return hooks.switches(map(type, effects))
 
 
-@overload(_balances, jit_options=LINKED, strict=False)
-def _choose_balance(effects: Any, system: Any, stage: Any) -> Any:
+@overload(_switches, jit_options=LINKED, strict=False)
+def _choose_switches(effects: Any) -> Any:
     if hooks.switches(effect.instance_class for effect in effects):
-        return lambda effects, system, stage: _is_balanced(system, stage)
-    return lambda effects, system, stage: True
+        return lambda effects: True
+    return lambda effects: False
 
 
 @jit
-def solve_joined(system: Any, stage: Any, kind: int, cap: int) -> int:
+def _is_calm(system: Any, stage: Any, share: float) -> bool:
+    """Return whether no active set differs between the present motion and that with share·delta."""
+    calm = True
+    for r in range(system.stack.counts.shape[0]):
+        rope = rope_of(system.stack, r)
+        calm = calm and balance.is_calm(rope.effects, rope.work, stage, _upto(system, r), share)
+    return calm
+
+
+@jit
+def solve_joined(system: Any, stage: Any, kind: int, cap: int, pending: float) -> int:
     """Solve for the accelerations; motion and tensions then belong to the stage's time.
 
     Arguments and result are those of `solve_stage`; `stage` has no payout speed, as each rope has
-    its own. Iterations are counted by the first rope.
+    its own. Each stage is solved with its own factors. Iterations are counted by the first rope.
     """
-    health = system.stack.health[0]
-    _evaluate(system, stage, kind, 0.0)
+    effects, health = effects_at(system.stack.effects, ZERO), system.stack.health[0]
+    _evaluate(system, stage, kind, pending, 0.0)
     for correction in range(1, cap + 1):
         solve_system(system)
         health[SOLVES] += 1
-        before, unexpected = _correct(system, stage)
         health[SOLVES_MAX] = max(health[SOLVES_MAX], correction)
+        unexpected = _look_ahead(system, stage)
+        if unexpected == 0 and _is_calm(system, stage, 1.0):
+            return PENDING
+        before = _slope(system)
         if not isfinite(before):
             return NOT_FINITE
-        if unexpected == 0 and _balances(system.stack.effects, system, stage):
+        _evaluate(system, stage, SEARCH, 1.0, 0.0)
+        if unexpected == 0 and _switches(effects) and _is_balanced(system):
             return CONVERGED
-        _evaluate(system, stage, RELOAD, 0.0)
         if correction >= SEARCH_FROM:
             search(system, stage, before, _correct_by, _slope)
     return UNCONVERGED
@@ -139,44 +154,39 @@ def _upto(system: Any, r: int) -> int:
 
 
 @jit
-def _move(motion: Any, stage: Any, kind: int, factor: float, low: int, high: int) -> None:
-    """Set the motion of the nodes low <= i < high: predicted, or (SEARCH) after a += factor·delta.
-
-    motion: the rows of the state and of the scratch.
-    """
-    nodes, work = motion
-    if kind == TRAPEZOID:
-        predict_trapezoid(nodes, work, stage.p, stage.q, low, high)
-    elif kind == BDF2:
-        predict_bdf2(nodes, work, stage.p, stage.q, 0.0, low, high)
-    else:
-        correct(work, stage.p, stage.q, factor, low, high)
-
-
-@jit
 def _move_joints(joints: Any, stage: Any, kind: int, factor: float) -> None:
-    """Set the motion of the connections, like `_move`."""
-    _move((joints.nodes, joints.work), stage, kind, factor, ZERO, joints.nodes.shape[1])
+    """Set the motion of the connections: predicted, or (SEARCH) after a += factor·delta."""
+    nodes, work, count = joints.nodes, joints.work, joints.nodes.shape[1]
+    if kind == TRAPEZOID:
+        predict_trapezoid(nodes, work, stage.p, stage.q, ZERO, count)
+    elif kind == BDF2:
+        predict_bdf2(nodes, work, stage.p, stage.q, 0.0, ZERO, count)
+    else:
+        correct(work, stage.p, stage.q, factor, ZERO, count)
 
 
 @jit
 def _evaluate_rope(system: Any, stage: Any, kind: int, factor: float, r: int) -> None:
     """Evaluate rope r, whose end nodes are already in place."""
     rope, upto = rope_of(system.stack, r), _upto(system, r)
-    work, n = rope.work, rope.state.counts[ELEMENTS]
+    state, work, p, q = rope.state, rope.work, stage.p, stage.q
+    n = state.counts[ELEMENTS]
     for start in range(0, n, CHUNK):
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
         done, last, elements = max(start - 1, 0), high - 1, high - 1
+        if kind == TRAPEZOID:
+            predict_trapezoid(state.nodes, work, p, q, low, high)
+        elif kind == BDF2:
+            predict_bdf2(state.nodes, work, p, q, factor, low, high)
+        else:
+            correct(work, p, q, factor, low, high)
         if high == n:
             last, elements = upto, n
-        if kind != RELOAD:
-            _move((rope.state.nodes, work), stage, kind, factor, low, high)
-            if high == n:
-                pass_end(system.sheaves, system.joints, rope, r)
-            stretch(rope.law, work, rope.state.offset, stage.p, stage.q, done, elements)
+            pass_end(system.sheaves, system.joints, rope, r, 0.0, 0.0)
+        stretch(rope.law, work, state.offset, p, q, done, elements)
         if high == n:
             end_rope(work, n)
-        if kind < SEARCH:
+        if kind != SEARCH:
             set_flow(rope.effects, work, stage, done, last)
         load_nodes(rope.effects, work, stage, max(done, 1), last)
     load_lowest(rope.effects, work, stage)
@@ -184,13 +194,16 @@ def _evaluate_rope(system: Any, stage: Any, kind: int, factor: float, r: int) ->
 
 
 @jit
-def _evaluate(system: Any, stage: Any, kind: int, factor: float) -> None:
-    """Evaluate motion, tension, residual and blocks of the system; RELOAD: the latter two."""
+def _evaluate(system: Any, stage: Any, kind: int, factor: float, at_joints: float) -> None:
+    """Evaluate motion, tension, residual and blocks of the system.
+
+    Motion is predicted after a += factor·delta, or (SEARCH) only that is applied; at_joints: the
+    factor of the connections, which are corrected ahead of the nodes.
+    """
     joints = system.joints
-    if kind != RELOAD:
-        _move_joints(joints, stage, kind, factor)
-        place_ends(system)
-        pull_ties(joints.ties, joints.work, stage.p, stage.q)
+    _move_joints(joints, stage, kind, at_joints)
+    place_ends(system)
+    pull_ties(joints.ties, joints.work, stage.p, stage.q)
     for r in range(system.stack.counts.shape[0]):
         _evaluate_rope(system, _stage_of(system, stage, r), kind, factor, r)
     _gather(system, stage)
@@ -206,35 +219,46 @@ def _gather(system: Any, stage: Any) -> None:
 
 
 @jit
-def _correct_rope(system: Any, stage: Any, r: int) -> Any:
-    """Apply the correction to rope r, whose end nodes are already in place."""
-    rope = rope_of(system.stack, r)
-    work, n = rope.work, rope.state.counts[ELEMENTS]
-    before, unexpected = 0.0, 0
-    for start in range(0, n, CHUNK):
-        low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
-        before += slope(work, low, high)
-        correct(work, stage.p, stage.q, 1.0, low, high)
-        unexpected += stretch_corrected(rope, stage, max(start - 1, 0), high - 1)
-    pass_end(system.sheaves, system.joints, rope, r)
-    return before, unexpected + stretch_corrected(rope, stage, n - 1, n)
+def _pass_ahead(system: Any, rope: Any, stage: Any, r: int) -> None:
+    """Place the last node of a rope at a sheave as if all motion were corrected."""
+    if is_at_sheave(system.sheaves, r):
+        pass_end(system.sheaves, system.joints, rope, r, stage.p, stage.q)
+        for k in range(CORRECTION, CORRECTION + 3):
+            rope.work[k, rope.state.counts[ELEMENTS]] = 0.0
 
 
 @jit
-def _correct(system: Any, stage: Any) -> Any:
-    """Apply a += delta with motion and tension; return R·delta and the deviating tensions."""
+def _look_ahead_in_rope(system: Any, stage: Any, r: int) -> int:
+    """Set direction and tension of rope r as if corrected; return the deviating tensions."""
+    rope = rope_of(system.stack, r)
+    work, top = rope.work, rope.state.counts[ELEMENTS] - 1
+    if not is_at_sheave(system.sheaves, r):
+        return int(count_unexpected(rope, stage, ZERO, top + 1))
+    wrong = count_unexpected(rope, stage, ZERO, top)
+    x, y, z = column(work, CORRECTION, top)
+    ax, ay, az = column(work, CORRECTION, top + 1)
+    tx, ty, tz = column(work, DIRECTION, top)
+    more = tx * (ax - x) + ty * (ay - y) + tz * (az - z)
+    expected = work[TENSION, top] + (work[AXIAL, top] + work[GEOMETRIC, top]) * more
+    _pass_ahead(system, rope, stage, r)
+    count_unexpected(rope, stage, top, top + 1)
+    return int(wrong + (not abs(work[TENSION, top] - expected) <= rope.model.tolerance))
+
+
+@jit
+def _look_ahead(system: Any, stage: Any) -> int:
+    """Correct the connections; set direction and tension as if the ropes were corrected too.
+
+    Returns the number of deviating tensions.
+    """
     joints = system.joints
-    before = joint_slope(joints)
     expect_pulls(joints.ties, joints.work)
     _move_joints(joints, stage, SEARCH, 1.0)
-    place_ends(system)
     pull_ties(joints.ties, joints.work, stage.p, stage.q)
     unexpected = count_unexpected_ties(joints.ties, system.stack.model[0, TOLERANCE])
     for r in range(system.stack.counts.shape[0]):
-        more, wrong = _correct_rope(system, _stage_of(system, stage, r), r)
-        before += more
-        unexpected += wrong
-    return before, unexpected
+        unexpected += _look_ahead_in_rope(system, _stage_of(system, stage, r), r)
+    return int(unexpected)
 
 
 @jit
@@ -249,4 +273,4 @@ def _slope(system: Any) -> Any:
 @jit
 def _correct_by(system: Any, stage: Any, factor: float) -> None:
     """Apply a += factor·delta and evaluate the system."""
-    _evaluate(system, stage, SEARCH, factor)
+    _evaluate(system, stage, SEARCH, factor, factor)

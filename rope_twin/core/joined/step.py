@@ -14,14 +14,24 @@ from rope_twin.core.integrator import (
     HALVINGS,
     NOT_FINITE,
     OUT,
+    PENDING,
     TRAPEZOID,
     UNCONVERGED,
+    accept,
     advance_substeps,
 )
 from rope_twin.core.jit.decorators import compiled, jit, jit_entry
 from rope_twin.core.jit.floats import flush, restore
 from rope_twin.core.jit.rows import hold
-from rope_twin.core.joined.joints import LOOSE, STEP, Joined, System, place_ends
+from rope_twin.core.joined.joints import (
+    LOOSE,
+    STEP,
+    Joined,
+    System,
+    first_free,
+    place_ends,
+    renew_plan,
+)
 from rope_twin.core.joined.sheaves import finish_at_sheave, is_at_sheave, pass_end
 from rope_twin.core.joined.stack import load, rope_of, stacked_effects, store
 from rope_twin.core.joined.stage import end_rope, solve_joined
@@ -72,14 +82,15 @@ def _all_finite(system: Any) -> bool:
 def _substep(system: Any, at: Any, level: int, done: int) -> Any:
     """Solve both stages over 1/2^level of the step, from done/2^HALVINGS, in work.
 
-    Returns the worse outcome of the two stages.
+    Returns the worse outcome of the two stages, their weight q, and the fraction of the nodes'
+    CORRECTION that is still pending.
     """
     boundary, row, time = at
     h = system.stack.model[0, STEP]
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
     cap = MAX_CORRECTIONS if level < HALVINGS else MAX_CORRECTIONS_LAST
     c = 0.5 * GAMMA * share * h
-    outcome = CONVERGED
+    worst, pending = PENDING, 0.0
     for kind in (TRAPEZOID, BDF2):
         part = start + (GAMMA if kind == TRAPEZOID else 1.0) * share
         for r in range(system.stack.counts.shape[0]):
@@ -89,12 +100,14 @@ def _substep(system: Any, at: Any, level: int, done: int) -> Any:
                 )
                 system.joints.speed[r] = own.V
         stage = Stage(time + part * h, c * c, c, 0.0)
-        outcome = min(outcome, solve_joined(system, stage, kind, cap))
+        outcome = solve_joined(system, stage, kind, cap, pending)
+        worst = min(worst, outcome)
         if outcome < CONVERGED and level < HALVINGS:
             break  # the substep will be halved
-    if outcome == UNCONVERGED and level == HALVINGS and not _all_finite(system):
-        outcome = NOT_FINITE
-    return (int(outcome),)
+        pending = 1.0 if outcome == PENDING else 0.0
+    if worst == UNCONVERGED and level == HALVINGS and not _all_finite(system):
+        worst = NOT_FINITE
+    return int(worst), c, pending
 
 
 @jit
@@ -124,8 +137,21 @@ def _copy_all(system: Any, row: int, way: int) -> None:
 
 @jit
 def _accept(system: Any, found: Any) -> None:
-    """Copy the converged substep's motion to the state."""
-    _copy_all(system, ZERO, BACK)
+    """Copy the converged substep's motion, with the pending correction, to the state."""
+    _, q, pending = found
+    stack, joints = system.stack, system.joints
+    place_ends(system)
+    for r in range(stack.counts.shape[0]):
+        nodes, work, n = stack.nodes[r], stack.work[r], stack.counts[r, ELEMENTS]
+        pass_end(system.sheaves, joints, rope_of(stack, r), r, pending * q * q, pending * q)
+        accept(nodes, work, q * q, q, pending, first_free(stack, r), n)
+        for k in range(nodes.shape[0]):
+            nodes[k, n] = work[k, n]
+            if joints.lower[r] != LOOSE:
+                nodes[k, 0] = work[k, 0]
+            for i in range(n - 2, n):  # the force of bending at the upper end depends on them
+                work[k, i] = nodes[k, i]
+    _copy(joints.nodes, joints.work, ZERO, joints.nodes.shape[1], BACK)
 
 
 @jit
@@ -149,14 +175,14 @@ def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
 
 
 @jit
-def _start(system: Any, boundary: Any) -> None:
-    """Load scratch from the states; end nodes take the motion of their connections."""
+def _start(system: Any, boundary: Any, row: int) -> None:
+    """Load scratch from the states before step `row`; ends take the motion of connections."""
     stack, joints = system.stack, system.joints
     _copy_all(system, ZERO, OUT)
     for r in range(stack.counts.shape[0]):
         n = stack.counts[r, ELEMENTS]
         joined = joints.upper[r] != LOOSE
-        L = stack.s[r, n] if joined else boundary.value[r, 0, LINE]
+        L = stack.s[r, n] if joined else boundary.value[r, row, LINE]
         set_lengths(stack.work[r], stack.s[r], stack.sections[r], n, L)
         joints.speed[r] = 0.0
     place_ends(system)
@@ -166,29 +192,42 @@ def _start(system: Any, boundary: Any) -> None:
 @jit
 def _recall(system: Any, boundary: Any, row: int, time: float) -> None:
     """Recompute tensions at the start of step `row`, after a failed attempt at it."""
-    _start(system, boundary)
+    _start(system, boundary, row)
     for r in range(system.stack.counts.shape[0]):
         rope, stage = rope_of(system.stack, r), Stage(time, 1.0, 1.0, 0.0)
         if system.joints.upper[r] == LOOSE:
             stage = stage_at(rope, _boundary_of(boundary, r), row, 0.0, time, 1.0)
-        pass_end(system.sheaves, system.joints, rope, r)
+        pass_end(system.sheaves, system.joints, rope, r, 0.0, 0.0)
         stretch_all(rope, stage)
 
 
 @jit_entry
-def advance_joined_steps(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
+def advance_joined_steps(
+    system: Any, boundary: Any, pull: Any, time: float, first: int, steps: int
+) -> int:
     """Entry point of the compiled code behind `advance_joined`."""
     was = flush()
-    done = _advance(hold(system), hold(boundary), pull, time, steps)
+    done = _advance(hold(system), hold(boundary), pull, time, first, steps)
     restore(was)
     return int(done)
 
 
 @jit
-def _advance(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
-    _start(system, boundary)
+def _has_other_elements(system: Any) -> bool:
+    """Return whether elements were added or removed since the plan was made."""
+    counts, known = system.stack.counts, system.joints.plan.counts
+    other = 0
+    for r in range(counts.shape[0]):
+        other += counts[r, ELEMENTS] != known[r]
+    return bool(other > 0)
+
+
+@jit
+def _advance(system: Any, boundary: Any, pull: Any, time: float, first: int, steps: int) -> int:
+    """Advance from step `first` to `steps`; return where it ended, so that the plan is renewed."""
+    _start(system, boundary, first)
     h, health = system.stack.model[0, STEP], system.stack.health[0]  # counted by the first rope
-    for row in range(steps):
+    for row in range(first, steps):
         now = time + row * h
         at = boundary, row, now
         if not advance_substeps(system, health, at, _substep, _copy_start, _accept):
@@ -203,6 +242,8 @@ def _advance(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> 
                 finish_at_sheave(system.sheaves, system, r, own, now + h)
             else:
                 _report_joined(rope, pull[r], row, now + h)
+        if _has_other_elements(system):
+            return row + 1
     return steps
 
 
@@ -230,11 +271,14 @@ def advance_joined(
         load(system.stack, r, rope)
     joined = Joined(system.stack._replace(effects=effects), system.joints, system.sheaves)
     kinds = (type(system.sheaves), type(system.stack.law), *map(type, effects))
-    arguments = (joined, boundary, pull, time, steps)
+    renew_plan(system)
+    arguments = (joined, boundary, pull, time, 0, steps)
     found = _COMPILED.get(kinds)
     if found is None:
         found = _COMPILED[kinds] = compiled(advance_joined_steps, arguments)
     done = int(found(*arguments))
+    while done < steps and renew_plan(system):
+        done = int(found(joined, boundary, pull, time, done, steps))
     for r, rope in enumerate(system.ropes):
         store(system.stack, r, rope)
     return done

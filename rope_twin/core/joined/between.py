@@ -1,0 +1,213 @@
+"""Condensation of a rope to the connections at both of its ends, from both ends to its middle.
+
+Where ropes form a loop, a rope lies between two connections of the dense system. Lane 0 begins at
+its lower end, lane 1 at its upper end. Each carries the connection behind it along as three more
+columns: node i has (S + K)·delta_i = f + K·delta_next + P·delta_end, so that with H = (S + K)⁻¹·P
+delta_i = y + G·delta_next + H·delta_end, and K·H takes the place of P at the next node. That is
+what `eliminate_node` does with a force, for each column of P. The connection is left with D - Σ
+Pᵀ·H, a difference: its mass is resolved to 1e-16·K.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rope_twin.core.banded.nodes import add_six, eliminate_node, six, solve_symmetric, spring
+from rope_twin.core.jit.decorators import jit_ordered, jit_within
+from rope_twin.core.jit.rows import row, rows
+from rope_twin.core.jit.simd import lane, load, pair, store
+from rope_twin.core.joined.pairs import (
+    keep,
+    lanes,
+    pair_of_nodes,
+    pushed_on,
+    six_lanes,
+    substitute_pair,
+    two,
+    two_of_six,
+)
+from rope_twin.core.joined.plan import RECORD
+from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, RESIDUAL, WORK_ROWS, ZERO
+
+FAR = WORK_ROWS  # 9 rows: H of the nodes
+CHAIN_ROWS = FAR + 9
+_FAR_RECORD = 18  # numbers: pairs of H by rows
+_OWN, _LOW, _HIGH = 0, 3, 12  # the record of the middle node: y, H of either end by columns
+
+
+@jit_within
+def dot(a: Any, b: Any) -> Any:
+    """Return the inner product of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@jit_within
+def less_product(D: Any, P: Any, F: Any) -> Any:
+    """Return D - Pᵀ·F, symmetric; P and F by columns."""
+    (px, py, pz), (x, y, z) = P, F
+    return (
+        D[0] - dot(px, x), D[1] - dot(px, y), D[2] - dot(px, z),
+        D[3] - dot(py, y), D[4] - dot(py, z), D[5] - dot(pz, z),
+    )  # fmt: skip
+
+
+@jit_within
+def _plus_product(g: Any, P: Any, f: Any) -> Any:
+    """Return g + Pᵀ·f; P by columns."""
+    return g[0] + dot(P[0], f), g[1] + dot(P[1], f), g[2] + dot(P[2], f)
+
+
+@jit_within
+def _ends(n: int) -> Any:
+    """Return the number of pairs, that of pairs with one where a lane is not used, the middle."""
+    return (n - 2) // 2, (n - 1) // 2, 1 + (n - 2) // 2
+
+
+@jit_within
+def _pair(work: Any, i: int, j: int, k: int, state: Any) -> Any:
+    """Eliminate node i through the element above it and node j through the one below.
+
+    state: of either lane Z, f, P by columns, D and force on the connection.
+    """
+    Z, f, (px, py, pz), D, g = state
+    S, t, a, b = pair_of_nodes(work, (i, j), (i, j - 1), Z)
+    gain, own, left, pushed, _ = eliminate_node(S, pushed_on(work, i, j, f), t, a, b)
+    keep(row(work, ELIMINATED, 0), RECORD * k, gain, own)
+    _, hx, _, to_x, _ = eliminate_node(S, px, t, a, b)
+    _, hy, _, to_y, _ = eliminate_node(S, py, t, a, b)
+    _, hz, _, to_z, _ = eliminate_node(S, pz, t, a, b)
+    far = row(work, FAR, _FAR_RECORD * k)
+    store(far, 0, hx[0])
+    store(far, 2, hy[0])
+    store(far, 4, hz[0])
+    store(far, 6, hx[1])
+    store(far, 8, hy[1])
+    store(far, 10, hz[1])
+    store(far, 12, hx[2])
+    store(far, 14, hy[2])
+    store(far, 16, hz[2])
+    P = px, py, pz
+    D, g = less_product(D, P, (hx, hy, hz)), _plus_product(g, P, own)
+    return left, pushed, (to_x, to_y, to_z), D, g
+
+
+@jit_within
+def _solve_columns(S: Any, P: Any) -> Any:
+    return solve_symmetric(S, P[0]), solve_symmetric(S, P[1]), solve_symmetric(S, P[2])
+
+
+@jit_within
+def _columns(P: Any, k: int) -> Any:
+    """Return lane k of three columns."""
+    return lanes(P[0], k), lanes(P[1], k), lanes(P[2], k)
+
+
+@jit_within
+def _put(record: Any, at: int, vector: Any) -> None:
+    record[at], record[at + 1], record[at + 2] = vector
+
+
+@jit_ordered
+def eliminate_between(work: Any, n: int) -> Any:
+    """Condense to both ends: return block and force at node n, at node 0, and P by columns.
+
+    P couples them: -P is the block of row n and column 0.
+    """
+    pairs, rounds, middle = _ends(n)
+    Z, zero = two_of_six(spring(work, ZERO), spring(work, n - 1)), pair(0.0, 0.0)
+    none = zero, zero, zero
+    xx, xy, xz, yy, yz, zz = Z
+    state = Z, none, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), Z, none
+    for k in range(pairs):
+        state = _pair(work, 1 + k, n - 1 - k, k, state)
+    below = state
+    if rounds > pairs:
+        state = _pair(work, middle, middle + 1, pairs, state)
+    S = add_six(add_six(six_lanes(below[0], 0), six_lanes(state[0], 1)), six(work, BLOCK, middle))
+    record = row(work, ELIMINATED, RECORD * rounds)
+    P, Q = _columns(below[2], 0), _columns(state[2], 1)
+    H, G = _solve_columns(S, P), _solve_columns(S, Q)
+    for k in range(3):
+        _put(record, _LOW + 3 * k, H[k])
+        _put(record, _HIGH + 3 * k, G[k])
+    D = less_product(six_lanes(below[3], 0), P, H)
+    E = less_product(six_lanes(state[3], 1), Q, G)
+    a, b = lanes(below[1], 0), lanes(state[1], 1)
+    own = solve_symmetric(
+        S,
+        (
+            a[0] + b[0] + work[RESIDUAL, middle],
+            a[1] + b[1] + work[RESIDUAL + 1, middle],
+            a[2] + b[2] + work[RESIDUAL + 2, middle],
+        ),
+    )
+    _put(record, _OWN, own)
+    g = _plus_product(lanes(below[4], 0), P, own)
+    h = _plus_product(lanes(state[4], 1), Q, own)
+    x, y, z = H
+    coupling = (
+        (dot(Q[0], x), dot(Q[1], x), dot(Q[2], x)),
+        (dot(Q[0], y), dot(Q[1], y), dot(Q[2], y)),
+        (dot(Q[0], z), dot(Q[1], z), dot(Q[2], z)),
+    )
+    return E, h, D, g, coupling
+
+
+@jit_within
+def _far(work: Any, k: int) -> Any:
+    """Return H of a pair by columns."""
+    far = row(work, FAR, _FAR_RECORD * k)
+    return (
+        (load(far, 0), load(far, 6), load(far, 12)),
+        (load(far, 2), load(far, 8), load(far, 14)),
+        (load(far, 4), load(far, 10), load(far, 16)),
+    )
+
+
+@jit_within
+def _substitute(work: Any, k: int, p: Any, d: Any) -> Any:
+    """Return delta of a pair from that of the nodes nearer the middle and that of both ends."""
+    x, y, z = substitute_pair(row(work, ELIMINATED, 0), RECORD * k, p)
+    hx, hy, hz = _far(work, k)
+    return (
+        x + (hx[0] * d[0] + hy[0] * d[1] + hz[0] * d[2]),
+        y + (hx[1] * d[0] + hy[1] * d[1] + hz[1] * d[2]),
+        z + (hx[2] * d[0] + hy[2] * d[1] + hz[2] * d[2]),
+    )
+
+
+@jit_within
+def _middle_of(record: Any, k: int, low: Any, high: Any) -> Any:
+    """Return component k of the middle node's delta."""
+    a, b = _LOW + k, _HIGH + k
+    return (
+        record[_OWN + k]
+        + (record[a] * low[0] + record[a + 3] * low[1] + record[a + 6] * low[2])
+        + (record[b] * high[0] + record[b + 3] * high[1] + record[b + 6] * high[2])
+    )
+
+
+@jit_ordered
+def substitute_between(work: Any, n: int) -> None:
+    """Back-substitute, given the corrections of both ends."""
+    pairs, rounds, middle = _ends(n)
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    record = row(work, ELIMINATED, RECORD * rounds)
+    low, high = (dx[0], dy[0], dz[0]), (dx[n], dy[n], dz[n])
+    d = two(low, high)
+    mx = _middle_of(record, 0, low, high)
+    my = _middle_of(record, 1, low, high)
+    mz = _middle_of(record, 2, low, high)
+    dx[middle], dy[middle], dz[middle] = mx, my, mz
+    p = two((mx, my, mz), (mx, my, mz))
+    if rounds > pairs:
+        ax, ay, az = lanes(_substitute(work, pairs, p, d), 1)
+        dx[middle + 1], dy[middle + 1], dz[middle + 1] = ax, ay, az
+        p = two((mx, my, mz), (ax, ay, az))
+    for k in range(pairs - 1, -1, -1):
+        p = _substitute(work, k, p, d)
+        i, j = 1 + k, n - 1 - k
+        px, py, pz = p
+        dx[i], dx[j] = lane(px, 0), lane(px, 1)
+        dy[i], dy[j] = lane(py, 0), lane(py, 1)
+        dz[i], dz[j] = lane(pz, 0), lane(pz, 1)

@@ -1,0 +1,291 @@
+"""Order of elimination of a multi-line system: from the leaves of its trees to their roots.
+
+A *chain* is a span of a rope's nodes that is eliminated in one direction. Where ropes form a tree,
+every connection has one chain that leads on to the root, and the chains that reach it are done
+before: elimination leaves no fill. The root is a node of a rope, chosen so that the two lanes of a
+SIMD register end together; a single rope's plan is its two-sided (twisted) factorisation.
+
+Connections in a loop of ropes, with a link or at a sheave are *dense*: the trees that hang on them
+are eliminated onto them, ropes between two of them are condensed onto both (core/joined/between),
+and what is left is one small dense system (core/joined/joints).
+
+The plan depends on the topology and the numbers of elements alone, so that a restart and any
+division of a run into calls give the same bits.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.state import LINE_DOUBLES, Floats, Ints
+
+# Columns of `spans`: first node and direction of both lanes, number of pairs, what either lane
+# begins with (the slot of a connection, or one of the values below), and the slot where it leaves
+# its Schur complement, or NOWHERE.
+A, A_WAY, B, B_WAY, COUNT, A_BEGIN, B_BEGIN, A_INTO, B_INTO, SPAN = range(10)
+CARRY, NOTHING, HELD, IDLE = -1, -2, -3, -4  # IDLE: the lane repeats the other one
+NOWHERE = -1
+JOINT, COLUMN, SUMMED, END = range(4)  # columns of `ends`
+SPANS, ENDS, ROOTS, BETWEEN, ONTO, DENSE, SIZES = range(7)  # `sizes`
+RECORD = 24  # numbers: pairs of the gain (S + K)⁻¹·K by rows, and of own
+# Rows of `sums`: Schur complement, force, matrix of a root
+LEFT, FORCE, KEPT, SUM_ROWS = 0, 6, 9, 15
+NEW_SPAN = 3  # pairs that take as long as the start of a span
+
+
+class Plan(NamedTuple):
+    """Order of elimination; nodes are columns of all ropes' scratch, laid end to end."""
+
+    spans: Ints  # (spans, SPAN)
+    ends: Ints  # (ends at connections, END); SUMMED: added to the connection's sum
+    roots: Ints  # (roots, 2): node and slot
+    between: Ints  # ropes between two dense connections
+    onto: Ints  # (chains, 2): rope and dense connection that it was eliminated onto
+    dense: Ints  # of each connection: 1 where it belongs to the dense system
+    sizes: Ints  # rows in use of the tables above, and the number of dense connections
+    counts: Ints  # elements of each rope for which the plan was made
+    sums: Floats  # scratch, (SUM_ROWS, slots): connections, ropes, roots
+    records: Floats  # scratch: factors of the pairs, (1, any)
+
+
+class Chain(NamedTuple):
+    """Nodes of a rope that are eliminated one after the other."""
+
+    first: int  # column of its first node
+    way: int  # 1 towards the upper end, -1 towards the lower end
+    nodes: int  # number of them
+    begin: int  # slot of the connection at its first node, HELD or NOTHING
+    into: int  # slot
+
+
+class Topology(NamedTuple):
+    """Connections at the ends of ropes."""
+
+    lower: list[int]  # connection at each rope's lower end, negative if there is none
+    upper: list[int]
+    first: list[int]  # lowest free node of each rope
+    coupled: frozenset[int]  # connections that are dense in any case
+    columns: int  # between a node of a rope and the same of the next rope
+    joints: int
+
+
+def new_plan(ropes: int, joints: int, nodes: int) -> Plan:
+    """Return an empty plan for systems of this size; nodes: those of all ropes at most."""
+    space = np.zeros(RECORD * (nodes + 1) + LINE_DOUBLES)
+    start = -(space.ctypes.data // space.itemsize) % LINE_DOUBLES
+    return Plan(
+        spans=np.zeros((2 * ropes, SPAN), np.int64),
+        ends=np.zeros((2 * ropes, END), np.int64),
+        roots=np.zeros((ropes, 2), np.int64),
+        between=np.zeros(ropes, np.int64),
+        onto=np.zeros((2 * ropes, 2), np.int64),
+        dense=np.zeros(joints, np.int64),
+        sizes=np.zeros(SIZES, np.int64),
+        counts=np.full(ropes, -1),
+        sums=np.zeros((SUM_ROWS, joints + 2 * ropes)),
+        records=space[start : start + RECORD * (nodes + 1)].reshape(1, -1),
+    )
+
+
+def write_plan(plan: Plan, topology: Topology, counts: Ints) -> None:
+    """Write the plan for ropes with these numbers of elements."""
+    n = [int(count) for count in counts]
+    layout = _Layout(topology, n)
+    dense = _dense(topology)
+    between = [r for r in range(len(n)) if {topology.lower[r], topology.upper[r]} <= dense]
+    seen, chains = set(between), []
+    onto: list[tuple[int, int]] = []
+    roots: list[tuple[int, int]] = []
+    for j in sorted(dense):
+        for r in layout.ropes_at(j):
+            if r not in seen:
+                chains += layout.towards(j, r, topology.joints + r, seen)
+                onto.append((r, j))
+    for r in range(len(n)):
+        if r not in seen:
+            slot = topology.joints + len(n) + len(roots)
+            own, root = layout.tree(r, slot, seen)
+            chains += own
+            roots.append((root, slot))
+    spans = _schedule(chains)
+    starts = {chain.first for chain in chains if chain.begin >= 0}
+    ends = [
+        (j, column, int(j not in dense and column not in starts))
+        for r in range(len(n))
+        for j, column in layout.ends(r)
+        if j >= 0
+    ]
+    plan.counts[:] = counts
+    plan.dense[:] = [j in dense for j in range(topology.joints)]
+    plan.sizes[:] = len(spans), len(ends), len(roots), len(between), len(onto), len(dense)
+    found: tuple[list[Any], ...] = spans, ends, roots, between, onto
+    tables = plan.spans, plan.ends, plan.roots, plan.between, plan.onto
+    for table, rows in zip(tables, found, strict=True):
+        for k, row in enumerate(rows):
+            table[k] = row
+
+
+def _dense(topology: Topology) -> frozenset[int]:
+    """Return the connections that are left when leaves are removed from the trees."""
+    links = [pair for pair in zip(topology.lower, topology.upper, strict=True) if min(pair) >= 0]
+    left = set(range(topology.joints))
+    while True:
+        degree = dict.fromkeys(left, 0)
+        for pair in links:
+            if left.issuperset(pair):
+                for j in pair:
+                    degree[j] += 1
+        leaves = {j for j in left if degree[j] < 2} - topology.coupled
+        if not leaves:
+            return frozenset(left)
+        left.remove(min(leaves))
+
+
+class _Layout:
+    """Chains of a system of ropes."""
+
+    def __init__(self, topology: Topology, counts: list[int]) -> None:
+        self._of, self._n = topology, counts
+
+    def ends(self, r: int) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Return connection and node of both ends of rope r."""
+        first = r * self._of.columns
+        return (self._of.lower[r], first), (self._of.upper[r], first + self._n[r])
+
+    def ropes_at(self, j: int) -> list[int]:
+        """Return the ropes that end at a connection."""
+        both = zip(self._of.lower, self._of.upper, strict=True)
+        return [r for r, pair in enumerate(both) if j in pair]
+
+    def _up(self, r: int, node: int, into: int) -> Chain:
+        """Return the chain from the lower end of rope r to its node, which is not in it."""
+        low = self._of.lower[r]
+        start = 0 if low >= 0 else self._of.first[r]
+        begin = low if low >= 0 else (HELD if start == 1 else NOTHING)
+        return Chain(r * self._of.columns + start, 1, node - start, begin, into)
+
+    def _down(self, r: int, node: int, into: int) -> Chain:
+        """Return the chain from the upper end of rope r to its node, which is not in it."""
+        high = self._of.upper[r]
+        start = self._n[r] - (high < 0)
+        begin = high if high >= 0 else HELD
+        return Chain(r * self._of.columns + start, -1, start - node, begin, into)
+
+    def _before(self, chain: Chain, seen: set[int]) -> list[Chain]:
+        """Return a chain and all chains that must be eliminated before it."""
+        found = [chain]
+        if chain.begin >= 0:
+            for r in self.ropes_at(chain.begin):
+                if r not in seen:
+                    found += self.towards(chain.begin, r, chain.begin, seen)
+        return found
+
+    def towards(self, j: int, r: int, into: int, seen: set[int]) -> list[Chain]:
+        """Return the chain of rope r to a connection, and those before it."""
+        seen.add(r)
+        upward = self._of.upper[r] == j
+        chain = self._up(r, self._n[r], into) if upward else self._down(r, 0, into)
+        return self._before(chain, seen)
+
+    def _rooted(self, r: int, node: int, slot: int, seen: set[int]) -> list[Chain]:
+        """Return the chains of a tree whose root is a node of rope r."""
+        seen.add(r)
+        both = self._up(r, node, slot), self._down(r, node, slot)
+        found = [one for chain in both for one in self._before(chain, seen)]
+        return [chain for chain in found if chain.nodes > 0 or chain.begin == HELD]
+
+    def tree(self, r: int, slot: int, seen: set[int]) -> tuple[list[Chain], int]:
+        """Return the chains of the tree with rope r, and its root; its ropes are added to `seen`.
+
+        Two roots are tried in each rope: one with as many nodes on either side, and, in case both
+        sides have been eliminated at the same time, the rope's middle.
+        """
+        known = set(seen)
+        ropes = {one.first // self._of.columns for one in self._rooted(r, self._low(r), slot, seen)}
+        best: tuple[int, list[Chain], int] | None = None
+        for own in sorted({*ropes, r}):
+            low, high = self._low(own), self._n[own] - 1
+            chains = self._rooted(own, low, slot, set(known))
+            below = self._of.lower[own]
+            under = 0
+            if below >= 0:
+                own_seen = {*known, own}
+                under = sum(
+                    one.nodes
+                    for other in self.ropes_at(below)
+                    if other not in own_seen
+                    for one in self.towards(below, other, below, own_seen)
+                )
+            whole = sum(chain.nodes for chain in chains)
+            for node in {(low + high) // 2, min(max(low + whole // 2 - under, low), high)}:
+                chains = self._rooted(own, node, slot, set(known))
+                spans = _schedule(chains)
+                cost = sum(span[COUNT] for span in spans) + NEW_SPAN * len(spans)
+                if best is None or cost < best[0]:
+                    best = cost, chains, own * self._of.columns + node
+        assert best is not None
+        return best[1], best[2]
+
+    def _low(self, r: int) -> int:
+        """Return the lowest node of rope r that can be a root."""
+        return 1 if self._of.lower[r] >= 0 else self._of.first[r]
+
+
+class _Lane:
+    """A lane of the schedule and what is left of its chain."""
+
+    def __init__(self) -> None:
+        self.chain: Chain | None = None
+
+    def part(self, count: int) -> tuple[tuple[int, int, int], int]:
+        """Take nodes off the chain; return first node, way and begin, and the slot at its end."""
+        chain = self.chain
+        assert chain is not None
+        begun = chain.first, chain.way, chain.begin
+        left = chain.nodes - count
+        self.chain = Chain(chain.first + count * chain.way, chain.way, left, CARRY, chain.into)
+        if left == 0:
+            self.chain = None
+        return begun, NOWHERE if left else chain.into
+
+
+def _schedule(chains: list[Chain]) -> list[tuple[int, ...]]:
+    """Return the spans of two lanes; of the chains that can begin the farthest from the root does.
+
+    A chain can begin once all chains into its connection are done.
+    """
+    after = {chain.begin: chain for chain in chains if chain.begin >= 0}
+    missing: dict[int, int] = {}
+    for chain in chains:
+        missing[chain.into] = missing.get(chain.into, 0) + 1
+
+    def distance(chain: Chain) -> int:
+        following = after.get(chain.into)
+        return chain.nodes + (distance(following) if following else 0)
+
+    waiting = sorted(chains, key=distance, reverse=True)  # stable: as listed where equal
+    lanes = _Lane(), _Lane()
+    spans: list[tuple[int, ...]] = []
+    while True:
+        for lane in lanes:
+            ready = [one for one in waiting if one.begin < 0 or not missing.get(one.begin)]
+            if lane.chain is None and ready:
+                lane.chain = ready[0]
+                waiting.remove(ready[0])
+        left = [lane.chain.nodes for lane in lanes if lane.chain is not None]
+        if not left:
+            return spans
+        count = min(left)
+        parts = [lane.part(count) if lane.chain else None for lane in lanes]
+        begun = [part[0] if part else None for part in parts]
+        into = [part[1] if part else NOWHERE for part in parts]
+        one, other = (
+            own or (*far[:2], IDLE)  # type: ignore[index]
+            for own, far in zip(begun, reversed(begun), strict=True)
+        )
+        for slot in into:
+            if slot != NOWHERE:
+                missing[slot] -= 1
+        spans.append((one[0], one[1], other[0], other[1], count, one[2], other[2], *into))
