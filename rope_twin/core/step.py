@@ -190,7 +190,7 @@ def finish(rope: Rope, boundary: Boundary, pull: Any, row: int, time: float) -> 
     lower = split_length(rope, V)
     load_trials(rope, stage, A, lower)
     _report(rope, pull, row)
-    add_pull(rope.effects, rope.work, state.counts[ELEMENTS], pull, row)
+    add_pull(rope.effects, rope.work, state.nodes, state.counts[ELEMENTS], pull, row)
     change_elements(rope, stage, L, lower)
 
 

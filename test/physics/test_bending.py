@@ -255,3 +255,20 @@ def test_the_lower_part_of_a_cut_rope_falls_as_freely_with_bending_stiffness() -
         gained = now.momentum - last.momentum
         np.testing.assert_allclose(gained, [0.0, 0.0, -now.mass * rig.gravity * 0.01], atol=1e-5)
         last = now
+
+
+def test_the_force_on_the_hang_off_is_of_the_accepted_motion() -> None:
+    """Its part from bending is computed in scratch, where a deferred correction is not applied."""
+    twin = replace(SEA, elements=20, EI=1e5).twin()
+    deferred = 0
+    for shot in march(twin, sine(2.0, 5.0), 3.0, every=1):
+        assert shot.solver.unconverged_substeps == 0
+        rope = twin.inspect().rope
+        n = rope.state.counts[rows.ELEMENTS]
+        top = slice(n - 2, n + 1)
+        accepted, scratch = rope.state.nodes[:3, top], rope.work[rows.POSITION :][:3, top]
+        np.testing.assert_array_equal(scratch, accepted)
+        deferred += bool(
+            (rope.work[rows.POSITION :][:3, : n - 2] != rope.state.nodes[:3, : n - 2]).any()
+        )
+    assert deferred > 0, "no correction was deferred"

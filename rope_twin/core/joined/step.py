@@ -149,8 +149,6 @@ def _accept(system: Any, found: Any) -> None:
             nodes[k, n] = work[k, n]
             if joints.lower[r] != LOOSE:
                 nodes[k, 0] = work[k, 0]
-            for i in range(n - 2, n):  # the force of bending at the upper end depends on them
-                work[k, i] = nodes[k, i]
     _copy(joints.nodes, joints.work, ZERO, joints.nodes.shape[1], BACK)
 
 
@@ -171,7 +169,7 @@ def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
         pull[row, PULL_X + k] = work[RESIDUAL + k, n]
         square += work[RESIDUAL + k, n] ** 2
     pull[row, PULL] = square**0.5
-    add_pull(rope.effects, work, n, pull, row)
+    add_pull(rope.effects, work, rope.state.nodes, n, pull, row)
 
 
 @jit

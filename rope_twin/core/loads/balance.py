@@ -342,18 +342,32 @@ def _add_to_pull(force: Any, pull: Any, row: int) -> None:
     pull[row, PULL] = sqrt(square)
 
 
-def add_pull(effects: Any, work: Floats, n: Any, pull: Any, row: Any) -> Any:
+@jit_within
+def _recall_top(work: Floats, nodes: Floats, n: int) -> None:
+    """Copy the accepted motion of the two nodes below the hang-off to the scratch array.
+
+    A stage that ends with a pending correction leaves them uncorrected there.
+    """
+    for i in range(max(n - 2, 0), n):
+        for k in range(nodes.shape[0]):
+            work[k, i] = nodes[k, i]
+
+
+def add_pull(effects: Any, work: Floats, nodes: Floats, n: Any, pull: Any, row: Any) -> Any:
     """Add the contribution of coupling effects to the rope's force on the hang-off."""
     for effect, call in members("pull", effects):
+        _recall_top(work, nodes, n)
         _add_to_pull(call(effect, work, n), pull, row)
 
 
 @overload(add_pull, jit_options=LINKED, strict=False)
-def _compose_pull(effects: Any, work: Floats, n: Any, pull: Any, row: Any) -> Any:
+def _compose_pull(effects: Any, work: Floats, nodes: Floats, n: Any, pull: Any, row: Any) -> Any:
     calls = kernels("pull", effects, work)
-    lines = [f"add(kernel_{i}(effects[{i}], work, n), pull, row)" for i in calls]
+    lines = ["recall(work, nodes, n)"] if calls else []
+    lines += [f"add(kernel_{i}(effects[{i}], work, n), pull, row)" for i in calls]
     lines.append("return None")
-    return written_out("effects, work, n, pull, row", lines, calls, add=_add_to_pull)
+    given = "effects, work, nodes, n, pull, row"
+    return written_out(given, lines, calls, add=_add_to_pull, recall=_recall_top)
 
 
 def is_calm(effects: Any, work: Floats, stage: Stage, n: Any, share: Any) -> Any:
