@@ -279,7 +279,7 @@ def test_a_depth_command_to_another_line_makes_its_coarse_winch() -> None:
     assert coarse_of(twin).winches == {1}
     assert all(one.error_interval is not None for one in twin.snapshot().ropes)
     assert twin.offer_command(None, WinchCommand("speed", 0.2), "aft_sheave") == ""
-    twin.advance(100)
+    twin.advance(200)  # until the winch has reached that speed
     before = coarse_of(twin).payouts_m[1]
     twin.advance(100)
     assert coarse_of(twin).payouts_m[1] - before == pytest.approx(0.2, rel=0.02)

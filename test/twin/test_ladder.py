@@ -292,11 +292,11 @@ class Throttled(Twin):
 
     def __init__(self, scene: Scene, clock: Spent) -> None:
         super().__init__(scene)
-        self._clock = clock
+        self._spent = clock
 
     def advance(self, steps: int) -> None:
         if self.time_ns < 1000 * MS:
-            self._clock.time_ns += steps * 14 * MS >> self.level.halvings
+            self._spent.time_ns += steps * 14 * MS >> self.level.halvings
         super().advance(steps)
 
 
