@@ -14,7 +14,7 @@ from rope_twin.run.progress import columns
 
 
 class ExitCode(IntEnum):
-    """What the exit code of a command means."""
+    """Exit code of a command, by its meaning."""
 
     OK = 0
     ERROR = 1

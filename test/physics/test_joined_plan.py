@@ -97,7 +97,7 @@ def fill(system: System, seed: int) -> None:
 
 
 def unknowns(system: System) -> list[list[int]]:
-    """Of each rope the number of each node's unknown, -1 where its motion is prescribed."""
+    """Return the unknown of each node of each rope, -1 where its motion is prescribed."""
     joints, found = system.joints, []
     count = joints.nodes.shape[1]
     for r, rope in enumerate(system.ropes):
@@ -172,7 +172,7 @@ def test_the_plan_solves_what_the_dense_system_does(name: str) -> None:
 
 
 def test_a_tether_belongs_to_the_dense_system() -> None:
-    """Of its connection, onto which the trees are eliminated."""
+    """The tie belongs to the connection onto which the trees are eliminated."""
     held = tie(0, anchor=(0.0, 0.0, -20.0))
     held[TOWARDS : TOWARDS + 3, 0], held[AXIAL, 0], held[GEOMETRIC, 0] = (0.6, 0.0, 0.8), 40.0, 3.0
     system = system_of("a tree", held)
