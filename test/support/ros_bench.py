@@ -36,6 +36,12 @@ class Bench:
         self.executor.add_node(node)
         return node
 
+    def remove(self, node: Any) -> None:
+        """End a node, with its services and publishers."""
+        self.executor.remove_node(node)
+        self.nodes.remove(node)
+        node.destroy_node()
+
     def listen(self, name: str, depth: int = 1000) -> list[Any]:
         """Decoded messages of one of the suite's topics, as they come."""
         from rope_twin.messages import decode
