@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from typing import Any
+from typing import Any, ClassVar
 
 _NO_DEFAULT = dataclasses.MISSING
 
@@ -59,6 +59,19 @@ def quantity(
 def text(about: str, default: Any = _NO_DEFAULT) -> Any:
     """A dataclass field for words or a nested part; `metadata['about']` says what it is."""
     return dataclasses.field(default=default, metadata={"about": about})
+
+
+class SparingRepr:
+    """Base with a repr (used for digests) that omits the optional fields that are not given."""
+
+    _spared: ClassVar[frozenset[str]]
+    _no_figures: ClassVar[frozenset[str]] = frozenset()  # fields excluded from digests
+
+    def __repr__(self) -> str:
+        given = ((name, value) for name, value in vars(self).items()
+                 if name not in self._no_figures
+                 and (value is not None or name not in self._spared))  # fmt: skip
+        return f"{type(self).__name__}({', '.join(f'{n}={v!r}' for n, v in given)})"
 
 
 # Units accepted for a quantity that is kept in an SI unit, with their size in it. Case counts:

@@ -3,11 +3,13 @@
 Laird, Fraser, Marsh 2016: a skip with a fairing on its face is towed up or down along a lifting
 rope; its drag ½·ρ·C_D·A·|V|·V opposes its motion. V is the payload's velocity relative to the water
 along the face's axis, or a tow speed, for studies in which the rope itself is not hauled. A tow
-speed's drag may build up over a ramp.
+speed's drag may build up over a ramp. In a multi-line scene every payload may have a fairing of its
+own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -17,15 +19,16 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.joined.stack import stacks
 from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY
-from rope_twin.quantity import quantity
+from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
+from rope_twin.quantity import quantity, text
 
 Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FairingParams:
+class FairingFace:
     """Face and tow speed; the payload's own drag is added to it."""
 
     face_m2: float = quantity("area of the face", "m²", 0.0, 1e4)
@@ -46,6 +49,13 @@ class FairingParams:
         return None
 
 
+@dataclass(frozen=True, kw_only=True)
+class FairingParams(FairingFace):
+    """Face and tow speed, and in a multi-line scene the payload that has them."""
+
+    payload: str = text("multi-line scenes: the only payload with this fairing; default: each", "")
+
+
 class Fairing(NamedTuple):
     """Kernel data of drag by the payload's own velocity."""
 
@@ -63,6 +73,40 @@ class TowedFairing(NamedTuple):
     y: float
     z: float
     ramp: float  # [s]
+
+
+class ManyFairings(NamedTuple):
+    """Kernel data of the fairings of a multi-line system, by the payloads' own velocities."""
+
+    figures: Floats  # the fields of Fairing, (ropes, 4)
+
+
+class ManyTowedFairings(NamedTuple):
+    """Kernel data of the fairings of a multi-line system, by tow speeds."""
+
+    figures: Floats  # the fields of TowedFairing, (ropes, 5)
+
+
+def _pick(many: Any, r: int) -> Any:
+    f = many.figures[r]
+    return Fairing(f[0], f[1], f[2], f[3])
+
+
+def _pick_towed(many: Any, r: int) -> Any:
+    f = many.figures[r]
+    return TowedFairing(f[0], f[1], f[2], f[3], f[4])
+
+
+@stacks(Fairing, ManyFairings, _pick)
+def stack_fairings(fairings: Sequence[Fairing]) -> ManyFairings:
+    """Stack the kernel data of several fairings."""
+    return ManyFairings(np.array(fairings, dtype=float))
+
+
+@stacks(TowedFairing, ManyTowedFairings, _pick_towed)
+def stack_towed_fairings(fairings: Sequence[TowedFairing]) -> ManyTowedFairings:
+    """Stack the kernel data of several fairings that are towed."""
+    return ManyTowedFairings(np.array(fairings, dtype=float))
 
 
 def build(params: FairingParams, payload: Any, around: Any) -> Fairing | TowedFairing:

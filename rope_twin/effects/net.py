@@ -9,11 +9,13 @@ normal, with C_D = 0.04 + (-0.04 + d(Sn))·cos α and C_L = c(Sn)·sin 2α. Aars
 
 Measured for Sn up to about 0.3 and Reynolds numbers of the twine of 1400 to 1800. Behind a panel
 the velocity is reduced to 1 - 0.46·C_D(α = 0) (Løland 1991). The panel keeps its heading, which is
-fixed by its spreader. Its mass and weight are the payload's.
+fixed by its spreader. Its mass and weight are the payload's. In a multi-line scene every payload
+may have a net of its own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, radians, sin, sqrt
 from typing import Any, NamedTuple
@@ -23,8 +25,9 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.joined.stack import stacks
 from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY
+from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 
 # Coefficients of Sn, Sn², Sn³ in the cos α term of C_D and in the sin 2α term of C_L.
@@ -38,7 +41,7 @@ SOLIDITY_MOST = 0.35  # slightly above the measured range
 
 
 @dataclass(frozen=True, kw_only=True)
-class NetParams:
+class NetPanels:
     """Size, mesh and heading of a panel; solidity, or twine diameter and mesh size."""
 
     width_m: float = quantity("width of a panel", "m", 0.1, 1000.0)
@@ -79,6 +82,13 @@ class NetParams:
         return 1.0 - (1.0 - self.twine_m / self.bar_m) ** 2
 
 
+@dataclass(frozen=True, kw_only=True)
+class NetParams(NetPanels):
+    """Panels, and in a multi-line scene the payload that they are at."""
+
+    payload: str = text("multi-line scenes: the only payload with this net; default: each", "")
+
+
 class Net(NamedTuple):
     """Kernel data, all panels together."""
 
@@ -89,7 +99,24 @@ class Net(NamedTuple):
     ny: float
 
 
-def coefficients(params: NetParams) -> tuple[float, float, float]:
+class ManyNets(NamedTuple):
+    """Kernel data of the nets of a multi-line system."""
+
+    figures: Floats  # the fields of Net, (ropes, 5); zero where there is none
+
+
+def _pick(many: Any, r: int) -> Any:
+    f = many.figures[r]
+    return Net(f[0], f[1], f[2], f[3], f[4])
+
+
+@stacks(Net, ManyNets, _pick)
+def stack_nets(nets: Sequence[Net]) -> ManyNets:
+    """Stack the kernel data of several nets."""
+    return ManyNets(np.array(nets, dtype=float))
+
+
+def coefficients(params: NetPanels) -> tuple[float, float, float]:
     """Return the constant and the cos α term of C_D, and the sin 2α term of C_L."""
     Sn = params.known_solidity()
     powers = (Sn, Sn**2, Sn**3)

@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.fairing import FairingFace
+from rope_twin.effects.net import NetPanels
 from rope_twin.effects.splash_zone import SplashZoneParams
-from rope_twin.quantity import quantity, text
+from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.scene.stiffness import StiffnessTable
 from rope_twin.scene.winch import ScheduleRow as ScheduleRow
 from rope_twin.scene.winch import Winch as Winch
@@ -380,9 +382,11 @@ class Shape(Protocol):
         """Return drag coefficient times projected area along x, y, z [m²]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Payload:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Payload(SparingRepr):
     """A suspended payload; `shape` gives volume, added mass and drag, which keys override."""
+
+    _spared = frozenset(("net", "fairing"))
 
     name: str = text("name of the payload")
     mass_kg: float = quantity("mass in air", "kg", 0.0, 1e7)
@@ -397,6 +401,10 @@ class Payload:
     rising: Rising | None = text("coefficients along z in ascent, if different", None)
     splash_zone: SplashZoneParams | None = text(
         "multi-line scenes: its own size, instead of the effect's", None
+    )
+    net: NetPanels | None = text("multi-line scenes: its own net, instead of the effect's", None)
+    fairing: FairingFace | None = text(
+        "multi-line scenes: its own fairing, instead of the effect's", None
     )
 
 

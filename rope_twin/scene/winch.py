@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import ClassVar
 
-from rope_twin.quantity import quantity, text
+from rope_twin.quantity import SparingRepr, quantity, text
 
 WIRE_PA = 1.96e11  # Young's modulus of a rope's steel wires
 LAYER_RISE = 0.9  # radial spacing of layers in rope diameters (nested in grooves)
@@ -121,21 +120,8 @@ HOLD_SPEED, RAMP_TO_ZERO, SET_THE_BRAKE = "hold_speed", "ramp_to_zero", "brake"
 WHEN_COMMANDER_LOST = (HOLD_SPEED, RAMP_TO_ZERO, SET_THE_BRAKE)
 
 
-class _Sparing:
-    """Base with a repr (used for digests) that omits the optional fields that are not given."""
-
-    _spared: ClassVar[frozenset[str]]
-    _no_figures: ClassVar[frozenset[str]] = frozenset()  # fields excluded from digests
-
-    def __repr__(self) -> str:
-        given = ((name, value) for name, value in vars(self).items()
-                 if name not in self._no_figures
-                 and (value is not None or name not in self._spared))  # fmt: skip
-        return f"{type(self).__name__}({', '.join(f'{n}={v!r}' for n, v in given)})"
-
-
 @dataclass(frozen=True, kw_only=True, repr=False)
-class ScheduleRow(_Sparing):
+class ScheduleRow(SparingRepr):
     """Command to the winch at `at_s`; exactly one of the others. A motion persists."""
 
     _spared = frozenset(("line_out_m", "payload_depth_m", "tension_n", "switch"))
@@ -165,7 +151,7 @@ class ScheduleRow(_Sparing):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Winch(_Sparing):
+class Winch(SparingRepr):
     """Limits of the winch, its components, and its schedule without a commander."""
 
     _spared = frozenset(

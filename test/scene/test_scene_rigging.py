@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scene_text import GOOD, assert_refused, written
 
 from rope_twin import load_scene
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.joined.hanging import initial_shape
 from rope_twin.core.joined.joints import LOOSE
+from rope_twin.core.joined.stack import effects_at
+from rope_twin.core.state import Floats
 from rope_twin.scene.model.joined import alone, build_joined, first_places
 from rope_twin.scene.warnings.rope import sense_checks
 
 Place = tuple[float, float, float]
 
 DAMPING = "damping: {newton_seconds: 100000.0}"
+NET = "net: {width_m: 2.0, height_m: 1.0, solidity: 0.1}"
+NET_AT = "net: {width_m: 2.0, height_m: 1.0, solidity: 0.1, payload: %s}"
 CLAMPED = "bending: {stiffness_n_m2: 1.0, clamped_along: [0.0, 0.0, -1.0]}"
 LEG = "rope: steel_wire_40mm, length_m: 10.0, elements: 5, " + DAMPING
 MEETING = (
@@ -92,6 +98,18 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
      spoilt("from: hook, to: tool", f"{CLAMPED}, from: hook, to: tool")
      .replace("  - weight: {}", "  - weight: {}\n  - bending: {stiffness_n_m2: 1.0}"),
      "ropes[1].bending.clamped_along", ("begins at 'hook', which is a hinge", "only a hang-off")),
+    ("a net at no payload", spoilt("  - weight: {}", f"  - weight: {{}}\n  - {NET_AT % 'tol'}"),
+     "effects.net.payload", ("there is no payload 'tol'", "did you mean 'tool'?")),
+    ("a net of its own that is not listed",
+     spoilt("  - name: tool\n", f"  - name: tool\n    {NET}\n"),
+     "payloads[0].net", ("the effect `net` is not listed", "list it")),
+    ("a payload's net that is at another",
+     spoilt("  - name: tool\n", f"  - name: tool\n    {NET_AT % 'hook'}\n"),
+     "payloads[0].net.payload", ("unknown key",)),
+    ("a fairing that is towed and one that is not",
+     spoilt("  - name: tool\n", "  - name: tool\n    fairing: {face_m2: 1.0}\n")
+     .replace("  - weight: {}", "  - weight: {}\n  - fairing: {face_m2: 1, tow_speed_m_per_s: 1}"),
+     "payloads[0].fairing", ("one has a tow speed", "give both a tow_speed_m_per_s, or neither")),
     ("no payload effect", spoilt("  - payload: {}\n", ""),
      "effects", ("`payload` is not listed", "add `- payload: {}`")),
 ]  # fmt: skip
@@ -126,6 +144,40 @@ def test_ropes_meet_where_the_scene_says(tmp_path: Path) -> None:
     assert whole.ropes[0].length_m == 501.0
     assert whole.payloads[0].mass_kg == pytest.approx(20100.0)
     assert not any("ropes[1].damping" in warning for warning in sense_checks(scene))
+
+
+TOWED = "fairing: {face_m2: 3.0, tow_speed_m_per_s: 2.0, axis: [0.0, 1.0, 0.0], payload: second}"
+
+
+@jit_entry
+def pick(effects: Any, r: int, values: Floats) -> None:
+    """The numbers of rope r's net and towed fairing."""
+    net, fairing = effects_at(effects, r)
+    values[0], values[1], values[2], values[3], values[4] = net
+    values[5], values[6], values[7], values[8], values[9] = fairing
+
+
+def test_each_rope_has_the_net_and_the_fairing_of_its_payload(tmp_path: Path) -> None:
+    """The payload's own, the effect's at the payload that it names, or none; and so stacked."""
+    second = "  - {name: second, mass_kg: 9.0, shape: {box: {length_m: 1, width_m: 1, height_m: 1}}"
+    text = (
+        MEETING.replace("payloads:\n", f"payloads:\n{second}, {NET}}}\n", 1)
+        .replace("joints:\n", f"  - {{name: low, {LEG}, from: hook, to: second}}\njoints:\n", 1)
+        .replace("  - weight: {}", f"  - weight: {{}}\n  - {NET_AT % 'tool'}\n  - {TOWED}")
+        .replace("payload: tool}", "payload: tool, panels: 3}")
+    )
+    system = build_joined(load_scene(written(tmp_path, text))).system
+    own = [rope.effects[-2:] for rope in system.ropes]
+    values = np.zeros(10)
+    for r, (net, fairing) in enumerate(own):
+        pick(system.stack.effects[-2:], r, values)
+        assert values.tolist() == [*net, *fairing]
+    nets, fairings = zip(*own, strict=True)
+    carries_tool, carries_second = 1, 4
+    assert [r for r, net in enumerate(nets) if net.along != 0.0] == [carries_tool, carries_second]
+    assert nets[carries_tool].along > 2.0 * nets[carries_second].along, "three panels"
+    assert [r for r, fairing in enumerate(fairings) if fairing.force] == [carries_second]
+    assert fairings[carries_second].force == pytest.approx(-0.5 * 1025.0 * 3.0 * 4.0)
 
 
 @pytest.mark.parametrize("name", ["bridle_lift", "two_line_lift"])

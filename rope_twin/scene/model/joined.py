@@ -19,6 +19,8 @@ from rope_twin.core.joined.joints import LOOSE, System, new_system
 from rope_twin.core.joined.reeving import Wheel, reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.net import NetParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.model.grid import weight_n_per_m
 from rope_twin.scene.model.rope import build, build_effects, tables_of
@@ -224,16 +226,29 @@ def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
 def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> Any:
     """Return an effect's parameters for one rope."""
     line = scene.ropes[number]
+    payload = next((one for one in scene.payloads if one.name == line.to), None)
+    carried = None if own is NOTHING else payload
     if isinstance(params, SplashZoneParams):
-        payloads = {one.name: one.splash_zone for one in scene.payloads}
-        params = payloads.get(line.to) or params
-        if line.to not in payloads or own is NOTHING:
-            params = replace(params, bottom_area_m2=0.0)
+        params = (payload.splash_zone if payload else None) or params
+        return params if carried else replace(params, bottom_area_m2=0.0)
+    if isinstance(params, NetParams):
+        net = carried.net if carried else None
+        return _of_payload(params, net, carried) or replace(params, panels=0)
+    if isinstance(params, FairingParams):
+        fairing = carried.fairing if carried else None
+        return _of_payload(params, fairing, carried) or replace(params, face_m2=0.0)
     if isinstance(params, BendingParams):
         params = line.bending or params
         if line.from_ not in places(scene):  # a connection is a hinge
             params = replace(params, clamped_along=None)
     return params
+
+
+def _of_payload(params: Any, own: Any, payload: Payload | None) -> Any:
+    """Return the net or fairing of a payload: its own, or the effect's, or None."""
+    if own is not None:
+        return replace(params, **vars(own))
+    return params if payload and params.payload in ("", payload.name) else None
 
 
 def _floats(scene: Scene, line: RopeLine) -> bool:

@@ -312,24 +312,50 @@ def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
         yield "effects", what, right
 
 
-def _own_splash_zone(scene: Scene) -> Iterator[Fault]:
-    """A payload's own splash-zone size replaces the effect's."""
-    listed = scene.listed(SplashZoneParams) is not None
+AT_PAYLOADS = {"splash_zone": SplashZoneParams, "net": NetParams, "fairing": FairingParams}
+
+
+def _own_at_payload(scene: Scene) -> Iterator[Fault]:
+    """A payload's own splash-zone size, net or fairing replaces the effect's."""
     for number, payload in enumerate(scene.payloads):
-        path = f"payloads[{number}].splash_zone"
-        if payload.splash_zone is not None and not listed:
-            yield path, "the effect `splash_zone` is not listed", "list it, or remove this"
-        elif payload.splash_zone is not None and not is_joined(scene):
-            yield path, "this is the only payload", "give the values to the effect `splash_zone`"
+        for name, params in AT_PAYLOADS.items():
+            path = f"payloads[{number}].{name}"
+            if getattr(payload, name) is None:
+                continue
+            if scene.listed(params) is None:
+                yield path, f"the effect `{name}` is not listed", "list it, or remove this"
+            elif not is_joined(scene):
+                right = f"give the values to the effect `{name}`"
+                yield path, "this is the only payload", right
+
+
+def _fairings_of_one_kind(scene: Scene) -> Iterator[Fault]:
+    """Of several fairings each has a tow speed or none has."""
+    listed = scene.listed(FairingParams)
+    for number, payload in enumerate(scene.payloads):
+        own = payload.fairing
+        if listed is None or own is None:
+            continue
+        speeds = own.tow_speed_m_per_s, listed.tow_speed_m_per_s
+        if speeds.count(None) == 1:
+            what = "of this fairing and the effect's one has a tow speed and one has not"
+            right = "give both a tow_speed_m_per_s, or neither"
+            yield f"payloads[{number}].fairing", what, right
 
 
 def _at_the_end(scene: Scene) -> Iterator[Fault]:
     """An effect at the lower end needs a payload there."""
+    names = [payload.name for payload in scene.payloads]
     for own in scene.effects:
-        if isinstance(own, NetParams | FairingParams) and not scene.payloads:
-            name = "net" if isinstance(own, NetParams) else "fairing"
+        if not isinstance(own, NetParams | FairingParams):
+            continue
+        name = "net" if isinstance(own, NetParams) else "fairing"
+        if not names:
             what = f"`{name}` is at the payload, and there is none"
             yield "effects", what, "give the rope a payload, or remove it"
+        elif own.payload and own.payload not in names:
+            what, right = f"there is no payload '{own.payload}'", did_you_mean(own.payload, names)
+            yield f"effects.{name}.payload", what, right
 
 
 def _two_ways(scene: Scene) -> Iterator[Fault]:
@@ -372,7 +398,8 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     body_holds,
     _two_ways,
     _at_the_end,
-    _own_splash_zone,
+    _own_at_payload,
+    _fairings_of_one_kind,
     *SEA_RULES,
     *MOTION_RULES,
     *WATER_RULES,

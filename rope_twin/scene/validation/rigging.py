@@ -24,7 +24,7 @@ from rope_twin.scene.schema import WINCH, Fault, RopeLine, Scene, Sheave, Triple
 # Effects supported in multi-line scenes: without a payload, or with one of each rope's own.
 MEETING = (
     CurrentParams, WavesParams, WeightParams, DragParams, AddedMassParams, BendingParams,
-    SeabedParams, PayloadParams, SplashZoneParams,
+    SeabedParams, PayloadParams, SplashZoneParams, NetParams, FairingParams,
 )  # fmt: skip
 
 
