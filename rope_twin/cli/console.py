@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, TextIO
 
-from rope_twin.run.progress import columns
+from rope_twin.run.progress import FigureProgress
 
 
 class ExitCode(IntEnum):
@@ -81,16 +80,11 @@ class CaseProgress:
     """One changing line on a terminal, a line per case elsewhere; on standard error."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = stream or sys.stderr
+        self._line = FigureProgress(stream)
 
     def show(self, done: int, total: int, what: str) -> None:
         """Show that `done` of `total` cases are done and `what` is next."""
         bar = "#" * round(20 * done / total)
-        line = f"[{bar:<20}] {done}/{total} {what}"
-        if self._stream.isatty():
-            end = "\n" if done == total else ""
-            room = columns(self._stream) - 1
-            self._stream.write(f"\r{line[:room]:<{room}}{end}")
-        else:
-            self._stream.write(f"{line}\n")
-        self._stream.flush()
+        self._line.show(f"[{bar:<20}] {done}/{total} {what}")
+        if done == total:
+            self._line.finish()

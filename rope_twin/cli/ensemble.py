@@ -12,7 +12,7 @@ import os
 import re
 import sys
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -52,27 +52,6 @@ NAMES = {
 }
 SCALES = {name: 100.0 if name == "slack_share" else 1e-3 for name in FIGURES}
 FAILURES_SHOWN = 5
-
-
-@dataclass(frozen=True)
-class _Line:
-    """Progress of the members."""
-
-    members: int
-    time_s: float
-    duration_s: float
-    real_s: float
-
-    def as_progress(self) -> str:
-        if self.real_s == 0.0:
-            return f"{self.members} members are in static equilibrium"
-        factor = self.time_s / self.real_s
-        return (
-            f"{self.time_s:8.1f} of {self.duration_s:g} s  {self.members} members  "
-            f"{factor:.2f} × real time  {(self.duration_s - self.time_s) / factor:.0f} s to go"
-        )
-
-
 EXAMPLES = (
     "ensemble deep_lift --vary 'payloads[0].mass_kg=18000..22000' --members 200",
     "ensemble deep_lift --sea-offset 0..10min --duration 5min --out members.csv",
@@ -132,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
 
     def report(time_s: float, real_s: float) -> None:
         if progress.due:
-            progress.show(_Line(len(plan.rows), time_s, args.duration, real_s))
+            progress.show(_progress(len(plan.rows), time_s, args.duration, real_s))
 
     result = run_study(scene, plan, args.duration, args.slack_interval, report, args.jobs)
     progress.finish()
@@ -147,6 +126,16 @@ def run(args: argparse.Namespace) -> int:
     if result.failed == len(result.figures):
         return ExitCode.ERROR
     return ExitCode.NEGATIVE if result.failed else ExitCode.OK
+
+
+def _progress(members: int, time_s: float, duration_s: float, real_s: float) -> str:
+    if real_s == 0.0:
+        return f"{members} members are in static equilibrium"
+    factor = time_s / real_s
+    return (
+        f"{time_s:8.1f} of {duration_s:g} s  {members} members  {factor:.2f} × real time  "
+        f"{(duration_s - time_s) / factor:.0f} s to go"
+    )
 
 
 def _time_step(step_s: float) -> float:

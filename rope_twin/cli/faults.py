@@ -6,7 +6,7 @@ Exit code NEGATIVE if a fault was not flagged in time, or ended the simulation.
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json
@@ -17,19 +17,6 @@ from rope_twin.scene.load import load_scene
 from rope_twin.studies.faults.campaign import OFF_PCT, PATIENCE_S, Finding, plan, run_campaign
 from rope_twin.studies.faults.injection import INPUTS
 from rope_twin.twin.ensemble.ensemble import cores
-
-
-@dataclass(frozen=True)
-class _Line:
-    """Progress of the campaign."""
-
-    done: int
-    of: int
-    missed: int
-
-    def as_progress(self) -> str:
-        return f"{self.done} of {self.of} runs, {self.missed} not flagged in time"
-
 
 EXAMPLES = (
     "faults deep_lift --input ship/heave",
@@ -81,7 +68,8 @@ def run(args: argparse.Namespace) -> int:
     def report(finding: Finding) -> None:
         found.append(finding)
         if progress.due:
-            progress.show(_Line(len(found), len(runs), sum(not one.met for one in found)))
+            missed = sum(not one.met for one in found)
+            progress.show(f"{len(found)} of {len(runs)} runs, {missed} not flagged in time")
 
     findings = run_campaign(scene, runs, report, args.jobs)
     progress.finish()

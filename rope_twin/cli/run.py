@@ -108,7 +108,7 @@ def _unpaced(options: RunOptions, progress: FigureProgress) -> RunSummary:
         for words in broken.of(run.last):
             progress.say(words)
         if progress.due:
-            progress.show(run.summary())
+            progress.show(run.summary().as_progress())
 
     return run_unpaced(options, report, say=progress.say)
 

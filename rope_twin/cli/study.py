@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,24 +27,6 @@ from rope_twin.vortex.fatigue import wire_curve_warning
 
 PICTURE = "study.png"
 BAR = 24
-
-
-@dataclass(frozen=True)
-class _Line:
-    """Progress of the study."""
-
-    done: int
-    total: int
-    before: int  # runs that an earlier start had done
-    real_s: float
-
-    def as_progress(self) -> str:
-        bar = "#" * round(BAR * self.done / self.total)
-        here = self.done - self.before
-        left = f"{(self.total - self.done) * self.real_s / here:.0f} s to go" if here else ""
-        return f"[{bar:<{BAR}}] {self.done} of {self.total} runs  {left}"
-
-
 EXAMPLES = (
     "study sea_and_load",
     "study my_study.yaml --out results --json",
@@ -91,7 +72,10 @@ def run(args: argparse.Namespace) -> int:
         if before[0] < 0:
             before[0] = done
         if progress.due or done == total:
-            progress.show(_Line(done, total, before[0], time.monotonic() - began))
+            bar, here = "#" * round(BAR * done / total), done - before[0]
+            to_go_s = (total - done) * (time.monotonic() - began) / here if here else 0.0
+            left = f"{to_go_s:.0f} s to go" if here else ""
+            progress.show(f"[{bar:<{BAR}}] {done} of {total} runs  {left}")
 
     rows, whole = run_parameter_study(study, scene, out, report, args.scheduler, args.batch_size)
     progress.finish()

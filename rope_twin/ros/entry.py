@@ -17,7 +17,6 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 from typing import Protocol
 
 import rclpy
@@ -29,7 +28,7 @@ from rclpy.utilities import remove_ros_args
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.qos import message_type, profile
-from rope_twin.run.progress import ending_signals
+from rope_twin.run.progress import StopSignal
 from rope_twin.topics import BY_NAME
 
 _USAGE = "parameters are given as --ros-args -p NAME:=VALUE"
@@ -58,34 +57,6 @@ class SuiteNode(Protocol):
         """Release the resources of the middleware."""
 
 
-class StopSignal:
-    """Stop request by a signal (Ctrl-C, SIGTERM, a closed terminal), as a flag.
-
-    The main loop reads the flag; a second signal ends the process immediately. No exception is
-    raised at the point where the signal arrives, since that would do harm during a compilation or a
-    callback from C.
-    """
-
-    def __init__(self) -> None:
-        self.requested = False
-        self.note = ""  # printed when a signal arrives: why the shutdown may take a while
-        self._before = {
-            number: signal.signal(number, self._on_signal) for number in ending_signals()
-        }
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        self.requested = True
-        if self.note:
-            os.write(sys.stderr.fileno(), self.note.encode())
-        for known in self._before:
-            signal.signal(known, signal.SIG_DFL)
-
-    def restore(self) -> None:
-        """Restore the previous signal handlers."""
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-
 def initialise(args: list[str] | None) -> None:
     """Call rclpy.init without its signal handlers, which would shut the context down too early.
 
@@ -110,7 +81,7 @@ def initialise(args: list[str] | None) -> None:
 
 def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> int:
     """Run one node until it has finished or a stop is requested; return the exit code."""
-    stop = StopSignal()
+    stop = StopSignal(signal.SIG_DFL)
     node: SuiteNode | None = None
     executor: SingleThreadedExecutor | None = None
     try:

@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
-from rope_twin.ros.entry import PARENT, StopSignal, initialise
+from rope_twin.ros.entry import PARENT, initialise
 from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.paced_twin import RUN_ROW
 from rope_twin.ros.qos import Senders, message_type, profile
@@ -29,7 +29,7 @@ from rope_twin.ros.recorder_node import free_path
 from rope_twin.ros.startup import Spare
 from rope_twin.ros.suite import END_ORDER, node_parameters, where
 from rope_twin.run.options import RunOptions
-from rope_twin.run.progress import FigureProgress
+from rope_twin.run.progress import FigureProgress, StopSignal
 from rope_twin.run.summary import RunSummary
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.validation.rigging import winches_by_name
@@ -289,7 +289,7 @@ def run_processes(options: RunOptions, progress: FigureProgress) -> RunSummary:
     load_scene(options.scene)  # errors of the scene are reported once, here
     if not options.network:
         keep_to_loopback()
-    stop = StopSignal()
+    stop = StopSignal(signal.SIG_DFL)
     processes: Processes | None = None
     try:
         processes = Processes(options)
@@ -338,7 +338,7 @@ class _Supervisor:
             if summary is not None:
                 self._processes.keep_spare()
             if summary is not None and self._progress.due:
-                self._progress.show(summary)
+                self._progress.show(summary.as_progress())
 
     def end(self) -> None:
         """End the processes, simulation first and recorder last, so that everything is recorded."""

@@ -25,9 +25,8 @@ from pathlib import Path
 
 from rope_twin.core.jit.decorators import make_ready
 from rope_twin.errors import RopeTwinError
-from rope_twin.ros.entry import StopSignal
 from rope_twin.run.options import RunOptions
-from rope_twin.run.progress import ending_signals
+from rope_twin.run.progress import StopSignal, ending_signals
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.twin import Twin

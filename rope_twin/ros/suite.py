@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,12 +12,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from rope_twin.errors import InputError
-from rope_twin.ros.entry import (
-    InstanceLock,
-    StopSignal,
-    initialise,
-    lock_instance,
-)
+from rope_twin.ros.entry import InstanceLock, initialise, lock_instance
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.params import overrides
@@ -26,7 +22,7 @@ from rope_twin.ros.simulation_node import SimulationNode
 from rope_twin.ros.startup import Precompilation
 from rope_twin.ros.winch_schedule_node import WinchScheduleNode
 from rope_twin.run.options import RunOptions
-from rope_twin.run.progress import FigureProgress
+from rope_twin.run.progress import FigureProgress, StopSignal
 from rope_twin.run.summary import RunSummary
 from rope_twin.scene.load import load_scene
 
@@ -189,14 +185,14 @@ def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
     """
     if not options.network:
         keep_to_loopback()
-    stop = StopSignal()
+    stop = StopSignal(signal.SIG_DFL)
     suite = Suite(options)
     try:
         suite.start(lambda: progress.say(where(options)), stop)
         while not (stop.requested or suite.ended) and rclpy.ok():
             suite.spin()
             if progress.due:
-                progress.show(suite.summary())
+                progress.show(suite.summary().as_progress())
         suite.simulation.close()
         summary = suite.summary()
         suite.close()

@@ -7,10 +7,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import FrameType
-from typing import Protocol, TextIO
+from typing import Any, TextIO
 
 WIDTH = 80  # columns of a terminal of unknown width
 
@@ -21,13 +19,6 @@ def columns(stream: TextIO) -> int:
         return os.get_terminal_size(stream.fileno()).columns or WIDTH
     except (OSError, ValueError):
         return WIDTH
-
-
-class Shown(Protocol):
-    """Anything that can be shown as a progress line."""
-
-    def as_progress(self) -> str:
-        """Return the progress line."""
 
 
 class FigureProgress:
@@ -45,10 +36,9 @@ class FigureProgress:
         """Return whether it is time for the next line."""
         return time.monotonic() >= self._next_s
 
-    def show(self, figures: Shown) -> None:
+    def show(self, line: str) -> None:
         """Print the progress line now."""
         self._next_s = time.monotonic() + self._period_s
-        line = figures.as_progress()
         if self._live:
             line = line[: columns(self._stream) - 1]  # a wrapped line cannot be overwritten
             self._stream.write("\r" + line.ljust(self._width))
@@ -77,29 +67,31 @@ def ending_signals() -> tuple[signal.Signals, ...]:
     return signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 
 
-@contextmanager
-def end_told() -> Iterator[threading.Event]:
-    """Set an event on such a signal, so that no signal interrupts a time step.
+class StopSignal:
+    """Stop request by a signal (Ctrl-C, SIGTERM, a closed terminal), as a flag.
 
-    A second signal has its original effect.
+    The main loop reads the flag: no exception interrupts a time step, a compilation or a callback
+    from C. In other threads than the main one the flag is never set.
     """
-    told = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield told
-        return
-    before = {number: signal.getsignal(number) for number in ending_signals()}
 
-    def give_back() -> None:
-        for number, handler in before.items():
+    def __init__(self, second: signal.Handlers | None = None) -> None:
+        """Listen for the signals; `second`: effect of a second one, None: that of before."""
+        self.requested = False
+        self.note = ""  # printed when a signal arrives: why the shutdown may take a while
+        self._second = second
+        self._before: dict[int, Any] = {}
+        if threading.current_thread() is threading.main_thread():
+            for number in ending_signals():
+                self._before[number] = signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
+        if self.note:
+            os.write(sys.stderr.fileno(), self.note.encode())
+        for known, handler in self._before.items():
+            signal.signal(known, handler if self._second is None else self._second)
+
+    def restore(self) -> None:
+        """Restore the previous signal handlers."""
+        for number, handler in self._before.items():
             signal.signal(number, handler)
-
-    def tell(number: int, frame: FrameType | None) -> None:
-        told.set()
-        give_back()
-
-    for number in before:
-        signal.signal(number, tell)
-    try:
-        yield told
-    finally:
-        give_back()

@@ -28,7 +28,7 @@ from rope_twin.recording.input_log import InputLog, encode_json
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
 from rope_twin.run.inputs import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
 from rope_twin.run.options import RunOptions
-from rope_twin.run.progress import end_told
+from rope_twin.run.progress import StopSignal
 from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.change import at_setting
@@ -258,15 +258,17 @@ def run_unpaced(
     error = not_kept = ""
     step_ns = run.twin.step_ns
     last_ns = round((options.end_s or 0.0) * 1e9 / step_ns) * step_ns
+    stop = StopSignal()
     try:
-        with end_told() as told:
-            while run.twin.time_ns < last_ns and not told.is_set():
-                run.advance_slot()
-                report(run)
+        while run.twin.time_ns < last_ns and not stop.requested:
+            run.advance_slot()
+            report(run)
+        stop.restore()
         run.save()
     except (SolverError, StateError, BagError) as failure:
         error = str(failure)
     finally:
+        stop.restore()
         try:
             run.close()
         except BagError as failure:

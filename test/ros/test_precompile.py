@@ -16,15 +16,15 @@ from pathlib import Path
 import pytest
 
 from rope_twin.ros import startup
-from rope_twin.ros.entry import StopSignal
 from rope_twin.ros.startup import Precompilation
 from rope_twin.run.options import RunOptions
+from rope_twin.run.progress import StopSignal
 
 FROM_THE_CACHE = """
 from rope_twin.run.options import RunOptions
 from rope_twin.core.step import advance_steps
 from rope_twin.ros.startup import Precompilation
-from rope_twin.ros.entry import StopSignal
+from rope_twin.run.progress import StopSignal
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.twin import Twin
 

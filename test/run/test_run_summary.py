@@ -69,8 +69,8 @@ def test_progress_stays_on_its_line_of_a_terminal() -> None:
     assert len(summary.as_progress()) > 80
     screen = Terminal()
     progress = FigureProgress(screen)
-    progress.show(summary)
-    progress.show(replace(summary, time_s=1.0))
+    progress.show(summary.as_progress())
+    progress.show(replace(summary, time_s=1.0).as_progress())
     CaseProgress(screen).show(1, 2, "words " * 30)
     assert "\n" not in screen.getvalue()
     assert max(map(len, screen.getvalue().split("\r"))) < 80
