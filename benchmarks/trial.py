@@ -16,7 +16,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.statics.equilibrium import find_equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError, phrase
-from rope_twin.recording.heave import RegularSea
+from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.motion.heave_track import ramp

@@ -31,7 +31,7 @@ from benchmarks.peers.decks import (
     moordyn_deck,
 )
 from rope_twin.errors import InputError, phrase
-from rope_twin.recording.heave import RegularSea
+from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.motion.heave_track import ramp
 

@@ -38,9 +38,8 @@ def run(args: argparse.Namespace) -> int:
     if not args.verify:
         return _describe(args)
     from rope_twin.recording.exact_replay import Outcome, verify
-    from rope_twin.run.inputs import expect_own_sea
 
-    found = verify(args.bag, expect_own_sea)
+    found = verify(args.bag)
     if args.json:
         print_json(_figures(args.bag, found))
     else:

@@ -8,7 +8,7 @@ publisher gave it. Left out is what depends on the machine's load: `diagnostics`
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
@@ -89,10 +89,8 @@ class Verification:
         return sum(self.compared.values())
 
 
-def verify(bag: Path, hear: Callable[[Twin], None]) -> Verification:
+def verify(bag: Path) -> Verification:
     """Replay a bag (directory or .mcap file, complete or truncated) and compare its messages.
-
-    hear: gives a twin with input from topics its scene's own sea, as its run did.
 
     Raises:
         BagError: no such bag, or one that cannot be replayed; one sentence.
@@ -104,7 +102,7 @@ def verify(bag: Path, hear: Callable[[Twin], None]) -> Verification:
     for one in content.sessions:
         found.notes += (words for words in one.session.differences() if words not in found.notes)
     _compare_inputs(content, found)
-    replays = {run: RunReplay(content.of(run), content.last_ns(run), hear) for run in content.runs}
+    replays = {run: RunReplay(content.of(run), content.last_ns(run)) for run in content.runs}
     for message in content.messages(COMPARED):
         run = content.run_at(message.log_ns)
         if run is None:
@@ -135,15 +133,8 @@ class Produced(NamedTuple):
 class RunReplay:
     """The messages of one run, computed as far as they are asked for."""
 
-    def __init__(
-        self, sessions: list[RecordedSession], last_ns: int, hear: Callable[[Twin], None]
-    ) -> None:
-        """Prepare the replay of a run.
-
-        last_ns: ROS time of the last stamp that the bag has of this run; hear: gives a twin with
-        input from topics its scene's own sea.
-        """
-        self._hear = hear
+    def __init__(self, sessions: list[RecordedSession], last_ns: int) -> None:
+        """Prepare a replay; last_ns: ROS time of the last stamp that the bag has of this run."""
         self._sessions = sessions
         self._last_ns = last_ns - sessions[-1].session.epoch_ns
         self._newest = Counter[str]()  # number of the newest message of each topic
@@ -200,7 +191,7 @@ class RunReplay:
             following = self._sessions[at + 1].session if at + 1 < len(self._sessions) else None
             end_ns = self._last_ns + _BEYOND_NS if following is None else following.time_ns
             if twin is None or stepper is None or twin.time_ns != session.time_ns:
-                twin = session.make_twin(self._hear)
+                twin = session.make_twin()
                 stepper = Recovery(twin)
             elif twin.level != session.level:
                 twin.set_level(session.level)

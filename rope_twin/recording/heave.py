@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from math import cos, pi, sin
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rope_twin.errors import BagError, InputError, phrase
 from rope_twin.messages import encode_elevation, encode_heave
@@ -29,11 +27,10 @@ from rope_twin.recording.track import (
     plan_passes,
     splice_note,
 )
-from rope_twin.scene.schema import RegularHeave
 from rope_twin.topics import BY_NAME
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
 from rope_twin.twin.motion.irregular_sea import SeaRecord
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_pose import ShipPose, Vector3, hang_off_motion
 
 _HEAVE, _ELEVATION = BY_NAME["ship/heave"], BY_NAME["sea/elevation"]
 _POSE = BY_NAME["ship/odometry"]
@@ -178,9 +175,6 @@ def _check_velocity(where: str, stamp_ns: Stamps, values: Table) -> tuple[Vector
     return velocity, ""
 
 
-SAMPLE_PERIOD_NS = 50_000_000  # 20 Hz, the rate of ship/heave
-
-
 @dataclass(frozen=True)
 class HeaveSample:
     """Heave sample in simulation time."""
@@ -193,11 +187,20 @@ class HeaveSample:
     aside: tuple[float, float, float, float] | None = None  # then: x, y [m], their rates [m/s]
 
 
+def sample_of(pose: ShipPose, arm_m: Vector3, elevation_m: float | None) -> HeaveSample:
+    """Return the sample of a pose: the hang-off motion and the pose itself."""
+    place, velocity = hang_off_motion(pose, arm_m)
+    aside = (*place[:2], *velocity[:2])
+    return HeaveSample(pose.stamp_ns, place[2], velocity[2], elevation_m, pose, aside)
+
+
 class HeaveReplay:
     """Samples of a record by simulation time; t = 0 is `start_s` into the record.
 
     In a loop the record repeats; `note` reports if its end does not join its beginning.
     """
+
+    topic = "ship/heave"
 
     def __init__(self, record: HeaveRecord, start_s: float = 0.0, loop: bool = True) -> None:
         """Prepare the replay.
@@ -291,42 +294,6 @@ def faded_surface(splice: Splice, time_ns: Stamps, elevation_m: Vector) -> Table
     """Return the surface (h, 1) where the end of a pass is blended into the next."""
     tail = np.interp(splice.tail_ns, time_ns, elevation_m)
     return np.asarray(tail + splice.weight * (elevation_m[: len(tail)] - tail))[:, None]
-
-
-def stamps_between(from_ns: int, to_ns: int) -> NDArray[np.int64]:
-    """Return the multiples of SAMPLE_PERIOD_NS with from_ns <= stamp < to_ns, in order."""
-    first, end = -(-from_ns // SAMPLE_PERIOD_NS), -(-to_ns // SAMPLE_PERIOD_NS)
-    return np.arange(first, end, dtype=np.int64) * SAMPLE_PERIOD_NS
-
-
-class RegularSea:
-    """Exact samples of z = a·sin(2π·t/T) by simulation time; t = 0 is `start_s` into it.
-
-    The twin's cubic Hermite interpolation between them differs by at most (2π/T·dt)⁴/384 of the
-    amplitude: 6e-9 at T = 8 s, 2e-6 at the shortest period of a scene, 2 s.
-    """
-
-    note = ""
-
-    def __init__(self, heave: RegularHeave, start_s: float = 0.0) -> None:
-        self._heave = heave
-        self._start_s = start_s
-        self.source = f"regular heave of ±{heave.amplitude_m:g} m every {heave.period_s:g} s"
-
-    def at(self, time_s: float) -> tuple[float, float]:
-        """Return position [m] and velocity [m/s] at a time, exactly."""
-        amplitude, omega = self._heave.amplitude_m, 2.0 * pi / self._heave.period_s
-        angle = omega * (time_s + self._start_s)
-        return amplitude * sin(angle), amplitude * omega * cos(angle)
-
-    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
-        """Return samples with from_ns <= stamp_ns < to_ns, in order."""
-        stamps = stamps_between(from_ns, to_ns).tolist()
-        return [HeaveSample(stamp, *self.at(stamp * 1e-9), None) for stamp in stamps]
-
-    def is_over(self, from_ns: int) -> bool:
-        """Return False: a sine has no end."""
-        return False
 
 
 START_NS = 946_684_800 * 10**9  # 2000-01-01, a date that nobody takes for the measurement's

@@ -14,8 +14,13 @@ import numpy as np
 
 from rope_twin.errors import BagError, phrase
 from rope_twin.recording.bag import BagReader, find_bag
-from rope_twin.recording.heave import HeaveSample, elevation_at, faded_surface, read_elevation
-from rope_twin.recording.ship_sea import sample_of
+from rope_twin.recording.heave import (
+    HeaveSample,
+    elevation_at,
+    faded_surface,
+    read_elevation,
+    sample_of,
+)
 from rope_twin.recording.track import (
     Faults,
     Passes,
@@ -230,6 +235,8 @@ class PoseReplay:
     They are bit-identical to the record. In a loop they repeat; `note` reports if the end does not
     join the beginning; positions are then blended, and orientations as quaternions.
     """
+
+    topic = "ship/odometry"
 
     def __init__(
         self, record: PoseRecord, arm_m: Vector3, start_s: float = 0.0, loop: bool = True

@@ -16,7 +16,7 @@ import os
 import platform
 import subprocess
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +27,7 @@ from rope_twin import __version__
 from rope_twin.core.jit.decorators import source_digest
 from rope_twin.errors import BagError, InputError, StateError, phrase
 from rope_twin.recording.input_log import encode_json
+from rope_twin.recording.motion_source import expect_own_sea
 from rope_twin.scene.card import OTHER_SEA, card_path
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
@@ -63,10 +64,8 @@ class Setup:
     correct_sender_clocks: bool = False
     feeds_itself: bool = False  # the run has the scene's sea of its own, from no topic
 
-    def make(self, scene: Scene, state: SavedState | None, hear: Callable[[Twin], None]) -> Twin:
+    def make(self, scene: Scene, state: SavedState | Path | None) -> Twin:
         """Return the twin of a run with these parameters, in static equilibrium or at a state.
-
-        hear: gives the twin of a run with external input its scene's own sea.
 
         Raises:
             RopeTwinError: scene, state or parameters are invalid.
@@ -80,7 +79,7 @@ class Setup:
         if self.feeds_itself:
             twin.inputs.expect_motion(None)
         else:
-            hear(twin)
+            expect_own_sea(twin)
         return twin
 
 
@@ -192,8 +191,8 @@ class Session:
             if key in there and key != "commit" and there[key] != here[key]
         ]
 
-    def make_twin(self, hear: Callable[[Twin], None]) -> Twin:
-        """Return the twin as it was when the session began; hear: as in `Setup.make`.
+    def make_twin(self) -> Twin:
+        """Return the twin as it was when the session began.
 
         Raises:
             BagError: a file of the scene is another here and cannot be taken from the bag.
@@ -212,7 +211,7 @@ class Session:
             state = decode_state(data, f"{SESSION_TOPIC} {self.number}")
             # scene and state are of one message: paths may differ, and nothing else does
             state = dataclasses.replace(state, figures=scene_properties(scene))
-        twin = self.setup.make(scene, state, hear)
+        twin = self.setup.make(scene, state)
         if twin.level != self.level:
             twin.set_level(self.level)
         if state is None:

@@ -24,14 +24,11 @@ from rope_twin.recording.input_log import InputLog, Mark, encode_json
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
 from rope_twin.ros.params import SimulationParams
 from rope_twin.run.border import InputBorder
-from rope_twin.run.inputs import expect_own_sea
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise
-from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.pacing import (
     Pacer,
     SnapshotQueue,
@@ -44,7 +41,6 @@ from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.saving.autosave import AutoSave, SavingStatus
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.settings import MonitorSettings
 
 RUN_ROW = "simulation: run"
 MOTION_ROW = "simulation: input heave"
@@ -246,19 +242,16 @@ class PacedTwin:
         self._params = params
         self._publish, self._published = publish, published
         self._made_ns = time.monotonic_ns()
-        self.twin, self.begun = _begin(scene, params)
+        setup = _setup(params)
+        self.twin, self.begun = _begin(scene, setup, params)
         self.twin.failure_folder = Path(params.failure_directory).resolve()
-        self.twin.inputs.judge_clocks(params.sender_lead_s, params.correct_sender_clocks)
-        if params.other_sea:
-            self.twin.invalidate_error(OTHER_SEA)
         self._recovery = Recovery(self.twin)
-        expect_own_sea(self.twin)
         self._keeper: AutoSave | None = None
         if params.save_state:
             every_s = params.save_every_s * params.speed
             self._keeper = AutoSave(self._recovery, Path(params.save_state).resolve(), every_s)
         self.ladder = _ladder(self.twin, params)
-        self._described = describe_run(scene, _setup(params), params.speed)
+        self._described = describe_run(scene, setup, params.speed)
         self._log = InputLog(uuid4().hex)
         self._inputs = InputQueue(self.twin, self._keeper or self._recovery, self._log.take)
         self._first = self.twin.snapshot()
@@ -405,16 +398,15 @@ class PacedTwin:
         return ((now.ros_ns - begun.ros_ns) - (now.steady_ns - begun.steady_ns)) * 1e-9
 
 
-def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
+def _begin(scene: Scene, setup: Setup, params: SimulationParams) -> tuple[Twin, str]:
     """Return the twin in static equilibrium or at a saved state, and a text saying which."""
-    vortex = MonitorSettings(params.vibration, params.fatigue)
-    asked = Monitors(params.energy, params.error_interval, vortex)
     if not params.from_state:
-        return Twin(scene, asked), "starting from static equilibrium"
+        return setup.make(scene, None), "starting from static equilibrium"
     path = Path(params.from_state).resolve()
     if params.from_state == params.save_state and not path.exists():
-        return Twin(scene, asked), f"starting from static equilibrium: no saved state {path} yet"
-    twin = Twin.restore(path, scene, asked)
+        words = f"starting from static equilibrium: no saved state {path} yet"
+        return setup.make(scene, None), words
+    twin = setup.make(scene, path)
     return twin, f"resuming from {path} at {twin.time_ns * 1e-9:.2f} s"
 
 

@@ -11,10 +11,10 @@ from typing import Any
 
 from rope_twin.messages import encode_elevation
 from rope_twin.recording.heave import replay_sea
+from rope_twin.recording.motion_source import FIRST_NS, Sea, encode_motion, open_sea
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.input_streamer import InputNode
 from rope_twin.ros.params import SeaStateParams, declare
-from rope_twin.run.inputs import FIRST_NS, Sea, encode_motion, motion_topic, open_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import jonswap
@@ -46,7 +46,7 @@ class SeaStateNode(InputNode):
         self.get_logger().info(self._replay.source)
         if self._replay.note:
             self.get_logger().warning(self._replay.note)
-        topics = (motion_topic(self._replay), "sea/elevation")
+        topics = (self._replay.topic, "sea/elevation")
         self.start_publishing(topics, self._params.lead_s, self._params.speed, FIRST_NS)
         if self._params.wait_for_epoch:
             self.await_epoch(self._params.simulation_node)

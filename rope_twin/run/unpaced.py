@@ -25,12 +25,11 @@ from rope_twin.messages import (
 )
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.input_log import InputLog, encode_json
+from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
-from rope_twin.run.inputs import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import StopSignal
 from rope_twin.run.summary import RunSummary, summarise
-from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.validation.rigging import winches_by_name
@@ -40,7 +39,6 @@ from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
 from rope_twin.twin.winch.winch import input_of
 
@@ -68,13 +66,9 @@ class UnpacedRun:
             scene, options.bag, options.topic, options.sea_offset_s, poses=options.poses
         )
         self._options = options
-        start = options.start_from
-        asked = options.monitors
-        self.twin = Twin(scene, asked) if start is None else Twin.restore(start, scene, asked)
+        setup, start = _setup(options), options.start_from
+        self.twin = setup.make(scene, start)
         self.twin.failure_folder = options.failure_folder
-        self.twin.inputs.expect_motion(None)  # `_offer` passes on the samples of `open_sea` only
-        if options.other_sea:
-            self.twin.invalidate_error(OTHER_SEA)
         self._recovery = Recovery(self.twin)
         self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
         keep_pauses_short()
@@ -95,7 +89,7 @@ class UnpacedRun:
         self.last: Snapshot = self.twin.snapshot()
         self._record([(self.twin.time_ns, "twin/epoch", encode_epoch(self.epoch_ns))])
         if self._bag is not None:
-            run = describe_run(scene, _setup(options), 0.0)
+            run = describe_run(scene, setup, 0.0)
             described = describe_session(run, self.twin, self.epoch_ns)
             described |= self._log.begin(self.twin.time_ns)
             self._record([(self.twin.time_ns, SESSION_TOPIC, encode_session(described, {}))])
@@ -209,7 +203,7 @@ def _setup(options: RunOptions) -> Setup:
         vibration=watch.vibration if watch else "",
         fatigue=watch.fatigue if watch else "",
         other_sea=options.other_sea,
-        feeds_itself=True,
+        feeds_itself=True,  # `_offer` passes on the samples of `open_sea` only
     )
 
 

@@ -15,8 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from rope_twin.core import state as rows
 from rope_twin.effects.waves import WavesParams, components_of
-from rope_twin.recording.ship_sea import ShipOnWaves
-from rope_twin.run.inputs import FIRST_NS, offer, open_sea, series_of
+from rope_twin.recording.motion_source import FIRST_NS, ShipOnWaves, offer, open_sea, series_of
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import OnWaves, Scene, SeaState, Ship
 from rope_twin.sea.components import Waves

@@ -20,7 +20,6 @@ from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.exact_replay import Outcome, same_payload, verify
 from rope_twin.recording.input_log import decode_json, encode_json
 from rope_twin.recording.recorded_run import Recorded, read_content
-from rope_twin.run.inputs import expect_own_sea
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
@@ -75,7 +74,7 @@ def test_a_bag_is_equal_to_its_replay(bag: Path, capsys: pytest.CaptureFixture[s
     content = capsys.readouterr().out
     assert f"{bag}: bit-identical" in content
     assert "left out: diagnostics" in content
-    found = verify(bag, expect_own_sea)
+    found = verify(bag)
     assert found.compared["ropes/tension_top"] == found.compared["ropes/length"] == 100
     assert found.compared["ropes/nodes"] == found.compared["ropes/markers"] == 50
     assert not found.missing
@@ -116,7 +115,7 @@ def test_the_first_of_several_differences_is_reported(bag: Path, tmp_path: Path)
         changed = one.topic == "ropes/tension_bottom" and one.sequence >= 30
         return one_bit(one.data) if changed else one.data
 
-    found = verify(rewritten(bag, tmp_path / "other", change), expect_own_sea)
+    found = verify(rewritten(bag, tmp_path / "other", change))
     assert found.difference is not None
     assert found.difference.topic == "ropes/tension_bottom"
     assert found.difference.time_s == pytest.approx(30 * 0.02)
@@ -145,15 +144,15 @@ def test_a_heave_sample_that_was_edited_is_found(bag: Path, tmp_path: Path) -> N
     def in_both(one: Recorded) -> bytes:
         return in_topic(one) if one.topic == "ship/heave" else in_log(one)
 
-    found = verify(rewritten(bag, tmp_path / "topic", in_topic), expect_own_sea)
+    found = verify(rewritten(bag, tmp_path / "topic", in_topic))
     assert found.difference is not None
     assert (found.difference.topic, found.difference.where) == (
         "ship/heave", "pose.pose.position.z",
     )  # fmt: skip
     assert found.difference.time_s == 0.45
-    logged = verify(rewritten(bag, tmp_path / "log", in_log), expect_own_sea)
+    logged = verify(rewritten(bag, tmp_path / "log", in_log))
     assert logged.outcome is Outcome.DIFFERENT
-    both = verify(rewritten(bag, tmp_path / "both", in_both), expect_own_sea)
+    both = verify(rewritten(bag, tmp_path / "both", in_both))
     assert both.difference is not None
     assert both.difference.topic in ("ropes/tension_top", "payloads/state", "ropes/length",
                                      "hang_off/wrench", "hang_off/odometry", "ropes/nodes",
@@ -167,7 +166,7 @@ def test_messages_that_the_recorder_lost_are_counted(bag: Path, tmp_path: Path) 
                                              ("ship/heave", 9))  # fmt: skip
         return None if lost else one.data
 
-    found = verify(rewritten(bag, tmp_path / "other", change), expect_own_sea)
+    found = verify(rewritten(bag, tmp_path / "other", change))
     assert found.outcome is Outcome.EQUAL
     assert found.missing == {"ropes/tension_top": 2}
     assert found.unrecorded == {"ship/heave": 1}
@@ -180,7 +179,7 @@ def test_a_message_that_the_run_never_made_is_a_difference(bag: Path, tmp_path: 
             writer.write(one.topic, one.log_ns, one.data, sequence=one.sequence)
         extra = next(one for one in messages if one.topic == "ropes/tension_top")
         writer.write("ropes/tension_top", messages[-1].log_ns, extra.data, sequence=1000)
-    found = verify(tmp_path / "other", expect_own_sea)
+    found = verify(tmp_path / "other")
     assert found.difference is not None
     assert "message 1000" in str(found.difference)
 
@@ -190,7 +189,7 @@ def test_a_gap_in_the_log_ends_what_can_be_verified(bag: Path, tmp_path: Path) -
         content = decode_json(one.topic, one.data) if one.topic == INPUT_LOG_TOPIC else {}
         return None if content.get("number") == 15 else one.data
 
-    found = verify(rewritten(bag, tmp_path / "other", change), expect_own_sea)
+    found = verify(rewritten(bag, tmp_path / "other", change))
     assert found.outcome is Outcome.IMPOSSIBLE
     assert "are not in its twin/inputs" in found.fault
     assert 0.3 < found.until_s < 1.5
@@ -202,7 +201,7 @@ def test_a_bag_that_was_cut_off_is_verified_as_far_as_it_goes(tmp_path: Path) ->
     (file,) = whole.glob("*.mcap")
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(file.read_bytes()[: file.stat().st_size * 7 // 10])
-    found = verify(cut, expect_own_sea)
+    found = verify(cut)
     assert found.outcome is Outcome.EQUAL, found.difference
     assert any("compared up to" in note for note in found.notes)
     assert 1.0 < found.until_s < 11.0
@@ -232,7 +231,7 @@ def test_a_bag_cannot_name_files_outside_its_folder(bag: Path, tmp_path: Path, n
         return encode_json(content)
 
     with pytest.raises(BagError, match="leads out of its folder"):
-        verify(rewritten(bag, tmp_path / "other", change), expect_own_sea)
+        verify(rewritten(bag, tmp_path / "other", change))
 
 
 def test_the_scene_comes_from_the_bag_where_its_file_has_changed(tmp_path: Path) -> None:
@@ -243,10 +242,10 @@ def test_the_scene_comes_from_the_bag_where_its_file_has_changed(tmp_path: Path)
     second = record(tmp_path / "second", 2.0, scene=str(path), start_from=tmp_path / "own.state")
     shutil.rmtree(path.parent)
     for one in (first, second):
-        assert verify(one, expect_own_sea).outcome is Outcome.EQUAL
+        assert verify(one).outcome is Outcome.EQUAL
     path.parent.mkdir()
     path.write_text("about: another\n", encoding="utf-8")
-    assert verify(second, expect_own_sea).outcome is Outcome.EQUAL
+    assert verify(second).outcome is Outcome.EQUAL
 
 
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -271,7 +270,7 @@ def test_runs_of_every_kind_are_replayed_also_from_a_saved_state(
     further = {name: value for name, value in options.items() if name != "cut"}
     second = record(tmp_path / "second", 2.5, start_from=state, **further)
     for one in (first, second):
-        found = verify(one, expect_own_sea)
+        found = verify(one)
         assert found.difference is None, str(found.difference)
         assert found.outcome is Outcome.EQUAL
         assert found.compared["ropes/tension_top"] == (75 if one is first else 50)
@@ -295,7 +294,7 @@ def test_another_machine_is_reported(bag: Path, tmp_path: Path) -> None:
         content["machine"]["processor"] = "an abacus"
         return encode_json(content)
 
-    found = verify(rewritten(bag, tmp_path / "other", change), expect_own_sea)
+    found = verify(rewritten(bag, tmp_path / "other", change))
     assert found.outcome is Outcome.EQUAL
     assert any("machine processor was an abacus" in note for note in found.notes)
 
@@ -333,7 +332,7 @@ def test_the_log_skips_what_was_not_published(bag: Path, tmp_path: Path) -> None
                 data = encode_json({**content, "number": log})
                 sequence = log
             writer.write(one.topic, one.log_ns, data, sequence=sequence)
-    found = verify(tmp_path / "other", expect_own_sea)
+    found = verify(tmp_path / "other")
     assert found.difference is None, str(found.difference)
     assert found.outcome is Outcome.EQUAL
     assert found.compared["ropes/tension_top"] == 97
@@ -349,7 +348,7 @@ def test_options_with_other_values_are_other_runs(bag: Path, tmp_path: Path) -> 
         content["setup"]["other_sea"] = True  # the tension's error is then unknown
         return encode_json(content)
 
-    found = verify(rewritten(bag, tmp_path / "other", change), expect_own_sea)
+    found = verify(rewritten(bag, tmp_path / "other", change))
     assert found.difference is not None
     assert found.difference.topic == "ropes/tension_top_error"
     assert replace(found.difference, time_s=0.02) == found.difference

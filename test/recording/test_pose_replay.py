@@ -19,8 +19,8 @@ from rope_twin.messages import encode_elevation, encode_pose, templates
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.heave import open_heave
+from rope_twin.recording.motion_source import FIRST_NS, open_sea
 from rope_twin.recording.poses import PoseReplay, open_poses
-from rope_twin.run.inputs import FIRST_NS, motion_topic, open_sea
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
@@ -93,7 +93,7 @@ def test_poses_come_back_to_the_bit_lap_after_lap(tmp_path: Path) -> None:
     sea = replay(write_poses(tmp_path / "bag", poses))
     assert sea.note == ""
     assert sea.loop_ns == 64 * SECOND
-    assert motion_topic(sea) == "ship/odometry"
+    assert sea.topic == "ship/odometry"
     for lap in (0, 3):
         found = sea.between(lap * 64 * SECOND, (lap + 1) * 64 * SECOND)
         shifted = [replace(own, stamp_ns=own.stamp_ns + lap * 64 * SECOND) for own in poses]

@@ -12,8 +12,7 @@ from scene_text import assert_refused, spoilt, written
 
 from rope_twin.cli import main
 from rope_twin.errors import InputError
-from rope_twin.recording.heave import SAMPLE_PERIOD_NS, RegularSea
-from rope_twin.run.inputs import FIRST_NS, open_sea
+from rope_twin.recording.motion_source import FIRST_NS, SAMPLE_PERIOD_NS, RegularSea, open_sea
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.scene.load import load_scene

@@ -11,8 +11,7 @@ import pytest
 
 from rope_twin.effects.waves import RegularWave, WavesParams, components_of
 from rope_twin.errors import SceneError
-from rope_twin.recording.ship_sea import WaveSea, sea_of_waves
-from rope_twin.run.inputs import open_sea
+from rope_twin.recording.motion_source import WaveSea, open_sea, sea_of_waves
 from rope_twin.scene.load import load_scene
 from rope_twin.sea.ship_motion import BoxHull, heave_response
 

@@ -13,8 +13,8 @@ from ros_messages import encode_speed
 from rope_twin.errors import BagError, InputError, SceneError
 from rope_twin.messages import decode, encode_epoch
 from rope_twin.recording.heave import open_heave
+from rope_twin.recording.motion_source import open_sea
 from rope_twin.ros import qos
-from rope_twin.run.inputs import open_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.winch.commands import schedule_samples
 

@@ -18,7 +18,6 @@ from rope_twin.cli import main
 from rope_twin.messages import encode_cut, encode_heave, encode_order
 from rope_twin.recording.exact_replay import Outcome, Verification, verify
 from rope_twin.recording.recorded_run import read_content
-from rope_twin.run.inputs import expect_own_sea
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.input_queue import SET_LEVEL
 from rope_twin.twin.winch.commands import LENGTH, SPEED, WinchCommand
@@ -56,7 +55,7 @@ def end(bench: Bench, recorder: Any, *nodes: Any) -> None:
 
 
 def assert_equal(bag: Path) -> Verification:
-    found = verify(bag, expect_own_sea)
+    found = verify(bag)
     assert found.difference is None, str(found.difference)
     assert not found.fault
     assert found.outcome is Outcome.EQUAL
@@ -161,7 +160,7 @@ def test_switches_by_service_are_replayed(bench: Bench, tmp_path: Path) -> None:
         assert answer.result().success
         sender.sail(node.paced.last.stamp_ns + 200_000_000)
     end(bench, recorder, node)
-    found = verify(bag, expect_own_sea)
+    found = verify(bag)
     assert found.difference is None, str(found.difference)
     assert found.outcome is Outcome.EQUAL, found.fault
     assert found.applied["winch/switch_command"] == found.unrecorded["winch/switch_command"] == 3
@@ -219,7 +218,7 @@ def test_a_recorder_that_joins_late_is_given_what_it_needs(bench: Bench, tmp_pat
     end(bench, second)
     whole = assert_equal(tmp_path / "first")
     assert [one.number for one in whole.sessions] == [1, 2]
-    found = verify(tmp_path / "second", expect_own_sea)
+    found = verify(tmp_path / "second")
     assert found.difference is None, str(found.difference)
     assert found.outcome is Outcome.EQUAL, found.fault
     assert found.sessions[-1].number == 2
@@ -291,6 +290,6 @@ def test_a_killed_simulation_that_goes_on_is_replayed(
         node.wait()
     recorder.send(signal.SIGINT)
     assert recorder.wait() == 0
-    found = verify(bag, expect_own_sea)
+    found = verify(bag)
     assert found.difference is None, str(found.difference)
     assert len(found.sessions) == 2

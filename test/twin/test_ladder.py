@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rope_twin import Snapshot, Twin, load_scene
-from rope_twin.run.inputs import FIRST_NS, LEAD_NS, offer, open_sea
+from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, offer, open_sea
 from rope_twin.scene.card import read_card
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march, variant

@@ -10,7 +10,7 @@ import pytest
 
 from rope_twin import load_scene
 from rope_twin.recording.heave import HeaveSample
-from rope_twin.run.inputs import FIRST_NS, open_sea
+from rope_twin.recording.motion_source import FIRST_NS, open_sea
 from rope_twin.scene.load import scene_names
 from rope_twin.twin.health import StuckDetector
 from rope_twin.twin.motion.hang_off import HangOffTrack

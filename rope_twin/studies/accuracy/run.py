@@ -17,8 +17,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, phrase
-from rope_twin.recording.ship_sea import sample_of
-from rope_twin.run.inputs import FIRST_NS, open_sea, series_of
+from rope_twin.recording.heave import sample_of
+from rope_twin.recording.motion_source import FIRST_NS, open_sea, series_of
 from rope_twin.scene.card import PEAK, RMS
 from rope_twin.scene.schema import RopeLine, Scene, Triple
 from rope_twin.scene.validation.rigging import is_joined, places, winch_of

@@ -22,8 +22,8 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.recording.heave import HeaveSample
+from rope_twin.recording.motion_source import FIRST_NS, open_sea
 from rope_twin.run.border import InputBorder
-from rope_twin.run.inputs import FIRST_NS, open_sea
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.faults.injection import (

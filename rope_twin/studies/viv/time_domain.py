@@ -29,7 +29,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError, phrase
-from rope_twin.recording.heave import RegularSea
+from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene

@@ -1,0 +1,347 @@
+"""Ship motion of a run: selection of its source, the same for every runner, and computed sources.
+
+Together with the winch schedule (`rope_twin.twin.winch.commands`) this is all input of a run.
+The stamps are the same in a real-time run over ROS and in an unpaced one. Computed are a regular
+heave, a table of prescribed motion, and the motion by RAOs or of a box hull in waves; records are
+in `heave` and `poses`.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+from math import cos, pi, sin
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.effects.waves import WavesParams, components_of
+from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.messages import encode_heave, encode_pose
+from rope_twin.recording.heave import HeaveSample, open_heave, sample_of
+from rope_twin.recording.poses import open_poses
+from rope_twin.scene.schema import RecordedPoses, RegularHeave, Scene
+from rope_twin.sea.components import Waves
+from rope_twin.sea.ship_motion import (
+    BoxHull,
+    Responses,
+    Way,
+    heave_response,
+    read_responses,
+    read_way,
+)
+from rope_twin.sea.spectrum import Vector
+from rope_twin.twin.input_queue import InputQueue
+from rope_twin.twin.motion.hang_off import lever_arm
+from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.ship_pose import Quaternion, ShipPose, Vector3, turned
+from rope_twin.twin.twin import Twin
+
+Floats = NDArray[np.float64]
+
+FIRST_NS = -100_000_000  # samples begin this early, so that t = 0 lies between two of them
+LEAD_NS = 200_000_000  # samples are passed to the twin this long before they are needed
+SAMPLE_PERIOD_NS = 50_000_000  # 20 Hz, the rate of ship/heave
+
+
+class Sea(Protocol):
+    """Source of ship motion, in simulation time."""
+
+    source: str  # description
+    note: str  # fault of the source and how it is handled; empty: none
+    topic: str  # that its samples are published on
+
+    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
+        """Return the samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
+
+    def is_over(self, from_ns: int) -> bool:
+        """Return whether there is no sample from a time on."""
+
+
+def open_sea(
+    scene: Scene,
+    bag: str = "",
+    topic: str = "",
+    start_s: float = 0.0,
+    loop: bool = True,
+    poses: str = "",
+) -> Sea | None:
+    """Return the ship motion: heave of `bag`, poses of `poses`, or the scene's sea; None: none.
+
+    `start_s` counts from the scene's own start if it is the scene's sea. A regular heave has no
+    end, whatever `loop` is. The ship's still-water position in `poses` is taken from the scene's
+    own poses.
+
+    Raises:
+        BagError: the bag cannot be used; one sentence.
+        InputError: a topic is named without a bag, heave and poses are both given, or a table that
+            the scene names is invalid.
+    """
+    if bag and poses:
+        right = "give heave or poses of the ship, not both"
+        raise InputError(phrase(f"bag {bag}", f"poses of {poses} are named too", right))
+    if bag:
+        return open_heave(bag, topic or None, start_s, loop)
+    sea = scene.sea_state
+    if poses:
+        named = replace(sea.poses or RecordedPoses(bag=poses), bag=poses, topic=topic)
+        return open_poses(scene, named, start_s, loop)
+    if sea.poses is not None:
+        named = replace(sea.poses, topic=topic or sea.poses.topic)
+        return open_poses(scene, named, sea.start_s + start_s, loop and sea.loop)
+    if sea.bag:
+        return open_heave(sea.bag, topic or None, sea.start_s + start_s, loop and sea.loop)
+    if topic:
+        what = f"scene {scene.name} has no bag to look for it in"
+        raise InputError(phrase(f"topic '{topic}'", what, "name a bag too, or leave the topic out"))
+    if sea.path:
+        return WayOfHangOff(read_way(sea.path), sea.start_s + start_s)
+    if sea.heave is not None:
+        return RegularSea(sea.heave, sea.start_s + start_s)
+    return sea_of_waves(scene)
+
+
+def expect_own_sea(twin: Twin) -> None:
+    """Compare the motion input of a twin with its scene's own sea.
+
+    For a run with input from topics or a recording. If the scene's convergence study gives no
+    error, there is nothing to invalidate, and the sea is not opened.
+    """
+    if math.isnan(twin.card_error.rms_pct):
+        return
+    try:
+        twin.inputs.expect_motion(open_sea(twin.scene))
+    except RopeTwinError as error:
+        twin.invalidate_error(f"the scene's own sea cannot be opened: {error}")
+
+
+def offer(twin: Twin | InputQueue, sample: HeaveSample) -> str:
+    """Pass one sample to a twin; return why it was rejected, or ""."""
+    if sample.pose is not None:
+        return twin.offer_pose(sample.pose)
+    return twin.offer_heave(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s)
+
+
+def encode_motion(stamp_ns: int, sample: HeaveSample) -> tuple[str, bytes]:
+    """Return topic and message of a sample with this stamp."""
+    if sample.pose is not None:
+        return "ship/odometry", encode_pose(stamp_ns, sample.pose)
+    return "ship/heave", encode_heave(stamp_ns, sample.position_m, sample.velocity_m_per_s)
+
+
+def series_of(samples: list[HeaveSample]) -> HeaveSeries | None:
+    """Return the hang-off motion of the samples, for many steps at once; None if there are none.
+
+    Raises:
+        InputError: the motion is implausible for a ship.
+    """
+    if not samples:
+        return None
+    heave = ((one.stamp_ns, one.position_m, one.velocity_m_per_s) for one in samples)
+    aside = [one.aside for one in samples if one.aside is not None]
+    return HeaveSeries.of(heave, aside)
+
+
+def stamps_between(from_ns: int, to_ns: int) -> NDArray[np.int64]:
+    """Return the multiples of SAMPLE_PERIOD_NS with from_ns <= stamp < to_ns, in order."""
+    first, end = -(-from_ns // SAMPLE_PERIOD_NS), -(-to_ns // SAMPLE_PERIOD_NS)
+    return np.arange(first, end, dtype=np.int64) * SAMPLE_PERIOD_NS
+
+
+class ComputedSea(ABC):
+    """Samples at multiples of SAMPLE_PERIOD_NS, each computed by itself, without an end.
+
+    A sample is bit-identical in whatever interval: the order of summation in a matrix product
+    depends on the number of rows.
+    """
+
+    note = ""
+    topic = "ship/heave"
+
+    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
+        """Return samples with from_ns <= stamp_ns < to_ns, in order."""
+        return [self.sample(stamp_ns) for stamp_ns in stamps_between(from_ns, to_ns).tolist()]
+
+    @abstractmethod
+    def sample(self, stamp_ns: int) -> HeaveSample:
+        """Return the sample at a time."""
+
+    def is_over(self, from_ns: int) -> bool:
+        """Return False: a computed motion has no end."""
+        return False
+
+
+class RegularSea(ComputedSea):
+    """Exact samples of z = a·sin(2π·t/T) by simulation time; t = 0 is `start_s` into it.
+
+    The twin's cubic Hermite interpolation between them differs by at most (2π/T·dt)⁴/384 of the
+    amplitude: 6e-9 at T = 8 s, 2e-6 at the shortest period of a scene, 2 s.
+    """
+
+    def __init__(self, heave: RegularHeave, start_s: float = 0.0) -> None:
+        self._heave = heave
+        self._start_s = start_s
+        self.source = f"regular heave of ±{heave.amplitude_m:g} m every {heave.period_s:g} s"
+
+    def at(self, time_s: float) -> tuple[float, float]:
+        """Return position [m] and velocity [m/s] at a time, exactly."""
+        amplitude, omega = self._heave.amplitude_m, 2.0 * pi / self._heave.period_s
+        angle = omega * (time_s + self._start_s)
+        return amplitude * sin(angle), amplitude * omega * cos(angle)
+
+    def sample(self, stamp_ns: int) -> HeaveSample:
+        """Return the sample at a time."""
+        return HeaveSample(stamp_ns, *self.at(stamp_ns * 1e-9), None)
+
+
+class ShipOnWaves(ComputedSea):
+    """Poses of a ship that answers each component of the waves that the rope feels.
+
+    A component a·cos(k·x - ω·t + φ) is the real part of a·exp(i(ω·t - k·x - φ)); each degree of
+    freedom answers with its response times that, at the reference point at rest. Turns are yaw,
+    then pitch, then roll about the ship's axes.
+    """
+
+    topic = "ship/odometry"
+
+    def __init__(self, waves: Waves, responses: Responses, scene: Scene) -> None:
+        self._arm = lever_arm(scene)
+        self._bow = float(np.radians(scene.sea_state.on_waves.heading_deg))  # type: ignore[union-attr]
+        self._omega = waves.omega
+        x, y, _ = scene.ship.hang_off_m
+        self._surface = wave_at(waves, x, y)
+        wave = wave_at(waves, x - self._arm[0], y - self._arm[1])
+        frequency = waves.omega / (2.0 * np.pi)
+        self._answer = wave * responses.at(frequency, waves.heading - self._bow)
+        self.source = (
+            f"waves of Hs {waves.significant_height_m:.3g} m; six degrees of freedom by "
+            f"{responses.source}, bow at {np.degrees(self._bow):g}°"
+        )
+
+    def freedoms(self, time_s: float) -> tuple[Floats, Floats]:
+        """Return surge, sway, heave [m], roll, pitch, yaw [rad] at a time, and the rates, (6,)."""
+        moved = self._answer * np.exp(1j * self._omega * time_s)
+        return moved.sum(axis=1).real, (1j * self._omega * moved).sum(axis=1).real
+
+    def pose(self, stamp_ns: int) -> ShipPose:
+        """Return the pose at a time, computed by itself: bit-identical in whatever interval."""
+        moved, rate = (part.tolist() for part in self.freedoms(stamp_ns * 1e-9))
+        x, y, z, w = _quaternion(*moved[3:])
+        orientation = (*self._from_bow(x, y), z, w)
+        velocity = turned((-orientation[0], -orientation[1], -z, w), self._in_sea(rate[:3]))
+        spin = self._in_sea(_body_rates(moved[3], moved[4], rate[3:]))
+        return ShipPose(stamp_ns, self._in_sea(moved[:3]), velocity, orientation, spin)
+
+    def _from_bow(self, forward: float, port: float) -> tuple[float, float]:
+        """Return east and north of a direction forward and to port on the ship at rest."""
+        c, s = cos(self._bow), sin(self._bow)
+        return c * forward - s * port, s * forward + c * port
+
+    def _in_sea(self, vector: Sequence[float]) -> Vector3:
+        return (*self._from_bow(vector[0], vector[1]), vector[2])
+
+    def sample(self, stamp_ns: int) -> HeaveSample:
+        """Return the sample at a time."""
+        surface = (self._surface * np.exp(1j * self._omega * (stamp_ns * 1e-9))).sum().real
+        return sample_of(self.pose(stamp_ns), self._arm, float(surface))
+
+
+def wave_at(waves: Waves, x: float, y: float) -> NDArray[np.complex128]:
+    """Return a·exp(-i(k·x + φ)) of each component at a position [m], (components,)."""
+    along = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
+    return np.asarray(waves.amplitude_m * np.exp(-1j * (along + waves.phase)))
+
+
+def _quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Return the quaternion x, y, z, w of yaw, then pitch, then roll about the rotated axes."""
+    a, d = cos(0.5 * roll), sin(0.5 * roll)
+    b, e = cos(0.5 * pitch), sin(0.5 * pitch)
+    c, f = cos(0.5 * yaw), sin(0.5 * yaw)
+    return (
+        d * b * c - a * e * f, a * e * c + d * b * f, a * b * f - d * e * c, a * b * c + d * e * f,
+    )  # fmt: skip
+
+
+def _body_rates(roll: float, pitch: float, rates: Sequence[float]) -> Vector3:
+    """Return the angular velocity in body axes from the rates of roll, pitch and yaw.
+
+    Fossen (2011), Handbook of Marine Craft Hydrodynamics, eq. 2.26.
+    """
+    p, q, r = rates
+    return (
+        p - sin(pitch) * r,
+        cos(roll) * q + cos(pitch) * sin(roll) * r,
+        cos(pitch) * cos(roll) * r - sin(roll) * q,
+    )
+
+
+class WayOfHangOff:
+    """Samples of a way given in a table; the ship does not turn."""
+
+    note = ""
+    topic = "ship/odometry"
+
+    def __init__(self, way: Way, start_s: float = 0.0) -> None:
+        self._way, self._start_s = way, start_s
+        self.source = f"hang-off on the way of {way.source}, {way.end_s:g} s long"
+
+    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
+        """Return samples with from_ns <= stamp_ns < to_ns, in order."""
+        stamps = stamps_between(from_ns, to_ns)
+        times = np.asarray(stamps * 1e-9 + self._start_s, np.float64)
+        known = times <= self._way.end_s
+        place, velocity = self._way.at(times[known])
+        rows = zip(stamps[known].tolist(), place.tolist(), velocity.tolist(), strict=True)
+        poses = (ShipPose(stamp, tuple(p), tuple(v)) for stamp, p, v in rows)
+        return [sample_of(pose, (0.0, 0.0, 0.0), None) for pose in poses]
+
+    def is_over(self, from_ns: int) -> bool:
+        """Return whether the motion has ended before a time."""
+        return from_ns * 1e-9 + self._start_s > self._way.end_s
+
+
+class WaveSea(ComputedSea):
+    """Samples of heave and of the surface at the hang-off by simulation time.
+
+    A component a·cos(k·x - ω·t + φ) is the real part of a·exp(i(ω·t - k·x - φ)); the ship motion is
+    its RAO times that. The sea itself builds up from flat with the ship's ramp.
+    """
+
+    def __init__(self, waves: Waves, hull: BoxHull, x: float, y: float) -> None:
+        self.source = f"waves of Hs {waves.significant_height_m:.3g} m; {hull.describe()}"
+        self._wave = wave_at(waves, x, y)
+        self._heave = self._wave * heave_response(hull, waves.omega / (2.0 * np.pi))
+        self._omega = waves.omega
+
+    def at(self, time_s: Vector) -> tuple[Vector, Vector, Vector]:
+        """Return position [m], velocity [m/s] and surface [m] at times (n,), exactly."""
+        turn = np.exp(1j * np.outer(time_s, self._omega))
+        moved = turn @ np.stack([self._heave, 1j * self._omega * self._heave, self._wave], axis=1)
+        position, velocity, surface = moved.real.T
+        return position, velocity, surface
+
+    def sample(self, stamp_ns: int) -> HeaveSample:
+        """Return the sample at a time."""
+        (position,), (velocity,), (surface,) = self.at(np.array([stamp_ns * 1e-9]))
+        return HeaveSample(stamp_ns, float(position), float(velocity), float(surface))
+
+
+def sea_of_waves(scene: Scene) -> WaveSea | ShipOnWaves | None:
+    """Return the ship's motion on the scene's waves, or None if the scene has no such motion.
+
+    Raises:
+        InputError: its table of responses is wrong.
+    """
+    riding = scene.sea_state.on_waves
+    if riding is None:
+        return None
+    params = scene.listed(WavesParams)
+    assert params is not None, "checked when the scene was read"
+    waves = components_of(params, scene.environment.gravity_m_per_s2)
+    if riding.responses:
+        return ShipOnWaves(waves, read_responses(riding.responses), scene)
+    x, y, _ = scene.ship.hang_off_m
+    return WaveSea(waves, riding.hull, x, y)
