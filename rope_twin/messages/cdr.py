@@ -19,7 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
+
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.topics import BY_NAME
 
 Table = NDArray[np.float64]
 
@@ -56,6 +60,28 @@ def deserialise(type_name: str, data: bytes | memoryview) -> Any:
         SerdeError: (of rosbags) the bytes are not such a message.
     """
     return typestore().deserialize_cdr(data, type_name)
+
+
+def decode(topic_name: str, data: bytes | memoryview) -> Any:
+    """Return the message in the bytes of one of the suite's topics (a leading slash is allowed).
+
+    Raises:
+        InputError: if the topic is not in the table, or the bytes are no message of its type.
+    """
+    name = topic_name.removeprefix("/")
+    topic = BY_NAME.get(name)
+    if topic is None:
+        raise InputError(phrase("decode", f"unknown topic '{name}'", did_you_mean(name, BY_NAME)))
+    try:
+        return deserialise(topic.type_name, data)
+    except SerdeError as error:
+        raise InputError(
+            phrase(
+                f"topic {name}",
+                f"{len(data)} bytes that do not decode ({error})",
+                f"it must be a {topic.type_name} in CDR",
+            )
+        ) from error
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,35 @@
-"""CDR bytes of what the twin listens to, and of the small topics that no snapshot is needed for."""
+"""CDR bytes of the inputs, written and read, and of small topics that need no snapshot.
+
+A message that is malformed, or has an invalid stamp, is refused in one sentence.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import templates
-from rope_twin.messages.cdr import Template, new, serialise
+from rope_twin.messages.cdr import Template, decode, new, serialise
+from rope_twin.messages.templates import NANOSECONDS
+from rope_twin.scene.schema import WINCH
+from rope_twin.scene.winch import SWITCHES
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.motion.ship_pose import ShipPose
-from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION, WinchCommand
+from rope_twin.twin.winch.commands import (
+    COMMANDER_EVENTS,
+    DEPTH,
+    EMERGENCY_STOP,
+    LENGTH,
+    SPEED,
+    TENSION,
+    WinchCommand,
+)
 
 RECORD_FRAME = "sea"  # frame of the sea records in bags/, which readers ignore
 ORDER_FIELDS = {SPEED: "velocity", LENGTH: "position", DEPTH: "position", TENSION: "effort"}
@@ -127,3 +144,123 @@ def _elevation(recorded: bool) -> Template:
 def _joint(names: str, field: str) -> Template:
     """Return the template of a JointState with these names (lines) and one value in `field`."""
     return Template(templates.joint_state(names.split("\n"), (field,)))
+
+
+def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:
+    """Return ROS stamp [ns], heave [m] and heave rate [m/s] of a ship/heave message.
+
+    Raises:
+        InputError: if the bytes are not such a message, or its stamp is invalid.
+    """
+    message = decode("ship/heave", data)
+    stamp_ns = _stamp_ns("ship/heave", message.header.stamp)
+    return stamp_ns, (message.pose.pose.position.z, message.twist.twist.linear.z)
+
+
+def read_pose(data: bytes) -> tuple[int, ShipPose]:
+    """Return the ROS stamp [ns] of a ship/odometry message, and its pose, stamped with 0.
+
+    Raises:
+        InputError: if the bytes are not such a message, or its stamp is invalid.
+    """
+    message = decode("ship/odometry", data)
+    stamp_ns = _stamp_ns("ship/odometry", message.header.stamp)
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    speed, rate = message.twist.twist.linear, message.twist.twist.angular
+    return stamp_ns, ShipPose(
+        0,
+        (place.x, place.y, place.z),
+        (speed.x, speed.y, speed.z),
+        (turn.x, turn.y, turn.z, turn.w),
+        (rate.x, rate.y, rate.z),
+    )
+
+
+def read_order(topic: str, data: bytes) -> tuple[int | None, WinchCommand, str]:
+    """Return ROS stamp [ns] (None: apply immediately), command and winch of a winch message.
+
+    Raises:
+        InputError: if the bytes are not such a message, its stamp is invalid, or it does not carry
+            exactly one value (or switch) of the topic's kind.
+    """
+    message = decode(topic, data)
+    names = [str(name) for name in message.name]
+    if topic == SWITCH_TOPIC and names[1:] == [EMERGENCY_STOP]:
+        # never rejected for its stamp: an invalid one is replaced by a past time, and is flagged
+        stamp = message.header.stamp
+        stamp_ns = _stamp_ns(topic, stamp) if 0 <= stamp.nanosec < NANOSECONDS else 1
+    else:
+        stamp_ns = _stamp_ns(topic, message.header.stamp)
+    winch = names[0] if names else WINCH
+    if topic == SWITCH_TOPIC:
+        if len(names) != 2:
+            right = f"give two: the winch's, and one of {', '.join(SWITCHES)}"
+            raise InputError(phrase(topic, f"{len(names)} names", right))
+        if names[1] in COMMANDER_EVENTS:  # internal commands, not allowed in a message
+            right = did_you_mean(names[1], SWITCHES)
+            raise InputError(phrase(topic, f"'{names[1]}' is not a switch", right))
+        return stamp_ns or None, WinchCommand(names[1]), winch
+    kind = next(kind for kind, own in ORDER_TOPICS.items() if own == topic)
+    values = getattr(message, ORDER_FIELDS[kind])
+    if len(values) != 1:
+        plural, right = _VALUES[kind]
+        raise InputError(phrase(topic, f"{len(values)} {plural}", right))
+    return stamp_ns or None, WinchCommand(kind, float(values[0])), winch
+
+
+_VALUES = {  # name of the value in the plural, and its meaning
+    SPEED: ("velocities", "there must be exactly one, the pay-out rate"),
+    LENGTH: ("positions", "there must be exactly one, the line out to stop at"),
+    DEPTH: ("positions", "there must be exactly one, the payload's depth to stop at"),
+    TENSION: ("efforts", "there must be exactly one, the tension set-point"),
+}
+
+
+def read_cut(data: bytes) -> tuple[int | None, float, str]:
+    """Return ROS stamp [ns] (None: at once), length above the cut [m] and rope of a ropes/cut.
+
+    Raises:
+        InputError: if the bytes are not such a message, its stamp is invalid, or it does not carry
+            exactly one position.
+    """
+    message = decode(CUT_TOPIC, data)
+    stamp_ns = _stamp_ns(CUT_TOPIC, message.header.stamp)
+    if len(message.position) != 1:
+        right = "there must be exactly one, the length of rope between hang-off and cut"
+        raise InputError(phrase(CUT_TOPIC, f"{len(message.position)} positions", right))
+    rope = str(message.name[0]) if len(message.name) else ""
+    return stamp_ns or None, float(message.position[0]), rope
+
+
+def read_current(data: bytes) -> NDArray[np.float64]:
+    """Return the rows (k, 3) of z [m], east and north [m/s] of a `current` message.
+
+    Raises:
+        InputError: if the bytes are not such a message or its layout is not k rows of 3.
+    """
+    message = decode("current", data)
+    numbers = np.asarray(message.data, dtype=np.float64)
+    sizes = [int(dimension.size) for dimension in message.layout.dim]
+    offset = int(message.layout.data_offset)
+    fits = len(numbers) > 0 and len(numbers) % 3 == 0 and offset == 0
+    if sizes and fits:
+        rows = len(numbers) // 3
+        fits = sizes in ([rows, 3], [len(numbers)]) and math.prod(sizes) == len(numbers)
+    if not fits:
+        raise InputError(
+            phrase(
+                "current",
+                f"{len(numbers)} numbers with a layout of {sizes or 'no'} dimensions "
+                f"and offset {offset}",
+                "it must be rows of z, east, north: sizes [k, 3] (or none), offset 0",
+            )
+        )
+    return numbers.reshape(-1, 3)
+
+
+def _stamp_ns(topic: str, stamp: Any) -> int:
+    if not 0 <= stamp.nanosec < NANOSECONDS:
+        raise InputError(
+            phrase(topic, f"a stamp with {stamp.nanosec} ns", "they must be below 1000000000")
+        )
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)

@@ -18,8 +18,13 @@ import numpy as np
 from mcap.records import Channel, Metadata
 
 from rope_twin.errors import BagError, InputError, phrase
-from rope_twin.messages import decode
-from rope_twin.messages.inputs import ORDER_FIELDS
+from rope_twin.messages.inputs import (
+    read_current,
+    read_cut,
+    read_heave,
+    read_order,
+    read_pose,
+)
 from rope_twin.recording.bag import OWN_RECORD
 from rope_twin.recording.input_log import LoggedCalls, Skipped, decode_json, read_log
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
@@ -232,8 +237,8 @@ class RecordedInputs:
     def add(self, message: Recorded) -> None:
         """Take a message; one that is malformed was not applied either."""
         try:
-            stamp_ns, values = _numbers_in(message.topic, decode(message.topic, message.data))
-        except (InputError, IndexError):
+            stamp_ns, values = _numbers_in(message.topic, message.data)
+        except InputError:
             return
         if stamp_ns:
             self._by_stamp[message.topic, stamp_ns].append(values)
@@ -310,26 +315,24 @@ def _file_order(path: Path) -> tuple[int, str]:
     return (int(number) if number.isdigit() else 0, path.name)
 
 
-def _numbers_in(topic: str, message: Any) -> tuple[int, Values]:
-    """Return ROS stamp [ns] (0: none) and values of a message of one of INPUTS."""
-    if topic == "current":
-        return 0, tuple(np.asarray(message.data, dtype=float).tolist())
-    stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:
+    """Return ROS stamp [ns] (None: none) and values of a message of one of INPUTS.
+
+    Raises:
+        InputError: it is malformed.
+    """
     if topic == "ship/heave":
-        return stamp_ns, (message.pose.pose.position.z, message.twist.twist.linear.z)
+        return read_heave(data)
     if topic == "ship/odometry":
-        place, turn = message.pose.pose.position, message.pose.pose.orientation
-        speed, rate = message.twist.twist.linear, message.twist.twist.angular
-        return stamp_ns, (
-            *(place.x, place.y, place.z, speed.x, speed.y, speed.z),
-            *(turn.x, turn.y, turn.z, turn.w, rate.x, rate.y, rate.z),
-        )
-    if topic == SWITCH_TOPIC:
-        return stamp_ns, (str(message.name[1]),)
+        stamp_ns, pose = read_pose(data)
+        return stamp_ns, _pose_values(pose)
     if topic == CUT_TOPIC:
-        return stamp_ns, (float(message.position[0]),)
-    kind = next(kind for kind, own in ORDER_TOPICS.items() if own == topic)
-    return stamp_ns, (float(getattr(message, ORDER_FIELDS[kind])[0]),)
+        at_ns, below_m, _ = read_cut(data)
+        return at_ns, (below_m,)
+    if topic == "current":
+        return None, tuple(read_current(data).ravel().tolist())
+    at_ns, order, _ = read_order(topic, data)
+    return at_ns, _order_values(order)
 
 
 def _given(call: Call) -> tuple[str, int | None, Values] | None:
@@ -340,18 +343,24 @@ def _given(call: Call) -> tuple[str, int | None, Values] | None:
     if call.method == "offer_pose":
         pose = call.arguments[0]
         assert isinstance(pose, ShipPose)
-        numbers = (*pose.position_m, *pose.velocity_m_per_s, *pose.orientation,
-                   *pose.rate_rad_per_s)  # fmt: skip
-        return "ship/odometry", pose.stamp_ns, numbers
+        return "ship/odometry", pose.stamp_ns, _pose_values(pose)
     if call.method == "offer_command":
         stamp_ns, order = call.arguments[:2]
         assert isinstance(order, WinchCommand)
         if order.kind in COMMANDER_EVENTS:
             return None
-        topic = ORDER_TOPICS.get(order.kind)
-        return (topic or SWITCH_TOPIC, stamp_ns, (order.value if topic else order.kind,))
+        return ORDER_TOPICS.get(order.kind, SWITCH_TOPIC), stamp_ns, _order_values(order)
     if call.method == "offer_cut":
         return CUT_TOPIC, call.arguments[0], (call.arguments[1],)
     if call.method == "offer_current":
         return "current", None, tuple(np.asarray(call.arguments[0]).ravel().tolist())
     return None
+
+
+def _pose_values(pose: ShipPose) -> Values:
+    return (*pose.position_m, *pose.velocity_m_per_s, *pose.orientation, *pose.rate_rad_per_s)
+
+
+def _order_values(order: WinchCommand) -> Values:
+    """Return the set-point of a command, or the name of a switch."""
+    return (order.value if order.kind in ORDER_TOPICS else order.kind,)

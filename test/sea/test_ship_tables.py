@@ -13,8 +13,8 @@ from scipy.integrate import quad
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import InputError, SceneError
 from rope_twin.messages import encode_pose
+from rope_twin.messages.inputs import read_pose
 from rope_twin.recording.motion_source import open_sea
-from rope_twin.run.border import read_pose
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Ship
 from rope_twin.scene.warnings.rope import sense_checks

@@ -13,7 +13,7 @@ from ros_messages import joint, multi_array
 
 from rope_twin.errors import InputError
 from rope_twin.messages import encode_cut, encode_heave, encode_order
-from rope_twin.run.border import read_current, read_cut, read_heave, read_order
+from rope_twin.messages.inputs import read_current, read_cut, read_heave, read_order
 from rope_twin.topics import CUT_TOPIC, WINCH_TOPICS
 from rope_twin.twin.winch.commands import WinchCommand
 
