@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,9 @@ from rope_twin.messages import encode_elevation, encode_heave
 from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.track import (
-    GAP_PERIODS,
     Faults,
-    Passes,
+    MotionRecord,
+    RecordReplay,
     Splice,
     StampedRows,
     Stamps,
@@ -23,9 +23,6 @@ from rope_twin.recording.track import (
     Track,
     Vector,
     choose_topic,
-    hermite,
-    plan_passes,
-    splice_note,
 )
 from rope_twin.topics import BY_NAME
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
@@ -39,23 +36,12 @@ LARGEST_MEAN_M = 1.0  # of heave about the rest
 LONGEST_PERIOD_S = 0.2  # the twin knows samples so long ahead, as it would live
 
 
-@dataclass(frozen=True)
-class HeaveRecord:
-    """Heave over time as it was measured or made; times count from its first sample."""
+@dataclass(frozen=True, kw_only=True)
+class HeaveRecord(MotionRecord):
+    """Heave over time."""
 
-    time_ns: Stamps  # (n,) rising, the first is 0
     position_m: Vector  # (n,) up
     velocity_m_per_s: Vector  # (n,)
-    elevation_time_ns: Stamps = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    elevation_m: Vector = field(default_factory=lambda: np.empty(0))
-    source: str = ""
-    note: str = ""  # sentences on what was skipped or derived; '' if nothing
-    skipped: int = 0
-
-    @property
-    def period_ns(self) -> int:
-        """Return the usual interval between samples (the median) [ns]."""
-        return int(np.median(np.diff(self.time_ns)))
 
 
 def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
@@ -84,7 +70,6 @@ def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
         elevation_m=elevation_m,
         source=source or f"bag {path.name}, topic {name}",
         note=" ".join(filter(None, notes)),
-        skipped=rows.skipped,
     )
 
 
@@ -194,11 +179,8 @@ def sample_of(pose: ShipPose, arm_m: Vector3, elevation_m: float | None) -> Heav
     return HeaveSample(pose.stamp_ns, place[2], velocity[2], elevation_m, pose, aside)
 
 
-class HeaveReplay:
-    """Samples of a record by simulation time; t = 0 is `start_s` into the record.
-
-    In a loop the record repeats; `note` reports if its end does not join its beginning.
-    """
+class HeaveReplay(RecordReplay):
+    """Samples of recorded heave by simulation time."""
 
     topic = "ship/heave"
 
@@ -208,34 +190,21 @@ class HeaveReplay:
         Raises:
             BagError: `start_s` is not inside the record.
         """
-        self.source = record.source
-        self.skipped = record.skipped
-        rates = record.position_m[:, None], record.velocity_m_per_s[:, None]
-        track = Track(record.time_ns, *rates, record.period_ns)
-        self.duration_s = float(track.end_ns) * 1e-9
-        schedule, splice = plan_passes(track, start_s, loop)
-        self.loop_ns = schedule.loop_ns  # of a pass; None: there is one
-        repeats_ns = None if splice else self.loop_ns
-        recorded = record.elevation_time_ns, record.elevation_m
-        surface = elevation_at(recorded, track.time_ns, repeats_ns)
-        rows = np.stack([record.position_m, record.velocity_m_per_s, surface], axis=1)
-        faded = None
-        if splice is not None:
-            parts = [splice.value, splice.rate, faded_surface(splice, track.time_ns, surface)]
-            faded = np.concatenate(parts, axis=1)
-        self._passes = Passes(schedule, rows, faded)
-        self.note = " ".join(filter(None, [record.note, splice_note(record.source, track, splice)]))
+        heave, rate = record.position_m[:, None], record.velocity_m_per_s[:, None]
+        track = Track(record.time_ns, heave, rate, record.period_ns)
+        rows = np.concatenate([heave, rate], axis=1)
+        super().__init__(record, track, rows, _blended, start_s, loop)
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Return samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
         return [
             HeaveSample(stamp_ns, z, v, None if np.isnan(eta) else eta)
-            for stamp_ns, (z, v, eta) in self._passes.between(from_ns, to_ns)
+            for stamp_ns, (z, v, eta) in self.rows(from_ns, to_ns)
         ]
 
-    def is_over(self, from_ns: int) -> bool:
-        """Return whether there is no sample from a time on."""
-        return self._passes.is_over(from_ns, self.duration_s)
+
+def _blended(splice: Splice) -> Table:
+    return np.concatenate([splice.value, splice.rate], axis=1)
 
 
 def open_heave(
@@ -266,34 +235,6 @@ def replay_sea(sea: SeaRecord, start_s: float = 0.0, loop: bool = True) -> Heave
         source=sea.source,
     )
     return HeaveReplay(record, start_s, loop)
-
-
-def elevation_at(recorded: tuple[Stamps, Vector], at_ns: Stamps, loop_ns: int | None) -> Vector:
-    """Return the surface (n,) at `at_ns` by cubic Hermite interpolation; NaN outside and in gaps.
-
-    recorded: its times (m,) and values (m,); loop_ns: after which they repeat, if they do.
-    """
-    time_ns, values = recorded
-    if len(time_ns) < 3:
-        return np.full(len(at_ns), np.nan)
-    if loop_ns is not None:  # what comes around the end is known too
-        time_ns = np.concatenate([time_ns[-2:] - loop_ns, time_ns, time_ns[:2] + loop_ns])
-        values = np.concatenate([values[-2:], values, values[:2]])
-        rising = np.diff(time_ns, prepend=time_ns[0] - 1) > 0
-        time_ns, values = time_ns[rising], values[rising]
-    slope = np.gradient(values, time_ns * 1e-9)
-    result = hermite(at_ns, time_ns, values[:, None], slope[:, None])[0][:, 0]
-    left = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
-    step = time_ns[left + 1] - time_ns[left]
-    known = (at_ns >= time_ns[0]) & (at_ns <= time_ns[-1])
-    known &= step <= GAP_PERIODS * np.median(np.diff(time_ns))
-    return np.where(known, result, np.nan)
-
-
-def faded_surface(splice: Splice, time_ns: Stamps, elevation_m: Vector) -> Table:
-    """Return the surface (h, 1) where the end of a pass is blended into the next."""
-    tail = np.interp(splice.tail_ns, time_ns, elevation_m)
-    return np.asarray(tail + splice.weight * (elevation_m[: len(tail)] - tail))[:, None]
 
 
 START_NS = 946_684_800 * 10**9  # 2000-01-01, a date that nobody takes for the measurement's

@@ -16,23 +16,19 @@ from rope_twin.errors import BagError, phrase
 from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.recording.heave import (
     HeaveSample,
-    elevation_at,
-    faded_surface,
     read_elevation,
     sample_of,
 )
 from rope_twin.recording.track import (
     Faults,
-    Passes,
+    MotionRecord,
+    RecordReplay,
     Splice,
     StampedRows,
     Stamps,
     Table,
     Track,
-    Vector,
     choose_topic,
-    plan_passes,
-    splice_note,
 )
 from rope_twin.scene.schema import RecordedPoses, Scene
 from rope_twin.topics import BY_NAME
@@ -53,24 +49,14 @@ _PLACE, _TURN, _VELOCITY, _RATE = slice(0, 3), slice(3, 7), slice(7, 10), slice(
 _NEAR_M, _NEAR_DEG = 20.0, 20.0  # farther from rest at the start is told
 
 
-@dataclass(frozen=True)
-class PoseRecord:
-    """Poses as a `ShipPose` has them; times count from the first."""
+@dataclass(frozen=True, kw_only=True)
+class PoseRecord(MotionRecord):
+    """Poses as a `ShipPose` has them."""
 
-    time_ns: Stamps  # (n,) rising, the first is 0
     position_m: Table  # (n, 3) from rest
     orientation: Table  # (n, 4) x, y, z, w from rest; signs without a jump
     velocity_m_per_s: Table  # (n, 3) in the turned axes
     rate_rad_per_s: Table  # (n, 3) in the turned axes
-    elevation: tuple[Stamps, Vector]
-    source: str
-    note: str
-    skipped: int
-
-    @property
-    def period_ns(self) -> int:
-        """Return the usual interval between samples (the median) [ns]."""
-        return int(np.median(np.diff(self.time_ns)))
 
 
 def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
@@ -99,9 +85,16 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
     place, turn, velocity, rate = _from_rest(values, recorded)
     notes.append(_far_from_rest(rows.where, place, turn))
     return PoseRecord(
-        time_ns, place, turn, velocity, rate, (elevation_ns - stamp_ns[0], elevation_m),
-        source or f"bag {path.name}, topic {name}", " ".join(filter(None, notes)), rows.skipped,
-    )  # fmt: skip
+        time_ns=time_ns,
+        position_m=place,
+        orientation=turn,
+        velocity_m_per_s=velocity,
+        rate_rad_per_s=rate,
+        elevation_time_ns=elevation_ns - stamp_ns[0],
+        elevation_m=elevation_m,
+        source=source or f"bag {path.name}, topic {name}",
+        note=" ".join(filter(None, notes)),
+    )
 
 
 def turn_rates(orientation: Table, change: Table) -> Table:
@@ -229,11 +222,11 @@ def _far_from_rest(where: str, place: Table, turn: Table) -> str:
     return phrase(where, f"it begins {off_m:.0f} m and {off_deg:.0f}° from rest", right)
 
 
-class PoseReplay:
-    """Poses of a record by simulation time; t = 0 is `start_s` into the record.
+class PoseReplay(RecordReplay):
+    """Samples of recorded poses by simulation time, bit-identical to the record.
 
-    They are bit-identical to the record. In a loop they repeat; `note` reports if the end does not
-    join the beginning; positions are then blended, and orientations as quaternions.
+    Where an end is blended into a beginning, positions are blended, and orientations as
+    quaternions.
     """
 
     topic = "ship/odometry"
@@ -246,35 +239,21 @@ class PoseReplay:
         Raises:
             BagError: the start is not inside the record.
         """
-        self.source, self._arm = f"ship's poses of {record.source}", arm_m
-        track = _track_of(record)
-        self.duration_s = track.end_ns * 1e-9
-        schedule, splice = plan_passes(track, start_s, loop)
-        self.loop_ns = schedule.loop_ns  # of a pass; None: there is one
-        surface = elevation_at(record.elevation, track.time_ns, None if splice else self.loop_ns)
-        rows = np.concatenate(
-            [record.position_m, record.velocity_m_per_s, record.orientation,
-             record.rate_rad_per_s, surface[:, None]], axis=1,
+        parts = (
+            record.position_m, record.velocity_m_per_s, record.orientation, record.rate_rad_per_s,
         )  # fmt: skip
-        faded = None
-        if splice is not None:
-            parts = [_poses_at(splice), faded_surface(splice, track.time_ns, surface)]
-            faded = np.concatenate(parts, axis=1)
-        self._passes = Passes(schedule, rows, faded)
-        self.note = " ".join(filter(None, [record.note, splice_note(record.source, track, splice)]))
+        rows = np.concatenate(parts, axis=1)
+        super().__init__(record, _track_of(record), rows, _poses_at, start_s, loop)
+        self.source, self._arm = f"ship's poses of {record.source}", arm_m
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Return samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
         found = []
-        for stamp_ns, row in self._passes.between(from_ns, to_ns):
+        for stamp_ns, row in self.rows(from_ns, to_ns):
             place, velocity, turn, rate = row[:3], row[3:6], row[6:10], row[10:13]
             pose = ShipPose(stamp_ns, *map(tuple, (place, velocity, turn, rate)))
             found.append(sample_of(pose, self._arm, None if np.isnan(row[13]) else row[13]))
         return found
-
-    def is_over(self, from_ns: int) -> bool:
-        """Return whether there is no sample from a time on."""
-        return self._passes.is_over(from_ns, self.duration_s)
 
 
 def open_poses(

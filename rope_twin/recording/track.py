@@ -1,13 +1,13 @@
-"""Looped replay of a record, once or repeatedly: which of its samples fall into an interval.
+"""Motion records of a bag: reading the samples of a topic, and their replay once or in a loop.
 
-If its end does not join its beginning (a real recording), the last 10 s of each pass are blended
-into the first 10 s of the next, so that a pass is 10 s shorter.
+If the end of a record does not join its beginning (a real recording), the last 10 s of each pass
+are blended into the first 10 s of the next, so that a pass is 10 s shorter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -73,7 +73,6 @@ class StampedRows:
         """
         self.where = f"bag {bag.path}, topic {topic}"
         self.notes: list[str] = []
-        self.skipped = 0
         self._wanted = wanted
         self._content = bag.topics[topic]
         messages = list(bag.messages(topic))
@@ -126,14 +125,14 @@ class StampedRows:
         return stamp_ns[keep], values[keep]
 
     def _tell_skipped(self, faults: dict[str, int], total: int, kept: int) -> None:
-        self.skipped = sum(faults.values())
+        skipped = sum(faults.values())
         told = ", ".join(f"{count} {fault}" for fault, count in faults.items() if count)
-        if kept < 2 or self.skipped > _TOLERATED_SHARE * total:
-            what = f"{self.skipped} of {total} samples cannot be used ({told or 'too few'})"
+        if kept < 2 or skipped > _TOLERATED_SHARE * total:
+            what = f"{skipped} of {total} samples cannot be used ({told or 'too few'})"
             right = f"right are 2 or more, at most {_TOLERATED_SHARE:.0%} bad"
             raise BagError(phrase(self.where, what, right))
-        if self.skipped:
-            self.notes.append(f"{self.where}: skipped {self.skipped} of {total} samples ({told}).")
+        if skipped:
+            self.notes.append(f"{self.where}: skipped {skipped} of {total} samples ({told}).")
         promised = self._content.messages
         if total < promised:
             self.notes.append(f"{self.where}: of {promised} messages promised {total} are there.")
@@ -209,82 +208,96 @@ class Splice(NamedTuple):
     weight: Vector  # (h,) share of the record's beginning
 
 
-@dataclass(frozen=True)
-class PassSchedule:
-    """Simulation time of the passes through a record; t = 0 is `start_ns` into it."""
+@dataclass(frozen=True, kw_only=True)
+class MotionRecord:
+    """Motion as it was measured or made; times count from its first sample."""
 
-    start_ns: int
-    time_ns: Stamps  # times of the samples of a pass
-    loop_ns: int | None  # length of a pass; None: there is one
-    reaches_back: bool  # whether passes go on before the first
+    time_ns: Stamps  # (n,) rising, the first is 0
+    elevation_time_ns: Stamps = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    elevation_m: Vector = field(default_factory=lambda: np.empty(0))  # water surface at the ship
+    source: str = ""
+    note: str = ""  # sentences on what was skipped or derived; '' if nothing
 
-    def between(self, from_ns: int, to_ns: int) -> list[tuple[int, bool, int]]:
-        """Return stamp, whether in a later pass, and index of each sample of an interval."""
-        low, high = from_ns + self.start_ns, to_ns + self.start_ns
-        if self.loop_ns is None:
-            return self._cut(low, high, 0, False)
-        found: list[tuple[int, bool, int]] = []
-        earliest = low // self.loop_ns
-        earliest = earliest if self.reaches_back else max(0, earliest)
-        for lap in range(earliest, (high - 1) // self.loop_ns + 1):
-            found += self._cut(low, high, lap * self.loop_ns, lap != 0)
-        return found
-
-    def _cut(self, low: int, high: int, shift_ns: int, later: bool) -> list[tuple[int, bool, int]]:
-        first, last = np.searchsorted(self.time_ns, [low - shift_ns, high - shift_ns])
-        shift_ns -= self.start_ns
-        return [(int(self.time_ns[i]) + shift_ns, later, i) for i in range(first, last)]
+    @property
+    def period_ns(self) -> int:
+        """Return the usual interval between samples (the median) [ns]."""
+        return int(np.median(np.diff(self.time_ns)))
 
 
-class Passes:
-    """Rows of a record, one per sample, by simulation time and pass."""
+class RecordReplay:
+    """Rows of a record by simulation time, once or in a loop; t = 0 is `start_s` into the record.
 
-    def __init__(self, schedule: PassSchedule, rows: Table, faded: Table | None) -> None:
-        """Store the rows (n, k) of the first pass; faded: beginning of later ones, or None."""
-        self._schedule, self._first = schedule, rows
-        self._later = rows if faded is None else np.concatenate([faded, rows[len(faded) :]])
-
-    def between(self, from_ns: int, to_ns: int) -> Iterator[tuple[int, Any]]:
-        """Return stamp and values of each sample with from_ns <= stamp < to_ns, in order, each
-        once.
-        """
-        for stamp_ns, later, index in self._schedule.between(from_ns, to_ns):
-            yield stamp_ns, (self._later if later else self._first)[index].tolist()
-
-    def is_over(self, from_ns: int, duration_s: float) -> bool:
-        """Return whether a record of this length has no sample from a time on."""
-        if self._schedule.loop_ns is not None:
-            return False
-        return not self._schedule.between(from_ns, from_ns + round(duration_s * 1e9))
-
-
-def plan_passes(track: Track, start_s: float, loop: bool) -> tuple[PassSchedule, Splice | None]:
-    """Return how a record is passed through from `start_s` on, and its splice, if any.
-
-    Raises:
-        BagError: the start is not inside the record.
+    In a loop the record repeats; `note` reports if its end does not join its beginning.
     """
-    duration_s = track.end_ns * 1e-9
-    if not (np.isfinite(start_s) and 0.0 <= start_s < duration_s):
-        right = f"right is 0 to less than {duration_s:g} s"
-        where = f"start of the record at {start_s:g} s"
-        raise BagError(phrase(where, f"it lasts {duration_s:g} s", right))
-    start_ns = round(start_s * 1e9)
-    if not loop or joins(track):
-        return PassSchedule(start_ns, track.time_ns, track.end_ns if loop else None, loop), None
-    splice = find_splice(track)
-    return PassSchedule(start_ns, track.time_ns[: splice.samples], splice.loop_ns, False), splice
 
+    def __init__(
+        self,
+        record: MotionRecord,
+        track: Track,
+        rows: Table,
+        blended: Callable[[Splice], Table],
+        start_s: float,
+        loop: bool,
+    ) -> None:
+        """Prepare the replay.
 
-def splice_note(source: str, track: Track, splice: Splice | None) -> str:
-    """Return in one sentence how an end that does not join the beginning is handled, or ""."""
-    if splice is None:
-        return ""
-    faded_s = (track.end_ns - splice.loop_ns) * 1e-9
-    return (
-        f"{source}: its end does not join its beginning, the last {faded_s:.3g} s of each pass "
-        "fade into the next."
-    )
+        Args:
+            record: source, notes, and water surface, which follows in each row; NaN: unknown.
+            track: motion that decides whether the end joins the beginning.
+            rows: values of each sample, (n, k).
+            blended: returns the rows (h, k) where the end of a pass is blended into the next.
+            start_s: position of t = 0 in the record.
+            loop: whether to continue from the beginning at the end.
+
+        Raises:
+            BagError: `start_s` is not inside the record.
+        """
+        self.source, self.duration_s = record.source, track.end_ns * 1e-9
+        if not (np.isfinite(start_s) and 0.0 <= start_s < self.duration_s):
+            right = f"right is 0 to less than {self.duration_s:g} s"
+            where = f"start of the record at {start_s:g} s"
+            raise BagError(phrase(where, f"it lasts {self.duration_s:g} s", right))
+        self._start_ns, self._time_ns = round(start_s * 1e9), track.time_ns
+        self.loop_ns = track.end_ns if loop else None  # length of a pass; None: there is one
+        self._reaches_back = loop and joins(track)  # whether passes go on before the first
+        splice = find_splice(track) if loop and not self._reaches_back else None
+        surface = elevation_at(record, None if splice else self.loop_ns)
+        self._first = self._later = np.column_stack([rows, surface])
+        self.note = record.note
+        if splice is not None:
+            self._time_ns, self.loop_ns = track.time_ns[: splice.samples], splice.loop_ns
+            tail = np.interp(splice.tail_ns, track.time_ns, surface)
+            surface = tail + splice.weight * (surface[: len(tail)] - tail)
+            faded = np.column_stack([blended(splice), surface])
+            self._later = np.concatenate([faded, self._first[len(faded) :]])
+            faded_s = (track.end_ns - splice.loop_ns) * 1e-9
+            words = (
+                f"{record.source}: its end does not join its beginning, the last {faded_s:.3g} s "
+                "of each pass fade into the next."
+            )
+            self.note = " ".join(filter(None, [record.note, words]))
+
+    def rows(self, from_ns: int, to_ns: int) -> Iterator[tuple[int, Any]]:
+        """Yield stamp and values of each sample with from_ns <= stamp < to_ns, in order.
+
+        Each sample is yielded once; its last value is the surface, NaN where unknown.
+        """
+        low, high = from_ns + self._start_ns, to_ns + self._start_ns
+        first = last = 0
+        if self.loop_ns is not None:
+            first, last = low // self.loop_ns, (high - 1) // self.loop_ns
+            first = first if self._reaches_back else max(0, first)
+        for lap in range(first, last + 1):
+            shift_ns = lap * (self.loop_ns or 0)
+            table = self._later if lap else self._first
+            begin, end = np.searchsorted(self._time_ns, [low - shift_ns, high - shift_ns])
+            for index in range(begin, end):
+                stamp_ns = int(self._time_ns[index]) + shift_ns - self._start_ns
+                yield stamp_ns, table[index].tolist()
+
+    def is_over(self, from_ns: int) -> bool:
+        """Return whether there is no sample from a time on."""
+        return self.loop_ns is None and self._time_ns[-1] < from_ns + self._start_ns
 
 
 def joins(track: Track) -> bool:
@@ -339,3 +352,25 @@ def hermite(at_ns: Stamps, time_ns: Stamps, value: Table, slope: Table) -> tuple
         m + s * (2.0 * (3.0 * (b - a) - 2.0 * m - n) + 3.0 * s * (2.0 * (a - b) + m + n))
     ) / step
     return result, rate
+
+
+def elevation_at(record: MotionRecord, loop_ns: int | None) -> Vector:
+    """Return the surface (n,) at each sample by cubic Hermite interpolation; NaN where unknown.
+
+    loop_ns: after which the record repeats, if it does.
+    """
+    at_ns, time_ns, values = record.time_ns, record.elevation_time_ns, record.elevation_m
+    if len(time_ns) < 3:
+        return np.full(len(at_ns), np.nan)
+    if loop_ns is not None:  # what comes around the end is known too
+        time_ns = np.concatenate([time_ns[-2:] - loop_ns, time_ns, time_ns[:2] + loop_ns])
+        values = np.concatenate([values[-2:], values, values[:2]])
+        rising = np.diff(time_ns, prepend=time_ns[0] - 1) > 0
+        time_ns, values = time_ns[rising], values[rising]
+    slope = np.gradient(values, time_ns * 1e-9)
+    result = hermite(at_ns, time_ns, values[:, None], slope[:, None])[0][:, 0]
+    left = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
+    step = time_ns[left + 1] - time_ns[left]
+    known = (at_ns >= time_ns[0]) & (at_ns <= time_ns[-1])
+    known &= step <= GAP_PERIODS * np.median(np.diff(time_ns))
+    return np.where(known, result, np.nan)

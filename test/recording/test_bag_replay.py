@@ -40,7 +40,7 @@ def faded(tmp_path_factory) -> HeaveReplay:
 
 def test_replay_gives_the_bag_as_it_is(sea):
     assert sea.note == ""
-    assert sea.skipped == 0
+    assert "skipped" not in sea.note
     assert sea.loop_ns == 1200 * SECOND
     first = sea.between(0, 1)
     assert [sample.stamp_ns for sample in first] == [0]
@@ -169,7 +169,7 @@ def test_a_bare_file_and_a_named_topic_and_a_namespace_open(tmp_path):
     for name in ("rig/ship/heave", "mru"):
         bag = write_heave(tmp_path / name.replace("/", "_"), swell(1280), name=name)
         for topic in (None, name, f"/{name}"):
-            assert open_heave(bag, topic=topic).skipped == 0
+            assert "skipped" not in open_heave(bag, topic=topic).note
 
 
 def test_bags_of_others_open_sqlite_too(tmp_path):
@@ -233,7 +233,6 @@ def test_few_bad_samples_are_skipped_counted_and_told(tmp_path):
     rows[300] = (rows[290][0], 5.0, 0.0)
     rows[50] = (-START_NS, 5.0, 0.0)
     replay = open_heave(write_heave(tmp_path / "few", rows))
-    assert replay.skipped == 5
     told = "2 not finite, 1 without a stamp, 1 with a repeated stamp, 1 with a stamp that goes back"
     assert f"skipped 5 of 1280 samples ({told})" in replay.note
     samples = replay.between(0, 64 * SECOND)
