@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rope_twin.cli.console import ExitCode
 from rope_twin.run.arguments import add_command
-from rope_twin.run.options import RunOptions, add_arguments, read_options
+from rope_twin.run.options import RunOptions, add_arguments, check_against_scene, read_options
 from rope_twin.run.progress import FigureProgress
 
 EXAMPLES = (
@@ -25,6 +25,7 @@ ALONE_S = 60.0  # so much of a paced run is repeated without waiting, to measure
 if TYPE_CHECKING:
     from rope_twin.run.summary import RunSummary
     from rope_twin.run.unpaced import UnpacedRun
+    from rope_twin.scene.schema import Scene
 
     PacedRunner = Callable[[RunOptions, FigureProgress], RunSummary]
 
@@ -54,10 +55,12 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
 
         options = choose(args, options)
         progress.say(options.chosen)
-    _check_against_scene(options, progress)
-    _tell_of_vortices(options, progress)
+    scene = _scene(options)
+    for words in (check_against_scene(options, scene), _vortex_words(scene)):
+        if words:
+            progress.say(words)
     if options.speed == 0.0:
-        summary = _unpaced(options, progress)
+        summary = _unpaced(options, scene, progress)
     elif paced is None:
         raise RuntimeError("a paced run needs the ROS suite")
     else:
@@ -91,17 +94,13 @@ def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
     return replace(summary, real_time_factor=measure_alone(options, time_s))
 
 
-def _unpaced(options: RunOptions, progress: FigureProgress) -> RunSummary:
+def _unpaced(options: RunOptions, scene: Scene, progress: FigureProgress) -> RunSummary:
     from rope_twin.messages.diagnostics import BreachWords
     from rope_twin.run.unpaced import run_unpaced
-    from rope_twin.scene.change import at_setting
-    from rope_twin.scene.load import load_scene
     from rope_twin.scene.warnings.rope import sense_checks
 
-    scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
     for warning in sense_checks(scene):
         progress.say(warning)
-
     broken = BreachWords()
 
     def report(run: UnpacedRun) -> None:
@@ -113,24 +112,19 @@ def _unpaced(options: RunOptions, progress: FigureProgress) -> RunSummary:
     return run_unpaced(options, report, say=progress.say)
 
 
-def _check_against_scene(options: RunOptions, progress: FigureProgress) -> None:
-    """Check the options against the scene. Raises InputError or SceneError."""
-    from rope_twin.run.options import check_against_scene
+def _scene(options: RunOptions) -> Scene:
+    """Return the scene of the run. Raises SceneError."""
     from rope_twin.scene.change import at_setting
     from rope_twin.scene.load import load_scene
 
-    scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
-    if words := check_against_scene(options, scene):
-        progress.say(words)
+    return at_setting(load_scene(options.scene), options.elements, options.step_s)
 
 
-def _tell_of_vortices(options: RunOptions, progress: FigureProgress) -> None:
-    """Report the mesh and time step that the scene's VIV model needs, and what it gets.
+def _vortex_words(scene: Scene) -> str:
+    """Return the mesh and time step that the scene's VIV model needs, and what it gets, or "".
 
-    Of too little of them a warning tells by itself (rope_twin.scene.warnings).
+    A warning reports too little of them by itself (rope_twin.scene.warnings).
     """
-    from rope_twin.scene.change import at_setting
-    from rope_twin.scene.load import load_scene
     from rope_twin.scene.model.lift import lift_figures
     from rope_twin.scene.validation.rigging import is_joined
     from rope_twin.scene.validation.vortices import (
@@ -139,11 +133,7 @@ def _tell_of_vortices(options: RunOptions, progress: FigureProgress) -> None:
         vortex_words,
     )
 
-    scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
     if not shedding_model(scene) or is_joined(scene):
-        return
+        return ""
     figures = lift_figures(scene)
-    if any(check_vortex_resolution(scene, figures)):
-        return
-    if words := vortex_words(scene, figures):
-        progress.say(words)
+    return "" if any(check_vortex_resolution(scene, figures)) else vortex_words(scene, figures)
