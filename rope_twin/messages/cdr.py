@@ -43,8 +43,29 @@ def typestore() -> Any:
 
 
 def new(type_name: str, **fields: Any) -> Any:
-    """Return a message object of the given type."""
+    """Return a message object of the given type; fields that are not given are zero or empty.
+
+    An orientation is the identity, as ROS defines it.
+    """
+    if type_name == "geometry_msgs/msg/Quaternion":
+        fields.setdefault("w", 1.0)
+    for name, description in typestore().fielddefs[type_name][1]:
+        if name not in fields:
+            fields[name] = _zero(description)
     return typestore().types[type_name](**fields)
+
+
+def _zero(description: Any) -> Any:
+    """Return the value of a field that is not given."""
+    kind, detail = description
+    if kind == Nodetype.NAME:
+        return new(detail)
+    if kind == Nodetype.BASE:
+        return "" if detail[0] == "string" else np.dtype(_LITTLE[detail[0]]).type().item()
+    (inner, what), count = detail[0], detail[1] if kind == Nodetype.ARRAY else 0
+    if inner == Nodetype.BASE and what[0] in _LITTLE:
+        return np.zeros(count, _LITTLE[what[0]])
+    return [_zero(detail[0]) for _ in range(count)]
 
 
 def serialise(message: Any) -> bytes:

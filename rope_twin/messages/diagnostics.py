@@ -48,8 +48,7 @@ class Status:
 
 def encode_diagnostics(stamp_ns: int, rows: Sequence[Status]) -> bytes:
     """Return a `diagnostics` message with one DiagnosticStatus per row."""
-    header = templates.header("")
-    header.stamp = templates.time(stamp_ns)
+    header = new("std_msgs/msg/Header", stamp=templates.time(stamp_ns))
     status = [
         new(
             "diagnostic_msgs/msg/DiagnosticStatus",

@@ -35,11 +35,11 @@ Row = dict[str, Any]  # value of each column of a table
 class Encoder:
     """Holds the message templates; one per publishing thread."""
 
-    def __init__(self, epoch_ns: int, frame_id: str = MAP) -> None:
+    def __init__(self, epoch_ns: int) -> None:
         self._epoch_ns = epoch_ns
-        self._frame_id = frame_id
-        self._wrench = Template(templates.wrench(frame_id))
-        self._hang_off = Template(templates.odometry(frame_id, HANG_OFF))
+        header = templates.header(MAP)
+        self._wrench = Template(new("geometry_msgs/msg/WrenchStamped", header=header))
+        self._hang_off = Template(templates.odometry(MAP, HANG_OFF))
         self._sized = Templates()
         self._rope_template: tuple[int, Template, Template] | None = (
             None  # elements, of one, of all
@@ -118,7 +118,7 @@ class Encoder:
         template = self._sized.get(
             topic,
             (len(points), points.dtype),
-            lambda: templates.cloud(self._frame_id, len(points), points.dtype),
+            lambda: templates.cloud(MAP, len(points), points.dtype),
         )
         data = {"data": points.view(np.uint8)} if len(points) else {}
         return template.fill({**self._stamp(snapshot), **data})
@@ -255,7 +255,7 @@ class Encoder:
             payloads = [(PAYLOAD, *alone)]
         names = tuple(name for name, *_ in payloads)
         template = self._sized.get(
-            "payloads/state", names, lambda: templates.free_bodies(self._frame_id, names)
+            "payloads/state", names, lambda: templates.free_bodies(MAP, names)
         )
         values: dict[str, Any] = self._stamp(snapshot)
         for number, (_, position_m, velocity_m_per_s) in enumerate(payloads):
@@ -408,7 +408,7 @@ class Encoder:
         form = self._sized.get(
             "ropes/markers of one element",
             (scale_n, further, bars, slings),
-            lambda: templates.rope_markers(self._frame_id, 1, words, further, bars, slings),
+            lambda: templates.rope_markers(MAP, 1, words, further, bars, slings),
         )
         if self._rope_template is None or self._rope_template[:2] != (count, form):
             # the winch changes the count every second or so; a point as an object takes 30 µs

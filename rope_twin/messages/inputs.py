@@ -102,7 +102,6 @@ def encode_current(rows: Sequence[Sequence[float]]) -> bytes:
             new("std_msgs/msg/MultiArrayDimension", label=label, size=size, stride=stride)
             for label, size, stride in sizes
         ],
-        data_offset=0,
     )
     data = np.array(numbers)
     return serialise(new("std_msgs/msg/Float64MultiArray", layout=layout, data=data))
@@ -137,7 +136,8 @@ def _pose() -> Template:
 
 @cache
 def _elevation(recorded: bool) -> Template:
-    return Template(templates.point_stamped(RECORD_FRAME if recorded else "map"))
+    header = templates.header(RECORD_FRAME if recorded else "map")
+    return Template(new("geometry_msgs/msg/PointStamped", header=header))
 
 
 @cache

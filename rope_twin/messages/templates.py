@@ -32,6 +32,7 @@ MARKER_LIFETIME_S = 1  # markers of a rope that is not published disappear
 _UINT8 = 2  # sensor_msgs/PointField.UINT8
 _FIELD_TYPES = {np.dtype("<f4"): 7, np.dtype("<f8"): 8}  # FLOAT32, FLOAT64
 _CUBE, _SPHERE, _LINE_LIST, _TEXT = 1, 2, 5, 9  # visualization_msgs/Marker.type
+_POINT = "geometry_msgs/msg/Point"
 PAYLOAD_RGB = (0.95, 0.60, 0.20)
 HANG_OFF_RGB = (0.90, 0.90, 0.90)
 
@@ -41,41 +42,18 @@ def split(time_ns: int) -> tuple[int, int]:
     return divmod(time_ns, NANOSECONDS)
 
 
-def time(time_ns: int = 0) -> Any:
+def time(time_ns: int) -> Any:
     sec, nanosec = split(time_ns)
     return new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
 
 
 def header(frame_id: str) -> Any:
-    return new("std_msgs/msg/Header", stamp=time(), frame_id=frame_id)
+    return new("std_msgs/msg/Header", frame_id=frame_id)
 
 
-def point() -> Any:
-    return new("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0)
-
-
-def vector() -> Any:
-    return new("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
-
-
-def colour(rgb: tuple[float, float, float] = (0.0, 0.0, 0.0), alpha: float = 1.0) -> Any:
+def colour(rgb: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
     red, green, blue = rgb
-    return new("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=alpha)
-
-
-def pose() -> Any:
-    """Return a pose at the origin with identity orientation (w = 1)."""
-    turn = new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
-    return new("geometry_msgs/msg/Pose", position=point(), orientation=turn)
-
-
-def point_stamped(frame_id: str) -> Any:
-    return new("geometry_msgs/msg/PointStamped", header=header(frame_id), point=point())
-
-
-def wrench(frame_id: str) -> Any:
-    forces = new("geometry_msgs/msg/Wrench", force=vector(), torque=vector())
-    return new("geometry_msgs/msg/WrenchStamped", header=header(frame_id), wrench=forces)
+    return new("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0)
 
 
 def odometry(frame_id: str, child_frame_id: str, known: Sequence[int] | None = range(6)) -> Any:
@@ -84,7 +62,6 @@ def odometry(frame_id: str, child_frame_id: str, known: Sequence[int] | None = r
     Variances are those of a computed value, and UNKNOWN_VARIANCE in the axes that are not stated.
     None: the covariance is unknown, which is zero by the convention of ROS.
     """
-    twist = new("geometry_msgs/msg/Twist", linear=vector(), angular=vector())
     variances = np.zeros(6)
     if known is not None:
         variances[:] = UNKNOWN_VARIANCE
@@ -94,8 +71,8 @@ def odometry(frame_id: str, child_frame_id: str, known: Sequence[int] | None = r
         "nav_msgs/msg/Odometry",
         header=header(frame_id),
         child_frame_id=child_frame_id,
-        pose=new("geometry_msgs/msg/PoseWithCovariance", pose=pose(), covariance=both[0]),
-        twist=new("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=both[1]),
+        pose=new("geometry_msgs/msg/PoseWithCovariance", covariance=both[0]),
+        twist=new("geometry_msgs/msg/TwistWithCovariance", covariance=both[1]),
     )
 
 
@@ -103,7 +80,7 @@ def joint_state(names: Sequence[str], fields: Collection[str]) -> Any:
     """Return joints of these names with a value each in these of position, velocity and effort."""
     sizes = {name: len(names) * (name in fields) for name in ("position", "velocity", "effort")}
     numbers = {name: np.zeros(size) for name, size in sizes.items()}
-    return new("sensor_msgs/msg/JointState", header=header(""), name=list(names), **numbers)
+    return new("sensor_msgs/msg/JointState", name=list(names), **numbers)
 
 
 def free_bodies(frame_id: str, names: Sequence[str]) -> Any:
@@ -112,12 +89,8 @@ def free_bodies(frame_id: str, names: Sequence[str]) -> Any:
         "sensor_msgs/msg/MultiDOFJointState",
         header=header(frame_id),
         joint_names=list(names),
-        transforms=[
-            new("geometry_msgs/msg/Transform", translation=vector(), rotation=pose().orientation)
-            for _ in names
-        ],
-        twist=[new("geometry_msgs/msg/Twist", linear=vector(), angular=vector()) for _ in names],
-        wrench=[],
+        transforms=[new("geometry_msgs/msg/Transform") for _ in names],
+        twist=[new("geometry_msgs/msg/Twist") for _ in names],
     )
 
 
@@ -160,7 +133,6 @@ def cloud(frame_id: str, count: int, point: np.dtype[Any]) -> Any:
         height=1,
         width=count,
         fields=fields,
-        is_bigendian=False,
         point_step=size,
         row_step=size * count,
         data=np.zeros(size * count, dtype=np.uint8),
@@ -208,7 +180,7 @@ def rope_markers(
     number of slings of a 6-DOF payload.
     """
     rope = _marker(frame_id, "rope", _LINE_LIST, colour())
-    rope.points = [point() for _ in range(2 * elements)]
+    rope.points = [new(_POINT) for _ in range(2 * elements)]
     rope.colors = [colour() for _ in range(2 * elements)]
     text = _marker(frame_id, "tension_scale", _TEXT, colour(HANG_OFF_RGB))
     text.text = scale_text
@@ -223,39 +195,22 @@ def rope_markers(
     ]
     if bars:
         markers.append(_marker(frame_id, "bars", _LINE_LIST, colour(HANG_OFF_RGB)))
-        markers[-1].points = [point() for _ in range(2 * bars)]
+        markers[-1].points = [new(_POINT) for _ in range(2 * bars)]
     if slings:
         markers.append(_marker(frame_id, "slings", _LINE_LIST, colour(HANG_OFF_RGB)))
-        markers[-1].points = [point() for _ in range(2 * slings)]
+        markers[-1].points = [new(_POINT) for _ in range(2 * slings)]
     return new("visualization_msgs/msg/MarkerArray", markers=markers)
 
 
 def _marker(frame_id: str, namespace: str, kind: int, rgba: Any) -> Any:
-    lifetime = new("builtin_interfaces/msg/Duration", sec=MARKER_LIFETIME_S, nanosec=0)
-    no_texture = new("sensor_msgs/msg/CompressedImage", header=header(""), format="",
-                     data=np.zeros(0, dtype=np.uint8))  # fmt: skip
-    no_mesh = new("visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, dtype=np.uint8))
+    lifetime = new("builtin_interfaces/msg/Duration", sec=MARKER_LIFETIME_S)
     return new(
         "visualization_msgs/msg/Marker",
         header=header(frame_id),
         ns=namespace,
-        id=0,
         type=kind,
-        action=0,
-        pose=pose(),
-        scale=vector(),
         color=rgba,
         lifetime=lifetime,
-        frame_locked=False,
-        points=[],
-        colors=[],
-        texture_resource="",
-        texture=no_texture,
-        uv_coordinates=[],
-        text="",
-        mesh_resource="",
-        mesh_file=no_mesh,
-        mesh_use_embedded_materials=False,
     )
 
 

@@ -82,10 +82,10 @@ def add_out(parser: argparse._ActionsContainer, metavar: str, about: str, **more
     parser.add_argument("--out", type=Path, metavar=metavar, help=about, **more)
 
 
-def add_json(parser: argparse._ActionsContainer, about: str = "") -> None:
+def add_json(parser: argparse._ActionsContainer) -> None:
     """Declare the output for programs."""
     words = "print one JSON object on stdout in place of text"
-    parser.add_argument("--json", action="store_true", help=f"{words}{about and f'; {about}'}")
+    parser.add_argument("--json", action="store_true", help=words)
 
 
 def leaf_parsers(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentParser]:

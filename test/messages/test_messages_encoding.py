@@ -240,11 +240,6 @@ def test_unknown_topic_names_the_nearest() -> None:
         messages.Encoder(0).encode("ropes/tension_tops", hanging_rope())
 
 
-def test_frame_is_the_one_asked_for() -> None:
-    data = messages.Encoder(0, frame_id="field/map").encode("ropes/nodes", hanging_rope())
-    assert messages.decode("ropes/nodes", data).header.frame_id == "field/map"
-
-
 @settings(max_examples=30, deadline=None)
 @given(stamp=st.integers(0, 2**31 * 10**9 - 1), z=FINITE, rate=FINITE)
 def test_inputs_come_back_as_they_went_in(stamp: int, z: float, rate: float) -> None:

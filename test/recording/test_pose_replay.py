@@ -72,7 +72,7 @@ def bare_pose(at_ns: int, pose: ShipPose) -> bytes:
     """A PoseStamped, which has no twist."""
     head = templates.header("sea")
     head.stamp = templates.time(at_ns)
-    inner = templates.pose()
+    inner = new("geometry_msgs/msg/Pose")
     for field, values in (("position", pose.position_m), ("orientation", pose.orientation)):
         for axis, value in zip("xyzw", values, strict=False):
             setattr(getattr(inner, field), axis, value)
