@@ -78,6 +78,16 @@ class _Summary:
     chunk_count: int | None = None
 
 
+def mcap_files(bag: Path) -> list[Path]:
+    """Return the MCAP files of a bag in the order of their numbers, or the file that it is."""
+
+    def order(path: Path) -> tuple[str, int]:
+        match = re.fullmatch(r"(.*?)(\d*)", path.stem)
+        return (match[1], int(match[2] or 0)) if match else (path.stem, 0)
+
+    return [bag] if bag.is_file() else sorted(bag.glob("*.mcap"), key=order)
+
+
 class McapScan:
     """One pass over a file; afterwards `problems` lists what was lost (nothing: it is whole)."""
 

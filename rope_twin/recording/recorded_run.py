@@ -27,7 +27,7 @@ from rope_twin.messages.inputs import (
 )
 from rope_twin.recording.bag import OWN_RECORD
 from rope_twin.recording.input_log import LoggedCalls, Skipped, decode_json, read_log
-from rope_twin.recording.mcap_scan import McapScan, StoredMessage
+from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
 from rope_twin.recording.session import Session
 from rope_twin.topics import (
     CUT_TOPIC,
@@ -283,7 +283,7 @@ def read_content(bag: Path) -> BagContent:
     Raises:
         BagError: no such bag, or it has no run that can be replayed.
     """
-    files = [bag] if bag.is_file() else sorted(bag.glob("*.mcap"), key=_file_order)
+    files = mcap_files(bag)
     if not files:
         what = "it holds no .mcap file" if bag.is_dir() else "it does not exist"
         raise BagError(phrase(f"bag {bag}", what, "give a bag that rope_twin recorded"))
@@ -307,12 +307,6 @@ def _scan(scan: McapScan, metadata: Any = None) -> Iterator[Recorded]:
             topics[record.id] = record.topic.removeprefix("/")
         elif isinstance(record, Metadata) and metadata is not None:
             metadata(record)
-
-
-def _file_order(path: Path) -> tuple[int, str]:
-    """Return a sort key by the number at the end of the name: _2 before _10."""
-    number = path.stem.rpartition("_")[2]
-    return (int(number) if number.isdigit() else 0, path.name)
 
 
 def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -22,7 +21,7 @@ from rope_twin.recording.bag import (
     recorded_name,
 )
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.mcap_scan import McapScan, StoredMessage
+from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
 from rope_twin.topics import BY_NAME
 
 
@@ -99,7 +98,7 @@ def _find_files(bag: Path) -> _Source:
         return _Source([bag])
     if not bag.is_dir():
         raise BagError(phrase(f"bag {bag}", "it does not exist", "give a bag or an .mcap file"))
-    source = _Source(sorted(bag.glob("*.mcap"), key=_file_order))
+    source = _Source(mcap_files(bag))
     if not source.files:
         source.lost.append(f"{bag} holds no .mcap file")
     information = _read_metadata(bag / "metadata.yaml")
@@ -124,12 +123,6 @@ def _read_metadata(path: Path) -> dict[str, Any] | None:
     except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError, RecursionError):
         return None
     return information if isinstance(information, dict) else None
-
-
-def _file_order(path: Path) -> tuple[str, int]:
-    """Return a sort key by name, with a number at its end as a number: _2 before _10."""
-    match = re.fullmatch(r"(.*?)(\d*)", path.stem)
-    return (match[1], int(match[2] or 0)) if match else (path.stem, 0)
 
 
 class _Salvage:

@@ -14,7 +14,7 @@ from rope_twin import messages
 from rope_twin.errors import BagError, InputError, phrase
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.recording.bag import find_bag
-from rope_twin.recording.mcap_scan import McapScan, StoredMessage
+from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
 from rope_twin.view.rope_view import SHOWN_TOPICS
 
 
@@ -79,7 +79,7 @@ def play(bag: str | os.PathLike[str], view: Shows, until_s: float | None = None)
 
 def _messages(path: Path, played: Played) -> Iterator[tuple[str, StoredMessage]]:
     """Return topic name and message of the topics that the view shows, in recorded order."""
-    files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
+    files = mcap_files(path)
     if not files or any(file.suffix != ".mcap" for file in files):
         raise BagError(phrase(f"bag {path}", "it holds no .mcap file", "record with MCAP storage"))
     for file in files:

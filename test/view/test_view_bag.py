@@ -52,6 +52,19 @@ def bag(tmp_path: Path) -> Path:
     return tmp_path / "lift"
 
 
+def test_the_files_of_a_split_recording_are_played_by_number(tmp_path: Path) -> None:
+    (tmp_path / "bag").mkdir()
+    for number in (10, 2):
+        part = tmp_path / f"part{number}"
+        with BagWriter(part, TOPICS) as writer:
+            writer.write("twin/epoch", EPOCH_NS + number, messages.encode_epoch(EPOCH_NS))
+        (file,) = part.glob("*.mcap")
+        file.rename(tmp_path / "bag" / f"bag_{number}.mcap")
+    watcher = Watcher()
+    play(tmp_path / "bag", watcher)
+    assert [time_ns - EPOCH_NS for _, time_ns in watcher.seen] == [2, 10]
+
+
 def test_a_bag_is_played_in_order(bag: Path) -> None:
     watcher = Watcher()
     played = play(bag, watcher)
