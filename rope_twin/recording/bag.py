@@ -231,6 +231,15 @@ def find_bag(bag: str | Path) -> Path:
     return path
 
 
+def free_path(path: Path, suffix: str = "") -> Path:
+    """Return the path, or the first free one of PATH_2, PATH_3 and so on, before the suffix."""
+    number, free = 1, path
+    while free.exists():
+        number += 1
+        free = path.with_name(f"{path.name.removesuffix(suffix)}_{number}{suffix}")
+    return free
+
+
 class BagReader(ClosableBag):
     """A bag that is open for reading; also a context manager."""
 

@@ -42,14 +42,8 @@ from rope_twin.twin.saving.autosave import AutoSave, SavingStatus
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
-RUN_ROW = "simulation: run"
 MOTION_ROW = "simulation: input heave"
 CLOCK_STEP_S = 0.05  # tolerance of ROS time against the steady clock
-
-
-def run_row(summary: RunSummary) -> Status:
-    """Return the row with the run summary; its key values are the fields of a RunSummary."""
-    return Status(RUN_ROW, Level.OK, "run statistics", summary.as_values())
 
 
 def publishing_row(error: str, lost_snapshots: int) -> Status:
@@ -380,7 +374,7 @@ class PacedTwin:
     def rows(self, now: Clocks) -> list[Status]:
         """Return the diagnostics rows of solver, pacing, inputs, messages and clocks."""
         health = self.pacer.health()
-        rows = [run_row(self.summary()), *statuses(self.last, health)]
+        rows = [self.summary().row(), *statuses(self.last, health)]
         if self.ladder is not None:
             rows.append(rung_row(self.ladder, self.last))
         rows += self.border.rows()

@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter
 
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.quantity import Quantity, quantity, text
-from rope_twin.run.options import SPEED_HIGH, SPEED_LOW
+from rope_twin.run.options import SPEED_HIGH, SPEED_LOW, RunOptions
 from rope_twin.run.seat import PRIORITY
 
 P = TypeVar("P")
@@ -162,6 +162,48 @@ class ViewerParams:
     simulation_node: str = text(
         "node whose twin/epoch is used, with its namespace if that differs", "simulation"
     )
+
+
+# Publishing nodes are shut down first, subscribing ones last.
+END_ORDER = ("simulation", "sea_state", "winch_schedule", "viewer", "recorder")
+
+
+def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
+    """Return the parameters of each node to be started with these options, by node."""
+    speed = {"speed": options.speed}
+    cut = {"allow_cut": options.allow_cut or bool(options.cut)}
+    nodes: dict[str, dict[str, Any]] = {}
+    nodes["sea_state"] = {
+        "scene": options.scene,
+        "bag": options.bag,
+        "poses": options.poses,
+        "topic": options.topic,
+        "sea_offset_s": options.sea_offset_s,
+        **speed,
+    }
+    nodes["winch_schedule"] = {"scene": options.scene, "cut": options.cut, **speed}
+    # After the nodes that read named files: nothing is written to disk for a mistyped name.
+    if options.record is not None:
+        nodes["recorder"] = {"out": str(options.record), **cut}
+    if options.view is not None:
+        nodes["viewer"] = {"file": str(options.view_file or "")}
+    nodes["simulation"] = {
+        "scene": options.scene,
+        "stop_after_s": options.end_s or 0.0,
+        "save_state": str(options.save or ""),
+        "from_state": str(options.start_from or ""),
+        "failure_directory": str(options.failure_folder),
+        "energy": options.energy,
+        "elements": options.elements or 0,
+        "step_s": options.step_s or 0.0,
+        "error_interval": options.error_interval,
+        "other_sea": options.other_sea,
+        **cut,
+        "vibration": options.watch.vibration if options.watch else "",
+        "fatigue": options.watch.fatigue if options.watch else "",
+        **speed,
+    }
+    return nodes
 
 
 def declare(node: Node, params: type[P]) -> P:

@@ -21,16 +21,15 @@ from rclpy.node import Node
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
+from rope_twin.recording.bag import free_path
 from rope_twin.ros.entry import PARENT, initialise
 from rope_twin.ros.middleware import keep_to_loopback
-from rope_twin.ros.paced_twin import RUN_ROW
+from rope_twin.ros.params import END_ORDER, node_parameters
 from rope_twin.ros.qos import Senders, message_type, profile
-from rope_twin.ros.recorder_node import free_path
 from rope_twin.ros.startup import Spare
-from rope_twin.ros.suite import END_ORDER, node_parameters, where
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress, StopSignal
-from rope_twin.run.summary import RunSummary
+from rope_twin.run.summary import RUN_ROW, RunSummary
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC
@@ -294,7 +293,7 @@ def run_processes(options: RunOptions, progress: FigureProgress) -> RunSummary:
     try:
         processes = Processes(options)
         initialise(["rope_twin"])
-        progress.say(where(options))
+        progress.say(options.announcement)
         supervisor = _Supervisor(processes, progress)
         supervisor.run(stop)
         supervisor.end()

@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rope_twin.errors import BagError
 from rope_twin.messages import Level, Status, encode_diagnostics
 from rope_twin.messages.diagnostics import counted
-from rope_twin.recording.bag import describe_topic
+from rope_twin.recording.bag import describe_topic, free_path
 from rope_twin.recording.recorder import BagRecorder
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import RecorderParams, declare
@@ -28,15 +28,6 @@ from rope_twin.topics import BY_NAME, CUT_TOPIC, TOPICS, Qos, Topic
 _DEPTH = 1000  # messages that may queue in the middleware while this process is blocked
 _DIAGNOSTICS_S = 1.0
 _POLL_S = 0.05  # on standby: period of checking for the start file
-
-
-def free_path(path: Path, suffix: str = "") -> Path:
-    """Return the path, or the first free one of PATH_2, PATH_3 and so on, before the suffix."""
-    number, free = 1, path
-    while free.exists():
-        number += 1
-        free = path.with_name(f"{path.name.removesuffix(suffix)}_{number}{suffix}")
-    return free
 
 
 class MessageLoss:

@@ -15,7 +15,7 @@ from rope_twin.errors import InputError
 from rope_twin.ros.entry import InstanceLock, initialise, lock_instance
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.middleware import keep_to_loopback
-from rope_twin.ros.params import overrides
+from rope_twin.ros.params import END_ORDER, node_parameters, overrides
 from rope_twin.ros.recorder_node import RecorderNode
 from rope_twin.ros.sea_state_node import SeaStateNode
 from rope_twin.ros.simulation_node import SimulationNode
@@ -28,46 +28,6 @@ from rope_twin.scene.load import load_scene
 
 _WAIT_S = 0.1
 _QUIET_S, _DRAIN_S = 0.2, 3.0
-# Publishing nodes are shut down first, subscribing ones last.
-END_ORDER = ("simulation", "sea_state", "winch_schedule", "viewer", "recorder")
-
-
-def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
-    """Return the parameters of each node to be started with these options, by node."""
-    speed = {"speed": options.speed}
-    cut = {"allow_cut": options.allow_cut or bool(options.cut)}
-    nodes: dict[str, dict[str, Any]] = {}
-    nodes["sea_state"] = {
-        "scene": options.scene,
-        "bag": options.bag,
-        "poses": options.poses,
-        "topic": options.topic,
-        "sea_offset_s": options.sea_offset_s,
-        **speed,
-    }
-    nodes["winch_schedule"] = {"scene": options.scene, "cut": options.cut, **speed}
-    # After the nodes that read named files: nothing is written to disk for a mistyped name.
-    if options.record is not None:
-        nodes["recorder"] = {"out": str(options.record), **cut}
-    if options.view is not None:
-        nodes["viewer"] = {"file": str(options.view_file or "")}
-    nodes["simulation"] = {
-        "scene": options.scene,
-        "stop_after_s": options.end_s or 0.0,
-        "save_state": str(options.save or ""),
-        "from_state": str(options.start_from or ""),
-        "failure_directory": str(options.failure_folder),
-        "energy": options.energy,
-        "elements": options.elements or 0,
-        "step_s": options.step_s or 0.0,
-        "error_interval": options.error_interval,
-        "other_sea": options.other_sea,
-        **cut,
-        "vibration": options.watch.vibration if options.watch else "",
-        "fatigue": options.watch.fatigue if options.watch else "",
-        **speed,
-    }
-    return nodes
 
 
 class Suite:
@@ -188,7 +148,7 @@ def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
     stop = StopSignal(signal.SIG_DFL)
     suite = Suite(options)
     try:
-        suite.start(lambda: progress.say(where(options)), stop)
+        suite.start(lambda: progress.say(options.announcement), stop)
         while not (stop.requested or suite.ended) and rclpy.ok():
             suite.spin()
             if progress.due:
@@ -201,17 +161,6 @@ def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
     finally:
         suite.close()
         stop.restore()
-
-
-def where(options: RunOptions) -> str:
-    """Return in words what is recorded and shown where."""
-    parts = [f"recording to {options.record}" if options.record else "not recording"]
-    if options.screen:
-        parts.append("showing in a rerun window")
-    elif options.view_file:
-        parts.append(f"no window, view written to {options.view_file}")
-    words = "; ".join(parts) + "; stop with Ctrl-C"
-    return f"{words}\nbuilding the twin (the first run compiles it, which takes a while)"
 
 
 def _make(name: str, parameters: dict[str, Any]) -> Any:

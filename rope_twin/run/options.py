@@ -93,6 +93,17 @@ class RunOptions:
         """Return where the run is shown: 'window', a file, or None."""
         return "window" if self.screen else str(self.view_file) if self.view_file else None
 
+    @property
+    def announcement(self) -> str:
+        """Return in words what is recorded and shown where, and what comes first."""
+        parts = [f"recording to {self.record}" if self.record else "not recording"]
+        if self.screen:
+            parts.append("showing in a rerun window")
+        elif self.view_file:
+            parts.append(f"no window, view written to {self.view_file}")
+        words = "; ".join(parts) + "; stop with Ctrl-C"
+        return f"{words}\nbuilding the twin (the first run compiles it, which takes a while)"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options, in groups as the help shows them."""

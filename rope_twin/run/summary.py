@@ -12,6 +12,8 @@ from typing import Any
 
 from rope_twin.effects import EFFECTS
 from rope_twin.messages.diagnostics import (
+    Level,
+    Status,
     bends_in_words,
     breach_words,
     counted,
@@ -31,6 +33,8 @@ from rope_twin.twin.snapshot import (
     Touchdown,
 )
 from rope_twin.twin.twin import Twin
+
+RUN_ROW = "simulation: run"
 
 
 @dataclass(frozen=True)
@@ -126,13 +130,14 @@ class RunSummary:
         """Return the summary as one line of JSON."""
         return json.dumps(dataclasses.asdict(self), ensure_ascii=False, allow_nan=False)
 
-    def as_values(self) -> dict[str, str]:
-        """Return each field as JSON text, for the key values of a diagnostics row."""
-        return {key: json.dumps(value) for key, value in dataclasses.asdict(self).items()}
+    def row(self) -> Status:
+        """Return the diagnostics row of the summary: each field as JSON text in its key values."""
+        values = {key: json.dumps(value) for key, value in dataclasses.asdict(self).items()}
+        return Status(RUN_ROW, Level.OK, "run statistics", values)
 
     @classmethod
     def from_values(cls, values: dict[str, str]) -> RunSummary | None:
-        """Return the summary that `as_values` gave; None if the values are not one.
+        """Return the summary with the values of such a row; None if they are not one.
 
         The values come from the network: each must have the type of its field, and the summary
         must be printable.

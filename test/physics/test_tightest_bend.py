@@ -93,7 +93,7 @@ def test_a_bend_below_the_minimum_is_warned_of(tmp_path: Path) -> None:
         words = f"below the MBR of {least:g} m"
         assert row.level == level
         assert (words in row.message, words in said.as_text()) == (level == Level.WARN,) * 2
-        assert RunSummary.from_values(said.as_values()) == said
+        assert RunSummary.from_values(said.row().values) == said
     twin.save(tmp_path / "state")
     assert Twin.restore(tmp_path / "state", scene).snapshot().bends == shot.bends
 

@@ -17,8 +17,8 @@ from ros_process import Process, Processes, until_running
 
 from rope_twin.messages import encode_cut
 from rope_twin.ros.middleware import DISCOVERY_RANGE
+from rope_twin.ros.params import END_ORDER
 from rope_twin.ros.processes import STANDBY
-from rope_twin.ros.suite import END_ORDER
 from rope_twin.share import share_dir
 from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUTS, SERVICES, TOPICS, WINCH_TOPICS
 

@@ -189,10 +189,9 @@ def test_figures_of_the_run_are_taken_from_the_simulation_alone(bench: Bench) ->
 
     from rope_twin import Twin, load_scene
     from rope_twin.messages import Level, Status, encode_diagnostics
-    from rope_twin.ros.paced_twin import RUN_ROW, run_row
     from rope_twin.ros.processes import Monitor
     from rope_twin.ros.qos import message_type, profile
-    from rope_twin.run.summary import summarise
+    from rope_twin.run.summary import RUN_ROW, summarise
     from rope_twin.topics import BY_NAME
 
     twin = Twin(load_scene("still_water"))
@@ -206,7 +205,7 @@ def test_figures_of_the_run_are_taken_from_the_simulation_alone(bench: Bench) ->
         return made
 
     rogue = publisher(bench.own)
-    values = run_row(good).values | {"error": json.dumps("stopped by a stranger")}
+    values = good.row().values | {"error": json.dumps("stopped by a stranger")}
     rogue.publish(encode_diagnostics(0, [Status(RUN_ROW, Level.OK, "", values)]))
     bench.until(lambda: "bench" in monitor._warned, "it is noticed")
     assert monitor.summary is None
@@ -215,13 +214,13 @@ def test_figures_of_the_run_are_taken_from_the_simulation_alone(bench: Bench) ->
         own.publish(encode_diagnostics(0, [Status(RUN_ROW, Level.OK, "", wrong)]))
     bench.until(lambda: "summary" in monitor._warned, "nonsense is noticed")
     assert monitor.summary is None
-    own.publish(encode_diagnostics(0, [run_row(good)]))
+    own.publish(encode_diagnostics(0, [good.row()]))
     bench.until(lambda: monitor.summary is not None, "the simulation is heard")
     rogue.publish(encode_diagnostics(0, [Status(RUN_ROW, Level.OK, "", values)]))
-    own.publish(encode_diagnostics(0, [run_row(good)]))
+    own.publish(encode_diagnostics(0, [good.row()]))
     count = bench.listen("diagnostics")
     bench.until(lambda: own.get_subscription_count() > 1, "another listener")
-    own.publish(encode_diagnostics(0, [run_row(good)]))
+    own.publish(encode_diagnostics(0, [good.row()]))
     bench.until(lambda: count, "all before it was taken")
     assert monitor.summary == good
 

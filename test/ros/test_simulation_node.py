@@ -68,7 +68,7 @@ def test_every_topic_comes_at_its_rate_with_the_state_of_its_stamp(bench: Bench)
 
 def test_a_setting_that_was_bought_runs(bench: Bench) -> None:
     """Elements and step in place of the scene's; too few are refused in the scene's words."""
-    from rope_twin.ros.suite import node_parameters
+    from rope_twin.ros.params import node_parameters
     from rope_twin.run.options import RunOptions
 
     bought = node_parameters(RunOptions(scene=SCENE, elements=20, step_s=0.02))["simulation"]
@@ -82,7 +82,7 @@ def test_a_setting_that_was_bought_runs(bench: Bench) -> None:
 
 def test_in_another_sea_no_error_is_told(bench: Bench) -> None:
     """The card's run had the scene's."""
-    from rope_twin.ros.suite import node_parameters
+    from rope_twin.ros.params import node_parameters
     from rope_twin.run.options import RunOptions
 
     for options, known in ((RunOptions(), True), (RunOptions(bag="sea_1p2m"), False)):

@@ -39,7 +39,7 @@ def test_where_ropes_meet_it_is_every_rope_and_payload() -> None:
     ]  # fmt: skip
     assert ends[1].endswith("6.0 kN")
     assert ends[3] == "port at 107.6 m depth, starboard at 107.6 m depth"
-    assert RunSummary.from_values(summary.as_values()) == summary
+    assert RunSummary.from_values(summary.row().values) == summary
     one = replace(summary, ropes=[summary.ropes[0] | {"elements": 1}])
     head, _, _, end, *_ = one.as_text().splitlines()
     assert ", 1 element;" in head
@@ -77,7 +77,7 @@ def test_progress_stays_on_its_line_of_a_terminal() -> None:
     assert "7 late" in screen.getvalue()
 
 
-GOOD = summarise(Rig(length=100.0, elements=10).twin(), lifted(), None).as_values()
+GOOD = summarise(Rig(length=100.0, elements=10).twin(), lifted(), None).row().values
 NONSENSE = st.one_of(
     st.text(), st.sampled_from(["null", "[]", "{}", '"x"', "1e999", "NaN", "-1", "true", "[1]"])
 )
