@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -27,6 +28,7 @@ FLOORS = (
     ("cli", "__init__", "__main__"),  # the roof: doors that open what they are asked for
 )
 MOST_LINES = 600
+MOST_IMPORTS = 45  # in a chain, from a command down; the aim is 25
 VAGUE = {"utils", "util", "helpers", "helper", "common", "manager", "base", "misc", "tools"}
 COMPILER = PACKAGE / "core" / "jit"
 PUBLIC_NUMBA = {"numba.config", "numba.types", "numba.extending.overload"}
@@ -96,6 +98,42 @@ def test_imports_run_downward() -> None:
         if (room := room_of(name)) is not None and floor(room) > floor(part(path))
     ]
     assert not upward
+
+
+def loaded_with(node: ast.AST) -> Iterator[ast.AST]:
+    """Everything that runs when a module is loaded: no functions, nothing for the type checker."""
+    for child in ast.iter_child_nodes(node):
+        checks = isinstance(child, ast.If) and getattr(child.test, "id", "") == "TYPE_CHECKING"
+        if not checks and not isinstance(child, ast.FunctionDef):
+            yield child
+            yield from loaded_with(child)
+
+
+def file_of(name: str) -> Path | None:
+    """The file of a module of the package; None: it is no module of it."""
+    place = ROOT / name.replace(".", "/")
+    files = (place.with_suffix(".py"), place / "__init__.py")
+    return next((file for file in files if file.exists()), None)
+
+
+@cache
+def chain(path: Path) -> tuple[str, ...]:
+    """The longest chain of files of the package of which each loads the next, from this one on."""
+    files: set[Path | None] = set()
+    for node in loaded_with(tree(path)):
+        if isinstance(node, ast.Import):
+            files |= {file_of(alias.name) for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            own = file_of(node.module)
+            files |= {file_of(f"{node.module}.{alias.name}") or own for alias in node.names}
+    chains = [chain(file) for file in files if file is not None and file != path]
+    return (relative(path), *max(chains, key=len, default=()))
+
+
+def test_chains_of_imports_are_short() -> None:
+    """A reader who follows the imports of a command arrives at the errors in so many files."""
+    longest = max((chain(path) for path in SOURCES), key=len)
+    assert len(longest) <= MOST_IMPORTS, "\n".join(longest)
 
 
 def test_only_the_command_line_starts_ros() -> None:
