@@ -8,7 +8,6 @@ in `heave` and `poses`.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.effects.waves import WavesParams, components_of
-from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.errors import InputError, phrase
 from rope_twin.messages import encode_heave, encode_pose
 from rope_twin.recording.heave import HeaveSample, open_heave, sample_of
 from rope_twin.recording.poses import open_poses
@@ -34,11 +33,9 @@ from rope_twin.sea.ship_motion import (
     read_way,
 )
 from rope_twin.sea.spectrum import Vector
-from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.motion.ship_pose import Quaternion, ShipPose, Vector3, turned
-from rope_twin.twin.twin import Twin
 
 Floats = NDArray[np.float64]
 
@@ -104,21 +101,15 @@ def open_sea(
     return sea_of_waves(scene)
 
 
-def expect_own_sea(twin: Twin) -> None:
-    """Compare the motion input of a twin with its scene's own sea.
+class MotionInput(Protocol):
+    """Twin, or its queue of inputs, as far as it takes ship motion."""
 
-    For a run with input from topics or a recording. If the scene's convergence study gives no
-    error, there is nothing to invalidate, and the sea is not opened.
-    """
-    if math.isnan(twin.card_error.rms_pct):
-        return
-    try:
-        twin.inputs.expect_motion(open_sea(twin.scene))
-    except RopeTwinError as error:
-        twin.invalidate_error(f"the scene's own sea cannot be opened: {error}")
+    def offer_heave(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str: ...
+
+    def offer_pose(self, pose: ShipPose) -> str: ...
 
 
-def offer(twin: Twin | InputQueue, sample: HeaveSample) -> str:
+def offer(twin: MotionInput, sample: HeaveSample) -> str:
     """Pass one sample to a twin; return why it was rejected, or ""."""
     if sample.pose is not None:
         return twin.offer_pose(sample.pose)

@@ -12,6 +12,7 @@ import dataclasses
 import functools
 import hashlib
 import importlib.metadata
+import math
 import os
 import platform
 import subprocess
@@ -25,9 +26,9 @@ from typing import Any
 
 from rope_twin import __version__
 from rope_twin.core.jit.decorators import source_digest
-from rope_twin.errors import BagError, InputError, StateError, phrase
+from rope_twin.errors import BagError, InputError, RopeTwinError, StateError, phrase
 from rope_twin.recording.input_log import encode_json
-from rope_twin.recording.motion_source import expect_own_sea
+from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.card import OTHER_SEA, card_path
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
@@ -81,6 +82,20 @@ class Setup:
         else:
             expect_own_sea(twin)
         return twin
+
+
+def expect_own_sea(twin: Twin) -> None:
+    """Compare the motion input of a twin with its scene's own sea.
+
+    For a run with input from topics or a recording. If the scene's convergence study gives no
+    error, there is nothing to invalidate, and the sea is not opened.
+    """
+    if math.isnan(twin.card_error.rms_pct):
+        return
+    try:
+        twin.inputs.expect_motion(open_sea(twin.scene))
+    except RopeTwinError as error:
+        twin.invalidate_error(f"the scene's own sea cannot be opened: {error}")
 
 
 def describe_run(scene: Scene, setup: Setup, speed: float) -> dict[str, Any]:

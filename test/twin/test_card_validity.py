@@ -11,7 +11,8 @@ from card_samples import carded_scene, sample_card, write_card
 
 from rope_twin.cli import main
 from rope_twin.messages import Encoder, decode, read_cloud, statuses
-from rope_twin.recording.motion_source import FIRST_NS, expect_own_sea, offer, open_sea
+from rope_twin.recording.motion_source import FIRST_NS, offer, open_sea
+from rope_twin.recording.session import expect_own_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import ScheduleRow, Winch
