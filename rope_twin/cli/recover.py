@@ -6,15 +6,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli.console import ExitCode, print_json
-from rope_twin.recording.recover import Outcome, Recovery, recover
+from rope_twin.cli.console import print_json
+from rope_twin.recording.recover import Recovery, recover
 from rope_twin.run.arguments import add_command, add_json, add_out
 
-CODES = {
-    Outcome.WHOLE: ExitCode.OK,
-    Outcome.LOSS: ExitCode.NEGATIVE,
-    Outcome.NOTHING: ExitCode.ERROR,
-}
 EXAMPLES = (
     "recover lift",
     "recover lift/lift_0.mcap --out lift_whole",
@@ -39,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
         print_json(_figures(args.bag, result))
     else:
         _report(args.bag, result)
-    return CODES[result.outcome]
+    return result.outcome
 
 
 def _figures(bag: Path, result: Recovery) -> dict[str, Any]:

@@ -37,19 +37,14 @@ def run(args: argparse.Namespace) -> int:
     """Print the sessions, or verify, and return the exit code. Raises RopeTwinError."""
     if not args.verify:
         return _describe(args)
-    from rope_twin.recording.exact_replay import Outcome, verify
+    from rope_twin.recording.exact_replay import verify
 
     found = verify(args.bag)
     if args.json:
         print_json(_figures(args.bag, found))
     else:
         print("\n".join(_sentences(args.bag, found)))
-    codes = {
-        Outcome.EQUAL: ExitCode.OK,
-        Outcome.DIFFERENT: ExitCode.NEGATIVE,
-        Outcome.IMPOSSIBLE: ExitCode.ERROR,
-    }
-    return codes[found.outcome]
+    return found.outcome
 
 
 def _describe(args: argparse.Namespace) -> int:

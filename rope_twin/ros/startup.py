@@ -80,7 +80,7 @@ _COMM = Path("/proc/self/comm")  # the name that `ps` and `top` show, on Linux
 
 
 class Spare:
-    """The spare of a run, for the process that starts its nodes."""
+    """Spare process of a run, as the process that starts the nodes sees it."""
 
     def __init__(self, scene: str, environment: dict[str, str]) -> None:
         # A session of its own, as every node has: Ctrl-C comes to the run's own process alone.
@@ -93,11 +93,11 @@ class Spare:
 
     @property
     def waits(self) -> bool:
-        """Whether it has not ended."""
+        """Return whether the process is still waiting to become a node."""
         return self.process.poll() is None
 
     def become(self, node: str, arguments: list[str]) -> bool:
-        """Let it go on as a node; False if it has ended, as when somebody killed it."""
+        """Make the process continue as a node; return False if it has ended."""
         assert self.process.stdin is not None
         try:
             with self.process.stdin as pipe:
@@ -107,7 +107,7 @@ class Spare:
         return True
 
     def close(self) -> None:
-        """Kill it."""
+        """Kill the process."""
         self.process.kill()
         self.process.wait()
         if self.process.stdin is not None:
@@ -116,7 +116,10 @@ class Spare:
 
 
 def main(scene: str) -> int:
-    """Wait for a node's name and arguments, then run it; its exit code, 0 if none is wanted."""
+    """Wait for a node's name and arguments, run it and return its exit code.
+
+    The code is 0 if no node is wanted.
+    """
     for number in ending_signals():  # until it is a node, only the run's own process ends it
         signal.signal(number, signal.SIG_IGN)
     modules = {}
@@ -138,10 +141,7 @@ def main(scene: str) -> int:
 
 
 def _load_compiled_code(scene: str) -> None:
-    """Build the scene's twin once; what is wrong with it is for the node to say."""
-    from rope_twin.scene.load import load_scene
-    from rope_twin.twin.twin import Twin
-
+    """Build the scene's twin once and drop it; the node itself reports what is wrong with it."""
     with suppress(RopeTwinError):
         twin = Twin(load_scene(scene))
         twin.advance(1)
