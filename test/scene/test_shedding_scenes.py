@@ -20,7 +20,6 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.vortices import expected_pace, vortex_words
 from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.twin.accuracy.level import levels_of
-from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from validation.rigs import Rig
 
 CABLE = Rig(
@@ -73,10 +72,8 @@ def test_a_run_tells_once_what_its_vortices_want(
 
 
 def test_what_carries_no_wakes_says_so() -> None:
-    """Ensembles, other grids; a paced twin keeps its step and elements."""
+    """Other grids; a paced twin keeps its step and elements."""
     scene = shedding(replace(CABLE, elements=40))
-    with pytest.raises(SceneError, match=r"effects.wake_oscillator: .* share their wakes"):
-        Ensemble(scene, [Variation(), Variation()])
     assert len(levels_of(scene)) == 1
     assert len(levels_of(CABLE.scene())) > 1
 

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lone_twins import SECOND_NS, alone, differing, sea, variations
-from small_scene import small_scene
+from small_scene import SMALL_SCENE, small_scene
 
 import rope_twin.twin.ensemble.member as member_module
-from rope_twin import Twin
+from rope_twin import Twin, load_scene
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.change import Change
@@ -70,6 +70,93 @@ def test_splits_merges_slack_and_rest_are_told_apart(tmp_path: Path) -> None:
     told = ensemble.figures()[2]
     assert told.steps == 2800
     assert told.tension_top_max_n == pytest.approx(told.tension_top_min_n, rel=1e-9)
+
+
+BODY = """rigid_body:
+      size_m: [2.0, 1.5, 1.0]
+      hook_mass_kg: 200.0
+      slings:
+        - {to_m: [0.8, 0.0, 0.5], length_m: 3.0, stiffness_n_per_m: 2.0e+6}
+        - {to_m: [-0.8, 0.5, 0.5], length_m: 3.0, stiffness_n_per_m: 2.0e+6}
+        - {to_m: [-0.8, -0.5, 0.5], length_m: 3.0, stiffness_n_per_m: 2.0e+6}
+"""
+
+
+@pytest.mark.parametrize(
+    "instead",
+    [
+        BODY,
+        "payload: {}\n  - wake_oscillator: {}",
+        "payload: {}\n  - strouhal_forcing: {}",
+        "payload: {}\n  - modal_vibration: {modes_every_s: 0.5}",
+    ],
+    ids=["rigid_body", "wake_oscillator", "strouhal_forcing", "modal_vibration"],
+)
+def test_each_member_has_a_body_and_wakes_of_its_own(tmp_path: Path, instead: str) -> None:
+    """Members that start alike go apart in their seas, as twins of their own do."""
+    path = tmp_path / "states.yaml"
+    path.write_text(SMALL_SCENE.replace("payload: {}", instead), encoding="utf-8")
+    scene = load_scene(path)
+    commands = (CommandSample(0, WinchCommand(SPEED, 1.5)),)
+    own = [
+        Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 20.0))),
+        Variation(heave=HeaveSeries.of(sea(2.0, 6.0, 20.0)), commands=commands),
+        Variation((Change("payloads[0].mass_kg", 9000.0),)),
+        Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 20.0))),
+    ]
+    ensemble = Ensemble(scene, own, look_s=0.07, threads=2)
+    for seconds in (1, 3, 2):
+        ensemble.advance(seconds)
+    shots = [ensemble.snapshot(number) for number in range(4)]
+    for found, variation in zip(shots, own, strict=True):
+        expected = alone(scene, variation, 6)
+        assert not differing(found, expected)
+        assert (found.body is None) == (expected.body is None)
+        if expected.vibration is not None:
+            assert found.vibration is not None
+            amplitudes = found.vibration.cross_flow, expected.vibration.cross_flow
+            assert amplitudes[0].tobytes() == amplitudes[1].tobytes()
+    assert not differing(shots[3], shots[0])
+    assert "tension_top_n" in differing(shots[1], shots[0])
+
+
+def test_a_rope_too_slack_for_its_modes_is_marked(tmp_path: Path) -> None:
+    """A loosely coupled model needs a taut rope to begin with; the other member goes on."""
+    path = tmp_path / "slack.yaml"
+    effects = SMALL_SCENE.replace("payload: {}", "payload: {}\n  - modal_vibration: {}")
+    path.write_text(effects, encoding="utf-8")
+    scene = load_scene(path)
+    light = Variation((Change("payloads[0].mass_kg", 0.0), Change("ropes[0].length_m", 50.0)))
+    ensemble = Ensemble(scene, [light, Variation()])
+    ensemble.advance(0.5)
+    assert [one.steps for one in ensemble.figures()] == [0, 50]
+
+
+@pytest.mark.parametrize("name", ["bridle_lift", "two_line_lift"])
+def test_ropes_that_meet_are_members_too(name: str) -> None:
+    """As twins of their own: two in other seas, one of another mass; the first winch pays out."""
+    scene = load_scene(name)
+    commands = tuple(
+        CommandSample(k * SECOND_NS, WinchCommand(SPEED, v)) for k, v in ((0, 0.3), (2, 0.0))
+    )
+    heavier = (Change("payloads[0].mass_kg", 1.1, multiply=True),)
+    own = [
+        Variation(heave=HeaveSeries.of(sea(0.5, 8.0, 20.0)), commands=commands),
+        Variation(heavier, HeaveSeries.of(sea(0.8, 7.0, 20.0)), commands=commands),
+        Variation(commands=commands),
+    ]
+    ensemble = Ensemble(scene, own, look_s=0.1, threads=2)
+    assert ensemble.lanes().alone == {"ropes that meet": 3}
+    for seconds in (1, 3):
+        ensemble.advance(seconds)
+    for number, variation in enumerate(own):
+        found, expected = ensemble.snapshot(number), alone(scene, variation, 4)
+        assert not differing(found, expected)
+        for rope, other in zip(found.ropes, expected.ropes, strict=True):
+            assert rope.node_position_m.tobytes() == other.node_position_m.tobytes()
+    figures = ensemble.figures()
+    assert all(one.steps == ensemble.steps and not one.failure for one in figures)
+    assert all(one.tension_top_max_n > one.tension_top_min_n for one in figures[:2])
 
 
 def test_the_extremes_are_those_of_every_step(tmp_path: Path) -> None:

@@ -19,7 +19,6 @@ from rope_twin.scene.model.joined import build_joined, point_figures
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant
-from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import WinchCommand
 
@@ -158,11 +157,9 @@ def test_a_restored_run_and_a_branch_are_the_run(two_lines: Scene, tmp_path: Pat
     assert expected[-1].solver.splits >= 2
 
 
-def test_what_steps_one_rope_says_so(bridle: Scene) -> None:
-    """Ensembles and studies refuse in one sentence."""
-    for refused in (build, lambda scene: Ensemble(scene, [Variation()])):
-        with pytest.raises(SceneError, match="ropes meet here, and this is for scenes of one rope"):
-            refused(bridle)
+def test_what_builds_one_rope_says_so(bridle: Scene) -> None:
+    with pytest.raises(SceneError, match="ropes meet here, and this is for scenes of one rope"):
+        build(bridle)
 
 
 def test_a_sling_that_is_too_weak_is_told(bridle: Scene, caplog: pytest.LogCaptureFixture) -> None:

@@ -123,6 +123,21 @@ def test_an_ensemble_compensates_heave_as_a_twin_does(scene: Scene) -> None:
     assert other.line_out_m != one.line_out_m, "each member answers its own heave"
 
 
-def test_an_ensemble_says_that_it_cannot_foresee_the_rope(scene: Scene) -> None:
-    with pytest.raises(InputError, match="depends on the rope's tension; `rope_twin run` steps"):
-        Ensemble(scene, [Variation()])
+def test_a_member_whose_winch_feels_the_rope_is_a_twin(scene: Scene) -> None:
+    """Drive and brake, and commands by depth and tension; equal to the bit."""
+    commands = tuple(CommandSample(*one) for one in ORDERS)
+    ensemble = Ensemble(scene, [Variation(heave=HeaveSeries.of(HEAVE), commands=commands)])
+    assert ensemble.lanes().alone == {"tension feedback of the winch": 1}
+    ensemble.advance(10.0)
+    twin = fed(Twin(scene))
+    twin.advance(1000)
+    found, expected = ensemble.snapshot(0), twin.snapshot()
+    assert found.winches == expected.winches
+    assert digest([found]) == digest([expected])
+
+
+def test_an_ensemble_takes_no_command_that_a_winch_would_reject(scene: Scene) -> None:
+    """It says so before the first step, in a sentence."""
+    commands = (CommandSample(0, WinchCommand("speed", 50.0)),)
+    with pytest.raises(InputError, match="no winch runs faster"):
+        Ensemble(scene, [Variation(commands=commands)])

@@ -9,10 +9,11 @@ from small_scene import figures
 
 from rope_twin import Snapshot, Twin
 from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import WINCH, Scene
+from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.twin.ensemble.ensemble import Variation
 from rope_twin.twin.motion.heave_series import HeaveSeries
-from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
+from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand, schedule_samples
 
 SAMPLE_NS = 50_000_000
 SECOND_NS = 1_000_000_000
@@ -45,6 +46,10 @@ def alone(scene: Scene, own: Variation, seconds: int) -> Snapshot:
         for command in own.commands or ():
             if second <= command.stamp_ns / SECOND_NS < second + 1:
                 assert not twin.offer_command(command.stamp_ns, command.command)
+        for name, winch in winches_by_name(scene).items():
+            span = second * SECOND_NS, (second + 1) * SECOND_NS
+            for command in schedule_samples(winch, *span) if name != WINCH else ():
+                assert not twin.offer_command(command.stamp_ns, command.command, name)
         twin.advance(round(1.0 / twin.step_s))
     return twin.snapshot()
 

@@ -24,13 +24,12 @@ from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.rope_cut import (
     CutPosition,
-    has_state,
     is_at_end,
     refresh_tension,
-    state_arrays,
     step_free,
     without_massless_section,
 )
+from rope_twin.twin.internal_variables import has_state, state_arrays
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import (

@@ -31,7 +31,6 @@ from rope_twin.core.body import state as at
 from rope_twin.core.body.state import LEG, Afloat, RigidBody
 from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.loads.hooks import hooks_of, work_rows
-from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.payout import SMALLEST_REST
 from rope_twin.core.state import (
     Boundary,
@@ -54,27 +53,8 @@ from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.model.grid import ROOM, halvings
 from rope_twin.scene.model.rope import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.twin.elements import elements_of, tensions
+from rope_twin.twin.internal_variables import has_state, on_nodes, own_copies
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
-
-
-def has_state(effect: Any) -> bool:
-    """Return whether an effect has internal variables, so that two ropes cannot share it."""
-    return numbers_carried(type(effect)) > 0
-
-
-def of_part(effects: tuple[Any, ...], s: Floats, lost_m: float, spare: int) -> tuple[Any, ...]:
-    """Return the effects for a part of their rope.
-
-    Args:
-        effects: of the whole rope, or the same without the load at its lower end.
-        s: coordinates of the part's free nodes in the whole rope [m], (nodes,).
-        lost_m: start of the part above the whole rope's lower end [m].
-        spare: additional capacity in nodes.
-    """
-    return tuple(
-        own._replace(memory=_memory_of(own, s, lost_m, spare)) if has_state(own) else own
-        for own in own_copies(effects)
-    )
 
 
 def is_viv_model(effect: Any) -> bool:
@@ -89,39 +69,6 @@ def reset_drag_amplification(effects: tuple[Any, ...]) -> tuple[Any, ...]:
         if isinstance(own, DragGrowth):
             own.memory[GROWTH] = 0.0
     return effects
-
-
-def own_copies(effects: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return the effects; those with internal variables get copies of all their arrays."""
-    return tuple(_copy(own) if has_state(own) else own for own in effects)
-
-
-def state_arrays(effects: tuple[Any, ...]) -> list[Floats]:
-    """Return all arrays of the effects with internal variables, not copied."""
-    return [part for own in effects if has_state(own) for part in own if _is_array(part)]
-
-
-def _copy(effect: Any) -> Any:
-    arrays = {name: part.copy() for name, part in effect._asdict().items() if _is_array(part)}
-    return effect._replace(**arrays)
-
-
-def _is_array(part: Any) -> bool:
-    return isinstance(part, np.ndarray)
-
-
-def _memory_of(effect: Any, s: Floats, lost_m: float, spare: int) -> Floats:
-    """Return memory for these nodes: values interpolated, other rows as at the nearest node."""
-    memory, k = effect.memory, numbers_carried(type(effect))
-    old, n = int(memory[3 * k, -1]), len(s)
-    marks = memory[3 * k, :old]
-    new: Floats = np.zeros((memory.shape[0], memory.shape[1] + spare))
-    for r in range(k):
-        new[r, :n] = np.interp(s, marks, memory[r, :old])
-    nearest = np.abs(s[:, None] - marks).argmin(axis=1)
-    new[3 * k + 1 :, :n] = memory[3 * k + 1 :, nearest]
-    new[3 * k, :n], new[3 * k, -1] = s - lost_m, n
-    return new
 
 
 _NOTHING = (0.0, 0.0, 0.0)
@@ -344,7 +291,7 @@ def upper_part(rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...]) -> Rope:
     state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
     state.health[:] = rope.state.health
     model = rope.model._replace(first_free=0)
-    effects = of_part(bare, nodes.s[k:-1], float(nodes.s[k]), SPARE_NODES)
+    effects = on_nodes(bare, nodes.s[k:-1], state.s.shape[0], float(nodes.s[k]))
     return _filled(rope._replace(model=model, sections=sections, effects=effects), state, part)
 
 
@@ -372,7 +319,7 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
     state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
     law = None if rope.law is None else _with_nothing(rope.law)
-    effects = reset_drag_amplification(of_part(rope.effects, nodes.s[: k + 1], 0.0, SPARE_NODES))
+    effects = reset_drag_amplification(on_nodes(rope.effects, nodes.s[: k + 1], state.s.shape[0]))
     lower = rope._replace(model=model, sections=sections, law=law, effects=effects)
     return _filled(lower, state, part)
 

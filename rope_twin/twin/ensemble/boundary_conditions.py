@@ -36,6 +36,21 @@ def is_known_in_advance(scene: WinchScene | None, commands: Sequence[CommandSamp
     )
 
 
+def check_commands(
+    scene: WinchScene | None, length_m: float, commands: Sequence[CommandSample]
+) -> None:
+    """Check the commands of a winch that has paid out `length_m` at the start.
+
+    Raises:
+        InputError: the winch rejects a command.
+    """
+    trial = Winch(scene, length_m)
+    for sample in commands:
+        fault = trial.take(sample.stamp_ns, sample.command, max(sample.stamp_ns, 0))
+        if fault:
+            raise InputError(fault)
+
+
 class WinchMotion:
     """Paid-out length over the steps, from commands that are known in advance."""
 
@@ -58,11 +73,7 @@ class WinchMotion:
             raise InputError(phrase("winch", what, right))
         self._scene = scene
         self._commands = None if commands is None else deque(commands)
-        trial = Winch(scene, length_m)
-        for sample in commands or ():
-            fault = trial.take(sample.stamp_ns, sample.command, max(sample.stamp_ns, 0))
-            if fault:
-                raise InputError(fault)
+        check_commands(scene, length_m, commands or ())
         self._winch = Winch(scene, length_m)
         self._step_s, self._step_ns = step_s, round(step_s * 1e9)
         self._lock = threading.Lock()

@@ -21,25 +21,35 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
-from rope_twin.core.lanes.group import why_alone
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import refuse_body
-from rope_twin.scene.validation.vortices import refuse_shedding
-from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary, WinchMotion
-from rope_twin.twin.ensemble.member import Member, MemberResults, Scratch, Start
+from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.scene.validation.vortices import coupled_settings, model_beside
+from rope_twin.twin.ensemble.boundary_conditions import (
+    SharedBoundary,
+    WinchMotion,
+    is_known_in_advance,
+)
+from rope_twin.twin.ensemble.member import Member, MemberResults, Scratch, Start, UnstartedMember
 from rope_twin.twin.ensemble.simd import advance_group, compile_lanes, sort_into_groups
+from rope_twin.twin.ensemble.twin_member import SteppedMember, TwinMember
 from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.statics import no_garbage_collection, solve_scene_statics
+from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import CommandSample
+from rope_twin.vortex.coupled import VivDragAmplification
 
 BATCH_S = 8.0  # time of a batch; less than the 10 s that commands may be known ahead
 SAMPLING_S = 0.5
 MIN_MEMBERS = LANES  # the SIMD step is not compiled for ensembles with fewer members
 
+AnyMember = SteppedMember | UnstartedMember
+StartKey = tuple[Scene, bool]  # the second: the member is stepped by a twin
+AnyStart = Start | Twin | str  # str: the reason why there is no equilibrium
 Key = TypeVar("Key")
 Made = TypeVar("Made")
 
@@ -120,8 +130,6 @@ class Ensemble:
             SceneError: a change is not possible; the message has the member's number.
             InputError: a winch command, or a number given here, is not possible.
         """
-        refuse_body(scene, "members that start alike would share it")
-        refuse_shedding(scene, "members that start alike would share their wakes")
         self.step_s = scene.time.step_s
         self._step_ns = round(self.step_s * 1e9)
         self._look_steps = whole_steps("look_s", look_s, self.step_s)
@@ -137,13 +145,16 @@ class Ensemble:
         self.steps = 0
         self._interrupted = False
         scenes = [_member_scene(scene, own, k) for k, own in enumerate(variations)]
-        starts = self._find_starts(list(dict.fromkeys(scenes)))
-        self._heaves = {id(own.heave): own.heave for own in variations if own.heave}
-        borders = _shared_borders(scenes, variations)
-        self._members = [
-            Member(scene, starts[scene], border)
-            for scene, border in zip(scenes, borders, strict=True)
+        by_twin = [
+            is_joined(one) or not is_known_in_advance(one.winch, own.commands)
+            for one, own in zip(scenes, variations, strict=True)
         ]
+        starts = self._find_starts(list(dict.fromkeys(zip(scenes, by_twin, strict=True))))
+        self._heaves = {id(own.heave): own.heave for own in variations if own.heave}
+        self._members: list[AnyMember] = []
+        borders = _Borders()
+        for key, own in zip(zip(scenes, by_twin, strict=True), variations, strict=True):
+            self._members.append(_new_member(key[0], starts[key], own, borders))
 
     @property
     def time_ns(self) -> int:
@@ -173,7 +184,7 @@ class Ensemble:
             batch = min(steps, max(1, round(BATCH_S / self.step_s)))
             own = _OfThread(batch)
 
-            def turn(some: list[Member], batch: int = batch, own: _OfThread = own) -> None:
+            def turn(some: list[SteppedMember], batch: int = batch, own: _OfThread = own) -> None:
                 advance_group(some, batch, self._look_steps, own.scratch)
 
             self._on_threads(turn, self._groups())
@@ -181,9 +192,11 @@ class Ensemble:
             steps -= batch
         self._interrupted = False
 
-    def _groups(self) -> list[list[Member]]:
+    def _groups(self) -> list[list[SteppedMember]]:
         """Return the members that have not failed, grouped by the members they are stepped with."""
-        going = [one for one in self._members if not one.failure]
+        going = [
+            one for one in self._members if not isinstance(one, UnstartedMember) and not one.failure
+        ]
         return sort_into_groups(going, self.abreast if len(self) >= MIN_MEMBERS else 1)
 
     def make_ready(self) -> None:
@@ -195,7 +208,7 @@ class Ensemble:
         """Return how many members are stepped in SIMD lanes next, and why the others are not."""
         groups = self._groups()
         alone = [some[0] for some in groups if len(some) == 1]
-        words = Counter(why_alone(one.rope) for one in alone)
+        words = Counter(one.why_alone for one in alone)
         return Lanes(sum(len(some) for some in groups if len(some) > 1), dict(words))
 
     def figures(self) -> list[MemberResults]:
@@ -213,14 +226,14 @@ class Ensemble:
             InputError: the member never started.
         """
         member = self._members[number]
-        if member.failure and not member.steps:
+        if isinstance(member, UnstartedMember):
             raise InputError(phrase(f"member {number}", "it never started", member.failure[:-1]))
         return member.snapshot()
 
-    def _find_starts(self, scenes: list[Scene]) -> dict[Scene, Start]:
+    def _find_starts(self, keys: list[StartKey]) -> dict[StartKey, AnyStart]:
         """Return the static equilibrium of each scene; the first is solved alone to compile."""
-        first = _find_start(scenes[0])
-        return dict(zip(scenes, [first, *self._on_threads(_find_start, scenes[1:])], strict=True))
+        first = _find_start(keys[0])
+        return dict(zip(keys, [first, *self._on_threads(_find_start, keys[1:])], strict=True))
 
     def _on_threads(self, work: Callable[[Key], Made], items: Sequence[Key]) -> list[Made]:
         """Apply the work to each item; an interruption waits only for items in progress."""
@@ -246,35 +259,55 @@ def _member_scene(scene: Scene, own: Variation, number: int) -> Scene:
         raise SceneError(f"member {number}: {error}") from error
 
 
-def _find_start(scene: Scene) -> Start:
-    """Return the static equilibrium of the scene's rope, or the reason why there is none."""
-    rope = build(scene)
+def _find_start(key: StartKey) -> AnyStart:
+    """Return the static equilibrium of a scene, or the reason why there is none."""
+    scene, by_twin = key
+    viv_drag = None
     try:
-        pull, failure = solve_scene_statics(scene, rope), ""
-    except SceneError as error:
-        pull, failure = np.full(rows.PULL_COLUMNS, np.nan), str(error)
+        if by_twin:
+            return Twin(scene)
+        rope = build(scene)
+        pull = solve_scene_statics(scene, rope)
+        if model_beside(scene) is not None:
+            cycle = steps_in_slot(scene.time.step_s)
+            viv_drag = VivDragAmplification(coupled_settings(scene), rope, cycle)
+    except (SceneError, InputError) as error:
+        return str(error)
     tension = rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].copy()
     high, wide = rope.work.shape
     bare = rope._replace(work=np.zeros((0, 0)))
-    return Start(bare, (high, wide), pull, tension, failure)
+    return Start(bare, (high, wide), pull, tension, viv_drag)
 
 
-def _shared_borders(
-    scenes: Sequence[Scene], variations: Sequence[Variation]
-) -> list[SharedBoundary]:
-    """Return the boundary conditions of each member; members with equal inputs share them."""
-    winches: dict[Any, WinchMotion] = {}
-    borders: dict[Any, SharedBoundary] = {}
-    made = []
-    for scene, own in zip(scenes, variations, strict=True):
+class _Borders:
+    """Boundary conditions of members; those with equal inputs share them."""
+
+    def __init__(self) -> None:
+        self._winches: dict[Any, WinchMotion] = {}
+        self._borders: dict[Any, SharedBoundary] = {}
+
+    def of(self, scene: Scene, own: Variation) -> SharedBoundary:
+        """Return the boundary conditions of a member."""
         length, step_s = scene.ropes[0].length_m, scene.time.step_s
         answered = scene.winch is not None and scene.winch.heave_compensation is not None
         heaved = (scene.ship, id(own.heave)) if answered else None
         reeled = (scene.winch, length, own.commands, heaved)
-        if reeled not in winches:
-            winches[reeled] = WinchMotion(scene.winch, length, own.commands, step_s)
-        moved = (scene.ship, reeled, id(own.heave))
-        if moved not in borders:
-            borders[moved] = SharedBoundary(scene.ship, winches[reeled], own.heave, step_s)
-        made.append(borders[moved])
-    return made
+        if reeled not in self._winches:
+            self._winches[reeled] = WinchMotion(scene.winch, length, own.commands, step_s)
+        winch, moved = self._winches[reeled], (scene.ship, reeled, id(own.heave))
+        if moved not in self._borders:
+            self._borders[moved] = SharedBoundary(scene.ship, winch, own.heave, step_s)
+        return self._borders[moved]
+
+
+def _new_member(scene: Scene, start: AnyStart, own: Variation, borders: _Borders) -> AnyMember:
+    """Return a member that begins in this static equilibrium.
+
+    Raises:
+        InputError: a winch command is not possible.
+    """
+    if isinstance(start, str):
+        return UnstartedMember(scene, start)
+    if isinstance(start, Twin):
+        return TwinMember(start, own.heave, own.commands)
+    return Member(scene, start, borders.of(scene, own))

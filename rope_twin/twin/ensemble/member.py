@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.lanes.group import Group, Kind, kind_of
+from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary
+from rope_twin.twin.internal_variables import own_copies
 from rope_twin.twin.recovery import step_failure
-from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.snapshot_builder import Extremes, SnapshotInputs, build_snapshot
+from rope_twin.twin.snapshot import Snapshot, amended
+from rope_twin.twin.snapshot_builder import Extremes, SnapshotInputs, build_snapshot, with_body
+from rope_twin.vortex.coupled import VivDragAmplification
 
 
 class Scratch:
@@ -57,7 +60,7 @@ class Start:
     work_shape: tuple[int, int]
     pull: Floats  # force on the hang-off [N], (rows.PULL_COLUMNS,)
     tension: Floats  # of the elements from the lower end up [N]
-    failure: str = ""  # why there is none; the other fields are then invalid
+    viv_drag: VivDragAmplification | None = None  # the scene's loosely coupled VIV model
 
 
 @dataclass(frozen=True)
@@ -76,22 +79,39 @@ class MemberResults:
     failure: str = ""  # message of the error that stopped it early
 
 
+class UnstartedMember:
+    """A member without a static equilibrium to start from."""
+
+    steps = 0
+
+    def __init__(self, scene: Scene, failure: str) -> None:
+        """Take the scene, and the reason why there is no equilibrium."""
+        self.scene, self.failure = scene, failure
+
+    def figures(self) -> MemberResults:
+        """Return results without a finite tension."""
+        none = Extremes()
+        return MemberResults(0, none.high, none.mean, none.low, 0.0, 0, self.failure)
+
+
 class Member:
     """One rope of an ensemble."""
 
     def __init__(self, scene: Scene, start: Start, borders: SharedBoundary) -> None:
         self.scene, self.borders = scene, borders
-        self.failure = start.failure
+        self.failure = ""
         self.steps = 0
         self._step_ns = round(scene.time.step_s * 1e9)
-        self._rope = start.rope._replace(state=start.rope.state.copy())
+        self._rope = start.rope._replace(
+            state=start.rope.state.copy(), effects=own_copies(start.rope.effects)
+        )
+        self._viv_drag = copy.deepcopy(start.viv_drag)
         self._work_shape = start.work_shape
         self._kind, self._kind_changes = kind_of(self._rope), 0
         self._tension, self._pull = start.tension, start.pull
         self._value, self._rate = (table[0] for table in borders.boundary)
         self._seen, self._recent = Extremes(), Extremes()
-        if not self.failure:
-            self._recent.take([float(start.pull[rows.PULL])])
+        self._recent.take([float(start.pull[rows.PULL])])
         self._looks = self._slack_looks = 0
         self._unconverged = 0
 
@@ -109,6 +129,11 @@ class Member:
         return self._kind
 
     @property
+    def why_alone(self) -> str:
+        """Reason why it is not stepped in SIMD lanes; "": it could be."""
+        return why_alone(self._rope)
+
+    @property
     def work_shape(self) -> tuple[int, int]:
         """Shape of the scratch array of its steps."""
         return self._work_shape
@@ -124,6 +149,8 @@ class Member:
         work = scratch.work(self._work_shape)
         while done < steps and not self.failure:
             some = min(steps - done, look_steps - self.steps % look_steps)
+            if self._viv_drag is not None:
+                some = min(some, self._viv_drag.steps_to_sampling(self.steps))
             done += self.step(batch, done, some, look_steps, work)
         elements = self._rope.state.counts[rows.ELEMENTS]
         self.close(batch, done, work[rows.TENSION, :elements].copy())
@@ -137,7 +164,11 @@ class Member:
         self.steps += stepped
         if stepped < some:
             self.failure = step_failure(self.steps + 1, self.steps * self.scene.time.step_s)
-        elif self.steps % look_steps == 0:
+            return stepped
+        if self._viv_drag is not None and self._viv_drag.steps_to_sampling(self.steps) == 0:
+            now = Boundary(*(table[done + some :] for table in batch.boundary))
+            self._viv_drag.look(rope, now, self.steps, 0)
+        if self.steps % look_steps == 0:
             self._look(work)
         return stepped
 
@@ -203,4 +234,7 @@ class Member:
             ),
         )
         self._unconverged, self._recent = unconverged, Extremes()
-        return taken
+        rope = self._rope._replace(work=work)
+        if self._viv_drag is not None:
+            amended(taken, vibration=self._viv_drag.shot(rope))
+        return with_body(taken, rope)

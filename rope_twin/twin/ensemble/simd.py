@@ -16,14 +16,17 @@ from rope_twin.core.lanes.group import Group, Kind
 from rope_twin.core.lanes.step import Run
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
 from rope_twin.twin.ensemble.member import Batch, Member, Scratch
+from rope_twin.twin.ensemble.twin_member import SteppedMember
 
 MIN_GROUP = LANES // 2  # minimum members of a group: all lanes cost about as much as these alone
 OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave
 
 
-def sort_into_groups(members: Iterable[Member], abreast: int = LANES) -> list[list[Member]]:
+def sort_into_groups(
+    members: Iterable[SteppedMember], abreast: int = LANES
+) -> list[list[SteppedMember]]:
     """Return groups of at most `abreast` members of one kind; members of small groups are alone."""
-    kinds: dict[Kind | None, list[Member]] = {}
+    kinds: dict[Kind | None, list[SteppedMember]] = {}
     for member in members:
         kinds.setdefault(member.kind(), []).append(member)
     groups = []
@@ -35,7 +38,7 @@ def sort_into_groups(members: Iterable[Member], abreast: int = LANES) -> list[li
     return groups
 
 
-def compile_lanes(groups: Iterable[Sequence[Member]]) -> None:
+def compile_lanes(groups: Iterable[Sequence[SteppedMember]]) -> None:
     """Compile the SIMD step for groups of several members, if it is not compiled yet."""
     kinds = (some[0].kind() for some in groups if len(some) > 1)
     by_types = {tuple(own[0] for own in kind.effects): kind for kind in kinds if kind is not None}
@@ -43,12 +46,15 @@ def compile_lanes(groups: Iterable[Sequence[Member]]) -> None:
         Group(kind, 0).advance(Run(0.0, 0, 0, 0, 0, 1))  # no step at all
 
 
-def advance_group(members: Sequence[Member], steps: int, look_steps: int, scratch: Scratch) -> None:
+def advance_group(
+    members: Sequence[SteppedMember], steps: int, look_steps: int, scratch: Scratch
+) -> None:
     """Advance the members of a group by a batch of steps."""
     if len(members) == 1:
         members[0].advance(steps, look_steps, scratch)
     else:
-        _Turn(members, steps, look_steps, scratch).run()
+        ropes = [one for one in members if isinstance(one, Member)]
+        _Turn(ropes, steps, look_steps, scratch).run()
 
 
 class _Turn:
