@@ -63,11 +63,19 @@ def layout(shown: Shown, live: bool) -> Any:
     """Return the blueprint; live: plots span LIVE_S instead of the whole run."""
     import rerun.blueprint as rrb
 
-    left = rrb.Vertical(_whole_rope(shown.frame), _lower_end(shown.close), row_shares=[5, 3])
-    below: Any = _surface(shown.upper or surface.Sight().eye())
+    left = rrb.Vertical(
+        _space(OVERVIEW, _profile_title(shown.frame), shown.frame and overview.eye(shown.frame)),
+        _space(LOWER_END, "Lower end (to scale)", shown.close),
+        row_shares=[5, 3],
+    )
+    upper = shown.upper or surface.Sight().eye()
+    below: Any = _space(SURFACE, "Hang-off and sea surface (to scale)", upper)
     if shown.charts:
-        below = rrb.Tabs(*(_chart(*_CHARTS[name]) for name in shown.charts), below, active_tab=0)
-    middle = rrb.Vertical(_profile(), below, row_shares=[5, 4])
+        charts = (_CHARTS[name] for name in shown.charts)
+        below = rrb.Tabs(*(_chart(*one) for one in charts), below, active_tab=0)
+    title = f"Tension [kN] vs depth [m]; thin lines: min/max of last {RANGE_S:g} s"
+    sides, heights = (-0.12 * WIDTH, 1.04 * WIDTH), (-0.05 * HEIGHT, 1.15 * HEIGHT)
+    middle = rrb.Vertical(_plane(PROFILE, title, sides, heights), below, row_shares=[5, 4])
     return rrb.Blueprint(
         rrb.Horizontal(left, middle, _right(shown, live), column_shares=[23, 34, 43]),
         rrb.TopPanel(state="hidden"),
@@ -80,17 +88,37 @@ def layout(shown: Shown, live: bool) -> Any:
 
 
 def _chart(entity: str, title: str, panels: int) -> Any:
+    """Return the panels of a depth chart, side by side."""
+    wide = panels * (depth_chart.WIDTH + depth_chart.GAP)
+    heights = (-180.0, 1.12 * depth_chart.HEIGHT)
+    return _plane(entity, title, (-depth_chart.GAP, wide), heights)
+
+
+def _plane(entity: str, title: str, x: tuple[float, float], y: tuple[float, float]) -> Any:
+    """Return a view in two dimensions of these ranges."""
     import rerun.blueprint as rrb
 
-    wide = panels * (depth_chart.WIDTH + depth_chart.GAP)
-    return rrb.Spatial2DView(
-        origin=entity,
-        name=title,
-        background=BACKGROUND,
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=(-depth_chart.GAP, wide), y_range=(-180.0, 1.12 * depth_chart.HEIGHT)
-        ),
+    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
+    return rrb.Spatial2DView(origin=entity, name=title, background=BACKGROUND, visual_bounds=bounds)
+
+
+def _space(entity: str, title: str, camera: Camera | None) -> Any:
+    """Return a view in three dimensions, from a camera if there is one."""
+    import rerun.blueprint as rrb
+
+    eye = None
+    if camera is not None:
+        eye = rrb.EyeControls3D(position=camera[0], look_target=camera[1], eye_up=(0.0, 0.0, 1.0))
+    return rrb.Spatial3DView(
+        origin=entity, name=title, background=BACKGROUND, line_grid=False, eye_controls=eye
     )
+
+
+def _profile_title(frame: overview.Frame | None) -> str:
+    if frame is None:
+        return "Line profile"
+    scale = f"horizontal scale ×{frame.factor}" if frame.factor > 1 else "to scale"
+    return f"Line profile ({scale})"
 
 
 def _right(shown: Shown, live: bool) -> Any:
@@ -111,61 +139,6 @@ def _right(shown: Shown, live: bool) -> Any:
         views = (_plot(plot.entity, plot.title, live, None, legend=True) for plot in own)
         further.append(rrb.Vertical(*views, name=tab))
     return rrb.Tabs(usual, *further, active_tab=0)
-
-
-def _lower_end(eye: Camera | None) -> Any:
-    import rerun.blueprint as rrb
-
-    controls = None
-    if eye is not None:
-        position, target = eye
-        controls = rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
-    return rrb.Spatial3DView(
-        origin=LOWER_END, name="Lower end (to scale)", background=BACKGROUND, line_grid=False,
-        eye_controls=controls,
-    )  # fmt: skip
-
-
-def _whole_rope(frame: overview.Frame | None) -> Any:
-    import rerun.blueprint as rrb
-
-    eye = None
-    title = "Line profile"
-    if frame is not None:
-        position, target = overview.eye(frame)
-        eye = rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
-        stretched = f"horizontal scale ×{frame.factor}"
-        title += f" ({stretched if frame.factor > 1 else 'to scale'})"
-    return rrb.Spatial3DView(
-        origin=OVERVIEW, name=title, background=BACKGROUND, line_grid=False, eye_controls=eye
-    )
-
-
-def _surface(sight: Camera) -> Any:
-    import rerun.blueprint as rrb
-
-    position, target = sight
-    eye = rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
-    return rrb.Spatial3DView(
-        origin=SURFACE,
-        name="Hang-off and sea surface (to scale)",
-        background=BACKGROUND,
-        line_grid=False,
-        eye_controls=eye,
-    )
-
-
-def _profile() -> Any:
-    import rerun.blueprint as rrb
-
-    return rrb.Spatial2DView(
-        origin=PROFILE,
-        name=f"Tension [kN] vs depth [m]; thin lines: min/max of last {RANGE_S:g} s",
-        background=BACKGROUND,
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=(-0.12 * WIDTH, 1.04 * WIDTH), y_range=(-0.05 * HEIGHT, 1.15 * HEIGHT)
-        ),
-    )
 
 
 def _plot(

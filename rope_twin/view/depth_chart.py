@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.view.canvas import GRID_RGB, HAIR, Canvas
 from rope_twin.view.ticks import ticks_over
 
 WIDTH, HEIGHT, GAP = 560.0, 1000.0, 110.0
-_GRID = (66, 68, 76)
-_WORDS = (205, 205, 210)
 _HEAD, _LIFT = -95.0, 30.0  # title above the panel; rerun places a label below its point
 
 Values = NDArray[np.float64]
@@ -36,14 +35,12 @@ class DepthChart:
 
     def __init__(self, stream: Any, path: str, title: str, place: int) -> None:
         """`place`: number of the panel, from the left."""
-        self._stream, self._path, self._title = stream, path, title
+        self._canvas, self._title = Canvas(stream, path, flat=True), title
         self._left = place * (WIDTH + GAP)
         self._axes = (0.0, 0.0)
 
     def show(self, depth_m: Values, curves: list[Curve]) -> None:
         """Draw curves over the length below the hang-off [m]; rope aboard is not drawn."""
-        import rerun as rr
-
         out = depth_m >= 0.0
         known = [curve.values[out & np.isfinite(curve.values)] for curve in curves]
         largest = max((float(values.max(initial=0.0)) for values in known), default=0.0)
@@ -59,17 +56,12 @@ class DepthChart:
         for curve in curves:
             drawn = out & np.isfinite(curve.values)
             points = self._place(curve.values[drawn] / wide, depth_m[drawn] / high)
-            self._stream.log(
-                f"{self._path}/{curve.name.replace(' ', '_')}",
-                rr.LineStrips2D([points], colors=curve.rgb, radii=rr.Radius.ui_points(2.0)),
-            )
+            self._canvas.lines(curve.name.replace(" ", "_"), [points], curve.rgb, 2.0)
 
     def _place(self, across: Values, down: Values) -> Values:
         return np.stack([self._left + across * WIDTH, down * HEIGHT], axis=-1)
 
     def _draw_axes(self, curves: list[Curve]) -> None:
-        import rerun as rr
-
         wide, high = self._axes
         if not (wide > 0.0 and high > 0.0):
             return
@@ -77,23 +69,14 @@ class DepthChart:
         x, y = self._left + across / wide * WIDTH, down / high * HEIGHT
         grid = [[[at, 0.0], [at, HEIGHT]] for at in x]
         grid += [[[self._left, at], [self._left + WIDTH, at]] for at in y]
-        hair = rr.Radius.ui_points(0.5)
-        self._stream.log(f"{self._path}/grid", rr.LineStrips2D(grid, colors=_GRID, radii=hair))
-        self._label("values", [[at, HEIGHT] for at in x], [f"{value:g}" for value in across])
+        canvas = self._canvas
+        canvas.lines("grid", grid, GRID_RGB, HAIR)
+        canvas.labels("values", [[at, HEIGHT] for at in x], [f"{value:g}" for value in across])
         if self._left == 0.0:  # the other panels have the same depths, and no space for labels
-            self._label("depths", [[-60.0, at - _LIFT] for at in y], [f"{d:g}" for d in down])
+            canvas.labels("depths", [[-60.0, at - _LIFT] for at in y], [f"{d:g}" for d in down])
         names = ", ".join(curve.name for curve in curves)
         middle = self._left + 0.5 * WIDTH
-        self._label("title", [[middle, _HEAD]], [f"{self._title}: {names}"])
-
-    def _label(self, name: str, places: list[list[float]], words: list[str]) -> None:
-        import rerun as rr
-
-        self._stream.log(
-            f"{self._path}/{name}",
-            rr.Points2D(places, labels=words, show_labels=True, colors=_WORDS,
-                        radii=rr.Radius.ui_points(0.0)),
-        )  # fmt: skip
+        canvas.labels("title", [[middle, _HEAD]], [f"{self._title}: {names}"])
 
 
 VIBRATION, FATIGUE = "vibration", "fatigue"

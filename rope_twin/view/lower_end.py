@@ -14,17 +14,13 @@ from numpy.typing import NDArray
 
 from rope_twin.messages.encoder import PAYLOAD
 from rope_twin.messages.templates import PAYLOAD_RGB, tension_colours
+from rope_twin.view.canvas import SCALE_RGB, WAVE_RGB, Canvas, Points
 from rope_twin.view.ticks import round_step
 
 _LEAST_M = 5.0  # minimum visible distance above, below and to the sides
 _NEAR_M = 80.0  # ropes that end farther away are not part of this view
 _MARGIN = 1.25
 _GROWN = 1.2  # the camera moves when the extent has grown by this factor
-_WATER = (120, 175, 230)
-_LINES = (130, 132, 140)
-_WORDS = (205, 205, 210)
-
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -73,8 +69,7 @@ class LowerEnd:
     """Draws the lower end below `path`; `sight` changes when the camera moves, None at first."""
 
     def __init__(self, stream: Any, path: str) -> None:
-        self._stream = stream
-        self._path = path
+        self._canvas = Canvas(stream, path)
         self._focus = np.zeros(3)
         self.payloads: dict[str, Points] = {}  # positions by name; empty: one at the rope's end
         self._body_name = ""  # of the 6-DOF payload
@@ -135,12 +130,8 @@ class LowerEnd:
 
     def show_bars(self, ends_m: Points) -> None:
         """Draw the struts of a multi-line system, ends (n, 2, 3)."""
-        import rerun as rr
-
         ends, _ = _cut(ends_m - self._focus, self._bounds)
-        width = rr.Radius.ui_points(3.0)
-        strips = rr.LineStrips3D(ends, colors=PAYLOAD_RGB, radii=width)
-        self._stream.log(f"{self._path}/bars", strips)
+        self._canvas.lines("bars", ends, PAYLOAD_RGB, 3.0)
 
     @property
     def _bounds(self) -> float:
@@ -164,45 +155,32 @@ class LowerEnd:
 
     def _take(self, sight: Sight) -> None:
         """Set the visible region, and draw its scale bar."""
-        import rerun as rr
-
         self.sight = sight
         bar_m = round_step(0.5 * sight.half, most=1) / 2.0
         low, left, tick = 0.8 * sight.half, -0.55 * sight.half, 0.03 * sight.half
         ends = (left, left + bar_m)
         lines = [[sight.spot(x, low) for x in ends]]
         lines += [[sight.spot(x, low - tick), sight.spot(x, low + tick)] for x in ends]
-        thin = rr.Radius.ui_points(0.75)
-        self._stream.log(f"{self._path}/scale", rr.LineStrips3D(lines, colors=_LINES, radii=thin))
-        self._label("scale/words", sight.spot(left + 0.5 * bar_m, low), f"{bar_m:g} m")
+        self._canvas.lines("scale", lines, SCALE_RGB)
+        words_at = sight.spot(left + 0.5 * bar_m, low)
+        self._canvas.labels("scale/words", [words_at], [f"{bar_m:g} m"])
 
     def _draw(self, name: str, position_m: Points, elements_n: Points, scale_n: float) -> None:
         """Draw the visible elements, relative to the lower end."""
-        import rerun as rr
-
         nodes = position_m - self._focus
         ends, shown = _cut(np.stack([nodes[:-1], nodes[1:]], axis=1), self._bounds)
-        self._stream.log(
-            f"{self._path}/{name}",
-            rr.LineStrips3D(
-                ends,
-                colors=tension_colours(elements_n[shown], scale_n),
-                radii=rr.Radius.ui_points(3.0),
-            ),
-        )
+        self._canvas.lines(name, ends, tension_colours(elements_n[shown], scale_n), 3.0)
 
     def _draw_payloads(self) -> bool:
         """Draw payload, depth label and water; return whether the camera has to move."""
-        import rerun as rr
-
         assert self.sight is not None
         middle, aside = self._focus, 0.4 * self.sight.half
         if self._outline_m is not None and self._pose is not None:
             middle = self._pose[0]
             aside = max(aside, 0.5 * float(np.hypot(*self._outline_m[:2])) + 0.2 * self.sight.half)
         at = self.sight.spot(aside, 0.0)
-        words = depth_in_words(-float(middle[2]))
-        self._label("depth", [at[0], at[1], float(middle[2] - self._focus[2])], words)
+        at[2] = float(middle[2] - self._focus[2])
+        self._canvas.labels("depth", [at], [depth_in_words(-float(middle[2]))])
         self._draw_water(self.sight)
         if self._outline_m is not None and self._pose is not None:
             return self._draw_body(self._outline_m, *self._pose)
@@ -210,35 +188,25 @@ class LowerEnd:
         every = {name: place - self._focus for name, place in known.items()}
         near = {name: at for name, at in every.items() if np.abs(at).max() < self._bounds}
         half = self.sight.half / 16.0
-        self._stream.log(
-            f"{self._path}/payload",
-            rr.Boxes3D(
-                centers=[at - [0.0, 0.0, half] for at in near.values()],
-                half_sizes=[[half] * 3] * len(near), colors=PAYLOAD_RGB, fill_mode="solid",
-                labels=list(near), show_labels=bool(self.payloads),
-            ),
-        )  # fmt: skip
+        centres = [at - [0.0, 0.0, half] for at in near.values()]
+        self._canvas.payloads(centres, half, list(near), named=bool(self.payloads))
         return False
 
     def _draw_water(self, sight: Sight) -> None:
         """Draw the mean water level where it is visible."""
-        import rerun as rr
-
         up = -float(self._focus[2]) - sight.middle
         before, self._at_water = self._at_water, abs(up) < sight.half
         if before or self._at_water:
             level = [[sight.spot(side * sight.half, up) for side in (-1.0, 1.0)]]
-            thin = rr.Radius.ui_points(0.75)
-            strips = rr.LineStrips3D(level[: self._at_water], colors=_WATER, radii=thin)
-            self._stream.log(f"{self._path}/water", strips)
+            self._canvas.lines("water", level[: self._at_water], WAVE_RGB)
 
     def _draw_body(self, sides: Points, place: Points, quaternion: list[float]) -> bool:
         """Draw a 6-DOF payload in true size and attitude; return whether the camera has to move."""
         import rerun as rr
 
         center = place - self._focus
-        self._stream.log(
-            f"{self._path}/payload",
+        self._canvas.log(
+            "payload",
             rr.Boxes3D(
                 centers=[center], half_sizes=[0.5 * sides],
                 quaternions=[rr.Quaternion(xyzw=quaternion)],
@@ -247,20 +215,9 @@ class LowerEnd:
         )  # fmt: skip
         ends, pulls = self._slings
         strips = [[[0.0, 0.0, 0.0], (end - self._focus).tolist()] for end in ends]
-        colours = tension_colours(pulls, self._scale_n)
-        lines = rr.LineStrips3D(strips, colors=colours, radii=rr.Radius.ui_points(2.0))
-        self._stream.log(f"{self._path}/slings", lines)
+        self._canvas.lines("slings", strips, tension_colours(pulls, self._scale_n), 2.0)
         reach = 0.5 * float(np.sqrt(sides @ sides))
         return self._widen(np.array([center - reach, center + reach]))
-
-    def _label(self, name: str, place: list[float], words: str) -> None:
-        import rerun as rr
-
-        self._stream.log(
-            f"{self._path}/{name}",
-            rr.Points3D([place], labels=[words], show_labels=True, colors=_WORDS,
-                        radii=rr.Radius.ui_points(0.0)),
-        )  # fmt: skip
 
 
 def _cut(ends: Points, bounds: float) -> tuple[Points, NDArray[np.intp]]:

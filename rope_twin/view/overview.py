@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rope_twin.messages.templates import HANG_OFF_RGB, PAYLOAD_RGB, tension_colours
+from rope_twin.messages.templates import HANG_OFF_RGB
+from rope_twin.view.canvas import HAIR, SCALE_RGB, Canvas, Points
 from rope_twin.view.ticks import depth_words, depths_over, round_step
 
 _FACTORS = (50, 20, 10, 5, 2, 1)
@@ -22,10 +22,9 @@ _TOO_WIDE = 0.6  # ... and the width beyond which the factor is reduced
 _GONE = 0.3  # drawn distance from the middle at which a moving hang-off is centred again
 # as fractions of the scale: space for a name and for the depth scale, and visible half width
 _NAME, _SCALE, _SEEN = 0.1, 0.3, 0.9
-_LINES = (130, 132, 140)
-_WORDS = (205, 205, 210)
 _SEA = (70, 130, 200)
 _SPOT = (255, 255, 255)
+WIDTH = 2.5  # of a rope [points of the user interface]
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Frame:
     at_m: tuple[float, float] = (0.0, 0.0)  # east, north of the hang-off: middle of the picture
 
     @property
-    def depths_m(self) -> NDArray[np.float64]:
+    def depths_m(self) -> Points:
         """Return the ticks of the depth scale, from the top down; negative above the water."""
         return depths_over(self.above_m, 0.999 * self.depth_m)
 
@@ -50,11 +49,11 @@ class Frame:
         depths = self.depths_m
         return float(depths[-1] - depths[0])
 
-    def gone_m(self, position_m: NDArray[np.float64]) -> float:
+    def gone_m(self, position_m: Points) -> float:
         """Return the horizontal distance of a rope's hang-off from the middle; nodes (n, 3)."""
         return float(np.hypot(*(position_m[0, :2] - self.at_m)))
 
-    def place(self, position_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def place(self, position_m: Points) -> Points:
         """Return positions (n, 3) as drawn."""
         from_hang_off = position_m - np.array([*self.at_m, 0.0])
         return np.asarray(from_hang_off * np.array([self.factor, self.factor, 1.0]))
@@ -64,7 +63,7 @@ class Frame:
         return [self.aside[0] * right, self.aside[1] * right, height_m]
 
 
-def frame_for(position_m: NDArray[np.float64], gone_m: float = 0.0) -> Frame:
+def frame_for(position_m: Points, gone_m: float = 0.0) -> Frame:
     """Return the frame for a rope (n, 3) whose hang-off has moved by `gone_m` horizontally."""
     depth, above = _reach(position_m)
     high, at = depth + above, (float(position_m[0, 0]), float(position_m[0, 1]))
@@ -80,7 +79,7 @@ def frame_for(position_m: NDArray[np.float64], gone_m: float = 0.0) -> Frame:
     return Frame(factor, depth, aside, factor * width, above, at)
 
 
-def _reach(position_m: NDArray[np.float64]) -> tuple[float, float]:
+def _reach(position_m: Points) -> tuple[float, float]:
     """Return the depth of the lowest node (at least 1 m) and the height of the highest [m]."""
     heights = position_m[:, 2]
     return max(float(-heights.min()), 1.0), max(float(heights.max()), 0.0)
@@ -90,21 +89,13 @@ class Overview:
     """Draws the rope below `path`; `frame` is replaced when the camera has to move."""
 
     def __init__(self, stream: Any, path: str) -> None:
-        self._stream = stream
-        self._path = path
+        self._canvas = Canvas(stream, path)
         self.frame: Frame | None = None
-        self.payloads: dict[str, NDArray[np.float64]] = {}  # positions; empty: at the rope's end
-        self._further: dict[int, NDArray[np.float64]] = {}  # nodes of all ropes but the first
+        self.payloads: dict[str, Points] = {}  # positions; empty: at the rope's end
+        self._further: dict[int, Points] = {}  # nodes of all ropes but the first
 
-    def show(
-        self,
-        position_m: NDArray[np.float64],
-        elements_n: NDArray[np.float64],
-        scale_n: float,
-    ) -> bool:
+    def show(self, position_m: Points, elements_n: Points, scale_n: float) -> bool:
         """Draw the rope, nodes (n, 3); return whether the camera has to move (a new frame)."""
-        import rerun as rr
-
         every = np.concatenate([position_m, *self._further.values()])
         moved = self.frame is None or has_left(self.frame, every)
         if moved:
@@ -113,76 +104,31 @@ class Overview:
             self._draw_scales(self.frame)
         assert self.frame is not None
         drawn = self.frame.place(position_m)
-        log, path = self._stream.log, self._path
-        log(
-            f"{path}/rope",
-            rr.LineStrips3D(
-                np.stack([drawn[:-1], drawn[1:]], axis=1),
-                colors=tension_colours(elements_n, scale_n),
-                radii=rr.Radius.ui_points(2.5),
-            ),
-        )
-        self._draw_payloads(self.frame, self.payloads or {"payload": position_m[-1]})
-        log(
-            f"{path}/hang_off",
-            rr.Points3D(drawn[:1], radii=rr.Radius.ui_points(5.0), colors=HANG_OFF_RGB),
-        )
+        self._canvas.rope("rope", drawn, elements_n, scale_n, WIDTH)
+        places = self.payloads or {"payload": position_m[-1]}
+        half = (self.frame.depth_m + self.frame.above_m) / 70.0
+        centres = self.frame.place(np.array(list(places.values()))) - [0.0, 0.0, half]
+        self._canvas.payloads(centres, half, list(places), named=True)
+        self._canvas.points("hang_off", drawn[:1], HANG_OFF_RGB, 5.0)
         return moved
 
-    def _draw_payloads(self, frame: Frame, places: dict[str, NDArray[np.float64]]) -> None:
-        import rerun as rr
-
-        half = (frame.depth_m + frame.above_m) / 70.0
-        self._stream.log(
-            f"{self._path}/payload",
-            rr.Boxes3D(
-                centers=frame.place(np.array(list(places.values()))) - [0.0, 0.0, half],
-                half_sizes=[[half] * 3] * len(places), colors=PAYLOAD_RGB, fill_mode="solid",
-                labels=list(places), show_labels=True,
-            ),
-        )  # fmt: skip
-
     def show_further(
-        self,
-        number: int,
-        position_m: NDArray[np.float64],
-        elements_n: NDArray[np.float64],
-        scale_n: float,
+        self, number: int, position_m: Points, elements_n: Points, scale_n: float
     ) -> None:
         """Draw another rope of a multi-line system, nodes (n, 3)."""
-        import rerun as rr
-
         if self.frame is None:
             return
         self._further[number] = position_m
         drawn = self.frame.place(position_m)
-        self._stream.log(
-            f"{self._path}/rope/{number}",
-            rr.LineStrips3D(
-                np.stack([drawn[:-1], drawn[1:]], axis=1),
-                colors=tension_colours(elements_n, scale_n),
-                radii=rr.Radius.ui_points(2.5),
-            ),
-        )
+        self._canvas.rope(f"rope/{number}", drawn, elements_n, scale_n, WIDTH)
 
-    def show_spots(self, name: str, position_m: NDArray[np.float64], labels: list[str]) -> None:
+    def show_spots(self, name: str, position_m: Points, labels: list[str]) -> None:
         """Mark positions (n, 3) with a label each: crossings of lines, touchdown points."""
-        import rerun as rr
-
-        if self.frame is None:
-            return
-        self._stream.log(
-            f"{self._path}/{name}",
-            rr.Points3D(
-                self.frame.place(position_m), radii=rr.Radius.ui_points(4.0), colors=_SPOT,
-                labels=labels, show_labels=True,
-            ),
-        )  # fmt: skip
+        if self.frame is not None:
+            self._canvas.points(name, self.frame.place(position_m), _SPOT, 4.0, words=labels)
 
     def _draw_scales(self, frame: Frame) -> None:
         """Draw the depth scale left of the rope, the sea, and a bar of the horizontal scale."""
-        import rerun as rr
-
         depths, high = frame.depths_m, frame.high_m
         left, tick = -0.11 * high, 0.012 * high
         lines = [[frame.spot(left, -depths[0]), frame.spot(left, -depths[-1])]]
@@ -192,37 +138,24 @@ class Overview:
         end = frame.factor * bar_m
         lines += [[frame.spot(0.0, low), frame.spot(end, low)]]
         lines += [[frame.spot(x, low - tick), frame.spot(x, low + tick)] for x in (0.0, end)]
-        log, path = self._stream.log, f"{self._path}/scale"
-        log(
-            path,
-            rr.LineStrips3D(lines, colors=_LINES, radii=rr.Radius.ui_points(0.75)),
-        )
+        self._canvas.lines("scale", lines, SCALE_RGB)
         places = [frame.spot(left - 0.09 * high, 0.018 * high - d) for d in depths]
         words = [f"{depth_words(depth)} m" for depth in depths]
         places.append(frame.spot(0.5 * end, low))
         words.append(f"{bar_m:g} m horizontal")
-        log(
-            f"{path}/words",
-            rr.Points3D(places, labels=words, show_labels=True, colors=_WORDS,
-                        radii=rr.Radius.ui_points(0.0)),
-        )  # fmt: skip
+        self._canvas.labels("scale/words", places, words)
         self._draw_sea(0.085 * high)
 
     def _draw_sea(self, half: float) -> None:
-        import rerun as rr
-
         corners = [(-half, -half), (half, -half), (half, half), (-half, half), (-half, -half)]
         steps = np.linspace(-half, half, 7)
         lines = [[[x, y, 0.0] for x, y in corners]]
         lines += [[[x, -half, 0.0], [x, half, 0.0]] for x in steps]
         lines += [[[-half, y, 0.0], [half, y, 0.0]] for y in steps]
-        self._stream.log(
-            f"{self._path}/sea",
-            rr.LineStrips3D(lines, colors=_SEA, radii=rr.Radius.ui_points(0.5)),
-        )
+        self._canvas.lines("sea", lines, _SEA, HAIR)
 
 
-def has_left(frame: Frame, position_m: NDArray[np.float64]) -> bool:
+def has_left(frame: Frame, position_m: Points) -> bool:
     """Return whether the rope exceeds the picture, has become small in it or has moved away."""
     depth, above = _reach(position_m)
     high, drawn = depth + above, frame.depth_m + frame.above_m

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.messages.templates import SLACK_RGB, shade, tension_colours
+from rope_twin.messages.templates import SLACK_RGB, shade
+from rope_twin.view.canvas import GRID_RGB, HAIR, Canvas
 from rope_twin.view.ticks import depth_words, depths_over, ticks_over
 
 WIDTH, HEIGHT = 1250.0, 1000.0
@@ -23,25 +24,21 @@ _ASIDE = -75.0  # to the left of the chart
 _ALONG = np.linspace(0.0, 1.0, 201)  # fixed positions along the depth, as nodes come and go
 _STRIPS = 250
 _LIFT = 30.0  # rerun places a label below its point; this offset places it beside
-_GRID = (66, 68, 76)
-_WORDS = (205, 205, 210)
-_THIN = (150, 150, 158)
+_RANGE_RGB = (150, 150, 158)
 
 
 class Profile:
     """Draws the chart below `path`; the axes are redrawn when a scale changes."""
 
     def __init__(self, stream: Any, path: str) -> None:
-        self._stream = stream
-        self._path = path
+        self._stream, self._path = stream, path
+        self._canvas = Canvas(stream, path, flat=True)
         self._scale_n, self._top_m, self._deepest_m = 0.0, 0.0, 0.0
         self._history: deque[tuple[int, NDArray[np.float64]]] = deque()
 
     def show(self, time_ns: int, depth_m: NDArray[np.float64], nodes_n: NDArray[np.float64],
              elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
         """Draw depths and tensions (n,) of the nodes, in the colours of the element tensions."""
-        import rerun as rr
-
         if self._outgrown(scale_n, depth_m):
             depths_m = depths_over(-float(depth_m.min()), float(depth_m.max()))
             self._scale_n = scale_n
@@ -52,22 +49,9 @@ class Profile:
         along = below_m / max(float(below_m[-1]), 1.0)
         depths_m = np.interp(_ALONG, along, depth_m)
         sides = self._range(time_ns, np.interp(_ALONG, along, nodes_n))
-        thin = rr.Radius.ui_points(0.75)
-        self._stream.log(
-            f"{self._path}/range",
-            rr.LineStrips2D(
-                [self._place(side, depths_m) for side in sides],
-                colors=_THIN, radii=thin, draw_order=1.0,
-            ),
-        )  # fmt: skip
-        self._stream.log(
-            f"{self._path}/now",
-            rr.LineStrips2D(
-                np.stack([curve[:-1], curve[1:]], axis=1),
-                colors=tension_colours(elements_n, scale_n),
-                radii=rr.Radius.ui_points(2.5), draw_order=2.0,
-            ),
-        )  # fmt: skip
+        strips = [self._place(side, depths_m) for side in sides]
+        self._canvas.lines("range", strips, _RANGE_RGB, draw_order=1.0)
+        self._canvas.rope("now", curve, elements_n, scale_n, 2.5, draw_order=2.0)
 
     def _outgrown(self, scale_n: float, depth_m: NDArray[np.float64]) -> bool:
         """Return whether the axes have to change.
@@ -102,36 +86,27 @@ class Profile:
         forces_n = ticks_over(self._scale_n, most=5)
         across = forces_n / self._scale_n * WIDTH
         down = (depths_m - depths_m[0]) / (depths_m[-1] - depths_m[0]) * HEIGHT
-        log, path = self._stream.log, f"{self._path}/axes"
+        canvas = Canvas(self._stream, f"{self._path}/axes", flat=True)
         grid = [[[x, 0.0], [x, HEIGHT]] for x in across if x <= WIDTH]
         grid += [[[0.0, y], [WIDTH, y]] for y in down]
-        hair = rr.Radius.ui_points(0.5)
-        log(f"{path}/grid", rr.LineStrips2D(grid, colors=_GRID, radii=hair, draw_order=0.0))
-        self._label(f"{path}/tension", [[x, _UNDER] for x in across if x <= WIDTH],
-                    [f"{force / 1000.0:g}" for force in forces_n[across <= WIDTH]])  # fmt: skip
-        self._label(f"{path}/depth", [[_ASIDE, y - _LIFT] for y in down],
-                    [depth_words(depth) for depth in depths_m])  # fmt: skip
+        canvas.lines("grid", grid, GRID_RGB, HAIR, draw_order=0.0)
+        shown = across <= WIDTH
+        canvas.labels("tension", [[x, _UNDER] for x in across[shown]],
+                      [f"{force / 1000.0:g}" for force in forces_n[shown]])  # fmt: skip
+        canvas.labels("depth", [[_ASIDE, y - _LIFT] for y in down],
+                      [depth_words(depth) for depth in depths_m])  # fmt: skip
         # the colour bar: strips side by side (2-D boxes cannot be filled)
         places = (np.arange(_STRIPS) + 0.5) / _STRIPS
         top, bottom = HEIGHT + 1.8 * _BAR, HEIGHT + 2.8 * _BAR
         bar = [[[x, top], [x, bottom]] for x in places * WIDTH]
         middle = 0.5 * (top + bottom)
         bar.append([[_ASIDE - _BAR, middle], [_ASIDE + _BAR, middle]])
-        log(
-            f"{path}/colours",
+        canvas.log(
+            "colours",
             rr.LineStrips2D(
                 bar,
                 colors=np.concatenate([shade(places), [SLACK_RGB]]),
                 radii=[1.0 * WIDTH / _STRIPS] * _STRIPS + [0.5 * _BAR],
             ),
         )
-        self._label(f"{path}/slack", [[_ASIDE, _UNDER]], ["slack"])
-
-    def _label(self, path: str, places: list[list[float]], words: list[str]) -> None:
-        import rerun as rr
-
-        self._stream.log(
-            path,
-            rr.Points2D(places, labels=words, show_labels=True, colors=_WORDS,
-                        radii=rr.Radius.ui_points(0.0)),
-        )  # fmt: skip
+        canvas.labels("slack", [[_ASIDE, _UNDER]], ["slack"])

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rope_twin.messages.templates import HANG_OFF_RGB, tension_colours
+from rope_twin.messages.templates import HANG_OFF_RGB
+from rope_twin.view.canvas import HAIR, SCALE_RGB, WAVE_RGB, Canvas, Points
 from rope_twin.view.ticks import depths_over
 
 # For a hang-off at the water [m]; for one above it all but SCALE is multiplied by `Sight.size`.
@@ -18,9 +18,6 @@ EYE, TARGET = (-4.0, -19.0, 6.5), (-1.0, 0.0, -0.6)  # camera, relative to the m
 _BESIDE = np.array([2.2, 0.0, 0.4])
 SHOWN_M = 60.0  # length of rope that is drawn
 _SEA = (52, 118, 190)
-_WAVE = (120, 175, 230)
-_LINES = (130, 132, 140)
-_WORDS = (205, 205, 210)
 
 
 @dataclass(frozen=True)
@@ -45,13 +42,11 @@ class Surface:
     """Draws the upper rope, the hang-off, the sea surface and a height scale below `path`."""
 
     def __init__(self, stream: Any, path: str) -> None:
-        self._stream = stream
-        self._path = path
-        self._at: NDArray[np.float64] | None = None
+        self._canvas = Canvas(stream, path)
+        self._at: Points | None = None
         self.sight = Sight()
 
-    def show_rope(self, position_m: NDArray[np.float64], elements_n: NDArray[np.float64],
-                  scale_n: float) -> bool:  # fmt: skip
+    def show_rope(self, position_m: Points, elements_n: Points, scale_n: float) -> bool:
         """Draw the upper end of the rope, nodes (n, 3) from the top; return if the view is new."""
         import rerun as rr
 
@@ -63,40 +58,28 @@ class Surface:
             self._draw_scale()
         if np.linalg.norm(below - self._at) > PATCH * self.sight.size:
             self._at = below  # the drawn sea surface follows a ship under way
-        self._draw_upper_end(f"{self._path}/rope", position_m - self._at, elements_n, scale_n)
+        self._draw_upper_end("rope", position_m - self._at, elements_n, scale_n)
         top, size = position_m[:1] - self._at, self.sight.size
         ball = rr.Points3D(top, radii=0.5 * size, colors=HANG_OFF_RGB)
-        self._stream.log(f"{self._path}/hang_off", ball)
-        self._stream.log(
-            f"{self._path}/hang_off/words",
-            rr.Points3D(top + size * _BESIDE, labels=["hang-off"], show_labels=True,
-                        colors=_WORDS, radii=rr.Radius.ui_points(0.0)),
-        )  # fmt: skip
+        self._canvas.log("hang_off", ball)
+        self._canvas.labels("hang_off/words", top + size * _BESIDE, ["hang-off"])
         return first
 
-    def show_further(self, number: int, position_m: NDArray[np.float64],
-                     elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
+    def show_further(
+        self, number: int, position_m: Points, elements_n: Points, scale_n: float
+    ) -> None:
         """Draw the upper end of another rope if it is near the surface."""
         if self._at is None or position_m[0, 2] < -SHOWN_M:
             return
-        path = f"{self._path}/rope/{number}"
-        self._draw_upper_end(path, position_m - self._at, elements_n, scale_n)
+        self._draw_upper_end(f"rope/{number}", position_m - self._at, elements_n, scale_n)
 
-    def _draw_upper_end(self, path: str, nodes_m: NDArray[np.float64],
-                        elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
+    def _draw_upper_end(
+        self, name: str, nodes_m: Points, elements_n: Points, scale_n: float
+    ) -> None:
         """Draw the visible part of a rope, its elements in the colours of their tension."""
-        import rerun as rr
-
         count = int(np.searchsorted(nodes_m[0, 2] - nodes_m[:, 2], SHOWN_M)) + 1
         nodes = nodes_m[: max(count, 2)]
-        self._stream.log(
-            path,
-            rr.LineStrips3D(
-                np.stack([nodes[:-1], nodes[1:]], axis=1),
-                colors=tension_colours(elements_n[: len(nodes) - 1], scale_n),
-                radii=rr.Radius.ui_points(3.0),
-            ),
-        )
+        self._canvas.rope(name, nodes, elements_n[: len(nodes) - 1], scale_n)
 
     def show_sea(self, elevation_m: float) -> None:
         """Draw the sea surface at the ship."""
@@ -107,33 +90,21 @@ class Surface:
         lines = [[[x, -half, elevation_m], [x, half, elevation_m]] for x in side]
         lines += [[[-half, y, elevation_m], [half, y, elevation_m]] for y in side]
         corners = [[x, y, elevation_m] for x in (-half, half) for y in (-half, half)]
-        self._stream.log(
-            f"{self._path}/sea",
+        self._canvas.log(
+            "sea",
             rr.Mesh3D(vertex_positions=corners, triangle_indices=[[0, 2, 3], [0, 3, 1]],
                       albedo_factor=[*_SEA, 90]),
         )  # fmt: skip
-        self._stream.log(
-            f"{self._path}/sea/grid",
-            rr.LineStrips3D(lines, colors=_WAVE, radii=rr.Radius.ui_points(0.5)),
-        )
+        self._canvas.lines("sea/grid", lines, WAVE_RGB, HAIR)
 
     def _draw_scale(self) -> None:
         """Draw the scale of height above mean water level, to the left of the rope."""
-        import rerun as rr
-
         size = self.sight.size
         heights = -depths_over(self.sight.above_m + SCALE, SCALE)
         x = (-PATCH - 2.0) * size
         lines = [[[x, 0.0, heights[-1]], [x, 0.0, heights[0]]]]
         lines += [[[x - 0.3 * size, 0.0, z], [x, 0.0, z]] for z in heights]
-        thin = rr.Radius.ui_points(0.75)
-        self._stream.log(
-            f"{self._path}/scale", rr.LineStrips3D(lines, colors=_LINES, radii=thin), static=True
-        )
-        self._stream.log(
-            f"{self._path}/scale/words",
-            rr.Points3D([[x - 2.0 * size, 0.0, z + 0.35 * size] for z in heights],
-                        labels=[f"{z:+g} m" if z else "0 m" for z in heights], show_labels=True,
-                        colors=_WORDS, radii=rr.Radius.ui_points(0.0)),
-            static=True,
-        )  # fmt: skip
+        self._canvas.lines("scale", lines, SCALE_RGB, static=True)
+        places = [[x - 2.0 * size, 0.0, z + 0.35 * size] for z in heights]
+        words = [f"{z:+g} m" if z else "0 m" for z in heights]
+        self._canvas.labels("scale/words", places, words, static=True)
