@@ -6,13 +6,15 @@ import itertools
 import time
 from dataclasses import dataclass
 from math import pi
+from typing import Any
 
 import numpy as np
 
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.state import Floats
 from rope_twin.studies.picture import Line, Panel, Vector
 from rope_twin.vortex.decomposed_response import PER_PERIOD, REMEMBERED, DecomposedResponse
-from rope_twin.vortex.integrators import Integrator, bathe, newmark
+from rope_twin.vortex.integrators import Integrator, Matrices, Motion, bathe, newmark_step
 from rope_twin.vortex.line_model import Span
 from rope_twin.vortex.power_in import Decomposed, Excitation, analyse, decomposed
 from validation.case import Case, Finding, Found, between, shown
@@ -93,6 +95,24 @@ class _Run:
     def mean(self) -> float:
         """Return the mean along the riser."""
         return float(self.rms.mean())
+
+
+def newmark(alpha: float = 0.30, delta: float = 0.55) -> Integrator:
+    """Return Newmark's integrator (1959), by default with the thesis's α and δ."""
+
+    def step(at: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
+        after, work = np.empty((3, len(end))), np.empty((5, len(end)))
+        _newmark_entry(at, parts, end, h, alpha, delta, after, work)
+        return Motion(after[0], after[1], after[2])
+
+    return step
+
+
+@jit_entry
+def _newmark_entry(
+    at: Any, parts: Any, force: Any, h: float, alpha: float, delta: float, after: Any, work: Any
+) -> None:
+    newmark_step(at, parts, force, h, alpha, delta, after, work)
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,7 @@ import numpy as np
 from rope_twin.core.state import Floats
 from rope_twin.studies.picture import Field, Line, Panel, Vector
 from rope_twin.vortex.modal_response import ModalResponse
-from rope_twin.vortex.shedding import (
-    TIE,
-    Shedding,
-    all_zones,
-    dominant_zones,
-    nearest_zones,
-    share_out,
-)
+from rope_twin.vortex.shedding import TIE, Shedding, parts_below, share_out
 from validation.case import Case, Finding, Found, between, shown, within_pct
 from validation.published_ropes import LCD_CABLE, LCD_RISER, PublishedRope, lcd_current
 from validation.wave_lines import waves_of_cable, waves_of_riser
@@ -119,6 +112,27 @@ def _variants(rope: PublishedRope, duration: float) -> str:
         )
     head = "| tried | mode | frequency | rms/d |\n| --- | --- | --- | --- |\n"
     return f"{KEPT_MODES}\n\n{head}" + "\n".join(words)
+
+
+def nearest_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
+    """Assign each place to the mode nearest to its Strouhal frequency, if it is locked in."""
+    if not len(frequency):
+        return locked
+    nearer_below = parts_below(shedding, 0.5 * (frequency[1:] + frequency[:-1]))
+    none, whole = np.zeros((len(shedding), 1)), np.ones((len(shedding), 1))
+    near = np.diff(np.concatenate([none, nearer_below, whole], axis=1), axis=1)
+    return np.minimum(near, locked)
+
+
+def all_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
+    """Assign each place to every mode that is locked in there."""
+    return locked
+
+
+def dominant_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
+    """Assign its band to the mode with most shedding near it (by f_s³), the rest to the next."""
+    near = nearest_zones(frequency, shedding, locked, moved)
+    return share_out((shedding[:, None] ** 3 * near).sum(axis=0), locked, TIE)
 
 
 def _leading_alone(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:

@@ -16,8 +16,10 @@ from math import inf, nan, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rope_twin.core.state import Floats
+from rope_twin.vortex.force_table import ForceTable
 from rope_twin.vortex.integrators import upper_bands
 from rope_twin.vortex.line_model import Span
 from rope_twin.vortex.modes import stiffness
@@ -62,6 +64,24 @@ READINGS = (
 )
 
 
+def forces_at(table: ForceTable, amplitude: Floats, frequency: Floats) -> tuple[Floats, Floats]:
+    """Return C_Lv and C_a at A/D and f·D/U, (n,): bilinear, constant beyond the table's ends."""
+    i, u = _interval(table.frequency, frequency)
+    j, v = _interval(table.amplitude, amplitude)
+    both = np.stack([table.lift, table.added_mass])
+    low = (1.0 - v) * both[..., i, j] + v * both[..., i, j + 1]
+    high = (1.0 - v) * both[..., i + 1, j] + v * both[..., i + 1, j + 1]
+    lift, added_mass = (1.0 - u) * low + u * high
+    return lift, added_mass
+
+
+def _interval(knots: Floats, at: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Return the index of the knot below, and the fraction from it to the next."""
+    inside = np.clip(at, knots[0], knots[-1])
+    i = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, len(knots) - 2)
+    return i, (inside - knots[i]) / (knots[i + 1] - knots[i])
+
+
 def steady_amplitude(
     span: Span, model: Decomposed, reading: Reading = KEPT, mode: int | None = None
 ) -> Floats:
@@ -86,7 +106,7 @@ def steady_amplitude(
     damping = model.structural if reading.structural is None else reading.structural
     A, off = np.full(len(D), 0.3), inf
     for _ in range(ROUNDS):
-        lift, added = model.table.both_at(reading.read * A, reduced)
+        lift, added = forces_at(model.table, reading.read * A, reduced)
         if not model.varying:
             added = np.full(len(D), model.fixed_added_mass)
         mass = dry + added * water

@@ -24,7 +24,6 @@ from rope_twin.sea.spectrum import (
     WaveSpectrum,
     band_spectrum,
     breaking_fault,
-    find_spectra,
     jonswap,
     read_spectrum,
     steepness_warning,
@@ -141,7 +140,7 @@ def _choose_spectrum(args: argparse.Namespace) -> WaveSpectrum:
         return jonswap(*_numbers("--jonswap", args.jonswap, ("m", "s", "")))
     if args.column is None:
         raise InputError(phrase("--column", "it is missing", "name an hour of the spectrum"))
-    return read_spectrum(find_spectra(args.spectrum), args.column)
+    return read_spectrum(args.spectrum, args.column)
 
 
 def _numbers(option: str, words: Sequence[str | float], units: Sequence[str]) -> list[float]:

@@ -51,7 +51,7 @@ from rope_twin.errors import InputError
 from rope_twin.quantity import quantity, text
 from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread
 from rope_twin.sea.components import Waves as Components
-from rope_twin.sea.spectrum import WaveSpectrum, find_spectra, jonswap, read_spectrum
+from rope_twin.sea.spectrum import WaveSpectrum, jonswap, read_spectrum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ class Measured:
         Raises:
             InputError: there is no such file or column.
         """
-        return read_spectrum(find_spectra(self.file), self.column)
+        return read_spectrum(self.file, self.column)
 
     def check(self) -> str | None:
         """Return a fault if it cannot be read, or None."""

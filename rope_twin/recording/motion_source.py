@@ -32,7 +32,7 @@ from rope_twin.sea.ship_motion import (
     read_responses,
     read_way,
 )
-from rope_twin.sea.spectrum import Vector
+from rope_twin.sea.tables import Vector
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.motion.ship_pose import Quaternion, ShipPose, Vector3, turned

@@ -33,8 +33,9 @@ from rope_twin.scene.card import OTHER_SEA, card_path
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.sea.ship_motion import RESPONSES_FOLDER, WAYS_FOLDER, find_table
-from rope_twin.sea.spectrum import find_spectra
+from rope_twin.sea.ship_motion import RESPONSES_FOLDER, WAYS_FOLDER
+from rope_twin.sea.spectrum import SPECTRA_FOLDER
+from rope_twin.sea.tables import find_table
 from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
 from rope_twin.twin.accuracy.level import AccuracyLevel
@@ -320,7 +321,7 @@ def _tables(scene: Scene) -> Iterator[Path]:
         measured = getattr(effect, "measured", None)
         if measured is not None:
             with suppress(InputError):
-                yield find_spectra(measured.file).resolve()
+                yield find_table(measured.file, SPECTRA_FOLDER).resolve()
 
 
 def _name_of(path: Path, root: Path) -> str:

@@ -17,7 +17,7 @@ from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes import SHAPES
 from rope_twin.scene.validation.environment import beside, is_bag_path
 from rope_twin.scene.validation.relations import independent_faults
-from rope_twin.sea.ship_motion import is_path
+from rope_twin.sea.tables import is_path
 from rope_twin.share import share_dir
 
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.sea.spectrum import Vector, WaveSpectrum
+from rope_twin.sea.spectrum import WaveSpectrum
+from rope_twin.sea.tables import Vector
 
 
 def random_shares(seed: int, count: int) -> Vector:

@@ -12,84 +12,17 @@ above its highest they fade to zero.
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import Quantity, quantity
 from rope_twin.sea.components import Waves
-from rope_twin.sea.spectrum import Vector
-from rope_twin.share import share_dir
-
-
-def find_table(name_or_path: str, folder: str) -> Path:
-    """Return the file of a name in config/FOLDER (without its suffix), or of a path.
-
-    Raises:
-        InputError: there is no such file.
-    """
-    if is_path(name_or_path):
-        path = Path(name_or_path)
-        if path.is_file():
-            return path
-        raise InputError(phrase(str(path), "there is no such file", "give the path of a table"))
-    known = {path.stem: path for path in (share_dir() / "config" / folder).glob("*.csv")}
-    if name_or_path in known:
-        return known[name_or_path]
-    right = did_you_mean(name_or_path, known)
-    raise InputError(phrase(f"'{name_or_path}'", f"no table of config/{folder}/", right))
-
-
-def is_path(name_or_path: str) -> bool:
-    """Return whether a table is given by a path instead of a name."""
-    return "/" in name_or_path or name_or_path.startswith(".") or name_or_path.endswith(".csv")
-
-
-def read_columns(path: Path, names: Sequence[str]) -> dict[str, Vector]:
-    """Return the columns of these names, (rows,) each, in any order of the file.
-
-    Raises:
-        InputError: a column is missing, or a value is not a finite number; with the line.
-    """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            phrase(str(path), f"it cannot be read ({error})", "give a text file")
-        ) from None
-    told = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line.strip()[0] != "#"]
-    head = [name.strip() for name in next(csv.reader([told[0][1]]))] if told else []
-    for name in names:
-        if name not in head:
-            right = f"the header must name {', '.join(names)}"
-            raise InputError(phrase(str(path), f"there is no column {name}", right))
-    table = np.array([_numbers(path, k, line, len(head)) for k, line in told[1:]])
-    if not len(table):
-        raise InputError(phrase(str(path), "it has a header and no rows", "give rows of numbers"))
-    return {name: table[:, head.index(name)].copy() for name in names}
-
-
-def _numbers(path: Path, number: int, line: str, count: int) -> list[float]:
-    """Return the numbers of one line. Raises InputError."""
-    where = f"{path}, line {number}"
-    cells = next(csv.reader([line]))
-    if len(cells) != count:
-        raise InputError(phrase(where, f"{len(cells)} values", f"the header names {count}"))
-    try:
-        values = [float(cell) for cell in cells]
-    except ValueError as error:
-        raise InputError(phrase(where, str(error), "give a number")) from None
-    if not np.isfinite(values).all():
-        raise InputError(phrase(where, "a value that is not finite", "give finite numbers"))
-    return values
-
+from rope_twin.sea.tables import Vector, find_table, read_columns, read_grid
 
 _GRAVITY_M_PER_S2 = 9.80665
 
@@ -146,7 +79,8 @@ RESPONSES_FOLDER = "responses"
 SHIFTS, TURNS = ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
 AMPLITUDES = (*(f"{name}_m_per_m" for name in SHIFTS), *(f"{name}_deg_per_m" for name in TURNS))
 PHASES = tuple(f"{name}_phase_deg" for name in (*SHIFTS, *TURNS))
-COLUMNS = ("heading_deg", "frequency_hz", *AMPLITUDES, *PHASES)
+HEADING, FREQUENCY = "heading_deg", "frequency_hz"
+COLUMNS = (HEADING, FREQUENCY, *AMPLITUDES, *PHASES)
 FADE = 1.2  # times the highest frequency of a table: RAOs are zero above
 MIRRORED = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
@@ -226,31 +160,21 @@ def read_responses(name_or_path: str) -> Responses:
         InputError: the table is invalid; one sentence.
     """
     path = find_table(name_or_path, RESPONSES_FOLDER)
-    columns = read_columns(path, COLUMNS)
-    headings, frequencies = (np.unique(columns[name]) for name in COLUMNS[:2])
-    where, count = str(path), len(headings) * len(frequencies)
-    if len(headings) < 2 or headings[0] != 0.0 or headings[-1] != 180.0:
+    where, names = str(path), (*AMPLITUDES, *PHASES)
+    headings, frequencies, columns = read_grid(path, (HEADING, FREQUENCY), names)
+    if headings[0] != 0.0 or headings[-1] != 180.0:
         what = f"headings from {headings[0]:g}° to {headings[-1]:g}°"
         raise InputError(phrase(where, what, "they must reach from 0° to 180°"))
-    if len(frequencies) < 2 or frequencies[0] <= 0.0:
-        what = f"{len(frequencies)} frequencies from {frequencies[0]:g} Hz"
-        raise InputError(phrase(where, what, "give two or more, above 0"))
-    order = np.lexsort((columns["frequency_hz"], columns["heading_deg"]))
-    grid = np.stack([columns[name][order] for name in COLUMNS[:2]])
-    full = np.stack([np.repeat(headings, len(frequencies)), np.tile(frequencies, len(headings))])
-    if grid.shape != full.shape or (grid != full).any():
-        what = (
-            f"{grid.shape[1]} rows of {len(headings)} headings and {len(frequencies)} frequencies"
-        )
-        raise InputError(phrase(where, what, f"each once for each: {count} rows"))
-    amplitude = np.stack([columns[name][order] for name in AMPLITUDES])
-    if (amplitude < 0.0).any():
-        name = AMPLITUDES[int(np.flatnonzero((amplitude < 0.0).any(axis=1))[0])]
-        raise InputError(phrase(where, f"{name} is negative", "give 0 or more, and a phase"))
-    phases = np.radians(np.stack([columns[name][order] for name in PHASES]))
+    if frequencies[0] <= 0.0:
+        what = f"frequencies from {frequencies[0]:g} Hz"
+        raise InputError(phrase(where, what, "give them above 0"))
+    for name in AMPLITUDES:
+        if (columns[name] < 0.0).any():
+            raise InputError(phrase(where, f"{name} is negative", "give 0 or more, and a phase"))
+    amplitude = np.stack([columns[name] for name in AMPLITUDES])
     amplitude[3:] = np.radians(amplitude[3:])
-    shape = (6, len(headings), len(frequencies))
-    answer: Answers = np.asarray(amplitude * np.exp(1j * phases), np.complex128).reshape(shape)
+    phases = np.radians(np.stack([columns[name] for name in PHASES]))
+    answer: Answers = np.asarray(amplitude * np.exp(1j * phases), np.complex128)
     return Responses(headings, frequencies, answer, where)
 
 
@@ -318,7 +242,7 @@ def read_way(name_or_path: str) -> Way:
     Raises:
         InputError: the table is invalid; one sentence.
     """
-    path: Path = find_table(name_or_path, WAYS_FOLDER)
+    path = find_table(name_or_path, WAYS_FOLDER)
     columns = read_columns(path, ("t_s", "x_m", "y_m", "z_m"))
     place = np.stack([columns[name] for name in ("x_m", "y_m", "z_m")], axis=1)
     return Way(columns["t_s"], place, str(path))

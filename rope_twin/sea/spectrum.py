@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.share import share_dir
+from rope_twin.sea.tables import Table, Vector, find_table, read_table
 
-Vector = NDArray[np.float64]
-
+SPECTRA_FOLDER = "sea_states"
 _FREQUENCY = "frequency_hz"
 _PREFIX, _SUFFIX = "S_", "_m2_per_hz"
 
@@ -107,97 +104,51 @@ def _require(name: str, value: float, low: float, high: float, unit: str) -> Non
         raise InputError(phrase("spectrum", f"{name} is {value:g} {unit}".rstrip(), right))
 
 
-def find_spectra(name: str | Path) -> Path:
-    """Return the file of a name in config/sea_states/ (without its suffix), or of a path.
-
-    Raises:
-        InputError: there is neither.
-    """
-    folder = share_dir() / "config" / "sea_states"
-    known = {path.stem: path for path in folder.glob("*.csv")}
-    path = known.get(str(name), Path(name))
-    if not path.is_file():
-        what = "neither a file nor a name in config/sea_states/"
-        raise InputError(phrase(str(name), what, did_you_mean(name, known)))
-    return path
-
-
-def read_spectrum(path: Path, column: str) -> WaveSpectrum:
-    """Read one column of a file of measured spectra (format: config/sea_states/README.md).
+def read_spectrum(name_or_path: str | Path, column: str) -> WaveSpectrum:
+    """Read one column of a table in config/sea_states/ (format: its README.md) or at a path.
 
     `column` is the hour alone or the whole heading.
 
     Raises:
         InputError: with file, line and rule, if file or column is invalid.
     """
-    where = path.name
-    rows = _read_rows(path)
-    heading = [cell.strip() for cell in rows[0]]
-    if heading[0] != _FREQUENCY:
-        raise InputError(
-            phrase(f"{where}, line 1", f"it begins with '{heading[0]}'", f"right is '{_FREQUENCY}'")
-        )
-    names = [cell.removeprefix(_PREFIX).removesuffix(_SUFFIX) for cell in heading]
+    path = find_table(str(name_or_path), SPECTRA_FOLDER)
+    table = read_table(path)
+    if _FREQUENCY not in table.columns:
+        right = f"the header must begin with {_FREQUENCY}"
+        raise InputError(phrase(str(path), f"there is no column {_FREQUENCY}", right))
+    known = {
+        name.removeprefix(_PREFIX).removesuffix(_SUFFIX): values
+        for name, values in table.columns.items()
+        if name != _FREQUENCY
+    }
     wanted = column.removeprefix(_PREFIX).removesuffix(_SUFFIX)
-    if wanted not in names[1:]:
-        hint = did_you_mean(wanted, names[1:])
-        raise InputError(phrase(where, f"there is no column '{column}'", hint))
-    at = names.index(wanted)
-    table = np.array([_numbers(f"{where}, line {n}", row, len(heading)) for n, row in
-                      enumerate(rows[1:], start=2)])  # fmt: skip
-    frequency, density = table[:, 0], table[:, at]
-    _check(where, frequency, density, column)
+    if wanted not in known:
+        hint = did_you_mean(wanted, known)
+        raise InputError(phrase(str(path), f"there is no column '{column}'", hint))
+    frequency, density = table.columns[_FREQUENCY], known[wanted]
+    _check(path, table, density, column)
     return WaveSpectrum(frequency, density, f"{path.stem}, {wanted}")
 
 
-def _read_rows(path: Path) -> list[list[str]]:
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
-            phrase(path.name, f"it cannot be read ({error})", "right is a text file (CSV)")
-        ) from error
-    if len(rows) < 3:
-        what = f"it has {len(rows)} of the 3 lines that it needs at least"
-        raise InputError(phrase(path.name, what, "right is a heading and 2 or more frequencies"))
-    return rows
-
-
-def _numbers(where: str, row: list[str], width: int) -> list[float]:
-    if len(row) != width:
-        raise InputError(
-            phrase(
-                where, f"it has {len(row)} cells", f"the heading has {width}, so right is {width}"
-            )
-        )
-    values = []
-    for cell in row:
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise InputError(phrase(where, f"'{cell}'", "right is a finite number"))
-        values.append(value)
-    return values
-
-
-def _check(where: str, frequency: Vector, density: Vector, column: str) -> None:
-    if frequency[0] <= 0.0 or np.any(np.diff(frequency) <= 0.0):
-        line = 2 if frequency[0] <= 0.0 else int(np.argmax(np.diff(frequency) <= 0.0)) + 3
-        what = f"the frequency {frequency[line - 2]:g} Hz is not ascending"
-        raise InputError(
-            phrase(f"{where}, line {line}", what, "right are positive, ascending frequencies")
-        )
-    if np.any(density < 0.0):
-        line = int(np.argmax(density < 0.0)) + 2
-        what = f"the density of '{column}' is {density[line - 2]:g} m²/Hz"
-        raise InputError(phrase(f"{where}, line {line}", what, "right is 0 or more"))
+def _check(path: Path, table: Table, density: Vector, column: str) -> None:
+    """Check that a spectrum has energy, at frequencies that ascend from above 0."""
+    frequency = table.columns[_FREQUENCY]
+    for line, step, hz, value in zip(
+        table.lines, np.diff(frequency, prepend=0.0), frequency, density, strict=True
+    ):
+        where = f"{path}, line {line}"
+        if step <= 0.0:
+            what = f"the frequency {hz:g} Hz is not ascending"
+            raise InputError(phrase(where, what, "give positive, ascending frequencies"))
+        if value < 0.0:
+            what = f"the density of '{column}' is {value:g} m²/Hz"
+            raise InputError(phrase(where, what, "give 0 or more"))
+    if len(frequency) < 2:
+        raise InputError(phrase(str(path), "it has one frequency", "give two or more"))
     if not np.any(density > 0.0):
-        raise InputError(
-            phrase(where, f"'{column}' is zero everywhere", "right is a spectrum with energy")
-        )
+        what = f"'{column}' is zero everywhere"
+        raise InputError(phrase(str(path), what, "give a spectrum with energy"))
 
 
 BREAKING = 0.142  # height over length of a breaking wave in deep water

@@ -18,7 +18,6 @@ import copy
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import singledispatch
 from math import ceil, sqrt
 from typing import Any, NamedTuple, Self
 
@@ -293,9 +292,8 @@ class VivDragAmplification:
         self._looked, self._second = 0, -1  # step of the last sampling, second of its time
         self._strouhal, self._step_s = settings.strouhal, settings.step_s
         self._cycle, self._every, self._rarer = cycle, cycle, 1
-        params = settings.params
-        self._growth: tuple[float, float] = params.drag_growth
-        self.tracker: CoupledModel = _tracker(params, rope, settings.density, settings.name)
+        self._growth: tuple[float, float] = settings.params.drag_growth
+        self.tracker = _tracker(settings, rope)
         self._amplification_less_1(rope)  # compile now, not at the first sampling
         self._took_s = self._looked_s = 0.0  # CPU time of the model, and twin time covered
 
@@ -390,21 +388,13 @@ class VivDragAmplification:
             self._every = self._rarer * sampling_steps(hz, self._step_s, self._cycle)
 
 
-@singledispatch
-def _tracker(params: Any, rope: Rope, density: float, name: str) -> CoupledModel:
+def _tracker(settings: CoupledSettings, rope: Rope) -> CoupledModel:
     """Return the model of a scene for a rope in static equilibrium."""
-    raise TypeError(f"{name} is not a loosely coupled model")
-
-
-@_tracker.register
-def _modes(params: ModalVibrationParams, rope: Rope, density: float, name: str) -> CoupledModel:
-    return modal_model(rope, shedding_of(params, density), name, params.modes_every_s)
-
-
-@_tracker.register
-def _decomposed(
-    params: DecomposedForceParams, rope: Rope, density: float, name: str
-) -> CoupledModel:
+    name, params, density = settings.name, settings.params, settings.density
+    if isinstance(params, ModalVibrationParams):
+        return modal_model(rope, shedding_of(params, density), name, params.modes_every_s)
+    if not isinstance(params, DecomposedForceParams):
+        raise TypeError(f"{name} is not a loosely coupled model")
     fixed = params.added_mass
     model = replace(
         decomposed(fixed is None, params.damping_fraction),

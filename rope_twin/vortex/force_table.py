@@ -11,7 +11,6 @@ bilinear between its rows, constant beyond its ends.
 
 from __future__ import annotations
 
-import csv
 from functools import lru_cache
 from math import cos, pi, sqrt
 from pathlib import Path
@@ -22,10 +21,8 @@ from numpy.typing import NDArray
 
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
-from rope_twin.errors import InputError, phrase
+from rope_twin.sea.tables import read_grid
 from rope_twin.share import share_dir
-
-COLUMNS = ("frequency", "amplitude", "C_Lv", "C_a")
 
 
 class ForceTable(NamedTuple):
@@ -36,20 +33,6 @@ class ForceTable(NamedTuple):
     lift: Floats  # C_Lv, (n, m)
     added_mass: Floats  # C_a, (n, m)
 
-    def lift_at(self, amplitude: Floats, frequency: Floats) -> Floats:
-        """Return C_Lv."""
-        return self._at(self.lift, amplitude, frequency)
-
-    def added_mass_at(self, amplitude: Floats, frequency: Floats) -> Floats:
-        """Return C_a."""
-        return self._at(self.added_mass, amplitude, frequency)
-
-    def both_at(self, amplitude: Floats, frequency: Floats) -> tuple[Floats, Floats]:
-        """Return C_Lv and C_a."""
-        both = np.stack([self.lift, self.added_mass])
-        lift, added_mass = self._at(both, amplitude, frequency)
-        return lift, added_mass
-
     def lift_along(self, amplitude: float, frequency: Floats) -> Floats:
         """Return C_Lv of one amplitude for all frequencies."""
         return np.interp(frequency, self.frequency, self._row(self.lift, amplitude))
@@ -59,22 +42,11 @@ class ForceTable(NamedTuple):
         return self._row(self.added_mass, amplitude)
 
     def _row(self, values: Floats, amplitude: float) -> Floats:
-        (j,), (v,) = _place(self.amplitude, np.array([amplitude]))
+        at = min(max(amplitude, self.amplitude[0]), self.amplitude[-1])
+        j = int(np.searchsorted(self.amplitude, at, side="right")) - 1
+        j = min(j, len(self.amplitude) - 2)
+        v = (at - self.amplitude[j]) / (self.amplitude[j + 1] - self.amplitude[j])
         return np.asarray((1.0 - v) * values[:, j] + v * values[:, j + 1])
-
-    def _at(self, values: Floats, amplitude: Floats, frequency: Floats) -> Floats:
-        i, u = _place(self.frequency, frequency)
-        j, v = _place(self.amplitude, amplitude)
-        low = (1.0 - v) * values[..., i, j] + v * values[..., i, j + 1]
-        high = (1.0 - v) * values[..., i + 1, j] + v * values[..., i + 1, j + 1]
-        return np.asarray((1.0 - u) * low + u * high)
-
-
-def _place(knots: Floats, at: Floats) -> tuple[np.ndarray, Floats]:
-    """Return the index of the knot below, and the fraction from it to the next."""
-    inside = np.clip(at, knots[0], knots[-1])
-    i = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, len(knots) - 2)
-    return i, (inside - knots[i]) / (knots[i + 1] - knots[i])
 
 
 @lru_cache
@@ -84,32 +56,13 @@ def fitted_forces() -> ForceTable:
 
 
 def read_force_table(path: Path) -> ForceTable:
-    """Read a table with the columns frequency, amplitude, C_Lv and C_a; # begins a comment.
+    """Read a table with the columns frequency, amplitude, C_Lv and C_a.
 
     Raises:
         InputError: it cannot be read, or its rows are not a full grid.
     """
-    right = f"give rows of {', '.join(COLUMNS)}, every amplitude for every frequency"
-    try:
-        lines = path.read_text("utf-8").splitlines()
-        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
-        figures = np.array([[float(row[name]) for name in COLUMNS] for row in rows])
-        figures = figures.reshape(-1, len(COLUMNS))
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            phrase(str(path), f"it is not a table of forces ({error})", right)
-        ) from error
-    frequency, amplitude = (np.unique(figures[:, k]) for k in (0, 1))
-    shape = (len(frequency), len(amplitude))
-    if min(shape) < 2 or len(figures) != shape[0] * shape[1]:
-        what = f"{len(figures)} rows are not a grid of frequencies and amplitudes"
-        raise InputError(phrase(str(path), what, right))
-    figures = figures[np.lexsort((figures[:, 1], figures[:, 0]))]
-    if not (figures[:, 1].reshape(shape) == amplitude).all() or not np.isfinite(figures).all():
-        raise InputError(phrase(str(path), "an amplitude is missing or not finite", right))
-    return ForceTable(
-        frequency, amplitude, figures[:, 2].reshape(shape), figures[:, 3].reshape(shape)
-    )
+    frequency, amplitude, forces = read_grid(path, ("frequency", "amplitude"), ("C_Lv", "C_a"))
+    return ForceTable(frequency, amplitude, forces["C_Lv"], forces["C_a"])
 
 
 MIN_AMPLITUDE = 0.02  # [D]: minimum amplitude for which damping is evaluated

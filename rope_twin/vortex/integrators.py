@@ -1,8 +1,8 @@
-"""Implicit integrators of M·ÿ + C·ẏ + K·y = F with diagonal M and C.
+"""Implicit integration of M·ÿ + C·ẏ + K·y = F with diagonal M and C.
 
-`newmark` (Newmark 1959; α 0.30 and δ 0.55 by default, as in [SJTU]) and `bathe` (Bathe and Baig
-2005: half a step by the trapezoidal rule, the other half by a three-point backward formula). K has
-three or five diagonals; (K + D)·x = r with a diagonal D is solved by an LDLᵀ factorisation without
+By the method of Bathe and Baig (2005): half a step by the trapezoidal rule, which is that of
+Newmark (1959) with α 0.25 and δ 0.5, the other half by a three-point backward formula. K has three
+or five diagonals; (K + D)·x = r with a diagonal D is solved by an LDLᵀ factorisation without
 pivoting: the matrix is positive definite.
 """
 
@@ -45,30 +45,6 @@ def upper_bands(matrix: Any, diagonals: int) -> Floats:
     return bands
 
 
-def times(bands: Floats, vector: Floats) -> Floats:
-    """Return K·y for a matrix in LAPACK's upper banded form."""
-    last = len(bands) - 1
-    product: Floats = np.asarray(bands[last] * vector)
-    for k in range(1, last + 1):
-        product[:-k] += bands[last - k, k:] * vector[k:]
-        product[k:] += bands[last - k, k:] * vector[:-k]
-    return product
-
-
-def newmark(alpha: float = 0.30, delta: float = 0.55) -> Integrator:
-    """Return an integrator y += h·v + h²·((½ - α)·a + α·a'), v += h·((1 - δ)·a + δ·a').
-
-    It uses the force at the end of the step.
-    """
-
-    def step(at: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
-        after, work = np.empty((3, len(end))), np.empty((5, len(end)))
-        newmark_step(at, parts, end, h, alpha, delta, after, work)
-        return Motion(after[0], after[1], after[2])
-
-    return step
-
-
 def bathe(at: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
     """Advance ½ h by the trapezoidal rule, then by v' = (y - 4·y½ + 3·y')/h, likewise a'."""
     after, work = np.empty((3, len(end))), np.empty((5, len(end)))
@@ -76,21 +52,15 @@ def bathe(at: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) ->
     return Motion(after[0], after[1], after[2])
 
 
-@jit_entry
+@jit
 def newmark_step(
     at: Any, parts: Any, force: Any, h: float, alpha: float, delta: float, after: Any, work: Any
 ) -> None:
     """Write displacement, velocity and acceleration after h seconds to the rows of `after`, (3, n).
 
-    at: the three before; parts: mass, damping and stiffness (LAPACK's upper form); work: (5, n).
+    y += h·v + h²·((½ - α)·a + α·a'), v += h·((1 - δ)·a + δ·a') with the force at the end; at: the
+    three before; parts: mass, damping and stiffness (LAPACK's upper form); work: scratch, (5, n).
     """
-    _newmark(at, parts, force, h, alpha, delta, after, work)
-
-
-@jit
-def _newmark(
-    at: Any, parts: Any, force: Any, h: float, alpha: float, delta: float, after: Any, work: Any
-) -> None:
     y, v, a = at.place, at.speed, at.acceleration
     weight = alpha * h * h
     for i in range(y.shape[0]):
@@ -110,7 +80,7 @@ def _newmark(
 @jit_entry
 def bathe_step(at: Any, parts: Any, middle: Any, end: Any, h: float, after: Any, work: Any) -> None:
     """Write the state after h seconds by Bathe's method; middle, end: forces of its substeps."""
-    _newmark(at, parts, middle, 0.5 * h, 0.25, 0.5, after, work)
+    newmark_step(at, parts, middle, 0.5 * h, 0.25, 0.5, after, work)
     y, v, mass, damping = at.place, at.speed, parts.mass, parts.damping
     for i in range(y.shape[0]):
         v_hat = (y[i] - 4.0 * after[0, i]) / h

@@ -32,12 +32,10 @@ from math import log, pi, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
 
-Mask = NDArray[np.bool_]
 TIE = 0.1  # relative difference of response below which modes share a place
 
 STILL, STILL_SQUARE, SLOW, FAST = 0.25, 2.0 * sqrt(2.0), 0.18, 0.2  # Venugopal (1996)
@@ -63,27 +61,6 @@ class Lift:
         low = (self.largest - self.at_rest) / self.largest_at**2
         high = self.largest / (self.zero - self.largest_at) ** 2
         return np.asarray(self.largest - np.where(off < 0.0, low, high) * off * off)
-
-
-def nearest_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
-    """Assign each place to the mode nearest to its Strouhal frequency, if it is locked in."""
-    if not len(frequency):
-        return locked
-    nearer_below = parts_below(shedding, 0.5 * (frequency[1:] + frequency[:-1]))
-    none, whole = np.zeros((len(shedding), 1)), np.ones((len(shedding), 1))
-    near = np.diff(np.concatenate([none, nearer_below, whole], axis=1), axis=1)
-    return np.minimum(near, locked)
-
-
-def all_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
-    """Assign each place to every mode that is locked in there."""
-    return locked
-
-
-def dominant_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
-    """Assign its band to the mode with most shedding near it (by f_s³), the rest to the next."""
-    near = nearest_zones(frequency, shedding, locked, moved)
-    return share_out((shedding[:, None] ** 3 * near).sum(axis=0), locked, TIE)
 
 
 def leading_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:

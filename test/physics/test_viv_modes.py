@@ -14,14 +14,8 @@ from rope_twin.errors import InputError
 from rope_twin.vortex.line_model import Span, refined
 from rope_twin.vortex.modal_response import ModalResponse
 from rope_twin.vortex.modes import find_lateral_modes
-from rope_twin.vortex.shedding import (
-    Lift,
-    Shedding,
-    all_zones,
-    dominant_zones,
-    leading_zones,
-    nearest_zones,
-)
+from rope_twin.vortex.shedding import Lift, Shedding, leading_zones
+from validation.modal_lines import all_zones, dominant_zones, nearest_zones
 
 L, T, M = 300.0, 100e3, 2.05
 

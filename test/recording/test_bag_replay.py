@@ -15,7 +15,7 @@ from rope_twin.messages.cdr import typestore
 from rope_twin.recording.bag import list_bags
 from rope_twin.recording.heave import HeaveRecord, HeaveReplay, open_heave, read_heave, replay_sea
 from rope_twin.sea.ship_motion import BoxHull
-from rope_twin.sea.spectrum import find_spectra, jonswap, read_spectrum
+from rope_twin.sea.spectrum import jonswap, read_spectrum
 from rope_twin.share import share_dir
 from rope_twin.twin.motion.irregular_sea import synthesise
 
@@ -95,7 +95,7 @@ def test_elevation_comes_with_each_sample_though_recorded_at_4_hz(sea):
 
 
 def synthesise_like_the_bag():
-    spectrum = read_spectrum(find_spectra("ndbc_46042_1996"), "1996-10-16T00Z")
+    spectrum = read_spectrum("ndbc_46042_1996", "1996-10-16T00Z")
     return synthesise(spectrum, BoxHull(), 25).elevation_m
 
 

@@ -15,7 +15,7 @@ from rope_twin.errors import InputError
 from rope_twin.recording.bag import list_bags
 from rope_twin.recording.heave import read_heave
 from rope_twin.sea.ship_motion import BoxHull
-from rope_twin.sea.spectrum import find_spectra, read_spectrum
+from rope_twin.sea.spectrum import read_spectrum
 from rope_twin.share import share_dir
 from rope_twin.twin.motion.irregular_sea import synthesise
 
@@ -83,7 +83,7 @@ def test_bag_is_small_regular_and_stamped_with_its_log_time(name):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_bag_holds_the_sea_of_its_spectrum_and_seed(name):
     column, seed = ROWS[name][0].strip("`"), int(ROWS[name][1])
-    spectrum = read_spectrum(find_spectra("ndbc_46042_1996"), column)
+    spectrum = read_spectrum("ndbc_46042_1996", column)
     sea = synthesise(spectrum, BoxHull(), seed)
     record = read_heave(list_bags()[name])
     half = 0.5 * 2.0**-13 + 1e-12

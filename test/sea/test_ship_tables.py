@@ -30,8 +30,8 @@ HEAD = "t_s,x_m,y_m,z_m\n"
 WAYS = {
     "missing column": ("t_s,x_m,y_m\n0,0,0\n", "no column z_m; the header must name t_s, x_m"),
     "no rows": (HEAD, "it has a header and no rows"),
-    "not a number": (HEAD + "0,0,0,0\n1,a,0,0\n", "line 3: could not convert string to float: 'a'"),
-    "not finite": (HEAD + "0,0,0,0\n1,nan,0,0\n", "line 3: a value that is not finite"),
+    "not a number": (HEAD + "0,0,0,0\n1,a,0,0\n", "line 3: 'a'; give a finite"),
+    "not finite": (HEAD + "0,0,0,0\n1,nan,0,0\n", "line 3: 'nan'; give a finite"),
     "too few values": (HEAD + "0,0,0,0\n1,0,0\n", "line 3: 3 values; the header names 4"),
     "later start": (HEAD + "1,0,0,0\n2,0,0,0\n", "it begins at t = 1 s"),
     "one row": (HEAD + "0,0,0,0\n", "it has one row"),
@@ -75,9 +75,9 @@ def rows() -> list[str]:
     [
         (lambda head, lines: (head.replace("pitch_phase_deg", "pitch"), lines),
          "there is no column pitch_phase_deg"),
-        (lambda head, lines: (head, lines[:-1]), "3 rows of 2 headings and 2 frequencies"),
-        (lambda head, lines: (head, [*lines[:-1], lines[0]]), "4 rows of 2 headings"),
-        (lambda head, lines: (head, lines[:2]), "headings from 0° to 0°"),
+        (lambda head, lines: (head, lines[:-1]), "3 rows of 2 heading_deg and 2 frequency_hz"),
+        (lambda head, lines: (head, [*lines[:-1], lines[0]]), "4 rows of 2 heading_deg"),
+        (lambda head, lines: (head, lines[:2]), "one value of heading_deg"),
         (lambda head, lines: (head, [lines[0].replace("0.5", "-0.5", 1), *lines[1:]]),
          "surge_m_per_m is negative"),
     ],

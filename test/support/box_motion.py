@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.sea.ship_motion import AMPLITUDES, COLUMNS, PHASES, Answers, BoxHull, Responses
-from rope_twin.sea.spectrum import Vector
+from rope_twin.sea.tables import Vector
 
 GRAVITY_M_PER_S2 = 9.80665
 

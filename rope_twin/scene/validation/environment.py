@@ -15,8 +15,9 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.scene.schema import Fault, Scene
-from rope_twin.sea.ship_motion import FASTEST_M_PER_S, is_path, read_responses, read_way
+from rope_twin.sea.ship_motion import FASTEST_M_PER_S, read_responses, read_way
 from rope_twin.sea.spectrum import WaveSpectrum, breaking_fault, jonswap
+from rope_twin.sea.tables import is_path
 from rope_twin.share import share_dir
 
 # A frequency step of a spectrum is a gap when it is this many times both adjacent steps: one

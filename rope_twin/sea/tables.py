@@ -1,0 +1,128 @@
+"""Tables of numbers in CSV files: columns by name, and functions on a grid of two columns.
+
+Empty lines and lines that begin with # are comments. Every error names the file, and the line where
+it concerns one.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from math import isfinite, nan
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.share import share_dir
+
+Vector = NDArray[np.float64]
+
+
+def find_table(name_or_path: str, folder: str) -> Path:
+    """Return the file of a name in config/FOLDER (without its suffix), or of a path.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    known = {path.stem: path for path in (share_dir() / "config" / folder).glob("*.csv")}
+    path = known.get(name_or_path, Path(name_or_path))
+    if path.is_file():
+        return path
+    if is_path(name_or_path):
+        raise InputError(phrase(str(path), "there is no such file", "give the path of a table"))
+    right = did_you_mean(name_or_path, known)
+    raise InputError(phrase(f"'{name_or_path}'", f"no table of config/{folder}/", right))
+
+
+def is_path(name_or_path: str) -> bool:
+    """Return whether a table is given by a path instead of a name."""
+    return "/" in name_or_path or name_or_path.startswith(".") or name_or_path.endswith(".csv")
+
+
+class Table(NamedTuple):
+    """Numbers of a file, with the line of each row."""
+
+    columns: dict[str, Vector]  # (rows,) each, in the order of the file
+    lines: tuple[int, ...]
+
+
+def read_table(path: Path) -> Table:
+    """Return all columns of a file by the names in its header.
+
+    Raises:
+        InputError: it cannot be read, has no rows, or a value is not a finite number.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        what = f"it cannot be read ({error})"
+        raise InputError(phrase(str(path), what, "give a text file")) from None
+    told = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line.strip()[0] != "#"]
+    head = [name.strip() for name in next(csv.reader([told[0][1]]))] if told else []
+    rows = [_numbers(f"{path}, line {k}", line, len(head)) for k, line in told[1:]]
+    if not rows:
+        what = "it has a header and no rows" if head else "it is empty"
+        raise InputError(phrase(str(path), what, "give a header and rows of numbers"))
+    columns = dict(zip(head, np.array(rows).T.copy(), strict=True))
+    return Table(columns, tuple(k for k, _ in told[1:]))
+
+
+def read_columns(path: Path, names: Sequence[str]) -> dict[str, Vector]:
+    """Return the columns of these names, (rows,) each, in any order of the file.
+
+    Raises:
+        InputError: a column is missing, or the file is not a table of numbers.
+    """
+    columns = read_table(path).columns
+    for name in names:
+        if name not in columns:
+            right = f"the header must name {', '.join(names)}"
+            raise InputError(phrase(str(path), f"there is no column {name}", right))
+    return {name: columns[name] for name in names}
+
+
+def read_grid(
+    path: Path, axes: tuple[str, str], names: Sequence[str]
+) -> tuple[Vector, Vector, dict[str, Vector]]:
+    """Return functions of two columns: both axes, ascending, (n,) and (m,), and values, (n, m).
+
+    Rows may have any order; each pair of values of the axes occurs once.
+
+    Raises:
+        InputError: rows are missing or double, or the file is not a table of numbers.
+    """
+    columns = read_columns(path, (*axes, *names))
+    first, second = (np.unique(columns[name]) for name in axes)
+    for name, axis in zip(axes, (first, second), strict=True):
+        if len(axis) < 2:
+            raise InputError(phrase(str(path), f"one value of {name}", "give two or more"))
+    order = np.lexsort((columns[axes[1]], columns[axes[0]]))
+    found = np.stack([columns[name][order] for name in axes])
+    full = np.stack([np.repeat(first, len(second)), np.tile(second, len(first))])
+    if found.shape != full.shape or (found != full).any():
+        what = f"{len(order)} rows of {len(first)} {axes[0]} and {len(second)} {axes[1]}"
+        raise InputError(phrase(str(path), what, f"each once for each: {full.shape[1]} rows"))
+    shape = len(first), len(second)
+    return first, second, {name: columns[name][order].reshape(shape) for name in names}
+
+
+def _numbers(where: str, line: str, count: int) -> list[float]:
+    """Return the numbers of one line. Raises InputError."""
+    cells = next(csv.reader([line]))
+    if len(cells) != count:
+        raise InputError(phrase(where, f"{len(cells)} values", f"the header names {count}"))
+    values = [_number(cell) for cell in cells]
+    for cell, value in zip(cells, values, strict=True):
+        if not isfinite(value):
+            raise InputError(phrase(where, f"'{cell.strip()}'", "give a finite number"))
+    return values
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return nan
