@@ -43,18 +43,26 @@ def scene_keys() -> list[Key]:
 
 def _keys_of(cls: type, path: str, told: dict[type, str]) -> Iterator[Key]:
     """Yield the keys of a class at a path that ends with a dot; told: classes already described."""
+    for field, hint in _fields_of(cls):
+        yield from _keys_at(field, hint, path + key_of(field), told)
+
+
+def _fields_of(cls: type) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
+    """Yield the fields of a class that have a key, with the type of the key's value."""
     hints = get_type_hints(cls)
     left_out = _NOT_IN_THE_FILE if cls is Scene else ()
     for field in dataclasses.fields(cls):
         if field.init and field.name not in left_out:
-            yield from _keys_at(field, hints[field.name], path + key_of(field), told)
+            hint = hints[field.name]
+            if get_origin(hint) in (Union, types.UnionType):  # an optional key
+                (hint,) = (one for one in get_args(hint) if one is not type(None))
+            yield field, hint
 
 
 def _keys_at(
     field: dataclasses.Field[Any], hint: Any, path: str, told: dict[type, str]
 ) -> Iterator[Key]:
     """Yield a key, and those within it."""
-    hint = _given(hint)
     inner, place = _inner(hint, path)
     if told.get(inner, place) != place:
         yield _key(field, f"{_wanted(hint)} as {told[inner]}", path)
@@ -62,21 +70,18 @@ def _keys_at(
     yield _key(field, _wanted(hint), path)
     if path == "effects":
         for effect in EFFECTS:
-            about = sys.modules[effect.params.__module__].__doc__ or effect.name
-            yield from _named(effect.name, effect.params, about, (f"{path}[]", told))
+            yield from _named(effect.name, effect.params, f"{path}[]", told)
     elif inner is Shape:
         for name, shape in SHAPES.items():
-            yield from _named(name, shape, shape.__doc__ or name, (path, told))
+            yield from _named(name, shape, path, told)
     elif isinstance(inner, type) and dataclasses.is_dataclass(inner):
         told[inner] = place
         yield from _keys_of(inner, f"{place}.", told)
 
 
-def _named(name: str, cls: type, about: str, where: tuple[str, dict[type, str]]) -> Iterator[Key]:
-    """Yield one of several mappings by name; about: text whose first sentence describes it."""
-    path, told = where
-    meaning = " ".join(about.split()).partition(". ")[0].rstrip(".")
-    yield Key(f"{path}.{name}", "mapping", meaning, "", "absent")
+def _named(name: str, cls: type, path: str, told: dict[type, str]) -> Iterator[Key]:
+    """Yield one of several mappings by name."""
+    yield Key(f"{path}.{name}", "mapping", _sentence(cls).rstrip("."), "", "absent")
     yield from _keys_of(cls, f"{path}.{name}.", told)
 
 
@@ -100,13 +105,6 @@ def _default(field: dataclasses.Field[Any]) -> str | None:
     if isinstance(value, bool | str):
         return str(value).lower()
     return f"{value:g}"
-
-
-def _given(hint: Any) -> Any:
-    """Return the type of an optional key's value."""
-    if get_origin(hint) in (Union, types.UnionType):
-        (hint,) = (one for one in get_args(hint) if one is not type(None))
-    return hint
 
 
 def _inner(hint: Any, path: str) -> tuple[Any, str]:
@@ -150,13 +148,9 @@ def scene_schema() -> Schema:
 
 def _object_schema(cls: type, definitions: Schema) -> Schema:
     """Return the schema of a mapping that is read into a dataclass."""
-    hints = get_type_hints(cls)
-    left_out = _NOT_IN_THE_FILE if cls is Scene else ()
-    fields = [one for one in dataclasses.fields(cls) if one.init and one.name not in left_out]
-    properties = {
-        key_of(one): _key_schema(cls, one, hints[one.name], definitions) for one in fields
-    }
-    required = [key_of(one) for one in fields if one.default is dataclasses.MISSING]
+    fields = list(_fields_of(cls))
+    properties = {key_of(one): _key_schema(cls, one, hint, definitions) for one, hint in fields}
+    required = [key_of(one) for one, _ in fields if one.default is dataclasses.MISSING]
     schema: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
     return schema | ({"required": required} if required else {})
 
@@ -179,8 +173,6 @@ def _key_schema(cls: type, field: dataclasses.Field[Any], hint: Any, definitions
 
 def _value(hint: Any, quantity: Quantity, definitions: Schema) -> Schema:
     """Return the schema of a value that a type hint asks for."""
-    if get_origin(hint) in (Union, types.UnionType):
-        (hint,) = (one for one in get_args(hint) if one is not type(None))
     if hint is Rope:
         preset = {"type": "string", "enum": sorted(rope_presets())}
         return {"oneOf": [preset, _reference(Rope, definitions)]}

@@ -6,7 +6,7 @@ quotes in its errors. Effects have their own parameter classes (`rope_twin.effec
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -209,21 +209,6 @@ class Limits:
     landing_speed_m_per_s: float | None = quantity(
         "maximum landing velocity of a payload on the seabed", "m/s", 1e-3, 1e2, default=None
     )
-
-
-def limit_faults(limits: Limits, bed: bool, radius: bool) -> Iterator[Fault]:
-    """Yield limits that nothing in the scene can reach.
-
-    Args:
-        bed: the scene lists a seabed.
-        radius: some rope has a minimum_bend_radius_m.
-    """
-    if limits.landing_speed_m_per_s is not None and not bed:
-        right = "add the effect `seabed`, or remove this limit"
-        yield "limits.landing_speed_m_per_s", "the scene has no seabed to land on", right
-    if limits.bend_radius and not radius:
-        right = "give a rope its minimum_bend_radius_m, or remove this limit"
-        yield "limits.bend_radius", "no rope of the scene has a minimum bend radius", right
 
 
 Params = TypeVar("Params")
@@ -516,3 +501,6 @@ class Scene:
     def listed(self, kind: type[Params]) -> Params | None:
         """Return the parameters of an effect by their class; None if the scene does not list it."""
         return next((own for own in self.effects if isinstance(own, kind)), None)
+
+
+Rule = Callable[[Scene], Iterator[Fault]]  # yields the faults of a scene by one relation

@@ -21,11 +21,12 @@ from typing import Any
 import numpy as np
 
 from rope_twin.effects import EFFECTS, Effect
+from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.model.lift import listed_effects
 from rope_twin.scene.schema import Scene, SeaState, Triple
-from rope_twin.scene.validation.environment import bed_at, bed_of
+from rope_twin.scene.validation.environment import bed_at
 from rope_twin.scene.validation.relations import faults
 from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.scene.validation.vortices import model_beside
@@ -63,7 +64,7 @@ def _usual(name: str, scene: Scene) -> dict[str, Any]:
     if name == "current" and lowest < 0.0:
         return {"profile": ((0.0, SURFACE), (lowest, BELOW))}
     if name == "waves" and lowest < 0.0:
-        bed = bed_of(scene)
+        bed = scene.listed(SeabedParams)
         depth = -bed_at(bed, *scene.ship.hang_off_m[:2]) if bed is not None else None
         return {"jonswap": SEA_STATE_4, "depth_m": depth}
     if name == "bending":

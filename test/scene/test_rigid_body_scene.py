@@ -18,7 +18,6 @@ from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.rope import build_effects
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.scene.validation.rigging import body_of
 from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.twin.snapshot import BodyShot, Snapshot
 
@@ -91,7 +90,7 @@ def test_a_bad_body_gets_one_sentence(
 def test_a_good_body_is_read_and_passes_the_checks(tmp_path: Path) -> None:
     scene = load_scene(written(tmp_path, with_body()))
     assert sense_checks(scene) == []
-    params = body_of(scene)
+    params = scene.listed(RigidBodyParams)
     assert params is not None
     assert params.slings[0].to_m == (1.0, 0.0, 0.7)
 
@@ -141,7 +140,7 @@ def test_the_size_says_what_is_not_given(tmp_path: Path) -> None:
 
 def test_what_is_given_wins(tmp_path: Path) -> None:
     scene = load_scene(written(tmp_path, with_body()))
-    params = body_of(scene)
+    params = scene.listed(RigidBodyParams)
     assert params is not None
     own = RigidBodyParams(
         size_m=params.size_m, slings=params.slings, inertia_kg_m2=(4.0, 5.0, 6.0),

@@ -28,7 +28,7 @@ from rope_twin.scene.model.joined import alone, point_figures
 from rope_twin.scene.model.rope import find_payload, hanging_bars, section_damping
 from rope_twin.scene.schema import Rope, RopeLine, Scene, Winch
 from rope_twin.scene.shapes import PayloadFigures, payload_figures
-from rope_twin.scene.validation.rigging import body_of, is_joined, places
+from rope_twin.scene.validation.rigging import is_joined, places
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def hung_load(scene: Scene, figures: PayloadFigures | None) -> HungLoad:
     """
     if figures is None:
         return HungLoad()
-    water, body = scene.environment, body_of(scene)
+    water, body = scene.environment, scene.listed(RigidBodyParams)
     density, g = water.water_density_kg_per_m3, water.gravity_m_per_s2
     lift = density * figures.volume_m3 * g
     hook = body.hook_mass_kg * (1.0 - density / STEEL) * g if body else 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from math import pi
 from pathlib import Path
@@ -14,7 +14,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError, did_you_mean
-from rope_twin.scene.schema import Fault, Scene
+from rope_twin.scene.schema import Fault, Rule, Scene
 from rope_twin.sea.ship_motion import FASTEST_M_PER_S, read_responses, read_way
 from rope_twin.sea.spectrum import WaveSpectrum, breaking_fault, jonswap
 from rope_twin.sea.tables import is_path
@@ -37,11 +37,6 @@ def bed_at(bed: SeabedParams, x: float, y: float) -> float:
         return -float(np.interp(y, told.y_m, [np.interp(x, told.x_m, row) for row in told.depth_m]))
     assert bed.depth_m is not None, "checked when the scene was read"
     return -bed.depth_m + bed.slope[0] * x + bed.slope[1] * y
-
-
-def bed_of(scene: Scene) -> SeabedParams | None:
-    """Return the scene's seabed, or None."""
-    return scene.listed(SeabedParams)
 
 
 def steepest_shear(profile: NDArray[np.float64]) -> tuple[float, int]:
@@ -72,7 +67,7 @@ def _current(scene: Scene) -> Iterator[Fault]:
 
 def _held_sheaves(scene: Scene) -> Iterator[Fault]:
     """A sheave's tether is fixed between surface and seabed."""
-    bed = bed_of(scene)
+    bed = scene.listed(SeabedParams)
     for number, sheave in enumerate(scene.sheaves):
         if sheave.tether is None:
             continue
@@ -89,7 +84,7 @@ def _held_sheaves(scene: Scene) -> Iterator[Fault]:
 
 def _held_ends(scene: Scene) -> Iterator[Fault]:
     """A rope's fixed end is not below the seabed."""
-    bed = bed_of(scene)
+    bed = scene.listed(SeabedParams)
     for number, line in enumerate(scene.ropes):
         if bed is None or line.fixed_at_m is None:
             continue
@@ -118,14 +113,6 @@ def _spectrum(scene: Scene) -> Iterator[Fault]:
             )
             yield "effects", what, "add the rows in between, with 0 where there is no energy"
             return
-
-
-WATER_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
-    _held_sheaves,
-    _held_ends,
-    _spectrum,
-    _current,
-)
 
 
 def bag_path(scene: Scene) -> Path | None:
@@ -230,14 +217,6 @@ def _breaking_sea(scene: Scene) -> Iterator[Fault]:
         yield "effects.waves", *fault
 
 
-SEA_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
-    _bag,
-    _regular_heave,
-    _on_waves,
-    _breaking_sea,
-)
-
-
 def beside(scene: Scene, name_or_path: str) -> str:
     """Return a table's name as is, or the absolute path of one relative to the scene's file."""
     if not is_path(name_or_path):
@@ -294,8 +273,16 @@ def _halves(error: InputError) -> tuple[str, str]:
     return what, right
 
 
-MOTION_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
+ENVIRONMENT_RULES: tuple[Rule, ...] = (
+    _bag,
+    _regular_heave,
+    _on_waves,
+    _breaking_sea,
     _way,
     _poses,
     _responses,
+    _held_sheaves,
+    _held_ends,
+    _spectrum,
+    _current,
 )

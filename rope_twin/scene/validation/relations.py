@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 
 from rope_twin.effects import EFFECTS
@@ -19,8 +19,8 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import RopeTwinError, did_you_mean
 from rope_twin.scene.model.grid import ends_m, grading_faults
-from rope_twin.scene.schema import Fault, Scene, TwoWayShape, limit_faults
-from rope_twin.scene.validation.environment import MOTION_RULES, SEA_RULES, WATER_RULES
+from rope_twin.scene.schema import Fault, Rule, Scene, TwoWayShape
+from rope_twin.scene.validation.environment import ENVIRONMENT_RULES
 from rope_twin.scene.validation.rigging import (
     RIGGING_RULES,
     body_holds,
@@ -111,15 +111,6 @@ def _depth(scene: Scene) -> Iterator[Fault]:
         if any(row.payload_depth_m is not None for row in rows):
             what = "its lower end is fixed, and the winch schedule gives a payload depth"
             yield f"ropes[{number}].fixed_at_m", what, "give line_out_m instead"
-
-
-WINCH_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
-    _parts,
-    _sheave,
-    _commander,
-    _rows,
-    _depth,
-)
 
 
 # Exceptions of a rule that depends on a violated one:
@@ -374,13 +365,17 @@ def _two_ways(scene: Scene) -> Iterator[Fault]:
 
 
 def _limits(scene: Scene) -> Iterator[Fault]:
-    bed = scene.listed(SeabedParams) is not None
-    made_of = (section.rope for line in scene.ropes for section in line.made_of)
-    radius = any(rope.minimum_bend_radius_m is not None for rope in made_of)
-    yield from limit_faults(scene.limits, bed, radius)
+    """Limits refer to a seabed and a bend radius that the scene has."""
+    if scene.limits.landing_speed_m_per_s is not None and scene.listed(SeabedParams) is None:
+        right = "add the effect `seabed`, or remove this limit"
+        yield "limits.landing_speed_m_per_s", "the scene has no seabed to land on", right
+    made_of = [section.rope for line in scene.ropes for section in line.made_of]
+    if scene.limits.bend_radius and not any(rope.minimum_bend_radius_m for rope in made_of):
+        right = "give a rope its minimum_bend_radius_m, or remove this limit"
+        yield "limits.bend_radius", "no rope of the scene has a minimum bend radius", right
 
 
-RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
+RULES: tuple[Rule, ...] = (
     _names,
     *RIGGING_RULES,
     sheaves_hold,
@@ -392,7 +387,11 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _damping,
     _line_out,
     _schedule,
-    *WINCH_RULES,
+    _parts,
+    _sheave,
+    _commander,
+    _rows,
+    _depth,
     _effects,
     _drag_that_grows,
     body_holds,
@@ -400,8 +399,6 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _at_the_end,
     _own_at_payload,
     _fairings_of_one_kind,
-    *SEA_RULES,
-    *MOTION_RULES,
-    *WATER_RULES,
+    *ENVIRONMENT_RULES,
     _limits,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
@@ -19,7 +19,7 @@ from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
-from rope_twin.scene.schema import WINCH, Fault, RopeLine, Scene, Sheave, Triple, Winch
+from rope_twin.scene.schema import WINCH, Fault, RopeLine, Rule, Scene, Triple, Winch
 
 # Effects supported in multi-line scenes: without a payload, or with one of each rope's own.
 MEETING = (
@@ -225,7 +225,7 @@ def _own_bending(scene: Scene) -> Iterator[Fault]:
             yield f"{path}.clamped_along", what, "remove it: only a hang-off fixes a direction"
 
 
-RIGGING_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
+RIGGING_RULES: tuple[Rule, ...] = (
     _given,
     _own_names,
     _upper_ends,
@@ -238,16 +238,11 @@ RIGGING_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
 )
 
 
-def lines_at(scene: Scene, sheave: Sheave) -> list[int]:
-    """Return the indices of the ropes that end at a sheave."""
-    return [number for number, line in enumerate(scene.ropes) if line.to == sheave.name]
-
-
 def sheaves_hold(scene: Scene) -> Iterator[Fault]:
     """Check that each sheave has two ropes of the same material, neither straight from the ship."""
     for number, sheave in enumerate(scene.sheaves):
         path = f"sheaves[{number}]"
-        ends = lines_at(scene, sheave)
+        ends = [k for k, line in enumerate(scene.ropes) if line.to == sheave.name]
         if any(line.from_ == sheave.name for line in scene.ropes):
             right = f"let both stretches end there (`to: {sheave.name}`)"
             yield path, f"a rope begins at '{sheave.name}'", right
@@ -295,25 +290,20 @@ OF_A_POINT = {
 }  # fmt: skip
 
 
-def body_of(scene: Scene) -> RigidBodyParams | None:
-    """Return the rigid-body parameters of a scene's payload; None if it is a point."""
-    return scene.listed(RigidBodyParams)
-
-
 def refuse_body(scene: Scene, what: str) -> None:
     """Reject scenes with a rigid body where unsupported; what: the reason.
 
     Raises:
         SceneError: the scene's payload is a rigid body.
     """
-    if body_of(scene) is not None:
+    if scene.listed(RigidBodyParams) is not None:
         right = "use `payload`, a point, instead"
         raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
 
 
 def body_holds(scene: Scene) -> Iterator[Fault]:
-    """Check that it has a payload, and that no effect treats it as a point."""
-    own = body_of(scene)
+    """Check that a rigid body has a payload, and that no effect treats it as a point."""
+    own = scene.listed(RigidBodyParams)
     if own is None:
         return
     for params in scene.effects:

@@ -23,7 +23,7 @@ from rope_twin.scene.model.lift import (
 )
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes import Box
-from rope_twin.scene.validation.rigging import body_of, is_joined
+from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.scene.validation.vortices import (
     check_vortex_inputs,
     check_vortex_resolution,
@@ -53,19 +53,11 @@ def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         lengths["winch.most_line_out_m"] = (most, f" with {most:g} m out")
     for path, (length, when) in lengths.items():
         rope, tension = figures.weakest(length)
-        breaking = rope.breaking_load_n
-        if line.fixed_at_m or tension <= breaking / SAFETY_FACTOR:
+        if line.fixed_at_m or tension <= rope.breaking_load_n / SAFETY_FACTOR:
             continue
         top = "top tension" if len(figures.bars) == 1 else f"tension of {_called(rope)}"
-        what = (
-            f"static {top} {tension / 1e3:.0f} kN{when} against a breaking load of "
-            f"{breaking / 1e3:.0f} kN"
-        )
-        if tension >= breaking:
-            yield phrase(path, f"{what}: the rope breaks", "take a stronger rope or a lighter load")
-            return
-        what = f"{what}, a safety factor of {breaking / tension:.2f}"
-        yield phrase(path, what, f"below {SAFETY_FACTOR:g} take a stronger rope or a lighter load")
+        words = f"static {top} {tension / 1e3:.0f} kN{when}"
+        yield _weak(path, words, tension / rope.breaking_load_n, rope.breaking_load_n)
         return
 
 
@@ -74,23 +66,29 @@ def load_together(scene: Scene) -> Iterator[str]:
     held = hung_together(scene)
     if held is None:
         return
-    only, when, path = len(held.lines) == 1, "", "ropes[0]"
-    tension, breaking = held.weight_n, held.breaking_load_n
-    if only and scene.winch and tension <= breaking / SAFETY_FACTOR:
-        most = scene.winch.most_line_out_m
-        tension, when = held.weight_at(most), f" with {most:g} m out"
-        path = "winch.most_line_out_m"
-    if tension <= breaking / SAFETY_FACTOR:
-        return
-    pull = "static top tension" if only else f"{len(held.lines)} ropes from the ship carry"
-    what = f"{pull} {tension / 1e3:.0f} kN{when} against a breaking load of {breaking / 1e3:.0f} kN"
-    if not only:
-        path, what = "ropes", f"{what} together"
-    if tension >= breaking:
-        yield phrase(path, f"{what}: rope breaks", "take stronger rope or a lighter load")
-        return
-    what = f"{what}, a safety factor of {breaking / tension:.2f}"
-    yield phrase(path, what, f"below {SAFETY_FACTOR:g} take stronger rope or a lighter load")
+    path, when, tension = "ropes[0]", "", held.weight_n
+    if len(held.lines) > 1:
+        path, words = "ropes", f"{len(held.lines)} ropes from the ship carry together"
+    else:
+        words = "static top tension"
+        if scene.winch and tension <= held.breaking_load_n / SAFETY_FACTOR:
+            most = scene.winch.most_line_out_m
+            tension, when = held.weight_at(most), f" with {most:g} m out"
+            path = "winch.most_line_out_m"
+    if tension > held.breaking_load_n / SAFETY_FACTOR:
+        words = f"{words} {tension / 1e3:.0f} kN{when}"
+        yield _weak(path, words, tension / held.breaking_load_n, held.breaking_load_n)
+
+
+def _weak(path: str, words: str, utilisation: float, breaking_n: float) -> str:
+    """Return the warning of a tension beyond the safety factor, or beyond the MBL."""
+    what = f"{words} against a breaking load of {breaking_n / 1e3:.0f} kN"
+    if utilisation >= 1.0:
+        what, right = f"{what}: rope breaks", "take stronger rope or a lighter load"
+    else:
+        what = f"{what}, a safety factor of {1.0 / utilisation:.2f}"
+        right = f"below {SAFETY_FACTOR:g} take stronger rope or a lighter load"
+    return phrase(path, what, right)
 
 
 def _called(rope: Rope) -> str:
@@ -104,7 +102,7 @@ LONGEST_STRETCH = 0.1  # of a sling's length
 
 def check_body(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check the outline, and slings that are too flat or too soft."""
-    body = body_of(scene)
+    body = scene.listed(RigidBodyParams)
     if body is None:
         return
     yield from _size(scene, body)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from math import dist, hypot, pi, radians, tanh
 
+from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import phrase
 from rope_twin.scene.model.lift import LiftFigures, listed_effects
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.environment import bed_at, bed_of, beside, spectrum_of
+from rope_twin.scene.validation.environment import bed_at, beside, spectrum_of
 from rope_twin.scene.validation.rigging import places, winches_by_name
 from rope_twin.sea.ship_motion import FADE, read_responses
 from rope_twin.sea.spectrum import BREAKING, steepness_warning
@@ -40,7 +41,7 @@ def moored_up(scene: Scene, figures: LiftFigures) -> bool:
 
 
 def _ends(scene: Scene, up: bool) -> Iterator[str]:
-    bed = bed_of(scene)
+    bed = scene.listed(SeabedParams)
     line, (x, y, z) = scene.ropes[0], scene.ship.hang_off_m
     if line.fixed_at_m is not None and line.fixed_at_m[2] > 0.0:
         what = f"the lower end is fixed {line.fixed_at_m[2]:g} m above the water"
@@ -56,7 +57,7 @@ def _ends(scene: Scene, up: bool) -> Iterator[str]:
 
 def _depth_orders(scene: Scene) -> Iterator[str]:
     """Check for depths that the winch cannot reach, by its rope or because of the seabed."""
-    bed, hang_offs = bed_of(scene), places(scene)
+    bed, hang_offs = scene.listed(SeabedParams), places(scene)
     for name, winch in winches_by_name(scene).items():
         x, y, z = hang_offs[name]
         for number, row in enumerate(winch.schedule):
@@ -143,7 +144,7 @@ def _reach_of_responses(scene: Scene) -> Iterator[str]:
 
 def _depth_of_waves(scene: Scene) -> Iterator[str]:
     """Check the waves' own depth against the seabed."""
-    waves, bed = listed_effects(scene).get("waves"), bed_of(scene)
+    waves, bed = listed_effects(scene).get("waves"), scene.listed(SeabedParams)
     if not isinstance(waves, WavesParams) or bed is None:
         return
     depth = -bed_at(bed, *scene.ship.hang_off_m[:2])

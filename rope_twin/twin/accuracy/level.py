@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from rope_twin.core.state import Floats, Model, Rope
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import StateError, phrase
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import body_of, is_joined, refuse_body, refuse_joined
+from rope_twin.scene.validation.rigging import is_joined, refuse_body, refuse_joined
 from rope_twin.scene.validation.vortices import refuse_shedding, shedding_model
 from rope_twin.twin.accuracy.regrid import Grid, HangOff, coarse_room, coarser, finer, marks_of
 
@@ -50,7 +51,7 @@ def levels_of(scene: Scene) -> tuple[AccuracyLevel, ...]:
     Multi-line systems, wakes of vortices and rigid bodies cannot be transferred to another mesh:
     such a scene has one level.
     """
-    if is_joined(scene) or shedding_model(scene) or body_of(scene):
+    if is_joined(scene) or shedding_model(scene) or scene.listed(RigidBodyParams):
         return (scene_level(scene),)
     top, elements = scene_level(scene), scene.ropes[0].elements
     levels = [top, *(AccuracyLevel(step_ns) for step_ns in STEPS_NS if step_ns > top.step_ns)]

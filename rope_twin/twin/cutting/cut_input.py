@@ -9,9 +9,10 @@ import math
 from collections.abc import Callable
 
 from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import body_of, is_joined, winch_of
+from rope_twin.scene.validation.rigging import is_joined, winch_of
 from rope_twin.scene.validation.vortices import model_beside, shedding_model
 from rope_twin.twin.cutting.cut_plan import AT_LOWER_END, MIN_LENGTH_M, PlannedCut, read_plan
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_late
@@ -149,7 +150,7 @@ def _reason_not_possible(scene: Scene) -> str:
     in_step = model and model_beside(scene) is None
     if in_step and scene.listed(BendingParams) is not None:
         return f"`{model}` beside `bending` cannot tell the free end of a rope that is cut"
-    body = body_of(scene)
+    body = scene.listed(RigidBodyParams)
     if body is not None and body.deck is not None and body.deck.with_ship:
         return "the body stands on a deck that heaves with the ship, which what falls cannot follow"
     return ""
