@@ -11,14 +11,15 @@ import json
 import sys
 from collections.abc import Sequence
 from functools import partial
+from math import isfinite, isnan
 from pathlib import Path
+from typing import Any
 
 from rope_twin.cli import CommandLine, exit_code
 from rope_twin.cli.console import CaseProgress, print_table
 from rope_twin.studies.picture import check_picture, draw_panels
-from validation import vortex_convergence
-from validation.case import Row, run_each
-from validation.hard_cases import cases, report
+from validation import registry, vortex_convergence
+from validation.case import Finding, Row, choose, run_each
 from validation.page import (
     CONVERGENCE_PICTURE,
     PAGE,
@@ -34,9 +35,10 @@ from validation.page import (
     table_rows,
     write_page,
 )
-from validation.registry import CASES, choose_cases, run_case
 
+PROGRAM = "python -m validation"
 HEAD = ("quantity", "ours", "published", "tolerance", "met")
+HARD_HEAD = "| id | hard | held against | nearest to its limit | figure | limit | holds |"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -50,15 +52,15 @@ def _command(argv: Sequence[str] | None) -> int:
     if args.hard_cases:
         if args.into is not None or args.convergence:
             parser.error("--hard-cases: it takes no --into and no --convergence")
-        return report.run(args)
+        return _hard_cases(args)
     return _converge(args) if args.convergence else _validate(args)
 
 
 def _parser() -> argparse.ArgumentParser:
-    ids = ", ".join(f"{case.id} ({case.seconds:.0f} s)" for case in CASES)
-    hard = ", ".join(case.id for case in cases.CASES)
+    ids = ", ".join(f"{case.id} ({case.seconds:.0f} s)" for case in registry.CASES)
+    hard = ", ".join(case.id for case in registry.HARD_CASES)
     parser = CommandLine(
-        prog="python -m validation",
+        prog=PROGRAM,
         description="Published and closed-form cases: our number beside theirs.",
         epilog=f"cases: {ids}; hard cases: {hard}",
     )
@@ -86,12 +88,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _validate(args: argparse.Namespace) -> int:
     """Run the cases and print a table as each ends; 1 if one is not met."""
-    chosen = choose_cases(args.ids)
+    chosen = choose(PROGRAM, registry.CASES, args.ids)
     if args.into is not None:
         check_picture(args.into / PICTURES / "case.png")
         check_page(args.into)
     rows = []
-    for row in run_each(chosen, run_case):
+    for row in run_each(chosen):
         rows.append(row)
         if not (args.json or args.markdown):
             _print_case(row)
@@ -114,7 +116,7 @@ def _validate(args: argparse.Namespace) -> int:
 
 def _converge(args: argparse.Namespace) -> int:
     """Run the convergence sweeps; exit code 1 if one does not converge."""
-    sweeps = vortex_convergence.choose_sweeps(args.ids)
+    sweeps = choose(f"{PROGRAM} --convergence", vortex_convergence.SWEEPS, args.ids)
     if args.into is not None:
         check_picture(args.into / PICTURES / CONVERGENCE_PICTURE)
         check_page(args.into)
@@ -141,6 +143,70 @@ def _print_case(row: Row) -> None:
     for note in result["notes"]:
         print(f"* {note}")
     print(flush=True)
+
+
+def _hard_cases(args: argparse.Namespace) -> int:
+    """Run the robustness tests and print a row as each ends; 1 if one does not pass."""
+    chosen = choose(f"{PROGRAM} --hard-cases", registry.HARD_CASES, args.ids)
+    width = max(len(case.id) for case in registry.HARD_CASES)
+    if args.markdown:
+        print(f"{HARD_HEAD}\n|{' --- |' * 7}", flush=True)
+    elif not args.json:
+        print(f"{'case':<{width}}  holds  {'figure':>12}  {'limit':>12}  what", flush=True)
+    rows = []
+    for row in run_each(chosen):
+        rows.append(row)
+        if not args.json:
+            print(_hard_markdown(row) if args.markdown else _hard_text(row, width), flush=True)
+    if args.json:
+        print(json.dumps([_hard_json(row) for row in rows], indent=1, ensure_ascii=False))
+    elif not args.markdown:
+        held = sum(row.ok for row in rows)
+        print(f"{held} of {len(rows)} hold, {sum(row.seconds for row in rows):.0f} s")
+    return 0 if all(row.ok for row in rows) else 1
+
+
+def _hard_text(row: Row, width: int) -> str:
+    """Return a line of the value closest to its limit, and one of each other that is beyond."""
+    worst = row.worst
+    figure, limit = _cells(worst)
+    lines = [
+        f"{row.case.id:<{width}}  {'yes' if row.ok else 'NO':<5}  {figure:>12}  {limit:>12}  "
+        f"{worst.quantity}"
+    ]
+    for finding in row.found.findings:
+        if not finding.ok and finding is not worst:
+            figure, limit = _cells(finding)
+            lines.append(f"{'':<{width}}         {figure:>12}  {limit:>12}  {finding.quantity}")
+    return "\n".join(lines)
+
+
+def _cells(finding: Finding) -> tuple[str, str]:
+    """Return a value and its limit in words."""
+    figure = "-" if isnan(finding.ours) else f"{finding.ours:.3g} {finding.unit}".strip()
+    return figure, f"{finding.high:.3g} {finding.unit}".strip()
+
+
+def _hard_markdown(row: Row) -> str:
+    case, worst = row.case, row.worst
+    cells = (f"`{case.id}`", case.about, case.source, worst.quantity, *_cells(worst))
+    return f"| {' | '.join(cells)} | {'yes' if row.ok else 'NO'} |"
+
+
+def _hard_json(row: Row) -> dict[str, Any]:
+    return {
+        "id": row.case.id, **_limit_json(row.worst), "ok": row.ok, "about": row.case.about,
+        "reference": row.case.source, "seconds": round(row.seconds, 2),
+        "checks": [_limit_json(finding) for finding in row.found.findings],
+    }  # fmt: skip
+
+
+def _limit_json(finding: Finding) -> dict[str, Any]:
+    figure = finding.ours if isfinite(finding.ours) else None
+    return {
+        "ok": finding.ok, "figure": figure, "limit": finding.high, "unit": finding.unit,
+        "what": finding.quantity,
+    }  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, isnan, nan
 from typing import Protocol, TypeVar
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
@@ -17,20 +17,15 @@ from rope_twin.run.progress import columns
 from rope_twin.studies.picture import Panel
 
 
-class Timed(Protocol):
-    """A case with a name and a duration."""
+class Named(Protocol):
+    """Something with the id of a case."""
 
     @property
     def id(self) -> str:
-        """Return the name of the case on the command line."""
-
-    @property
-    def seconds(self) -> float:
-        """Return the approximate duration of its run [s]."""
+        """Return the name on the command line."""
 
 
-C = TypeVar("C", bound=Timed)
-T = TypeVar("T")
+C = TypeVar("C", bound=Named)
 
 
 @dataclass(frozen=True)
@@ -50,6 +45,13 @@ class Finding:
     def ok(self) -> bool:
         """Return whether the value passes; a value without criterion always does."""
         return not self.judged or (isfinite(self.ours) and bool(self.low <= self.ours <= self.high))
+
+    @property
+    def strain(self) -> float:
+        """Return value over upper limit; inf if a limit of 0 is exceeded, or for NaN."""
+        if self.high > 0.0 and not isnan(self.ours):
+            return self.ours / self.high
+        return 0.0 if self.ok else inf
 
 
 def within_pct(quantity: str, ours: float, published: float, pct: float, unit: str = "") -> Finding:
@@ -78,6 +80,11 @@ def between(
     return Finding(quantity, float(ours), published, words, unit, low, high)
 
 
+def limited(quantity: str, ours: float, limit: float, unit: str = "%") -> Finding:
+    """Require a value not above a limit."""
+    return Finding(quantity, float(ours), "", f"at most {limit:g}", unit, high=limit)
+
+
 def shown(quantity: str, ours: float, published: str, unit: str = "") -> Finding:
     """Show a value next to another one, without acceptance criterion."""
     return Finding(quantity, float(ours), published, "shown", unit, judged=False)
@@ -102,6 +109,7 @@ class Case:
     run: Callable[[], Found]
     seconds: float  # what it takes, roughly
     short: Callable[[], Found] | None = None  # a smaller form for the daily tests; None: itself
+    quick: bool = True  # part of the daily tests
 
 
 @dataclass(frozen=True)
@@ -118,25 +126,30 @@ class Row:
         """Return whether all values of the case pass."""
         return not self.refusal and all(finding.ok for finding in self.found.findings)
 
+    @property
+    def worst(self) -> Finding:
+        """Return the value closest to its limit, or farthest beyond it."""
+        if self.refusal:
+            return limited(self.refusal, nan, 0.0, "")
+        return max(self.found.findings, key=lambda finding: finding.strain)
 
-def choose(
-    command: str, cases: Sequence[T], names: Sequence[str], name_of: Callable[[T], str]
-) -> tuple[T, ...]:
-    """Return the cases with these names in their own order; all if no name is given.
+
+def choose(command: str, cases: Sequence[C], ids: Sequence[str]) -> tuple[C, ...]:
+    """Return the cases with these ids in their own order; all if no id is given.
 
     Raises:
-        InputError: an unknown name.
+        InputError: an unknown id.
     """
-    known = list(dict.fromkeys(name_of(case) for case in cases))
-    for name in names:
+    known = list(dict.fromkeys(case.id for case in cases))
+    for name in ids:
         if name not in known:
             what = f"there is no case '{name}'"
             raise InputError(phrase(command, what, did_you_mean(name, known)))
-    return tuple(case for case in cases if not names or name_of(case) in names)
+    return tuple(case for case in cases if not ids or case.id in ids)
 
 
-def run_each(cases: Sequence[C], run_case: Callable[[C], T]) -> Iterator[T]:
-    """Run the cases one after the other; a terminal shows which one is running."""
+def run_each(cases: Sequence[Case]) -> Iterator[Row]:
+    """Run the cases in full, one after the other; a terminal shows which one is running."""
     live = sys.stderr.isatty()
     for number, case in enumerate(cases, 1):
         if live:
@@ -149,16 +162,11 @@ def run_each(cases: Sequence[C], run_case: Callable[[C], T]) -> Iterator[T]:
         yield row
 
 
-def run_through(run: Callable[[], T], nothing: T) -> tuple[T, str, float]:
-    """Run one case and time it.
-
-    Returns:
-        Its result, or `nothing` if the solver gave up; then the solver's sentence, else "";
-        and the duration [s].
-    """
+def run_case(case: Case) -> Row:
+    """Run one in full; a solver that gives up is a row that does not pass, with its sentence."""
     began = time.perf_counter()
     try:
-        found, refusal = run(), ""
+        found, refusal = case.run(), ""
     except RopeTwinError as error:
-        found, refusal = nothing, str(error)
-    return found, refusal, time.perf_counter() - began
+        found, refusal = Found(()), str(error)
+    return Row(case, found, refusal, time.perf_counter() - began)

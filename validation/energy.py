@@ -15,7 +15,7 @@ from rope_twin.studies.picture import Line, Panel, Vector
 from validation.case import Case, Finding, Found, between
 from validation.rigs import Rig
 from validation.snap import SPRING
-from validation.state_bench import Bench
+from validation.state_bench import Bench, energy
 
 SWUNG = Rig(length=100.0, elements=20, load=2e3, EA=20e6, tolerance=1e-3)
 SWING_S, STEPS_S = 60.0, ((0.01, 1e-5), (0.05, 3e-4))  # step, and what it may lose of the energy
@@ -32,17 +32,6 @@ def damping(z: complex) -> float:
     c = 0.5 * GAMMA * z
     middle = (1.0 + c) / (1.0 - c)
     return float(abs((K1 * middle - K2) / (1.0 - c)))
-
-
-def energy(bench: Bench, rig: Rig) -> float:
-    """Return the energy of rope and payload [J]; nodes carry half of their elements."""
-    rest = np.diff(bench.rope.state.s[: bench.n + 1])
-    mass = 0.5 * rig.mass * (np.concatenate([[0.0], rest]) + np.concatenate([rest, [0.0]]))
-    mass[0] += rig.load
-    strain = np.linalg.norm(np.diff(bench.position), axis=0) / rest - 1.0
-    motion = 0.5 * (mass * (bench.velocity**2).sum(axis=0)).sum()
-    height = (mass * rig.gravity * bench.position[2]).sum()
-    return float(motion + height + 0.5 * rig.EA * (rest * np.maximum(strain, 0.0) ** 2).sum())
 
 
 def _swing(step: float) -> Vector:

@@ -1,8 +1,9 @@
-"""All validation cases, in the order of the page. A file of cases adds its CASES here."""
+"""All validation cases, in the order of the page, and all robustness tests.
+
+A file of cases adds its CASES here.
+"""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 from validation import (
     convergence,
@@ -19,7 +20,9 @@ from validation import (
     vibration,
     wake_cylinder,
 )
-from validation.case import Case, Found, Row, choose, run_through
+from validation.case import Case
+from validation.hard_cases import cut, inputs, long, start, vortices, winch
+from validation.hard_cases import snap as hard_snap
 
 FAMILIES = "PLQGUS"  # of ids, in the order of the page
 
@@ -51,15 +54,12 @@ CASES: tuple[Case, ...] = tuple(
 )
 
 
-def choose_cases(ids: Sequence[str]) -> tuple[Case, ...]:
-    """Return the cases with these ids in the order of CASES; all if there are none.
-
-    Raises:
-        InputError: an id that no case has.
-    """
-    return choose("python -m validation", CASES, ids, lambda case: case.id)
-
-
-def run_case(case: Case) -> Row:
-    """Run one in full; a solver that gives up is a row that is not met."""
-    return Row(case, *run_through(case.run, Found(())))
+HARD_CASES: tuple[Case, ...] = (
+    *hard_snap.CASES,
+    *winch.CASES,
+    *cut.CASES,
+    *start.CASES,
+    *inputs.CASES,
+    *long.CASES,
+    *vortices.CASES,
+)

@@ -16,15 +16,28 @@ from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import Motion
 from rope_twin.twin.motion.heave_track import ramp
+from validation.rigs import Rig
 
 Vector = NDArray[np.float64]
 AT_REST = 1e-9  # of the length: what the search for rest may leave
 
 
-class Nodes:
-    """View of the core's arrays of a rope."""
+class Bench:
+    """The core's arrays of a scene's rope, by default in static equilibrium.
 
-    rope: rows.Rope
+    Raises:
+        SolverError: there is none.
+    """
+
+    def __init__(
+        self, scene: Scene, rope: rows.Rope | None = None, *, at_rest: bool = True
+    ) -> None:
+        self.rope = build(scene) if rope is None else rope
+        self.length = scene.ropes[0].length_m
+        self.hang_off = scene.ship.hang_off_m
+        self.time = 0.0
+        if at_rest:
+            self.settle()
 
     @property
     def n(self) -> int:
@@ -32,35 +45,47 @@ class Nodes:
         return int(self.rope.state.counts[rows.ELEMENTS])
 
     @property
+    def s(self) -> Vector:
+        """Return a view of the material coordinates from the lower end [m], (nodes,)."""
+        return self.rope.state.s[: self.n + 1]
+
+    @property
     def position(self) -> Vector:
         """Return a view of the node positions, lower end first, (3, nodes)."""
-        return self.rope.state.nodes[rows.POSITION : rows.POSITION + 3, : self.n + 1]
+        return self._nodes(rows.POSITION)
 
     @property
     def velocity(self) -> Vector:
         """Return a view of the node velocities, lower end first, (3, nodes)."""
-        return self.rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : self.n + 1]
-
-
-class Bench(Nodes):
-    """The core's arrays of a scene in static equilibrium.
-
-    Raises:
-        SolverError: there is none.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self.rope = build(scene)
-        self.length = scene.ropes[0].length_m
-        self.hang_off = scene.ship.hang_off_m
-        self.time = 0.0
-        if not find_equilibrium(self.rope, self.length) <= AT_REST * self.length:
-            raise SolverError(phrase("bench", "the rope finds no rest", "check what holds it"))
+        return self._nodes(rows.VELOCITY)
 
     @property
     def acceleration(self) -> Vector:
-        """Return a view of the node accelerations, payload first, (3, nodes)."""
-        return self.rope.state.nodes[rows.ACCELERATION : rows.ACCELERATION + 3, : self.n + 1]
+        """Return a view of the node accelerations, lower end first, (3, nodes)."""
+        return self._nodes(rows.ACCELERATION)
+
+    @property
+    def unconverged(self) -> int:
+        """Return the number of substeps accepted without convergence."""
+        return int(self.rope.state.health[rows.SUBSTEPS_UNCONVERGED])
+
+    def settle(self) -> None:
+        """Solve the static equilibrium.
+
+        Raises:
+            SolverError: there is none within reach.
+        """
+        move = find_equilibrium(self.rope, self.length)
+        if not move <= AT_REST * self.length:
+            what = f"no static equilibrium found (the last move was {move:.3g} m)"
+            raise SolverError(phrase("the rope at rest", what, "check what holds it"))
+
+    def find_acceleration(self) -> None:
+        """Solve the acceleration that is consistent with a given state, by a step of 1 µs."""
+        model = self.rope.model
+        self.rope = self.rope._replace(model=model._replace(step=1e-6))
+        self.hold(1)
+        self.rope = self.rope._replace(model=model)
 
     def hold(self, steps: int) -> Vector:
         """Advance with the hang-off at rest; the magnitude of the pull on it after each step."""
@@ -83,7 +108,27 @@ class Bench(Nodes):
         if done < steps:
             raise SolverError(phrase(f"step {done + 1}", "it is not finite", "shorten the step"))
         self.time += steps * self.rope.model.step
+        self.length = float(boundary.value[-1, rows.LINE])
         return pull[:, rows.PULL]
+
+    def _nodes(self, first: int) -> Vector:
+        return self.rope.state.nodes[first : first + 3, : self.n + 1]
+
+
+def energy(bench: Bench, rig: Rig) -> float:
+    """Return kinetic, strain and potential energy of rope and payload [J].
+
+    Nodes carry half of their elements. The payload has its added mass, the rope none.
+    """
+    rest = np.diff(bench.s)
+    lump = 0.5 * (np.concatenate([[0.0], rest]) + np.concatenate([rest, [0.0]]))
+    mass, weight = rig.mass * lump, rig.weight * lump
+    mass[0] += rig.load + rig.added[2]
+    weight[0] += rig.load_weight
+    strain = np.linalg.norm(np.diff(bench.position), axis=0) / rest - 1.0
+    motion = 0.5 * float((mass * (bench.velocity**2).sum(axis=0)).sum())
+    stretch = 0.5 * rig.EA * float((rest * np.maximum(strain, 0.0) ** 2).sum())
+    return motion + stretch + float((weight * bench.position[2]).sum())
 
 
 def time_in_turns(

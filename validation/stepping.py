@@ -35,7 +35,7 @@ def lagged_matrix(m: float, added: float, h: float) -> Vector:
     return np.array([x_hat + p * a, v_hat + q * a, a])
 
 
-def _lagged(m: float, added: float, h: float) -> Vector:
+def lagged_positions(m: float, added: float, h: float) -> Vector:
     """Return positions at h, 2h ... from 10 m at rest."""
     step, state = lagged_matrix(m, added, h), np.array([10.0, 0.0, -10.0 * STIFFNESS / (m + added)])
     positions = []
@@ -45,7 +45,7 @@ def _lagged(m: float, added: float, h: float) -> Vector:
     return np.array(positions)
 
 
-def _error(positions: Vector, omega: float, h: float) -> float:
+def largest_error(positions: Vector, omega: float, h: float) -> float:
     """Return the largest difference from 10·cos(ωt) at h, 2h ..."""
     times = h * np.arange(1, len(positions) + 1)
     return float(np.abs(positions - 10.0 * np.cos(omega * times)).max())
@@ -76,7 +76,7 @@ class Oscillator:
         return self._bench.position[2, 0] - self._rest[0], self._bench.velocity[2, 0]
 
 
-def _ours(m: float, added: float, h: float, start: float) -> Vector:
+def our_positions(m: float, added: float, h: float, start: float) -> Vector:
     """Return positions by the solver's step, from `start` scaled to 10 m: the problem is linear."""
     oscillator = Oscillator(m, added, h)
     oscillator.set(start, 0.0)
@@ -86,8 +86,8 @@ def _ours(m: float, added: float, h: float, start: float) -> Vector:
 
 def _added_mass() -> Found:
     omega = math.sqrt(STIFFNESS / 21.0)
-    lagged = [_error(_lagged(11.0, 10.0, h), omega, h) for h in STEPS_S]
-    ours = [_error(_ours(11.0, 10.0, h, 10.0), omega, h) for h in STEPS_S]
+    lagged = [largest_error(lagged_positions(11.0, 10.0, h), omega, h) for h in STEPS_S]
+    ours = [largest_error(our_positions(11.0, 10.0, h, 10.0), omega, h) for h in STEPS_S]
     findings = [
         within(f"lagged, {h:g} s: largest error over 20 s", error, printed, 0.005, "m")
         for h, error, printed in zip(STEPS_S, lagged, PRINTED_M, strict=True)
@@ -102,7 +102,7 @@ def _added_mass() -> Found:
         shown(f"ours, {h:g} s: largest error over 20 s", error, f"{printed:g} lagged", "m")
         for h, error, printed in zip(STEPS_S, ours, PRINTED_M, strict=True)
     ]
-    light = np.abs(_ours(1.0, 10.0, 0.05, 1.0)).max()
+    light = np.abs(our_positions(1.0, 10.0, 0.05, 1.0)).max()
     findings.append(
         between("ours, m 1, m_a 10: largest |x|", light, (0.0, 10.0), "10, bounded", "m")
     )

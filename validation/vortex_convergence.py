@@ -21,7 +21,6 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.studies.picture import Line, Panel, Vector
 from rope_twin.vortex.shedding import Shedding
 from validation import curved_pipe, modal_lines, wave_lines
-from validation.case import choose
 from validation.published_ropes import LCD_CABLE, lcd_current
 
 AMPLITUDE_PCT, FREQUENCY_PCT = 2.0, 0.5  # within which a setting counts as converged
@@ -34,7 +33,7 @@ Listener = Callable[[int, int, str], None]
 class Sweep:
     """One case by one model, refined in one of the two."""
 
-    case: str
+    id: str  # of the case
     model: str
     elements: tuple[int, ...]  # one alone: the step is refined
     steps_s: tuple[float, ...]  # likewise
@@ -155,15 +154,6 @@ SWEEPS = (
 )  # fmt: skip
 
 
-def choose_sweeps(ids: Sequence[str]) -> tuple[Sweep, ...]:
-    """Return the sweeps of these cases; all if there are none.
-
-    Raises:
-        InputError: a case that has none.
-    """
-    return choose("python -m validation --convergence", SWEEPS, ids, lambda sweep: sweep.case)
-
-
 def measure(sweeps: Sequence[Sweep], listen: Listener) -> Iterator[Convergence]:
     """Run the sweeps, yielding each at its end; a setting that two sweeps share is run once.
 
@@ -172,16 +162,16 @@ def measure(sweeps: Sequence[Sweep], listen: Listener) -> Iterator[Convergence]:
     """
     known: dict[tuple[str, str, int, float], Response] = {}
     for number, sweep in enumerate(sweeps):
-        listen(number, len(sweeps), f"{sweep.case} by {sweep.model}")
+        listen(number, len(sweeps), f"{sweep.id} by {sweep.model}")
         settings = [(n, h) for n in sweep.elements for h in sweep.steps_s]
         found = []
         for n, h in settings:
-            key = sweep.case, sweep.model, n, h
+            key = sweep.id, sweep.model, n, h
             known[key] = known.get(key) or sweep.respond(n, h)
             found.append(known[key])
         refined = "step" if len(sweep.elements) == 1 else "element"
         points = [_point(sweep, *one, found[-1]) for one in zip(settings, found, strict=True)]
-        yield Convergence(sweep.case, sweep.model, refined, tuple(points))
+        yield Convergence(sweep.id, sweep.model, refined, tuple(points))
     listen(len(sweeps), len(sweeps), "done")
 
 

@@ -63,8 +63,9 @@ def layout(shown: Shown, live: bool) -> Any:
     """Return the blueprint; live: plots span LIVE_S instead of the whole run."""
     import rerun.blueprint as rrb
 
+    camera = None if shown.frame is None else overview.eye(shown.frame)
     left = rrb.Vertical(
-        _space(OVERVIEW, _profile_title(shown.frame), shown.frame and overview.eye(shown.frame)),
+        _space(OVERVIEW, _profile_title(shown.frame), camera),
         _space(LOWER_END, "Lower end (to scale)", shown.close),
         row_shares=[5, 3],
     )

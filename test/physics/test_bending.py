@@ -19,7 +19,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import add_couplings
 from rope_twin.effects.bending import Bending, BendingParams, build
-from validation.energy import energy
+from validation.state_bench import energy
 
 NODES = 9
 HELD = build(BendingParams(stiffness_n_m2=700.0, clamped_along=(1.0, -0.4, -2.0)), None, None)

@@ -19,7 +19,7 @@ from weather import UNHURRIED, Weather, that_rests, weathers
 from rope_twin import Snapshot, Twin
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.driven_twin import march
-from validation.hard_cases.rigs import Arrays, sine
+from validation.hard_cases.rigs import RigBench, sine
 from validation.rigs import WATER, Rig
 
 WATER_DRAG = st.tuples(st.floats(0.5, 2.0), st.floats(0.005, 0.05))  # normal, tangential
@@ -111,7 +111,7 @@ def test_energy_never_appears_from_nothing(
     """
     # the energy of added mass is no function of the state; nor may the tolerance do work
     rig = replace(rig, drag=drag, added_mass=0.0, tolerance=1e-3)
-    arrays = Arrays(rig)
+    arrays = RigBench(rig)
     random = np.random.default_rng(seed)
     links = random.normal(size=(3, rig.elements))
     links *= size * rig.length / rig.elements / np.linalg.norm(links, axis=0)
@@ -131,7 +131,7 @@ def test_energy_never_appears_from_nothing(
     assert arrays.unconverged == 0
 
 
-def motion_energy(arrays: Arrays) -> float:
+def motion_energy(arrays: RigBench) -> float:
     """½·m·v² of the rope and its payload [J]."""
     rest = arrays.rig.length / arrays.rig.elements
     mass = np.full(arrays.n + 1, arrays.rig.mass * rest)

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from rope_twin.errors import SolverError
+from validation import registry
 from validation.__main__ import main
-from validation.hard_cases import cases
-from validation.hard_cases.cases import CASES, run_case
-from validation.hard_cases.check import Case, Check
+from validation.case import Case, Finding, limited, run_case
+from validation.hard_cases.limits import hard_case
+from validation.registry import HARD_CASES
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "stability.md"
 
@@ -20,19 +21,22 @@ def failures(case: Case) -> list[str]:
     """What does not hold, in words."""
     row = run_case(case)
     assert row.refusal == ""
-    return [f"{c.what}: {c.figure:.4g}, limit {c.limit:g}" for c in row.checks if not c.ok]
+    missed = [one for one in row.found.findings if not one.ok]
+    return [f"{one.quantity}: {one.ours:.4g}, limit {one.high:g}" for one in missed]
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if case.quick], ids=lambda case: case.id)
+QUICK = [case for case in HARD_CASES if case.quick]
+LONG = [case for case in HARD_CASES if not case.quick]
+
+
+@pytest.mark.parametrize("case", QUICK, ids=lambda case: case.id)
 def test_a_quick_case_holds(case: Case) -> None:
     """Every figure is within its limit."""
     assert failures(case) == []
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "case", [case for case in CASES if not case.quick], ids=lambda case: case.id
-)
+@pytest.mark.parametrize("case", LONG, ids=lambda case: case.id)
 def test_a_long_case_holds(case: Case) -> None:
     """The same for those that take longer: `pytest -m long test/validation`."""
     assert failures(case) == []
@@ -41,9 +45,9 @@ def test_a_long_case_holds(case: Case) -> None:
 def test_the_document_has_every_case() -> None:
     """docs/stability.md: a row for each, with what it is held against."""
     rows = [line for line in DOCUMENT.read_text().splitlines() if line.startswith("| `")]
-    assert [row.split("|")[1].strip(" `") for row in rows] == [case.id for case in CASES]
-    for row, case in zip(rows, CASES, strict=True):
-        assert f"| {case.about} | {case.reference} |" in row
+    assert [row.split("|")[1].strip(" `") for row in rows] == [case.id for case in HARD_CASES]
+    for row, case in zip(rows, HARD_CASES, strict=True):
+        assert f"| {case.about} | {case.source} |" in row
 
 
 def test_json_tells_what_was_found(capsys: pytest.CaptureFixture[str]) -> None:
@@ -57,15 +61,15 @@ def test_json_tells_what_was_found(capsys: pytest.CaptureFixture[str]) -> None:
         assert row["what"] in [check["what"] for check in row["checks"]]
 
 
-def broken() -> list[Check]:
+def broken() -> list[Finding]:
     """A solver that gives up."""
     raise SolverError("step 3: not finite; shorten the step.")
 
 
 NOT_HELD = [
-    Case("beyond", "a", "b", lambda: [Check("is 2", 2.0, 1.0), Check("is 0", 0.0, 1.0)], 1.0),
-    Case("not_a_number", "a", "b", lambda: [Check("is NaN", float("nan"), 1.0)], 1.0),
-    Case("broken", "a", "b", broken, 1.0),
+    hard_case("beyond", "a", "b", lambda: [limited("is 2", 2, 1), limited("is 0", 0, 1)], 1.0),
+    hard_case("not_a_number", "a", "b", lambda: [limited("is NaN", float("nan"), 1.0)], 1.0),
+    hard_case("broken", "a", "b", broken, 1.0),
 ]
 
 
@@ -78,10 +82,10 @@ def test_a_case_that_does_not_hold_is_an_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Exit code 1 and the reason, in every form; JSON stays JSON."""
-    monkeypatch.setattr(cases, "CASES", (case,))
+    monkeypatch.setattr(registry, "HARD_CASES", (case,))
     assert main(["--hard-cases", *form]) == 1
     said = capsys.readouterr().out
-    what = "not finite" if case.id == "broken" else case.run()[0].what
+    what = "not finite" if case.id == "broken" else case.run().findings[0].quantity
     assert what in said
     if form == ["--json"]:
         (row,) = json.loads(said)

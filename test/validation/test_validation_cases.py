@@ -11,9 +11,9 @@ import pytest
 
 from rope_twin.errors import InputError
 from validation.__main__ import main
-from validation.case import Case, Found, Row, between, shown, within_pct
+from validation.case import Case, Found, Row, between, choose, run_case, shown, within_pct
 from validation.page import BEGIN, END, keep_results, read_results, write_page
-from validation.registry import CASES, choose_cases, run_case
+from validation.registry import CASES
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -90,7 +90,7 @@ def test_a_run_of_some_cases_keeps_the_others(tmp_path: Path) -> None:
 
 def test_an_unknown_case_is_refused() -> None:
     with pytest.raises(InputError, match="there is no case 'P99'"):
-        choose_cases(["P99"])
+        choose("validation", CASES, ["P99"])
 
 
 def test_the_command_tells_ours_beside_theirs(capsys: pytest.CaptureFixture[str]) -> None:

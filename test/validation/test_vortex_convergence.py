@@ -13,6 +13,7 @@ import pytest
 from rope_twin.errors import InputError
 from validation import vortex_convergence as study
 from validation.__main__ import main
+from validation.case import choose
 from validation.page import CONVERGENCE, RESULTS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -74,7 +75,7 @@ def test_the_command_runs_a_sweep(
     assert row["words"] in page
     assert (tmp_path / "images" / "validation_convergence.png").stat().st_size > 5_000
     with pytest.raises(InputError, match="there is no case 'Q9'; known: L2"):
-        study.choose_sweeps(["Q9"])
+        choose("validation", study.SWEEPS, ["Q9"])
 
 
 def test_the_page_tells_where_both_cases_are_converged() -> None:

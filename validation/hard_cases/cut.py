@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.state import Boundary, Rope
+from rope_twin.core.state import Boundary
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.model.rope import build
@@ -24,8 +24,9 @@ from rope_twin.twin.cutting.rope_cut import (
     without_massless_section,
 )
 from rope_twin.twin.touchdown import seabed_contact
-from validation.hard_cases.check import Case, Check, all_converged, off
-from validation.hard_cases.rigs import Arrays
+from validation.case import Finding, limited
+from validation.hard_cases.limits import all_converged, hard_case, off
+from validation.hard_cases.rigs import RigBench, settled
 from validation.rigs import NOTHING, WATER, Rig
 from validation.state_bench import Vector
 
@@ -40,17 +41,10 @@ BED = SeabedParams(depth_m=1200.0)
 GONE = 0.8  # of its way: where the release wave is looked at
 
 
-class Part(Arrays):
-    """One part of a rope that was cut."""
-
-    def __init__(self, rig: Rig, rope: Rope) -> None:
-        self.rig, self.rope, self.length = rig, rope, rig.length
-
-
 class Parts:
     """Both of them, with the hang-off at rest."""
 
-    def __init__(self, whole: Arrays, below: int) -> None:
+    def __init__(self, whole: RigBench, below: int) -> None:
         """Cut a whole rope above its first `below` elements."""
         rig, lost, rope = whole.rig, float(whole.s[below]), whole.rope
         value = np.zeros((1, rows.MOTIONS))
@@ -63,8 +57,8 @@ class Parts:
             rig, length=whole.length - lost, elements=whole.n - below, load=0.0, volume=0.0,
             added=NOTHING, area=NOTHING,
         )  # fmt: skip
-        self.upper = Part(bare, cut.upper)
-        self.lower = Part(
+        self.upper = RigBench(bare, cut.upper)
+        self.lower = RigBench(
             replace(rig, length=lost, elements=below), without_massless_section(cut.lower)
         )
         self._ropes = CutRope(rig.scene(), cut.upper, cut.lower)
@@ -94,14 +88,7 @@ class Parts:
         return self.upper.energy() + self.lower.energy()
 
 
-def settled(rig: Rig) -> Arrays:
-    """Return a rope in static equilibrium."""
-    whole = Arrays(rig)
-    whole.settle()
-    return whole
-
-
-def momentum(part: Arrays) -> float:
+def momentum(part: RigBench) -> float:
     """Return the vertical momentum of a part with its payload [N·s]."""
     rest = np.diff(part.s)
     lump = part.rig.mass * 0.5 * (np.concatenate([[0.0], rest]) + np.concatenate([rest, [0.0]]))
@@ -109,7 +96,7 @@ def momentum(part: Arrays) -> float:
     return float((lump * part.velocity[2]).sum())
 
 
-def recoil(below: int) -> list[Check]:
+def recoil(below: int) -> list[Finding]:
     """Test the upper part of a hanging rope that is cut in vacuum, with its release wave.
 
     Before the wave reaches the top at L/c, c = √(EA/m): the cut end flies up at T/√(EA·m), T the
@@ -137,15 +124,15 @@ def recoil(below: int) -> list[Check]:
         off("speed of the released part against T/√(EA·m)", released_speed, free, 1.0),
         off("momentum when the wave is at 0.8 L against T·t", gained, T * rig.step * steps, 0.1),
         off("energy of motion then against T²/(2·EA)·c·t", moving, kinetic, 2.0),
-        Check("change of the pull before the wave arrives",
-              100.0 * float(np.abs(pull / pull_before - 1.0).max()), 0.1),
-        Check("energy gained in 10 s after the cut, over what was stored in stretch",
-              100.0 * (highest - start) / stretch_energy(T, rig), 1e-4),
+        limited("change of the pull before the wave arrives",
+                100.0 * float(np.abs(pull / pull_before - 1.0).max()), 0.1),
+        limited("energy gained in 10 s after the cut, over what was stored in stretch",
+                100.0 * (highest - start) / stretch_energy(T, rig), 1e-4),
         all_converged(left.unconverged),
     ]  # fmt: skip
 
 
-def fall(below: int) -> list[Check]:
+def fall(below: int) -> list[Finding]:
     """Test the lower part in vacuum: its centre of mass falls with g.
 
     The wave goes down from the cut; it meets the tension T - m·g·c·t, leaves rope that is slack,
@@ -179,14 +166,16 @@ def fall(below: int) -> list[Check]:
         *checks,
         off("momentum of the lower part after 2 s of fall against -W·t", momentum(lower),
             -weight * steps * rig.step, 1e-6),
-        Check("tension that is left at the payload", 100.0 * tension / T, 0.1),
-        Check("energy of both parts gained at the cut and in 2 s, over what was stored in stretch",
-              100.0 * (highest - before) / stored, 0.1),
+        limited("tension that is left at the payload", 100.0 * tension / T, 0.1),
+        limited(
+            "energy of both parts gained at the cut and in 2 s, over what was stored in stretch",
+            100.0 * (highest - before) / stored, 0.1,
+        ),
         all_converged(lower.unconverged),
     ]  # fmt: skip
 
 
-def highest_energy(left: Arrays, pieces: int, steps: int) -> float:
+def highest_energy(left: RigBench, pieces: int, steps: int) -> float:
     """Return the largest energy at the ends of the following pieces of the run [J]."""
     highest = -np.inf
     for _ in range(pieces):
@@ -203,7 +192,7 @@ def stretch_energy(T: float, rig: Rig) -> float:
     return (top**3 - T**3) / (6.0 * rig.EA * rig.weight)
 
 
-def come_to_rest(below: int) -> list[Check]:
+def come_to_rest(below: int) -> list[Finding]:
     """Test the upper part in water and current, until it hangs like a bare rope.
 
     What falls has its terminal speed by then: W + w·l = ½·ρ·(CdA + Ct·π·d·l)·v².
@@ -217,8 +206,8 @@ def come_to_rest(below: int) -> list[Check]:
     away = float(np.abs(upper.position - fresh.position).max())
     return [
         off("in water, pull at the end against rest", pull, float(fresh.hold(1)[-1]), 0.1),
-        Check("and its distance from the shape at rest, over the length",
-              100.0 * away / upper.length, 0.1),
+        limited("and its distance from the shape at rest, over the length",
+                100.0 * away / upper.length, 0.1),
         off("terminal speed of what falls", sinking, -terminal_speed(lower.length), 0.01),
         all_converged(upper.unconverged + lower.unconverged),
     ]  # fmt: skip
@@ -232,12 +221,12 @@ def terminal_speed(length: float) -> float:
     return math.sqrt(weight / (0.5 * rig.density * area))
 
 
-def land(below: int) -> list[Check]:
+def land(below: int) -> list[Finding]:
     """Test the lower part on a seabed 200 m below, whose reaction is its submerged weight."""
     rig = WET_WIRE
     scene = rig.scene()
     scene = replace(scene, effects=(*scene.effects[:-1], BED, scene.effects[-1]))
-    whole = Part(rig, build(scene))
+    whole = RigBench(rig, build(scene))
     whole.settle()
     parts = Parts(whole, below)
     parts.hold(round(SINK_S / rig.step))
@@ -246,12 +235,12 @@ def land(below: int) -> list[Check]:
     return [off("the bed's push on what has fallen against its weight", push, weight, 0.5)]
 
 
-def cut_at_payload() -> list[Check]:
+def cut_at_payload() -> list[Finding]:
     """Cut 20 t off 1,000 m of wire, at the payload."""
     return [*recoil(1), *fall(1), *come_to_rest(1)]
 
 
-def cut_in_middle() -> list[Check]:
+def cut_in_middle() -> list[Finding]:
     """Cut off the lower 500 m with 20 t."""
     return [*recoil(250), *fall(250), *come_to_rest(50), *land(50)]
 
@@ -261,6 +250,8 @@ REFERENCE = (
     "terminal speed, weight on the bed; the rope at rest"
 )
 CASES = (
-    Case("cut_at_payload", "20 t cut off 1,000 m of wire", REFERENCE, cut_at_payload, 7.0, True),
-    Case("cut_in_middle", "1,000 m of wire with 20 t cut at 500 m", REFERENCE, cut_in_middle, 8.0),
-)
+    hard_case("cut_at_payload", "20 t cut off 1,000 m of wire", REFERENCE, cut_at_payload, 7.0,
+              True),
+    hard_case("cut_in_middle", "1,000 m of wire with 20 t cut at 500 m", REFERENCE, cut_in_middle,
+              8.0),
+)  # fmt: skip

@@ -9,14 +9,8 @@ import numpy as np
 
 from rope_twin.studies.driven_twin import Motion, march, still
 from rope_twin.twin.snapshot import Snapshot
-from validation.hard_cases.check import (
-    Case,
-    Check,
-    all_converged,
-    front_pct,
-    off,
-    rms_off,
-)
+from validation.case import Finding, limited
+from validation.hard_cases.limits import all_converged, front_pct, hard_case, off, rms_off
 from validation.hard_cases.rigs import sine
 from validation.hard_cases.snap import (
     HEAVE_4M,
@@ -37,7 +31,7 @@ AHEAD_NS = 150_000_000
 GENTLE = 3.0  # m/s²
 
 
-def step_of_100_ms() -> list[Check]:
+def step_of_100_ms() -> list[Finding]:
     """Run smooth_2km and snap_vertical with ten times the usual time step."""
     smooth, first = run_at_rest_in_heave(replace(SMOOTH_2KM, step=0.1), sine(1.5, 8.0), 120.0)
     late = smooth[399:]
@@ -47,13 +41,13 @@ def step_of_100_ms() -> list[Check]:
         off("mean top tension against 167.573 kN", float(late.mean()), 167.573e3, 0.256),
         off("highest against 205.23 kN", float(late.max()), 205.23e3, 0.256),
         off("lowest against 129.86 kN", float(late.min()), 129.86e3, 0.256),
-        Check("snap peak above the converged 172.4 kN",
-              100.0 * (float(snap.max()) / 172.4e3 - 1.0), 0.0),
+        limited("snap peak above the converged 172.4 kN",
+                100.0 * (float(snap.max()) / 172.4e3 - 1.0), 0.0),
         all_converged(first + second),
     ]  # fmt: skip
 
 
-def current_step() -> list[Check]:
+def current_step() -> list[Finding]:
     """Expose a bare cable in still water to a current of 2 m/s at once, and remove it again.
 
     In the steady state it hangs straight at the critical angle a from the vertical, w·sin a =
@@ -79,18 +73,18 @@ def current_step() -> list[Check]:
     twin.offer_current(np.array([[0.0, 0.0, 0.0]]))
     back = list(march(twin, still, 900.0, 10))[-1]
     return [
-        Check("angle against the critical angle of "
-              f"{math.degrees(math.asin(sine_a)):.1f}°",
-              abs(found - math.degrees(math.asin(sine_a))), 0.2, "°"),
+        limited("angle against the critical angle of "
+                f"{math.degrees(math.asin(sine_a)):.1f}°",
+                abs(found - math.degrees(math.asin(sine_a))), 0.2, "°"),
         off("pull in the steady current", end.tension_top_n, pull, 0.1),
-        Check("largest push of the hang-off", max(0.0, -min(s.tension_top_min_n for s in shots)),
-              0.0, "N"),
+        limited("largest push of the hang-off", max(0.0, -min(s.tension_top_min_n for s in shots)),
+                0.0, "N"),
         off("pull in still water again", back.tension_top_n, rig.top_weight, 0.1),
         all_converged(back.solver.unconverged_substeps),
     ]  # fmt: skip
 
 
-def heave_jump() -> list[Check]:
+def heave_jump() -> list[Finding]:
     """Interrupt a heave of 1.5 m / 8 s for 2 s, and resume it 1 m higher.
 
     The tension must be that of the hang-off's motion as the twin published it, and that motion must
@@ -121,8 +115,8 @@ def heave_jump() -> list[Check]:
     return [
         rms_off("top tension before the gap, rms", pull[:1600], exact[:1600], 0.05),
         rms_off("top tension over the whole, rms", pull, exact, front_pct(GENTLE)),
-        Check("largest acceleration of the hang-off", kick, GENTLE, "m/s²"),
-        Check("heave against the track 2.5 s after the gap", float(np.abs(away).max()), 1e-3, "m"),
+        limited("largest acceleration of the hang-off", kick, GENTLE, "m/s²"),
+        limited("heave against the track 2.5 s after the gap", np.abs(away).max(), 1e-3, "m"),
         all_converged(shots[-1].solver.unconverged_substeps),
     ]  # fmt: skip
 
@@ -144,12 +138,13 @@ def motion_made(shots: list[Snapshot], step: float) -> Motion:
 
 
 CASES = (
-    Case("step_100ms", "a step of 100 ms, smooth and in snap",
-         "fine explicit 167.573, 205.23, 129.86 kN within second order of 50 ms; no overshoot",
-         step_of_100_ms, 1.0, True),
-    Case("current_step", "a current that steps from 0 to 2 m/s and back",
-         "critical angle w·sin a = ½ρ·d·Cdn·U²·cos² a; skin drag; W + w·L", current_step, 12.0),
-    Case("heave_jump", "heave that jumps 1 m after a gap of 2 s",
-         "exact travelling waves for the motion made; 3 m/s²; back on the track in 2.5 s",
-         heave_jump, 1.0, True),
+    hard_case("step_100ms", "a step of 100 ms, smooth and in snap",
+              "fine explicit 167.573, 205.23, 129.86 kN within second order of 50 ms; no overshoot",
+              step_of_100_ms, 1.0, True),
+    hard_case("current_step", "a current that steps from 0 to 2 m/s and back",
+              "critical angle w·sin a = ½ρ·d·Cdn·U²·cos² a; skin drag; W + w·L",
+              current_step, 12.0),
+    hard_case("heave_jump", "heave that jumps 1 m after a gap of 2 s",
+              "exact travelling waves for the motion made; 3 m/s²; back on the track in 2.5 s",
+              heave_jump, 1.0, True),
 )  # fmt: skip

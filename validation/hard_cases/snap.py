@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.studies.driven_twin import Motion
-from validation.hard_cases.check import Case, Check, all_converged, off, rms_off
+from validation.case import Finding, limited
 from validation.hard_cases.explicit import explicit_top_tension
-from validation.hard_cases.rigs import Arrays, sine
+from validation.hard_cases.limits import all_converged, hard_case, off, rms_off
+from validation.hard_cases.rigs import RigBench, settled, sine
 from validation.hard_cases.waves import HangingBar
 from validation.hard_cases.waves import top_tension as exact_top_tension
 from validation.rigs import NOTHING, WATER, Rig, faded
@@ -60,35 +61,33 @@ HEAVE_4M = sine(4.0, PERIOD_S)
 
 def run_at_rest_in_heave(rig: Rig, heave: Motion, seconds: float) -> tuple[Vector, int]:
     """Return the force on the hang-off after each step, and the number of unconverged substeps."""
-    arrays = Arrays(rig)
-    arrays.settle()
-    pull = arrays.heave(heave, 0, round(seconds / rig.step))
-    return pull, arrays.unconverged
+    bench = settled(rig)
+    pull = bench.heave(heave, 0, round(seconds / rig.step))
+    return pull, bench.unconverged
 
 
-def against_explicit(rig: Rig, heave: Motion) -> list[Check]:
+def against_explicit(rig: Rig, heave: Motion) -> list[Finding]:
     """Compare peak and impulse of three heaves with the explicit method; test the return to rest.
 
     The impulse and not the samples themselves: a knock of 20 ms that comes 5 ms late is no error of
     physics, but what the hang-off has received by then would be. Three heaves of the seven: later
     knocks of a bare end differ by 15 % between two explicit runs of different step.
     """
-    arrays = Arrays(rig)
-    arrays.settle()
-    pull = arrays.heave(heave, 0, round(7.0 * PERIOD_S / rig.step))
+    bench = settled(rig)
+    pull = bench.heave(heave, 0, round(7.0 * PERIOD_S / rig.step))
     reference = np.abs(explicit_top_tension(rig, heave, 3.0 * PERIOD_S))
     compared = pull[: len(reference)]
     behind = float(np.abs(np.cumsum(compared - reference)).max() / reference.sum())
-    rest = float(arrays.hold(round(REST_S / rig.step))[-1])
+    rest = float(bench.hold(round(REST_S / rig.step))[-1])
     return [
         off("peak of the top tension", float(compared.max()), float(reference.max()), 1.0),
-        Check("impulse so far, largest difference over the whole", 100.0 * behind, 1.0),
+        limited("impulse so far, largest difference over the whole", 100.0 * behind, 1.0),
         off("pull after the ship has stopped against W + w·L", rest, rig.top_weight, 0.1),
-        all_converged(arrays.unconverged),
+        all_converged(bench.unconverged),
     ]
 
 
-def light_payload() -> list[Check]:
+def light_payload() -> list[Finding]:
     """Run 2 t in heave 4 m / 8 s: slack for 65 % of the time, vertical and with lateral loops."""
     vertical, first = run_at_rest_in_heave(SNAP_VERTICAL, HEAVE_4M, 60.0)
     loops, second = run_at_rest_in_heave(SNAP_2KM, HEAVE_4M, 60.0)
@@ -99,7 +98,7 @@ def light_payload() -> list[Check]:
     ]
 
 
-def payload_of_200_kg() -> list[Check]:
+def payload_of_200_kg() -> list[Finding]:
     """Run 200 kg on 2 km of rope in heave 4 m / 8 s."""
     rig = replace(
         SNAP_VERTICAL, elements=100, load=200.0, volume=0.05, added=(51.25,) * 3, area=(1.0,) * 3
@@ -107,13 +106,13 @@ def payload_of_200_kg() -> list[Check]:
     return against_explicit(rig, HEAVE_4M)
 
 
-def no_payload() -> list[Check]:
+def no_payload() -> list[Finding]:
     """Run the bare lower end in heave 4 m / 8 s."""
     rig = replace(SNAP_VERTICAL, elements=100, load=0.0, volume=0.0, added=NOTHING, area=NOTHING)
     return against_explicit(rig, HEAVE_4M)
 
 
-def storm() -> list[Check]:
+def storm() -> list[Finding]:
     """Run 20 t in irregular heave of Hs 6.5 m, and on 5 km in a regular 5 m."""
     rig = replace(SMOOTH_2KM, elements=100, current=((0.0, (0.0, 0.0)),))
     pull, first = run_at_rest_in_heave(rig, storm_heave(), 120.0)
@@ -145,7 +144,7 @@ def storm_heave() -> Motion:
     return faded(at, 8.0)
 
 
-def stiff_rope() -> list[Check]:
+def stiff_rope() -> list[Finding]:
     """Run an EA of 150 GN: rope and payload move as one body with the ship.
 
     F = W + w·L + (M' + m·L)·a + k·|v|·v + k_t·L·|v|·v at the hang-off's own v and a.
@@ -166,12 +165,11 @@ def stiff_rope() -> list[Check]:
     ]
 
 
-def floating_rope() -> list[Check]:
+def floating_rope() -> list[Finding]:
     """Run 3 in HMPE: added mass 1.04 of its mass, 3 km buoyant under 2 t, heave 4 m / 8 s."""
     rig = HMPE_3IN
     snap = against_explicit(rig, HEAVE_4M)
-    resting = Arrays(rig)
-    resting.settle()
+    resting = settled(rig)
     pull = float(resting.hold(10)[-1])
     return [
         *snap,
@@ -180,20 +178,18 @@ def floating_rope() -> list[Check]:
     ]
 
 
-def string_frequency() -> Check:
+def string_frequency() -> Finding:
     """Compare the first frequency of the same rope as a taut string with √(T/μ)/(2·L)."""
     length, strain = 100.0, 2e-3
     rig = replace(
         HMPE_3IN, length=length / (1.0 + strain), elements=50, fixed_at=(-length, 0.0, 0.0),
         gravity=0.0, drag=(0.0, 0.0), damping=0.0, tolerance=1e-3,
     )  # fmt: skip
-    arrays = Arrays(rig)
+    bench = RigBench(rig)
     x = np.linspace(0.0, math.pi, rig.elements + 1)
-    arrays.position[1] = 1e-3 * np.sin(x)
-    arrays.find_acceleration()
-    middle = np.array(
-        [arrays.hold(1) and arrays.position[1, rig.elements // 2] for _ in range(400)]
-    )
+    bench.position[1] = 1e-3 * np.sin(x)
+    bench.find_acceleration()
+    middle = np.array([bench.hold(1) and bench.position[1, rig.elements // 2] for _ in range(400)])
     added = WATER * 0.25 * math.pi * rig.diameter**2
     tension = rig.EA * strain
     # the displaced shape is the mode itself: y = y0·cos(ωt), its first zero at a quarter period
@@ -203,35 +199,35 @@ def string_frequency() -> Check:
     return off("first frequency across the water", 0.25 / quarter, expected, 0.2)
 
 
-def heavy_load() -> list[Check]:
+def heavy_load() -> list[Finding]:
     """Run 500 t on 1,000 m of 40 mm wire, stretched by 7.6 %, in heave 1.5 m / 8 s."""
     rig = Rig(load=500e3)
     heave, seconds = sine(1.5, 8.0), 60.0
-    arrays = Arrays(rig)
-    arrays.settle()
-    depth = -float(arrays.position[2, 0])
-    pull = arrays.heave(heave, 0, round(seconds / rig.step))
+    bench = settled(rig)
+    depth = -float(bench.position[2, 0])
+    pull = bench.heave(heave, 0, round(seconds / rig.step))
     bar = HangingBar(rig.mass, rig.weight, rig.EA, rig.load, rig.load_weight)
     exact = exact_top_tension(bar, lambda t: (rig.length, 0.0), heave, seconds, 1e-3)
     return [
         off("depth at rest against L + (W + w·L/2)·L/EA", depth, rig.hanging_depth, 1e-7),
         rms_off("top tension against travelling waves, rms", pull, exact[10::10], 0.05),
-        all_converged(arrays.unconverged),
+        all_converged(bench.unconverged),
     ]
 
 
 EXPLICIT = "explicit 1-D computation of the same elements"
 CASES = (
-    Case("light_payload", "2 t on 2 km, heave 4 m / 8 s: slack and snap",
-         "fine explicit peaks, 172.36 kN vertical and 133.5 kN with loops", light_payload, 2.0),
-    Case("payload_200kg", "200 kg on 2 km, heave 4 m / 8 s", EXPLICIT, payload_of_200_kg, 5.0),
-    Case("no_payload", "a bare end on 2 km, heave 4 m / 8 s", EXPLICIT, no_payload, 5.0),
-    Case("storm_20t", "20 t, irregular heave of Hs 6.5 m; 20 t on 5 km, heave 5 m / 8 s",
-         f"{EXPLICIT}; explicit peak 355.19 kN", storm, 12.0),
-    Case("stiff_rope", "EA times 1,000: 150 GN", "rigid rod: W + M·a + drag in closed form",
-         stiff_rope, 1.0, True),
-    Case("floating_hmpe", "rope that floats, added mass above its mass, 2 t, heave 4 m / 8 s",
-         f"{EXPLICIT}; W + w·L; √(T/μ)/(2L), μ with added mass", floating_rope, 8.0),
-    Case("heavy_500t", "500 t on a 40 mm wire", "closed form at rest; exact travelling waves",
-         heavy_load, 2.0, True),
+    hard_case("light_payload", "2 t on 2 km, heave 4 m / 8 s: slack and snap",
+              "fine explicit peaks, 172.36 kN vertical and 133.5 kN with loops",
+              light_payload, 2.0),
+    hard_case("payload_200kg", "200 kg on 2 km, heave 4 m / 8 s", EXPLICIT, payload_of_200_kg, 5.0),
+    hard_case("no_payload", "a bare end on 2 km, heave 4 m / 8 s", EXPLICIT, no_payload, 5.0),
+    hard_case("storm_20t", "20 t, irregular heave of Hs 6.5 m; 20 t on 5 km, heave 5 m / 8 s",
+              f"{EXPLICIT}; explicit peak 355.19 kN", storm, 12.0),
+    hard_case("stiff_rope", "EA times 1,000: 150 GN", "rigid rod: W + M·a + drag in closed form",
+              stiff_rope, 1.0, True),
+    hard_case("floating_hmpe", "rope that floats, added mass above its mass, 2 t, heave 4 m / 8 s",
+              f"{EXPLICIT}; W + w·L; √(T/μ)/(2L), μ with added mass", floating_rope, 8.0),
+    hard_case("heavy_500t", "500 t on a 40 mm wire", "closed form at rest; exact travelling waves",
+              heavy_load, 2.0, True),
 )  # fmt: skip

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from validation.hard_cases.check import Case, Check, all_converged, off
-from validation.hard_cases.rigs import Arrays
+from validation.case import Finding, limited
+from validation.hard_cases.limits import all_converged, hard_case, off
+from validation.hard_cases.rigs import RigBench
 from validation.rigs import WATER, Rig
 from validation.state_bench import Vector
 
@@ -20,12 +21,12 @@ LIGHT = Rig(
 )  # fmt: skip
 
 
-def place(rig: Rig, shape: Vector) -> Arrays:
+def place(rig: Rig, shape: Vector) -> RigBench:
     """Return the fixture at rest in a given shape, (3, elements + 1) from the lower end up."""
-    arrays = Arrays(rig)
-    arrays.position[:] = shape
-    arrays.velocity[:] = 0.0
-    return arrays
+    bench = RigBench(rig)
+    bench.position[:] = shape
+    bench.velocity[:] = 0.0
+    return bench
 
 
 def below_hang_off(rig: Rig) -> Vector:
@@ -60,31 +61,31 @@ def gathered(rig: Rig) -> Vector:
     return np.zeros((3, rig.elements + 1))
 
 
-def finds_rest(shape: Vector, name: str) -> list[Check]:
+def finds_rest(shape: Vector, name: str) -> list[Finding]:
     """Compare the static equilibrium from this shape with the closed form."""
-    arrays = place(HEAVY, shape)
-    arrays.settle()
-    depth, aside = -float(arrays.position[2, 0]), float(np.abs(arrays.position[:2]).max())
+    bench = place(HEAVY, shape)
+    bench.settle()
+    depth, aside = -float(bench.position[2, 0]), float(np.abs(bench.position[:2]).max())
     return [
         off(f"{name}: depth at rest against L + (W + w·L/2)·L/EA", depth, HEAVY.hanging_depth,
             1e-7),
-        Check(f"{name}: distance from the plumb line over the length",
-              100.0 * aside / HEAVY.length, 1e-6),
+        limited(f"{name}: distance from the plumb line over the length",
+                100.0 * aside / HEAVY.length, 1e-6),
     ]  # fmt: skip
 
 
-def energy_falls(shape: Vector, name: str) -> list[Check]:
+def energy_falls(shape: Vector, name: str) -> list[Finding]:
     """Release 20 t on 200 m of wire in still water: the energy may not increase."""
-    arrays = place(WET, shape)
-    arrays.find_acceleration()
-    energies = [arrays.energy()]
+    bench = place(WET, shape)
+    bench.find_acceleration()
+    energies = [bench.energy()]
     for _ in range(400):
-        arrays.hold(5)
-        energies.append(arrays.energy())
+        bench.hold(5)
+        energies.append(bench.energy())
     rise = float(np.diff(energies).max()) / (WET.load_weight * WET.length)
     return [
-        Check(f"{name}: largest rise of energy in water over W·L", 100.0 * rise, 1e-6),
-        all_converged(arrays.unconverged),
+        limited(f"{name}: largest rise of energy in water over W·L", 100.0 * rise, 1e-6),
+        all_converged(bench.unconverged),
     ]
 
 
@@ -108,49 +109,49 @@ def pendulum_pull(rig: Rig, seconds: float) -> Vector:
     return np.array(pulls)
 
 
-def start_horizontal() -> list[Check]:
+def start_horizontal() -> list[Finding]:
     """Release 5 t on a light, stiff rope from the horizontal: 3·W at the lowest point."""
     rig = replace(LIGHT, EA=6.9e8)
-    arrays = place(rig, horizontal(rig))
-    arrays.find_acceleration()
-    pulls = arrays.hold(round(10.0 / rig.step)) / rig.load_weight
+    bench = place(rig, horizontal(rig))
+    bench.find_acceleration()
+    pulls = bench.hold(round(10.0 / rig.step)) / rig.load_weight
     expected = pendulum_pull(rig, 10.0)
     lowest = int(np.argmax(expected))
     window = slice(lowest - 150, lowest + 150)
     mean, exact = float(pulls[window].mean()), float(expected[window].mean())
     return [
         off("mean pull of 1.5 s at the lowest point, 2.9 W, against a pendulum", mean, exact, 0.5),
-        all_converged(arrays.unconverged),
+        all_converged(bench.unconverged),
         *energy_falls(horizontal(WET), "straight horizontal"),
         *finds_rest(horizontal(HEAVY), "straight horizontal"),
     ]
 
 
-def caught(shape: Vector) -> list[Check]:
+def caught(shape: Vector) -> list[Finding]:
     """Drop 5 t from a slack shape: W + √(W² + K·M·v²), v² = 2·g·h, as the rope becomes taut.
 
     The rope weighs 1 kg, so it takes no part.
     """
-    arrays = place(LIGHT, shape)
-    start = arrays.energy()
-    arrays.find_acceleration()
+    bench = place(LIGHT, shape)
+    start = bench.energy()
+    bench.find_acceleration()
     drop = LIGHT.length - math.sqrt(float((shape[:, 0] ** 2).sum()))
     seconds = math.sqrt(2.0 * drop / LIGHT.gravity) + 1.0
     pulls, gain = [], -np.inf
     for _ in range(round(seconds / LIGHT.step)):
-        pulls.append(float(arrays.hold(1)[0]))
-        gain = max(gain, arrays.energy() - start)
+        pulls.append(float(bench.hold(1)[0]))
+        gain = max(gain, bench.energy() - start)
     W, M = LIGHT.load_weight, LIGHT.load
     stiffness = LIGHT.EA / LIGHT.length
     expected = W + math.sqrt(W * W + stiffness * M * 2.0 * LIGHT.gravity * drop)
     return [
         off("peak when caught against W + √(W² + K·M·v²)", max(pulls), expected, 1.0),
-        Check("energy gained over W·L", 100.0 * gain / (W * LIGHT.length), 1e-6),
-        all_converged(arrays.unconverged),
+        limited("energy gained over W·L", 100.0 * gain / (W * LIGHT.length), 1e-6),
+        all_converged(bench.unconverged),
     ]
 
 
-def start_coiled() -> list[Check]:
+def start_coiled() -> list[Finding]:
     """Start from a coil under the hang-off."""
     return [
         *caught(coiled(LIGHT)),
@@ -159,7 +160,7 @@ def start_coiled() -> list[Check]:
     ]
 
 
-def start_slack() -> list[Check]:
+def start_slack() -> list[Finding]:
     """Start with every element slack."""
     return [
         *caught(folded(LIGHT)),
@@ -170,7 +171,7 @@ def start_slack() -> list[Check]:
     ]
 
 
-def neutral_slack() -> list[Check]:
+def neutral_slack() -> list[Finding]:
     """Start a neutrally buoyant rope, slack everywhere: it must not move."""
     diameter = 0.04
     rig = Rig(
@@ -195,9 +196,9 @@ def neutral_slack() -> list[Check]:
     expected = 0.5 * 4.0 - mass / k * math.log1p(x)
     carried = flow.position[1, :-5]  # the last ones lean against the hang-off
     return [
-        Check("drift in a minute of still water", drift, 1e-9, "m"),
-        Check("pull in it", pull, 1e-6, "N"),
-        Check("distance from 3 m of free glide", way, 1e-9, "m"),
+        limited("drift in a minute of still water", drift, 1e-9, "m"),
+        limited("pull in it", pull, 1e-6, "N"),
+        limited("distance from 3 m of free glide", way, 1e-9, "m"),
         off("way in a current of 0.5 m/s against U·t - (m/k)·ln(1 + U·k·t/m)",
             float(carried.max()), expected, 0.1),
         off("and of the node that goes least", float(carried.min()), expected, 0.1),
@@ -207,12 +208,12 @@ def neutral_slack() -> list[Check]:
 
 FALL = "energy that only falls; closed form at rest"
 CASES = (
-    Case("start_horizontal", "started straight out to the side",
-         f"pendulum from the horizontal, 3·W; {FALL}", start_horizontal, 1.0, True),
-    Case("start_coiled", "started in a coil of 3 m",
-         f"free fall into W + √(W² + K·M·v²); {FALL}", start_coiled, 1.0, True),
-    Case("start_slack", "started with every element slack, and with all nodes in one point",
-         f"free fall into W + √(W² + K·M·v²); {FALL}", start_slack, 1.0, True),
-    Case("neutral_slack", "a neutrally buoyant slack rope without tension anywhere",
-         "nothing moves; free glide; drag alone in closed form", neutral_slack, 1.0, True),
+    hard_case("start_horizontal", "started straight out to the side",
+              f"pendulum from the horizontal, 3·W; {FALL}", start_horizontal, 1.0, True),
+    hard_case("start_coiled", "started in a coil of 3 m",
+              f"free fall into W + √(W² + K·M·v²); {FALL}", start_coiled, 1.0, True),
+    hard_case("start_slack", "started with every element slack, and with all nodes in one point",
+              f"free fall into W + √(W² + K·M·v²); {FALL}", start_slack, 1.0, True),
+    hard_case("neutral_slack", "a neutrally buoyant slack rope without tension anywhere",
+              "nothing moves; free glide; drag alone in closed form", neutral_slack, 1.0, True),
 )  # fmt: skip

@@ -1,4 +1,10 @@
-"""Hard cases of the vortex models: a current that jumps or ends, slack in lock-in, hauling in."""
+"""Robustness tests of the VIV models: current that jumps or ends, slack in lock-in, hauling in.
+
+Each model goes through a sudden current, lock-in, slack and snap, and hauling; afterwards its
+vibration is that of a fresh rope. Two models act within the step, on a rope fine enough for its
+vortices. The loosely coupled ones have a grid of their own and act on the rope by drag
+amplification: their rope has twenty elements of five metres, far too coarse for its vortices.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
@@ -17,25 +25,38 @@ from rope_twin.studies.driven_twin import Motion, march, still
 from rope_twin.twin.monitors.settings import ENERGY
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from validation.hard_cases.check import Case, Check, all_converged
+from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
+from rope_twin.vortex.results import RopeVibration
+from validation.case import Finding, limited
+from validation.hard_cases.limits import all_converged, hard_case, off
 from validation.rigs import WATER, Rig
 
-RIG = Rig(
+FINE = Rig(
     length=200.0, elements=100, mass=6.4, EA=65e6, diameter=0.04, density=WATER, load=100.0,
     volume=0.02, added=(20.0, 20.0, 20.0), area=(0.5, 0.5, 0.5), drag=(1.2, 0.01), added_mass=1.0,
     damping=5e4, step=0.01,
     winch=Winch(speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.5, least_line_out_m=50.0,
                 most_line_out_m=250.0),
 )  # fmt: skip
+COARSE = Rig(
+    length=100.0, elements=20, mass=10.0, EA=120e6, diameter=0.08, density=WATER, load=1000.0,
+    volume=0.1, added=(100.0, 100.0, 100.0), area=(1.0, 1.0, 1.0), drag=(1.2, 0.01),
+    added_mass=1.0, damping=1e5, step=0.02,
+    winch=Winch(speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.5, least_line_out_m=25.0,
+                most_line_out_m=125.0),
+)  # fmt: skip
 SPEED = 1.5  # of the current that comes at once [m/s]
 SELF_LIMIT = 2.0  # diameters; the models limit themselves at about one
-SHAKES = 0.02  # diameters, rms: less is no vibration
-SAME_PCT, SAME_HZ_PCT = 20.0, 5.0  # of a fresh rope's rms amplitude, which still settles; its Hz
+SHAKES, SHAKES_COUPLED = 0.02, 0.1  # diameters, rms and amplitude: less is no vibration
+SAME_PCT, SAME_HZ_PCT = 20.0, 5.0  # of a fresh rope's amplitude, which still settles; its Hz
+LEAN_PCT = 10.0  # of the growth of its drag, and of how far downstream it hangs
 AFTER_S, FRESH_S, LOOK_S = 60.0, 100.0, 20.0  # the last of both counts
+COUPLED_S, COUPLED_LOOK_S = 200.0, 40.0  # its own sway takes minutes to end
 SWAY_HZ = 1.0  # slower is the rope's swing in the current, which takes minutes to end
 GAIN_PCT = 0.01  # of the energy lost: what rounding may bring between two looks
+LEFT_PCT = 0.5  # residual of the energy balance over what was exchanged
 BEGIN_S, PERIOD_S, END_S = 20.0, 2.5, 40.0  # of a heave that lets the rope go slack
-AMPLITUDE_M = 2.0
+AMPLITUDE_M, COUPLED_AMPLITUDE_M = 2.0, 2.5
 
 
 def slackening_heave(amplitude_m: float) -> Motion:
@@ -66,28 +87,37 @@ def treat_roughly(
     return locked, rough + list(march(twin, heave, 30.0, 5, speeds=[(42.0, -1.0), (62.0, 0.0)]))
 
 
-def _through_it_all(model: Any) -> list[Check]:
-    """Apply a sudden current, lock-in, slack and snap, haul 20 m, and lock-in again."""
-    scene = RIG.scene()
-    twin = Twin(replace(scene, effects=(*scene.effects, model)))
-    locked, rough = treat_roughly(twin, AMPLITUDE_M, SPEED, 2)
-    after = list(march(twin, still, AFTER_S, 2))
-    shots = (*locked, *rough, *after)
+def _twin(rig: Rig, model: Any, *monitors: Any) -> Twin:
+    scene = rig.scene()
+    return Twin(replace(scene, effects=(*scene.effects, model)), *monitors)
+
+
+def _slack(shots: list[Snapshot]) -> list[Finding]:
+    """Require that the rope goes slack, and that no element is compressed."""
     least = min(float(shot.element_tension_n.min()) for shot in shots)
     return [
-        Check("largest amplitude in lock-in, diameters", _across(locked[250:]), SELF_LIMIT, ""),
-        Check("the same after slack and hauling", _across(after[500:]), SELF_LIMIT, ""),
+        limited("largest push of an element", max(0.0, -least), 0.0, "N"),
+        limited("least tension: the rope must go slack", least, 0.0, "N"),
+    ]
+
+
+def _through_it_all(model: Any) -> list[Finding]:
+    """Apply a sudden current, lock-in, slack and snap, haul 20 m, and lock-in again."""
+    twin = _twin(FINE, model)
+    locked, rough = treat_roughly(twin, AMPLITUDE_M, SPEED, 2)
+    after = list(march(twin, still, AFTER_S, 2))
+    return [
+        limited("largest amplitude in lock-in, diameters", _across(locked[250:]), SELF_LIMIT, ""),
+        limited("the same after slack and hauling", _across(after[500:]), SELF_LIMIT, ""),
         *_like_a_fresh_rope(model, after),
-        Check("largest push of an element", max(0.0, -least), 0.0, "N"),
-        Check("least tension: the rope must go slack", least, 0.0, "N"),
+        *_slack([*locked, *rough, *after]),
         all_converged(after[-1].solver.unconverged_substeps),
     ]
 
 
-def _until_it_stops(model: Any) -> list[Check]:
+def _until_it_stops(model: Any) -> list[Finding]:
     """Apply lock-in, remove the current, still water, and the current again."""
-    scene = RIG.scene()
-    twin = Twin(replace(scene, effects=(*scene.effects, model)), ENERGY)
+    twin = _twin(FINE, model, ENERGY)
     list(march(twin, still, 2.0, 10))
     twin.offer_current(np.array([[0.0, SPEED, 0.0]]))
     locked = list(march(twin, still, 15.0, 2))
@@ -98,33 +128,29 @@ def _until_it_stops(model: Any) -> list[Check]:
     energy = np.array([shot.energy.change_j for shot in stopped[1:] if shot.energy is not None])
     rise = float(np.diff(energy).max() / (energy.max() - energy.min()))
     return [
-        Check("largest amplitude in lock-in, diameters", _across(locked[500:]), SELF_LIMIT, ""),
-        Check("the same when it flows again", _across(again[500:]), SELF_LIMIT, ""),
-        Check(
-            "0.02 diameters over its rms then: it shakes",
-            SHAKES / _shaking(again[500:])[0],
-            1.0,
-            "",
-        ),
-        Check("energy gained in still water over what is lost", 100.0 * max(rise, 0.0), GAIN_PCT),
+        limited("largest amplitude in lock-in, diameters", _across(locked[500:]), SELF_LIMIT, ""),
+        limited("the same when it flows again", _across(again[500:]), SELF_LIMIT, ""),
+        limited("0.02 diameters over its rms then: it shakes",
+                SHAKES / _shaking(again[500:])[0], 1.0, ""),
+        limited("energy gained in still water over what is lost", 100.0 * max(rise, 0.0), GAIN_PCT),
         all_converged(again[-1].solver.unconverged_substeps),
-    ]
+    ]  # fmt: skip
 
 
-def _like_a_fresh_rope(model: Any, after: list[Snapshot]) -> list[Check]:
+def _like_a_fresh_rope(model: Any, after: list[Snapshot]) -> list[Finding]:
     """Test that slack and hauling have no lasting effect: VIV is that of a new rope."""
     last = after[-1]
-    scene = replace(RIG, length=last.line_out_m, elements=len(last.element_tension_n)).scene()
-    fresh = Twin(replace(scene, effects=(*scene.effects, model)))
+    rig = replace(FINE, length=last.line_out_m, elements=len(last.element_tension_n))
+    fresh = _twin(rig, model)
     fresh.offer_current(np.array([[0.0, SPEED, 0.0]]))
     shots = list(march(fresh, still, FRESH_S, 2))
-    look = round(0.5 * LOOK_S / RIG.step)
+    look = round(0.5 * LOOK_S / FINE.step)
     (rms, hertz), (fresh_rms, fresh_hertz) = map(_shaking, (after[-look:], shots[-look:]))
     rms_pct, hertz_pct = 100.0 * abs(rms / fresh_rms - 1.0), 100.0 * abs(hertz / fresh_hertz - 1.0)
     return [
-        Check("0.02 diameters over the rms then: it shakes", SHAKES / rms, 1.0, ""),
-        Check("rms amplitude against a fresh rope of that length", rms_pct, SAME_PCT),
-        Check("mean frequency against that rope's", hertz_pct, SAME_HZ_PCT),
+        limited("0.02 diameters over the rms then: it shakes", SHAKES / rms, 1.0, ""),
+        limited("rms amplitude against a fresh rope of that length", rms_pct, SAME_PCT),
+        limited("mean frequency against that rope's", hertz_pct, SAME_HZ_PCT),
     ]
 
 
@@ -132,11 +158,11 @@ def _shaking(shots: list[Snapshot]) -> tuple[float, float]:
     """Return cross-flow RMS over rope and time [diameters], and RMS frequency."""
     window = np.hanning(len(shots))[:, None]
     power = (np.abs(np.fft.rfft(_sideways(shots) * window, axis=0)) ** 2).sum(axis=1)
-    frequency = np.fft.rfftfreq(len(shots), 2.0 * RIG.step)
+    frequency = np.fft.rfftfreq(len(shots), 2.0 * FINE.step)
     fast = frequency > SWAY_HZ
     power, frequency = power[fast], frequency[fast]
     nodes = len(shots[0].node_position_m)
-    rms = math.sqrt(2.0 * power.sum() / (len(shots) * nodes * (window**2).sum())) / RIG.diameter
+    rms = math.sqrt(2.0 * power.sum() / (len(shots) * nodes * (window**2).sum())) / FINE.diameter
     return rms, math.sqrt((power * frequency**2).sum() / power.sum())
 
 
@@ -148,22 +174,105 @@ def _sideways(shots: list[Snapshot]) -> Any:
 
 def _across(shots: list[Snapshot]) -> float:
     """Return the largest cross-flow offset from a node's mean position [diameters]."""
-    return float(np.abs(_sideways(shots)).max()) / RIG.diameter
+    return float(np.abs(_sideways(shots)).max()) / FINE.diameter
 
 
-MODELS = (
+def _coupled_through_it_all(model: Any) -> list[Finding]:
+    """Apply a sudden current, lock-in, slack and snap, haul 20 m, and lock-in again."""
+    twin = _twin(COARSE, model, ENERGY)
+    locked, rough = treat_roughly(twin, COUPLED_AMPLITUDE_M, SPEED, 5)
+    after = list(march(twin, still, COUPLED_S - COUPLED_LOOK_S, 5))
+    before, (last, growth) = after[-1], _looked(twin)
+    shots = [*locked, *rough, *after, *last]
+    residual = before.energy.residual_pct if before.energy is not None else math.nan
+    return [
+        limited("largest amplitude in all of it, diameters", _largest(shots), SELF_LIMIT, ""),
+        limited("0.1 diameters over the amplitude in lock-in",
+                SHAKES_COUPLED / _largest(locked), 1.0, ""),
+        *_coupled_like_a_fresh_rope(model, last, growth),
+        *_slack(shots),
+        limited("residual of the energy balance", abs(residual), LEFT_PCT),
+        all_converged(last[-1].solver.unconverged_substeps),
+    ]  # fmt: skip
+
+
+def _coupled_like_a_fresh_rope(model: Any, last: list[Snapshot], growth: float) -> list[Finding]:
+    """Test that slack and hauling have no lasting effect: VIV and offset as for a new rope."""
+    end = last[-1]
+    elements, current = len(end.element_tension_n), ((0.0, (SPEED, 0.0)),)
+    rig = replace(COARSE, length=end.line_out_m, elements=elements, current=current)
+    twin = _twin(rig, model)
+    list(march(twin, still, COUPLED_S - COUPLED_LOOK_S, 50))
+    fresh, fresh_growth = _looked(twin)
+    (size, hertz), (fresh_size, fresh_hertz) = _mean_response(last), _mean_response(fresh)
+    lean, fresh_lean = (_lean(shots) for shots in (last, fresh))
+    return [
+        off("mean amplitude against a fresh rope of that length", size, fresh_size, SAME_PCT),
+        off("mean frequency against that rope's", hertz, fresh_hertz, SAME_HZ_PCT),
+        off("mean growth of the drag against that rope's", growth, fresh_growth, LEAN_PCT),
+        off("lean against that rope's", lean, fresh_lean, LEAN_PCT),
+    ]
+
+
+def _looked(twin: Twin) -> tuple[list[Snapshot], float]:
+    """Run COUPLED_LOOK_S more; return its mean drag amplification over rope and time."""
+    shots, grown = [], []
+    for shot in march(twin, still, COUPLED_LOOK_S, 5):
+        own = next(effect for effect in twin.rope.effects if isinstance(effect, DragGrowth))
+        grown.append(own.memory[GROWTH, : len(shot.element_tension_n)].mean())
+        shots.append(shot)
+    return shots, float(np.mean(grown))
+
+
+def _of(shot: Snapshot) -> RopeVibration:
+    assert shot.vibration is not None
+    return shot.vibration
+
+
+def _mean_response(shots: list[Snapshot]) -> tuple[float, float]:
+    """Return mean amplitude [diameters] and mean frequency, both over rope and time."""
+    size = np.mean([_of(shot).cross_flow for shot in shots])
+    return float(size), float(np.mean([_of(shot).cross_flow_hz for shot in shots]))
+
+
+def _lean(shots: list[Snapshot]) -> float:
+    """Return the mean downstream offset of the lower end [m]."""
+    return float(np.mean([shot.node_position_m[-1, 0] for shot in shots]))
+
+
+def _largest(shots: list[Snapshot]) -> float:
+    """Return the largest amplitude anywhere at any time [diameters]."""
+    return max(float(_of(shot).cross_flow.max()) for shot in shots)
+
+
+WITHIN_STEP = (
     ("strouhal", "Strouhal forcing", StrouhalForcingParams(limit_diameters=1.0)),
     ("wake", "wake oscillator", WakeOscillatorParams()),
     ("waves", "travelling waves", TravellingWavesParams()),
 )
-CASES = tuple(
-    Case(f"vortices_{name}", f"current to {SPEED} m/s at once, slack, hauling: {about}",
-         "amplitude limited by itself; afterwards a fresh rope's amplitude and frequency",
-         partial(_through_it_all, model), 20.0)
-    for name, about, model in MODELS
-) + tuple(
-    Case(f"vortices_{name}_stop", f"current of {SPEED} m/s taken away at once, and back: {about}",
-         "amplitude limited by itself; energy in still water that only falls",
-         partial(_until_it_stops, model), 20.0)
-    for name, about, model in MODELS
+COUPLED = (
+    ("modal", "modal vibration", ModalVibrationParams()),
+    ("decomposed", "decomposed force", DecomposedForceParams()),
+)
+SUDDEN, TAKEN = f"current to {SPEED} m/s at once, slack, hauling", f"current of {SPEED} m/s taken"
+LIMITED = "amplitude limited by itself"
+CASES = (
+    *(
+        hard_case(f"vortices_{name}", f"{SUDDEN}: {about}",
+                  f"{LIMITED}; afterwards a fresh rope's amplitude and frequency",
+                  partial(_through_it_all, model), 20.0)
+        for name, about, model in WITHIN_STEP
+    ),
+    *(
+        hard_case(f"vortices_{name}_stop", f"{TAKEN} away at once, and back: {about}",
+                  f"{LIMITED}; energy in still water that only falls",
+                  partial(_until_it_stops, model), 20.0)
+        for name, about, model in WITHIN_STEP
+    ),
+    *(
+        hard_case(f"vortices_{name}", f"{SUDDEN}: {about}",
+                  f"{LIMITED}; afterwards a fresh rope's amplitude, frequency, drag, lean",
+                  partial(_coupled_through_it_all, model), 50.0)
+        for name, about, model in COUPLED
+    ),
 )  # fmt: skip

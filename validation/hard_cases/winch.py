@@ -9,18 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.state import Boundary
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.twin.snapshot import Snapshot
-from validation.hard_cases.check import (
-    Case,
-    Check,
-    all_converged,
-    front_pct,
-    off,
-    rms_off,
-)
-from validation.hard_cases.rigs import Arrays, sine
+from validation.case import Finding, limited
+from validation.hard_cases.limits import all_converged, front_pct, hard_case, off, rms_off
+from validation.hard_cases.rigs import RigBench, sine
 from validation.hard_cases.snap import HEAVE_4M, SNAP_VERTICAL
 from validation.hard_cases.waves import HangingBar, ramped_speed
 from validation.hard_cases.waves import top_tension as exact_top_tension
@@ -37,7 +32,7 @@ def bar_of(rig: Rig) -> HangingBar:
     return HangingBar(rig.mass, rig.weight, rig.EA, rig.load, rig.load_weight)
 
 
-def haul_to_two_metres() -> list[Check]:
+def haul_to_two_metres() -> list[Finding]:
     """Haul from 60 m at 1 m/s until 2 m are left, and pay out again."""
     winch = Winch(
         speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.3, least_line_out_m=2.0,
@@ -55,8 +50,8 @@ def haul_to_two_metres() -> list[Check]:
         off("line out when hauled in against 2 m", short.line_out_m, 2.0, 0.01),
         off("pull there against W + w·L", short.tension_top_n, here.top_weight, 1e-3),
         off("depth after paying out again", -long.payload_position_m[2], there.hanging_depth, 1e-4),
-        Check("jump of the tension at an event", jump_pct(shots), JUMP_PCT),
-        Check("events, fewer than 100 of them", float(max(100 - events, 0)), 0.0, ""),
+        limited("jump of the tension at an event", jump_pct(shots), JUMP_PCT),
+        limited("events, fewer than 100 of them", float(max(100 - events, 0)), 0.0, ""),
         all_converged(long.solver.unconverged_substeps),
     ]
 
@@ -78,7 +73,7 @@ def jump_pct(shots: list[Snapshot]) -> float:
     return 100.0 * worst / float(tension.mean())
 
 
-def vanishing_element() -> list[Check]:
+def vanishing_element() -> list[Finding]:
     """Shrink an element at the sheave to 1 mm under heave before it is merged."""
     rig = replace(STEEL, length=200.0, elements=20)
     seconds, speed = 60.0, -0.05  # 2 m are gone after 42 s
@@ -91,15 +86,15 @@ def vanishing_element() -> list[Check]:
     rate[:, rows.LINE] = speed * u**2 * (3.0 - 2.0 * u)
     eased = 4.0 * (u**3 - 0.5 * u**4) + np.maximum(t - 4.0, 0.0)
     value[:, rows.LINE] = rig.length - 8.0 + speed * eased
-    arrays = Arrays(rig)
-    arrays.length = rig.length - 8.0  # the top element starts with 2 m of its 10
-    arrays.s[-1] = arrays.length
-    arrays.settle()
-    arrays.rope = arrays.rope._replace(model=arrays.rope.model._replace(merge_below=0.0))
+    bench = RigBench(rig)
+    bench.length = rig.length - 8.0  # the top element starts with 2 m of its 10
+    bench.s[-1] = bench.length
+    bench.settle()
+    bench.rope = bench.rope._replace(model=bench.rope.model._replace(merge_below=0.0))
     pulls, shortest = [], np.inf
     for k in range(len(t) - 1):
-        pulls.append(arrays.follow(value[k : k + 2], rate[k : k + 2]))
-        shortest = min(shortest, float(arrays.s[-1] - arrays.s[-2]))
+        pulls.append(bench.follow(Boundary(value[k : k + 2], rate[k : k + 2])))
+        shortest = min(shortest, float(bench.s[-1] - bench.s[-2]))
     pull = np.concatenate(pulls)
 
     def line(time: float) -> tuple[float, float]:
@@ -111,21 +106,21 @@ def vanishing_element() -> list[Check]:
     exact = exact_top_tension(bar_of(rig), line, heave, seconds, MARCH_S)[10::10]
     bend = float(np.abs(np.diff(pull - exact, 2)).max())
     return [
-        Check("shortest element", 1e3 * shortest, 2.0, "mm"),
+        limited("shortest element", 1e3 * shortest, 2.0, "mm"),
         rms_off("top tension against travelling waves, rms", pull, exact, 0.05),
-        Check("bump over them", 100.0 * bend / float(exact.mean()), JUMP_PCT),
-        all_converged(arrays.unconverged),
+        limited("bump over them", 100.0 * bend / float(exact.mean()), JUMP_PCT),
+        all_converged(bench.unconverged),
     ]
 
 
-def emergency_stop() -> list[Check]:
+def emergency_stop() -> list[Finding]:
     """Stop 20 t at 2 m/s within 0.2 s, lowering and hauling; compare with the exact solution."""
     winch = Winch(
         speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=10.0, least_line_out_m=12.0,
         most_line_out_m=3000.0,
     )  # fmt: skip
     rig = replace(STEEL, winch=winch)
-    checks: list[Check] = []
+    checks: list[Finding] = []
     for word, speed in (("lowering", 2.0), ("hauling", -2.0)):
         commands = [(1.0, speed), (10.0, 0.0)]
         shots = list(march(rig.twin(), still, 25.0, speeds=commands))
@@ -142,7 +137,7 @@ def emergency_stop() -> list[Check]:
     return checks
 
 
-def mixed_elements() -> list[Check]:
+def mixed_elements() -> list[Finding]:
     """Run 20 elements of 0.2 m at the sheave next to elements of 50 m, smooth and in snap."""
     short, long = np.full(20, 0.2), np.full(20, 50.0)
     rig = replace(STEEL, length=1004.0, elements=40)
@@ -160,25 +155,25 @@ def mixed_elements() -> list[Check]:
     ]
 
 
-def mixed(rig: Rig, rests: Vector) -> Arrays:
+def mixed(rig: Rig, rests: Vector) -> RigBench:
     """Return a fixture at rest with elements of these lengths from the lower end up [m]."""
-    arrays = Arrays(rig)
-    arrays.s[1:] = np.cumsum(rests)
-    depth = rig.length - arrays.s
-    arrays.position[2] = -depth
-    model = arrays.rope.model._replace(split_above=np.inf, merge_below=0.0)
-    arrays.rope = arrays.rope._replace(model=model)
-    arrays.settle()
-    return arrays
+    bench = RigBench(rig)
+    bench.s[1:] = np.cumsum(rests)
+    depth = rig.length - bench.s
+    bench.position[2] = -depth
+    model = bench.rope.model._replace(split_above=np.inf, merge_below=0.0)
+    bench.rope = bench.rope._replace(model=model)
+    bench.settle()
+    return bench
 
 
 CASES = (
-    Case("haul_to_2m", "hauled in to 2 m and out again", "closed form at rest at both ends; "
-         "second difference of the tension", haul_to_two_metres, 2.0, True),
-    Case("vanishing_element", "an element at the sheave shrinks to 1 mm under heave",
-         "exact travelling waves with a moving boundary", vanishing_element, 1.0, True),
-    Case("emergency_stop", "20 t at 2 m/s stopped in 0.2 s, lowering and hauling",
-         "exact travelling waves with a moving boundary", emergency_stop, 3.0, True),
-    Case("mixed_elements", "elements of 0.2 m beside 50 m, smooth and in snap",
-         "exact travelling waves; explicit peak 172.36 kN", mixed_elements, 1.0, False),
+    hard_case("haul_to_2m", "hauled in to 2 m and out again", "closed form at rest at both ends; "
+              "second difference of the tension", haul_to_two_metres, 2.0, True),
+    hard_case("vanishing_element", "an element at the sheave shrinks to 1 mm under heave",
+              "exact travelling waves with a moving boundary", vanishing_element, 1.0, True),
+    hard_case("emergency_stop", "20 t at 2 m/s stopped in 0.2 s, lowering and hauling",
+              "exact travelling waves with a moving boundary", emergency_stop, 3.0, True),
+    hard_case("mixed_elements", "elements of 0.2 m beside 50 m, smooth and in snap",
+              "exact travelling waves; explicit peak 172.36 kN", mixed_elements, 1.0, False),
 )  # fmt: skip

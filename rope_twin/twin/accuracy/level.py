@@ -51,7 +51,7 @@ def levels_of(scene: Scene) -> tuple[AccuracyLevel, ...]:
     Multi-line systems, wakes of vortices and rigid bodies cannot be transferred to another mesh:
     such a scene has one level.
     """
-    if is_joined(scene) or shedding_model(scene) or scene.listed(RigidBodyParams):
+    if is_joined(scene) or shedding_model(scene) or scene.listed(RigidBodyParams) is not None:
         return (scene_level(scene),)
     top, elements = scene_level(scene), scene.ropes[0].elements
     levels = [top, *(AccuracyLevel(step_ns) for step_ns in STEPS_NS if step_ns > top.step_ns)]
