@@ -21,15 +21,12 @@ from benchmarks import (
     effect_speed,
     ensemble_speed,
     error_interval,
-    joined_statics_speed,
     orders,
     performance_page,
     speed,
     statics_speed,
-    vortex_pace,
     vortex_speed,
 )
-from benchmarks.order_picture import draw_orders
 from benchmarks.peers import page as peers_page
 from benchmarks.peers import race as peers
 from benchmarks.peers import vortices as vortex_peer
@@ -127,7 +124,7 @@ def _report(args: argparse.Namespace, progress: CaseProgress) -> int:
     cases = ensemble_speed.QUICK if args.quick else ensemble_speed.FULL
     many = ensemble_speed.ensemble_rows(cases, progress.show)
     args.into.mkdir(parents=True, exist_ok=True)
-    draw_orders(curves, args.into / performance_page.PICTURE)
+    orders.draw_orders(curves, args.into / performance_page.PICTURE)
     page = args.into / "performance.md"
     text = performance_page.as_markdown(fast, curves, many)
     if raced is not None:
@@ -158,7 +155,7 @@ def _order(args: argparse.Namespace, progress: CaseProgress) -> int:
         check_picture(args.picture)
     curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
     if args.picture is not None:
-        draw_orders(curves, args.picture)
+        orders.draw_orders(curves, args.picture)
     _tell(args, [asdict(curve) for curve in curves], performance_page.order_table(curves))
     return 0
 
@@ -175,7 +172,7 @@ def _statics(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Run the statics benchmark; exit code 1 if a rope has no static equilibrium."""
     nodes = 100 if args.quick else statics_speed.NODES
     rows = [*statics_speed.statics_rows(nodes=nodes)]
-    rows += joined_statics_speed.joined_statics_rows(nodes=nodes)
+    rows += statics_speed.joined_statics_rows(nodes=nodes)
     _tell(args, rows, statics_speed.statics_table(rows))
     return 0 if all(row["found"] for row in rows) else 1
 
@@ -192,7 +189,7 @@ def _compile(args: argparse.Namespace, progress: CaseProgress) -> int:
 def _kept(rows: Iterator[Any], into: Path | None, page: Any) -> Iterator[Any]:
     """Collect the rows as they are measured; each is written to the page of a folder, if given."""
     if into is not None:
-        page.check_page(into)
+        page.MARKED.around(into)
     for row in rows:
         if into is not None:
             page.keep_rows([row], into)
@@ -214,8 +211,8 @@ def _effects(args: argparse.Namespace, progress: CaseProgress) -> int:
 def _vortices(args: argparse.Namespace, progress: CaseProgress) -> int:
     cases = vortex_speed.QUICK if args.quick else vortex_speed.FULL
     rows, raced = list(vortex_speed.vortex_rows(cases, progress.show)), None
-    paced = vortex_pace.QUICK if args.quick else vortex_pace.FULL
-    paces = list(vortex_pace.pace_rows(paced, progress.show))
+    paced = vortex_speed.PACE_QUICK if args.quick else vortex_speed.PACE_FULL
+    paces = list(vortex_speed.pace_rows(paced, progress.show))
     try:
         plan = vortex_peer.QUICK if args.quick else vortex_peer.FULL
         raced = list(vortex_peer.race_vortices(plan, progress.show))
@@ -226,7 +223,7 @@ def _vortices(args: argparse.Namespace, progress: CaseProgress) -> int:
         return 0
     print_table(vortex_speed.vortex_table(rows))
     print()
-    print_table(vortex_pace.pace_table(paces))
+    print_table(vortex_speed.pace_table(paces))
     if raced is not None:
         print()
         print_table(vortex_peer.race_table(raced))
@@ -239,7 +236,7 @@ def _error_interval(args: argparse.Namespace, progress: CaseProgress) -> int:
     if args.quick:
         count, seconds = error_interval.QUICK_VARIANTS, error_interval.QUICK_SECONDS
     if args.into is not None:
-        error_interval.check_page(args.into)
+        error_interval.PAGE.around(args.into)
     found = error_interval.measure_variants(count, args.seed, seconds, progress.show)
     result = error_interval.IntervalResult(args.seed, seconds, tuple(found))
     if args.into is not None:

@@ -65,15 +65,6 @@ def _row(told: dict[str, Any]) -> EffectSpeed:
     return EffectSpeed(**told)
 
 
-def check_page(folder: Path) -> None:
-    """Check that there is a page to write to.
-
-    Raises:
-        InputError: there is none, or it has no marks.
-    """
-    MARKED.around(folder)
-
-
 def keep_rows(rows: Sequence[EffectSpeed], folder: Path) -> Path:
     """Put these rows among those that the folder holds, and all of them on its page.
 

@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.effect_code import modules_of, step_assembly, traces
 from benchmarks.paired import Plan, Ratio, ratio_of, time_rounds
-from rope_twin.core.state import Boundary
+from rope_twin.core.jit.decorators import assembly
+from rope_twin.core.loads.hooks import hooks_of, kernel_of
+from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
+from rope_twin.core.step import advance_steps
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.decomposed_force import DecomposedForceParams
@@ -33,6 +35,7 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant, with_effect
 from validation.state_bench import Bench
@@ -172,3 +175,23 @@ def _heave(bench: Bench, steps: int) -> Boundary:
     value[:, 2] += AMPLITUDE_M * (1.0 - np.cos(omega * t))
     rate[:, 2] = AMPLITUDE_M * omega * np.sin(omega * t)
     return Boundary(value, rate)
+
+
+def step_assembly(scene: Scene) -> str:
+    """Return the assembly of the step for the scene's effects; it takes about 10 s."""
+    border = np.zeros((2, MOTIONS))
+    arguments = (build(scene), Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 1)
+    return assembly(advance_steps, arguments)
+
+
+def modules_of(scene: Scene, without: Scene) -> tuple[str, ...]:
+    """Return the kernel modules that one scene has and another has not: those of one effect."""
+    others = {type(effect) for effect in build(without).effects}
+    kinds = [type(own) for own in build(scene).effects if type(own) not in others]
+    kernels = [kernel_of(hook, kind) for kind in kinds for hook in hooks_of(kind)]
+    return tuple(sorted({kernel.py_func.__module__ for kernel in kernels}))
+
+
+def traces(code: str, module: str) -> int:
+    """Count the symbols of a module's functions in assembly, as numba mangles them."""
+    return code.count("".join(f"{len(part)}{part}" for part in module.split(".")))

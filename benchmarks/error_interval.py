@@ -337,15 +337,6 @@ def as_json(result: IntervalResult) -> dict[str, Any]:
     }
 
 
-def check_page(folder: Path) -> None:
-    """Check that there is a page to write to.
-
-    Raises:
-        InputError: there is none, or it has no marks.
-    """
-    PAGE.around(folder)
-
-
 def write_page(result: IntervalResult, folder: Path) -> Path:
     """Write the result between the marks of a folder's page; return its path.
 

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.reference import Errors, Reference, doubt, find_reference
-from benchmarks.trial import Trial
+from benchmarks.trial import Errors, Reference, Trial, doubt, find_reference
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.driven_twin import variant
 from rope_twin.studies.page import Machine, this_machine

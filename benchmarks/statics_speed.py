@@ -1,28 +1,33 @@
-"""Time of the static solver for a scene's rope, from good and bad initial guesses."""
+"""Time of the static solver for ropes and multi-line systems, from good and bad guesses."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from rope_twin.core.state import POSITION, Floats
+from rope_twin.core.joined.joints import LOOSE
+from rope_twin.core.joined.statics import solve_joined_statics
+from rope_twin.core.state import ELEMENTS, LINE, MOTIONS, POSITION, Floats
 from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.shape import Equilibrium
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.model.joined import build_joined
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from validation.rigs import Rig
 
 NODES = 1000
 SCENES = ("deep_lift", "hmpe_lift", "storm", "smooth_2km", "slack_5km")
+JOINED_SCENES = ("bridle_lift", "two_line_lift")
 ON_A_BED = ("moored", "moored slack", "landed", "landed slack")
 REPETITIONS = 5
 COIL_M = 5.0  # radius
+_PLACE = slice(POSITION, POSITION + 3)
 
 
 @dataclass(frozen=True)
@@ -53,13 +58,34 @@ def statics_rows(
         scene = _on_a_bed(name) if name in ON_A_BED else load_scene(name)
         line = replace(scene.ropes[0], elements=nodes)
         fine = replace(scene, ropes=(line, *scene.ropes[1:]))
-        _timed(fine, "as built")  # compiles
-        for guess in GUESSES:
-            ms, end = min((_timed(fine, guess) for _ in range(REPETITIONS)), key=lambda row: row[0])
-            row = StaticsRow(
-                name, nodes, guess, ms, end.rounds, end.residual_n, end.tension_n, end.found
-            )
-            yield asdict(row)
+        yield from _rows(name, nodes, fine, GUESSES, _timed)
+
+
+def joined_statics_rows(
+    scenes: Sequence[str] = JOINED_SCENES, nodes: int = NODES
+) -> Iterator[dict[str, Any]]:
+    """Return a row per multi-line scene and guess; nodes: of all ropes together.
+
+    Raises:
+        SceneError: a scene cannot be loaded or built.
+    """
+    for name in scenes:
+        fine = _finer(load_scene(name), nodes)
+        yield from _rows(name, nodes, fine, JOINED_GUESSES, _timed_system)
+
+
+def _rows(
+    name: str, nodes: int, scene: Scene, guesses: Iterable[str],
+    timed: Callable[[Scene, str], tuple[float, Equilibrium]],
+) -> Iterator[dict[str, Any]]:  # fmt: skip
+    """Return a row per guess; timed: milliseconds and result of one solution from it."""
+    timed(scene, "as built")  # compiles
+    for guess in guesses:
+        ms, end = min((timed(scene, guess) for _ in range(REPETITIONS)), key=lambda row: row[0])
+        row = StaticsRow(
+            name, nodes, guess, ms, end.rounds, end.residual_n, end.tension_n, end.found
+        )
+        yield asdict(row)
 
 
 def statics_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
@@ -96,7 +122,7 @@ def _on_a_bed(name: str) -> Scene:
 def _timed(scene: Scene, guess: str) -> tuple[float, Equilibrium]:
     """Return milliseconds and result of one solution."""
     rope, line = build(scene), scene.ropes[0]
-    place = rope.state.nodes[POSITION : POSITION + 3, : line.elements + 1]
+    place = rope.state.nodes[_PLACE, : line.elements + 1]
     first = 1 if line.fixed_at_m is not None else 0
     start = GUESSES[guess](place - place[:, -1:], line.length_m)
     place[:, first:-1] = (start + place[:, -1:])[:, first:-1]
@@ -141,4 +167,46 @@ GUESSES: dict[str, Callable[[Floats, float], Floats]] = {
     "coiled": _coiled,
     "upside down": _upside_down,
     "on the bottom": _on_the_bottom,
+}
+
+
+def _finer(scene: Scene, nodes: int) -> Scene:
+    """Return the scene with this total number of elements, distributed in proportion."""
+    times = nodes / sum(line.elements for line in scene.ropes)
+    ropes = (replace(line, elements=max(2, round(times * line.elements))) for line in scene.ropes)
+    return replace(scene, ropes=tuple(ropes))
+
+
+def _timed_system(scene: Scene, guess: str) -> tuple[float, Equilibrium]:
+    """Return milliseconds and result of one solution; ends held by the ship are fixed."""
+    built, shape = build_joined(scene), JOINED_GUESSES[guess]
+    joints = built.system.joints
+    for r, rope in enumerate(built.system.ropes):
+        n = int(rope.state.counts[ELEMENTS])
+        place = rope.state.nodes[_PLACE]
+        low = 1 if rope.model.first_free and joints.lower[r] == LOOSE else 0
+        high = n if joints.upper[r] == LOOSE else n + 1
+        place[:, low:high] = shape(place[:, : n + 1])[:, low:high]
+    joints.nodes[_PLACE] = shape(joints.nodes[_PLACE])
+    held = np.zeros((len(scene.ropes), MOTIONS))
+    held[:, :3] = np.nan_to_num(built.hang_off_m)
+    held[:, LINE] = [line.length_m for line in scene.ropes]
+    began = time.perf_counter()
+    end = solve_joined_statics(built.system, held)
+    return 1e3 * (time.perf_counter() - began), end
+
+
+def _coiled_around(place: Floats) -> Floats:
+    angle = place[2] / COIL_M
+    x = place[0] + COIL_M * np.cos(angle) - COIL_M
+    return np.stack([x, place[1] + COIL_M * np.sin(angle), 0.01 * place[2]])
+
+
+# Places as built, to those to start from.
+JOINED_GUESSES: dict[str, Callable[[Floats], Floats]] = {
+    "as built": lambda place: place,
+    "slack": lambda place: np.stack([place[0], place[1], 0.5 * place[2]]),
+    "horizontal": lambda place: np.stack([place[0] - place[2], place[1], 0.0 * place[2]]),
+    "coiled": _coiled_around,
+    "upside down": lambda place: np.stack([place[0], place[1], -place[2]]),
 }

@@ -1,4 +1,4 @@
-"""A scene run by the core alone under its own regular heave, again and again from one start.
+"""A scene run by the core alone under its own regular heave, and its error against a finer run.
 
 Nothing but the step is timed: the hang-off's motion is computed beforehand, exactly, at every
 border of a step, and no snapshot is taken.
@@ -17,8 +17,10 @@ from rope_twin.core.statics.equilibrium import find_equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.recording.motion_source import RegularSea
+from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.motion.heave_track import ramp
 
 Vector = NDArray[np.float64]
@@ -101,3 +103,53 @@ def _motion(scene: Scene, steps: int) -> rows.Boundary:
         value[border, rows.Z] += share * z
         rate[border, rows.Z] = share * v + share_rate * z
     return rows.Boundary(value, rate)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a top tension against a reference, at its own times."""
+
+    mean_pct: float  # mean magnitude, of the reference's standard deviation
+    rms_pct: float  # of the reference's standard deviation
+    peak_pct: float  # of the reference's maximum
+    trough_pct: float  # of the reference's standard deviation, since a trough may be zero
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The top tension of a scene after each of its fine steps."""
+
+    scene: str
+    nodes: int
+    step_s: float
+    tension_n: Vector
+
+    def errors(self, tension_n: Vector, step_s: float) -> Errors:
+        """Return the errors of a tension after each step of `step_s`, a multiple of the
+        reference's.
+        """
+        every = round(step_s / self.step_s)
+        there = self.tension_n[every - 1 :: every]
+        scale = float(self.tension_n.std())
+        apart = tension_n - there
+        return Errors(
+            100.0 * float(np.mean(np.abs(apart))) / scale,
+            100.0 * float(np.sqrt(np.mean(apart**2))) / scale,
+            100.0 * float(tension_n.max() / self.tension_n.max() - 1.0),
+            100.0 * float(tension_n.min() - self.tension_n.min()) / scale,
+        )
+
+
+def find_reference(name: str, nodes: int, step_s: float, seconds: float) -> Reference:
+    """Run a shipped scene with this number of elements (as many as moving nodes) and this step."""
+    outcome = Trial(variant(load_scene(name), nodes, step_s), seconds).run()
+    return Reference(name, nodes, step_s, outcome.tension_n)
+
+
+def doubt(reference: Reference, seconds: float) -> Errors:
+    """Return the difference of a run with half the elements and twice the step to the reference.
+
+    The reference's own error is a third of this at second order, all of it at first.
+    """
+    coarse = find_reference(reference.scene, reference.nodes // 2, 2.0 * reference.step_s, seconds)
+    return reference.errors(coarse.tension_n, coarse.step_s)

@@ -1,16 +1,24 @@
-"""Speed of VIV models, compared with the same rope without them.
+"""Cost of VIV models: of a step with each, and real-time factors of rope and model.
+
+Models within the step are compared with the same rope without them at steps of 1 ms.
+The modal and the force-decomposition model are outside the step: they respond once per update, on a
+grid of their own, and solve for their modes in parts. Twins of scenes run with and without their
+model, with the scene's own elements and step; and these two respond alone, in static equilibrium in
+a constant current, as in a study without a twin. [LCD]: Le Cunff and Durand (1999).
 
 Their errors are not measured here, but by `python -m validation Q1 Q3 L1 L2`.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from rope_twin.effects import EFFECTS
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
@@ -18,6 +26,12 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant
+from rope_twin.twin.twin import Twin
+from rope_twin.vortex.decomposed_response import DecomposedResponse
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.power_in import decomposed, fine_enough
+from rope_twin.vortex.shedding import Shedding
+from validation.published_ropes import LCD_CABLE, LCD_RISER, PublishedRope, lcd_current
 from validation.state_bench import Bench, time_in_turns
 
 STEP_S = 1e-3
@@ -93,3 +107,115 @@ def _with(scene: Scene, model: Any) -> Scene:
     kinds = tuple(type(own) for own in MODELS.values() if own is not None)
     others = tuple(own for own in scene.effects if not isinstance(own, kinds))
     return replace(scene, effects=others if model is None else (*others, model))
+
+
+ALONE: dict[str, PublishedRope] = {"[LCD] cable": LCD_CABLE, "[LCD] riser": LCD_RISER}
+SCENES = ("cable_waves", "vortices_modal", "vortices_decomposed")
+NODES = 301  # of a rope alone, before a model makes elements of its own
+PACE_SETTLE_S, PIECE_S = 3.0, 1.0  # a piece holds one search for the modes
+Advance = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class PacePlan:
+    """Models, and number of timed seconds of each."""
+
+    scenes: tuple[str, ...]
+    alone: tuple[str, ...]
+    pieces: int
+
+
+PACE_FULL = PacePlan(SCENES, tuple(ALONE), 15)
+PACE_QUICK = PacePlan((), ("[LCD] riser",), 3)
+
+
+@dataclass(frozen=True)
+class PaceRow:
+    """One rope with one model."""
+
+    rope: str
+    runs: str  # "twin", or "alone": a constant current, no twin
+    model: str  # "none": the twin without it
+    step_s: float | None  # the twin's; None: alone
+    places: int  # that the model answers at
+    modes: int  # that it looks for; 0: it steps with the rope
+    real_time_factor: float  # median of the pieces
+    best_factor: float
+
+
+def pace_rows(plan: PacePlan, listen: Listener) -> Iterator[dict[str, Any]]:
+    """Return a row for each rope and model, as a dictionary.
+
+    Raises:
+        SolverError: a step is not finite.
+    """
+    names = (*plan.scenes, *plan.alone)
+    for number, name in enumerate(names):
+        listen(number, len(names), name)
+        rows = _alone if name in plan.alone else _of_scene
+        yield from (asdict(row) for row in rows(name, plan.pieces))
+    listen(len(names), len(names), "done")
+
+
+def pace_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """Return the rows as text, below a head."""
+    head = ("rope", "runs", "model", "step ms", "places", "modes", "× real time (best)")
+    table: list[tuple[str, ...]] = [head]
+    for row in rows:
+        step = "" if row["step_s"] is None else f"{1e3 * row['step_s']:g}"
+        pace = f"{row['real_time_factor']:.0f} ({row['best_factor']:.0f})"
+        modes = str(row["modes"]) if row["modes"] else ""
+        table.append(
+            (row["rope"], row["runs"], row["model"], step, f"{row['places']}", modes, pace)
+        )
+    return table
+
+
+def _of_scene(name: str, pieces: int) -> list[PaceRow]:
+    """Return a scene's twin with and without its model."""
+    scene = load_scene(name)
+    sheds = {effect.params: effect.name for effect in EFFECTS if effect.sheds}
+    model = next(sheds[type(own)] for own in scene.effects if type(own) in sheds)
+    bare = replace(scene, effects=tuple(own for own in scene.effects if type(own) not in sheds))
+    rows = []
+    for own, label in ((bare, "none"), (scene, model)):
+        twin = Twin(own)
+        places, modes = scene.ropes[0].elements + 1, 0
+        if twin.viv_drag is not None:
+            places, modes = twin.viv_drag.tracker.size
+        usual, best = _paces(_advance_of(twin), pieces)
+        rows.append(PaceRow(name, "twin", label, twin.step_s, places, modes, usual, best))
+    return rows
+
+
+def _advance_of(twin: Twin) -> Advance:
+    return lambda seconds: twin.advance(round(seconds / twin.step_s))
+
+
+def _alone(name: str, pieces: int) -> list[PaceRow]:
+    """Return both models on a published rope."""
+    rope = ALONE[name]
+    wet = rope.span(lcd_current(NODES))
+    dry = replace(rope, added_mass=0.0).span(lcd_current(NODES))
+    model = decomposed()
+    both: dict[str, ModalResponse | DecomposedResponse] = {
+        "modal_vibration": ModalResponse(wet, Shedding()),
+        "decomposed_force": DecomposedResponse(fine_enough(dry, model), model),
+    }
+    rows = []
+    for own, response in both.items():
+        usual, best = _paces(response.advance, pieces)
+        places, modes = len(response.span.s), len(response.frequency)
+        rows.append(PaceRow(name, "alone", own, None, places, modes, usual, best))
+    return rows
+
+
+def _paces(advance: Advance, pieces: int) -> tuple[float, float]:
+    """Return simulation time per wall-clock time: median and best of the pieces."""
+    advance(PACE_SETTLE_S)
+    took = []
+    for _ in range(pieces):
+        began = time.perf_counter()
+        advance(PIECE_S)
+        took.append(time.perf_counter() - began)
+    return PIECE_S / float(np.median(took)), PIECE_S / min(took)

@@ -19,67 +19,27 @@ Table = list[list[str]]
 _COLOURS = {"moordyn": "#d55e00", "cabledyn": "#cc79a7", "rope_twin": "#0072b2"}
 _NAMES = {"moordyn": "MoorDyn", "cabledyn": "CableDyn"}
 
-_SECTION = """\
-## Beside other codes
-
-![Real-time factor over segments: MoorDyn, CableDyn and rope_twin at equal error]({picture})
-
-`python -m benchmarks peers --json > docs/peers.json`: {versions} and rope_twin on the same scenes,
-in one process and in turns, on
-
-{machine}
-
-Real-time factors are simulated time over processor time of the stepping alone, so that other
-programs count for nobody; `error %` is the largest of the errors of mean, maximum and minimum of
-the top tension over whole periods of the heave, each of itself (of a rope that falls slack, the
-minimum's of the mean). A peer has, scheme by scheme, the largest step that stays within
-{limit:g} %; where none does, the one with the least error is shown. Beside it stands the cheapest
-setting of rope_twin whose error is not larger (or not larger than the reference is uncertain, at
-most {doubt:.2g} %): with as many elements as the peer has segments, and with any number. *None*
-means that rope_twin has no such setting, and has lost.
-
-{best}
-
-All settings:
-
-{table}
-
-How fair it is:
-
-- Damping is the scene's, in N·s. At 1,000 segments that is ten times an element's critical damping,
-  and an explicit scheme pays for it with its step. On the smooth scenes the answer does not depend
-  on it, so MoorDyn may take its own, a fraction of an element's critical damping, and its better
-  result counts.
-- MoorDyn moves its hang-off at a constant speed over each call, every 20 ms or every step, and gets
-  the speed that leads to the right place.
-- MoorDyn knows no rest in a current and starts straight; CableDyn starts from its own rest. On 2 km
-  that is not felt. On 5 km it would be (the rope would sag for minutes), so smooth_5km is raced
-  without its current, by all three.
-- Above {searched} segments MoorDyn has its two fastest schemes of the same scene at {searched},
-  with the same share of an element's period as step, and a fifth less if that is not enough.
-- The reference is rope_twin's own with fine elements and steps. That it is right is not shown here:
-  `pytest test/physics/test_reference_figures.py` compares it with explicit integration and three
-  outside codes. Where a peer's answer is another one because its model is (damping that acts on
-  slack rope, say), its error says so.
-- Few steps a second also mean few samples of the tension: at 0.2 s its maximum is read 40 times a
-  period of 8 s, and the error includes what is missed between.
-{refused}"""
+TEMPLATE = Path(__file__).with_name("peers.md")
 
 
 def as_section(race: PeerRace) -> str:
     """Return the section of the page."""
-    return _SECTION.format(
-        picture=PICTURE.as_posix(),
-        versions=" and ".join(f"{_NAMES[name]} {v}" for name, v in race.peers.items()),
-        machine=race.machine.as_text() + ".",
-        limit=race.limit_pct,
-        doubt=max(row.doubt_pct for row in race.rows),
-        best=page_table(best_table(race.rows)),
-        table=page_table(peer_table(race.rows)),
-        searched=SEARCHED,
-        refused="".join(
-            f"- CableDyn does not run {n}: `{why}`.\n" for n, why in race.refused.items()
-        ),
+    return (
+        TEMPLATE.read_text("utf-8")
+        .rstrip("\n")
+        .format(
+            picture=PICTURE.as_posix(),
+            versions=" and ".join(f"{_NAMES[name]} {v}" for name, v in race.peers.items()),
+            machine=race.machine.as_text() + ".",
+            limit=race.limit_pct,
+            doubt=max(row.doubt_pct for row in race.rows),
+            best=page_table(best_table(race.rows)),
+            table=page_table(peer_table(race.rows)),
+            searched=SEARCHED,
+            refused="".join(
+                f"- CableDyn does not run {n}: `{why}`.\n" for n, why in race.refused.items()
+            ),
+        )
     )
 
 

@@ -15,10 +15,8 @@ import pytest
 from benchmarks import ensemble_speed, orders, speed
 from benchmarks.__main__ import main
 from benchmarks.ensemble_speed import QUICK, EnsembleRow, ensemble_rows
-from benchmarks.order_picture import draw_orders
 from benchmarks.performance_page import as_markdown
-from benchmarks.reference import Reference
-from benchmarks.trial import Trial
+from benchmarks.trial import Reference, Trial
 from rope_twin.core.yardstick import chain
 from rope_twin.errors import InputError
 from rope_twin.run.options import RunOptions
@@ -226,13 +224,13 @@ def test_a_picture_that_cannot_be_is_refused_at_once(
     curves: tuple[orders.Curve, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(InputError, match=r"'.jpg' is no picture that can be drawn; end it in"):
-        draw_orders(curves, tmp_path / "orders.jpg")
+        orders.draw_orders(curves, tmp_path / "orders.jpg")
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(InputError, match="give a place that can be written"):
-        draw_orders(curves, tmp_path / "file" / "orders.png")
+        orders.draw_orders(curves, tmp_path / "file" / "orders.png")
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"matplotlib: .* `pip install 'rope_twin\[plot\]'"):
-        draw_orders(curves, tmp_path / "orders.png")
+        orders.draw_orders(curves, tmp_path / "orders.png")
 
 
 def test_effects_cost_nothing_where_they_are_absent(capsys: pytest.CaptureFixture[str]) -> None:

@@ -105,5 +105,5 @@ def test_the_command_writes_the_page_and_fails_if_too_few_are_covered(
 
 def test_there_is_no_page_without_marks(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="it has no lines"):
-        benchmark.check_page(tmp_path)
-    benchmark.check_page(DOCS)
+        benchmark.PAGE.around(tmp_path)
+    benchmark.PAGE.around(DOCS)

@@ -21,8 +21,7 @@ from benchmarks.peers import page as peers_page
 from benchmarks.peers import race as peers
 from benchmarks.peers.codes import PEERS, Setting, require_peers
 from benchmarks.peers.decks import cabledyn_deck, current_table, figures, moordyn_deck
-from benchmarks.peers.ladder import Case, Marks, marks
-from benchmarks.peers.race import PeerRace, PeerRow
+from benchmarks.peers.race import Case, Marks, PeerRace, PeerRow, marks
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.page import Machine

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.effect_code import step_assembly
-from benchmarks.effect_code import traces as symbols
+from benchmarks.effect_speed import step_assembly
+from benchmarks.effect_speed import traces as symbols
 from rope_twin import load_scene
 from rope_twin.core.elements import stretch
 from rope_twin.core.jit.decorators import assembly

@@ -10,7 +10,7 @@ import pytest
 from joint_rigs import HEAVY, LIGHT, STIFF, JointBench, Line, legs, rest, tie
 from rigs import frequency
 
-from benchmarks.joined_statics_speed import GUESSES, joined_statics_rows
+from benchmarks.statics_speed import JOINED_GUESSES, joined_statics_rows
 from rope_twin.core import state as rows
 
 
@@ -169,7 +169,7 @@ def test_rest_is_found_from_a_tangle() -> None:
 def test_rest_is_the_same_from_every_guess() -> None:
     """As `python -m benchmarks statics` tells it."""
     rows = list(joined_statics_rows(("two_line_lift",), nodes=60))
-    assert [row["guess"] for row in rows] == list(GUESSES)
+    assert [row["guess"] for row in rows] == list(JOINED_GUESSES)
     assert all(row["found"] for row in rows)
     tensions = [row["tension_n"] for row in rows]
     assert max(tensions) - min(tensions) < 1e-6 * max(tensions)
