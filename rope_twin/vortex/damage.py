@@ -25,8 +25,6 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.vortex.fatigue import (
-    Cycles,
-    Numbers,
     RainflowCount,
     RopeLine,
     StressCurve,
@@ -113,7 +111,7 @@ class RopeDamage:
             loads = np.tile(load, len(self._around))
         else:
             loads = (load + self._around @ (bent * self._per_curvature)).ravel()
-        self._count.take(loads, self._used)
+        self._count.take(loads, self._curve.used)
 
     def _run_over_sheave(self, top_m: float, pull_n: float) -> None:
         """Count a bending cycle for material that passed the hang-off since the last sample."""
@@ -124,7 +122,7 @@ class RopeDamage:
             return
         straight = np.where(passed, pull_n * self._per_tension, np.nan)
         for load in (straight, straight + self._over_sheave_pa, straight):
-            self._count.take(np.tile(load, len(self._around)), self._used)
+            self._count.take(np.tile(load, len(self._around)), self._curve.used)
 
     def shot(self, line_out_m: float, counted_s: float) -> MaterialFatigue:
         """Return the accumulated damage; open cycles count half."""
@@ -134,10 +132,6 @@ class RopeDamage:
             counted_s=counted_s,
             from_lower_end_m=self.middles,
             from_hang_off_m=line_out_m + self._lost_m - self.middles,
-            used=self._count.total(self._used).reshape(shape).max(axis=0),
+            used=self._count.total(self._curve.used).reshape(shape).max(axis=0),
             bending=self.bends,
         )
-
-    def _used(self, which: Numbers, cycles: Cycles) -> Floats:
-        """Return the damage of cycles of these series."""
-        return self._curve.used(cycles)

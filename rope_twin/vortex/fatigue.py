@@ -74,13 +74,6 @@ class RopeLine(Protocol):
     def made_of(self) -> Sequence[Section]: ...
 
 
-class Curve(Protocol):
-    """Interface of a fatigue curve."""
-
-    def damage(self, cycles: Cycles, strength: Strength) -> float:
-        """Return Miner's sum of cycles of tension [N]; 1: failure."""
-
-
 @dataclass(frozen=True)
 class StressCurve:
     """S-N curve N = constant·S^-exponent, S the stress range on the metal area [MPa]."""
@@ -127,7 +120,8 @@ class TensionCurve:
         return float(self.used(Cycles(cycles.range / load, cycles.mean / load, cycles.count)).sum())
 
 
-CURVES: dict[str, StressCurve | TensionCurve] = {
+Curve = StressCurve | TensionCurve
+CURVES: dict[str, Curve] = {
     "stranded_wire": StressCurve(3.4e14, 4.0),  # DNV-OS-E301, six strands
     "spiral_wire": StressCurve(1.7e17, 4.8),  # DNV-OS-E301, spiral strand
     "six_strand_tension": TensionCurve(3.20, -2.79, 4.09),  # API RP 2SK
@@ -135,7 +129,7 @@ CURVES: dict[str, StressCurve | TensionCurve] = {
 STRESS_CURVES = {name: one for name, one in CURVES.items() if isinstance(one, StressCurve)}
 
 
-def find_curve(where: str, name: str) -> StressCurve | TensionCurve:
+def find_curve(where: str, name: str) -> Curve:
     """Return a curve of CURVES; where: the option or key that names it, for messages.
 
     Raises:
@@ -222,7 +216,7 @@ def check_all_steel(line: RopeLine, EI: float = 0.0) -> None:
 
 
 Numbers = NDArray[np.int64]
-Damage = Callable[[Numbers, Cycles], Vector]  # damage of each cycle, given its series
+Damage = Callable[[Cycles], Vector]  # damage of each cycle
 INITIAL_CAPACITY = 16  # initial capacity for open turning points of a series
 
 
@@ -289,5 +283,5 @@ class RainflowCount:
         if len(which):
             counts = np.broadcast_to(np.asarray(count, dtype=np.float64), one.shape)
             cycles = Cycles(np.abs(other - one), 0.5 * (one + other), counts)
-            self.used[which] += cost(which, cycles)
+            self.used[which] += cost(cycles)
             self.cycles[which] += counts

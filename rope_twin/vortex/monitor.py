@@ -26,18 +26,15 @@ from rope_twin.vortex.sampling import (
     sampling_steps,
     shedding_hz,
 )
-from rope_twin.vortex.settings import FREQUENCY_DOMAIN, TIME_DOMAIN, MonitorSettings
+from rope_twin.vortex.settings import (
+    FREQUENCY_DOMAIN,
+    TIME_DOMAIN,
+    CoupledSettings,
+    MonitorSettings,
+)
 from rope_twin.vortex.shedding import Shedding
 
 SECOND_NS = 1_000_000_000  # interval of the fatigue results
-
-
-class Vortices(NamedTuple):
-    """Vortex shedding in a scene."""
-
-    model: str  # VIV model that the scene lists, or ""
-    strouhal: float
-    density: float  # of the water [kg/m³]
 
 
 class Sample(NamedTuple):
@@ -77,7 +74,7 @@ class RopeMonitor:
     def __init__(
         self,
         asked: MonitorSettings,
-        vortices: Vortices,
+        vortices: CoupledSettings,
         rope: Rope,
         interval: tuple[float, int],
         damage: RopeDamage | None,
@@ -208,7 +205,7 @@ class RopeMonitor:
 
     def _update_interval(self, seen: Sample) -> None:
         """Adapt the sampling interval to the vortex frequency; only a new current extends it."""
-        sheds = self._asked.vibration or self._vortices.model
+        sheds = self._asked.vibration or self._vortices.name
         if self._viv_drag is not None or not sheds:
             return
         hz = shedding_hz(seen.rope, seen.boundary, self._vortices.strouhal)

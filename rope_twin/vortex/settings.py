@@ -36,10 +36,10 @@ class MonitorSettings:
 
 
 class CoupledSettings(NamedTuple):
-    """Loosely coupled VIV model that a scene lists."""
+    """VIV model that a scene lists, and its water."""
 
-    name: str  # of the effect
-    params: Any  # of the effect
+    name: str  # of the effect; "": none
+    params: Any  # of the effect if it is loosely coupled, else None
     strouhal: float
     density: float  # of the water [kg/m³]
     step_s: float  # of the run

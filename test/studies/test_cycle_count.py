@@ -9,19 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.studies.fatigue import count_cycles
-from rope_twin.vortex.fatigue import Cycles, Numbers, RainflowCount, Vector
+from rope_twin.vortex.fatigue import Cycles, RainflowCount, Vector
 
 
-def cost(which: Numbers, cycles: Cycles) -> Vector:
+def cost(cycles: Cycles) -> Vector:
     """Something of range, mean and count that no other cycle gives."""
-    assert len(which) == len(cycles.range)
     used: Vector = cycles.count * cycles.range**3 * (1.0 + 0.01 * cycles.mean)
     return used
 
 
 def expected(series: Vector) -> float:
-    cycles = count_cycles(series)
-    return float(cost(np.zeros(len(cycles.range), int), cycles).sum())
+    return float(cost(count_cycles(series)).sum())
 
 
 def taken(values: Vector) -> RainflowCount:

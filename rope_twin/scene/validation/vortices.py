@@ -57,7 +57,7 @@ def model_beside(scene: Scene) -> Any:
 
 
 def coupled_settings(scene: Scene) -> CoupledSettings:
-    """Return the settings of the scene's decoupled VIV model, as `model_beside`."""
+    """Return the scene's VIV model with its water; params of a decoupled one, else None."""
     return CoupledSettings(
         name=shedding_model(scene),
         params=model_beside(scene),

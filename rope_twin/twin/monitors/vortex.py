@@ -10,14 +10,14 @@ from rope_twin.errors import StateError, phrase
 from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import refuse_joined
-from rope_twin.scene.validation.vortices import model_beside, shedding_model, strouhal_number
+from rope_twin.scene.validation.vortices import coupled_settings, model_beside, shedding_model
 from rope_twin.twin.monitors.monitor import Chunk, Monitor, TwinView
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.vortex.damage import DamageSettings, RopeDamage
 from rope_twin.vortex.fatigue import wire_curve_warning
-from rope_twin.vortex.monitor import RopeMonitor, Sample, Vortices, check_monitors
+from rope_twin.vortex.monitor import RopeMonitor, Sample, check_monitors
 from rope_twin.vortex.settings import FREQUENCY_DOMAIN, MonitorSettings
 
 PREFIX = "vortex/"  # of the names in a saved state
@@ -48,9 +48,7 @@ class VortexMonitor(Monitor):
     def start(self, now: TwinView, present: Chunk) -> None:
         """Start without vibration or damage."""
         scene = now.scene
-        density = scene.environment.water_density_kg_per_m3
-        vortices = Vortices(shedding_model(scene), strouhal_number(scene), density)
-        interval = now.step_s, steps_in_slot(now.step_s)
+        interval, vortices = (now.step_s, steps_in_slot(now.step_s)), coupled_settings(scene)
         self.rope = RopeMonitor(
             self._asked, vortices, now.rope, interval, self._damage, now.viv_drag
         )
