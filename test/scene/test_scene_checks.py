@@ -341,8 +341,8 @@ def test_two_ropes_carry_a_load_together(tmp_path: Path) -> None:
 
     assert told(60000.0) == []  # 604 kN: 302 kN a rope, not 604
     (warning,) = told(80000.0)
-    assert warning.startswith("ropes: 2 ropes from the ship carry 800 kN against a breaking load")
-    assert "together, a safety factor of 2.53" in warning
+    assert warning.startswith("ropes: 2 ropes from the ship together carry 800 kN against a ")
+    assert ", a safety factor of 2.53" in warning
     assert "breaks" in told(300000.0)[0]
 
 

@@ -81,7 +81,7 @@ BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         measured("row.csv"), "effects", ("gap from 0.06 to 0.08 Hz", "among steps of 0.01 Hz"),
     ),
     "spectrum that is not there": (
-        measured("./no.csv"), "effects[4].waves.measured", ("no.csv: neither a file nor a name",),
+        measured("./no.csv"), "effects[4].waves.measured", ("no.csv: there is no such file",),
     ),
     "unknown switch": (
         spoilt(FIRST_ROW, "{at_s: 0.0, switch: emergencystop}"),

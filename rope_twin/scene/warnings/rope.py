@@ -68,7 +68,7 @@ def load_together(scene: Scene) -> Iterator[str]:
         return
     path, when, tension = "ropes[0]", "", held.weight_n
     if len(held.lines) > 1:
-        path, words = "ropes", f"{len(held.lines)} ropes from the ship carry together"
+        path, words = "ropes", f"{len(held.lines)} ropes from the ship together carry"
     else:
         words = "static top tension"
         if scene.winch and tension <= held.breaking_load_n / SAFETY_FACTOR:
