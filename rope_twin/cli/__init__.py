@@ -12,16 +12,11 @@ import textwrap
 from collections.abc import Callable, Sequence
 from functools import partial
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 from rope_twin.cli.console import MEANINGS, ExitCode
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 from rope_twin.run.arguments import HelpFormatter
-
-if TYPE_CHECKING:
-    from rope_twin.run.options import RunOptions
-    from rope_twin.run.progress import FigureProgress
-    from rope_twin.run.summary import RunSummary
 
 DESCRIPTION = """Real-time simulator of winch, wire and payload for subsea lifting, on ROS 2.
 
@@ -80,12 +75,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _command(words: list[str]) -> int:
     modules = {name.replace("_", "-"): _module(name) for name in _needed(words)}
     args = _parser(modules).parse_args(words)
-    if args.command == "run":
-        return int(modules["run"].run(args, _paced))
-    if args.command == "doctor":
-        return int(modules["doctor"].run(args, _middleware))
-    if args.command == "completion":
-        return int(modules["completion"].run(args, build_parser))
     return int(modules[args.command].run(args))
 
 
@@ -170,21 +159,5 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
         from rope_twin.cli.doctor import version_text
 
-        print(version_text(lambda: str(_middleware().rmw_name())))
+        print(version_text())
         parser.exit()
-
-
-def _middleware() -> Any:
-    """Return the module that knows the middleware, which loads rclpy."""
-    return importlib.import_module("rope_twin.ros.middleware")
-
-
-def _paced(options: RunOptions, progress: FigureProgress) -> RunSummary:
-    """Run the ROS suite, which is imported only for a real-time run."""
-    if options.processes:
-        from rope_twin.ros.processes import run_processes
-
-        return run_processes(options, progress)
-    from rope_twin.ros.suite import run_suite
-
-    return run_suite(options, progress)

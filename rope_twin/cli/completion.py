@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from rope_twin.cli import build_parser
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.run.arguments import add_command, add_json
 from rope_twin.scene.load import scene_names
@@ -36,7 +37,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add_json(parser)
 
 
-def run(args: argparse.Namespace, build_parser: Callable[[], argparse.ArgumentParser]) -> int:
+def run(args: argparse.Namespace) -> int:
     """Print the script for one shell."""
     script = SCRIPTS[args.shell](list(_commands(build_parser(), (), "")))
     if args.json:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import ctypes
+import importlib
 import importlib.metadata
 import os
 import platform
@@ -14,7 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core import SOLVER_VERSION
@@ -41,8 +42,13 @@ def ros_distribution() -> str:
     return sourced or DISTRIBUTIONS.get(version_of("rclpy").partition(".")[0], "")
 
 
-def version_text(rmw_name: Callable[[], str]) -> str:
-    """Return the lines of `rope_twin --version`; `rmw_name` loads the middleware."""
+def load_middleware() -> Any:
+    """Return the module that knows the middleware, which loads rclpy."""
+    return importlib.import_module("rope_twin.ros.middleware")
+
+
+def version_text() -> str:
+    """Return the lines of `rope_twin --version`."""
     packages = ", ".join(
         f"{name} {version_of(name) or 'missing'}" for name in ("numba", "llvmlite")
     )
@@ -50,14 +56,14 @@ def version_text(rmw_name: Callable[[], str]) -> str:
         (
             f"rope_twin {version_of('rope_twin') or '(not installed)'}, solver {SOLVER_VERSION}",
             f"Python {platform.python_version()}, {packages}",
-            _ros_line(rmw_name),
+            _ros_line(),
         )
     )
 
 
-def _ros_line(rmw_name: Callable[[], str]) -> str:
+def _ros_line() -> str:
     try:
-        rmw = rmw_name()
+        rmw = load_middleware().rmw_name()
     except Exception as error:  # an installation may fail in any way, and this line reports it
         return f"rclpy cannot be loaded ({type(error).__name__}: {error})"
     rclpy = version_of("rclpy") or "(of the sourced installation)"
@@ -88,25 +94,15 @@ class Check:
     remedy: str = ""
 
 
-class Middleware(Protocol):
-    """What is checked of ROS; its package lies above the commands and is handed in."""
-
-    def rmw_name(self) -> str:
-        """Return the name of the RMW implementation."""
-
-    def round_trip(self, timeout_s: float) -> Any:
-        """Send a message between two participants; returns discovery_s and latency_s."""
-
-
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `doctor`."""
     about = "check this machine: ROS, DDS, graphics, clocks, CPU, compile cache, disk"
     add_json(add_command(subparsers, "doctor", about, EXAMPLES, MORE))
 
 
-def run(args: argparse.Namespace, middleware: Callable[[], Middleware]) -> int:
+def run(args: argparse.Namespace) -> int:
     """Run all checks and print them; NEGATIVE if one is ERROR."""
-    checks = list(check_all(middleware))
+    checks = list(check_all())
     failed = any(one.level == ERROR for one in checks)
     if args.json:
         print_json({"ok": not failed, "checks": [asdict(one) for one in checks]})
@@ -118,12 +114,12 @@ def run(args: argparse.Namespace, middleware: Callable[[], Middleware]) -> int:
     return ExitCode.NEGATIVE if failed else ExitCode.OK
 
 
-def check_all(middleware: Callable[[], Middleware]) -> Iterator[Check]:
+def check_all() -> Iterator[Check]:
     """Yield the result of each check."""
     yield check_python()
     yield check_packages()
     yield check_discovery()
-    yield check_middleware(middleware)
+    yield check_middleware(load_middleware)
     yield from check_viewer()
     yield check_monotonic_clock()
     yield check_synchronisation()
@@ -152,10 +148,10 @@ def check_packages() -> Check:
     return Check("packages", WARN, words, remedy) if extras else Check("packages", OK, words)
 
 
-def check_middleware(middleware: Callable[[], Middleware]) -> Check:
+def check_middleware(load: Callable[[], Any]) -> Check:
     """Check that rclpy and an RMW implementation load, and send a message through DDS."""
     try:
-        ros = middleware()
+        ros = load()
         name = f"ROS 2 {ros_distribution() or '(unknown distribution)'}, {ros.rmw_name()}"
     except Exception as error:  # an installation may fail in any way, and this check reports it
         remedy = "source a ROS 2 installation, or install the wheels: pip install rope_twin"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from rope_twin.run.unpaced import UnpacedRun
     from rope_twin.scene.schema import Scene
 
-    PacedRunner = Callable[[RunOptions, FigureProgress], RunSummary]
-
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand."""
@@ -36,14 +33,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_arguments(add_command(subparsers, "run", about, EXAMPLES, MORE))
 
 
-def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
+def run(args: argparse.Namespace) -> int:
     """Run, print the summary, and return the exit code.
 
     OK; ERROR if the solver could not go on, if samples of two seas alternated, if bag or state
     are incomplete on the disk, or if a process died and could not be restarted; LIMIT if a limit
     of the scene was exceeded.
-
-    `paced` runs the ROS suite; it is handed in, since ROS lives above the commands.
 
     Raises:
         RopeTwinError: the run could not start; one sentence.
@@ -61,10 +56,8 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
             progress.say(words)
     if options.speed == 0.0:
         summary = _unpaced(options, scene, progress)
-    elif paced is None:
-        raise RuntimeError("a paced run needs the ROS suite")
     else:
-        summary = _with_speed_alone(paced(options, progress), options)
+        summary = _with_speed_alone(_paced(options, progress), options)
     summary = replace(summary, chosen=options.chosen)
     if summary.core_share is not None:
         asked = {"asked_pct": options.budget_pct, "calibrated_pct": options.calibrated_pct}
@@ -82,6 +75,17 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
         return ExitCode.ERROR
     exceeded = summary.limits_broken and not options.allow_overload
     return ExitCode.LIMIT if exceeded else ExitCode.OK
+
+
+def _paced(options: RunOptions, progress: FigureProgress) -> RunSummary:
+    """Run over ROS, which is imported only for this."""
+    if options.processes:
+        from rope_twin.ros.processes import run_processes
+
+        return run_processes(options, progress)
+    from rope_twin.ros.suite import run_suite
+
+    return run_suite(options, progress)
 
 
 def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
