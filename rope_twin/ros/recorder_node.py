@@ -3,12 +3,17 @@
 The bytes go from the subscription to a queue; the recorder's own thread writes them. The log time
 is the publisher's time of sending. On an overloaded machine messages queue in the middleware: each
 callback takes all queued messages of its topic, and at the end all topics are drained.
+
+A recorder on standby listens too, and begins its bag with the last seconds: what the recorder whose
+place it takes had not written yet is in the next bag.
 """
 
 from __future__ import annotations
 
 import sys
 import time
+from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +33,7 @@ from rope_twin.topics import BY_NAME, CUT_TOPIC, TOPICS, Qos, Topic
 _DEPTH = 1000  # messages that may queue in the middleware while this process is blocked
 _DIAGNOSTICS_S = 1.0
 _POLL_S = 0.05  # on standby: period of checking for the start file
+_KEPT_S = 2.0  # on standby: a recorder that dies may have written nothing for almost a second
 
 
 class MessageLoss:
@@ -62,13 +68,14 @@ class RecorderNode(Node):
         self._params = declare(self, RecorderParams)
         self._recorder: BagRecorder | None = None
         self._listening: dict[str, Any] = {}  # subscription by topic
+        self._kept: deque[tuple[float, str, bytes, dict[str, Any]]] = deque()  # on standby
         self._loss = MessageLoss()
         self._unwritten = 0  # messages received that could not be written
         self._logged = ""
         self.failure = ""  # why the bag is incomplete, known when closed
 
     def begin(self) -> None:
-        """Create the bag and subscribe; on standby, as soon as the start file exists.
+        """Subscribe and create the bag; on standby, that as soon as the start file exists.
 
         Raises:
             BagError: the bag cannot be created.
@@ -76,9 +83,11 @@ class RecorderNode(Node):
         if not self._params.standby:
             self._start()
             return
-        for topic in TOPICS:  # loading the types now saves time at the start
+        for topic in self._topics():  # loading the types now saves time at the start
             message_type(topic)
             describe_topic(topic)
+        # A latched message comes to every new subscription, however old it is.
+        self._listen(topic for topic in self._topics() if topic.qos is not Qos.LATCHED)
 
         def look() -> None:
             if Path(self._params.standby).exists():
@@ -92,18 +101,13 @@ class RecorderNode(Node):
         directory = Path(self._params.out or time.strftime("rope_twin_%Y%m%d_%H%M%S"))
         if self._params.beside:
             directory = free_path(directory)
-        topics = [t for t in TOPICS if t.name != CUT_TOPIC or self._params.allow_cut]
-        self._recorder = BagRecorder(directory, topics)
-        for topic in topics:
-            depth = 1 if topic.qos is Qos.LATCHED else _DEPTH
-            self._listening[topic.name] = self.create_subscription(
-                message_type(topic),
-                topic.name,
-                self._taker(topic),
-                profile(topic.qos, depth),
-                raw=True,
-                event_callbacks=quiet_listener(),
-            )
+        self._recorder = BagRecorder(directory, self._topics())
+        since_s = time.monotonic() - _KEPT_S
+        for at_s, topic, data, info in self._kept:
+            if at_s >= since_s:
+                self._record(topic, data, info)
+        self._kept.clear()
+        self._listen(self._topics())
         diagnostics = BY_NAME["diagnostics"]
         self._diagnostics = self.create_publisher(
             message_type(diagnostics),
@@ -115,6 +119,24 @@ class RecorderNode(Node):
         self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
         self.get_logger().info(f"recording to {directory}")
 
+    def _topics(self) -> list[Topic]:
+        return [t for t in TOPICS if t.name != CUT_TOPIC or self._params.allow_cut]
+
+    def _listen(self, topics: Iterable[Topic]) -> None:
+        """Subscribe to those of the topics that are not listened to yet."""
+        for topic in topics:
+            if topic.name in self._listening:
+                continue
+            depth = 1 if topic.qos is Qos.LATCHED else _DEPTH
+            self._listening[topic.name] = self.create_subscription(
+                message_type(topic),
+                topic.name,
+                self._taker(topic),
+                profile(topic.qos, depth),
+                raw=True,
+                event_callbacks=quiet_listener(),
+            )
+
     @property
     def finished(self) -> bool:
         """Return False: a recorder does not finish by itself."""
@@ -124,6 +146,11 @@ class RecorderNode(Node):
     def received(self) -> int:
         """Return the number of messages received."""
         return self._loss.received
+
+    @property
+    def kept(self) -> int:
+        """Return the number of messages that the bag will begin with, on standby."""
+        return len(self._kept)
 
     @property
     def lost(self) -> int:
@@ -188,11 +215,20 @@ class RecorderNode(Node):
             self._record(topic, *found)
 
     def _record(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
-        if self._recorder is not None:
-            self._loss.count(info)
-            stamp_ns = info["source_timestamp"] or time.time_ns()
-            number = info["publication_sequence_number"] or 0
-            self._recorder.write(topic, stamp_ns, data, number & 0xFFFFFFFF)
+        if self._recorder is None:
+            self._keep(topic, data, info)
+            return
+        self._loss.count(info)
+        stamp_ns = info["source_timestamp"] or time.time_ns()
+        number = info["publication_sequence_number"] or 0
+        self._recorder.write(topic, stamp_ns, data, number & 0xFFFFFFFF)
+
+    def _keep(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
+        """Keep a message for the beginning of the bag; drop those that are older than is needed."""
+        now_s = time.monotonic()
+        self._kept.append((now_s, topic, data, info))
+        while self._kept[0][0] < now_s - _KEPT_S:
+            self._kept.popleft()
 
     def _publish_diagnostics(self) -> None:
         status = self.status()
