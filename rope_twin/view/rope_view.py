@@ -269,12 +269,12 @@ class RopeView:
             self._lower_end.show_bars(np.moveaxis(np.array(ends), 2, 0))
 
     def _winch_state(self, message: Any, time_ns: int) -> None:
-        if self._figures.winch(time_ns, *_named(message)):
+        if self._figures.winch(time_ns, _cells(message)):
             self._arrange()
 
     def _crossings(self, message: Any, time_ns: int) -> None:
         """Add curves, and mark the crossings of the lines in the line profile."""
-        if self._figures.lines(time_ns, *_named(message)):
+        if self._figures.lines(time_ns, _cells(message)):
             self._arrange()
         if self._is_time("crossings", time_ns):
             rows = read_cloud(message)[1:]  # the first is where they are nearest
@@ -290,7 +290,7 @@ class RopeView:
             self._overview.show_spots("touchdown", spots, ["touchdown"] * len(rows))
 
     def _shape(self, message: Any, time_ns: int) -> None:
-        if self._figures.shape(time_ns, *_named(message)):
+        if self._figures.shape(time_ns, _cells(message)):
             self._arrange()
 
     def _line_events(self, message: Any, time_ns: int) -> None:
@@ -316,16 +316,15 @@ class RopeView:
             self._log.take(status)
 
 
-def _named(message: Any) -> tuple[list[str], list[float]]:
-    """Return names such as main/layback_m, and values, of all cells of a table with numbers."""
+def _cells(message: Any) -> list[tuple[str, str, float]]:
+    """Return row, column and value, such as main, layback_m, 120.0, of all numbers of a table."""
     rows = read_cloud(message)
     cells = [
-        (f"{row['name'].decode()}/{column}", float(row[column]))
+        (row["name"].decode(), column, float(row[column]))
         for row in rows
         for column in (rows.dtype.names or ())[1:]
     ]
-    known = [(name, value) for name, value in cells if not math.isnan(value)]
-    return [name for name, _ in known], [value for _, value in known]
+    return [cell for cell in cells if not math.isnan(cell[2])]
 
 
 def _stamp_ns(message: Any, time_ns: int) -> int:

@@ -8,7 +8,7 @@ plots are created as values arrive, in tabs next to the plots that every run has
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -132,6 +132,7 @@ _SHAPE = {
     "radius_m": (1.0, Plot(SHAPE_TAB, "plots/shape/bend", "Smallest bend radius [m]")),
 }
 _DISTANCE = Plot(LINES_TAB, "plots/lines/distance", "Minimum distance between the lines [m]")
+Cells = Iterable[tuple[str, str, float]]  # row, column and value of a table
 
 
 class Figures:
@@ -143,11 +144,10 @@ class Figures:
         self._known: dict[str, Series] = {}
         self.plots: list[Plot] = []
 
-    def winch(self, time_ns: int, names: list[str], values: list[float]) -> bool:
-        """Add values with names like winch/drum_radius_m; return whether there is a new plot."""
+    def winch(self, time_ns: int, cells: Cells) -> bool:
+        """Add values of winch components; return whether there is a new plot."""
         before = len(self.plots)
-        for name, value in zip(names, values, strict=True):
-            winch, _, figure = name.rpartition("/")
+        for winch, figure, value in cells:
             if figure in _UNSHOWN:
                 continue
             plain = (figure, figure.replace("_", " "), 1.0, figure)
@@ -157,13 +157,12 @@ class Figures:
         self.plots.sort(key=lambda plot: _ORDER.get(plot.entity, len(_ORDER)))
         return len(self.plots) > before
 
-    def lines(self, time_ns: int, names: list[str], values: list[float]) -> bool:
-        """Add values with names like crossing_1/z; return whether there is a new plot."""
+    def lines(self, time_ns: int, cells: Cells) -> bool:
+        """Add values of crossings and of the nearest points; return whether there is a new plot."""
         before = len(self.plots)
-        for name, value in zip(names, values, strict=True):
-            where, _, figure = name.rpartition("/")
+        for where, figure, value in cells:
             words = where.replace("_", " ")
-            if name == "nearest/distance_m":
+            if (where, figure) == ("nearest", "distance_m"):
                 self._add(_DISTANCE, "nearest", "nearest", time_ns, value)
             elif figure == "z" and where != "nearest":
                 self._add(_DEPTHS, where, words, time_ns, value, dots=True)
@@ -171,11 +170,10 @@ class Figures:
                 self._add(_ANGLES, where, words, time_ns, value, dots=True)
         return len(self.plots) > before
 
-    def shape(self, time_ns: int, names: list[str], values: list[float]) -> bool:
-        """Add values with names like cable/layback_m; return whether there is a new plot."""
+    def shape(self, time_ns: int, cells: Cells) -> bool:
+        """Add touchdown and bend radius of ropes; return whether there is a new plot."""
         before = len(self.plots)
-        for name, value in zip(names, values, strict=True):
-            rope, _, figure = name.rpartition("/")
+        for rope, figure, value in cells:
             if figure in _SHAPE and math.isfinite(value):  # a straight rope has no finite radius
                 factor, plot = _SHAPE[figure]
                 self._add(plot, rope, rope, time_ns, factor * value)
