@@ -16,7 +16,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rope_twin.core.jit.decorators import kind_of
@@ -27,10 +27,10 @@ from rope_twin.scene.model.lift import listed_effects
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
+from validation.case import Listener, announced
 
 COLD_LIMIT_S, WARM_LIMIT_S = 20.0, 1.0
 QUICK = ("still_water",)
-Listener = Callable[[int, int, str], None]
 # What a fresh process does; it tells what it took of the processor and on the clock [s].
 _START = """
 import json, sys, time
@@ -70,15 +70,12 @@ def compile_rows(scenes: Sequence[str], listen: Listener) -> Iterator[CompileRow
     Raises:
         RopeTwinError: a scene cannot be loaded or started.
     """
-    sets = distinct_sets(scenes)
-    for number, (name, *also) in enumerate(sets):
-        listen(number, len(sets), name)
+    for name, *also in announced(distinct_sets(scenes), listen, lambda names: names[0]):
         scene = load_scene(name)
         with tempfile.TemporaryDirectory() as folder:
             cold, warm = _start(scene, folder), _start(scene, folder)
         effects = tuple(listed_effects(scene))
         yield CompileRow(name, tuple(also), effects, len(scene.ropes), *cold, *warm)
-    listen(len(sets), len(sets), "done")
 
 
 def distinct_sets(scenes: Sequence[str] = ()) -> list[list[str]]:

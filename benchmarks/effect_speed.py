@@ -8,7 +8,7 @@ the code of the scene without it contains the effect is read from its assembly.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,6 +38,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant, with_effect
+from validation.case import Listener
 from validation.state_bench import Bench
 
 BASE, STEP_S, DEPTH_M = "smooth_2km", 0.01, 2050.0
@@ -70,7 +71,6 @@ AMPLITUDE_M, PERIOD_S = 1.5, 8.0
 HELD_STRAIN = 5e-3  # of the rope without a payload: it stays taut while the hang-off heaves
 # Settled is what is asked for: while a sea rises, less of it is there.
 SETTLE_S, SETS, ROUNDS, NODE_STEPS = 10.0, 6, 8, 60_000  # node-steps of a piece
-Listener = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)

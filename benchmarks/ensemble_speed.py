@@ -10,7 +10,7 @@ not bit-identical are counted, so that the speed refers to the same computation.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
@@ -25,8 +25,7 @@ from rope_twin.studies.ensemble import SEA_OFFSET, Axis, Plan, make_plan, variat
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-
-Report = Callable[[int, int, str], None]  # done, of how many, what comes next
+from validation.case import Listener, announced
 
 SCENE = "smooth_2km"
 WARM_S = 10.0  # until the ship's motion has faded in; not measured
@@ -45,6 +44,10 @@ class Case:
     threads: int | None = None  # None: as many as there are cores
     seconds: float = 5.0  # of twin time in each repetition
     repetitions: int = 5
+
+    def __str__(self) -> str:
+        """Return members, elements and step in words."""
+        return f"{self.members} ropes of {self.elements} elements at {self.step_s:g} s"
 
 
 FULL = (
@@ -83,23 +86,18 @@ class EnsembleRow:
 
 
 def ensemble_rows(
-    cases: tuple[Case, ...] = FULL, report: Report | None = None
+    cases: tuple[Case, ...] = FULL, listen: Listener = lambda done, total, what: None
 ) -> list[EnsembleRow]:
-    """Return a row for each case; `report` is called before each and at the end.
+    """Return a row for each case; `listen` hears of each before it runs, and at the end.
 
     Raises:
         RopeTwinError: the scene is not there, or cannot be run.
     """
     scene = load_scene(SCENE)
-    rows = []
-    for number, case in enumerate(cases):
-        if report is not None:
-            words = f"{case.members} ropes of {case.elements} elements at {case.step_s:g} s"
-            report(number, len(cases), words)
-        rows.append(_measure(variant(scene, case.elements, case.step_s), case))
-    if report is not None:
-        report(len(cases), len(cases), "done")
-    return rows
+    return [
+        _measure(variant(scene, case.elements, case.step_s), case)
+        for case in announced(cases, listen, str)
+    ]
 
 
 def _measure(scene: Scene, case: Case) -> EnsembleRow:

@@ -7,7 +7,7 @@ interval covers the error at a time if the reference's top tension lies within i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from rope_twin.studies.driven_twin import fed, variant
 from rope_twin.studies.page import page_table
 from rope_twin.twin.monitors.settings import ERROR_INTERVAL
 from rope_twin.twin.twin import Twin
+from validation.case import Listener
 from validation.marked_page import MarkedPage
 
 VARIANTS, SEED, SECONDS = 40, 90417, 45.0
@@ -47,7 +48,6 @@ HEAD = (
     "variant of", "elements", "step ms", "standard deviation kN", "error N", "bound N",
     "bound / error", "covered %", "cost %", "unknown",
 )  # fmt: skip
-Listener = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.speed import Report
 from benchmarks.trial import Trial, find_reference
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.driven_twin import variant
 from rope_twin.studies.picture import check_picture, write_picture
+from validation.case import Listener, announced
 from validation.convergence import slope
 
 
@@ -26,6 +26,11 @@ class Sweep:
     nodes: tuple[int, ...]  # the last is the reference's; one alone: the step is refined
     steps_s: tuple[float, ...]  # likewise
     seconds: float  # simulated
+
+    def __str__(self) -> str:
+        """Return the scene, and what is refined."""
+        refined = "element length" if len(self.nodes) > 1 else "step"
+        return f"{self.scene}, refining its {refined}"
 
 
 ONE_SNAP_S = 12.0  # of snap_vertical and snap_2km: the first snap, at 6.6 s, and what follows it
@@ -72,19 +77,13 @@ class Curve:
         return f"{1e3 * self.held:g} ms"
 
 
-def measure_orders(sweeps: tuple[Sweep, ...], report: Report) -> tuple[Curve, ...]:
+def measure_orders(sweeps: tuple[Sweep, ...], listen: Listener) -> tuple[Curve, ...]:
     """Measure the curve of every sweep.
 
     Raises:
         RopeTwinError: a scene is not there, or a step of it is not finite.
     """
-    curves = []
-    for number, sweep in enumerate(sweeps):
-        refined = "element length" if len(sweep.nodes) > 1 else "step"
-        report(number, len(sweeps), f"{sweep.scene}, refining its {refined}")
-        curves.append(_curve(sweep))
-    report(len(sweeps), len(sweeps), "done")
-    return tuple(curves)
+    return tuple(_curve(sweep) for sweep in announced(sweeps, listen, str))
 
 
 def _curve(sweep: Sweep) -> Curve:

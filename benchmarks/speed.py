@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +14,8 @@ from benchmarks.trial import Errors, Reference, Trial, doubt, find_reference
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.driven_twin import variant
 from rope_twin.studies.page import Machine, this_machine
+from validation.case import Listener
 
-Report = Callable[[int, int, str], None]  # done, of how many, what comes next
 Case = tuple[str, int, float]  # scene, nodes, step [s]
 
 FIT_FROM = 100  # nodes; below, what a step costs besides its nodes shows
@@ -113,7 +112,7 @@ class Speed:
     exponents: dict[str, float]  # of the cost of a step over the nodes, by the step in seconds
 
 
-def measure_speed(plan: Plan, report: Report) -> Speed:
+def measure_speed(plan: Plan, report: Listener) -> Speed:
     """Run everything in the plan.
 
     Raises:

@@ -31,6 +31,7 @@ from rope_twin.vortex.decomposed_response import DecomposedResponse
 from rope_twin.vortex.modal_response import ModalResponse
 from rope_twin.vortex.power_in import decomposed, fine_enough
 from rope_twin.vortex.shedding import Shedding
+from validation.case import Listener, announced
 from validation.published_ropes import LCD_CABLE, LCD_RISER, PublishedRope, lcd_current
 from validation.state_bench import Bench, time_in_turns
 
@@ -47,7 +48,6 @@ FULL: tuple[Case, ...] = (
 )  # fmt: skip
 QUICK: tuple[Case, ...] = (("smooth_2km", 50, ("none", "wake_oscillator")),)
 SETTLE_S, PIECES, NODE_STEPS = 1.0, 20, 200_000  # node-steps of a piece
-Listener = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
@@ -71,10 +71,8 @@ def vortex_rows(cases: Sequence[Case], listen: Listener) -> Iterator[dict[str, A
         SolverError: a rope finds no rest, or a step is not finite.
     """
     runs = [(name, elements, model) for name, elements, models in cases for model in models]
-    for number, (name, elements, model) in enumerate(runs):
-        listen(number, len(runs), f"{name}, {elements} elements, {model}")
-        yield asdict(_measured(name, elements, model))
-    listen(len(runs), len(runs), "done")
+    for run in announced(runs, listen, lambda one: f"{one[0]}, {one[1]} elements, {one[2]}"):
+        yield asdict(_measured(*run))
 
 
 def vortex_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
@@ -149,12 +147,9 @@ def pace_rows(plan: PacePlan, listen: Listener) -> Iterator[dict[str, Any]]:
     Raises:
         SolverError: a step is not finite.
     """
-    names = (*plan.scenes, *plan.alone)
-    for number, name in enumerate(names):
-        listen(number, len(names), name)
+    for name in announced((*plan.scenes, *plan.alone), listen, str):
         rows = _alone if name in plan.alone else _of_scene
         yield from (asdict(row) for row in rows(name, plan.pieces))
-    listen(len(names), len(names), "done")
 
 
 def pace_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:

@@ -26,6 +26,8 @@ class Named(Protocol):
 
 
 C = TypeVar("C", bound=Named)
+T = TypeVar("T")
+Listener = Callable[[int, int, str], None]  # done, of how many, what comes next
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,14 @@ class Row:
         if self.refusal:
             return limited(self.refusal, nan, 0.0, "")
         return max(self.found.findings, key=lambda finding: finding.strain)
+
+
+def announced(items: Sequence[T], listen: Listener, words: Callable[[T], str]) -> Iterator[T]:
+    """Yield items; `listen` hears of each, as the number done, that of all, and its words."""
+    for number, item in enumerate(items):
+        listen(number, len(items), words(item))
+        yield item
+    listen(len(items), len(items), "done")
 
 
 def choose(command: str, cases: Sequence[C], ids: Sequence[str]) -> tuple[C, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.state import Floats
+from rope_twin.studies.page import page_table
 from rope_twin.studies.picture import Line, Panel, Vector
 from rope_twin.vortex.decomposed_response import PER_PERIOD, REMEMBERED, DecomposedResponse
 from rope_twin.vortex.integrators import Integrator, Matrices, Motion, bathe, newmark_step
@@ -205,7 +206,7 @@ def _variants(duration: float) -> str:
             spans = (_shear(0.54, ratio * WATER) for ratio, _ in RATIOS)
             means = [_respond(span, model, duration, way).mean for span in spans]
             cells.append(" ".join(f"{mean:.3f}" for mean in means))
-        rows.append(f"| {' | '.join(cells)} |")
+        rows.append(cells)
     return _table(rows)
 
 
@@ -221,19 +222,15 @@ def _balanced() -> str:
                 for (ratio, _), mode in zip(RATIOS, modes, strict=True)
             ]
             cells.append(" ".join(f"{mean:.3f}" for mean in means))
-        rows.append(f"| {' | '.join(cells)} |")
+        rows.append(cells)
     return _table(rows)
 
 
-def _table(rows: list[str]) -> str:
+def _table(rows: list[list[str]]) -> str:
     ratios = ", ".join(f"{ratio:g}" for ratio, _ in RATIOS)
     asked = (" ".join(f"{one:g}" for one in RMS[varying]) for varying in (False, True))
-    head = (
-        f"| tried, at mass ratios {ratios} | C_a 1 | C_a varying |",
-        "| --- | --- | --- |",
-        f"| published | {' | '.join(asked)} |",
-    )
-    return "\n".join((*head, *rows))
+    head = [f"tried, at mass ratios {ratios}", "C_a 1", "C_a varying"]
+    return page_table([head, ["published", *asked], *rows])
 
 
 def riser(duration: float = 40.0) -> Found:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.effects.wake_oscillator import SETS
+from rope_twin.studies.page import page_table
 from rope_twin.studies.picture import Vector
 
 SET, DRAG = SETS["qu_metrikine"], 1.2
@@ -94,18 +95,17 @@ def region(reading: Reading, pair: tuple[float, float], highest: float) -> Regio
 
 def table_of_readings() -> str:
     """Return both regions by each reading, as a table."""
-    lines = ["| tried | A 4, ε 0.05: V_r | ŷ_max | A 1, ε 0.1: V_r | ŷ_max |"]
-    lines += [
-        "| --- | --- | --- | --- | --- |",
-        "| asked for | 5.4 to 6.8 | 1.10 | 5.7 to 6.1 | 0.45 |",
+    rows = [
+        ["tried", "A 4, ε 0.05: V_r", "ŷ_max", "A 1, ε 0.1: V_r", "ŷ_max"],
+        ["asked for", "5.4 to 6.8", "1.10", "5.7 to 6.1", "0.45"],
     ]
     for reading in READINGS:
         cells = [reading.name]
         for pair in (SET.upright, SET.inclined):
             found = region(reading, pair, 1.3)
             cells += [_ends(found), "-" if found is None else f"{found.largest:.2f}"]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append(cells)
+    return page_table(rows)
 
 
 def _ends(found: Region | None) -> str:

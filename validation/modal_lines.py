@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.core.state import Floats
+from rope_twin.studies.page import page_table
 from rope_twin.studies.picture import Field, Line, Panel, Vector
 from rope_twin.vortex.modal_response import ModalResponse
 from rope_twin.vortex.shedding import TIE, Shedding, parts_below, share_out
@@ -90,7 +91,7 @@ def record(
 
 def _variants(rope: PublishedRope, duration: float) -> str:
     """Return the results of definitions that the paper leaves open."""
-    speed, words = lcd_current(NODES), []
+    speed, rows = lcd_current(NODES), [["tried", "mode", "frequency", "rms/d"]]
     wide, narrow = (4.0, 8.0), (5.0, 7.0)
     variants = (
         ("the same, and that mode alone is driven", Shedding(zones=_leading_alone)),
@@ -107,11 +108,9 @@ def _variants(rope: PublishedRope, duration: float) -> str:
     )
     for name, shedding in variants:
         run = record(rope, speed, shedding, duration)
-        words.append(
-            f"| {name} | {run.dominant} | {run.dominant_hz:.3g} Hz | {run.rms.max():.3f} |"
-        )
-    head = "| tried | mode | frequency | rms/d |\n| --- | --- | --- | --- |\n"
-    return f"{KEPT_MODES}\n\n{head}" + "\n".join(words)
+        hz, rms = f"{run.dominant_hz:.3g} Hz", f"{run.rms.max():.3f}"
+        rows.append([name, f"{run.dominant}", hz, rms])
+    return f"{KEPT_MODES}\n\n{page_table(rows)}"
 
 
 def nearest_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:

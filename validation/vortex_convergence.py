@@ -21,12 +21,12 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.studies.picture import Line, Panel, Vector
 from rope_twin.vortex.shedding import Shedding
 from validation import curved_pipe, modal_lines, wave_lines
+from validation.case import Listener, announced
 from validation.published_ropes import LCD_CABLE, lcd_current
 
 AMPLITUDE_PCT, FREQUENCY_PCT = 2.0, 0.5  # within which a setting counts as converged
 FLOOR_PCT = 1e-3  # in the picture
 Response = tuple[float, float]  # largest rms [D] and dominant frequency [Hz]
-Listener = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
@@ -161,8 +161,7 @@ def measure(sweeps: Sequence[Sweep], listen: Listener) -> Iterator[Convergence]:
         SolverError: a step is not finite.
     """
     known: dict[tuple[str, str, int, float], Response] = {}
-    for number, sweep in enumerate(sweeps):
-        listen(number, len(sweeps), f"{sweep.id} by {sweep.model}")
+    for sweep in announced(sweeps, listen, lambda one: f"{one.id} by {one.model}"):
         settings = [(n, h) for n in sweep.elements for h in sweep.steps_s]
         found = []
         for n, h in settings:
@@ -172,7 +171,6 @@ def measure(sweeps: Sequence[Sweep], listen: Listener) -> Iterator[Convergence]:
         refined = "step" if len(sweep.elements) == 1 else "element"
         points = [_point(sweep, *one, found[-1]) for one in zip(settings, found, strict=True)]
         yield Convergence(sweep.id, sweep.model, refined, tuple(points))
-    listen(len(sweeps), len(sweeps), "done")
 
 
 def _point(sweep: Sweep, setting: tuple[int, float], response: Response, finest: Response) -> Point:

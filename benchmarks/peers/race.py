@@ -16,7 +16,7 @@ slack in per cent of the mean.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any
@@ -40,6 +40,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant
 from rope_twin.studies.page import Machine, this_machine
+from validation.case import Listener, announced
 
 LIMIT_PCT = 1.0
 BEYOND, SHORTER, TRIES, TRIES_LONG = 1.2, 0.8, 7, 2
@@ -49,7 +50,6 @@ CARRIED = 2
 CRITICAL = -1.0
 REPEATS, LONG_S = 3, 4.0  # in turns; one run of a peer that takes longer
 FEW = ("Euler", "Midpoint4", "Midpoint5")  # the fastest of smooth_2km
-Report = Callable[[int, int, str], None]
 # A scheme of MoorDyn still runs at so many times the inverse of an element's frequency, critically
 # damped.
 REACH = {
@@ -218,7 +218,7 @@ class Found:
     error_pct: float
 
 
-def race(cases: Sequence[Case], report: Report) -> PeerRace:
+def race(cases: Sequence[Case], listen: Listener) -> PeerRace:
     """Search the settings of each peer and compare them.
 
     Raises:
@@ -227,8 +227,7 @@ def race(cases: Sequence[Case], report: Report) -> PeerRace:
     require_peers()
     machine, rows, carried = this_machine(), [], dict[str, list[Setting]]()
     refused: dict[str, str] = {}
-    for number, case in enumerate(cases):
-        report(number, len(cases), f"{case.scene}, {case.segments} segments")
+    for case in announced(cases, listen, lambda one: f"{one.scene}, {one.segments} segments"):
         ours = Ours(case)
         found = list(_search_moordyn(ours, carried.get(case.scene, [])))
         try:
@@ -237,7 +236,6 @@ def race(cases: Sequence[Case], report: Report) -> PeerRace:
             refused[case.scene] = str(refusal)
         carried[case.scene] = _fastest(found, ours.scene, case.segments)
         rows += [_row(ours, one) for one in sorted(found, key=_speed, reverse=True)]
-    report(len(cases), len(cases), "")
     return PeerRace(machine, dict(PEERS), LIMIT_PCT, tuple(rows), refused)
 
 

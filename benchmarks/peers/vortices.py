@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -33,6 +33,7 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant
+from validation.case import Listener, announced
 from validation.state_bench import Bench
 
 PEER, COMMAND = "moordyn", "bench vortices"
@@ -42,7 +43,6 @@ CALL_S = 0.02  # that a code is asked for at once; the hang-off is at rest
 LIFT = 0.8  # Cl of MoorDyn's own example
 CRITICAL = -1.0
 SCHEMES = (("Euler", 3), ("RK2", 3), ("RK4", 2), ("Midpoint4", 1), ("Midpoint5", 1))
-Listener = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,8 @@ def race_vortices(plan: Plan, listen: Listener) -> Iterator[dict[str, Any]]:
     require_peers((PEER,), COMMAND)
     scene = load_scene(SCENE)
     given = pipe_figures(scene)
-    for number, (scheme, parts) in enumerate(plan.schemes):
-        listen(number, len(plan.schemes), f"{SCENE}, MoorDyn by {scheme}")
-        yield asdict(_raced(plan, scene, given, (scheme, parts)))
-    listen(len(plan.schemes), len(plan.schemes), "done")
+    for how in announced(plan.schemes, listen, lambda one: f"{SCENE}, MoorDyn by {one[0]}"):
+        yield asdict(_raced(plan, scene, given, how))
 
 
 def race_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
