@@ -131,11 +131,8 @@ def _vortex_words(scene: Scene) -> str:
     """
     from rope_twin.scene.model.lift import lift_figures
     from rope_twin.scene.validation.rigging import is_joined
-    from rope_twin.scene.validation.vortices import (
-        check_vortex_resolution,
-        shedding_model,
-        vortex_words,
-    )
+    from rope_twin.scene.validation.vortices import shedding_model
+    from rope_twin.scene.warnings.vortices import check_vortex_resolution, vortex_words
 
     if not shedding_model(scene) or is_joined(scene):
         return ""

@@ -17,8 +17,8 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.vortices import expected_pace, vortex_words
 from rope_twin.scene.warnings.rope import sense_checks
+from rope_twin.scene.warnings.vortices import expected_pace, vortex_words
 from rope_twin.twin.accuracy.level import levels_of
 from validation.rigs import Rig
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from math import asin, ceil, degrees, floor, hypot, inf, pi, sqrt
 
+from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
@@ -24,12 +25,8 @@ from rope_twin.scene.model.lift import (
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes import Box
 from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import (
-    check_vortex_inputs,
-    check_vortex_resolution,
-    model_beside,
-    shedding_model,
-)
+from rope_twin.scene.validation.vortices import model_beside, shedding_model
+from rope_twin.scene.warnings.vortices import check_vortex_inputs, check_vortex_resolution
 from rope_twin.scene.warnings.water import (
     check_current,
     check_environment,
@@ -339,7 +336,7 @@ def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 
 def _bending(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    bending = listed_effects(scene).get("bending")
+    bending = scene.listed(BendingParams)
     if scene.winch and bending and bending.clamped_along is not None:
         what = "rope from a winch is clamped in one direction (transients where elements split)"
         yield phrase("effects bending.clamped_along", what, "remove it, or the winch")

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from math import dist, hypot, pi, radians, tanh
 
+from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import phrase
-from rope_twin.scene.model.lift import LiftFigures, listed_effects
+from rope_twin.scene.model.lift import LiftFigures
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.environment import bed_at, beside, spectrum_of
 from rope_twin.scene.validation.rigging import places, winches_by_name
@@ -74,8 +75,8 @@ def _depth_orders(scene: Scene) -> Iterator[str]:
 
 
 def _steepness(scene: Scene) -> Iterator[str]:
-    waves = listed_effects(scene).get("waves")
-    if not isinstance(waves, WavesParams) or waves.regular is None:
+    waves = scene.listed(WavesParams)
+    if waves is None or waves.regular is None:
         return
     height, period = waves.regular.height_m, waves.regular.period_s
     deep = scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
@@ -90,19 +91,19 @@ def _steepness(scene: Scene) -> Iterator[str]:
 
 
 def _sea_steepness(scene: Scene) -> Iterator[str]:
-    waves, gravity = listed_effects(scene).get("waves"), scene.environment.gravity_m_per_s2
-    spectrum = spectrum_of(waves) if isinstance(waves, WavesParams) else None
-    if spectrum is None or not isinstance(waves, WavesParams):
+    waves = scene.listed(WavesParams)
+    spectrum = None if waves is None else spectrum_of(waves)
+    if waves is None or spectrum is None:
         return
     where = f"effects waves.{'measured' if waves.jonswap is None else 'jonswap'}"
-    if warning := steepness_warning(where, spectrum, gravity):
+    if warning := steepness_warning(where, spectrum, scene.environment.gravity_m_per_s2):
         yield warning
 
 
 def _another_sea(scene: Scene) -> Iterator[str]:
     """Check for waves that act on the rope but not on the ship."""
-    waves, sea = listed_effects(scene).get("waves"), scene.sea_state
-    if not isinstance(waves, WavesParams) or sea.on_waves is not None:
+    waves, sea = scene.listed(WavesParams), scene.sea_state
+    if waves is None or sea.on_waves is not None:
         return
     right = "move it by these waves: `sea_state: {on_waves: {}}`"
     if not sea.moves:
@@ -115,8 +116,8 @@ def _another_sea(scene: Scene) -> Iterator[str]:
 
 def _reach_of_responses(scene: Scene) -> Iterator[str]:
     """Check for waves beyond an RAO table, where they make a difference."""
-    waves, riding = listed_effects(scene).get("waves"), scene.sea_state.on_waves
-    if riding is None or not riding.responses or not isinstance(waves, WavesParams):
+    waves, riding = scene.listed(WavesParams), scene.sea_state.on_waves
+    if riding is None or not riding.responses or waves is None:
         return
     sea = components_of(waves, scene.environment.gravity_m_per_s2)
     table = read_responses(beside(scene, riding.responses))
@@ -144,8 +145,8 @@ def _reach_of_responses(scene: Scene) -> Iterator[str]:
 
 def _depth_of_waves(scene: Scene) -> Iterator[str]:
     """Check the waves' own depth against the seabed."""
-    waves, bed = listed_effects(scene).get("waves"), scene.listed(SeabedParams)
-    if not isinstance(waves, WavesParams) or bed is None:
+    waves, bed = scene.listed(WavesParams), scene.listed(SeabedParams)
+    if waves is None or bed is None:
         return
     depth = -bed_at(bed, *scene.ship.hang_off_m[:2])
     if waves.depth_m is not None:
@@ -194,7 +195,7 @@ def strong_current(
 
 def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check speed, and a profile that does not extend from the hang-off to the rope's end."""
-    current = listed_effects(scene).get("current")
+    current = scene.listed(CurrentParams)
     if current is None:
         return
     factor = max((abs(factor) for _, factor in current.over_time), default=1.0)

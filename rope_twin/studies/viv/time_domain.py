@@ -34,7 +34,8 @@ from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import refuse_joined
-from rope_twin.scene.validation.vortices import expected_pace, shedding_model
+from rope_twin.scene.validation.vortices import shedding_model
+from rope_twin.scene.warnings.vortices import expected_pace
 from rope_twin.studies.driven_twin import Motion, Speeds, still, with_effect
 from rope_twin.studies.viv.frequency_domain import YEAR_S
 from rope_twin.studies.viv.samplers import PLACES, Sample, advance_by, resampled, sampler_of
