@@ -62,10 +62,11 @@ def run(args: argparse.Namespace) -> int:
     check_parquet()
     check_picture(out / PICTURE)
     if study.fatigue is not None:
-        bending = scene.listed(BendingParams)
-        EI = bending.stiffness_n_m2 if bending is not None else 0.0
-        if words := wire_curve_warning(scene.ropes[0], study.fatigue.curve, EI):
-            print(words, file=sys.stderr)
+        for line in scene.ropes:
+            bending = line.bending or scene.listed(BendingParams)
+            EI = bending.stiffness_n_m2 if bending is not None else 0.0
+            if words := wire_curve_warning(line, study.fatigue.curve, EI):
+                print(words, file=sys.stderr)
     progress, began, before = FigureProgress(), time.monotonic(), [-1]
 
     def report(done: int, total: int) -> None:

@@ -56,14 +56,16 @@ Motion = Callable[[float], tuple[float, float]]  # time [s] to value and rate
 Speeds = Sequence[tuple[float, float]]  # at [s], winch speed from then on [m/s]
 
 
-def fed(twin: Twin, seconds: float) -> Iterator[Snapshot]:
-    """Step a twin with its scene's sea and winch; a snapshot after each publish period.
+def feed(twin: Twin, seconds: float, every: int = 0) -> Iterator[None]:
+    """Step a twin with its scene's sea and winches; yield after each `every` steps.
+
+    every: 0 for those of a publish period.
 
     Raises:
         SolverError: a step that is not finite.
     """
     sea, named = open_sea(twin.scene), winches_by_name(twin.scene)
-    steps, offered_ns = steps_in_slot(twin.step_s), FIRST_NS
+    steps, offered_ns = every or steps_in_slot(twin.step_s), FIRST_NS
     while twin.time_ns < round(seconds * 1e9):
         until_ns = twin.time_ns + steps * twin.step_ns + LEAD_NS
         for heave in sea.between(offered_ns, until_ns) if sea else ():
@@ -73,6 +75,16 @@ def fed(twin: Twin, seconds: float) -> Iterator[Snapshot]:
                 twin.offer_command(command.stamp_ns, command.command, name)
         offered_ns = until_ns
         twin.advance(steps)
+        yield
+
+
+def fed(twin: Twin, seconds: float) -> Iterator[Snapshot]:
+    """Step a twin with its scene's sea and winches; a snapshot after each publish period.
+
+    Raises:
+        SolverError: a step that is not finite.
+    """
+    for _ in feed(twin, seconds):
         yield twin.snapshot()
 
 

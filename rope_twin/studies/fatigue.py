@@ -15,9 +15,11 @@ import rainflow
 from numpy.typing import NDArray
 
 from rope_twin.scene.model.grid import ends_m
-from rope_twin.scene.schema import RopeLine
+from rope_twin.scene.schema import RopeLine, Scene
+from rope_twin.scene.validation.rigging import winch_of
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.vortex.fatigue import (
+    CURVES,
     Curve,
     Cycles,
     StressCurve,
@@ -102,15 +104,26 @@ class RopeFatigue:
         self._turns: list[list[Vector]] = [[np.zeros(0)] for _ in range(pieces)]
 
     def take(self, seen: Snapshot) -> None:
-        """Take a sample; sample often enough to resolve the peaks of the tension."""
+        """Take a sample of the first rope; sample often enough to resolve the peaks."""
         from_lower = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
-        tension = seen.element_tension_n[::-1]
+        ends_n = seen.tension_payload_n, seen.tension_top_n
+        self.take_tensions(from_lower, seen.element_tension_n[::-1], ends_n)
+
+    def take_tensions(
+        self, from_lower: Vector, tension: Vector, ends_n: tuple[float, float]
+    ) -> None:
+        """Take a sample of a rope from its lower end up.
+
+        from_lower: material coordinates of its nodes [m], (nodes,); tension: of its elements [N],
+        (elements,); ends_n: at its lower and upper end [N].
+        """
+        lower_n, upper_n = ends_n
         places = np.concatenate(([0.0], 0.5 * (from_lower[1:] + from_lower[:-1]), from_lower[-1:]))
-        values = np.concatenate(([seen.tension_payload_n], tension, [seen.tension_top_n]))
+        values = np.concatenate(([lower_n], tension, [upper_n]))
         aboard = self._middles > from_lower[-1]
         if self._aboard is not None and self._over_sheave_n.any():
             passed = aboard != self._aboard
-            straight = np.where(passed, seen.tension_top_n, np.nan)
+            straight = np.where(passed, upper_n, np.nan)
             for load in (straight, straight + self._over_sheave_n, straight):
                 if passed.any():
                     self._keep(load)
@@ -145,3 +158,16 @@ class RopeFatigue:
             cycles=np.array([cycles.count.sum() for cycles in counted]),
             largest_range_n=np.array([max(cycles.range, default=0.0) for cycles in counted]),
         )
+
+
+def fatigue_of(scene: Scene, line: RopeLine, curve: str, piece_m: float) -> RopeFatigue:
+    """Return the count of a scene's rope, with the passages over its winch's sheave.
+
+    Raises:
+        InputError: the curve is one of stress, and a part of the rope is not all of steel.
+    """
+    winch = winch_of(scene, line)
+    most = winch.most_line_out_m if winch else line.length_m
+    sheave = winch.sheave if winch else None
+    bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
+    return RopeFatigue(line, most, piece_m, CURVES[curve], bent_pa)

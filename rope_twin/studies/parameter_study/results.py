@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from rope_twin.studies.ensemble import QUANTILES
 from rope_twin.studies.parameter_study.design import Study, Variable
-from rope_twin.studies.parameter_study.run import Row
+from rope_twin.studies.parameter_study.multi_line import Row
 from rope_twin.studies.picture import check_picture, write_picture
 
 FIGURES = (  # column of the rows, words, scale
@@ -45,10 +46,12 @@ def study_lines(study: Study, rows: Sequence[Row]) -> Iterator[str]:
         return
     yield ""
     heads = ["least", *(f"{100 * part:g} %" for part in QUANTILES[1:-1]), "largest"]
-    yield " " * 34 + "".join(f"{head:>10}" for head in heads)
-    for column, words, scale in _known(good):
+    known = [*_known(good), *_by_rope(good)]
+    width = max(len(words) for _, words, _ in known)
+    yield " " * width + "".join(f"{head:>10}" for head in heads)
+    for column, words, scale in known:
         numbers = np.quantile([scale * row[column] for row in good], QUANTILES)
-        yield f"{words:34}" + "".join(f"{number:10.4g}" for number in numbers)
+        yield f"{words:{width}}" + "".join(f"{number:10.4g}" for number in numbers)
     for variable in study.vary:
         yield ""
         yield from _effect_of(variable, good)
@@ -56,6 +59,13 @@ def study_lines(study: Study, rows: Sequence[Row]) -> Iterator[str]:
 
 def _known(rows: Sequence[Row]) -> list[tuple[str, str, float]]:
     return [figure for figure in FIGURES if figure[0] in rows[0]]
+
+
+def _by_rope(rows: Sequence[Row]) -> list[tuple[str, str, float]]:
+    """Return the highest tension of each rope of a multi-line scene."""
+    end = ".tension_max_n"
+    names = (column.removesuffix(end) for column in rows[0] if column.endswith(end))
+    return [(name + end, f"highest tension of {name} [kN]", 1e-3) for name in names]
 
 
 def _effect_of(variable: Variable, rows: Sequence[Row]) -> Iterator[str]:
@@ -105,10 +115,11 @@ def _ranks(variable: Variable, rows: Sequence[Row]) -> str:
 ACROSS = 4  # panels beside each other
 PANELS_MOST = 32
 HIGH, LOW = "#d55e00", "#0072b2"
+DAMAGE = re.compile(r"(.*\.)?damage")  # columns of damage along a rope
 
 
 def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
-    """Draw a panel for each variable, and one for the damage along the rope if it was counted.
+    """Draw a panel for each variable, and one for the damage along each rope if it was counted.
 
     Raises:
         InputError: it cannot be drawn or written.
@@ -118,16 +129,16 @@ def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
 
     good = whole_runs(rows)
     shown = study.vary[:PANELS_MOST]
-    damaged = bool(good) and "damage" in good[0]
-    panels = len(shown) + damaged
+    damaged = [column for column in (good[0] if good else ()) if DAMAGE.fullmatch(column)]
+    panels = len(shown) + len(damaged)
     across = min(ACROSS, panels)
     down = math.ceil(panels / across)
     figure = Figure(figsize=(4.0 * across, 3.2 * down + 0.5), layout="constrained")
     axes: list[Any] = figure.subplots(down, across, squeeze=False).ravel().tolist()
     for own, variable in zip(axes, shown, strict=False):
         _draw(own, variable, good)
-    if damaged:
-        _draw_damage(axes[len(shown)], good)
+    for own, column in zip(axes[len(shown) :], damaged, strict=False):
+        _draw_damage(own, good, column)
     for own in axes[panels:]:
         own.set_axis_off()
     axes[0].set_ylabel("top tension [kN]")
@@ -152,13 +163,14 @@ def _draw(axes: Any, variable: Variable, rows: Sequence[Row]) -> None:
     axes.grid(True, linewidth=0.3)
 
 
-def _draw_damage(axes: Any, rows: Sequence[Row]) -> None:
-    """Draw range and median of the damage over the runs, from the lower end up."""
-    length = min(len(row["damage"]) for row in rows)
-    damage = np.array([row["damage"][:length] for row in rows])
-    place = rows[0]["damage_from_lower_end_m"][:length]
+def _draw_damage(axes: Any, rows: Sequence[Row], column: str) -> None:
+    """Draw range and median of a rope's damage over the runs, from the lower end up."""
+    length = min(len(row[column]) for row in rows)
+    damage = np.array([row[column][:length] for row in rows])
+    place = rows[0][f"{column}_from_lower_end_m"][:length]
     axes.fill_betweenx(place, damage.min(axis=0), damage.max(axis=0), color=HIGH, alpha=0.3)
     axes.plot(np.median(damage, axis=0), place, color=HIGH)
-    axes.set_xlabel("damage of a run")
+    name = column.rpartition(".")[0]
+    axes.set_xlabel(f"damage of {name} in a run" if name else "damage of a run")
     axes.set_ylabel("from the lower end [m]")
     axes.grid(True, linewidth=0.3)

@@ -20,9 +20,9 @@ from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.card import KnownError, known_error, solver_version
 from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import refuse_joined
+from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.studies.ensemble import AFTER_NS, Seas
-from rope_twin.studies.fatigue import RopeFatigue
+from rope_twin.studies.fatigue import RopeFatigue, fatigue_of
 from rope_twin.studies.parameter_study.design import (
     FatigueWish,
     Made,
@@ -31,15 +31,14 @@ from rope_twin.studies.parameter_study.design import (
     design_runs,
     made_of,
 )
+from rope_twin.studies.parameter_study.multi_line import Row, check_system, known, run_system
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation, cores, whole_steps
-from rope_twin.vortex.fatigue import CURVES
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     import pyarrow
 
 
-Row = dict[str, Any]
 CHANGED = "; the convergence study is of the scene before its numbers were varied"
 
 
@@ -82,23 +81,37 @@ def run_batch(batch: Batch) -> list[Row]:
         RopeTwinError: the sea is not there or too short, or the curve does not fit the rope.
     """
     began = time.perf_counter()
+    results = list(_systems(batch) if is_joined(batch.scene) else _ensemble(batch))
+    error = known_error(batch.scene)
+    took_s = (time.perf_counter() - began) / len(batch.runs)
+    return [
+        {
+            "run": run.number,
+            **dict(zip(batch.columns, run.values, strict=True)),
+            **found,
+            **_card(error, bool(made.changes)),
+            "took_s": took_s,
+        }
+        for run, made, found in zip(batch.runs, batch.made, results, strict=True)
+    ]
+
+
+def _systems(batch: Batch) -> Iterator[Row]:
+    """Yield the results of each run of a multi-line scene."""
+    list(_variations(batch))  # rejects a sea that does not reach
+    for made in batch.made:
+        yield run_system(batch.scene, made, batch.seconds, batch.look_s, batch.fatigue)
+
+
+def _ensemble(batch: Batch) -> Iterator[Row]:
+    """Yield the results of each run of a single-line scene, all stepped together."""
     ensemble = Ensemble(batch.scene, list(_variations(batch)), batch.look_s, threads=1)
     followed = _follow(batch, ensemble)
-    known = known_error(batch.scene)
-    took_s = (time.perf_counter() - began) / len(batch.runs)
-    rows = []
-    for number, run in enumerate(batch.runs):
-        rows.append(
-            {
-                "run": run.number,
-                **dict(zip(batch.columns, run.values, strict=True)),
-                **_figures(ensemble, number, batch.seconds),
-                **_card(known, bool(batch.made[number].changes)),
-                **(_damage(followed[number]) if followed else {}),
-                "took_s": took_s,
-            }
-        )
-    return rows
+    for number in range(len(batch.runs)):
+        yield {
+            **_figures(ensemble, number),
+            **(_damage(followed[number]) if followed else {}),
+        }
 
 
 def _variations(batch: Batch) -> Iterator[Variation]:
@@ -121,7 +134,8 @@ def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeFatigue]:
             ensemble.advance(some * step_s)
             left -= some
         return []
-    counts = [_fatigue(ensemble.scene_of(number), wish) for number in range(len(ensemble))]
+    scenes = [ensemble.scene_of(number) for number in range(len(ensemble))]
+    counts = [fatigue_of(own, own.ropes[0], wish.curve, wish.piece_m) for own in scenes]
     for _ in range(round(batch.seconds / wish.sample_s)):
         ensemble.advance(wish.sample_s)
         going = (k for k, one in enumerate(ensemble.figures()) if not one.failure)
@@ -130,21 +144,10 @@ def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeFatigue]:
     return counts
 
 
-def _fatigue(scene: Scene, wish: FatigueWish) -> RopeFatigue:
-    line = scene.ropes[0]
-    most = scene.winch.most_line_out_m if scene.winch else line.length_m
-    sheave = scene.winch.sheave if scene.winch else None
-    bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
-    return RopeFatigue(line, most, wish.piece_m, CURVES[wish.curve], bent_pa)
-
-
-def _figures(ensemble: Ensemble, number: int, seconds: float) -> Row:
+def _figures(ensemble: Ensemble, number: int) -> Row:
     scene, figures = ensemble.scene_of(number), ensemble.figures()[number]
     least = min(bar.rope.breaking_load_n for bar in lift_figures(scene).bars)
-    told = {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in asdict(figures).items()
-    }
+    told = {key: known(value) for key, value in asdict(figures).items()}
     most = told["tension_top_max_n"]
     share = None if most is None else most / least
     whole = {"seconds": figures.steps * scene.time.step_s, "elements": scene.ropes[0].elements,
@@ -173,8 +176,8 @@ def _damage(counted: RopeFatigue) -> Row:
 
 WHOLE, MARK, LOCK = "runs.parquet", "study.json", "lock"
 _NUMBERS = ("run", "steps", "unconverged_substeps", "elements")
-_WORDS = ("card_error_words", "failure")
-_LISTS = ("damage", "damage_from_lower_end_m")
+_WORDS = ("card_error_words", "damage_worst_rope", "failure")
+_LISTS = ("damage", "damage_from_lower_end_m")  # after the name of a rope in multi-line scenes
 
 
 def check_parquet() -> None:
@@ -284,7 +287,8 @@ class StudyFolder:
                 return pyarrow.int64()
             if name in _WORDS or name in words:
                 return pyarrow.string()
-            return pyarrow.list_(pyarrow.float64()) if name in _LISTS else pyarrow.float64()
+            listed = name.rpartition(".")[2] in _LISTS
+            return pyarrow.list_(pyarrow.float64()) if listed else pyarrow.float64()
 
         return pyarrow.schema([(name, kind(name)) for name in row])
 
@@ -316,19 +320,22 @@ def run_parameter_study(
         into: folder of the rows.
         report: called at the start and whenever a batch is done.
         scheduler: address of a Dask scheduler; empty: the cores of this machine.
-        at_once: runs in a batch; LANES of them step in one core's vectors.
+        at_once: runs in a batch; LANES of them step in one core's vectors. A run of a multi-line
+            scene is a batch by itself.
 
     Raises:
         RopeTwinError: one sentence; rows that were finished stay.
     """
-    refuse_joined(scene)
+    check_system(study, scene)
     runs = [(run, made_of(study, scene, run)) for run in design_runs(study)]
     _check_times(study, {made.scene.time.step_s for _, made in runs})
     with StudyFolder(into, study, study_stamp(study, scene)) as folder:
         done = folder.done()
         report(len(done), len(runs))
         batches = cut_into_batches(
-            study, [(run, made) for run, made in runs if run.number not in done], at_once
+            study,
+            [(run, made) for run, made in runs if run.number not in done],
+            1 if is_joined(scene) else at_once,
         )
         results = _on_cluster(batches, scheduler) if scheduler else _on_cores(batches)
         count = len(done)

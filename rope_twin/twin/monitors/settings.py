@@ -19,6 +19,7 @@ class Monitors:
     energy: bool = False
     error_interval: bool = False
     vortex: MonitorSettings | None = None  # vibration and fatigue
+    slack_steps: int = 0  # between checks for slack; 0: tensions are not monitored
 
 
 NO_MONITORS = Monitors()
@@ -41,6 +42,10 @@ def new_monitors(scene: Scene, asked: Monitors) -> tuple[Monitor, ...]:
         from rope_twin.twin.monitors.energy import EnergyMonitor
 
         monitors.append(EnergyMonitor())
+    if asked.slack_steps:
+        from rope_twin.twin.monitors.tension import TensionMonitor
+
+        monitors.append(TensionMonitor(asked.slack_steps))
     if asked.vortex:
         from rope_twin.twin.monitors.vortex import VortexMonitor
 
