@@ -13,7 +13,7 @@ from typing import Any
 from benchmarks.effect_speed import TOGETHER_NAME, EffectSpeed, all_names
 from benchmarks.paired import Ratio
 from rope_twin.studies.page import page_table, this_machine
-from validation.marked_page import MarkedPage, read_stored, store
+from validation.marked_page import MarkedPage, read_stored, write_json
 
 PAGE, STORED = "effects.md", "effects.json"
 MARKED = MarkedPage(
@@ -74,7 +74,7 @@ def keep_rows(rows: Sequence[EffectSpeed], folder: Path) -> Path:
     found = {row.effect: row for row in (*read_rows(folder), *rows)}
     kept = [found[name] for name in (*all_names(), TOGETHER_NAME) if name in found]
     page = MARKED.write(folder, as_section(kept, this_machine().as_text()))
-    store(folder / STORED, [as_json(row) for row in kept])
+    write_json(folder / STORED, {"rows": [as_json(row) for row in kept]})
     return page
 
 

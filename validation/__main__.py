@@ -22,10 +22,10 @@ from validation import registry, vortex_convergence
 from validation.case import Finding, Row, choose, run_each
 from validation.page import (
     CONVERGENCE_PICTURE,
+    MARKED,
     PAGE,
     PICTURES,
     as_json,
-    check_page,
     draw_case,
     flat_rows,
     keep_convergence,
@@ -91,7 +91,7 @@ def _validate(args: argparse.Namespace) -> int:
     chosen = choose(PROGRAM, registry.CASES, args.ids)
     if args.into is not None:
         check_picture(args.into / PICTURES / "case.png")
-        check_page(args.into)
+        MARKED.around(args.into)
     rows = []
     for row in run_each(chosen):
         rows.append(row)
@@ -119,7 +119,7 @@ def _converge(args: argparse.Namespace) -> int:
     sweeps = choose(f"{PROGRAM} --convergence", vortex_convergence.SWEEPS, args.ids)
     if args.into is not None:
         check_picture(args.into / PICTURES / CONVERGENCE_PICTURE)
-        check_page(args.into)
+        MARKED.around(args.into)
     rows = list(vortex_convergence.measure(sweeps, CaseProgress().show))
     stored = vortex_convergence.as_json(rows)
     if args.json:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -45,8 +45,28 @@ class MarkedPage(NamedTuple):
         return path
 
 
+def read_json(path: Path) -> Any:
+    """Return the data in a file of results; None if there is no file.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        return json.loads(path.read_text("utf-8")) if path.exists() else None
+    except ValueError as error:
+        what = f"it is no result ({error})"
+        raise InputError(phrase(str(path), what, "delete it and run it again")) from error
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write a file of results; its folder is created."""
+    path.parent.mkdir(exist_ok=True)
+    text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
 def read_stored(path: Path, as_row: Callable[[dict[str, Any]], Row], command: str) -> list[Row]:
-    """Return the rows in a file; none if there is no file.
+    """Return the `rows` in a file; none if there is no file.
 
     Raises:
         InputError: the file cannot be read; `command` creates a new one.
@@ -58,9 +78,3 @@ def read_stored(path: Path, as_row: Callable[[dict[str, Any]], Row], command: st
     except (ValueError, KeyError, TypeError) as error:
         right = f"delete it and run `{command}` again"
         raise InputError(phrase(str(path), f"it holds no rows ({error})", right)) from error
-
-
-def store(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """Put rows into a file that `read_stored` reads."""
-    text = json.dumps({"rows": list(rows)}, indent=1, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")

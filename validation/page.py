@@ -5,17 +5,15 @@ A run of some cases replaces their results and keeps the others': cases take min
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import InputError, phrase
 from rope_twin.studies.page import page_table
 from rope_twin.studies.picture import draw_panels
 from validation import vortex_convergence
 from validation.case import Finding, Row
-from validation.marked_page import MarkedPage
+from validation.marked_page import MarkedPage, read_json, write_json
 from validation.registry import CASES, order_of_ids
 
 RESULTS, PAGE, PICTURES = "validation", "validation.md", "images"
@@ -106,10 +104,8 @@ def keep_results(rows: Iterable[Row], folder: Path) -> list[dict[str, Any]]:
     Raises:
         InputError: what the folder holds cannot be read.
     """
-    (folder / RESULTS).mkdir(exist_ok=True)
     for row in rows:
-        text = json.dumps(as_json(row), indent=1, ensure_ascii=False, allow_nan=False)
-        _path(folder, row.case.id).write_text(text + "\n", encoding="utf-8")
+        write_json(_path(folder, row.case.id), as_json(row))
     return read_results(folder)
 
 
@@ -119,27 +115,12 @@ def read_results(folder: Path) -> list[dict[str, Any]]:
     Raises:
         InputError: one of them cannot be read.
     """
-    results = []
-    for path in (_path(folder, case.id) for case in CASES):
-        try:
-            results += [json.loads(path.read_text("utf-8"))] if path.exists() else []
-        except ValueError as error:
-            what = f"it is no result ({error})"
-            raise InputError(phrase(str(path), what, "delete it and run the case")) from error
-    return results
+    found = (read_json(_path(folder, case.id)) for case in CASES)
+    return [result for result in found if result is not None]
 
 
 def _path(folder: Path, case: str) -> Path:
     return folder / RESULTS / f"{case}.json"
-
-
-def check_page(folder: Path) -> None:
-    """Check, before any computation, that there is a page to write into.
-
-    Raises:
-        InputError: there is none, or it has no marks.
-    """
-    MARKED.around(folder)
 
 
 def write_page(results: list[dict[str, Any]], folder: Path) -> Path:
@@ -148,7 +129,7 @@ def write_page(results: list[dict[str, Any]], folder: Path) -> Path:
     Raises:
         InputError: there is no such page, or it has no marks.
     """
-    refined = vortex_convergence.read_stored(folder / RESULTS / CONVERGENCE)
+    refined = read_json(folder / RESULTS / CONVERGENCE) or []
     return MARKED.write(folder, "\n".join([*_body(results), *_refined(refined)]))
 
 
@@ -176,13 +157,11 @@ def keep_convergence(rows: Sequence[vortex_convergence.Convergence], folder: Pat
     """
     path = folder / RESULTS / CONVERGENCE
     new = {row.case for row in rows}
-    kept = [row for row in vortex_convergence.read_stored(path) if row["case"] not in new]
+    kept = [row for row in read_json(path) or [] if row["case"] not in new]
     found = sorted(
         kept + vortex_convergence.as_json(rows), key=lambda row: order_of_ids(row["case"])
     )
-    path.parent.mkdir(exist_ok=True)
-    text = json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    write_json(path, found)
 
 
 def _refined(rows: Sequence[dict[str, Any]]) -> Iterable[str]:

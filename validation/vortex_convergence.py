@@ -7,17 +7,14 @@ limits.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from math import pi, sqrt
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rope_twin.effects.travelling_waves import TravellingWavesParams
-from rope_twin.errors import InputError, phrase
 from rope_twin.studies.picture import Line, Panel, Vector
 from rope_twin.vortex.shedding import Shedding
 from validation import curved_pipe, modal_lines, wave_lines
@@ -219,17 +216,3 @@ def table(stored: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
                  f"{p['frequency_off_pct']:+.3f}")
             )  # fmt: skip
     return cells
-
-
-def read_stored(path: Path) -> list[dict[str, Any]]:
-    """Return the results of an earlier run; nothing if there are none.
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    try:
-        found: list[dict[str, Any]] = json.loads(path.read_text("utf-8")) if path.exists() else []
-    except ValueError as error:
-        what = f"it is no result ({error})"
-        raise InputError(phrase(str(path), what, "delete it and run it again")) from error
-    return found

@@ -14,6 +14,7 @@ from rope_twin.errors import InputError
 from validation import vortex_convergence as study
 from validation.__main__ import main
 from validation.case import choose
+from validation.marked_page import read_json
 from validation.page import CONVERGENCE, RESULTS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -80,7 +81,7 @@ def test_the_command_runs_a_sweep(
 
 def test_the_page_tells_where_both_cases_are_converged() -> None:
     """docs/validation.md has each sweep's words."""
-    stored = study.read_stored(DOCS / RESULTS / CONVERGENCE)
+    stored = read_json(DOCS / RESULTS / CONVERGENCE)
     assert {(row["case"], row["refined"]) for row in stored} == {
         (case, refined) for case in ("Q1", "L2") for refined in ("element", "step")
     }
