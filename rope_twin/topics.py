@@ -117,10 +117,10 @@ TOPICS: tuple[Topic, ...] = (
           "name; x, y, z [m]; radius_m; line_out_m down to it; smallest_radius_m since the start; "
           "minimum_radius_m (MBR), NaN if none is given", only_with="bends"),
     Topic("ropes/vibration", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
-          "VIV response along the rope, from the hang-off down: x, y, z [m] of each node, "
-          "cross_flow [A/D], cross_flow_hz, in_line and in_line_hz where the model has them, and "
-          "drag_amplification (1: none); if enabled, or with a VIV model outside the time step; "
-          "32-bit", only_with="vibration"),
+          "VIV response, rope by rope, from the upper end down: x, y, z [m] of each node, "
+          "cross_flow [A/D], cross_flow_hz, in_line and in_line_hz where the model has them, "
+          "drag_amplification (1: none), and rope (its number, from 0); if enabled, or with a VIV "
+          "model outside the time step; 32-bit", only_with="vibration"),
     Topic("ropes/fatigue", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "simulation",
           "accumulated fatigue damage (Miner) per metre of rope, from the lower end up: "
           "from_lower_end_m, from_hang_off_m (negative: aboard), damage; if enabled",

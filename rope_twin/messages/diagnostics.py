@@ -448,10 +448,15 @@ def _vibration(snapshot: Snapshot, shaking: RopeVibration) -> Status:
         f"maximum cross-flow A/D {shaking.cross_flow[at]:.2f} at "
         f"{shaking.cross_flow_hz[at]:.2f} Hz, {snapshot.arc_length_m[at]:.0f} m below the hang-off"
     )
-    name = "simulation: vibration"
-    if shaking.note:
-        return Status(name, Level.WARN, f"{message}; {shaking.note}", values)
-    return Status(name, Level.OK, message, values)
+    notes = [shaking.note]
+    for rope in snapshot.ropes[1:]:
+        own = rope.vibration
+        if own is not None:
+            most, hz = own.cross_flow[own.worst], own.cross_flow_hz[own.worst]
+            values[f"maximum cross-flow A/D of '{rope.name}'"] = f"{most:.3g} at {hz:.3g} Hz"
+            notes.append(f"'{rope.name}': {own.note}" if own.note else "")
+    name, level = "simulation: vibration", Level.WARN if any(notes) else Level.OK
+    return Status(name, level, "; ".join(filter(None, (message, *notes))), values)
 
 
 def _fatigue(wear: MaterialFatigue) -> Status:

@@ -212,13 +212,19 @@ class Encoder:
         return self._table("ropes/bend_radius", snapshot, templates.columns(names), rows)
 
     def _vibration(self, snapshot: Snapshot) -> bytes:
-        """Return x, y, z of each node, with amplitude, frequency and drag amplification."""
-        shaking = snapshot.vibration
-        if shaking is None:
+        """Return x, y, z of the nodes of each rope, amplitude, frequency, drag amplification."""
+        tables, names = [], ""
+        for number, rope in enumerate(ropes_of(snapshot)):
+            shaking = rope.vibration if number else snapshot.vibration
+            if shaking is not None:
+                columns = vibration_columns(shaking)
+                of_rope = np.full(len(shaking.cross_flow), number)
+                tables.append(np.column_stack([rope.node_position_m, *columns.values(), of_rope]))
+                names = " ".join(("x", "y", "z", *columns, "rope"))
+        if not tables:
             raise InputError(phrase("encode", "the snapshot has no vibration", "ask for it"))
-        columns = vibration_columns(shaking)
-        points = np.column_stack([snapshot.node_position_m, *columns.values()]).astype("<f4")
-        kind = templates.point_type(templates.columns(" ".join(("x", "y", "z", *columns)), "<f4"))
+        kind = templates.point_type(templates.columns(names, "<f4"))
+        points = np.vstack(tables).astype("<f4")
         return self._cloud("ropes/vibration", snapshot, points.view(kind).ravel())
 
     def _fatigue(self, snapshot: Snapshot) -> bytes:

@@ -403,6 +403,9 @@ def effect_names(parameters: tuple[object, ...]) -> list[str]:
 Figures = dict[str, float | str]
 
 
+_OF_ROPE = "cross_flow_diameters_of_"  # and the name of a rope other than the first
+
+
 def vibration_figures(snapshot: Snapshot) -> Figures | None:
     """Return the VIV response at its maximum; None: not enabled, or not known yet."""
     shaking = snapshot.vibration
@@ -420,6 +423,9 @@ def vibration_figures(snapshot: Snapshot) -> Figures | None:
     }
     if shaking.in_line is not None:
         figures["in_line_diameters"] = float(shaking.in_line.max())
+    for rope in snapshot.ropes[1:]:
+        if rope.vibration is not None:
+            figures[f"{_OF_ROPE}{rope.name}"] = float(rope.vibration.cross_flow.max())
     return figures
 
 
@@ -449,6 +455,10 @@ def watch_words(vibration: Figures | None, fatigue: Figures | None) -> list[str]
             f"{vibration['drag_amplification']:.3g}; monitoring took "
             f"{vibration['cost_pct']:.2g} % of real time"
         )
+        others = {k.removeprefix(_OF_ROPE): v for k, v in vibration.items() if _OF_ROPE in k}
+        if others:
+            told = ", ".join(f"{name} {value:.3g}" for name, value in others.items())
+            lines.append(f"VIV of the other ropes: maximum cross-flow A/D {told}")
     if fatigue is not None:
         lines.append(
             f"fatigue ({fatigue['curve']}): maximum damage {fatigue['used']:.3g} (failure at 1), "

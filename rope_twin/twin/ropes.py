@@ -13,6 +13,7 @@ import numpy as np
 
 from rope_twin.core.energy import measure
 from rope_twin.core.joined.energy import SystemBorder, of_one
+from rope_twin.core.joined.joints import loaded_ends
 from rope_twin.core.state import (
     ACCELERATION,
     ELEMENTS,
@@ -29,15 +30,18 @@ from rope_twin.core.step import advance
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.scene.validation.vortices import coupled_settings, model_beside
 from rope_twin.twin.cutting.parted import CutRope, SingleWinch
 from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope, without_load
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line.system import MultiLineRopes
+from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import Snapshot, first_rope
 from rope_twin.twin.snapshot_builder import RopeShape, shape_from_top
 from rope_twin.twin.statics import solve_scene_statics
 from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.vortex.coupled import VivDragAmplification
 
 # of a checkpoint: what continues from the present instead
 _NOT_PUT_BACK = ("joined/winches", "joined/lines", "joined/highest", "rope/model", "lower/model")
@@ -203,6 +207,17 @@ class RopeSystem:
         return self.ropes if isinstance(self.ropes, MultiLineRopes) else None
 
     @property
+    def loaded(self) -> tuple[bool, ...]:
+        """Whether the upper end of each rope carries loads: a connection does, a hang-off not."""
+        joined = self.joined
+        return (False,) if joined is None else loaded_ends(joined.system(self.first))
+
+    def all_with(self, first: Rope) -> tuple[Rope, ...]:
+        """Return all ropes; first: the first one with the effects in use."""
+        joined = self.joined
+        return (first,) if joined is None else joined.system(first).ropes
+
+    @property
     def tension(self) -> Floats:
         """Tension of the first rope's elements [N], a view of the scratch array."""
         tension: Floats = self.first.work[TENSION, : self.first.state.counts[ELEMENTS]]
@@ -283,6 +298,18 @@ class RopeSystem:
                 if array.shape == kept[name].shape:
                     array[...] = kept[name]
         return True
+
+
+def new_viv_drag(scene: Scene, system: RopeSystem) -> VivDragAmplification | None:
+    """Return the loosely coupled VIV model of a scene in static equilibrium; None without one.
+
+    Raises:
+        InputError: a rope is slack somewhere.
+    """
+    if model_beside(scene) is None:
+        return None
+    ropes, cycle = system.all_with(system.first), steps_in_slot(scene.time.step_s)
+    return VivDragAmplification(coupled_settings(scene), ropes, system.loaded, cycle)
 
 
 def moving_arrays(name: str, part: Any) -> Iterator[tuple[str, Floats]]:

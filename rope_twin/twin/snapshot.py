@@ -204,6 +204,7 @@ class RopeShot:
     line_out_m: float  # unstretched length
     payout_speed_m_per_s: float  # + paying out
     error_interval: TensionInterval | None = None  # for ropes from the ship, if a run asks for it
+    vibration: RopeVibration | None = None  # with a VIV model outside the time step
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,6 @@ from rope_twin.errors import InputError, SolverError, StateError, phrase
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.scene.validation.rigging import is_joined, winch_of
-from rope_twin.scene.validation.vortices import coupled_settings, model_beside
 from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh, check_transferable, error_at_level
 from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.validity import CUT_REASON
@@ -33,10 +32,10 @@ from rope_twin.twin.monitors.monitor import Chunk, Monitor, TwinView, chunk_of
 from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors, new_monitors
 from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL, BoundaryConditions, Present
 from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.multi_line.snapshot import with_vibration
 from rope_twin.twin.multi_line.system import MultiLineRopes
-from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.recovery import Checkpoint, step_failure
-from rope_twin.twin.ropes import RopeSystem
+from rope_twin.twin.ropes import RopeSystem, new_viv_drag
 from rope_twin.twin.run_record import RunRecord
 from rope_twin.twin.saving import saved_state
 from rope_twin.twin.saving.saved_state import SavedState, StateDescription
@@ -59,9 +58,6 @@ class Twin:
         SceneError: the scene cannot be built, or its rope has no static equilibrium to start from.
     """
 
-    told = ""  # message for the user before the run
-    _viv_drag: VivDragAmplification | None = None  # if the scene's VIV model is loosely coupled
-
     def __init__(self, scene: Scene, monitors: Monitors = NO_MONITORS) -> None:
         """Build the twin of a scene with the monitors that a run asks for."""
         self._monitors = new_monitors(scene, monitors)  # first, as they may reject the scene
@@ -75,15 +71,13 @@ class Twin:
         self._card_error = known_error(scene)  # by the scene's convergence study alone
         end_n = float(self._system.tension[0])
         self._record = RunRecord(scene, self._system.ropes, self._system.upper_pulls, end_n)
-        if model_beside(scene) is not None:
-            cycle = steps_in_slot(scene.time.step_s)
-            self._viv_drag = VivDragAmplification(coupled_settings(scene), self.rope, cycle)
-            self.told = self._viv_drag.tracker.told
+        self._viv_drag = new_viv_drag(scene, self._system)
         now, present = self.inspect(), self._present()
         for monitor in self._monitors:
             monitor.start(now, present)
-        texts = self.told, *(monitor.told for monitor in self._monitors)
-        self.told = "\n".join(text for text in texts if text)
+        own = self._viv_drag.told if self._viv_drag is not None else ""
+        texts = own, *(monitor.told for monitor in self._monitors)
+        self.told = "\n".join(text for text in texts if text)  # for the user before the run
 
     # Inputs, accepted from any thread
 
@@ -217,6 +211,11 @@ class Twin:
         return self._system.with_effects(self.inputs.current.effects)
 
     @property
+    def _all_ropes(self) -> tuple[rows.Rope, ...]:
+        """The core's arrays of all ropes in their present state, the first one as `rope`."""
+        return self._system.all_with(self.rope)
+
+    @property
     def joined(self) -> MultiLineRopes | None:
         """The multi-line system; None for a single rope."""
         return self._system.joined
@@ -325,7 +324,7 @@ class Twin:
         viv_drag, steps = self._viv_drag, self._clock.steps
         if viv_drag is not None and viv_drag.steps_to_sampling(steps) == 0:
             changes = self.inputs.current.changes
-            viv_drag.look(self.rope, self._motion.boundary, steps, changes)
+            viv_drag.look(self._all_ropes, self._motion.boundary, steps, changes)
         if self._monitors:
             now = self.inspect()
             chunk = chunk_of(now, pulls, moved)
@@ -375,9 +374,10 @@ class Twin:
         )
         record.begin_interval(system.unconverged)
         taken = record.add_contact(taken, first, ropes)
-        if self._viv_drag is not None:
-            amended(taken, vibration=self._viv_drag.shot(self.rope))
         taken = ropes.complete(taken, self.time_ns)
+        if self._viv_drag is not None:
+            vibrations = self._viv_drag.shots(self._all_ropes)
+            taken = with_vibration(self.scene, taken, vibrations)
         inputs.validity.look(taken, inputs.motion_judged)
         taken = record.add_loads(taken, first, ropes)
         amended(taken, card_error=self.card_error)
@@ -433,14 +433,14 @@ class Twin:
 
     def split(self, lost_m: float, rope: int = 0) -> float:
         """Split a rope in two; return the length below the cut [m]."""
-        whole, now_s = self.rope, self.time_ns * 1e-9
+        whole, now_s = self._all_ropes, self.time_ns * 1e-9
         winch = winch_of(self.scene, self.scene.ropes[rope])
         place = CutPosition(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
         system, boundary = self._system, self._motion.boundary
-        lost_m = system.cut(whole, boundary, place)
+        lost_m = system.cut(whole[0], boundary, place)
         self.inputs.ropes, self.inputs.current.effects = system.ropes, system.first.effects
         if self._viv_drag is not None:
-            self._viv_drag.cut(whole, system.first)
+            self._viv_drag.cut(rope, whole[rope], self._all_ropes[rope])
         if rope == 0:
             boundary.value[:, rows.LINE] -= lost_m
         self.invalidate_error(CUT_REASON)

@@ -95,7 +95,9 @@ class WatchedCharts:
         self._used = DepthChart(stream, FATIGUE, "damage [-]", 0)
 
     def show_vibration(self, columns: dict[str, NDArray[np.float64]]) -> bool:
-        """Draw the columns of `ropes/vibration`; return whether they are the first."""
+        """Draw the columns of `ropes/vibration` of the first rope; return whether it is new."""
+        first = columns["rope"] == columns["rope"][0]
+        columns = {name: column[first] for name, column in columns.items()}
         place = np.stack([columns[axis] for axis in "xyz"])
         steps = np.sqrt((np.diff(place, axis=1) ** 2).sum(axis=0))
         depth = np.concatenate([[0.0], np.cumsum(steps)])

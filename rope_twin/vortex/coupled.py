@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import ceil, sqrt
 from typing import Any, NamedTuple, Self
@@ -272,7 +272,7 @@ def force_decomposition_model(
 class VivDragState(NamedTuple):
     """State from which the model resumes."""
 
-    tracker: CoupledModelState
+    trackers: tuple[CoupledModelState, ...]  # of each rope
     hz: float
     currents: int
     looked: int
@@ -282,20 +282,40 @@ class VivDragState(NamedTuple):
 class VivDragAmplification:
     """Loosely coupled VIV model of a scene, from a start without vibration.
 
+    In a multi-line system every rope has a response of its own, in the modes that it has while its
+    ends at connections are held. All are sampled at once.
+
     Raises:
-        InputError: the rope is slack somewhere.
+        InputError: a rope is slack somewhere.
     """
 
-    def __init__(self, settings: CoupledSettings, rope: Rope, cycle: int) -> None:
-        """Start the model for a rope in static equilibrium; cycle: steps of a real-time cycle."""
+    def __init__(
+        self, settings: CoupledSettings, ropes: Sequence[Rope], loaded: Sequence[bool], cycle: int
+    ) -> None:
+        """Start the model for ropes in static equilibrium.
+
+        loaded: whether the upper end of a rope carries loads, as at a connection; cycle: steps of a
+        real-time cycle.
+        """
         self.hz, self._currents = 0.0, 0  # vortex frequency of the interval, current profiles
         self._looked, self._second = 0, -1  # step of the last sampling, second of its time
         self._strouhal, self._step_s = settings.strouhal, settings.step_s
         self._cycle, self._every, self._rarer = cycle, cycle, 1
         self._growth: tuple[float, float] = settings.params.drag_growth
-        self.tracker = _tracker(settings, rope)
-        self._amplification_less_1(rope)  # compile now, not at the first sampling
+        self._loaded = tuple(loaded)
+        self.trackers: tuple[CoupledModel, ...] = tuple(_tracker(settings, rope) for rope in ropes)
+        self.amplify(ropes)  # compile now, not at the first sampling
         self._took_s = self._looked_s = 0.0  # CPU time of the model, and twin time covered
+
+    @property
+    def tracker(self) -> CoupledModel:
+        """Response of the first rope."""
+        return self.trackers[0]
+
+    @property
+    def told(self) -> str:
+        """Description of the models with the cost of a mode search, a line for each rope."""
+        return "\n".join(tracker.told for tracker in self.trackers)
 
     @property
     def every(self) -> int:
@@ -306,23 +326,30 @@ class VivDragAmplification:
         """Return the number of steps left until the next sampling, after `steps` steps."""
         return self._looked + self._every - steps
 
-    def look(self, rope: Rope, boundary: Boundary, steps: int, currents: int) -> None:
+    def look(self, ropes: Sequence[Rope], boundary: Boundary, steps: int, currents: int) -> None:
         """Advance by the time since the last sampling, and set the drag amplification.
 
-        boundary: row 0 is the present; steps: done by the twin; currents: number of profiles
-        accepted.
+        boundary: of the first rope, row 0 is the present; steps: done by the twin; currents: number
+        of profiles accepted. Ropes beyond those of the start, parts below a cut, have no vibration.
         """
         began = time.perf_counter()
         since_s = (steps - self._looked) * self._step_s
         self._looked = steps
-        self._update_interval(rope, boundary, currents)
-        self.tracker.take(rope, since_s, self.hz)
-        grown = self._amplification_less_1(rope)
-        for own in rope.effects:
-            if isinstance(own, DragGrowth):
-                set_growth(own, rope.state, grown)
+        followed = ropes[: len(self.trackers)]
+        self._update_interval(followed, boundary, currents)
+        for tracker, rope in zip(self.trackers, followed, strict=True):
+            tracker.take(rope, since_s, self.hz)
+        self.amplify(followed)
         self._looked_s += since_s
         self._took_s += time.perf_counter() - began
+
+    def amplify(self, ropes: Sequence[Rope]) -> None:
+        """Set the drag amplification at the nodes that carry loads."""
+        for tracker, loaded, rope in zip(self.trackers, self._loaded, ropes, strict=False):
+            grown = self._amplification_less_1(tracker, rope)
+            for own in rope.effects:
+                if isinstance(own, DragGrowth):
+                    set_growth(own, rope.state, grown if loaded else grown[:-1])
 
     def coarse_copy(self, rarer: int) -> Self:
         """Return an independent copy that samples `rarer` times less often.
@@ -330,59 +357,66 @@ class VivDragAmplification:
         Its first sampling is at the same time as this one's.
         """
         other = copy.deepcopy(self)
-        other.tracker.restrict_searches()
+        for tracker in other.trackers:
+            tracker.restrict_searches()
         other._rarer = rarer
         if other.hz > 0.0:
             other._every = rarer * sampling_steps(other.hz, other._step_s, other._cycle)
         return other
 
-    def cut(self, whole: Rope, upper: Rope) -> None:
-        """Adapt to a cut: the part left has modes of its own."""
+    def cut(self, number: int, whole: Rope, upper: Rope) -> None:
+        """Adapt to a cut of a rope: the part left has modes of its own."""
         n, left = (int(rope.state.counts[ELEMENTS]) for rope in (whole, upper))
-        self.tracker.cut(min(left / n, 1.0))
+        self.trackers[number].cut(min(left / n, 1.0))
 
-    def shot(self, rope: Rope) -> RopeVibration:
-        """Return the VIV response at the nodes of the rope."""
+    def shots(self, ropes: Sequence[Rope]) -> tuple[RopeVibration, ...]:
+        """Return the VIV response at the nodes of each rope, from its last node down."""
         cost_pct = 100.0 * self._took_s / max(self._looked_s, self._step_s)
-        amplified = self.drag_amplification(rope)[::-1].copy()
-        return replace(self.tracker.shot(rope), drag_amplification=amplified, cost_pct=cost_pct)
+        return tuple(
+            replace(
+                tracker.shot(rope),
+                drag_amplification=1.0 + self._amplification_less_1(tracker, rope)[::-1],
+                cost_pct=cost_pct,
+            )
+            for tracker, rope in zip(self.trackers, ropes, strict=False)
+        )
 
     def drag_amplification(self, rope: Rope) -> Floats:
-        """Return the drag amplification at the nodes, from the lower end up."""
-        return 1.0 + self._amplification_less_1(rope)
+        """Return the drag amplification at the nodes of the first rope, from the lower end up."""
+        return 1.0 + self._amplification_less_1(self.tracker, rope)
 
-    def _amplification_less_1(self, rope: Rope) -> Floats:
-        """Return the drag amplification less 1 at the nodes.
+    def _amplification_less_1(self, tracker: CoupledModel, rope: Rope) -> Floats:
+        """Return the drag amplification less 1 at the nodes of a rope.
 
         A node takes the mean up to its neighbours, over at least half a wave length to either side.
         The drag of a rope in standing waves is then the same whether the nodes resolve the waves or
         not.
         """
-        s, amplitude, half_wave = self.tracker.at_model_nodes()
+        s, amplitude, half_wave = tracker.at_model_nodes()
         grown = amplified_drag(amplitude / sqrt(2.0), self._growth) - 1.0
         at = along(rope)
         return mean_around(at, s, grown, np.interp(at, s, half_wave))
 
     def kept(self) -> VivDragState:
         """Return the state from which `take_back` resumes."""
-        return VivDragState(
-            self.tracker.kept(), self.hz, self._currents, self._looked, self._second
-        )
+        trackers = tuple(tracker.kept() for tracker in self.trackers)
+        return VivDragState(trackers, self.hz, self._currents, self._looked, self._second)
 
     def take_back(self, kept: VivDragState) -> None:
         """Resume from this state."""
-        self.tracker.take_back(kept.tracker)
+        for tracker, own in zip(self.trackers, kept.trackers, strict=True):
+            tracker.take_back(own)
         self.hz, self._currents = kept.hz, kept.currents
         self._looked, self._second = kept.looked, kept.second
         self._every = self._rarer * sampling_steps(self.hz, self._step_s, self._cycle)
 
-    def _update_interval(self, rope: Rope, boundary: Boundary, currents: int) -> None:
-        """Adapt the sampling interval to the vortex frequency, once a second."""
+    def _update_interval(self, ropes: Sequence[Rope], boundary: Boundary, currents: int) -> None:
+        """Adapt the sampling interval to the fastest vortices of all ropes, once a second."""
         second = int(self._looked * self._step_s + 1e-9)
         if second == self._second:
             return
         self._second = second
-        hz = shedding_hz(rope, boundary, self._strouhal)
+        hz = max(shedding_hz(rope, boundary, self._strouhal) for rope in ropes)
         if needs_new_interval(hz, self.hz, currents != self._currents):
             self.hz, self._currents = hz, currents
             self._every = self._rarer * sampling_steps(hz, self._step_s, self._cycle)

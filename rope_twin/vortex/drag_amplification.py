@@ -9,6 +9,7 @@ winch, splits and merges.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -18,9 +19,10 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.joined.stack import stacks
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering
-from rope_twin.core.payout import TRIALS, set_trials
+from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,
@@ -63,6 +65,27 @@ class DragGrowth(NamedTuple):
     kn: float  # ½·ρ·Cdn of the amplified drag [kg/m³]
 
 
+class ManyDragGrowths(NamedTuple):
+    """Kernel data of the ropes of a multi-line system."""
+
+    growth: Floats  # g, (ropes, 1, nodes)
+    kn: float
+
+
+def _pick(many: Any, r: int) -> Any:
+    return DragGrowth(many.growth[r], many.kn)
+
+
+@stacks(DragGrowth, ManyDragGrowths, _pick)
+def stack_growths(growths: Sequence[DragGrowth]) -> ManyDragGrowths:
+    """Stack the drag amplification of several ropes; the last value is also that further up."""
+    width = max(one.memory.shape[1] for one in growths)
+    padded = [
+        np.pad(one.memory[GROWTH], (0, width - one.memory.shape[1]), mode="edge") for one in growths
+    ]
+    return ManyDragGrowths(np.array(padded)[:, None], growths[0].kn)
+
+
 def build_growth(params: DragGrowthParams, payload: Any, around: Any) -> DragGrowth:
     """Return zero drag amplification, from the rope's drag coefficient and the water density."""
     drag = around.drag_normal if params.drag is None else params.drag
@@ -71,13 +94,15 @@ def build_growth(params: DragGrowthParams, payload: Any, around: Any) -> DragGro
 
 
 def set_growth(growth: DragGrowth, state: State, values: Floats) -> None:
-    """Set g of the nodes from the lower end up, between two steps; unused at the hang-off."""
-    n = int(state.counts[ELEMENTS])
-    growth.memory[GROWTH, :n] = values[:n]
+    """Set g of the nodes that carry loads, from the lower end up, between two steps.
+
+    They are all nodes, or all but one at the hang-off.
+    """
+    n = len(values)
+    growth.memory[GROWTH, :n] = values
+    growth.memory[GROWTH, n:] = values[-1]  # of ghost nodes, and of a node where an element splits
     growth.memory[NODES, :n] = state.s[:n]
     growth.memory[NODES, -1] = n
-    slots = state.s.shape[0]
-    growth.memory[GROWTH, slots - TRIALS : slots] = growth.memory[GROWTH, n - 1]
 
 
 remembering(DragGrowth, CARRIED)
@@ -138,7 +163,7 @@ def power(growth: Any, place: Any) -> Any:
     """Return force times velocity [W]; g at the hang-off is that of the node below."""
     n = place.position.shape[1]
     grown = growth.memory[GROWTH, :n].copy()
-    if n > 1:
+    if n > growth.memory[NODES, -1] > 0:
         grown[-1] = grown[-2]
     u = place.velocity - place.flow
     across = u - (u * place.tangent).sum(axis=0) * place.tangent

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,17 @@ class RopeVibration:
     def worst(self) -> int:
         """Index of the node with the largest cross-flow amplitude."""
         return int(self.cross_flow.argmax())
+
+    def upside_down(self) -> RopeVibration:
+        """Return the response with its rows in reverse order."""
+        return replace(
+            self,
+            cross_flow=self.cross_flow[::-1].copy(),
+            cross_flow_hz=self.cross_flow_hz[::-1].copy(),
+            in_line=None if self.in_line is None else self.in_line[::-1].copy(),
+            in_line_hz=None if self.in_line_hz is None else self.in_line_hz[::-1].copy(),
+            drag_amplification=self.drag_amplification[::-1].copy(),
+        )
 
 
 @dataclass(frozen=True)

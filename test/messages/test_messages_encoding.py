@@ -17,8 +17,9 @@ from rope_twin import messages
 from rope_twin.errors import InputError
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, deserialise, table
+from rope_twin.messages.templates import read_cloud
 from rope_twin.topics import TOPICS, Topic
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot import Snapshot, first_rope
 from rope_twin.twin.winch.commands import WinchCommand
 
 STORE = get_typestore(Stores.ROS2_KILTED)
@@ -219,14 +220,32 @@ def test_the_cloud_of_vibration_names_what_its_model_knows(in_line: bool) -> Non
     found = messages.decode("ropes/vibration", data)
     names = ["x", "y", "z", "cross_flow", "cross_flow_hz"]
     names += ["in_line", "in_line_hz"] if in_line else []
-    names += ["drag_amplification"]
+    names += ["drag_amplification", "rope"]
     assert [field.name for field in found.fields] == names
     assert found.width * found.point_step == len(found.data) == 7 * 4 * len(names)
     points = np.frombuffer(found.data.tobytes(), "<f4").reshape(7, len(names))
     assert points[:, :3] == pytest.approx(snapshot.node_position_m, rel=1e-6)
-    for name in names[3:]:
+    assert (points[:, -1] == 0.0).all()
+    for name in names[3:-1]:
         known = getattr(snapshot.vibration, name)
         assert points[:, names.index(name)] == pytest.approx(known, rel=1e-6)
+
+
+def test_the_cloud_of_vibration_has_every_rope_that_has_some() -> None:
+    """The first and the third of three: their numbers, places and amplitudes."""
+    first, third = hanging_rope(7), hanging_rope(5)
+    assert first.vibration is not None
+    assert third.vibration is not None
+    one, other = first_rope(first, "a"), first_rope(third, "c")
+    ropes = one, replace(one, name="b"), replace(other, vibration=third.vibration)
+    data = messages.Encoder(EPOCH_NS).encode("ropes/vibration", replace(first, ropes=ropes))
+    cloud = read_cloud(messages.decode("ropes/vibration", data))
+    assert cloud["rope"].tolist() == 7 * [0.0] + 5 * [2.0]
+    amplitude = [*first.vibration.cross_flow, *third.vibration.cross_flow]
+    assert cloud["cross_flow"] == pytest.approx(amplitude, rel=1e-6)
+    assert cloud["z"] == pytest.approx(
+        [*first.node_position_m[:, 2], *third.node_position_m[:, 2]], rel=1e-6
+    )
 
 
 def test_every_topic_made_from_a_snapshot_is_encoded() -> None:

@@ -58,7 +58,7 @@ def test_the_lean_of_a_rope_whose_drag_grows(low: float, high: float) -> None:
                              * (1.0 + WEIGHT / WEIGHTLESS.EA) * np.diff(s), axis=1)  # fmt: skip
     bench.position[0::2] = place - place[:, -1:]
     bench.time = 1.0  # at 0 it begins with none
-    set_growth(growth_of(bench.rope.effects), state, low + (high - low) * s / LENGTH)
+    set_growth(growth_of(bench.rope.effects), state, low + (high - low) * s[:-1] / LENGTH)
     lean = place[0, 0] - place[0, -1]
     bench.hold(400)
     assert bench.position[0, 0] - bench.position[0, -1] == pytest.approx(lean, rel=1e-3)
@@ -91,7 +91,7 @@ def test_it_belongs_to_the_rope_through_splits_and_merges() -> None:
     bench = Bench(shaken(WEIGHTLESS))
     state, growth = bench.rope.state, growth_of(bench.rope.effects)
     bench.hold(1)  # at 0 it begins with none
-    set_growth(growth, state, 0.3 + 0.02 * state.s[: bench.n + 1])
+    set_growth(growth, state, 0.3 + 0.02 * state.s[: bench.n])
     top = float(growth.memory[GROWTH, bench.n - 1])
     counts = []
     for speed, seconds in ((1.0, 10.0), (-1.0, 20.0)):
@@ -100,7 +100,6 @@ def test_it_belongs_to_the_rope_through_splits_and_merges() -> None:
         boundary.value[:, rows.LINE] += speed * WEIGHTLESS.step * np.arange(count + 1)
         boundary.rate[:, rows.LINE] = speed
         bench.follow(boundary)
-        bench.length += speed * seconds
         boundary = bench.still(1)
         bench.follow(boundary)
         expected: Vector = np.minimum(0.3 + 0.02 * state.s[: bench.n], top)

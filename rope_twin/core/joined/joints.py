@@ -108,6 +108,11 @@ def new_system(
     return System(tuple(joined), joints, stack)
 
 
+def loaded_ends(system: System) -> tuple[bool, ...]:
+    """Return whether the upper end of each rope carries loads; a connection does, no hang-off."""
+    return tuple(bool(upper != LOOSE) for upper in system.joints.upper)
+
+
 def with_flows(joints: Joints, more: int) -> Joints:
     """Return connections with additional columns for the flows over sheaves."""
     count = joints.nodes.shape[1] + more

@@ -9,8 +9,10 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams
@@ -24,7 +26,8 @@ from rope_twin.scene.schema import WINCH, Fault, RopeLine, Rule, Scene, Triple, 
 # Effects supported in multi-line scenes: without a payload, or with one of each rope's own.
 MEETING = (
     CurrentParams, WavesParams, WeightParams, DragParams, AddedMassParams, BendingParams,
-    SeabedParams, PayloadParams, SplashZoneParams, NetParams, FairingParams,
+    SeabedParams, PayloadParams, SplashZoneParams, NetParams, FairingParams, ModalVibrationParams,
+    DecomposedForceParams,
 )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.joined.joints import LOOSE
+from rope_twin.core.joined.joints import LOOSE, loaded_ends
 from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Boundary, Floats, Ints
@@ -51,13 +51,14 @@ def body_of(scene: Scene) -> Body:
     Raises:
         SceneError: it cannot be built, or has no equilibrium.
     """
-    if is_joined(scene):
-        return JoinedBody(scene)
-    return RopeBody(scene) if model_beside(scene) is None else ShakenBody(scene)
+    body = JoinedBody(scene) if is_joined(scene) else RopeBody(scene)
+    return body if model_beside(scene) is None else ShakenBody(scene, body)
 
 
 class RopeBody:
     """One rope; its motion is (steps + 1, MOTIONS)."""
+
+    loaded = (False,)  # whether the upper end of a rope carries loads
 
     def __init__(self, scene: Scene) -> None:
         self._rope = rope = build(scene)
@@ -83,45 +84,14 @@ class RopeBody:
         return _is_slack(self._rope)
 
     @property
+    def ropes(self) -> tuple[rows.Rope, ...]:
+        """Return the rope."""
+        return (self._rope,)
+
+    @property
     def health(self) -> Ints:
         """Return the solver's counts since the start."""
         return self._rope.state.health
-
-
-class ShakenBody(RopeBody):
-    """Line with a VIV model outside the time step, updated as in a twin."""
-
-    def __init__(self, scene: Scene) -> None:
-        super().__init__(scene)
-        self._scene = scene
-        self._steps: int = 0  # done since the beginning
-        self._shake()
-
-    def begin(self) -> None:
-        """Reset to static equilibrium, without vibration."""
-        super().begin()
-        self._shake()
-
-    def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
-        """Return the number of steps done, and the top tension after each [N]."""
-        pull, done = np.zeros((steps, rows.PULL_COLUMNS)), 0
-        while done < steps:
-            count = min(steps - done, self._viv_drag.steps_to_sampling(self._steps))
-            part = Boundary(*(table[done : done + count + 1] for table in motion))
-            at_s = time + done * self._rope.model.step
-            went = advance(self._rope, part, pull[done : done + count], at_s, count)
-            done, self._steps = done + went, self._steps + went
-            if went < count:
-                break
-            if self._viv_drag.steps_to_sampling(self._steps) == 0:
-                now = Boundary(*(table[done:] for table in motion))
-                self._viv_drag.look(self._rope, now, self._steps, 0)
-        return done, pull[:, rows.PULL]
-
-    def _shake(self) -> None:
-        cycle = steps_in_slot(self._scene.time.step_s)
-        self._viv_drag = VivDragAmplification(coupled_settings(self._scene), self._rope, cycle)
-        self._steps = 0
 
 
 class JoinedBody:
@@ -163,6 +133,16 @@ class JoinedBody:
         return any(_is_slack(rope) for rope in self._system.ropes)
 
     @property
+    def ropes(self) -> tuple[rows.Rope, ...]:
+        """Return the ropes."""
+        return self._system.ropes
+
+    @property
+    def loaded(self) -> tuple[bool, ...]:
+        """Return whether the upper end of each rope carries loads."""
+        return loaded_ends(self._system)
+
+    @property
     def health(self) -> Ints:
         """Return the solver's counts since the start, which the first rope stores."""
         return self._system.ropes[0].state.health
@@ -172,6 +152,59 @@ class JoinedBody:
         rope, joints = self._system.ropes[r], self._system.joints
         count = int(rope.state.counts[rows.ELEMENTS]) + int(joints.upper[r] != LOOSE)
         return float(rope.state.nodes[rows.POSITION + 2, :count].max())
+
+
+class ShakenBody:
+    """Line or multi-line system with a VIV model outside the time step, updated as in a twin."""
+
+    def __init__(self, scene: Scene, body: RopeBody | JoinedBody) -> None:
+        self._scene, self._body = scene, body
+        self.memory_mb = body.memory_mb
+        self._steps = 0  # done since the beginning
+        self._shake()
+
+    def begin(self) -> None:
+        """Reset to static equilibrium, without vibration."""
+        self._body.begin()
+        self._shake()
+
+    def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
+        """Return the number of steps done, and the top tension after each [N]."""
+        pull, done = np.zeros(steps), 0
+        while done < steps:
+            count = min(steps - done, self._viv_drag.steps_to_sampling(self._steps))
+            part = Boundary(
+                *(np.ascontiguousarray(table[..., done : done + count + 1, :]) for table in motion)
+            )
+            at_s = time + done * self._body.ropes[0].model.step
+            went, pull[done : done + count] = self._body.advance(part, at_s, count)
+            done, self._steps = done + went, self._steps + went
+            if went < count:
+                break
+            if self._viv_drag.steps_to_sampling(self._steps) == 0:
+                first = (table if table.ndim == 2 else table[0] for table in motion)
+                now = Boundary(*(table[done:] for table in first))
+                self._viv_drag.look(self._body.ropes, now, self._steps, 0)
+        return done, pull
+
+    def depth_m(self) -> float:
+        """Return the depth of the lower end, or of the first payload [m]."""
+        return self._body.depth_m()
+
+    def is_slack(self) -> bool:
+        """Return whether any element is slack."""
+        return self._body.is_slack()
+
+    @property
+    def health(self) -> Ints:
+        """Return the solver's counts since the start."""
+        return self._body.health
+
+    def _shake(self) -> None:
+        cycle, body = steps_in_slot(self._scene.time.step_s), self._body
+        settings = coupled_settings(self._scene)
+        self._viv_drag = VivDragAmplification(settings, body.ropes, body.loaded, cycle)
+        self._steps = 0
 
 
 def _is_slack(rope: rows.Rope) -> bool:

@@ -26,6 +26,7 @@ from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import places, winches
 from rope_twin.twin.accuracy.regrid import HangOff, coarser
+from rope_twin.twin.internal_variables import own_copies
 from rope_twin.twin.monitors.monitor import Chunk
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.payout import HangOffMotion, tension_feedback
@@ -70,8 +71,14 @@ class CoarseSolution:
             found = at_rest and solve_statics(self._ropes, float(value[0, rows.LINE])).found
         else:
             self._effects = SeparateEffects(ropes.ropes[0].effects)
-            self._ropes = coarsened(ropes, now.pull, rate[:, rows.LINE], not driven)
-            found = at_rest and solve_reeved_statics(self._ropes, value).found
+            system = coarsened(ropes, now.pull, rate[:, rows.LINE], not driven)
+            first, *others = system.ropes
+            others = [rope._replace(effects=own_copies(rope.effects)) for rope in others]
+            first = first._replace(effects=self._effects.own)
+            self._ropes = system = system._replace(ropes=(first, *others))
+            if self._viv_drag is not None:
+                self._viv_drag.amplify(system.ropes)
+            found = at_rest and solve_reeved_statics(system, value).found
         self.at_rest = bool(found)  # whether it started in static equilibrium
 
     def follow(self, chunk: Chunk) -> tuple[int, Floats] | None:
@@ -106,7 +113,7 @@ class CoarseSolution:
         if own is None or self._waiting or own.steps_to_sampling(chunk.steps) > 0:
             return
         now = Boundary(*(table[0, chunk.done :] for table in chunk.boundary))
-        own.look(self._first, now, chunk.steps, chunk.currents)
+        own.look(self.ropes, now, chunk.steps, chunk.currents)
 
     def share_winches(self, responding: Mapping[int, Winch]) -> None:
         """Copy winches that respond to the tension in the next step, by rope, if not yet there.

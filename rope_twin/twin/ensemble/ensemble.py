@@ -270,7 +270,7 @@ def _find_start(key: StartKey) -> AnyStart:
         pull = solve_scene_statics(scene, rope)
         if model_beside(scene) is not None:
             cycle = steps_in_slot(scene.time.step_s)
-            viv_drag = VivDragAmplification(coupled_settings(scene), rope, cycle)
+            viv_drag = VivDragAmplification(coupled_settings(scene), (rope,), (False,), cycle)
     except (SceneError, InputError) as error:
         return str(error)
     tension = rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].copy()

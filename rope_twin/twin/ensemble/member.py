@@ -167,7 +167,7 @@ class Member:
             return stepped
         if self._viv_drag is not None and self._viv_drag.steps_to_sampling(self.steps) == 0:
             now = Boundary(*(table[done + some :] for table in batch.boundary))
-            self._viv_drag.look(rope, now, self.steps, 0)
+            self._viv_drag.look((rope,), now, self.steps, 0)
         if self.steps % look_steps == 0:
             self._look(work)
         return stepped
@@ -236,5 +236,6 @@ class Member:
         self._unconverged, self._recent = unconverged, Extremes()
         rope = self._rope._replace(work=work)
         if self._viv_drag is not None:
-            amended(taken, vibration=self._viv_drag.shot(rope))
+            (vibration,) = self._viv_drag.shots((rope,))
+            amended(taken, vibration=vibration)
         return with_body(taken, rope)

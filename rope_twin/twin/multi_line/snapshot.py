@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,9 +22,11 @@ from rope_twin.twin.snapshot import (
     SheaveShot,
     Snapshot,
     StrutShot,
+    amended,
     first_rope,
 )
 from rope_twin.twin.touchdown import seabed_contact
+from rope_twin.vortex.results import RopeVibration
 
 
 class Payouts(NamedTuple):
@@ -52,6 +56,19 @@ def rope_shots(now: SystemState, first: Snapshot) -> tuple[RopeShot, ...]:
     names = [line.name for line in now.scene.ropes]
     further = (_rope_shot(now, r, name) for r, name in enumerate(names[1:], start=1))
     return first_rope(first, names[0]), *further
+
+
+def with_vibration(scene: Scene, shot: Snapshot, found: Sequence[RopeVibration]) -> Snapshot:
+    """Return the snapshot with the VIV response of its ropes, of those that have one.
+
+    found: from the last node of the core down, which at a sheave is the rope's lower end.
+    """
+    followed = zip(scene.ropes, shot.ropes, found, strict=False)
+    ropes = [
+        replace(one, vibration=own.upside_down() if runs_over_sheave(scene, line) else own)
+        for line, one, own in followed
+    ]
+    return amended(shot, vibration=found[0], ropes=(*ropes, *shot.ropes[len(ropes) :]))
 
 
 def payload_shots(now: SystemState) -> tuple[PayloadShot, ...]:

@@ -24,6 +24,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import winch_of
 from rope_twin.twin.cutting.rope_cut import CutPosition
 from rope_twin.twin.cutting.system_cut import advance_in_substeps, cut_system, scene_of_parts
+from rope_twin.twin.internal_variables import state_arrays
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line.clearance import report_on
 from rope_twin.twin.multi_line.snapshot import (
@@ -323,6 +324,7 @@ class MultiLineRopes:
         for r, rope in enumerate(self._ropes, start=1):
             parts = {name: getattr(rope, name) for name in changing_parts(rope)}
             kept |= {f"joined/{r}/{name}": part for name, part in parts.items()}
+            kept[f"joined/{r}/memories"] = state_arrays(rope.effects)
             kept[f"joined/{r}/tension"] = self._tension(rope)
         return kept
 
@@ -341,6 +343,9 @@ class MultiLineRopes:
         for r, rope in enumerate(self._ropes, start=1):
             parts = {name: values.pop(f"joined/{r}/{name}") for name in changing_parts(rope)}
             ropes.append(rope._replace(**parts))
+            memories = values.pop(f"joined/{r}/memories")
+            for own, memory in zip(state_arrays(rope.effects), memories, strict=True):
+                own[...] = memory
             self._tension(ropes[-1])[:] = values.pop(f"joined/{r}/tension")
         self._ropes = tuple(ropes)
         for r in self._numbers:  # a cut moves the ends of sections

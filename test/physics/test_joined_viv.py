@@ -1,0 +1,191 @@
+"""Loosely coupled VIV models in multi-line systems: every rope by its own modes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors
+from rope_twin.twin.twin import Twin as CoreTwin
+from rope_twin.vortex.results import RopeVibration
+
+DAMPED = "damping: {newton_seconds: 2.0e+5}"
+TOOL = """  - name: {name}
+    mass_kg: {mass}
+    displaced_volume_m3: 0.3
+    added_mass_kg: [400.0, 400.0, 400.0]
+    drag_area_m2: [0.0, 0.0, 0.0]
+"""
+WATER = """effects:
+  - current: {{profile: [[0.0, [{speed}, 0.1]], [-300.0, [{speed}, 0.1]]]}}
+  - weight: {{}}
+  - drag: {{normal: 1.2, tangential: 0.02}}
+  - added_mass: {{normal: 1.0}}
+  - {model}: {{}}
+  - payload: {{}}
+time: {{step_s: 0.02, newton_tolerance_n: 0.01}}
+"""
+HEAD = "about: ropes that vortices shake\nsource: made up for a test\nlook_at: nothing\n"
+MODELS = ["modal_vibration", "decomposed_force"]
+
+
+def line(name: str, rope: str, length: float, elements: int, more: str) -> str:
+    """A rope of a scene."""
+    return (
+        f"  - {{name: {name}, rope: {rope}, length_m: {length}, elements: {elements}, {DAMPED}, "
+        f"{more}}}\n"
+    )
+
+
+def hanging(names: str, model: str, speed: float = 0.5) -> str:
+    """A scene of ropes that hang side by side, each with a tool: `a`, `b`, or both."""
+    ropes = {
+        "a": line("a", "steel_wire_40mm", 150.0, 30, "to: tool_a"),
+        "b": line("b", "steel_wire_40mm", 100.0, 16, "from: stern, to: tool_b"),
+    }
+    ship = "hang_offs:\n  - {name: stern, at_m: [-30.0, 0.0, 0.0]}\n" if "b" in names else ""
+    if names == "b":
+        ropes["b"], ship = ropes["b"].replace("from: stern, ", ""), ""
+    masses = {"a": 4000.0, "b": 3000.0}
+    tools = [TOOL.format(name=f"tool_{name}", mass=masses[name]) for name in names]
+    return (
+        HEAD + "ropes:\n" + "".join(ropes[name] for name in names)
+        + ship + "payloads:\n" + "".join(tools) + WATER.format(model=model, speed=speed)
+    )  # fmt: skip
+
+
+def scene_of(text: str, folder: Path) -> Scene:
+    """The scene of this text."""
+    path = folder / "scene.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_scene(str(path))
+
+
+def run(text: str, folder: Path, seconds: float) -> Snapshot:
+    """The snapshot after some seconds in calm."""
+    twin = Twin(scene_of(text, folder))
+    twin.advance(round(seconds / twin.step_s))
+    return twin.snapshot()
+
+
+def shaking(shot: Snapshot, number: int = 0) -> RopeVibration:
+    """The vibration of a rope."""
+    found = shot.ropes[number].vibration if shot.ropes else shot.vibration
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_ropes_side_by_side_shake_as_each_alone(model: str, tmp_path: Path) -> None:
+    """Amplitude, frequency, drag and where the tool hangs, of 150 m and of 100 m of wire."""
+    both = run(hanging("ab", model), tmp_path, 30.0)
+    for number, name in enumerate("ab"):
+        alone = run(hanging(name, model), tmp_path, 30.0)
+        own, expected = shaking(both, number), shaking(alone)
+        assert expected.cross_flow.max() > 0.2, "it shakes"
+        assert expected.drag_amplification.max() > 1.3
+        for values in ("cross_flow", "cross_flow_hz", "drag_amplification"):
+            found, known = getattr(own, values), getattr(expected, values)
+            assert found == pytest.approx(known, abs=1e-3 * known.max())
+        place = both.ropes[number].node_position_m
+        moved = alone.node_position_m - alone.node_position_m[0]
+        assert place - place[0] == pytest.approx(moved, abs=1e-4)
+
+
+def same(one: Snapshot, other: Snapshot) -> bool:
+    """Whether tension, nodes and vibration of all ropes are the same to the bit."""
+    rows = []
+    for shot in (one, other):
+        parts = [shot.hang_off_force_n]
+        for rope in shot.ropes:
+            parts += [rope.node_position_m, rope.node_tension_n]
+            if rope.vibration is not None:
+                parts += [rope.vibration.cross_flow, rope.vibration.drag_amplification]
+        rows.append(np.concatenate([part.ravel() for part in parts]))
+    return bool(len(rows[0]) == len(rows[1]) and (rows[0] == rows[1]).all())
+
+
+TWO_CRANES = (
+    HEAD + "ropes:\n"
+    + line("port", "steel_wire_40mm", 90.0, 12, "to: ring")
+    + line("starboard", "steel_wire_40mm", 90.0, 12, "from: stern, to: ring")
+    + line("sling", "steel_wire_40mm", 60.0, 10, "from: ring, to: tool")
+    + "joints: [{name: ring, mass_kg: 300.0}]\n"
+    "hang_offs: [{name: stern, at_m: [-60.0, 0.0, 0.0]}]\n"
+    "payloads:\n" + TOOL.format(name="tool", mass=5000.0)
+)  # fmt: skip
+
+
+def test_ropes_that_meet_shake_between_their_ends(tmp_path: Path) -> None:
+    """At rest at cranes and ring; more drag drives the tool further than without."""
+    shot = run(TWO_CRANES + WATER.format(model=MODELS[0], speed=0.5), tmp_path, 60.0)
+    for number in range(3):
+        own = shaking(shot, number)
+        assert len(own.cross_flow) == len(shot.ropes[number].node_position_m)
+        assert own.cross_flow[0] == 0.0
+        assert own.cross_flow.max() > 0.1, "it shakes"
+        if number < 2:
+            assert own.cross_flow[-1] < 1e-4, "and that by the stretch of a second"
+    water = WATER.replace("{model}: {{}}", "{model}: {{drag_growth: [0.0, 0.65]}}")
+    calm = run(TWO_CRANES + water.format(model=MODELS[0], speed=0.5), tmp_path, 60.0)
+    assert shaking(calm, 2).drag_amplification.max() == 1.0
+    east = [one.payloads[0].position_m[0] + 30.0 for one in (shot, calm)]
+    assert east[0] > 1.2 * east[1] > 0.2
+
+
+def test_a_system_resumes_with_its_vibration(tmp_path: Path) -> None:
+    """Restored and branched twins are bit-identical to the one that went on."""
+    twin = CoreTwin(scene_of(hanging("ab", MODELS[1]), tmp_path))
+    twin.advance(137)
+    saved, branch = twin.capture(), twin.branch()
+    restored = CoreTwin.restore(saved, twin.scene)
+    for one in (twin, branch, restored):
+        one.advance(210)
+    shot = twin.snapshot()
+    assert shaking(shot, 1).drag_amplification.max() > 1.1
+    assert same(shot, branch.snapshot())
+    assert same(shot, restored.snapshot())
+
+
+def test_a_coarse_solution_beside_it_leaves_it_alone(tmp_path: Path) -> None:
+    """With an error interval all is bit-identical, and the interval is known."""
+    shots = []
+    for monitors in (NO_MONITORS, Monitors(error_interval=True)):
+        twin = CoreTwin(scene_of(hanging("ab", MODELS[0]), tmp_path), monitors)
+        for _ in range(40):
+            twin.advance(25)
+            shot = twin.snapshot()
+        shots.append(shot)
+    assert same(*shots)
+    assert shots[1].error_interval is not None or shots[1].no_error_interval
+
+
+def test_what_is_left_of_a_cut_rope_goes_on_shaking(tmp_path: Path) -> None:
+    """The other rope is not touched by it, the part that falls does not shake."""
+    whole, cut = (CoreTwin(scene_of(hanging("ab", MODELS[0]), tmp_path)) for _ in range(2))
+    for twin in (whole, cut):
+        twin.advance(500)
+    assert not cut.offer_cut(None, 60.0, "b")
+    for twin in (whole, cut):
+        twin.advance(250)
+    shot, other = cut.snapshot(), whole.snapshot()
+    assert [rope.name for rope in shot.ropes] == ["a", "b", "b/lower"]
+    assert shaking(shot) is shot.vibration
+    assert shaking(shot).cross_flow == pytest.approx(shaking(other).cross_flow, abs=1e-6)
+    left = shaking(shot, 1)
+    assert len(left.cross_flow) == len(shot.ropes[1].node_position_m)
+    assert left.cross_flow.max() > 0.1
+    assert shot.ropes[2].vibration is None
+
+
+def test_the_energy_of_ropes_that_shake_closes(tmp_path: Path) -> None:
+    """With the drag that the vibration adds, which changes at every sampling."""
+    twin = CoreTwin(scene_of(hanging("ab", MODELS[0]), tmp_path), Monitors(energy=True))
+    twin.advance(1000)
+    energy = twin.snapshot().energy
+    assert energy is not None
+    assert abs(energy.residual_j) < 2e-3 * energy.exchanged_j
