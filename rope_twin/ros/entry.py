@@ -27,7 +27,7 @@ from rclpy.utilities import remove_ros_args
 
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.ros.executor import make_executor
-from rope_twin.ros.qos import message_type, profile
+from rope_twin.ros.qos import listen
 from rope_twin.run.progress import StopSignal
 from rope_twin.topics import BY_NAME
 
@@ -200,10 +200,7 @@ def _is_silent(namespace: str) -> bool:
     listener = rclpy.create_node("single_instance", namespace=namespace)
     heard: list[bytes] = []
     for name in DETECTED_BY:
-        topic = BY_NAME[name]
-        listener.create_subscription(
-            message_type(topic), name, heard.append, profile(topic.qos), raw=True
-        )
+        listen(listener, BY_NAME[name], heard.append)
     executor = SingleThreadedExecutor()
     executor.add_node(listener)
     give_up = time.monotonic() + LISTEN_S

@@ -10,7 +10,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from rope_twin.errors import phrase
-from rope_twin.ros.qos import Senders, message_type, profile, quiet_publisher
+from rope_twin.ros.qos import Senders, message_type, profile, publish
 from rope_twin.topics import BY_NAME
 
 _PERIOD_S, _LEAST_PERIOD_S = 0.04, 0.005
@@ -100,10 +100,7 @@ class InputNode(Node, ABC):
         The node then calls `await_epoch` or, to begin immediately, `follow_epoch`.
         """
         for name in topics:
-            topic = BY_NAME[name]
-            self._own_publishers[name] = self.create_publisher(
-                message_type(topic), name, profile(topic.qos), event_callbacks=quiet_publisher()
-            )
+            self._own_publishers[name] = publish(self, BY_NAME[name])
         self._due_clock = InputClock(lead_s, speed, first_ns)
         period_s = max(_LEAST_PERIOD_S, _PERIOD_S / max(1.0, speed))
         self.create_timer(

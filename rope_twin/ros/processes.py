@@ -25,7 +25,7 @@ from rope_twin.recording.bag import free_path
 from rope_twin.ros.entry import PARENT, initialise
 from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.params import END_ORDER, node_parameters
-from rope_twin.ros.qos import Senders, message_type, profile
+from rope_twin.ros.qos import Senders, listen
 from rope_twin.ros.startup import Spare
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress, StopSignal
@@ -57,11 +57,8 @@ class Monitor(Node):
         super().__init__("monitor")
         self._senders = Senders(self)
         self._warned: set[str] = set()
-        topic = BY_NAME["diagnostics"]
         self.summary: RunSummary | None = None
-        self.create_subscription(
-            message_type(topic), topic.name, self._take, profile(topic.qos), raw=True
-        )
+        listen(self, BY_NAME["diagnostics"], self._take)
 
     def _take(self, data: bytes, info: dict[str, Any]) -> None:
         try:

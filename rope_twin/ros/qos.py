@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -72,18 +72,31 @@ def asked_of(topic: Topic) -> str:
     return f"{'reliable' if row.reliable else 'best effort'}, {kept}, depth {row.depth}"
 
 
-def quiet_publisher() -> PublisherEventCallbacks:
-    """Return publisher callbacks without QoS events; `unsuited` finds incompatible subscribers.
+def publish(node: Any, topic: Topic) -> Any:
+    """Return a new publisher of a topic, which takes messages or their bytes.
 
-    rclpy's executor checks two events of every publisher each time it wakes, which would take two
-    thirds of its time in this suite.
+    It has no QoS events; `unsuited` finds incompatible subscribers. rclpy's executor checks two
+    events of every publisher each time it wakes, which would take two thirds of its time here.
     """
-    return PublisherEventCallbacks(use_default_callbacks=False)
+    quiet = PublisherEventCallbacks(use_default_callbacks=False)
+    return node.create_publisher(
+        message_type(topic), topic.name, profile(topic.qos), event_callbacks=quiet
+    )
 
 
-def quiet_listener() -> SubscriptionEventCallbacks:
-    """Return subscriber callbacks without QoS events; the simulation reports incompatibilities."""
-    return SubscriptionEventCallbacks(use_default_callbacks=False)
+def listen(node: Any, topic: Topic, take: Callable[..., None], depth: int | None = None) -> Any:
+    """Return a new subscription that hands the bytes of each message to `take`.
+
+    It has no QoS events either: the simulation reports incompatibilities. `depth`: as in `profile`.
+    """
+    return node.create_subscription(
+        message_type(topic),
+        topic.name,
+        take,
+        profile(topic.qos, depth),
+        raw=True,
+        event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+    )
 
 
 ASK_AGAIN_S = 0.1  # minimum time between graph queries for the same publisher

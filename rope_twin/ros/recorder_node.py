@@ -27,7 +27,7 @@ from rope_twin.recording.bag import describe_topic, free_path
 from rope_twin.recording.recorder import BagRecorder
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import RecorderParams, declare
-from rope_twin.ros.qos import message_type, profile, quiet_listener, quiet_publisher
+from rope_twin.ros.qos import listen, message_type, publish
 from rope_twin.topics import BY_NAME, CUT_TOPIC, TOPICS, Qos, Topic
 
 _DEPTH = 1000  # messages that may queue in the middleware while this process is blocked
@@ -108,13 +108,7 @@ class RecorderNode(Node):
                 self._record(topic, data, info)
         self._kept.clear()
         self._listen(self._topics())
-        diagnostics = BY_NAME["diagnostics"]
-        self._diagnostics = self.create_publisher(
-            message_type(diagnostics),
-            diagnostics.name,
-            profile(diagnostics.qos),
-            event_callbacks=quiet_publisher(),
-        )
+        self._diagnostics = publish(self, BY_NAME["diagnostics"])
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
         self.get_logger().info(f"recording to {directory}")
@@ -128,14 +122,7 @@ class RecorderNode(Node):
             if topic.name in self._listening:
                 continue
             depth = 1 if topic.qos is Qos.LATCHED else _DEPTH
-            self._listening[topic.name] = self.create_subscription(
-                message_type(topic),
-                topic.name,
-                self._taker(topic),
-                profile(topic.qos, depth),
-                raw=True,
-                event_callbacks=quiet_listener(),
-            )
+            self._listening[topic.name] = listen(self, topic, self._taker(topic), depth)
 
     @property
     def finished(self) -> bool:

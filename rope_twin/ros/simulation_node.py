@@ -31,8 +31,8 @@ from rope_twin.ros.qos import (
     asked_of,
     message_type,
     profile,
+    publish,
     publisher_name,
-    quiet_publisher,
     unheard_publishers,
     unsuited,
 )
@@ -82,14 +82,7 @@ class SimulationNode(LifecycleNode):
         self._looked_s = 0.0  # time of the last check of the commanders
         self.paced: PacedTwin | None = None
         self._own_publishers = {
-            topic.name: self.create_publisher(
-                message_type(topic),
-                topic.name,
-                profile(topic.qos),
-                event_callbacks=quiet_publisher(),
-            )
-            for topic in TOPICS
-            if topic.publisher == "simulation"
+            topic.name: publish(self, topic) for topic in TOPICS if topic.publisher == "simulation"
         }
         self._inputs = tuple(n for n in INPUTS if n != CUT_TOPIC or self._params.allow_cut)
         for name in self._inputs:

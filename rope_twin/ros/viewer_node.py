@@ -20,7 +20,7 @@ from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.messages import decode
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import ViewerParams, declare
-from rope_twin.ros.qos import Senders, message_type, profile, quiet_listener
+from rope_twin.ros.qos import Senders, listen
 from rope_twin.topics import BY_NAME, Qos
 from rope_twin.view.rope_view import SHOWN_TOPICS, RopeView
 from rope_twin.view.sinks import FileSink, WindowSink, load_rerun
@@ -59,14 +59,7 @@ class ViewerNode(Node):
         for name in SHOWN_TOPICS:
             topic = BY_NAME[name]
             depth = 1 if topic.qos is Qos.LATCHED else _DEPTH
-            self.create_subscription(
-                message_type(topic),
-                name,
-                self._taker(name),
-                profile(topic.qos, depth),
-                raw=True,
-                event_callbacks=quiet_listener(),
-            )
+            listen(self, topic, self._taker(name), depth)
         self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
         self._thread.start()
 
