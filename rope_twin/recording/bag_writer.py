@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -21,6 +20,7 @@ from rope_twin.recording.bag import (
     recorded_name,
 )
 from rope_twin.topics import Topic
+from rope_twin.whole_file import write_whole
 
 WAITING_LIMIT_BYTES = 64 * 2**20
 
@@ -308,14 +308,9 @@ class BagWriter(ClosableBag):
         )
 
     def _write_metadata_file(self, text: str) -> None:
-        final = self._directory / "metadata.yaml"
-        draft = self._directory / "metadata.yaml.part"
         try:
-            draft.write_text(text, encoding="utf-8")
-            draft.replace(final)
+            write_whole(self._directory / "metadata.yaml", text.encode())
         except OSError as error:
-            with contextlib.suppress(OSError):
-                draft.unlink(missing_ok=True)
             raise self._error(
                 f"metadata.yaml cannot be written ({error.strerror})",
                 f"`rope_twin recover {self._directory}` makes one",

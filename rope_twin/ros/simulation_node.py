@@ -11,6 +11,8 @@ import sys
 import time
 import traceback
 from collections import Counter
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -140,7 +142,7 @@ class SimulationNode(LifecycleNode):
             for warning in sense_checks(scene):
                 self.get_logger().warning(warning)
             self.paced = PacedTwin(scene, self._params, self._publish, self._published.copy)
-            self._offer_services()
+            self._offer_services(self.paced)
             if self._params.from_state:
                 self.get_logger().info(self.paced.begun)
             if self.paced.twin.told:
@@ -265,50 +267,30 @@ class SimulationNode(LifecycleNode):
             self._seat_words = words
             self._publish(SEAT_TOPIC, encode_seat(words))
 
-    def _offer_services(self) -> None:
+    def _offer_services(self, paced: PacedTwin) -> None:
         """Create the services of the table for each winch, and the one that saves the state."""
-        assert self.paced is not None
-        for winch in self.paced.border.seats.winches:
-            for what in (TAKE, RELEASE):
-                self._serve(service_name(winch, what), Trigger, self._seat_server(winch, what))
-            for what, kinds in WINCH_SERVICES.items():
-                kind = SetBool if kinds[1] else Trigger
-                self._serve(service_name(winch, what), kind, self._switch_server(winch, *kinds))
-        self._serve(SAVE_STATE, Trigger, self._save_state)
+        seats = paced.border.seats
+        for winch in seats.winches:
+            self._serve(service_name(winch, TAKE), Trigger, partial(seats.ask, winch))
+            self._serve(service_name(winch, RELEASE), Trigger, partial(seats.release, winch))
+            for what, (on, off) in WINCH_SERVICES.items():
+                switch = partial(_switch, paced, winch, on, off)
+                self._serve(service_name(winch, what), SetBool if off else Trigger, switch)
+        self._serve(SAVE_STATE, Trigger, paced.save)
 
-    def _serve(self, name: str, kind: Any, serve: Any) -> None:
+    def _serve(self, name: str, kind: Any, act: Callable[..., tuple[bool, str]]) -> None:
+        """Create a service; `act` returns success and text, by the value of a SetBool."""
+
+        def serve(request: Any, response: Any) -> Any:
+            values = (request.data,) if kind is SetBool else ()
+            response.success, response.message = act(*values)
+            self._publish_seat()
+            return response
+
         try:
             self._own_services.append(self.create_service(kind, name, serve))
         except InvalidServiceNameException:
             self.get_logger().warning(f"no service {name}: not a valid ROS name")
-
-    def _switch_server(self, winch: str, on: str, off: str) -> Any:
-        def serve(request: Any, response: Any) -> Any:
-            response.message = f"the simulation is {self._state}"
-            if self.paced is not None:
-                kind = on if getattr(request, "data", True) else off
-                response.success, response.message = self.paced.border.switch(winch, kind)
-            return response
-
-        return serve
-
-    def _save_state(self, request: Any, response: Any) -> Any:
-        response.message = f"the simulation is {self._state}"
-        if self.paced is not None:
-            response.success, response.message = self.paced.save()
-        return response
-
-    def _seat_server(self, winch: str, what: str) -> Any:
-        def serve(request: Any, response: Any) -> Any:
-            response.message = f"the simulation is {self._state}"
-            if self.paced is not None:
-                seats = self.paced.border.seats
-                act = seats.ask if what == TAKE else seats.release
-                response.success, response.message = act(winch)
-                self._publish_seat()
-            return response
-
-        return serve
 
     def _is_there(self, name: str) -> bool:
         """Return whether an input has a publisher, or an output a subscriber."""
@@ -408,6 +390,13 @@ class SimulationNode(LifecycleNode):
             self.get_logger().warning(message)
             self._logged_sources = message
         return [Status("simulation: sources", level, message, values)]
+
+
+def _switch(
+    paced: PacedTwin, winch: str, on: str, off: str, value: bool = True
+) -> tuple[bool, str]:
+    """Execute a switch by a service; return success and text."""
+    return paced.border.switch(winch, on if value else off)
 
 
 def main(args: list[str] | None = None) -> int:

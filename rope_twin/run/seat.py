@@ -251,7 +251,7 @@ class Seats:
         self,
         scene: Scene,
         priority: str,
-        order: Callable[[WinchCommand, str], None],
+        order: Callable[[WinchCommand, str], object],
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._now_s = now_s
