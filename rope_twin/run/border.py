@@ -105,7 +105,10 @@ class InputBorder:
         self._senders = {name: MotionSender() for name in MOTION_TOPICS}
         self._ignored = 0
         self.seats = Seats(
-            twin.scene, priority, lambda order, winch: self._command(None, order, winch), now_s
+            twin.scene,
+            priority,
+            lambda order, winch: inputs.offer_command(None, order, winch),
+            now_s,
         )
         self.epoch_ns: int | None = None  # ROS time of t = 0; None: all inputs are ignored
 
@@ -137,15 +140,13 @@ class InputBorder:
         else:
             self._inputs.offer_heave(stamp_ns - epoch_ns, *sample, arrival_ns)
 
-    def take_order(
-        self, topic: str, data: bytes, sender: str | None = None, publisher: str = ""
-    ) -> None:
+    def take_order(self, topic: str, data: bytes, sender: str, publisher: str = "") -> None:
         """Accept or reject a message on one of WINCH_TOPICS.
 
         Args:
             topic: topic of the message.
             data: the message as CDR.
-            sender: name of its node, which must have the winch's seat; None: not checked.
+            sender: name of its node, which must have the winch's seat.
             publisher: name of the sender while its node was not known.
         """
         content = self._read(topic, lambda: read_order(topic, data))
@@ -153,14 +154,10 @@ class InputBorder:
             return
         stamp_ns, order, name = content
         at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
-        if sender is not None:
-            winch, now_ns = self._twin.inputs.winch_called(name), self._twin.time_ns
-            command = Command(order, at_ns, sender, publisher)
-            admitted = self.seats.admit(winch, command, now_ns)
-            if admitted is None:
-                return
-            at_ns = admitted.stamp_ns
-        self._command(at_ns, order, name)
+        winch, now_ns = self._twin.inputs.winch_called(name), self._twin.time_ns
+        command = self.seats.admit(winch, Command(order, at_ns, sender, publisher), now_ns)
+        if command is not None:
+            self._inputs.offer_command(command.stamp_ns, order, name)
 
     def switch(self, winch: str, kind: str) -> tuple[bool, str]:
         """Execute a switch that comes by a service immediately; return success and text."""
@@ -169,7 +166,7 @@ class InputBorder:
         refusal = self.seats.permit(winch, kind)
         if refusal:
             return False, refusal
-        self._command(None, WinchCommand(kind), winch)
+        self._inputs.offer_command(None, WinchCommand(kind), winch)
         return True, f"winch {winch}: {kind.replace('_', ' ')}"
 
     def take_cut(self, data: bytes) -> None:
@@ -202,9 +199,6 @@ class InputBorder:
         """Return in words which motion several senders sent in turn; "": none."""
         names = [name for name, one in self._senders.items() if one.mixed]
         return f"{', '.join(names)}: several senders, one of them used" if names else ""
-
-    def _command(self, at_ns: int | None, order: WinchCommand, winch: str) -> None:
-        self._inputs.offer_command(at_ns, order, winch)
 
     def _read(self, topic: str, read: Callable[[], Content]) -> Content | None:
         """Return the content of a message; count a malformed one and return None."""

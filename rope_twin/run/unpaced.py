@@ -87,12 +87,12 @@ class UnpacedRun:
         self._told_ns = self.twin.time_ns
         self._saved = False
         self.last: Snapshot = self.twin.snapshot()
-        self._record([(self.twin.time_ns, "twin/epoch", encode_epoch(self.epoch_ns))])
+        self._record(self.twin.time_ns, "twin/epoch", encode_epoch(self.epoch_ns))
         if self._bag is not None:
             run = describe_run(scene, setup, 0.0)
             described = describe_session(run, self.twin, self.epoch_ns)
             described |= self._log.begin(self.twin.time_ns)
-            self._record([(self.twin.time_ns, SESSION_TOPIC, encode_session(described, {}))])
+            self._record(self.twin.time_ns, SESSION_TOPIC, encode_session(described, {}))
 
     @property
     def sea_note(self) -> str:
@@ -110,13 +110,12 @@ class UnpacedRun:
         self._inputs.advance(self._steps)
         self.last = snapshot = self._inputs.snapshot()
         for name, content in self._log.messages(snapshot):
-            self._record([(began_ns, name, encode_json(content))])
+            self._record(began_ns, name, encode_json(content))
         while self._messages and self._messages[0][0] < snapshot.stamp_ns:
-            self._record([self._messages.popleft()])
+            self._record(*self._messages.popleft())
         if self._bag is not None:
             for name in due_topics(*slot_of(snapshot), snapshot):
-                data = self._encoder.encode(name, snapshot)
-                self._record([(snapshot.stamp_ns, name, data)])
+                self._record(snapshot.stamp_ns, name, self._encoder.encode(name, snapshot))
         if snapshot.stamp_ns - self._told_ns >= DIAGNOSTICS_PERIOD_NS:
             self._tell(snapshot)
         return snapshot
@@ -183,13 +182,12 @@ class UnpacedRun:
         self._told_ns = snapshot.stamp_ns
         stamp_ns = self.epoch_ns + snapshot.stamp_ns
         rows = statuses(snapshot, None)
-        self._record([(snapshot.stamp_ns, "diagnostics", encode_diagnostics(stamp_ns, rows))])
+        self._record(snapshot.stamp_ns, "diagnostics", encode_diagnostics(stamp_ns, rows))
 
-    def _record(self, messages: list[Message]) -> None:
+    def _record(self, at_ns: int, name: str, data: bytes) -> None:
         if self._bag is not None:
-            for at_ns, name, data in messages:
-                self._sequence[name] += 1
-                self._bag.write(name, self.epoch_ns + at_ns, data, sequence=self._sequence[name])
+            self._sequence[name] += 1
+            self._bag.write(name, self.epoch_ns + at_ns, data, sequence=self._sequence[name])
 
 
 def _setup(options: RunOptions) -> Setup:

@@ -84,7 +84,7 @@ def test_a_sender_that_takes_over_is_followed() -> None:
     [
         lambda border: border.take_motion("ship/heave", b"\x00\x01garbage"),
         lambda border: border.take_motion("ship/odometry", b""),
-        lambda border: border.take_order("winch/speed_command", b"\x00"),
+        lambda border: border.take_order("winch/speed_command", b"\x00", "console"),
         lambda border: border.take_cut(b"\x07" * 40),
         lambda border: border.take_current(encode_current([(0.0, 0.1, 0.0)])[:-4]),
     ],
