@@ -20,13 +20,9 @@ class Running:
     """A running simulation, publishers to it and what it says of its inputs."""
 
     def __init__(self, bench: Bench) -> None:
-        from rope_twin.ros.params import overrides
-        from rope_twin.ros.simulation_node import SimulationNode
-
         self.bench = bench
         # A second behind: what is sent a little ahead is in time though this process be held up.
-        parameters = overrides({"scene": "shallow_lift", "input_delay_s": 1.0})
-        self.node = bench.add(SimulationNode(parameter_overrides=parameters))
+        self.node = bench.make("simulation", scene="shallow_lift", input_delay_s=1.0)
         self.node.begin()
         self.publishers = {topic: bench.publisher(topic) for topic in BAD}
         bench.until(lambda: self.steps > 0, "the twin runs")

@@ -89,10 +89,7 @@ def test_who_is_on_this_machine_hears_such_a_run(processes: Processes, bench: Be
 
 
 def node(bench: Bench, **parameters: Any) -> Any:
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.simulation_node import SimulationNode
-
-    return bench.add(SimulationNode(parameter_overrides=overrides({"scene": SCENE, **parameters})))
+    return bench.make("simulation", scene=SCENE, **parameters)
 
 
 def test_nobody_cuts_a_rope_unless_the_run_allows_it(bench: Bench) -> None:

@@ -25,19 +25,13 @@ LEAD_S = 5.0  # a node that is held up for less than this still publishes all fr
 
 
 def sea_state(bench: Bench, **parameters: Any) -> Any:
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.sea_state_node import SeaStateNode
-
     given = {"scene": SCENE, "lead_s": LEAD_S, "simulation_node": "bench", **parameters}
-    return bench.add(SeaStateNode(parameter_overrides=overrides(given)))
+    return bench.make("sea_state", **given)
 
 
 def winch_schedule(bench: Bench, **parameters: Any) -> Any:
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.winch_schedule_node import WinchScheduleNode
-
     given = {"scene": SCENE, "lead_s": LEAD_S, "simulation_node": "bench", **parameters}
-    return bench.add(WinchScheduleNode(parameter_overrides=overrides(given)))
+    return bench.make("winch_schedule", **given)
 
 
 def stamp_ns(message: Any) -> int:
@@ -266,11 +260,7 @@ def test_a_scene_without_sea_or_schedule_is_left_alone(bench: Bench) -> None:
 
 
 def test_a_twin_fed_live_takes_samples_stamped_with_ros_time(bench: Bench) -> None:
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.simulation_node import SimulationNode
-
-    parameters = overrides({"scene": SCENE, "input_delay_s": 3.0})
-    simulation = bench.add(SimulationNode(parameter_overrides=parameters))
+    simulation = bench.make("simulation", scene=SCENE, input_delay_s=3.0)
     simulation.begin()
     sensor = sea_state(bench, wait_for_epoch=False, lead_s=0.0)
     sensor.begin()

@@ -19,18 +19,7 @@ pytestmark = pytest.mark.ros
 
 
 def recorder(bench: Bench, directory: Path) -> Any:
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.recorder_node import RecorderNode
-
-    given = overrides({"out": str(directory)})
-    return bench.add(RecorderNode(parameter_overrides=given))
-
-
-def viewer(bench: Bench, **parameters: Any) -> Any:
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.viewer_node import ViewerNode
-
-    return bench.add(ViewerNode(parameter_overrides=overrides(parameters)))
+    return bench.make("recorder", out=str(directory))
 
 
 def test_the_recorder_keeps_every_byte_of_inputs_and_outputs(bench: Bench, tmp_path: Path) -> None:
@@ -75,7 +64,7 @@ def test_the_recorder_tells_how_it_goes(bench: Bench, tmp_path: Path) -> None:
 
 
 def test_the_viewer_writes_what_it_hears_to_a_file(bench: Bench, tmp_path: Path) -> None:
-    node = viewer(bench, file=str(tmp_path / "run.rrd"), simulation_node="bench")
+    node = bench.make("viewer", file=str(tmp_path / "run.rrd"), simulation_node="bench")
     node.begin()
     publishers = {name: bench.publisher(name) for name in ("twin/epoch", "ropes/nodes")}
     bench.until(
@@ -100,7 +89,7 @@ def test_the_viewer_writes_what_it_hears_to_a_file(bench: Bench, tmp_path: Path)
 def test_without_a_screen_the_viewer_says_so_and_harms_nobody(bench: Bench) -> None:
     from rope_twin.errors import InputError
 
-    node = viewer(bench)
+    node = bench.make("viewer")
     node.begin()
     with pytest.raises(InputError, match="no display"):
         bench.until(lambda: node.finished, "it has noticed")

@@ -24,10 +24,7 @@ def connect(bench: Bench, publisher: Any, recorder: Any) -> None:
 
 def held_up_recorder(bench: Bench, directory: Path, count: int) -> Any:
     """A recorder that is not asked to spin while this many samples of heave are sent."""
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.recorder_node import RecorderNode
-
-    node = bench.add(RecorderNode(parameter_overrides=overrides({"out": str(directory)})))
+    node = bench.make("recorder", out=str(directory))
     node.begin()
     heave = bench.publisher("ship/heave")
     connect(bench, heave, node)

@@ -17,11 +17,7 @@ OMEGA = 2.0 * math.pi / 9.0
 
 def simulation(bench: Bench, **parameters: Any) -> Any:
     """A simulation node of a scene whose sea moves the ship."""
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.simulation_node import SimulationNode
-
-    given = {"scene": "shallow_lift", **parameters}
-    return bench.add(SimulationNode(parameter_overrides=overrides(given)))
+    return bench.make("simulation", scene="shallow_lift", **parameters)
 
 
 def heave_row(node: Any) -> Status:

@@ -29,16 +29,10 @@ LISTENED = " ".join([*(topic.name for topic in SNAPSHOT_TOPICS), SESSION_TOPIC, 
 
 def recorded(bench: Bench, bag: Path, **parameters: Any) -> tuple[Any, Any]:
     """A recorder that has begun, and a simulation node that has not; it awaits the recorder."""
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.recorder_node import RecorderNode
-    from rope_twin.ros.simulation_node import SimulationNode
-
-    own = {"out": str(bag), "allow_cut": True}
-    recorder = bench.add(RecorderNode(parameter_overrides=overrides(own)))
+    recorder = bench.make("recorder", out=str(bag), allow_cut=True)
     recorder.begin()
     given = {"scene": SCENE, "wait_for": LISTENED, "wait_for_s": 60.0, **parameters}
-    given["allow_cut"] = True
-    return recorder, bench.add(SimulationNode(parameter_overrides=overrides(given)))
+    return recorder, bench.make("simulation", **given, allow_cut=True)
 
 
 def end(bench: Bench, recorder: Any, *nodes: Any) -> None:
@@ -179,13 +173,8 @@ def test_a_node_that_goes_on_from_a_saved_state_is_replayed(bench: Bench, tmp_pa
     first.close()
     first.destroy_node()
     bench.nodes.remove(first)
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.simulation_node import SimulationNode
-
-    given = overrides(
-        {"scene": SCENE, "wait_for": LISTENED, "wait_for_s": 60.0, "allow_cut": True, **kept}
-    )
-    second = bench.add(SimulationNode(parameter_overrides=given))
+    given = {"scene": SCENE, "wait_for": LISTENED, "wait_for_s": 60.0, **kept}
+    second = bench.make("simulation", **given, allow_cut=True)
     second.begin()
     assert second.paced.twin.time_ns >= 800_000_000
     bench.until(lambda: second.paced.epoch_ns is not None, "its epoch")
@@ -200,17 +189,13 @@ def test_a_node_that_goes_on_from_a_saved_state_is_replayed(bench: Bench, tmp_pa
 
 def test_a_recorder_that_joins_late_is_given_what_it_needs(bench: Bench, tmp_path: Path) -> None:
     """The bag can be replayed from a session that begins on the way."""
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.recorder_node import RecorderNode
-
     first, node = recorded(bench, tmp_path / "first")
     sender = Sender(bench, node)
     node.begin()
     bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
     sender.command(WinchCommand(SPEED, 0.3))
     sender.sail(1_500_000_000)
-    given = overrides({"out": str(tmp_path / "second"), "allow_cut": True})
-    second = bench.add(RecorderNode(parameter_overrides=given))
+    second = bench.make("recorder", out=str(tmp_path / "second"), allow_cut=True)
     second.begin()
     joined_ns = node.paced.last.stamp_ns
     sender.sail(joined_ns + 2_500_000_000)

@@ -29,11 +29,7 @@ SCENE = "shallow_lift"
 
 def simulation(bench: Bench, **parameters: Any) -> Any:
     """A simulation node of the bench, not yet begun."""
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.simulation_node import SimulationNode
-
-    given = {"scene": SCENE, **parameters}
-    return bench.add(SimulationNode(parameter_overrides=overrides(given)))
+    return bench.make("simulation", scene=SCENE, **parameters)
 
 
 def nanoseconds(stamp: Any) -> int:

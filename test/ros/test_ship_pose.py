@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import pytest
 from ros_bench import Bench, clocks
@@ -15,22 +14,10 @@ pytestmark = pytest.mark.ros
 SCENE = "deep_tow_turn"
 
 
-def simulation(bench: Bench) -> Any:
-    """A simulation node of a scene whose hang-off has a way."""
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.simulation_node import SimulationNode
-
-    return bench.add(SimulationNode(parameter_overrides=overrides({"scene": SCENE})))
-
-
 def test_a_way_is_fed_over_the_topic(bench: Bench) -> None:
     """The sea's node publishes ship/odometry; the hang-off moves east, nothing is refused."""
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.sea_state_node import SeaStateNode
-
-    node = simulation(bench)
-    early = overrides({"scene": SCENE, "lead_s": 3.0})
-    sea = bench.add(SeaStateNode(parameter_overrides=early))
+    node = bench.make("simulation", scene=SCENE)
+    sea = bench.make("sea_state", scene=SCENE, lead_s=3.0)
     heard = bench.listen("ship/odometry")
     sea.begin()
     node.begin()
@@ -44,7 +31,7 @@ def test_a_way_is_fed_over_the_topic(bench: Bench) -> None:
 
 def test_a_pose_from_outside_moves_it_and_a_bad_one_does_not(bench: Bench) -> None:
     """Poses 1 m north; one that is not finite, one torn off and a heave are refused, and told."""
-    node, publisher = simulation(bench), bench.publisher("ship/odometry")
+    node, publisher = bench.make("simulation", scene=SCENE), bench.publisher("ship/odometry")
     heave = bench.publisher("ship/heave")
     node.begin()
     bench.until(publisher.get_subscription_count, "the twin listens")

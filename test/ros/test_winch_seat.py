@@ -18,12 +18,8 @@ class Operators:
     """A simulation and nodes of given names that command its winch."""
 
     def __init__(self, bench: Bench, scene: str = "emergency_stop", **parameters: Any) -> None:
-        from rope_twin.ros.params import overrides
-        from rope_twin.ros.simulation_node import SimulationNode
-
         self.bench = bench
-        given = overrides({"scene": scene, **parameters})
-        self.simulation = bench.add(SimulationNode(parameter_overrides=given))
+        self.simulation = bench.make("simulation", scene=scene, **parameters)
         self.seats = bench.listen("winch/seat")
         self.simulation.begin()
         bench.until(lambda: self.seats, "who commands is said from the start")
@@ -180,13 +176,8 @@ def test_no_message_gives_what_the_seat_orders(bench: Bench) -> None:
 
 def test_the_schedule_has_the_seat_and_yields_it_to_an_operator(bench: Bench) -> None:
     """Without an alarm; and its end with the run raises none."""
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.winch_schedule_node import WinchScheduleNode
-
     own = Operators(bench, "shallow_lift", input_delay_s=1.0)
-    schedule = bench.add(
-        WinchScheduleNode(parameter_overrides=overrides({"scene": "shallow_lift"}))
-    )
+    schedule = bench.make("winch_schedule", scene="shallow_lift")
     schedule.begin()
     bench.until(lambda: own.held == "winch: winch_schedule", "the schedule commands")
     own.tell("bench_operator", WinchCommand("speed", 0.0))

@@ -20,14 +20,10 @@ def test_a_winch_is_commanded_stopped_and_refuses_over_its_topics(
     bench: Bench, tmp_path: Path
 ) -> None:
     """The scene emergency_stop, on a drive that is strong enough not to render."""
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.simulation_node import SimulationNode
-
     text = load_scene("emergency_stop").path.read_text()
     path = tmp_path / "strong.yaml"
     path.write_text(text.replace("torque_limit_n_m: 178000.0", "torque_limit_n_m: 400000.0"))
-    given = {"scene": str(path), "speed": 5.0}
-    node = bench.add(SimulationNode(parameter_overrides=overrides(given)))
+    node = bench.make("simulation", scene=str(path), speed=5.0)
     publishers = {topic: bench.publisher(topic) for topic in WINCH_TOPICS}
     mode, parts = (bench.listen(f"winch/{name}") for name in ("mode", "state"))
     state = bench.listen("ropes/length")
@@ -89,10 +85,7 @@ def test_orders_for_another_winch_and_stops_with_any_stamp(bench: Bench) -> None
     """A one-rope scene refuses what is not for its winch; a stop by a broken clock stops it."""
     from ros_messages import with_bad_nanoseconds
 
-    from rope_twin.ros.params import overrides
-    from rope_twin.ros.simulation_node import SimulationNode
-
-    node = bench.add(SimulationNode(parameter_overrides=overrides({"scene": "emergency_stop"})))
+    node = bench.make("simulation", scene="emergency_stop")
     speed, switch = (bench.publisher(f"winch/{name}_command") for name in ("speed", "switch"))
     mode = bench.listen("winch/mode")
     node.begin()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import time
 from collections.abc import Callable
 from typing import Any
@@ -35,6 +36,14 @@ class Bench:
         self.nodes.append(node)
         self.executor.add_node(node)
         return node
+
+    def make(self, name: str, **parameters: Any) -> Any:
+        """A node of the suite by its name, not yet begun."""
+        from rope_twin.ros.params import overrides
+
+        module = importlib.import_module(f"rope_twin.ros.{name}_node")
+        kind = getattr(module, f"{name.title().replace('_', '')}Node")
+        return self.add(kind(parameter_overrides=overrides(parameters)))
 
     def remove(self, node: Any) -> None:
         """End a node, with its services and publishers."""
