@@ -22,6 +22,7 @@ from rope_twin.twin.snapshot import (
     RopeStrength,
     Snapshot,
     Touchdown,
+    most_damaged,
 )
 from rope_twin.vortex.results import MaterialFatigue, RopeVibration
 
@@ -270,8 +271,9 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         )
     if snapshot.vibration is not None:
         rows.append(_vibration(snapshot, snapshot.vibration))
-    if snapshot.fatigue is not None:
-        rows.append(_fatigue(snapshot.fatigue))
+    damaged = most_damaged(snapshot)
+    if damaged is not None:
+        rows.append(_fatigue(*damaged))
     rows += [_input(name, health) for name, health in snapshot.inputs.items()]
     return rows
 
@@ -459,8 +461,10 @@ def _vibration(snapshot: Snapshot, shaking: RopeVibration) -> Status:
     return Status(name, level, "; ".join(filter(None, (message, *notes))), values)
 
 
-def _fatigue(wear: MaterialFatigue) -> Status:
+def _fatigue(name: str, wear: MaterialFatigue) -> Status:
+    """Return the row of the rope with the largest damage; name: "" in a scene of one rope."""
     at = wear.worst
+    upper = f"the upper end of '{name}'" if name else "the hang-off"
     damage, place = float(wear.used[at]), float(wear.from_hang_off_m[at])
     values = {
         "curve": wear.curve,
@@ -468,9 +472,9 @@ def _fatigue(wear: MaterialFatigue) -> Status:
         "counted [s]": f"{wear.counted_s:.1f}",
         "maximum damage (failure at 1)": f"{damage:.3e}",
         "distance from the lower end [m]": f"{wear.from_lower_end_m[at]:.1f}",
-        "distance below the hang-off [m], negative: aboard": f"{place:.1f}",
+        f"distance below {upper} [m], negative: aboard": f"{place:.1f}",
     }
-    where = f"{place:.0f} m below the hang-off" if place >= 0.0 else "aboard"
+    where = f"{place:.0f} m below {upper}" if place >= 0.0 else "aboard"
     message = (
         f"maximum accumulated damage {damage:.2e} (failure at 1), "
         f"{wear.from_lower_end_m[at]:.0f} m from the lower end, currently {where}"

@@ -18,7 +18,13 @@ from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates, new, serialise
 from rope_twin.messages.templates import scale_above, tension_colours
-from rope_twin.twin.snapshot import BodyShot, RopeShot, Snapshot, WinchShot, first_rope
+from rope_twin.twin.snapshot import (
+    BodyShot,
+    RopeShot,
+    Snapshot,
+    WinchShot,
+    first_rope,
+)
 from rope_twin.twin.winch.commands import CONTROL_MODES
 from rope_twin.vortex.results import RopeVibration
 
@@ -229,12 +235,19 @@ class Encoder:
 
     def _fatigue(self, snapshot: Snapshot) -> bytes:
         """Return accumulated damage and position of each metre of rope."""
-        wear = snapshot.fatigue
-        if wear is None:
+        tables = []
+        for number, rope in enumerate(ropes_of(snapshot)):
+            wear = rope.fatigue if number else snapshot.fatigue
+            if wear is not None:
+                of_rope = np.full(len(wear.used), float(number))
+                columns = wear.from_lower_end_m, wear.from_hang_off_m, wear.used, of_rope
+                tables.append(np.column_stack(columns))
+        if not tables:
             raise InputError(phrase("encode", "the snapshot has no fatigue", "ask for it"))
-        columns = templates.columns("from_lower_end_m from_hang_off_m damage")
-        table = np.column_stack([wear.from_lower_end_m, wear.from_hang_off_m, wear.used])
-        points = table.view(templates.point_type(columns)).ravel()
+        kind = templates.point_type(
+            templates.columns("from_lower_end_m from_hang_off_m damage rope")
+        )
+        points = np.concatenate(tables).view(kind).ravel()
         return self._cloud("ropes/fatigue", snapshot, points)
 
     # -- hang-off, payloads, winches, seabed -----------------------------------------------------

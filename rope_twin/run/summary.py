@@ -31,6 +31,7 @@ from rope_twin.twin.snapshot import (
     RopeStrength,
     Snapshot,
     Touchdown,
+    most_damaged,
 )
 from rope_twin.twin.twin import Twin
 
@@ -431,11 +432,13 @@ def vibration_figures(snapshot: Snapshot) -> Figures | None:
 
 def fatigue_figures(snapshot: Snapshot) -> Figures | None:
     """Return the maximum fatigue damage and its location; None: not enabled."""
-    wear = snapshot.fatigue
-    if wear is None:
+    damaged = most_damaged(snapshot)
+    if damaged is None:
         return None
+    name, wear = damaged
     at = wear.worst
-    return {
+    figures: Figures = {"rope": name} if name else {}
+    return figures | {
         "curve": wear.curve,
         "counted_s": wear.counted_s,
         "used": float(wear.used[at]),
@@ -460,8 +463,9 @@ def watch_words(vibration: Figures | None, fatigue: Figures | None) -> list[str]
             told = ", ".join(f"{name} {value:.3g}" for name, value in others.items())
             lines.append(f"VIV of the other ropes: maximum cross-flow A/D {told}")
     if fatigue is not None:
+        end = f"the lower end of '{fatigue['rope']}'" if "rope" in fatigue else "the lower end"
         lines.append(
             f"fatigue ({fatigue['curve']}): maximum damage {fatigue['used']:.3g} (failure at 1), "
-            f"{fatigue['from_lower_end_m']:.4g} m from the lower end, in {fatigue['counted_s']:g} s"
+            f"{fatigue['from_lower_end_m']:.4g} m from {end}, in {fatigue['counted_s']:g} s"
         )
     return lines

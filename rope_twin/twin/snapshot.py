@@ -204,7 +204,8 @@ class RopeShot:
     line_out_m: float  # unstretched length
     payout_speed_m_per_s: float  # + paying out
     error_interval: TensionInterval | None = None  # for ropes from the ship, if a run asks for it
-    vibration: RopeVibration | None = None  # with a VIV model outside the time step
+    vibration: RopeVibration | None = None  # of a multi-line scene, as of the whole snapshot
+    fatigue: MaterialFatigue | None = None  # likewise
 
 
 @dataclass(frozen=True)
@@ -282,7 +283,7 @@ class Snapshot:
     error_interval: TensionInterval | None = None  # if a run asks for it, once it is known
     no_error_interval: str = ""  # why a run that asks for it has none at present
     vibration: RopeVibration | None = None  # only of a run that asks for it, once it is known
-    fatigue: MaterialFatigue | None = None  # only of a run that asks for it
+    fatigue: MaterialFatigue | None = None  # only of a run that asks for it; of the first rope
     ropes: tuple[RopeShot, ...] = ()  # all ropes of a multi-line scene or after a cut; else none
     payloads: tuple[PayloadShot, ...] = ()  # likewise
     struts: tuple[StrutShot, ...] = ()  # likewise
@@ -317,3 +318,11 @@ def first_rope(shot: Snapshot, name: str) -> RopeShot:
         line_out_m=shot.line_out_m,
         payout_speed_m_per_s=shot.payout_speed_m_per_s,
     )
+
+
+def most_damaged(shot: Snapshot) -> tuple[str, MaterialFatigue] | None:
+    """Return the rope with the largest damage ("" in a scene of one rope); None: not known."""
+    known = [(one.name, one.fatigue) for one in shot.ropes if one.fatigue is not None]
+    if not known:
+        return None if shot.fatigue is None else ("", shot.fatigue)
+    return max(known, key=lambda one: float(one[1].used.max()))

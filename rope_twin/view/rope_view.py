@@ -236,6 +236,7 @@ class RopeView:
 
     def _fatigue(self, message: Any, time_ns: int) -> None:
         table = read_cloud(message)
+        table = table[table["rope"] == 0.0]  # the first rope
         if self._is_time("fatigue", time_ns) and self._watched.show_fatigue(
             table["from_hang_off_m"], table["damage"]
         ):

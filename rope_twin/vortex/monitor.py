@@ -1,20 +1,20 @@
-"""Vibration and fatigue monitors of the rope of a run.
+"""Vibration and fatigue monitors of a line of a run: a rope, or ropes that continue each other.
 
-The monitors observe only. They sample the rope at equal times, often enough to resolve the fastest
+The monitors observe only. They sample the line at equal times, often enough to resolve the fastest
 vortices. In the time domain the vibration is that of the scene's own VIV model, measured as motion
-of the nodes; in the frequency domain it is that of the modal model, which follows the rope.
+of the nodes; in the frequency domain it is that of the modal model, which follows the line. Damage
+is that of each rope.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.errors import InputError, phrase
 from rope_twin.vortex.coupled import CoupledModel, VivDragAmplification, modal_model
 from rope_twin.vortex.damage import RopeDamage
@@ -37,15 +37,22 @@ from rope_twin.vortex.shedding import Shedding
 SECOND_NS = 1_000_000_000  # interval of the fatigue results
 
 
-class Sample(NamedTuple):
-    """State of a run at a sampling."""
+class RopeSample(NamedTuple):
+    """State of one of the ropes of a line at a sampling."""
 
     rope: Rope
-    boundary: Boundary  # row 0 is the present
-    time_ns: int
     top_tension_n: float
     line_out_m: float
     lost_m: float  # length of a part that was cut off
+
+
+class Sample(NamedTuple):
+    """State of a line at a sampling."""
+
+    line: Rope  # its ropes as one
+    ropes: tuple[RopeSample, ...]  # from its lower end up
+    boundary: Boundary  # of the first rope from the ship; row 0 is the present
+    time_ns: int
     profiles: int  # number of current profiles accepted
 
 
@@ -68,8 +75,13 @@ def check_monitors(asked: MonitorSettings, model: str, coupled: bool) -> None:
         )
 
 
+def wear_name(number: int) -> str:
+    """Return the name of the damage of a line's rope in a saved state."""
+    return f"wear {number}" if number else "wear"
+
+
 class RopeMonitor:
-    """Monitors of a rope; `observe` it whenever `steps_to_sampling` have been done."""
+    """Monitors of a line; `observe` it whenever `steps_to_sampling` have been done."""
 
     def __init__(
         self,
@@ -77,20 +89,23 @@ class RopeMonitor:
         vortices: CoupledSettings,
         rope: Rope,
         interval: tuple[float, int],
-        damage: RopeDamage | None,
+        damages: tuple[RopeDamage, ...],
         viv_drag: VivDragAmplification | None,
+        number: int = 0,
     ) -> None:
         """Start without vibration.
 
-        interval: time step [s], and steps of a real-time cycle; damage: fatigue count, if asked
-        for; viv_drag: loosely coupled model of the scene, which has a sampling interval of its own.
+        rope: the line as one rope; interval: time step [s], and steps of a real-time cycle;
+        damages: fatigue count of each of its ropes, if asked for; viv_drag: loosely coupled model
+        of the scene, which has a sampling interval of its own; number: of the rope in that model.
 
         Raises:
             InputError: the rope is slack somewhere.
         """
         self._asked, self._vortices, self._viv_drag = asked, vortices, viv_drag
-        self.damage = damage
-        self.fatigue: MaterialFatigue | None = None
+        self._number = number
+        self.damages = damages
+        self.fatigue: tuple[MaterialFatigue, ...] = ()  # of each rope, once it is known
         self._hz, self._profiles = 0.0, 0  # vortex frequency and profiles of the interval
         self.set_step(*interval)
         if asked.vibration == TIME_DOMAIN and viv_drag is None:
@@ -121,48 +136,55 @@ class RopeMonitor:
             return self._viv_drag.steps_to_sampling(steps)
         return self._every - steps % self._every
 
-    def observe(self, seen: Sample) -> float:
-        """Sample the rope, and return the time that took [s].
-
-        Once a second the interval and the fatigue results are updated too.
-        """
+    def observe(self, seen: Sample) -> None:
+        """Sample the line; once a second the interval and the fatigue results are updated too."""
         began = time.perf_counter()
         second = seen.time_ns // SECOND_NS
         new, self._second = second != self._second, second
         if new:
             self._update_interval(seen)
         if self._tracker is not None and self._viv_drag is None:
-            self._tracker.take(seen.rope, self._every * self._step_s, self._hz)
-        if self.damage is not None:
-            if seen.lost_m > 0.0:
-                self.damage.cut_off(seen.lost_m)
-            self.damage.take(seen.rope, seen.top_tension_n, self.bent(seen.rope, seen.lost_m))
+            self._tracker.take(seen.line, self._every * self._step_s, self._hz)
+        if self.damages:
+            self._take_damage(seen)
             if new:
                 counted_s = (seen.time_ns - self.counting_from_ns) * 1e-9
-                self.fatigue = self.damage.shot(seen.line_out_m, counted_s)
-        spent = time.perf_counter() - began
-        self._observing_s += spent
+                self.fatigue = tuple(
+                    damage.shot(one.line_out_m, counted_s)
+                    for damage, one in zip(self.damages, seen.ropes, strict=True)
+                )
+        self._observing_s += time.perf_counter() - began
         self._observed_s += self._every * self._step_s
-        return spent
+
+    def _take_damage(self, seen: Sample) -> None:
+        """Count the damage of each rope; the line's coordinate at its lower end grows upward."""
+        low_m = 0.0
+        for damage, one in zip(self.damages, seen.ropes, strict=True):
+            if one.lost_m > 0.0:
+                damage.cut_off(one.lost_m)
+            bent = None
+            if damage.bends:
+                bent = self.bent(seen.line, damage.middles - one.lost_m + low_m)
+            damage.take(one.rope, one.top_tension_n, bent)
+            low_m += float(one.rope.state.s[int(one.rope.state.counts[ELEMENTS])])
+
+    @property
+    def cost_pct(self) -> float:
+        """CPU time of the monitors [% of the twin time that they covered]."""
+        return 100.0 * self._observing_s / max(self._observed_s, self._step_s)
 
     def vibration(self, rope: Rope) -> RopeVibration | None:
-        """Return the vibration at the nodes; None: none is monitored, or it is not known yet."""
+        """Return the vibration at the nodes of the line; None: not monitored, or not known yet."""
         if self._viv_drag is not None or self._tracker is None:
             return None
         found: RopeVibration | None = self._tracker.shot(rope)
-        if found is None:
-            return None
-        observed_s = max(self._observed_s, self._step_s)
-        return replace(found, cost_pct=100.0 * self._observing_s / observed_s)
+        return found
 
-    def bent(self, rope: Rope, lost_m: float) -> Floats | None:
-        """Curvature of rope and vibration per metre [1/m], (2, metres); None: not counted.
+    def bent(self, rope: Rope, middles: Floats) -> Floats:
+        """Curvature of line and vibration at material coordinates of the line [1/m], (2, places).
 
-        lost_m: length of a part that was cut off [m].
+        rope: the line as one rope; middles: from its lower end [m], (places,).
         """
-        if self.damage is None or not self.damage.bends:
-            return None
-        middles = self.damage.middles - lost_m
         bent = np.zeros((2, len(middles)))
         if bending_stiffness(rope.effects) > 0.0:
             s, own = curvature(rope)
@@ -171,14 +193,16 @@ class RopeMonitor:
         return bent if vibrating is None else bent + vibrating
 
     def cut(self) -> None:
-        """Restart the vibration monitor on the part of a cut rope that is left."""
+        """Restart the vibration monitor on the part of a cut line that is left."""
         self._tracker, self._hz = None, 0.0
 
     def kept(self) -> dict[str, Any]:
         """Return the state from which `take_back` resumes, by name."""
         kept: dict[str, Any] = {}
-        if self.damage is not None:
-            kept["wear"], kept["counting_from_ns"] = self.damage, self.counting_from_ns
+        if self.damages:
+            kept["counting_from_ns"] = self.counting_from_ns
+        for number, damage in enumerate(self.damages):
+            kept[wear_name(number)] = damage
         if self._tracker is not None and self._viv_drag is None:
             kept["model"] = self._asked.vibration
             kept["tracker"] = self._tracker.kept()
@@ -193,8 +217,10 @@ class RopeMonitor:
         read: returns a saved object by its name and a template of it.
         """
         self.counting_from_ns = kept.get("counting_from_ns", time_ns)
-        if self.damage is not None and "wear" in kept:
-            self.damage = read("wear", self.damage)
+        if wear_name(0) in kept:
+            self.damages = tuple(
+                read(wear_name(number), damage) for number, damage in enumerate(self.damages)
+            )
         self._tracker = self._coupled_model(rope)
         if self._asked.vibration and kept.get("model") == self._asked.vibration:
             self._hz, self._profiles = kept["looks"]
@@ -208,12 +234,12 @@ class RopeMonitor:
         sheds = self._asked.vibration or self._vortices.name
         if self._viv_drag is not None or not sheds:
             return
-        hz = shedding_hz(seen.rope, seen.boundary, self._vortices.strouhal)
+        hz = shedding_hz(seen.line, seen.boundary, self._vortices.strouhal)
         if needs_new_interval(hz, self._hz, seen.profiles != self._profiles):
             self._hz, self._profiles = hz, seen.profiles
             self.set_step(self._step_s, self._cycle)
             if self._asked.vibration == TIME_DOMAIN:
-                self._tracker = self._measured_vibration(seen.rope) if hz > 0.0 else None
+                self._tracker = self._measured_vibration(seen.line) if hz > 0.0 else None
 
     def _measured_vibration(self, rope: Rope) -> Any:
         from rope_twin.vortex.measured import MeasuredVibration
@@ -223,7 +249,7 @@ class RopeMonitor:
     def _coupled_model(self, rope: Rope) -> Any:
         """Return the loosely coupled model of the scene or of the run in its initial state."""
         if self._viv_drag is not None:
-            return self._viv_drag.tracker
+            return self._viv_drag.trackers[self._number]
         if self._asked.vibration != FREQUENCY_DOMAIN:
             return None
         water = Shedding(strouhal=self._vortices.strouhal, density=self._vortices.density)

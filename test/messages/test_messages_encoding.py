@@ -151,6 +151,7 @@ def fatigue(snapshot: Snapshot) -> object:
     return cloud(
         snapshot, ("from_lower_end_m", "<f8", wear.from_lower_end_m),
         ("from_hang_off_m", "<f8", wear.from_hang_off_m), ("damage", "<f8", wear.used),
+        ("rope", "<f8", np.zeros(len(wear.used))),
     )  # fmt: skip
 
 

@@ -32,9 +32,9 @@ def test_a_process_that_listens_hears_them_and_the_recorder_keeps_them(
     recorder.send(signal.SIGINT)
     assert recorder.wait() == 0
     cloud = shaking[-1]
-    names = ["x", "y", "z", "cross_flow", "cross_flow_hz", "drag_amplification"]
+    names = ["x", "y", "z", "cross_flow", "cross_flow_hz", "drag_amplification", "rope"]
     assert [field.name for field in cloud.fields] == names
-    points = np.frombuffer(bytes(cloud.data), "<f4").reshape(-1, 6)
+    points = np.frombuffer(bytes(cloud.data), "<f4").reshape(-1, 7)
     assert len(points) == cloud.width
     assert points[0, 2] > points[-1, 2]
     assert (points[:, 3] >= 0.0).all()

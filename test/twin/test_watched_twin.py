@@ -12,7 +12,7 @@ import pytest
 
 from rope_twin.core import state as rows
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
-from rope_twin.errors import InputError, SceneError, StateError
+from rope_twin.errors import InputError, StateError
 from rope_twin.messages import decode, read_cloud, statuses
 from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
@@ -50,7 +50,7 @@ def watched(scene: Scene, watch: MonitorSettings = WORN) -> Any:
 def monitor_of(twin: Twin) -> RopeMonitor:
     monitor = twin.monitor(VortexMonitor)
     assert monitor is not None
-    return monitor.rope
+    return monitor.lines[0,]
 
 
 def used(shot: Snapshot) -> np.ndarray:
@@ -197,8 +197,8 @@ def test_what_cannot_be_told_is_refused() -> None:
         watched(STEEL.scene(), MonitorSettings(vibration="time-domain"))
     with pytest.raises(InputError, match=r"not all of steel.*six_strand_tension"):
         watched(load_scene("hmpe_lift"))
-    with pytest.raises(SceneError, match="meet"):
-        watched(load_scene("bridle_lift"))
+    with pytest.raises(InputError, match="rope runs over 'lower_sheave'"):
+        watched(load_scene("two_line_loop"))
     assert STEEL.twin().snapshot().vibration is None
 
 
@@ -231,12 +231,12 @@ def test_stress_of_bending_is_that_of_the_curvature() -> None:
     twin = watched(rig.scene())
     twin.advance(2)
     monitor, rope = monitor_of(twin), twin.rope
-    wear = monitor.damage
+    (wear,) = monitor.damages
     n, radius = int(rope.state.counts[rows.ELEMENTS]), 400.0
     angle = rope.state.s[: n + 1] / radius
     rope.state.nodes[rows.POSITION, : n + 1] = radius * (1.0 - np.cos(angle))
     rope.state.nodes[rows.POSITION + 2, : n + 1] = radius * np.sin(angle)
-    bent = monitor.bent(rope, 0.0)
+    bent = monitor.bent(rope, wear.middles)
     assert bent.shape == (2, 100)
     assert bent[0, 20:80] == pytest.approx(1.0 / radius, rel=1e-3)
     assert np.abs(bent[1]).max() < 1e-12

@@ -30,7 +30,6 @@ def new_monitors(scene: Scene, asked: Monitors) -> tuple[Monitor, ...]:
     """Return the monitors of a new twin, not started; they are imported only if asked for.
 
     Raises:
-        SceneError: the scene is multi-line, and vibration or fatigue is to be monitored.
         InputError: a monitor is not possible for the scene.
     """
     monitors: list[Monitor] = []

@@ -1,101 +1,151 @@
-"""Monitor of vibration and fatigue: it passes samples of a twin to a `RopeMonitor`."""
+"""Monitor of vibration and fatigue: it passes samples of a twin to the `RopeMonitor` of each line.
+
+The ropes of a multi-line system are monitored each by itself; ropes that continue each other
+through bare connections are one line (rope_twin.vortex.chain).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from rope_twin.core import state as rows
+from rope_twin.core.state import Rope
 from rope_twin.effects.bending import BendingParams
-from rope_twin.errors import StateError, phrase
+from rope_twin.errors import InputError, StateError, phrase
 from rope_twin.scene.model.grid import ends_m
-from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import refuse_joined
+from rope_twin.scene.model.joined import runs_over_sheave
+from rope_twin.scene.schema import RopeLine, Scene
+from rope_twin.scene.validation.rigging import is_joined, winch_of
 from rope_twin.scene.validation.vortices import coupled_settings, model_beside, shedding_model
 from rope_twin.twin.monitors.monitor import Chunk, Monitor, TwinView
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot, amended
+from rope_twin.vortex.chain import lines_of, one_rope
 from rope_twin.vortex.damage import DamageSettings, RopeDamage
 from rope_twin.vortex.fatigue import wire_curve_warning
-from rope_twin.vortex.monitor import RopeMonitor, Sample, check_monitors
+from rope_twin.vortex.monitor import (
+    RopeMonitor,
+    RopeSample,
+    Sample,
+    check_monitors,
+    wear_name,
+)
+from rope_twin.vortex.results import RopeVibration
 from rope_twin.vortex.settings import FREQUENCY_DOMAIN, MonitorSettings
 
 PREFIX = "vortex/"  # of the names in a saved state
+Numbers = tuple[int, ...]  # of the ropes of a line, from its lower end up
 
 
 class VortexMonitor(Monitor):
-    """Monitor of vibration and fatigue of a single rope.
+    """Monitor of vibration and fatigue of each rope.
 
     A saved state includes its counts and averages.
 
     Raises:
-        SceneError: the scene is multi-line.
         InputError: a requested monitor is not possible for the scene.
     """
 
-    rope: RopeMonitor
-    _due_at = 0  # step of the next sampling
+    lines: dict[Numbers, RopeMonitor]  # by the ropes of the line
 
     def __init__(self, scene: Scene, asked: MonitorSettings) -> None:
-        refuse_joined(scene, "vibration or fatigue monitoring")
         check_monitors(asked, shedding_model(scene), model_beside(scene) is not None)
+        if asked.fatigue and scene.sheaves:
+            what = f"rope runs over '{scene.sheaves[0].name}' from one rope of the scene into "
+            what += "another, so that no metre of it keeps its place"
+            raise InputError(phrase(f"fatigue {asked.fatigue}", what, "leave it out"))
         self._asked = asked
-        self._EI = sum(
-            own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams)
+        self._damages = tuple(
+            _new_damage(scene, line, asked) for line in scene.ropes if asked.fatigue
         )
-        self._damage = _new_damage(scene, asked, self._EI) if asked.fatigue else None
+        self._due: dict[Numbers, int] = {}  # step of the next sampling
 
     def start(self, now: TwinView, present: Chunk) -> None:
         """Start without vibration or damage."""
         scene = now.scene
-        interval, vortices = (now.step_s, steps_in_slot(now.step_s)), coupled_settings(scene)
-        self.rope = RopeMonitor(
-            self._asked, vortices, now.rope, interval, self._damage, now.viv_drag
-        )
-        self.rope.counting_from_ns = now.time_ns
-        texts = [self.rope.told if now.viv_drag is None else ""]
+        self.lines = {}
+        for numbers in self._numbers(now):
+            line = self._new_monitor(now, numbers, self._asked)
+            line.counting_from_ns = now.time_ns
+            self.lines[numbers] = line
+        texts = [one.told if now.viv_drag is None else "" for one in self.lines.values()]
         if self._asked.fatigue:
-            texts.append(wire_curve_warning(scene.ropes[0], self._asked.fatigue, self._EI))
+            curve = self._asked.fatigue
+            texts += [wire_curve_warning(line, curve, _EI(scene, line)) for line in scene.ropes]
         self.told = "\n".join(text for text in texts if text)
 
     def restart(self, now: TwinView, present: Chunk) -> None:
         """Adapt the sampling to the step; counts and averages continue."""
-        self.rope.set_step(now.step_s, steps_in_slot(now.step_s))
+        for line in self.lines.values():
+            line.set_step(now.step_s, steps_in_slot(now.step_s))
 
     def steps_to_observation(self, now: TwinView) -> int:
         """Return the number of steps until the next sampling."""
-        due = self.rope.steps_to_sampling(now.clock.steps)
-        self._due_at = now.clock.steps + due
-        return due
+        done = now.clock.steps
+        self._due = {
+            numbers: done + line.steps_to_sampling(done) for numbers, line in self.lines.items()
+        }
+        return min(self._due.values()) - done
 
     def observe(self, now: TwinView, chunk: Chunk) -> None:
-        """Sample the rope if that is due."""
-        if chunk.steps == self._due_at:
-            self.rope.observe(
-                Sample(
-                    rope=now.rope,
-                    boundary=now.boundary,
-                    time_ns=now.time_ns,
-                    top_tension_n=float(now.pull[rows.PULL]),
-                    line_out_m=now.line[0],
-                    lost_m=now.cut.lost_m if now.cut else 0.0,
-                    profiles=now.inputs.current.counter.accepted,
-                )
-            )
+        """Sample the lines for which that is due."""
+        for numbers, line in self.lines.items():
+            if chunk.steps == self._due.get(numbers):
+                line.observe(_sample(now, numbers))
 
     def amend(self, now: TwinView, shot: Snapshot) -> Snapshot:
         """Return the snapshot with vibration and fatigue."""
+        if now.joined is not None:
+            return self._amend_ropes(now, shot)
+        (line,) = self.lines.values()
         if now.viv_drag is None:
-            amended(shot, vibration=self.rope.vibration(now.rope))
-        return amended(shot, fatigue=self.rope.fatigue)
+            amended(shot, vibration=_with_cost(line.vibration(now.rope), line.cost_pct))
+        return amended(shot, fatigue=line.fatigue[0] if line.fatigue else None)
+
+    def _amend_ropes(self, now: TwinView, shot: Snapshot) -> Snapshot:
+        """Return the snapshot of a multi-line system with the results of each rope."""
+        cost_pct = sum(line.cost_pct for line in self.lines.values())
+        made = list(shot.ropes)
+        for numbers, line in self.lines.items():
+            ropes = [_ropes(now)[r] for r in numbers]
+            found = _with_cost(line.vibration(one_rope(ropes)), cost_pct)
+            parts = [None] * len(ropes) if found is None else _parts(found, ropes)
+            wear = line.fatigue or (None,) * len(ropes)
+            for r, vibration, fatigue in zip(numbers, parts, wear, strict=True):
+                if vibration is not None and runs_over_sheave(now.scene, now.scene.ropes[r]):
+                    vibration = _between(vibration, slice(None, None, -1))
+                if now.viv_drag is not None:  # known already
+                    vibration = made[r].vibration
+                made[r] = replace(made[r], vibration=vibration, fatigue=fatigue)
+        shot = amended(shot, ropes=tuple(made), fatigue=made[0].fatigue)
+        return shot if now.viv_drag is not None else amended(shot, vibration=made[0].vibration)
 
     def cut(self, now: TwinView) -> None:
-        """Restart the vibration monitor on the part that is left."""
-        self.rope.cut()
+        """Restart the vibration monitor on the part that is left; what was cut off is dropped."""
+        cut = _cut_rope(now)
+        before, self.lines = self.lines, {}
+        for numbers in self._numbers(now):
+            line = before.get(numbers)
+            if line is None:  # a part of a line of several ropes, which does not vibrate as it did
+                (whole,) = (one for own, one in before.items() if numbers[0] in own)
+                line = self._new_monitor(now, numbers, replace(self._asked, vibration=""))
+                line.counting_from_ns = whole.counting_from_ns
+            elif cut in numbers:
+                line.cut()
+            self.lines[numbers] = line
 
     def state(self) -> dict[str, Any]:
         """Return counts and averages."""
-        return {f"{PREFIX}{name}": one for name, one in self.rope.kept().items()}
+        return {
+            f"{self._prefix(numbers)}{name}": one
+            for numbers, line in self.lines.items()
+            for name, one in line.kept().items()
+        }
 
     def restore(self, now: TwinView, present: Chunk, saved: SavedState) -> None:
         """Continue with counts and averages.
@@ -103,22 +153,100 @@ class VortexMonitor(Monitor):
         Raises:
             StateError: fatigue was counted by another curve.
         """
-        kept = saved.of_monitor(PREFIX)
-        curve = self._asked.fatigue
-        begun = kept["wear"]["fields"]["name"] if "wear" in kept else curve
-        if curve and begun != curve:
-            what = f"its fatigue was counted by the curve {begun}, not {curve}"
-            raise StateError(phrase(f"saved state {saved.source}", what, f"ask for {begun}"))
-        self.rope.set_step(now.step_s, steps_in_slot(now.step_s))
+        if now.cut is not None:
+            self.cut(now)
+        for numbers, line in self.lines.items():
+            prefix = self._prefix(numbers)
+            kept = saved.of_monitor(prefix)
+            curve = self._asked.fatigue
+            begun = kept[wear_name(0)]["fields"]["name"] if wear_name(0) in kept else curve
+            if curve and begun != curve:
+                what = f"its fatigue was counted by the curve {begun}, not {curve}"
+                raise StateError(phrase(f"saved state {saved.source}", what, f"ask for {begun}"))
+            line.set_step(now.step_s, steps_in_slot(now.step_s))
 
-        def read(name: str, like: Any) -> Any:
-            return saved.read_monitor(f"{PREFIX}{name}", like)
+            def read(name: str, like: Any, prefix: str = prefix) -> Any:
+                return saved.read_monitor(f"{prefix}{name}", like)
 
-        self.rope.take_back(kept, now.rope, now.time_ns, read)
+            line.take_back(kept, one_rope([_ropes(now)[r] for r in numbers]), now.time_ns, read)
+
+    def _prefix(self, numbers: Numbers) -> str:
+        """Return the beginning of the names of a line in a saved state."""
+        return PREFIX if numbers == (0,) else f"{PREFIX}{numbers[-1]}/"
+
+    def _numbers(self, now: TwinView) -> list[Numbers]:
+        """Return the ropes of each line; the lower part of a cut rope is none of them."""
+        joined = now.joined
+        if joined is None or not is_joined(now.scene):
+            return [(0,)]
+        if now.viv_drag is not None:  # a model of each rope
+            return [(r,) for r in range(len(now.scene.ropes))]
+        return lines_of(joined.system(now.rope), len(now.scene.ropes))
+
+    def _new_monitor(self, now: TwinView, numbers: Numbers, asked: MonitorSettings) -> RopeMonitor:
+        vortices = coupled_settings(now.scene)
+        interval = now.step_s, steps_in_slot(now.step_s)
+        damages = tuple(self._damages[r] for r in numbers if self._damages)
+        rope = one_rope([_ropes(now)[r] for r in numbers])
+        return RopeMonitor(asked, vortices, rope, interval, damages, now.viv_drag, numbers[-1])
 
 
-def _new_damage(scene: Scene, asked: MonitorSettings, EI: float) -> RopeDamage:
-    line, winch = scene.ropes[0], scene.winch
+def _ropes(now: TwinView) -> tuple[Rope, ...]:
+    """Return the present ropes of the scene."""
+    return (now.rope,) if now.joined is None else now.joined.system(now.rope).ropes
+
+
+def _cut_rope(now: TwinView) -> int:
+    """Return the number of the rope that was cut."""
+    names = [line.name for line in now.scene.ropes]
+    return names.index(now.cut.rope) if now.cut is not None and now.cut.rope else 0
+
+
+def _sample(now: TwinView, numbers: Numbers) -> Sample:
+    """Return the present state of a line."""
+    ropes, joined = _ropes(now), now.joined
+    lost_m, cut = (now.cut.lost_m, _cut_rope(now)) if now.cut is not None else (0.0, 0)
+    samples = []
+    for r in numbers:
+        pull = now.pull if joined is None else joined.pull[r]
+        length_m = now.line[0] if r == 0 or joined is None else joined.length_m(r)
+        top_n = float(pull[rows.PULL])
+        samples.append(RopeSample(ropes[r], top_n, length_m, lost_m if r == cut else 0.0))
+    line = one_rope([one.rope for one in samples])
+    profiles = now.inputs.current.counter.accepted
+    return Sample(line, tuple(samples), now.boundary, now.time_ns, profiles)
+
+
+def _with_cost(found: RopeVibration | None, cost_pct: float) -> RopeVibration | None:
+    return None if found is None else replace(found, cost_pct=cost_pct)
+
+
+def _parts(found: RopeVibration, ropes: Sequence[Rope]) -> list[RopeVibration]:
+    """Return the vibration of each rope of a line, from its lower end up."""
+    parts, at = [], 0
+    for rope in reversed(ropes):  # rows run from the upper end down
+        n = int(rope.state.counts[rows.ELEMENTS])
+        parts.append(_between(found, slice(at, at + n + 1)))
+        at += n
+    return parts[::-1]
+
+
+def _between(found: RopeVibration, some: slice) -> RopeVibration:
+    """Return the vibration at some of the nodes."""
+    own: dict[str, Any] = {
+        name: value[some] for name, value in vars(found).items() if isinstance(value, np.ndarray)
+    }
+    return replace(found, **own)
+
+
+def _EI(scene: Scene, line: RopeLine) -> float:
+    """Return the bending stiffness of a rope [N·m²]; 0: none."""
+    listed = [own for own in scene.effects if isinstance(own, BendingParams)]
+    return sum((line.bending or own).stiffness_n_m2 for own in listed)
+
+
+def _new_damage(scene: Scene, line: RopeLine, asked: MonitorSettings) -> RopeDamage:
+    winch, EI = winch_of(scene, line), _EI(scene, line)
     most = winch.most_line_out_m if winch else line.length_m
     vibrates = model_beside(scene) is not None or asked.vibration == FREQUENCY_DOMAIN
     sheave = winch.sheave if winch else None
