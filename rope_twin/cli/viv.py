@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ from rope_twin.run.arguments import (
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.scene.validation.vortices import model_beside, shedding_model
 from rope_twin.scene.warnings.vortices import vortex_words
 from rope_twin.studies.viv.frequency_domain import (
@@ -30,6 +33,7 @@ from rope_twin.studies.viv.frequency_domain import (
     count_fatigue,
     most_moved,
     run_frequency_domain,
+    spans_of,
 )
 from rope_twin.studies.viv.pictures import (
     check_folder,
@@ -95,19 +99,40 @@ def run(args: argparse.Namespace) -> int:
     if args.time_domain:
         return _time_domain(args, scene)
     shedding = _shedding(args, scene)
-    found = run_frequency_domain(scene, shedding, args.duration)
-    fatigue = count_fatigue(found, scene, curve)
-    files = write_all(scene.name, found, fatigue, args.out) if args.out is not None else []
+    lines: list[tuple[str, FrequencyDomainRun, Fatigue]] = []
+    files: list[Path] = []
+    for lying in spans_of(scene):
+        found = run_frequency_domain(lying, shedding, args.duration)
+        fatigue = count_fatigue(found, scene, curve)
+        name = " + ".join(scene.ropes[number].name for number in reversed(lying.ropes))
+        lines.append((name, found, fatigue))
+        if args.out is not None:
+            files += _write(args.out, scene, name, found, fatigue)
     if args.json:
-        told = {"scene": scene.name, **_summary(found, fatigue), "files": [str(f) for f in files]}
-        print_json(told)
+        rows = [{"line": name, **_summary(found, fatigue)} for name, found, fatigue in lines]
+        told = {"lines": rows} if is_joined(scene) else _summary(*lines[0][1:])
+        print_json({"scene": scene.name, **told, "files": [str(path) for path in files]})
         return ExitCode.OK
-    _show(found, fatigue)
+    for name, found, fatigue in lines:
+        if is_joined(scene):
+            print(f"{name}, places below its upper end:")
+        _show(found, fatigue)
     if model := shedding_model(scene):
         print(f"(frequency-domain modes; for the scene's own {model}: --time-domain)")
     for path in files:
         print(path)
     return ExitCode.OK
+
+
+def _write(
+    folder: Path, scene: Scene, name: str, found: FrequencyDomainRun, fatigue: Fatigue
+) -> list[Path]:
+    """Write pictures and tables of a line; in a multi-line scene to a folder of its own."""
+    if not is_joined(scene):
+        return write_all(scene.name, found, fatigue, folder)
+    own = folder / re.sub(r"[^\w.+-]+", "_", name)
+    check_folder(own)
+    return write_all(f"{scene.name}, {name}", found, fatigue, own)
 
 
 def _checked(args: argparse.Namespace) -> StressCurve:
@@ -201,7 +226,7 @@ def _show(found: FrequencyDomainRun, fatigue: Fatigue) -> None:
         f"\n{told['modes_known']} modes in the lock-in or damping range; shedding frequency up to "
         f"{told['strouhal_max_hz']:.3g} Hz\n"
         f"maximum rms A/D {told['rms_max_diameters']:.3g} at {told['rms_max_at_m']:.4g} m below "
-        f"the hang-off, {told['frequency_there_hz']:.3g} Hz\n"
+        f"the upper end, {told['frequency_there_hz']:.3g} Hz\n"
         f"(published VIV codes differ from each other by a factor of 1.7)\n"
         f"drag amplification at most {told['drag_amplification_max']:.3g}"
     )

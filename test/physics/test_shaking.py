@@ -18,7 +18,7 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.viv.frequency_domain import run_frequency_domain
+from rope_twin.studies.viv.frequency_domain import run_frequency_domain, span_of
 from rope_twin.studies.viv.time_domain import run_time_domain
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
 from rope_twin.vortex.results import RopeVibration
@@ -82,7 +82,7 @@ def test_it_shakes_as_the_study_of_the_scene_does() -> None:
     """`rope_twin viv` has the rope at rest: without growth of the drag the twin is that, too."""
     scene = shaken(ModalVibrationParams(drag_growth=(0.0, 1.0)))
     shot, _ = settled(scene)
-    alone = run_frequency_domain(scene, Shedding(), ENOUGH_S)
+    alone = run_frequency_domain(span_of(scene), Shedding(), ENOUGH_S)
     seen = shaking(shot)
     expected = np.interp(shot.arc_length_m, alone.from_top_m[::-1], alone.rms()[::-1])
     assert (seen.model, seen.note) == ("modal_vibration", "")

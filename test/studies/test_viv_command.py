@@ -58,7 +58,7 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
 def test_statistics_of_a_run() -> None:
     """rms by the modes' covariance is that of the motion; damage needs steel or a pipe."""
     scene = load_scene("deep_lift")
-    run = run_frequency_domain(scene, Shedding(), 40.0)
+    run = run_frequency_domain(span_of(scene), Shedding(), 40.0)
     np.testing.assert_allclose(run.rms(), run.motion().std(axis=0), atol=1e-9)
     frequency, power = run.spectra(chosen_places(run, 5))
     assert power.shape == (len(frequency), 5)

@@ -135,6 +135,7 @@ class StillSystem:
     follow: Any  # sparse, (3·nodes of all ropes, unknowns)
     joint_mass: Floats  # what sheaves weigh themselves and wheels turn with, of each unknown [kg]
     tied: Any  # sparse stiffness of bars and tethers [N/m], (unknowns, unknowns)
+    system: System  # in equilibrium
 
 
 def bring_system_to_rest(scene: Scene) -> StillSystem:
@@ -155,7 +156,7 @@ def bring_system_to_rest(scene: Scene) -> StillSystem:
     lines = tuple(
         _line(scene, number, rope, held[number, LINE]) for number, rope in enumerate(system.ropes)
     )
-    return StillSystem(scene, lines, *_unknowns(system, lines))
+    return StillSystem(scene, lines, *_unknowns(system, lines), system)
 
 
 def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:

@@ -4,6 +4,10 @@ The modal response (rope_twin.vortex.modal_response) is about the static equilib
 current: tension, mass with added mass, and normal flow velocity. The motion is normal to the plane
 of current and rope, for which a sagging rope is a string of its own length (Irvine 1981, ch. 3).
 
+In a multi-line scene each line is assessed by itself, with its shape and tension in the equilibrium
+of all; a line is a rope, or ropes that continue each other (rope_twin.vortex.chain). Connections
+are held across the line.
+
 Drag is amplified by 1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983). Stress is that of bending, E·d/2·y″
 with E = EA over the metal area: an upper bound for a stranded rope, whose wires slide. A rope with
 the bending stiffness of a pipe of its diameter, EI/EA = (d² + d_i²)/16, is treated as a pipe, with
@@ -17,19 +21,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.joined.joints import System
 from rope_twin.core.state import Floats
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.studies.fatigue import stress_damage
-from rope_twin.studies.modes.equilibrium import AtRest, bring_to_rest, water_at
+from rope_twin.studies.modes.equilibrium import (
+    bring_system_to_rest,
+    bring_to_rest,
+    water_at,
+)
+from rope_twin.vortex.chain import lines_of, one_rope
 from rope_twin.vortex.drag_amplification import amplified_drag
 from rope_twin.vortex.fatigue import StressCurve, metal_area
-from rope_twin.vortex.line_model import Span
+from rope_twin.vortex.line_model import Span, line_model
 from rope_twin.vortex.modal_response import ModalResponse
 from rope_twin.vortex.shedding import Shedding
 
@@ -117,14 +129,10 @@ class Fatigue:
     damage_per_year: Floats  # Miner's sum; NaN likewise
 
 
-def run_frequency_domain(scene: Scene, shedding: Shedding, duration_s: float) -> FrequencyDomainRun:
-    """Compute the VIV response of a scene's rope from rest for a given time.
-
-    Raises:
-        SceneError: a multi-line system, no current, or no static equilibrium.
-        InputError: the rope is slack somewhere.
-    """
-    lying = span_of(scene)
+def run_frequency_domain(
+    lying: SceneSpan, shedding: Shedding, duration_s: float
+) -> FrequencyDomainRun:
+    """Compute the VIV response of a line from rest for a given time."""
     response = ModalResponse(lying.span, shedding)
     step = min(response.step_s / RECORDED, duration_s / 16.0)
     count = int(np.ceil(duration_s / step))
@@ -174,35 +182,70 @@ def count_fatigue(run: FrequencyDomainRun, scene: Scene, curve: StressCurve) -> 
 
 def _stress_per_curvature(run: FrequencyDomainRun, scene: Scene, some: np.ndarray) -> Floats:
     """Return E·d/2 [Pa·m] at places; NaN where the rope is not solid steel."""
-    line = scene.ropes[0]
-    figures = []
-    for section in line.made_of:
-        rope = section.rope
-        area = metal_area(rope, run.response.span.stiffness)
-        figures.append(rope.tangent_n(0.0) / area * 0.5 * rope.diameter_m)
+    figures: list[float] = []
+    ends: list[float] = []  # of the sections, from the lower end of the line
+    low_m = 0.0
+    for number, length_m in zip(run.scene.ropes, run.scene.lengths_m, strict=True):
+        line = scene.ropes[number]
+        for section, end_m in zip(line.made_of, ends_m(line), strict=True):
+            rope = section.rope
+            area = metal_area(rope, run.response.span.stiffness)
+            figures.append(rope.tangent_n(0.0) / area * 0.5 * rope.diameter_m)
+            ends.append(low_m + min(end_m, length_m))
+        low_m += length_m
     below = run.from_top_m[0] - run.from_top_m[some]
-    which = np.searchsorted(ends_m(line), below, side="left")
+    which = np.searchsorted(ends, below, side="left")
     return np.asarray(np.array(figures)[np.minimum(which, len(figures) - 1)])
 
 
 @dataclass(frozen=True)
 class SceneSpan:
-    """The line, and where it lies."""
+    """A line of a scene, and where it lies."""
 
     span: Span
     place: Floats  # of its nodes, from the lower end up [m], (3, nodes)
-    unstretched: Floats  # from the hang-off [m], (nodes,)
+    unstretched: Floats  # from its upper end [m], (nodes,)
+    ropes: tuple[int, ...]  # their numbers, from its lower end up
+    lengths_m: tuple[float, ...]  # of these ropes, unstretched
+
+
+def spans_of(scene: Scene) -> list[SceneSpan]:
+    """Return the line models of all lines of a scene in static equilibrium.
+
+    Raises:
+        SceneError: no current, no static equilibrium, or a slack rope.
+    """
+    if not is_joined(scene):
+        return [span_of(scene)]
+    _check_current(scene)
+    system = bring_system_to_rest(scene).system
+    return [_span_in(scene, system, numbers) for numbers in lines_of(system)]
+
+
+def _span_in(scene: Scene, system: System, numbers: tuple[int, ...]) -> SceneSpan:
+    """Return the line model of some ropes of a system in static equilibrium."""
+    ropes = [system.ropes[r] for r in numbers]
+    rope = one_rope(ropes)
+    n = int(rope.state.counts[rows.ELEMENTS])
+    s = rope.state.s[: n + 1]
+    place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1].copy()
+    span = line_model(rope)._replace(speed=_speed(scene, place))
+    if span.end_mass is not None:
+        x, y, _ = _across(scene, place) ** 2
+        loads = [own for own in rope.effects if isinstance(own, Payload | TwoWayPayload)]
+        whole = sum(x * own.Mx + y * own.My for own in loads) / (x + y)
+        span = span._replace(end_mass=float(whole))
+    lengths_m = tuple(float(one.state.s[one.state.counts[rows.ELEMENTS]]) for one in ropes)
+    return SceneSpan(span, place, s[-1] - s, numbers, lengths_m)
 
 
 def span_of(scene: Scene) -> SceneSpan:
-    """Return the line model of a scene in static equilibrium.
+    """Return the line model of a scene of one rope in static equilibrium.
 
     Raises:
         SceneError: a multi-line system, no current, no static equilibrium, or a slack rope.
     """
-    if not any(isinstance(params, CurrentParams) for params in scene.effects):
-        what = "no current, so no vortices"
-        raise SceneError(phrase(f"{scene.path}: effects", what, "add the effect 'current'"))
+    _check_current(scene)
     rest = bring_to_rest(scene)
     sections = build(scene).sections
     steps = np.diff(rest.place, axis=1)
@@ -219,14 +262,21 @@ def span_of(scene: Scene) -> SceneSpan:
         tension=rest.tension,
         mass=(mass + added * density * volume) / stretch,
         diameter=_at_nodes(np.sqrt(4.0 * volume / np.pi)),
-        speed=_speed(scene, rest),
+        speed=_speed(scene, rest.place),
         stiffness=sum(p.stiffness_n_m2 for p in scene.effects if isinstance(p, BendingParams)),
     )
     if rest.first == 0:
-        normal = _across(scene, rest)
+        normal = _across(scene, rest.place)
         whole = float(normal @ rest.mass[:, :, 0] @ normal)
         span = span._replace(end_mass=max(whole - float(span.node_mass[0]), 0.0))
-    return SceneSpan(span, rest.place, unstretched[-1] - unstretched)
+    length_m = float(unstretched[-1])
+    return SceneSpan(span, rest.place, length_m - unstretched, (0,), (length_m,))
+
+
+def _check_current(scene: Scene) -> None:
+    if not any(isinstance(params, CurrentParams) for params in scene.effects):
+        what = "no current, so no vortices"
+        raise SceneError(phrase(f"{scene.path}: effects", what, "add the effect 'current'"))
 
 
 def _at_nodes(of_elements: Floats) -> Floats:
@@ -235,18 +285,18 @@ def _at_nodes(of_elements: Floats) -> Floats:
     return np.asarray(0.5 * (both[1:] + both[:-1]))
 
 
-def _speed(scene: Scene, rest: AtRest) -> Floats:
-    """Return the speed of the current normal to the rope at all nodes [m/s]."""
-    water = water_at(scene, rest.place[2])
-    direction = np.gradient(rest.place, axis=1)
+def _speed(scene: Scene, place: Floats) -> Floats:
+    """Return the speed of the current normal to a line at its nodes (3, nodes) [m/s]."""
+    water = water_at(scene, place[2])
+    direction = np.gradient(place, axis=1)
     direction /= np.sqrt((direction * direction).sum(axis=0))
     across = water - (water * direction).sum(axis=0) * direction
     return np.asarray(np.sqrt((across * across).sum(axis=0)))
 
 
-def _across(scene: Scene, rest: AtRest) -> Floats:
-    """Return the unit vector normal to rope and current at the lower end."""
-    water = water_at(scene, rest.place[2]).sum(axis=1)
-    normal = np.cross(water, rest.place[:, 1] - rest.place[:, 0])
+def _across(scene: Scene, place: Floats) -> Floats:
+    """Return the unit vector normal to line and current at the lower end; place: (3, nodes)."""
+    water = water_at(scene, place[2]).sum(axis=1)
+    normal = np.cross(water, place[:, 1] - place[:, 0])
     size = float(np.linalg.norm(normal))
     return normal / size if size > 0.0 else np.array([0.0, 1.0, 0.0])

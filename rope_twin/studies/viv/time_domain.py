@@ -178,7 +178,7 @@ def with_model(scene: Scene, strouhal: float | None = None, damping: float | Non
         SceneError: the scene is a multi-line system.
         InputError: a value is given, and the scene lists another model.
     """
-    refuse_joined(scene, "a VIV assessment")
+    refuse_joined(scene, "a VIV assessment in the time domain")
     given = strouhal is not None or damping is not None
     own, model = scene.listed(ModalVibrationParams), shedding_model(scene)
     if model and own is None and given:
