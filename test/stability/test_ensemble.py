@@ -134,7 +134,7 @@ def test_a_rope_too_slack_for_its_modes_is_marked(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["bridle_lift", "two_line_lift"])
 def test_ropes_that_meet_are_members_too(name: str) -> None:
-    """As twins of their own: two in other seas, one of another mass; the first winch pays out."""
+    """Make lone twins: two in other seas, one of another mass; the first winch pays out."""
     scene = load_scene(name)
     commands = tuple(
         CommandSample(k * SECOND_NS, WinchCommand(SPEED, v)) for k, v in ((0, 0.3), (2, 0.0))

@@ -25,7 +25,7 @@ WORN = Monitors(vortex=MonitorSettings(fatigue="stranded_wire"))
 
 
 def last_of(scene: Scene, asked: Monitors) -> Snapshot:
-    """What a twin comes to that is paid out in heave."""
+    """Return the state of a twin after payout in heave."""
     (*_, last) = march(Twin(scene, asked), sine(0.5, 3.0), 8.0, 2, [(1.0, 0.5)])
     return last
 

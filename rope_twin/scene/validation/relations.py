@@ -321,7 +321,7 @@ def _own_at_payload(scene: Scene) -> Iterator[Fault]:
 
 
 def _fairings_of_one_kind(scene: Scene) -> Iterator[Fault]:
-    """Of several fairings each has a tow speed or none has."""
+    """Either all fairings have a tow speed or none has."""
     listed = scene.listed(FairingParams)
     for number, payload in enumerate(scene.payloads):
         own = payload.fairing
