@@ -38,7 +38,7 @@ def test_a_rope_in_two_parts_is_one_line() -> None:
 
 
 def test_a_leg_of_a_bridle_is_a_taut_string() -> None:
-    """Take half of the weight below over the cosine of the slope as tension, with both ends held."""
+    """Take half of the weight below over the cosine of its slope, with both ends held."""
     scene = load_scene("bridle_lift")
     found = {scene.ropes[own.ropes[0]].name: own for own in spans_of(scene)}
     assert list(found) == [line.name for line in scene.ropes]
