@@ -63,6 +63,7 @@ def _memory_of(effect: Any, s: Floats, capacity: int, start_m: float) -> Floats:
         return new
     for r in range(k):
         new[r, :n] = np.interp(s, marks, memory[r, :old])
+        new[r, n:] = new[r, n - 1]  # of ghost nodes, and of a node where an element splits
     nearest = np.abs(s[:, None] - marks).argmin(axis=1)
     new[3 * k + 1 :, :n] = memory[3 * k + 1 :, nearest]
     new[3 * k, :n], new[3 * k, -1] = s - start_m, n

@@ -6,7 +6,7 @@ everything beyond the first rope; for a single rope that is nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,6 +17,7 @@ from rope_twin.core.joined.joints import loaded_ends
 from rope_twin.core.state import (
     ACCELERATION,
     ELEMENTS,
+    LINE,
     PULL_COLUMNS,
     PULL_X,
     PULL_Z,
@@ -31,6 +32,8 @@ from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.scene.validation.vortices import coupled_settings, model_beside
+from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh
+from rope_twin.twin.accuracy.regrid import upper_ends
 from rope_twin.twin.cutting.parted import CutRope, SingleWinch
 from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope, without_load
 from rope_twin.twin.motion.hang_off import Moves
@@ -92,6 +95,9 @@ class Ropes(Protocol):
             SolverError: the cut cannot be made.
         """
 
+    def replace(self, ropes: Sequence[Rope]) -> None:
+        """Continue with ropes on other meshes, in the same motion."""
+
     def length_m(self, r: int) -> float:
         """Return the unstretched length of a rope other than the first [m]."""
 
@@ -152,6 +158,10 @@ class OneRope(SingleWinch):
         """Cut the rope; return both parts and the length of the lower one [m]."""
         parts = cut_rope(first, border, place, without_load(first.effects))
         return CutRope(self._scene, parts.upper, parts.lower), parts.lost_m
+
+    def replace(self, ropes: Sequence[Rope]) -> None:
+        """Continue with the rope on another mesh."""
+        (self.first,) = ropes
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Return energy and power of the rope now."""
@@ -265,6 +275,21 @@ class RopeSystem:
         self.ropes, lost_m = self.ropes.cut(whole, border, place)
         self.first = self.ropes.first
         return lost_m
+
+    def regrid(
+        self, first: Rope, mesh: Mesh, level: AccuracyLevel, border: Boundary
+    ) -> tuple[Any, ...]:
+        """Continue on another accuracy level; return the effects of the first rope on its mesh.
+
+        first: with the effects in use; border: boundary conditions of the first rope, the present
+        in row 0.
+        """
+        whole = first if self.joined is None else self.joined.system(first)
+        payout = self.ropes.border(border).rate[:, LINE]
+        ends = upper_ends(whole, self.upper_pulls, payout)
+        self.ropes.replace(mesh.changed(self.all_with(first), level, ends))
+        self.first = self.ropes.first
+        return self.first.effects
 
     def arrays(self) -> dict[str, Any]:
         """Return all that the steps change, by name; effects belong to the inputs."""

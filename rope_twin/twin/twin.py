@@ -22,8 +22,7 @@ from rope_twin.errors import InputError, SolverError, StateError, phrase
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.scene.validation.rigging import is_joined, winch_of
-from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh, check_transferable, error_at_level
-from rope_twin.twin.accuracy.regrid import HangOff
+from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh, error_at_level
 from rope_twin.twin.accuracy.validity import CUT_REASON
 from rope_twin.twin.cutting.cut_input import rope_number
 from rope_twin.twin.cutting.rope_cut import CutPosition
@@ -34,6 +33,7 @@ from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL, BoundaryCo
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.multi_line.snapshot import with_vibration
 from rope_twin.twin.multi_line.system import MultiLineRopes
+from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.recovery import Checkpoint, step_failure
 from rope_twin.twin.ropes import RopeSystem, new_viv_drag
 from rope_twin.twin.run_record import RunRecord
@@ -65,19 +65,17 @@ class Twin:
         self.failure_folder: Path | None = None  # for the state from which a step failed
         self._clock = Clock()
         self._system = RopeSystem(scene, STEPS_PER_CALL)
-        self._mesh = Mesh(scene, self._system.first)
+        self._mesh = Mesh(scene, self._system.all_with(self._system.first))
         self.inputs = TwinInputs(scene, self._system.ropes, self._clock)
         self._motion = BoundaryConditions(scene, STEPS_PER_CALL, self.inputs.winch.line.length_m)
         self._card_error = known_error(scene)  # by the scene's convergence study alone
         end_n = float(self._system.tension[0])
         self._record = RunRecord(scene, self._system.ropes, self._system.upper_pulls, end_n)
         self._viv_drag = new_viv_drag(scene, self._system)
-        now, present = self.inspect(), self._present()
         for monitor in self._monitors:
-            monitor.start(now, present)
-        own = self._viv_drag.told if self._viv_drag is not None else ""
-        texts = own, *(monitor.told for monitor in self._monitors)
-        self.told = "\n".join(text for text in texts if text)  # for the user before the run
+            monitor.start(self.inspect(), self._present())
+        tellers = self._viv_drag, *self._monitors  # for the user before the run
+        self.told = "\n".join(one.told for one in tellers if one is not None and one.told)
 
     # Inputs, accepted from any thread
 
@@ -390,18 +388,20 @@ class Twin:
     def set_level(self, level: AccuracyLevel) -> None:
         """Continue with another mesh or time step; call it from the stepping thread.
 
-        Time, paid-out length, payload and the tension at the hang-off are kept.
+        Time, paid-out lengths, connections, payloads and the tension at the hang-offs are kept.
 
         Raises:
-            SceneError: the scene is multi-line, has a VIV model or a rigid body, which cannot be
-                transferred to another mesh.
-            StateError: the rope was cut; its parts cannot be transferred either.
+            StateError: a rope was cut; its parts keep their elements.
         """
-        check_transferable(self.scene, self.cut is not None)
-        V = float(self._motion.boundary.rate[0, rows.LINE])
-        at = HangOff(self._system.pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
+        if self.cut is not None:
+            raise StateError(phrase("other elements", "the rope was cut", "its parts keep theirs"))
+        boundary, counts = self._motion.boundary, (self.steps, self.inputs.current.changes)
         self._motion.steps = 0  # boundary conditions ahead are valid for the old step only
-        self._system.first = self._mesh.changed(self._system.first, level, at)
+        if self._viv_drag is not None:
+            self._viv_drag.sample_now(self._all_ropes, boundary, *counts)
+        self.inputs.current.effects = self._system.regrid(self.rope, self._mesh, level, boundary)
+        if self._viv_drag is not None:
+            self._viv_drag.set_step(self.step_s, steps_in_slot(self.step_s))
         self._card_error = error_at_level(self.scene, level)
         self._restart_monitors()
 

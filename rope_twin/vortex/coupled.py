@@ -277,6 +277,7 @@ class VivDragState(NamedTuple):
     currents: int
     looked: int
     second: int
+    step_since: tuple[int, float]
 
 
 class VivDragAmplification:
@@ -300,6 +301,7 @@ class VivDragAmplification:
         self.hz, self._currents = 0.0, 0  # vortex frequency of the interval, current profiles
         self._looked, self._second = 0, -1  # step of the last sampling, second of its time
         self._strouhal, self._step_s = settings.strouhal, settings.step_s
+        self._step_since = (0, 0.0)  # steps and time [s] at which the step became this long
         self._cycle, self._every, self._rarer = cycle, cycle, 1
         self._growth: tuple[float, float] = settings.params.drag_growth
         self._loaded = tuple(loaded)
@@ -351,6 +353,25 @@ class VivDragAmplification:
                 if isinstance(own, DragGrowth):
                     set_growth(own, rope.state, grown if loaded else grown[:-1])
 
+    def sample_now(
+        self, ropes: Sequence[Rope], boundary: Boundary, steps: int, currents: int
+    ) -> None:
+        """Sample at once, unless the present is sampled already; arguments as of `look`."""
+        if steps > self._looked:
+            self.look(ropes, boundary, steps, currents)
+
+    def set_step(self, step_s: float, cycle: int) -> None:
+        """Continue with another step from the newest sampling on; cycle: steps of a cycle."""
+        self._step_since = self._looked, self._time_s
+        self._step_s, self._cycle = step_s, cycle
+        self._every = self._rarer * sampling_steps(self.hz, step_s, cycle)
+
+    @property
+    def _time_s(self) -> float:
+        """Time of the newest sampling [s]."""
+        step, time_s = self._step_since
+        return time_s + (self._looked - step) * self._step_s
+
     def coarse_copy(self, rarer: int) -> Self:
         """Return an independent copy that samples `rarer` times less often.
 
@@ -400,7 +421,9 @@ class VivDragAmplification:
     def kept(self) -> VivDragState:
         """Return the state from which `take_back` resumes."""
         trackers = tuple(tracker.kept() for tracker in self.trackers)
-        return VivDragState(trackers, self.hz, self._currents, self._looked, self._second)
+        return VivDragState(
+            trackers, self.hz, self._currents, self._looked, self._second, self._step_since
+        )
 
     def take_back(self, kept: VivDragState) -> None:
         """Resume from this state."""
@@ -408,11 +431,12 @@ class VivDragAmplification:
             tracker.take_back(own)
         self.hz, self._currents = kept.hz, kept.currents
         self._looked, self._second = kept.looked, kept.second
+        self._step_since = kept.step_since
         self._every = self._rarer * sampling_steps(self.hz, self._step_s, self._cycle)
 
     def _update_interval(self, ropes: Sequence[Rope], boundary: Boundary, currents: int) -> None:
         """Adapt the sampling interval to the fastest vortices of all ropes, once a second."""
-        second = int(self._looked * self._step_s + 1e-9)
+        second = int(self._time_s + 1e-9)
         if second == self._second:
             return
         self._second = second

@@ -17,8 +17,6 @@ from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
 from rope_twin.core.body.energy import pose_of, pulls_of
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
-from rope_twin.errors import SceneError
-from rope_twin.twin.accuracy.level import AccuracyLevel, levels_of
 from rope_twin.twin.monitors.settings import ENERGY
 
 G, RHO = 9.80665, 1025.0
@@ -340,11 +338,3 @@ def test_it_goes_on_from_a_saved_state_to_the_bit() -> None:
     for one in others:
         for found, wanted in zip(pose_of(body_in(one)), expected, strict=True):
             assert (found == wanted).all()
-
-
-def test_what_cannot_step_a_body_says_so() -> None:
-    """Other accuracy levels, in one sentence."""
-    scene = scene_of(LINE, TEMPLATE)
-    with pytest.raises(SceneError, match="cannot be carried over to another grid"):
-        Twin(scene).set_level(AccuracyLevel(10_000_000))
-    assert len(levels_of(scene)) == 1

@@ -19,7 +19,6 @@ from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.scene.warnings.vortices import expected_pace, vortex_words
-from rope_twin.twin.accuracy.level import levels_of
 from validation.rigs import Rig
 
 CABLE = Rig(
@@ -69,13 +68,6 @@ def test_a_run_tells_once_what_its_vortices_want(
         said = capsys.readouterr().err
         assert said.count("lock-in at 2.65 Hz requires elements below 1.3 m") == 1
         assert told in said
-
-
-def test_what_carries_no_wakes_says_so() -> None:
-    """Other grids; a paced twin keeps its step and elements."""
-    scene = shedding(replace(CABLE, elements=40))
-    assert len(levels_of(scene)) == 1
-    assert len(levels_of(CABLE.scene())) > 1
 
 
 def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:

@@ -274,6 +274,20 @@ def test_a_state_that_was_saved_on_a_lower_rung_goes_on_to_the_bit(tmp_path: Pat
     assert again.level == AccuracyLevel(10 * MS)
 
 
+def test_a_state_that_was_saved_after_the_way_back_goes_on_to_the_bit(tmp_path: Path) -> None:
+    """The arrays have the capacity that those of a new twin have."""
+    twin = RIG.twin()
+    list(march(twin, HEAVE, 1.0, 10))
+    for level in (AccuracyLevel(20 * MS, 1), AccuracyLevel(10 * MS)):
+        twin.set_level(level)
+        going_on(twin, 0.5, 5)
+    twin.save(tmp_path / "back.state")
+    again = Twin.restore(tmp_path / "back.state", RIG.scene())
+    for one in (twin, again):
+        going_on(one, 0.5, 10)
+    assert again.snapshot().tension_top_n == twin.snapshot().tension_top_n
+
+
 class Spent:
     """A clock that goes on only where time is waited for or spent: no other program counts."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.effects import EFFECTS
-from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.vortex.settings import CoupledSettings
 
@@ -41,14 +40,3 @@ def strouhal_number(scene: Scene) -> float:
     """Return the Strouhal number of the scene's VIV model, or the default."""
     numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
     return next((number for number in numbers if number is not None), STROUHAL)
-
-
-def refuse_shedding(scene: Scene, what: str) -> None:
-    """Reject scenes with a VIV model where unsupported; what: the reason.
-
-    Raises:
-        SceneError: the scene has a model of vortex-induced vibration.
-    """
-    model = shedding_model(scene)
-    if model:
-        raise SceneError(phrase(f"{scene.path}: effects.{model}", what, "remove the model here"))

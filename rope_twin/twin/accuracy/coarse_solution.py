@@ -8,16 +8,15 @@ except for a rope whose winch responds to its tension: there the coarse solution
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.body.state import RigidBody
-from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
+from rope_twin.core.joined.joints import System
 from rope_twin.core.joined.reeving import solve_reeved_statics
-from rope_twin.core.joined.sheaves import FLOW_COLUMN
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.loads.memory import remembers
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
@@ -25,7 +24,8 @@ from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import places, winches
-from rope_twin.twin.accuracy.regrid import HangOff, coarser
+from rope_twin.twin.accuracy.level import MIN_HALVED
+from rope_twin.twin.accuracy.regrid import coarser, joined_as, upper_ends
 from rope_twin.twin.internal_variables import own_copies
 from rope_twin.twin.monitors.monitor import Chunk
 from rope_twin.twin.winch.commands import WinchCommand
@@ -34,7 +34,6 @@ from rope_twin.twin.winch.winch import Winch
 from rope_twin.vortex.coupled import VivDragAmplification
 
 RATIO = 2  # of the step and element length to the twin's; Richardson extrapolation takes 2
-MIN_ELEMENTS = 4  # a rope with fewer is not coarsened, as ropes of a system need at least two
 SAMPLING_RATIO = 4  # samplings of the twin's VIV model per sampling here, so six in a period
 
 
@@ -62,9 +61,7 @@ class CoarseSolution:
         ropes = now.ropes
         self._ropes: Rope | System
         if isinstance(ropes, Rope):
-            at = HangOff(
-                now.pull[0, rows.PULL_X : rows.PULL_Z + 1].copy(), float(rate[0, rows.LINE])
-            )
+            (at,) = upper_ends(ropes, now.pull, rate[:, rows.LINE])
             coarse = copy.deepcopy(ropes) if driven else coarser(ropes, at)
             self._effects = SeparateEffects(ropes.effects)
             self._ropes = with_step_of(coarse, ropes)._replace(effects=self._effects.own)
@@ -242,39 +239,11 @@ def coarsened(whole: System, pull: Floats, payout_m_per_s: Floats, halve: bool) 
     pull: force of each rope on its hang-off or upper connection [N], (ropes, PULL_COLUMNS); payout:
     of the ropes that hang from the ship, (ropes,).
     """
-    passing = _passing_m_per_s(whole)
     ropes = []
-    for r, rope in enumerate(whole.ropes):
-        loose = whole.joints.upper[r] == LOOSE
-        speed = float(payout_m_per_s[r]) if loose else passing[r]
-        at = HangOff(pull[r, rows.PULL_X : rows.PULL_Z + 1].copy(), speed)
-        enough = int(rope.state.counts[ELEMENTS]) >= MIN_ELEMENTS
+    for rope, at in zip(whole.ropes, upper_ends(whole, pull, payout_m_per_s), strict=True):
+        enough = int(rope.state.counts[ELEMENTS]) >= MIN_HALVED
         ropes.append(with_step_of(coarser(rope, at) if halve and enough else rope, rope))
-    return _joined_as(whole, ropes)
-
-
-def _passing_m_per_s(whole: System) -> list[float]:
-    """Return the rate at which each rope grows at a sheave [m/s]; 0 where there is none."""
-    sheaves = whole.sheaves
-    if sheaves is None:
-        return [0.0] * len(whole.ropes)
-    speeds = []
-    for of, side in zip(sheaves.of, sheaves.side, strict=True):
-        flow = int(sheaves.figures[FLOW_COLUMN, of]) if of >= 0 else -1
-        passes = float(side) * float(whole.joints.nodes[rows.VELOCITY, flow]) if of >= 0 else 0.0
-        speeds.append(passes)
-    return speeds
-
-
-def _joined_as(whole: System, ropes: Sequence[Rope]) -> System:
-    """Return these ropes in a system with copies of the connections and sheaves of `whole`."""
-    joints, sheaves = whole.joints, whole.sheaves
-    found = new_system(tuple(ropes), list(joints.lower), list(joints.upper), joints.ties.copy())
-    if sheaves is not None:
-        flows = with_flows(found.joints, sheaves.figures.shape[1])
-        found = found._replace(joints=flows, sheaves=copy.deepcopy(sheaves))
-    found.joints.nodes[:] = joints.nodes
-    return found
+    return joined_as(whole, ropes)
 
 
 class CoarseWinch:

@@ -19,7 +19,7 @@ from typing import Protocol
 
 from rope_twin.errors import SolverError
 from rope_twin.scene.card import KnownError, told_bound
-from rope_twin.twin.accuracy.level import AccuracyLevel, levels_of
+from rope_twin.twin.accuracy.level import AccuracyLevel, elements_at, levels_of
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.twin import Twin
 
@@ -121,7 +121,7 @@ class OverloadProtection:
             return False
         self._look_s = now_s + WINDOW_S
         load, _ = self._load_since(now_s - self._wait_s)
-        more = _work(self._levels[self._at - 1]) / _work(self.level)
+        more = self._work(self._levels[self._at - 1]) / self._work(self.level)
         if load * more > ROOM or any(one.late for one in self._slots):
             return False
         return self._move(self._at - 1, now_s, f"there is room, {load:.0%} is used")
@@ -129,9 +129,13 @@ class OverloadProtection:
     def _fitting(self, load: float) -> int:
         """Return the next level below that reduces this load to one that fits, or the last."""
         for at in range(self._at + 1, len(self._levels)):
-            if load * _work(self._levels[at]) / _work(self.level) <= FIT:
+            if load * self._work(self._levels[at]) / self._work(self.level) <= FIT:
                 return at
         return len(self._levels) - 1
+
+    def _work(self, level: AccuracyLevel) -> float:
+        """Return the work for a second of twin time, in any unit."""
+        return 1.0 / (level.step_s * (1 << level.halvings))
 
     def _move(self, target: int, now_s: float, why: str) -> bool:
         if target == self._at:
@@ -183,6 +187,10 @@ class TwinOverloadProtection(OverloadProtection):
         """Return the error of the present level that is known from the convergence study."""
         return self._owner.card_error
 
+    def _work(self, level: AccuracyLevel) -> float:
+        """Return the steps of an element in a second of twin time."""
+        return sum(elements_at(self._owner.scene, level.halvings)) / level.step_s
+
     def _move(self, target: int, now_s: float, why: str) -> bool:
         moved = super()._move(target, now_s, why)
         if moved:
@@ -196,8 +204,7 @@ class TwinOverloadProtection(OverloadProtection):
         """Return a description of the present level."""
         error = self.error()
         known = error.words if isnan(error.rms_pct) else f"at most {told_bound(error.rms_pct)} %"
-        own = self._owner.scene.ropes[0].elements
-        left = own >> self.level.halvings
+        own, left = (sum(elements_at(self._owner.scene, n)) for n in (0, self.level.halvings))
         elements = f"{own} elements" if left == own else f"{left} elements in place of {own}"
         step_ms = 1e3 * self.level.step_s
         return f"{elements} and steps of {step_ms:g} ms, error of the tension {known}"
@@ -205,8 +212,3 @@ class TwinOverloadProtection(OverloadProtection):
 
 def _load(slot: SlotTimes) -> float:
     return slot.computed_ns / slot.period_ns
-
-
-def _work(level: AccuracyLevel) -> float:
-    """Return the work for a second of twin time, relative to the scene's elements."""
-    return 1.0 / (level.step_s * (1 << level.halvings))

@@ -1,4 +1,4 @@
-"""Transfer of a rope's state to half or twice as many elements.
+"""Transfer of the state of ropes to half or twice as many elements.
 
 Coarser: every other node is dropped; the others keep position and material coordinate. Mass,
 momentum and inertia force of a dropped node go to its neighbours by the lever rule, and a new
@@ -10,23 +10,43 @@ the old element according to the loads at its ends.
 
 Where a bent pair becomes a chord, or a chord a bent pair, the length differs. As at the sheave
 (`core.payout`), a length offset gives an element its required tension, and decays.
+
+Internal variables of effects are interpolated over the rope's material; those of a rigid body stay
+as they are. In a multi-line system the connections keep their motion.
 """
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.body.state import RigidBody
 from rope_twin.core.elements import SAME_PLACE
+from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
+from rope_twin.core.joined.sheaves import FLOW_COLUMN
 from rope_twin.core.loads.hooks import work_rows
-from rope_twin.core.state import Floats, Ints, Model, Rope, State, new_state, new_work
-from rope_twin.effects.payload import Payload
+from rope_twin.core.payout import TRIALS
+from rope_twin.core.state import (
+    Floats,
+    Ints,
+    Model,
+    Rope,
+    State,
+    columns_for,
+    new_state,
+    new_work,
+)
+from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.twin.elements import Elements, elements_of, offsets_for, tensions
+from rope_twin.twin.internal_variables import on_nodes
 
 SPARE = 12  # nodes of a coarser rope beyond half the capacity: events, trial nodes, an odd one
+LEAST_SPARE = TRIALS + 1  # nodes beyond those of a finer rope, so that it can still split
 LEAST_PART = 0.25  # of an even part: an old node nearer to another one is not restored
 LONG = 1.5  # times the element length made at the sheave: a longer part is divided evenly
 SAG_LIMIT = 0.05  # of a part's length; as in payout, a node further off stays on the chord
@@ -34,10 +54,10 @@ _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCEL
 
 
 @dataclass(frozen=True)
-class HangOff:
-    """Boundary condition of the new elements at the upper end."""
+class UpperEnd:
+    """Boundary condition of the new elements at the upper end: a hang-off or a connection."""
 
-    pull_n: Floats  # force of the rope on the hang-off, (3,) x, y, z
+    pull_n: Floats  # force of the rope on it, (3,) x, y, z
     payout_m_per_s: float
 
 
@@ -50,6 +70,45 @@ class Grid:
     marks_m: Floats  # material coordinates of the nodes below the hang-off
 
 
+def upper_ends(ropes: Rope | System, pull: Floats, payout_m_per_s: Floats) -> list[UpperEnd]:
+    """Return the upper end of each rope.
+
+    pull: force of each rope on it [N], (ropes, PULL_COLUMNS); payout: of the ropes that hang from
+    the ship, (ropes,).
+    """
+    speeds = [float(payout_m_per_s[0])]
+    if isinstance(ropes, System):
+        loose, passing = ropes.joints.upper == LOOSE, _passing_m_per_s(ropes)
+        speeds = np.where(loose, payout_m_per_s, passing).tolist()
+    forces = pull[:, rows.PULL_X : rows.PULL_Z + 1].copy()
+    return [UpperEnd(*pair) for pair in zip(forces, speeds, strict=True)]
+
+
+def _passing_m_per_s(whole: System) -> Floats:
+    """Return the rate at which each rope grows at a sheave [m/s], (ropes,); 0 without one."""
+    speeds, sheaves = np.zeros(len(whole.ropes)), whole.sheaves
+    if sheaves is not None:
+        for r, (of, side) in enumerate(zip(sheaves.of, sheaves.side, strict=True)):
+            if of >= 0:
+                flow = int(sheaves.figures[FLOW_COLUMN, of])
+                speeds[r] = float(side) * float(whole.joints.nodes[rows.VELOCITY, flow])
+    return speeds
+
+
+def joined_as(whole: System, ropes: Sequence[Rope]) -> System:
+    """Return these ropes in a system with copies of the connections and sheaves of `whole`."""
+    joints, sheaves = whole.joints, whole.sheaves
+    found = new_system(tuple(ropes), list(joints.lower), list(joints.upper), joints.ties.copy())
+    if sheaves is not None:
+        flows = with_flows(found.joints, sheaves.figures.shape[1])
+        found = found._replace(joints=flows, sheaves=copy.deepcopy(sheaves))
+    found.joints.nodes[:] = joints.nodes
+    for own, given in zip(found.ropes, ropes, strict=True):
+        n = int(given.state.counts[rows.ELEMENTS])
+        own.work[rows.TENSION, :n] = given.work[rows.TENSION, :n]
+    return found
+
+
 def marks_of(rope: Rope) -> Floats:
     """Material coordinates of the nodes below the hang-off [m], (nodes - 1,)."""
     return rope.state.s[: int(rope.state.counts[rows.ELEMENTS])].copy()
@@ -60,7 +119,7 @@ def coarse_room(room: int, sections: Floats) -> int:
     return room // 2 + int(sections.shape[1]) + SPARE
 
 
-def coarser(rope: Rope, at: HangOff) -> Rope:
+def coarser(rope: Rope, at: UpperEnd) -> Rope:
     """Return the rope on every second node; the force on the hang-off is unchanged."""
     keep, n = _kept_nodes(rope), int(rope.state.counts[rows.ELEMENTS])
     old = elements_of(rope.state, rope.sections, at.payout_m_per_s)
@@ -88,7 +147,7 @@ def coarser(rope: Rope, at: HangOff) -> Rope:
     return _filled(rope._replace(model=model), state, new, wanted_n)
 
 
-def finer(rope: Rope, grid: Grid, at: HangOff) -> Rope:
+def finer(rope: Rope, grid: Grid, at: UpperEnd) -> Rope:
     """Return the rope on a finer mesh: old nodes if paid out, even division of new rope.
 
     Tension and motion between the nodes follow from the balance at the old ones.
@@ -101,7 +160,7 @@ def finer(rope: Rope, grid: Grid, at: HangOff) -> Rope:
     low = before - before[first][parent]  # start of a part in its old element, 0 to 1
     s = rope.state.s
     coordinates = np.append(s[:n][parent] + low * old.rest[parent], s[n])
-    room = max(grid.room, len(coordinates) + SPARE)
+    room = max(grid.room, len(coordinates) + LEAST_SPARE)
     state = _empty(rope, room, coordinates)
     ends = _material_ends(rope, old, at)
     for at_low, at_high, part in zip(*ends, (_X, _V, _A), strict=True):
@@ -142,9 +201,11 @@ def _filled(rope: Rope, state: State, new: Elements, wanted_n: Floats) -> Rope:
     """Return the rope with this state and these element tensions (NaN: no offset)."""
     count = len(wanted_n)
     state.offset[:count] = offsets_for(rope, new, wanted_n)
-    work = new_work(state.s.shape[0], work_rows(rope.effects))
+    room = state.s.shape[0]
+    work = new_work(columns_for(room), work_rows(rope.effects))
     work[rows.TENSION, :count] = tensions(rope, new, state.offset[:count])
-    return rope._replace(state=state, work=work)
+    effects = on_nodes(rope.effects, state.s[:count], room)
+    return rope._replace(state=state, work=work, effects=effects)
 
 
 def _lever_weights(keep: Ints, rest: Floats) -> tuple[Ints, Ints, Floats]:
@@ -169,14 +230,16 @@ def _spread(weights: tuple[Ints, Ints, Floats], values: Floats) -> Floats:
 
 
 def _node_masses(rope: Rope, old: Elements) -> Floats:
-    """Mass of the rope at each node, with the payload's at the lower end [kg], (3, nodes)."""
+    """Mass of the rope at each node, with that of a payload or hook at node 0 [kg], (3, nodes)."""
     half = 0.5 * old.rest * rope.sections[rows.PER_METRE][old.section]
     mass = np.zeros((3, len(half) + 1))
     mass[:, :-1] += half
     mass[:, 1:] += half
     for effect in rope.effects:
-        if isinstance(effect, Payload):
+        if isinstance(effect, Payload | TwoWayPayload):
             mass[:, 0] += effect.Mx, effect.My, effect.Mz
+        if isinstance(effect, RigidBody):
+            mass[:, 0] += effect.hook
     return mass
 
 
@@ -188,7 +251,7 @@ def _mean_tensions(rope: Rope, keep: Ints, old: Elements) -> Floats:
     return mean / np.add.reduceat(old.rest, keep[:-1])
 
 
-def _load_at_top(rope: Rope, old: Elements, at: HangOff) -> Floats:
+def _load_at_top(rope: Rope, old: Elements, at: UpperEnd) -> Floats:
     """Load less inertia per metre of rope at the hang-off [N/m], (3,): its force there less T."""
     tension = rope.work[rows.TENSION, len(old.rest) - 1]
     load: Floats = (at.pull_n + tension * old.direction[:, -1]) / (0.5 * old.rest[-1])
@@ -217,7 +280,7 @@ def _parts(rope: Rope, old: Elements, grid: Grid) -> tuple[Ints, Floats]:
 
 
 def _material_ends(
-    rope: Rope, old: Elements, at: HangOff
+    rope: Rope, old: Elements, at: UpperEnd
 ) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
     """Position, velocity and acceleration of the material at both ends of each element.
 
@@ -234,7 +297,7 @@ def _material_ends(
     return tuple(nodes[part, :-1] for part in parts), tuple(nodes[part, 1:] for part in parts)
 
 
-def _forces_of_parts(rope: Rope, old: Elements, at: HangOff, parts: tuple[Ints, Floats]) -> Floats:
+def _forces_of_parts(rope: Rope, old: Elements, at: UpperEnd, parts: tuple[Ints, Floats]) -> Floats:
     """Force in the middle of each part [N], (3, parts); parts: elements, positions 0 to 1 in them.
 
     It is T·t in the middle of the old element and changes by the load less inertia per metre, which

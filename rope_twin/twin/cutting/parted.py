@@ -10,6 +10,7 @@ it on: a single step would gain energy, up to 2 % of the elastic energy (20 m el
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -109,6 +110,10 @@ class CutRope(SingleWinch):
     def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[CutRope, float]:
         """Raise RuntimeError, as a rope can be cut once only."""
         raise RuntimeError("the rope is cut already")
+
+    def replace(self, ropes: Sequence[Rope]) -> None:
+        """Raise RuntimeError, as the parts of a cut rope keep their elements."""
+        raise RuntimeError("the parts of a cut rope keep their elements")
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Advance both parts step by step; neither continues without the other."""

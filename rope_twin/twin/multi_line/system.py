@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import logging
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.scene.model.joined import build_joined, runs_over_sheave
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import winch_of
+from rope_twin.twin.accuracy.regrid import joined_as
 from rope_twin.twin.cutting.rope_cut import CutPosition
 from rope_twin.twin.cutting.system_cut import advance_in_substeps, cut_system, scene_of_parts
 from rope_twin.twin.internal_variables import state_arrays
@@ -220,6 +222,12 @@ class MultiLineRopes:
         self.pull = np.vstack([self.pull, np.zeros(rows.PULL_COLUMNS)])
         self._highest_n = np.append(self._highest_n, 0.0)
         return self, lost_m
+
+    def replace(self, ropes: Sequence[Rope]) -> None:
+        """Continue with ropes on other meshes; connections keep their motion."""
+        system = joined_as(self.system(self.first), ropes)
+        self.first, self._ropes = system.ropes[0], system.ropes[1:]
+        self._joints, self._stack, self._sheaves = system.joints, system.stack, system.sheaves
 
     def length_m(self, r: int) -> float:
         """Return the unstretched length of a rope other than the first [m]."""

@@ -1,6 +1,6 @@
 """File format of a saved state: two lines of text, a JSON header, the arrays.
 
-    rope_twin state 3
+    rope_twin state 4
     sha256 <64 hex digits> header <bytes> total <bytes>
     { ... }                        JSON; `arrays` lists name, type and shape in the order below
     <arrays>                       C order, little-endian, nothing between them

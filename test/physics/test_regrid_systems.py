@@ -1,0 +1,176 @@
+"""Ropes with a body, with VIV models, and ropes that meet, on other accuracy levels and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_scene import digest
+
+from rope_twin import load_scene
+from rope_twin.core import state as rows
+from rope_twin.core.body.energy import pose_of
+from rope_twin.core.body.state import RigidBody
+from rope_twin.core.loads.memory import numbers_carried
+from rope_twin.core.state import Floats, Rope
+from rope_twin.recording.motion_source import FIRST_NS, offer, open_sea
+from rope_twin.scene.validation.rigging import winches_by_name
+from rope_twin.twin.accuracy.level import AccuracyLevel, elements_at, levels_of, scene_level
+from rope_twin.twin.accuracy.overload import TwinOverloadProtection
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import schedule_samples
+
+SECOND_NS = 1_000_000_000
+SCENES = ["manifold_lift", "viv_calm", "vortices_modal", "bridle_lift", "two_line_loop"]
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def moving(request: pytest.FixtureRequest) -> Twin:
+    """A shipped scene four seconds into its own sea and schedule, with inputs for four more."""
+    twin = Twin(load_scene(request.param))
+    sea = open_sea(twin.scene)
+    for second in range(4):
+        until_ns = (second + 1) * SECOND_NS if second < 3 else 8 * SECOND_NS
+        from_ns = FIRST_NS if second == 0 else twin.time_ns
+        for sample in sea.between(from_ns, until_ns) if sea else ():
+            offer(twin, sample)
+        for name, winch in winches_by_name(twin.scene).items():
+            for command in schedule_samples(winch, max(from_ns, 0), until_ns):
+                twin.offer_command(command.stamp_ns, command.command, name)
+        twin.advance(round(1.0 / twin.step_s))
+    return twin
+
+
+def halved(twin: Twin, halvings: int = 1, times: int = 1) -> AccuracyLevel:
+    """A level with fewer elements and a longer step than the scene's."""
+    return AccuracyLevel(times * scene_level(twin.scene).step_ns, halvings)
+
+
+def ropes_of(twin: Twin) -> tuple[Rope, ...]:
+    return (twin.rope,) if twin.joined is None else twin.joined.system(twin.rope).ropes
+
+
+def elements(twin: Twin) -> list[int]:
+    return [int(rope.state.counts[rows.ELEMENTS]) for rope in ropes_of(twin)]
+
+
+def tops_n(twin: Twin) -> Floats:
+    """Tension at the upper end of each rope."""
+    if twin.joined is None:
+        return twin.inspect().pull[None, rows.PULL].copy()
+    return twin.joined.pull[:, rows.PULL].copy()
+
+
+def motion_kept(twin: Twin) -> list[Floats]:
+    """What no change of level may touch: lower ends, connections, hang-off, a rigid body."""
+    kept = [rope.state.nodes[: rows.VELOCITY, 0].copy() for rope in ropes_of(twin)]
+    kept += [table[0].copy() for table in twin.inspect().boundary]
+    kept.append(tops_n(twin))
+    if twin.joined is not None:
+        kept.append(twin.joined.system(twin.rope).joints.nodes.copy())
+    for effect in twin.rope.effects:
+        if isinstance(effect, RigidBody):
+            pose = pose_of(effect)
+            kept += [pose.place(effect.corners), pose.speed(effect.middle), pose.quaternion]
+    return kept
+
+
+def test_motion_and_tension_go_on_where_they_were(moving: Twin) -> None:
+    """The bounds of a single rope: 0.1 % at the first step, down and up, at every upper end."""
+    same, down, up = (moving.branch() for _ in range(3))
+    down.set_level(halved(moving))
+    up.set_level(halved(moving, 2))
+    up.set_level(scene_level(moving.scene))
+    for other in (down, up):
+        pairs = zip(motion_kept(other), motion_kept(same), strict=True)
+        assert all(np.array_equal(*pair) for pair in pairs)
+    counts = [[int(rope.state.counts[rows.ELEMENTS]) for rope in ropes_of(one)]
+              for one in (same, down, up)]  # fmt: skip
+    assert counts[2] == counts[0]
+    assert all(
+        less in (count // 2, (count + 1) // 2) for count, less in zip(*counts[:2], strict=True)
+    )
+    for one in (same, down, up):
+        one.advance(1)
+    scale = tops_n(same)
+    for other in (down, up):
+        assert (np.abs(tops_n(other) - scale) < 1e-3 * scale).all()
+
+
+def test_longer_steps_on_fewer_elements_stay_close(moving: Twin) -> None:
+    """Twice the step and half the elements for a second, and back for another."""
+    same, other = moving.branch(), moving.branch()
+    for level in (halved(moving, times=2), scene_level(moving.scene)):
+        other.set_level(level)
+        for one in (same, other):
+            one.advance(SECOND_NS // one.step_ns)
+        assert other.time_ns == same.time_ns
+        assert other.top_pull_n == pytest.approx(same.top_pull_n, rel=2e-3)
+    shots = [one.snapshot() for one in (same, other)]
+    assert shots[1].solver.unconverged_substeps == shots[0].solver.unconverged_substeps
+    if shots[0].body is not None and shots[1].body is not None:
+        quaternions = [shot.body.quaternion for shot in shots if shot.body is not None]
+        assert np.allclose(*quaternions, rtol=0.0, atol=1e-3)
+
+
+def test_a_saved_state_of_any_level_goes_on_to_the_bit(moving: Twin, tmp_path: Path) -> None:
+    """Two levels down, one up, and on the scene's own again after both."""
+    twin = moving.branch()
+    for number, halvings in enumerate((2, 1, 0)):
+        twin.set_level(halved(twin, halvings, 2))
+        twin.advance(20)
+        path = tmp_path / f"{number}.state"
+        twin.save(path)
+        twin.snapshot()
+        again = Twin.restore(path, twin.scene)
+        again.snapshot()
+        assert again.level == twin.level
+        for one in (twin, again):
+            one.advance(20)
+        assert digest([again.snapshot()]) == digest([twin.snapshot()])
+
+
+def wakes(twin: Twin) -> list[tuple[Any, int]]:
+    """Memories of the effects at the nodes, with the number of their variables."""
+    return [
+        (effect.memory, numbers_carried(type(effect)))
+        for effect in twin.rope.effects
+        if numbers_carried(type(effect)) and not isinstance(effect, RigidBody)
+    ]
+
+
+def test_internal_variables_belong_to_the_material(moving: Twin) -> None:
+    """At nodes that stay they are kept; between, they lie between those of the neighbours."""
+    if not wakes(moving):
+        pytest.skip("no VIV model")
+    twin = moving.branch()
+    s = twin.rope.state.s[: len(twin.inspect().tension)].copy()
+    twin.set_level(halved(moving))
+    left = twin.rope.state.s[: len(twin.inspect().tension)].copy()
+    at = np.searchsorted(s, left)
+    assert np.array_equal(s[at], left)
+    for (fine, k), (coarse, _) in zip(wakes(moving), wakes(twin), strict=True):
+        assert np.abs(fine[:k, : len(s)]).max() > 0.0
+        assert np.array_equal(coarse[:k, : len(left)], fine[:k, at])
+    twin.set_level(scene_level(moving.scene))
+    for (fine, k), (again, _) in zip(wakes(moving), wakes(twin), strict=True):
+        assert np.array_equal(again[:k, at], fine[:k, at])
+        for row, was in zip(again[:k], fine[:k], strict=True):
+            assert row[: len(s)].max() <= was[: len(s)].max()
+            assert row[: len(s)].min() >= was[: len(s)].min()
+
+
+def test_levels_of_ropes_that_meet_halve_each_that_can_be() -> None:
+    """bridle_lift: 100 elements, 8 and 6 in the legs, which keep three."""
+    scene = load_scene("bridle_lift")
+    assert [elements_at(scene, halvings) for halvings in range(3)] == [
+        (100, 8, 8, 6, 6), (50, 4, 4, 3, 3), (25, 2, 2, 3, 3),
+    ]  # fmt: skip
+    assert max(level.halvings for level in levels_of(scene)) == 2
+    twin = Twin(scene)
+    ladder = TwinOverloadProtection(twin)
+    assert ladder.start_at(100.0)
+    assert twin.level == levels_of(scene)[-1]
+    assert "35 elements in place of 128 and steps of 50 ms" in ladder.words()
