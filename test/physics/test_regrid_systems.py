@@ -24,6 +24,7 @@ from rope_twin.twin.winch.commands import schedule_samples
 
 SECOND_NS = 1_000_000_000
 SCENES = ["manifold_lift", "viv_calm", "vortices_modal", "bridle_lift", "two_line_loop"]
+WITH_VARIABLES = ["viv_calm", "vortices_modal"]  # of their effects, at the nodes
 
 
 @pytest.fixture(scope="module", params=SCENES)
@@ -141,10 +142,10 @@ def wakes(twin: Twin) -> list[tuple[Any, int]]:
     ]
 
 
+@pytest.mark.parametrize("moving", WITH_VARIABLES, indirect=True)
 def test_internal_variables_belong_to_the_material(moving: Twin) -> None:
     """At nodes that stay they are kept; between, they lie between those of the neighbours."""
-    if not wakes(moving):
-        pytest.skip("no VIV model")
+    assert wakes(moving)
     twin = moving.branch()
     s = twin.rope.state.s[: len(twin.inspect().tension)].copy()
     twin.set_level(halved(moving))

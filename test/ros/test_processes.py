@@ -16,6 +16,7 @@ from ros_messages import BAD
 from ros_process import Process, Processes, until_running
 
 from rope_twin.recording.bag import BagReader
+from rope_twin.ros.processes import node_command
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"
@@ -229,9 +230,13 @@ def test_figures_of_the_run_are_taken_from_the_simulation_alone(bench: Bench) ->
 def test_each_entry_ends_cleanly_on_ctrl_c(
     bench: Bench, processes: Processes, tmp_path: Path, name: str
 ) -> None:
-    """Alone, with nobody to hear or to tell."""
-    process = entry(processes, name, tmp_path)
-    bench.until(lambda: name in bench.own.get_node_names(), f"{name} is there")
+    """Alone, with nobody to hear or to tell.
+
+    It has a name of its own: a node that an interrupted test left behind may have the usual one.
+    """
+    own = f"{name}_of_this_test"
+    process = entry(processes, name, tmp_path, own)
+    bench.until(lambda: own in bench.own.get_node_names(), f"{name} is there")
     process.send(signal.SIGINT)
     assert process.wait() == 0, process.text
     assert "Traceback" not in process.text
@@ -250,13 +255,14 @@ def test_all_entries_end_cleanly_when_told(
         assert "Traceback" not in process.text
 
 
-def entry(processes: Processes, name: str, folder: Path) -> Process:
-    """One of ENTRIES, started."""
+def entry(processes: Processes, name: str, folder: Path, node_name: str = "") -> Process:
+    """One of ENTRIES, started; node_name: in place of its usual one."""
     parameters = {
         "recorder": {"out": str(folder / "bag")},
         "viewer": {"file": str(folder / "run.rrd")},
     }.get(name, {"scene": SCENE})
-    return processes.node(name, **parameters)
+    command = node_command(name, parameters)[1:]
+    return processes.start([*command, "-r", f"__node:={node_name or name}"])
 
 
 @pytest.mark.parametrize(
