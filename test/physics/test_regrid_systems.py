@@ -65,7 +65,7 @@ def tops_n(twin: Twin) -> Floats:
 
 
 def motion_kept(twin: Twin) -> list[Floats]:
-    """What no change of level may touch: lower ends, connections, hang-off, a rigid body."""
+    """Return the motion of lower ends, connections, hang-off and body, which a level keeps."""
     kept = [rope.state.nodes[: rows.VELOCITY, 0].copy() for rope in ropes_of(twin)]
     kept += [table[0].copy() for table in twin.inspect().boundary]
     kept.append(tops_n(twin))
