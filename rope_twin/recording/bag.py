@@ -100,40 +100,42 @@ def _qos_text(qos: Qos) -> str:
 
 
 @dataclass(frozen=True)
-class BagSummary:
-    """Content of metadata.yaml for a bag with one file."""
+class FileSummary:
+    """One file of a bag: its name, the count and the time span of its messages."""
 
-    file_name: str
-    topics: Sequence[RecordedTopic]
+    name: str
     counts: Mapping[str, int]  # by topic name
     start_ns: int
-    duration_ns: int
+    end_ns: int  # of the last message; before the start: there is none
+
+    @property
+    def messages(self) -> int:
+        """Return the number of its messages."""
+        return sum(self.counts.values())
+
+
+@dataclass(frozen=True)
+class BagSummary:
+    """Content of metadata.yaml."""
+
+    files: Sequence[FileSummary]  # at least one
+    topics: Sequence[RecordedTopic]
     custom_data: Mapping[str, str]
 
     def as_yaml(self) -> str:
         """Return the text of the `rosbag2_bagfile_information` mapping."""
-        total = sum(self.counts.values())
-        start = {"nanoseconds_since_epoch": self.start_ns}
-        duration = {"nanoseconds": self.duration_ns}
+        span = _span(self.files)
         return _dump(
             {
                 "version": METADATA_VERSION,
                 "storage_identifier": "mcap",
-                "duration": duration,
-                "starting_time": start,
-                "message_count": total,
+                "duration": span.pop("duration"),
+                **span,
                 "topics_with_message_count": [self._topic(topic) for topic in self.topics],
                 "compression_format": "",
                 "compression_mode": "",
-                "relative_file_paths": [self.file_name],
-                "files": [
-                    {
-                        "path": self.file_name,
-                        "starting_time": start,
-                        "duration": duration,
-                        "message_count": total,
-                    }
-                ],
+                "relative_file_paths": [file.name for file in self.files],
+                "files": [{"path": file.name, **_span([file])} for file in self.files],
                 "custom_data": dict(self.custom_data) or None,
                 "ros_distro": ROS_DISTRO,
             }
@@ -153,8 +155,20 @@ class BagSummary:
                 "offered_qos_profiles": yaml.safe_load(topic.qos_profiles or "[]") or [],
                 "type_description_hash": topic.type_hash,
             },
-            "message_count": self.counts[topic.name],
+            "message_count": sum(file.counts.get(topic.name, 0) for file in self.files),
         }
+
+
+def _span(files: Sequence[FileSummary]) -> dict[str, Any]:
+    """Return start, duration and message count of files, as rosbag2 names them."""
+    filled = [file for file in files if file.messages]
+    start_ns = min((file.start_ns for file in filled), default=0)
+    end_ns = max((file.end_ns for file in filled), default=0)
+    return {
+        "starting_time": {"nanoseconds_since_epoch": start_ns},
+        "duration": {"nanoseconds": end_ns - start_ns},
+        "message_count": sum(file.messages for file in files),
+    }
 
 
 class _PlainDumper(yaml.SafeDumper):

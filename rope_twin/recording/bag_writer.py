@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
@@ -15,6 +15,7 @@ from rope_twin.recording.bag import (
     ROSBAG_RECORD,
     BagSummary,
     ClosableBag,
+    FileSummary,
     RecordedTopic,
     describe_topic,
     recorded_name,
@@ -92,6 +93,14 @@ class FileSink:
         self._written += done
         del self._waiting[:done]
 
+    def settle(self) -> bool:
+        """Flush; close the file and return True if nothing waits any more."""
+        self.flush()
+        if self._waiting:
+            return False
+        self.close()
+        return True
+
     def close(self) -> None:
         """Flush once more and close the file."""
         if self._descriptor >= 0:
@@ -102,6 +111,77 @@ class FileSink:
 
 CHUNK_BYTES = 256 * 1024  # 2 ms for the longest call; larger chunks stall the caller
 _LARGEST_STAMP_NS = 2**63 - 1  # rosbag2 keeps stamps in a signed integer
+
+
+class _McapFile:
+    """One MCAP file of a bag."""
+
+    def __init__(self, path: Path, chunk_bytes: int) -> None:
+        """Create the file.
+
+        Raises:
+            OSError: the file exists or cannot be created.
+        """
+        self.name = path.name
+        self.sink = FileSink(path)
+        self._writer = Writer(self.sink, chunk_bytes, CompressionType.ZSTD)
+        # A fixed name, not the library's version: equal input, equal bytes.
+        self._writer.start(profile="ros2", library="rope_twin")
+        self.sink.flush()
+        self._schemas: dict[tuple[str, bytes], int] = {}
+        self._channels: dict[str, int] = {}
+        self._counts: dict[str, int] = {}
+        self._first_ns, self._last_ns = _LARGEST_STAMP_NS, -1
+
+    @property
+    def summary(self) -> FileSummary:
+        return FileSummary(self.name, self._counts, self._first_ns, self._last_ns)
+
+    def add_topic(self, topic: RecordedTopic) -> None:
+        key = (topic.type_name, topic.definition)
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(
+                topic.type_name, topic.definition_encoding, topic.definition
+            )
+        self._channels[topic.name] = self._writer.register_channel(
+            topic.name, "cdr", self._schemas[key], topic.channel_metadata()
+        )
+        self._counts[topic.name] = 0
+
+    def add_metadata(self, name: str, notes: Mapping[str, str]) -> None:
+        self._writer.add_metadata(name, dict(notes))
+        self.sink.flush()
+
+    def note_channels(self, topics: Mapping[str, RecordedTopic]) -> None:
+        noted = {
+            str(channel): f"{name} {topics[name].type_name}"
+            for name, channel in self._channels.items()
+        }
+        self.add_metadata(CHANNELS_RECORD, noted)
+
+    def write(self, name: str, stamp_ns: int, data: bytes, publish_ns: int, sequence: int) -> None:
+        self._writer.add_message(
+            self._channels[name],
+            log_time=stamp_ns,
+            data=data,
+            publish_time=publish_ns,
+            sequence=sequence,
+        )
+        self._counts[name] += 1
+        self._first_ns = min(self._first_ns, stamp_ns)
+        self._last_ns = max(self._last_ns, stamp_ns)
+        if self.sink.waiting_bytes:
+            self.sink.flush()
+
+    def flush(self) -> None:
+        self._writer.flush()
+
+    def finish(self, summary: BagSummary) -> None:
+        """Write the file's end; it is complete once nothing waits in the sink."""
+        self._writer.flush()
+        self._writer.add_metadata(ROSBAG_RECORD, {"serialized_metadata": summary.as_yaml()})
+        self._writer.finish()
+        self.sink.flush()
 
 
 class BagWriter(ClosableBag):
@@ -118,7 +198,7 @@ class BagWriter(ClosableBag):
         *,
         chunk_bytes: int = CHUNK_BYTES,
     ) -> None:
-        """Make the directory with `<name>_0.mcap` in it.
+        """Make the directory with `<name>_0.mcap` in it; `begin_file` adds `<name>_1.mcap`.
 
         Args:
             topics: rows of the topic table; recorded with a leading slash.
@@ -129,23 +209,19 @@ class BagWriter(ClosableBag):
             BagError: the directory is in use, cannot be made, or a message type is unknown.
         """
         self._directory = Path(directory)
+        self._chunk_bytes = chunk_bytes
         described = [describe_topic(topic) for topic in topics]
         self._make_directory()
-        self._file_name = f"{self._directory.resolve().name}_0.mcap"
         try:
-            self._sink = FileSink(self._directory / self._file_name)
+            self._file = self._make_file(0)
         except OSError as error:
             raise self._error(f"its file cannot be made ({error.strerror})") from error
-        self._writer = Writer(self._sink, chunk_bytes, CompressionType.ZSTD)
-        # A fixed name, not the library's version: equal input, equal bytes.
-        self._writer.start(profile="ros2", library="rope_twin")
-        self._sink.flush()
+        self._ended: list[FileSummary] = []
+        self._ended_bytes = 0
+        self._unsettled: list[FileSink] = []  # of ended files that the disk has not taken whole
         self._topics: dict[str, RecordedTopic] = {}
-        self._channels: dict[str, int] = {}
-        self._schemas: dict[tuple[str, bytes], int] = {}
-        self._counts: dict[str, int] = {}
+        self._channels_noted = False
         self._custom_data: dict[str, str] = {}
-        self._first_ns, self._last_ns = _LARGEST_STAMP_NS, 0
         self._closed = False
         self._displaced = False
         if metadata:
@@ -161,32 +237,32 @@ class BagWriter(ClosableBag):
     @property
     def counts(self) -> Mapping[str, int]:
         """Return the number of messages by recorded topic name."""
-        return self._counts
+        files = [file.counts for file in self._summary().files]
+        return {name: sum(counts.get(name, 0) for counts in files) for name in self._topics}
 
     @property
     def size_bytes(self) -> int:
-        """Return the size of the file [bytes]."""
-        return self._sink.written_bytes
+        """Return the size of the bag's files [bytes]."""
+        return self._ended_bytes + self._file.sink.written_bytes
 
     @property
     def trouble(self) -> str:
         """Return why the bag cannot be written at present (moved, or a disk error), or ""."""
         if self._displaced:
             return str(self._displacement())
-        if not self._sink.trouble:
+        reason = self._disk_trouble
+        if not reason:
             return ""
         return phrase(
             f"bag {self._directory}",
-            f"the disk refuses to take it ({self._sink.trouble}), "
-            f"{self._sink.waiting_bytes} bytes wait in memory",
+            f"the disk refuses to take it ({reason}), {self._waiting_bytes} bytes wait in memory",
             "make room and it goes on",
         )
 
     def add_metadata(self, metadata: Mapping[str, str]) -> None:
         """Add notes on the bag."""
         self._custom_data.update(metadata)
-        self._writer.add_metadata(OWN_RECORD, dict(metadata))
-        self._sink.flush()
+        self._file.add_metadata(OWN_RECORD, metadata)
 
     def add_topic(self, topic: RecordedTopic) -> None:
         """Add a topic; the same one twice does nothing.
@@ -200,16 +276,8 @@ class BagWriter(ClosableBag):
         if known is not None:
             what = f"topic {topic.name} is {known.type_name} and {topic.type_name} in one bag"
             raise self._error(what, "give each name one type and one quality of service")
-        key = (topic.type_name, topic.definition)
-        if key not in self._schemas:
-            self._schemas[key] = self._writer.register_schema(
-                topic.type_name, topic.definition_encoding, topic.definition
-            )
-        self._channels[topic.name] = self._writer.register_channel(
-            topic.name, "cdr", self._schemas[key], topic.channel_metadata()
-        )
+        self._file.add_topic(topic)
         self._topics[topic.name] = topic
-        self._counts[topic.name] = 0
 
     def note_channels(self) -> None:
         """Write the topic of each channel outside the chunks.
@@ -217,12 +285,35 @@ class BagWriter(ClosableBag):
         The first chunk alone defines the channels until the file's end repeats them: without this
         note its loss in a bag that was cut off would cost all messages.
         """
-        noted = {
-            str(channel): f"{name} {self._topics[name].type_name}"
-            for name, channel in self._channels.items()
-        }
-        self._writer.add_metadata(CHANNELS_RECORD, noted)
-        self._sink.flush()
+        self._file.note_channels(self._topics)
+        self._channels_noted = True
+
+    def begin_file(self) -> bool:
+        """End the present file and go on in the next; return False if that must wait.
+
+        The index of a file grows in memory until its end: recordings of hours take several. Each
+        file is a bag of its own, with all topics and notes.
+        """
+        self.check_place()
+        if self._closed or self._displaced or self.trouble:
+            return False
+        try:
+            following = self._make_file(len(self._ended) + 1)
+        except OSError:
+            return False
+        if self._custom_data:
+            following.add_metadata(OWN_RECORD, self._custom_data)
+        for topic in self._topics.values():
+            following.add_topic(topic)
+        if self._channels_noted:
+            following.note_channels(self._topics)
+        ended, self._file = self._file, following
+        ended.finish(self._summary([ended.summary]))
+        self._ended.append(ended.summary)
+        self._ended_bytes += ended.sink.tell()
+        self._unsettled.append(ended.sink)
+        self._settle()
+        return True
 
     def write(
         self,
@@ -243,33 +334,25 @@ class BagWriter(ClosableBag):
         name = recorded_name(topic_name)
         if self._closed:
             raise self._error(f"a message on {name} came after its end", "write before closing")
-        if name not in self._channels:
-            raise self._error(f"it has no topic {name}", did_you_mean(name, self._channels))
+        if name not in self._topics:
+            raise self._error(f"it has no topic {name}", did_you_mean(name, self._topics))
         if not 0 <= stamp_ns <= _LARGEST_STAMP_NS:
             what = f"a message on {name} has the stamp {stamp_ns} ns"
             raise self._error(what, "right are nanoseconds since 1970")
-        if self._sink.waiting_bytes > WAITING_LIMIT_BYTES:
+        if self._waiting_bytes > WAITING_LIMIT_BYTES:
             raise BagError(self.trouble)
-        self._writer.add_message(
-            self._channels[name],
-            log_time=stamp_ns,
-            data=data,
-            publish_time=stamp_ns if publish_ns is None else publish_ns,
-            sequence=sequence,
+        self._file.write(
+            name, stamp_ns, data, stamp_ns if publish_ns is None else publish_ns, sequence
         )
-        self._counts[name] += 1
-        self._first_ns = min(self._first_ns, stamp_ns)
-        self._last_ns = max(self._last_ns, stamp_ns)
-        if self._sink.waiting_bytes:
-            self._sink.flush()
 
     def check_place(self) -> None:
         """Check whether the bag still exists at its path; if not, `trouble` reports it."""
-        self._displaced = self._sink.displaced
+        self._displaced = self._file.sink.displaced
 
     def flush(self) -> None:
         """Close the chunk in progress and hand everything to the operating system."""
-        self._writer.flush()
+        self._settle()
+        self._file.flush()
 
     def close(self) -> None:
         """Close the file and write metadata.yaml; may be called twice.
@@ -280,32 +363,43 @@ class BagWriter(ClosableBag):
         if self._closed:
             return
         self._closed = True
-        self._writer.flush()
-        summary = self._summary()
-        self._writer.add_metadata(ROSBAG_RECORD, {"serialized_metadata": summary.as_yaml()})
-        self._writer.finish()
+        self._file.finish(self._summary([self._file.summary]))
         self.check_place()
-        self._sink.close()
+        for sink in self._sinks:
+            sink.close()
         if self._displaced:
             raise self._displacement()
-        if self._sink.waiting_bytes:
+        if self._waiting_bytes:
             raise self._error(
-                f"the disk did not take its last {self._sink.waiting_bytes} bytes "
-                f"({self._sink.trouble})",
+                f"the disk did not take its last {self._waiting_bytes} bytes "
+                f"({self._disk_trouble})",
                 f"`rope_twin recover {self._directory}` saves what is there",
             )
-        self._write_metadata_file(summary.as_file())
+        self._write_metadata_file(self._summary().as_file())
 
-    def _summary(self) -> BagSummary:
-        empty = self._first_ns > self._last_ns
-        return BagSummary(
-            file_name=self._file_name,
-            topics=list(self._topics.values()),
-            counts=self._counts,
-            start_ns=0 if empty else self._first_ns,
-            duration_ns=0 if empty else self._last_ns - self._first_ns,
-            custom_data=self._custom_data,
-        )
+    @property
+    def _sinks(self) -> list[FileSink]:
+        return [*self._unsettled, self._file.sink]
+
+    @property
+    def _waiting_bytes(self) -> int:
+        return sum(sink.waiting_bytes for sink in self._sinks)
+
+    @property
+    def _disk_trouble(self) -> str:
+        return next((sink.trouble for sink in self._sinks if sink.trouble), "")
+
+    def _settle(self) -> None:
+        self._unsettled = [sink for sink in self._unsettled if not sink.settle()]
+
+    def _make_file(self, number: int) -> _McapFile:
+        name = f"{self._directory.resolve().name}_{number}.mcap"
+        return _McapFile(self._directory / name, self._chunk_bytes)
+
+    def _summary(self, files: Sequence[FileSummary] | None = None) -> BagSummary:
+        """Return the content of metadata.yaml for those of the bag's files, by default all."""
+        files = [*self._ended, self._file.summary] if files is None else files
+        return BagSummary(files, list(self._topics.values()), self._custom_data)
 
     def _write_metadata_file(self, text: str) -> None:
         try:

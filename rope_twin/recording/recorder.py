@@ -15,6 +15,7 @@ from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import Topic
 
 FLUSH_PERIOD_S = 0.4  # a killed process loses this much and the moment of writing, at most 1 s
+FILE_PERIOD_S = 600.0  # the index of a file takes memory until its end, some 4 kB a second
 _TAKE_PERIOD_S = 0.05  # small helpings: the interpreter is never held for long
 QUEUE_LIMIT_BYTES = 64 * 2**20
 
@@ -26,7 +27,7 @@ class RecorderHealth:
     recorded: int  # messages handed to the bag
     lost: int  # messages that could not be taken
     queued: int
-    size_bytes: int  # of the file
+    size_bytes: int  # of the bag
     trouble: str  # one sentence, '' if all is well
 
 
@@ -109,7 +110,7 @@ class BagRecorder(ClosableBag):
 
     def _run(self) -> None:
         try:
-            flushed_s = time.monotonic()
+            flushed_s = begun_s = time.monotonic()
             ending = False
             while not ending:
                 batch, ending = self._take()
@@ -119,6 +120,8 @@ class BagRecorder(ClosableBag):
                     self._bag.flush()
                     self._bag.check_place()
                     flushed_s = time.monotonic()
+                    if flushed_s - begun_s >= FILE_PERIOD_S and self._bag.begin_file():
+                        begun_s = flushed_s
         except BaseException as error:  # kept for close(), which raises it in the caller's thread
             self._failure = error
 

@@ -24,6 +24,7 @@ from rope_twin.messages import (
     statuses,
 )
 from rope_twin.messages.cdr import deserialise, new, serialise
+from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.input_log import encode_json
 from rope_twin.topics import BY_NAME, TOPICS, Qos, Topic
@@ -247,3 +248,38 @@ def test_a_place_that_cannot_be_used_is_told(tmp_path):
     with pytest.raises(BagError, match="did you mean 'std_msgs/msg/Float64'"):
         BagWriter(tmp_path / "odd", [odd])
     assert not (tmp_path / "odd").exists()
+
+
+def test_a_bag_of_several_files_lists_each_with_its_own_times(tmp_path):
+    bag = tmp_path / "long"
+    with BagWriter(bag, [BY_NAME["ship/heave"]], NOTES) as writer:
+        for k in range(5):
+            if k == 2:
+                assert writer.begin_file()
+            writer.write("ship/heave", EPOCH_NS + k, encode_heave(EPOCH_NS + k, 0.0, 0.0))
+        assert writer.begin_file()  # and nothing comes any more
+    text = (bag / "metadata.yaml").read_text()
+    information = yaml.safe_load(text)["rosbag2_bagfile_information"]
+    assert information["relative_file_paths"] == [f"long_{k}.mcap" for k in range(3)]
+    assert information["starting_time"] == {"nanoseconds_since_epoch": EPOCH_NS}
+    assert information["duration"] == {"nanoseconds": 4}
+    assert information["message_count"] == 5
+    assert information["files"] == [
+        {
+            "path": f"long_{number}.mcap",
+            "starting_time": {"nanoseconds_since_epoch": start_ns},
+            "duration": {"nanoseconds": duration_ns},
+            "message_count": count,
+        }
+        for number, (start_ns, duration_ns, count) in enumerate(
+            [(EPOCH_NS, 1, 2), (EPOCH_NS + 2, 2, 3), (0, 0, 0)]
+        )
+    ]
+    with AnyReader([bag]) as reader:
+        assert [stamp_ns - EPOCH_NS for _, stamp_ns, _ in reader.messages()] == [0, 1, 2, 3, 4]
+    for number, count in enumerate([2, 3, 0]):  # each file is a bag of its own
+        with BagReader(bag / f"long_{number}.mcap") as alone:
+            assert alone.topics["/ship/heave"].messages == count
+        with (bag / f"long_{number}.mcap").open("rb") as stream:
+            notes = {record.name: record.metadata for record in make_reader(stream).iter_metadata()}
+        assert notes["rope_twin"] == NOTES

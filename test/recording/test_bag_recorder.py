@@ -17,6 +17,7 @@ from rosbags.highlevel import AnyReader
 from rope_twin.errors import BagError
 from rope_twin.messages import encode_heave
 from rope_twin.recording import recorder as recorder_module
+from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.heave import open_heave
 from rope_twin.recording.recorder import BagRecorder
@@ -113,6 +114,56 @@ def test_a_queue_that_grows_too_long_loses_the_newest_and_says_so(tmp_path, monk
     assert health.lost == taken.count(False)
     assert health.recorded == taken.count(True) == len(stamps_in(tmp_path / "bag"))
     assert "the disk is slower than the topics" in health.trouble
+
+
+def test_a_long_recording_takes_several_files(tmp_path, monkeypatch):
+    """The index of a file, 1.5 kB a chunk, would grow in memory until its end."""
+    monkeypatch.setattr(recorder_module, "FLUSH_PERIOD_S", 0.05)
+    monkeypatch.setattr(recorder_module, "FILE_PERIOD_S", 0.2)
+    bag = tmp_path / "bag"
+    count = 0
+    with BagRecorder(bag, HEAVE, {"source": "a test"}) as recorder:
+        until_s = time.monotonic() + 10.0
+        while len(list(bag.glob("*.mcap"))) < 4 and time.monotonic() < until_s:
+            stamp_ns = START_NS + count * STEP_NS
+            assert recorder.write("ship/heave", stamp_ns, encode_heave(stamp_ns, 0.0, 0.0))
+            count += 1
+            time.sleep(0.002)
+    assert recorder.health().trouble == ""
+    assert recorder.health().size_bytes == sum(f.stat().st_size for f in bag.glob("*.mcap"))
+    assert stamps_in(bag) == [START_NS + k * STEP_NS for k in range(count)]
+    for number in range(4):
+        alone = BagReader(bag / f"bag_{number}.mcap")
+        assert "/ship/heave" in alone.topics
+        alone.close()
+
+
+def test_a_full_disk_puts_off_the_next_file(tmp_path, small_files):
+    with BagWriter(tmp_path / "bag", HEAVE, chunk_bytes=8000) as bag:
+        count = write_until_trouble(bag)
+        assert not bag.begin_file()
+        small_files()
+        bag.flush()
+        assert bag.begin_file()
+    assert bag.trouble == ""
+    assert len(list((tmp_path / "bag").glob("*.mcap"))) == 2
+    assert len(stamps_in(tmp_path / "bag")) == count
+
+
+def test_a_disk_that_fills_up_at_the_end_of_a_file_costs_nothing(tmp_path, small_files):
+    """The end of the first file waits in memory, with the next one open already."""
+    bag = BagWriter(tmp_path / "bag", HEAVE, chunk_bytes=500)
+    while bag.size_bytes < 17_000:
+        stamp_ns = START_NS + bag.counts["/ship/heave"] * STEP_NS
+        bag.write("ship/heave", stamp_ns, encode_heave(stamp_ns, 0.0, 0.0))
+    assert bag.begin_file()
+    assert "the disk refuses to take it" in bag.trouble
+    assert not bag.begin_file()
+    small_files()
+    bag.flush()
+    assert bag.trouble == ""
+    bag.close()
+    assert len(stamps_in(tmp_path / "bag")) == bag.counts["/ship/heave"]
 
 
 @pytest.fixture

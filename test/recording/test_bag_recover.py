@@ -15,6 +15,7 @@ from rosbags.highlevel import AnyReader
 from rope_twin.cli import main
 from rope_twin.errors import BagError
 from rope_twin.messages import encode_epoch, encode_heave
+from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.recover import Outcome, recover
 from rope_twin.topics import BY_NAME
@@ -34,6 +35,34 @@ def write_bag(directory: Path) -> list[tuple[str, int, bytes]]:
             bag.write("ship/heave", stamp_ns, encode_heave(stamp_ns, z, v), sequence=k)
             written.append(("/ship/heave", stamp_ns, encode_heave(stamp_ns, z, v)))
     return written
+
+
+def write_in_files(directory: Path) -> list[int]:
+    """A bag of three files, its last cut off; the stamps of all messages."""
+    stamps = [START_NS + k * STEP_NS for k in range(300)]
+    bag = BagWriter(directory, [BY_NAME["ship/heave"]], NOTES, chunk_bytes=2000)
+    bag.note_channels()
+    for k, stamp_ns in enumerate(stamps):
+        if k in (100, 200):
+            assert bag.begin_file()
+        bag.write("ship/heave", stamp_ns, encode_heave(stamp_ns, 0.1 * k, 0.0))
+    bag.flush()  # and no close, as after a kill
+    return stamps
+
+
+@pytest.mark.parametrize("cut", [0, 1000])
+def test_a_recording_in_files_is_recovered_as_one(tmp_path, cut):
+    stamps = write_in_files(tmp_path / "bag")
+    last = tmp_path / "bag" / "bag_2.mcap"
+    last.write_bytes(last.read_bytes()[: last.stat().st_size - cut])
+    result = recover(tmp_path / "bag")
+    found = [stamp_ns for _, stamp_ns, _ in read_back(tmp_path / "bag_recovered")]
+    assert found == stamps[: len(found)]
+    assert len(found) == 300 if not cut else 200 < len(found) < 300
+    assert result.outcome is Outcome.LOSS
+    assert all("bag_2.mcap" in words for words in result.lost)
+    with BagReader(tmp_path / "bag_recovered") as bag:
+        assert bag.custom_data["seed"] == "7"
 
 
 @pytest.fixture(scope="module")
