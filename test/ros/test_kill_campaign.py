@@ -46,6 +46,13 @@ KILLS_A_MINUTE = 3
 STANDING_BY = "recorder on standby"
 
 
+@pytest.fixture(autouse=True)
+def announced_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run and listener take the profile of every run, so that both are found again in a second."""
+    profile = share_dir() / "config" / "ros" / "fastdds_loopback.xml"
+    monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(profile))
+
+
 def stamp_ns(message: Any) -> int:
     return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
 
@@ -74,10 +81,7 @@ class Campaign:
         self._arrived: dict[str, float] = {}
         self.kills: list[Kill] = []
         command = ["run", SCENE, "--processes", "--headless", "--json", "--out", str(self._bag)]
-        profile = share_dir() / "config" / "ros" / "fastdds_loopback.xml"  # as every run takes it
-        self.run: Process = processes.start(
-            ["-m", "rope_twin", *command], FASTDDS_DEFAULT_PROFILES_FILE=str(profile)
-        )
+        self.run: Process = processes.start(["-m", "rope_twin", *command])
         bench.until(lambda: all(self._heard.values()), "the run")
         bench.until(lambda: set(NAMES) <= set(self.pids()), "all processes", 60.0)
         bench.until(lambda: STANDING_BY in self.run.text, "the standby recorder", 60.0)
