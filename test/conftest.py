@@ -39,6 +39,11 @@ settings.register_profile("search", UNTIMED, print_blob=True)
 settings.load_profile("repeated")
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than there are cores: the tests over ROS mostly wait for processes."""
+    return (os.cpu_count() or 1) + 1
+
+
 @pytest.hookimpl(tryfirst=True)  # before xdist, which reads the groups in the same hook
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """A file's tests share a worker and its fixtures; those over ROS all share one.
