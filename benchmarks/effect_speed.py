@@ -180,7 +180,7 @@ def _heave(bench: Bench, steps: int) -> Boundary:
 def step_assembly(scene: Scene) -> str:
     """Return the assembly of the step for the scene's effects; it takes about 10 s."""
     border = np.zeros((2, MOTIONS))
-    arguments = (build(scene), Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 1)
+    arguments = (build(scene), Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 0, 1)
     return assembly(advance_steps, arguments)
 
 

@@ -371,3 +371,13 @@ def stretch_all(rope: Rope, stage: Stage) -> None:
     """Apply `stretch` to all elements."""
     n = rope.state.counts[ELEMENTS]
     stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, n - n, n)
+
+
+@jit
+def end_rope(work: Floats, n: int) -> None:
+    """Close a rope that carries loads at its upper end, node n: only the element below it acts."""
+    for k in range(DIRECTION, DIRECTION + 3):
+        work[k, n] = work[k, n - 1]
+    work[REST, n] = 0.0
+    work[TENSION, n] = 0.0
+    work[AXIAL, n] = 0.0

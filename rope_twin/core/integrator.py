@@ -1,12 +1,10 @@
-"""TR-BDF2 with substepping: the stages' motion, and a step divided where Newton's method fails.
+"""TR-BDF2: the motion of its two stages.
 
 TR-BDF2 (Bank et al. 1985; Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to t + γ·h,
 then BDF2 to t + h, both with the same weight c = γ·h/2, so that x = x_hat + p·a and v = v_hat + q·a
 with q = c, p = c². It is second order, needs no history (so elements may be added and removed), and
 damps frequencies that the mesh cannot resolve. The initial guess of a is the last one known; x_hat
 and v_hat are not stored, since a correction of a changes x by p and v by q times it.
-
-Where Newton's method does not converge the step is divided by two, repeatedly.
 """
 
 from __future__ import annotations
@@ -18,25 +16,14 @@ import numpy as np
 
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import node_rows, rows
-from rope_twin.core.state import (
-    ACCELERATION,
-    CORRECTION,
-    POSITION,
-    REJECTED,
-    STEPS,
-    SUBSTEPS,
-    SUBSTEPS_MAX,
-    SUBSTEPS_UNCONVERGED,
-    VELOCITY,
-    ZERO,
-    Floats,
-)
+from rope_twin.core.state import ACCELERATION, CORRECTION, POSITION, VELOCITY, Floats
 
 GAMMA = 2.0 - sqrt(2.0)
 K1 = 1.0 / (GAMMA * (2.0 - GAMMA))  # weight of the middle in the BDF2 stage
 K2 = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))  # and of the start
-# The stages, as numpy integers: numba compiles again for each Python literal.
-TRAPEZOID, BDF2 = np.int64(0), np.int64(1)
+# Kinds of evaluation: the stages, predicted, and a correction of either. They are numpy integers:
+# numba compiles again for each Python literal.
+TRAPEZOID, BDF2, SEARCH = np.int64(0), np.int64(1), np.int64(2)
 NOT_FINITE, UNCONVERGED, CONVERGED, PENDING = -1, 0, 1, 2  # outcomes, from worst to best
 
 
@@ -134,47 +121,3 @@ def correct(work: Floats, p: float, q: float, factor: float, low: int, high: int
         x[i], vx[i], ax[i] = _corrected(x[i], vx[i], ax[i], factor * dx[i], p, q)
         y[i], vy[i], ay[i] = _corrected(y[i], vy[i], ay[i], factor * dy[i], p, q)
         z[i], vz[i], az[i] = _corrected(z[i], vz[i], az[i], factor * dz[i], p, q)
-
-
-HALVINGS = 5  # down to h/32
-OUT, BACK = np.int64(0), np.int64(1)  # directions of a copy: from the state to scratch, and back
-
-
-@jit
-def advance_substeps(
-    rope: Any, health: Any, at: Any, substep: Any, copy_start: Any, accept: Any
-) -> bool:
-    """Advance one step of a rope or a multi-line system, with substeps if necessary; update health.
-
-    at: boundary, row and time of the step. `substep(rope, at, level, done)` tries 1/2^level of the
-    step from done/2^HALVINGS, and returns its outcome followed by the input of `accept(rope,
-    found)`; `copy_start(rope, way)` saves the step's start (OUT) or restores it (BACK). Returns
-    False if the result is not finite; the state is then unchanged.
-    """
-    full = 1 << HALVINGS
-    done, level, substeps = ZERO, ZERO, 0
-    while done < full:
-        part = full >> level
-        found = substep(rope, at, level, done)
-        outcome = found[0]
-        if outcome < CONVERGED and level < HALVINGS:
-            level += 1
-            health[REJECTED] += 1
-            continue
-        if outcome == NOT_FINITE:
-            if done > 0:
-                copy_start(rope, BACK)
-            return False
-        if outcome == UNCONVERGED:
-            health[SUBSTEPS_UNCONVERGED] += 1
-        if done == 0 and part < full:  # the step's start, in case a later part fails
-            copy_start(rope, OUT)
-        accept(rope, found)
-        done += part
-        substeps += 1
-        while level > 0 and done % (full >> (level - 1)) == 0:
-            level -= 1
-    health[STEPS] += 1
-    health[SUBSTEPS] += substeps
-    health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], substeps)
-    return True

@@ -1,9 +1,10 @@
 """One implicit stage, x = x_hat + p·a and v = v_hat + q·a, solved for a by semismooth Newton.
 
-The tension-only energy is convex in a, so there is one minimum. A stage is accepted when every
-tension agrees with its linearisation and, where an effect has an active set, every node is
-balanced; from the fourth correction on a secant line search keeps Newton's method from overshooting
-between slack and taut (full steps suffice before).
+The unknowns are the accelerations of all nodes and connections of a system, be it one rope
+(core/joined/ropes). The tension-only energy is convex in a, so there is one minimum. A stage is
+accepted when every tension agrees with its linearisation and, where an effect has an active set,
+every node and connection is balanced; from the fourth correction on a secant line search keeps
+Newton's method from overshooting between slack and taut (full steps suffice before).
 
 **Factor reuse** (simplified Newton). Both stages of a step have the same weights p and q, and the
 rope changes little between them. Where the first needed one correction, the second tries the
@@ -17,17 +18,17 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-import numpy as np
 from numba.extending import overload
 
 from rope_twin.core.banded.pentadiagonal import eliminate_coupled, push_coupled, take_links
 from rope_twin.core.banded.tridiagonal import eliminate, push
-from rope_twin.core.elements import count_unexpected, find_change, stretch
+from rope_twin.core.elements import end_rope, find_change, stretch
 from rope_twin.core.integrator import (
     BDF2,
     CONVERGED,
     NOT_FINITE,
     PENDING,
+    SEARCH,
     TRAPEZOID,
     UNCONVERGED,
     correct,
@@ -37,15 +38,27 @@ from rope_twin.core.integrator import (
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.jit.wide import count_beyond
-from rope_twin.core.loads import hooks
-from rope_twin.core.loads.balance import (
-    add_couplings,
-    is_calm,
-    load_lowest,
-    load_nodes,
-    set_flow,
-    slope,
+from rope_twin.core.joined.condensation import add_couplings
+from rope_twin.core.joined.linear_solver import solve_system
+from rope_twin.core.joined.ropes import (
+    by_kind,
+    count_loaded,
+    count_ropes,
+    health_of,
+    rope_at,
+    stage_of,
 )
+from rope_twin.core.joined.stage import (
+    correct_connections,
+    count_unbalanced,
+    gather_connections,
+    look_ahead_in_rope,
+    move_connections,
+    pass_sheave,
+    slope_of_connections,
+)
+from rope_twin.core.loads import hooks
+from rope_twin.core.loads.balance import is_calm, load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.loads.memory import predict_memories
 from rope_twin.core.state import (
     BLOCK,
@@ -56,6 +69,7 @@ from rope_twin.core.state import (
     REST,
     SOLVES,
     SOLVES_MAX,
+    ZERO,
     Floats,
     Rope,
     Stage,
@@ -69,7 +83,6 @@ MAX_CORRECTIONS = 12  # corrections before the step is divided into substeps
 # A row of slack elements becomes taut one by one, one correction each: at the shortest substep more
 # corrections are allowed (the energy is convex, so they converge).
 MAX_CORRECTIONS_LAST = 200
-SEARCH = np.int64(2)  # kind of evaluation, after TRAPEZOID and BDF2: corrected, not predicted
 CHUNK = 64  # nodes per chunk of all passes: their rows fit into the nearest cache
 
 
@@ -104,70 +117,100 @@ _eliminate = _as_coupled(eliminate_coupled, eliminate)
 _push = _as_coupled(_push_links, push)  # with the existing factors
 
 
+def _solve_rope(system: Any) -> Any:
+    n = system.state.counts[ELEMENTS]
+    _eliminate(system.effects, system.work, system.model.first_free, n)
+
+
+# Solve for the corrections of all nodes and connections.
+_solve = by_kind(_solve_rope, lambda system: solve_system(system))
+
+
 @jit
-def solve_stage(rope: Rope, stage: Stage, kind: int, cap: int, pending: float, again: bool) -> int:
-    """Solve for the acceleration; tension and motion are then the stage's.
+def solve_stage(system: Any, stage: Stage, kind: int, cap: int, pending: float, again: bool) -> int:
+    """Solve for the accelerations; tensions and motion are then the stage's.
 
     kind: TRAPEZOID or BDF2; cap: maximum number of corrections; pending: fraction of CORRECTION
     still to be added to the previous motion; again: begin with the existing factors. Returns
-    PENDING if the last correction is still to be added to the motion, CONVERGED, UNCONVERGED, or
-    NOT_FINITE if a force is not.
+    PENDING if the last correction is still to be added to the motion of the nodes, CONVERGED,
+    UNCONVERGED, or NOT_FINITE if a force is not. Corrections are counted by the first rope.
     """
-    state, work = rope.state, rope.work
-    n, first = state.counts[ELEMENTS], rope.model.first_free
-    _evaluate(rope, stage, kind, 0.0, pending)
-    if again and _is_solved_again(rope, stage):
+    health = health_of(system)[0]
+    _evaluate(system, stage, kind, pending, 0.0)
+    if again and _is_solved_again(system, stage):
         return PENDING
     for correction in range(1, cap + 1):
-        _eliminate(rope.effects, work, first, n)
-        state.health[SOLVES] += 1
-        state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
-        unexpected = _look_ahead(rope, stage)
-        if unexpected == 0 and is_calm(rope.effects, work, stage, n, 1.0):
+        _solve(system)
+        health[SOLVES] += 1
+        health[SOLVES_MAX] = max(health[SOLVES_MAX], correction)
+        unexpected = _look_ahead(system, stage)
+        if unexpected == 0 and _is_calm(system, stage, 1.0):
             return PENDING
-        before = _slope(rope)
+        before = _slope(system)
         if not isfinite(before):
             return NOT_FINITE
-        _evaluate(rope, stage, SEARCH, 1.0, 0.0)
-        if unexpected == 0 and _switches(rope.effects) and _is_balanced(rope):
+        _evaluate(system, stage, SEARCH, 1.0, 0.0)
+        if unexpected == 0 and _switches(rope_at(system, ZERO).effects) and _is_balanced(system):
             return CONVERGED
         if correction >= SEARCH_FROM:
-            search(rope, stage, before, _correct_by, _slope)
+            _search(system, stage, before)
     return UNCONVERGED
 
 
 @jit
-def _evaluate(rope: Rope, stage: Stage, kind: int, factor: float, pending: float) -> None:
-    """Evaluate motion, tension, residual and blocks: predicted, or (SEARCH) corrected.
-
-    SEARCH applies a += factor·delta. Elements and loads follow one node behind, since an element
-    needs both of its nodes.
-    """
+def _evaluate_rope(system: Any, rope: Any, stage: Stage, kind: int, share: float, r: int) -> None:
+    """Evaluate rope r, in chunks of nodes; those at connections are in place."""
     state, work, p, q = rope.state, rope.work, stage.p, stage.q
-    n = state.counts[ELEMENTS]
+    n, upto = state.counts[ELEMENTS], count_loaded(system, r)
     for start in range(0, n, CHUNK):
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
         if kind == TRAPEZOID:
             predict_trapezoid(state.nodes, work, p, q, low, high)
         elif kind == BDF2:
-            predict_bdf2(state.nodes, work, p, q, pending, low, high)
+            predict_bdf2(state.nodes, work, p, q, share, low, high)
         else:
-            correct(work, p, q, factor, low, high)
+            correct(work, p, q, share, low, high)
         done, last = max(start - 1, 0), n if high == n else high - 1
+        if high == n:
+            pass_sheave(system, rope, r, 0.0, 0.0)
         stretch(rope.law, work, state.offset, p, q, done, last)
+        if high == n:
+            last = upto
+            if upto > n:
+                end_rope(work, n)
         if kind != SEARCH:
             set_flow(rope.effects, work, stage, done, last)
             predict_memories(rope.effects, rope, stage, kind, done, last)
         load_nodes(rope.effects, work, stage, max(done, 1), last)
     load_lowest(rope.effects, work, stage)
-    add_couplings(rope.effects, work, stage, n)
+    add_couplings(rope.effects, work, stage, n, upto)
 
 
 @jit
-def _look_ahead(rope: Rope, stage: Stage) -> int:
-    """Set direction and tension as if corrected; return the number of deviating tensions."""
-    n = rope.state.counts[ELEMENTS]
-    return int(count_unexpected(rope, stage, n - n, n))
+def _evaluate(system: Any, stage: Stage, kind: int, share: float, at_joints: float) -> None:
+    """Evaluate motion, tension, residual and blocks of the system.
+
+    Motion is predicted after a += share·delta, or (SEARCH) only that is applied; at_joints: the
+    share of the connections, which are corrected ahead of the nodes.
+    """
+    move_connections(system, stage, kind, at_joints)
+    for r in range(count_ropes(system)):
+        rope = rope_at(system, r)
+        _evaluate_rope(system, rope, stage_of(system, stage, r), kind, share, r)
+    gather_connections(system, stage)
+
+
+@jit
+def _look_ahead(system: Any, stage: Stage) -> int:
+    """Correct the connections; set direction and tension as if the ropes were corrected too.
+
+    Returns the number of deviating tensions.
+    """
+    unexpected = correct_connections(system, stage)
+    for r in range(count_ropes(system)):
+        rope = rope_at(system, r)
+        unexpected += look_ahead_in_rope(system, rope, stage_of(system, stage, r), r)
+    return int(unexpected)
 
 
 def _switches(effects: Any) -> Any:
@@ -183,18 +226,31 @@ def _choose_balance(effects: Any) -> Any:
 
 
 @jit
-def _is_balanced(rope: Rope) -> bool:
-    """Return whether the residual of every node is below the tolerance and not NaN."""
-    Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
-    most, left = rope.model.tolerance * rope.model.tolerance, 0
-    for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
-        left += not Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= most
+def _is_calm(system: Any, stage: Stage, share: float) -> bool:
+    """Return whether no active set differs between the present motion and that with share·delta."""
+    calm = True
+    for r in range(count_ropes(system)):
+        rope, n = rope_at(system, r), count_loaded(system, r)
+        calm = calm and is_calm(rope.effects, rope.work, stage, n, share)
+    return calm
+
+
+@jit
+def _is_balanced(system: Any) -> bool:
+    """Return whether all residuals of nodes and connections are below the tolerance, none NaN."""
+    left = count_unbalanced(system)
+    for r in range(count_ropes(system)):
+        rope = rope_at(system, r)
+        Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
+        most = rope.model.tolerance * rope.model.tolerance
+        for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
+            left += not Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= most
     return bool(left == 0)
 
 
 @jit
-def _is_solved_again(rope: Rope, stage: Stage) -> bool:
-    """Return whether one correction with the last elimination's factors solves the stage.
+def _is_solved_by_factors(rope: Rope, stage: Stage) -> bool:
+    """Return whether one correction with the last elimination's factors solves the rope's stage.
 
     If not, motion, tension and blocks are those of the prediction.
     """
@@ -207,6 +263,13 @@ def _is_solved_again(rope: Rope, stage: Stage) -> bool:
         return True
     _evaluate(rope, stage, SEARCH, 0.0, 0.0)
     return False
+
+
+# Whether one correction with the last elimination's factors solves the stage; connections are
+# eliminated anew.
+_is_solved_again = by_kind(
+    lambda system, stage: _is_solved_by_factors(system, stage), lambda system, stage: False
+)
 
 
 @jit
@@ -249,14 +312,13 @@ def _count(rope: Rope, low: int, high: int, start: int) -> int:
 
 
 @jit
-def search(rope: Any, stage: Any, before: float, correct: Any, slope_of: Any) -> None:
+def _search(system: Any, stage: Stage, before: float) -> None:
     """Move along the correction until |R·delta| is at most half of `before`, its start value.
 
-    rope: a rope or a multi-line system; `correct(rope, stage, factor)` applies a += factor·delta,
-    and `slope_of(rope)` is R·delta there. Secant steps in a bracket that starts as (0, 1).
+    Secant steps in a bracket that starts as (0, 1).
     """
     low, slope_low, high, slope_high = 0.0, before, 1.0, 0.0
-    factor, here = 1.0, slope_of(rope)
+    factor, here = 1.0, _slope(system)
     for evaluation in range(SEARCH_EVALUATIONS):
         if here < -0.5 * before:
             high, slope_high = factor, here
@@ -265,8 +327,8 @@ def search(rope: Any, stage: Any, before: float, correct: Any, slope_of: Any) ->
         else:
             return
         target = _secant(low, slope_low, high, slope_high)
-        correct(rope, stage, target - factor)
-        factor, here = target, slope_of(rope)
+        _evaluate(system, stage, SEARCH, target - factor, target - factor)
+        factor, here = target, _slope(system)
 
 
 @jit
@@ -278,12 +340,10 @@ def _secant(low: float, slope_low: float, high: float, slope_high: float) -> flo
 
 
 @jit
-def _correct_by(rope: Rope, stage: Stage, factor: float) -> None:
-    """Apply a += factor·delta and evaluate the stage."""
-    _evaluate(rope, stage, SEARCH, factor, 0.0)
-
-
-@jit
-def _slope(rope: Rope) -> Any:
-    """Return R·delta of the rope."""
-    return slope(rope.work, rope.model.first_free, rope.state.counts[ELEMENTS])
+def _slope(system: Any) -> Any:
+    """Return R·delta summed over all ropes and connections."""
+    total = slope_of_connections(system)
+    for r in range(count_ropes(system)):
+        rope = rope_at(system, r)
+        total += slope(rope.work, rope.model.first_free, rope.state.counts[ELEMENTS])
+    return total

@@ -1,4 +1,4 @@
-"""Payout and hauling: prescribed motion, and elements that split and merge at the sheave.
+"""Payout and hauling: prescribed motion, tension, and elements that split and merge at the sheave.
 
 **Motion.** Hang-off and paid-out length are cubic Hermite polynomials over a step; values and rates
 are given at the step boundaries (a Boundary: rows are boundaries, columns x, y, z and paid-out
@@ -21,7 +21,7 @@ arrays. A boundary between sections becomes a node as soon as it has left the sh
 
 from __future__ import annotations
 
-from math import sqrt
+from math import exp, sqrt
 from typing import Any
 
 from rope_twin.core.banded.nodes import add_six, solve_symmetric, spring
@@ -37,7 +37,7 @@ from rope_twin.core.elements import (
 from rope_twin.core.guards import STRETCH2_MIN
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import copy
-from rope_twin.core.loads.balance import add_load, set_flow
+from rope_twin.core.loads.balance import add_load, add_pull, set_flow
 from rope_twin.core.state import (
     ACCELERATION,
     DIRECTION,
@@ -51,6 +51,10 @@ from rope_twin.core.state import (
     NODE_ROWS,
     PER_METRE,
     POSITION,
+    PULL,
+    PULL_X,
+    PULL_Y,
+    PULL_Z,
     RESIDUAL,
     REST,
     SKIN,
@@ -62,8 +66,10 @@ from rope_twin.core.state import (
     ZERO,
     Boundary,
     Floats,
+    Model,
     Rope,
     Stage,
+    State,
 )
 
 LOW, MIDDLE, HIGH, AFTER = -4, -3, -2, -1  # from the end of the arrays
@@ -75,6 +81,7 @@ MAX_ITERATIONS = 10
 POSITION_TOL, POSITION_TOL_M = 1e-13, 1e-12
 SMALLEST_REST = 1e-3  # m
 SMALLEST_STEPS = 2.0  # and at least this many steps of payout
+OFFSET_GONE = 1e-15  # a decaying length correction below this fraction of its element is set to 0
 
 
 @jit
@@ -102,6 +109,54 @@ def place_hang_off(
         work[VELOCITY + k, n] = first
         work[ACCELERATION + k, n] = second
     return prescribed(boundary, row, LINE_COLUMN, part, h)
+
+
+@jit
+def finish(rope: Rope, boundary: Boundary, pull: Any, row: int, time: float) -> None:
+    """Complete step `row`, which ends at `time`: report tension, split or merge the top element."""
+    state, h = rope.state, rope.model.step
+    L, V, A = prescribed(boundary, row, LINE_COLUMN, 1.0, h)
+    stage = Stage(time, 1.0, 0.0, V)
+    state.s[state.counts[ELEMENTS]] = L
+    _fade_offsets(rope.model, state, state.counts[ELEMENTS])
+    lower = split_length(rope, V)
+    load_trials(rope, stage, A, lower)
+    report_tension(rope, pull, row)
+    add_pull(rope.effects, rope.work, state.nodes, state.counts[ELEMENTS], pull, row)
+    change_elements(rope, stage, L, lower)
+
+
+@jit
+def _fade_offsets(model: Model, state: State, n: int) -> None:
+    """Let length corrections of splits and merges decay with the time constant `absorb`."""
+    keep = exp(-model.step / model.absorb)
+    low = state.counts[LOWEST_OFFSET]
+    for e in range(low, n):
+        state.offset[e] *= keep
+    while low < n and abs(state.offset[low]) < OFFSET_GONE * (state.s[low + 1] - state.s[low]):
+        state.offset[low] = 0.0
+        low += 1
+    state.counts[LOWEST_OFFSET] = low
+
+
+@jit
+def report_tension(rope: Rope, pull: Any, row: int) -> None:
+    """Write the rope's tension on the hang-off at the end of step `row`, from the ghost node there.
+
+    It is the force balance of the half element at the hang-off, -T·t + (l/2)·(loads - m·a), with
+    the material velocity and acceleration of the rope that passes it. The element's tension alone
+    would be a saw-tooth of m·g·l/2 during payout.
+    """
+    state, work = rope.state, rope.work
+    n, slot = state.counts[ELEMENTS], state.s.shape[0] + HIGH
+    half, T = 0.5 * work[REST, n - 1], work[TENSION, n - 1]
+    x = half * work[RESIDUAL, slot] - T * work[DIRECTION, n - 1]
+    y = half * work[RESIDUAL + 1, slot] - T * work[DIRECTION + 1, n - 1]
+    z = half * work[RESIDUAL + 2, slot] - T * work[DIRECTION + 2, n - 1]
+    pull[row, PULL] = sqrt(x * x + y * y + z * z)
+    pull[row, PULL_X] = x
+    pull[row, PULL_Y] = y
+    pull[row, PULL_Z] = z
 
 
 @jit

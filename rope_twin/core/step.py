@@ -1,33 +1,56 @@
-"""One time step of a single rope: TR-BDF2 with substepping where Newton's method does not converge.
+"""One time step of a system of ropes: TR-BDF2 with substepping where Newton's method fails.
 
-TR-BDF2 (Bank et al. 1985; Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to t + γ·h,
-then BDF2 to t + h, both with the same weight c = γ·h/2. It is second order, needs no history (so
-elements may be added and removed), and damps frequencies that the mesh cannot resolve.
+A system is one rope, or several with connections (core/joined/ropes). TR-BDF2 (Bank et al. 1985;
+Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to t + γ·h, then BDF2 to t + h, both
+with the same weight c = γ·h/2. It is second order, needs no history (so elements may be added and
+removed), and damps frequencies that the mesh cannot resolve. Where Newton's method does not
+converge the step is divided by two, repeatedly.
 """
 
 from __future__ import annotations
 
-from math import exp, isfinite, sqrt
+from math import isfinite
 from typing import Any
 
-from rope_twin.core.elements import set_lengths, set_top_length, stretch_all
+from rope_twin.core.elements import end_rope, set_lengths, set_top_length, stretch_all
 from rope_twin.core.integrator import (
     BDF2,
     CONVERGED,
     GAMMA,
-    HALVINGS,
     NOT_FINITE,
-    OUT,
     PENDING,
     TRAPEZOID,
     UNCONVERGED,
     accept,
-    advance_substeps,
 )
 from rope_twin.core.jit.decorators import compiled, jit, jit_entry, jit_sum
 from rope_twin.core.jit.floats import flush, restore
 from rope_twin.core.jit.rows import copy, hold
-from rope_twin.core.loads.balance import add_pull
+from rope_twin.core.joined.joints import LOOSE, Joined, System, renew_plan
+from rope_twin.core.joined.ropes import (
+    boundary_of,
+    by_kind,
+    count_loaded,
+    count_ropes,
+    health_of,
+    length_at,
+    rope_at,
+    stage_of,
+    step_of,
+)
+from rope_twin.core.joined.sheaves import finish_at_sheave, is_at_sheave
+from rope_twin.core.joined.stack import load, stacked_effects, store, store_memories
+from rope_twin.core.joined.stage import (
+    BACK,
+    OUT,
+    copy_connections,
+    join_ends,
+    pass_sheave,
+    place_all_ends,
+    settle_ends,
+    size_of_connections,
+)
+from rope_twin.core.loads.balance import add_pull, load_nodes
 from rope_twin.core.loads.memory import (
     accept_memories,
     begin_step,
@@ -36,40 +59,28 @@ from rope_twin.core.loads.memory import (
     settle_memories,
 )
 from rope_twin.core.newton import MAX_CORRECTIONS, MAX_CORRECTIONS_LAST, solve_stage
-from rope_twin.core.payout import (
-    HIGH,
-    change_elements,
-    load_trials,
-    place_hang_off,
-    prescribed,
-    split_length,
-)
+from rope_twin.core.payout import finish, place_hang_off
 from rope_twin.core.state import (
-    DIRECTION,
     ELEMENTS,
     KEPT_ROWS,
-    LINE,
-    LINE_COLUMN,
-    LOWEST_OFFSET,
     NODE_ROWS,
     PULL,
     PULL_X,
-    PULL_Y,
-    PULL_Z,
+    REJECTED,
     RESIDUAL,
-    REST,
     SOLVES,
-    TENSION,
+    STEPS,
+    SUBSTEPS,
+    SUBSTEPS_MAX,
+    SUBSTEPS_UNCONVERGED,
     ZERO,
     Boundary,
     Floats,
-    Model,
     Rope,
     Stage,
-    State,
 )
 
-OFFSET_GONE = 1e-15  # a decaying length correction below this fraction of its element is set to 0
+HALVINGS = 5  # down to h/32
 
 
 @jit
@@ -81,155 +92,259 @@ def stage_at(rope: Rope, boundary: Boundary, row: int, part: float, time: float,
     return Stage(time + part * h, c * c, c, V)
 
 
-@jit_sum
-def _is_finite(rope: Rope) -> bool:
-    """Return whether the stage's motion is finite.
+@jit
+def _joined_stage_at(
+    system: Any, boundary: Boundary, row: int, part: float, time: float, c: float
+) -> Any:
+    """Set the boundary conditions of all hang-offs; return the stage, without a payout speed."""
+    for r in range(count_ropes(system)):
+        if system.joints.upper[r] == LOOSE:
+            own = boundary_of(system, boundary, r)
+            system.joints.speed[r] = stage_at(rope_at(system, r), own, row, part, time, c).V
+    return Stage(time + part * step_of(system), c * c, c, 0.0)
 
-    A converged stage always is, because NaN fails the tension criterion.
-    """
+
+# Set the boundary conditions at a fraction of the step and return the stage there.
+_stage_at = by_kind(
+    lambda system, boundary, row, part, time, c: stage_at(system, boundary, row, part, time, c),
+    lambda system, boundary, row, part, time, c: _joined_stage_at(
+        system, boundary, row, part, time, c
+    ),
+)
+
+
+@jit_sum
+def _size(rope: Rope) -> Any:
+    """Return the sum of absolute values of a stage's motion; not finite if one is not."""
     total = 0.0
     for k in range(NODE_ROWS):
         row = rope.work[k]
         for i in range(rope.state.counts[ELEMENTS]):
             total += abs(row[i])
+    return total
+
+
+@jit
+def _is_finite(system: Any) -> bool:
+    """Return whether the stage's motion is finite.
+
+    A converged stage always is, because NaN fails the tension criterion.
+    """
+    total = size_of_connections(system)
+    for r in range(count_ropes(system)):
+        total += _size(rope_at(system, r))
     return isfinite(total)
 
 
 @jit
-def _substep(rope: Rope, at: Any, level: int, done: int) -> Any:
+def _settle(system: Any, stage: Stage, kind: int, pending: float) -> Any:
+    """Update internal variables after a converged stage; return the correction still pending."""
+    settle_ends(system, stage, pending)
+    left = pending
+    for r in range(count_ropes(system)):
+        rope, own, upto = rope_at(system, r), stage_of(system, stage, r), count_loaded(system, r)
+        left = settle_memories(rope.effects, rope, own, kind, pending, upto)
+    return left
+
+
+@jit
+def _substep(system: Any, at: Any, level: int, done: int) -> Any:
     """Solve both stages over 1/2^level of the step, from done/2^HALVINGS, in work.
 
-    Returns the worse outcome of the two stages, their weight q, and the fraction of CORRECTION that
-    is still pending.
+    Returns the worse outcome of the two stages, their weight q, and the fraction of the nodes'
+    CORRECTION that is still pending.
     """
     boundary, row, time = at
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
     cap = MAX_CORRECTIONS if level < HALVINGS else MAX_CORRECTIONS_LAST
-    c = 0.5 * GAMMA * share * rope.model.step
-    worst, pending, solves = PENDING, 0.0, rope.state.health[SOLVES]
+    c = 0.5 * GAMMA * share * step_of(system)
+    worst, pending, solves = PENDING, 0.0, health_of(system)[0][SOLVES]
     again = level < 0  # False; a literal False has its own type and compiles everything twice
     for kind in (TRAPEZOID, BDF2):
         part = GAMMA if kind == TRAPEZOID else 1.0
-        stage = stage_at(rope, boundary, row, start + part * share, time, c)
-        outcome = solve_stage(rope, stage, kind, cap, pending, again)
+        stage = _stage_at(system, boundary, row, start + part * share, time, c)
+        outcome = solve_stage(system, stage, kind, cap, pending, again)
         worst = min(worst, outcome)
         if outcome < CONVERGED and level < HALVINGS:
             break  # the substep will be halved
         pending = 1.0 if outcome == PENDING else 0.0
-        pending = settle_memories(rope.effects, rope, stage, kind, pending)
-        again = level == 0 and rope.state.health[SOLVES] == solves + 1
-    if worst == UNCONVERGED and level == HALVINGS and not _is_finite(rope):
+        pending = _settle(system, stage, kind, pending)
+        again = level == 0 and health_of(system)[0][SOLVES] == solves + 1
+    if worst == UNCONVERGED and level == HALVINGS and not _is_finite(system):
         worst = NOT_FINITE
     return int(worst), c, pending
 
 
 @jit
-def _accept(rope: Rope, found: Any) -> None:
-    """Copy the converged substep's motion to the state; that of the hang-off as prescribed."""
-    _, q, pending = found
-    n, first = rope.state.counts[ELEMENTS], rope.model.first_free
-    accept(rope.state.nodes, rope.work, q * q, q, pending, first, n)
-    for k in range(NODE_ROWS):
-        rope.state.nodes[k, n] = rope.work[k, n]
-    accept_memories(rope.effects, rope.state)
+def _accept(system: Any, q: float, pending: float) -> None:
+    """Copy the converged substep's motion to the state; that of the ends as it is prescribed."""
+    place_all_ends(system)
+    for r in range(count_ropes(system)):
+        rope = rope_at(system, r)
+        nodes, work, first = rope.state.nodes, rope.work, rope.model.first_free
+        n = rope.state.counts[ELEMENTS]
+        pass_sheave(system, rope, r, pending * q * q, pending * q)
+        accept(nodes, work, q * q, q, pending, first, n)
+        for k in range(NODE_ROWS):
+            nodes[k, n] = work[k, n]
+            if first == 1:
+                nodes[k, 0] = work[k, 0]
+        accept_memories(rope.effects, count_loaded(system, r))
+    copy_connections(system, ZERO, BACK)
 
 
 @jit
-def _copy_start(rope: Rope, way: int) -> None:
+def _copy_start(system: Any, way: int) -> None:
     """Save motion and internal variables of the step's start (way OUT), or restore them."""
-    nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
-    if way == OUT:
-        copy(nodes, ZERO, work, KEPT_ROWS, n + 1)
-        keep_memories(rope.effects, rope.state)
-    else:
-        copy(work, KEPT_ROWS, nodes, ZERO, n + 1)
-        return_memories(rope.effects, rope.state)
+    for r in range(count_ropes(system)):
+        rope, upto = rope_at(system, r), count_loaded(system, r)
+        nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
+        if way == OUT:
+            copy(nodes, ZERO, work, KEPT_ROWS, n + 1)
+            keep_memories(rope.effects, upto)
+        else:
+            copy(work, KEPT_ROWS, nodes, ZERO, n + 1)
+            return_memories(rope.effects, upto)
+    copy_connections(system, KEPT_ROWS, way)
 
 
 @jit
-def _fade_offsets(model: Model, state: State, n: int) -> None:
-    """Let length corrections of splits and merges decay with the time constant `absorb`."""
-    keep = exp(-model.step / model.absorb)
-    low = state.counts[LOWEST_OFFSET]
-    for e in range(low, n):
-        state.offset[e] *= keep
-    while low < n and abs(state.offset[low]) < OFFSET_GONE * (state.s[low + 1] - state.s[low]):
-        state.offset[low] = 0.0
-        low += 1
-    state.counts[LOWEST_OFFSET] = low
+def _advance_substeps(system: Any, at: Any) -> bool:
+    """Advance one step, with substeps if necessary.
 
-
-@jit
-def _report(rope: Rope, pull: Any, row: int) -> None:
-    """Write the rope's tension on the hang-off at the end of step `row`, from the ghost node there.
-
-    It is the force balance of the half element at the hang-off, -T·t + (l/2)·(loads - m·a), with
-    the material velocity and acceleration of the rope that passes it. The element's tension alone
-    would be a saw-tooth of m·g·l/2 during payout.
+    at: boundary, row and time of the step. Returns False if the result is not finite; the state is
+    then unchanged.
     """
-    state, work = rope.state, rope.work
-    n, slot = state.counts[ELEMENTS], state.s.shape[0] + HIGH
-    half, T = 0.5 * work[REST, n - 1], work[TENSION, n - 1]
-    x = half * work[RESIDUAL, slot] - T * work[DIRECTION, n - 1]
-    y = half * work[RESIDUAL + 1, slot] - T * work[DIRECTION + 1, n - 1]
-    z = half * work[RESIDUAL + 2, slot] - T * work[DIRECTION + 2, n - 1]
-    pull[row, PULL] = sqrt(x * x + y * y + z * z)
-    pull[row, PULL_X] = x
-    pull[row, PULL_Y] = y
-    pull[row, PULL_Z] = z
+    health, full = health_of(system)[0], 1 << HALVINGS
+    done, level, substeps = ZERO, ZERO, 0
+    while done < full:
+        part = full >> level
+        outcome, q, pending = _substep(system, at, level, done)
+        if outcome < CONVERGED and level < HALVINGS:
+            level += 1
+            health[REJECTED] += 1
+            continue
+        if outcome == NOT_FINITE:
+            if done > 0:
+                _copy_start(system, BACK)
+            return False
+        if outcome == UNCONVERGED:
+            health[SUBSTEPS_UNCONVERGED] += 1
+        if done == 0 and part < full:  # the step's start, in case a later part fails
+            _copy_start(system, OUT)
+        _accept(system, q, pending)
+        done += part
+        substeps += 1
+        while level > 0 and done % (full >> (level - 1)) == 0:
+            level -= 1
+    health[STEPS] += 1
+    health[SUBSTEPS] += substeps
+    health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], substeps)
+    return True
 
 
 @jit
-def finish(rope: Rope, boundary: Boundary, pull: Any, row: int, time: float) -> None:
-    """Complete step `row`, which ends at `time`: report tension, split or merge the top element."""
-    state, h = rope.state, rope.model.step
-    L, V, A = prescribed(boundary, row, LINE_COLUMN, 1.0, h)
-    stage = Stage(time, 1.0, 0.0, V)
-    state.s[state.counts[ELEMENTS]] = L
-    _fade_offsets(rope.model, state, state.counts[ELEMENTS])
-    lower = split_length(rope, V)
-    load_trials(rope, stage, A, lower)
-    _report(rope, pull, row)
-    add_pull(rope.effects, rope.work, state.nodes, state.counts[ELEMENTS], pull, row)
-    change_elements(rope, stage, L, lower)
+def _load_start(system: Any, boundary: Boundary, row: int) -> None:
+    """Load scratch from the state before step `row`."""
+    copy_connections(system, ZERO, OUT)
+    for r in range(count_ropes(system)):
+        rope, L = rope_at(system, r), length_at(system, boundary, row, r)
+        state, work, n = rope.state, rope.work, rope.state.counts[ELEMENTS]
+        copy(state.nodes, ZERO, work, ZERO, n + 1)
+        set_lengths(work, state.s, rope.sections, n, L)
+    join_ends(system)
 
 
 @jit
-def recall_tension(rope: Rope, boundary: Boundary, row: int, time: float) -> None:
+def _recall_tension(system: Any, boundary: Boundary, row: int, time: float) -> None:
     """Recompute element tensions at the start of step `row`, after a failed attempt at it."""
-    state, work = rope.state, rope.work
-    n = state.counts[ELEMENTS]
-    copy(state.nodes, ZERO, work, ZERO, n + 1)
-    L, V, _ = place_hang_off(work, boundary, row, 0.0, rope.model.step, n)
-    set_top_length(work, state.s, rope.sections, n, L, V)
-    stretch_all(rope, Stage(time, 1.0, 0.0, V))
+    _load_start(system, boundary, row)
+    stage = _stage_at(system, boundary, row, 0.0, time, 1.0)
+    for r in range(count_ropes(system)):
+        rope = rope_at(system, r)
+        pass_sheave(system, rope, r, 0.0, 0.0)
+        stretch_all(rope, stage_of(system, stage, r))
+
+
+@jit
+def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
+    """Write the rope's tension on its upper connection: the balance of the half element there."""
+    work, n = rope.work, rope.state.counts[ELEMENTS]
+    end_rope(work, n)
+    load_nodes(rope.effects, work, Stage(time, 1.0, 0.0, 0.0), n, n + 1)
+    square = 0.0
+    for k in range(3):
+        pull[row, PULL_X + k] = work[RESIDUAL + k, n]
+        square += work[RESIDUAL + k, n] ** 2
+    pull[row, PULL] = square**0.5
+    add_pull(rope.effects, work, rope.state.nodes, n, pull, row)
+
+
+@jit
+def _finish_joined(system: Any, boundary: Boundary, pull: Any, row: int, time: float) -> None:
+    """Complete step `row` of a multi-line system, which ends at `time`."""
+    for r in range(count_ropes(system)):
+        rope = rope_at(system, r)
+        if system.joints.upper[r] == LOOSE:
+            finish(rope, boundary_of(system, boundary, r), pull[r], row, time)
+        elif is_at_sheave(system.sheaves, r):
+            finish_at_sheave(system.sheaves, system, r, pull[r, row : row + 1], time)
+        else:
+            _report_joined(rope, pull[r], row, time)
+
+
+# Complete a step of a system: report tensions, split or merge elements. One rope goes by value,
+# as all of this is inlined here; `held` is the same system by its address.
+_finish = by_kind(
+    lambda system, held, boundary, pull, row, time: finish(system, boundary, pull, row, time),
+    lambda system, held, boundary, pull, row, time: _finish_joined(held, boundary, pull, row, time),
+)
+
+
+@jit
+def _has_other_elements(system: Any) -> bool:
+    """Return whether elements were added or removed since the plan was made."""
+    counts, known = system.stack.counts, system.joints.plan.counts
+    other = 0
+    for r in range(counts.shape[0]):
+        other += counts[r, ELEMENTS] != known[r]
+    return bool(other > 0)
+
+
+# Whether the order of elimination must be planned again (core/joined/plan).
+_needs_plan = by_kind(lambda system: False, lambda system: _has_other_elements(system))
 
 
 @jit_entry
-def advance_steps(rope: Rope, boundary: Boundary, pull: Any, time: float, steps: int) -> int:
-    """Entry point of the compiled code behind `advance`."""
+def advance_steps(
+    system: Any, boundary: Boundary, pull: Any, time: float, first: int, steps: int
+) -> int:
+    """Entry point of the compiled code behind `advance` and `advance_joined`."""
     was = flush()
-    done = _advance(rope, boundary, pull, time, steps)
+    done = _advance(system, boundary, pull, time, first, steps)
     restore(was)
     return int(done)
 
 
 @jit
-def _advance(rope: Rope, boundary: Boundary, pull: Any, time: float, steps: int) -> int:
-    state, work = rope.state, rope.work
-    n = state.counts[ELEMENTS]
-    copy(state.nodes, ZERO, work, ZERO, n + 1)
-    set_lengths(work, state.s, rope.sections, n, boundary.value[0, LINE])
-    # The end of a step is inlined here, once; all other kernels take the rope by its address.
-    held, held_boundary = hold(rope), hold(boundary)
-    for row in range(steps):
-        now = time + row * rope.model.step
-        begin_step(rope.effects, rope, now)
-        at = held_boundary, row, now
-        if not advance_substeps(held, state.health, at, _substep, _copy_start, _accept):
-            recall_tension(rope, boundary, row, now)
+def _advance(
+    system: Any, boundary: Boundary, pull: Any, time: float, first: int, steps: int
+) -> int:
+    """Advance from step `first` to `steps`, or until elements change that a plan depends on."""
+    held, held_boundary = hold(system), hold(boundary)
+    _load_start(held, held_boundary, first)
+    h = step_of(held)
+    for row in range(first, steps):
+        now = time + row * h
+        for r in range(count_ropes(held)):
+            rope = rope_at(held, r)
+            begin_step(rope.effects, rope, now, count_loaded(held, r))
+        if not _advance_substeps(held, (held_boundary, row, now)):
+            _recall_tension(held, held_boundary, row, now)
             return row
-        finish(rope, boundary, pull, row, now + rope.model.step)
+        _finish(system, held, boundary, pull, row, now + h)
+        if _needs_plan(held):
+            return row + 1
     return steps
 
 
@@ -252,7 +367,43 @@ def advance(rope: Rope, boundary: Boundary, pull: Floats, time: float, steps: in
     kinds = (*map(type, rope), *map(type, rope.effects))
     found = _COMPILED.get(kinds)
     if found is None:
-        found = _COMPILED[kinds] = compiled(advance_steps, (rope, boundary, pull, time, steps))
+        found = _COMPILED[kinds] = compiled(advance_steps, (rope, boundary, pull, time, 0, steps))
     if not all(table.flags.c_contiguous for table in (*boundary, pull)):
         raise ValueError("advance: boundary and pull must be contiguous; pass copies")
-    return int(found(rope, boundary, pull, time, steps))
+    return int(found(rope, boundary, pull, time, 0, steps))
+
+
+def advance_joined(
+    system: System, boundary: Boundary, pull: Floats, time: float, steps: int
+) -> int:
+    """Advance a multi-line system by `steps` time steps from `time` and return how many were done.
+
+    boundary: (ropes, steps + 1, MOTIONS), the motion of hang-offs and their paid-out length at the
+    step boundaries; rows of ropes whose upper end is connected are not read. pull: (ropes, steps,
+    PULL_COLUMNS), each rope's force on its hang-off or upper connection after each step [N], a
+    result. A result below `steps` means that the next state would not be finite; the state is then
+    the one before that step.
+
+    Raises:
+        ValueError: a table is not contiguous in memory.
+    """
+    if not all(table.flags.c_contiguous for table in (*boundary, pull)):
+        raise ValueError("advance_joined: boundary and pull must be contiguous; pass copies")
+    effects = stacked_effects(system.ropes, system.stack.s.shape[1])
+    for r, rope in enumerate(system.ropes):
+        load(system.stack, r, rope)
+    joined = Joined(system.stack._replace(effects=effects), system.joints, system.sheaves)
+    own = map(type, system.ropes[0].effects)
+    kinds = (type(system.sheaves), type(system.stack.law), *map(type, effects), *own)
+    renew_plan(system)
+    found = _COMPILED.get(kinds)
+    if found is None:
+        arguments = (joined, boundary, pull, time, 0, steps)
+        found = _COMPILED[kinds] = compiled(advance_steps, arguments)
+    done = int(found(joined, boundary, pull, time, 0, steps))
+    while done < steps and renew_plan(system):
+        done = int(found(joined, boundary, pull, time, done, steps))
+    for r, rope in enumerate(system.ropes):
+        store(system.stack, r, rope)
+    store_memories(effects, system.ropes)
+    return done

@@ -33,7 +33,7 @@ from rope_twin.core.integrator import K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     BLOCK,
@@ -114,9 +114,9 @@ remembering(StrouhalForcing, CARRIED)
 
 
 @kernel("start", StrouhalForcing)
-def start(shed: Any, rope: Any) -> None:
+def start(shed: Any, rope: Any, upto: int) -> None:
     """Initialise φ = 0 without vibration, hence no lift; the water is not known yet."""
-    for i in range(rope.state.counts[ELEMENTS]):
+    for i in range(upto):
         for k in range(CARRIED):
             shed.memory[k, i] = 0.0
         shed.memory[1, i] = UNKNOWN
@@ -162,6 +162,8 @@ def predict(shed: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
         length = 0.5 * (work[REST, i] + work[REST, i - 1]) if i > 0 else 0.5 * work[REST, i]
         memory[PER_DIAMETER, i] = sqrt(0.25 * pi * length / (work[VOLUME, i] + DIVISOR_MIN))
         memory[STRENGTH, i] = shed.strength * length / memory[PER_DIAMETER, i]
+        if stage.time <= 0.0:  # static equilibrium, sought in long steps
+            memory[STRENGTH, i] = 0.0
         if memory[1, i] == UNKNOWN:
             memory[1, i] = _first_rate(shed, rope, i)
         for k in range(2):
@@ -226,10 +228,10 @@ def load_nodes(shed: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 
 @kernel("settle", StrouhalForcing)
-def settle(shed: Any, rope: Any, stage: Any, kind: int) -> None:
+def settle(shed: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store φ and m of the converged stage."""
-    memory, work, n = shed.memory, rope.work, rope.state.counts[ELEMENTS]
-    for i in range(n):
+    memory, work = shed.memory, rope.work
+    for i in range(upto):
         v = (work[VELOCITY, i], work[VELOCITY + 1, i], work[VELOCITY + 2, i])
         _, l, speed = _across(
             work[FLOW, i] - v[0], work[FLOW + 1, i] - v[1], work[FLOW + 2, i] - v[2],
@@ -258,7 +260,7 @@ def power(shed: Any, place: Any) -> Any:
     """Return the power of lift and oscillating drag [W]; the hang-off sheds like the node below."""
     n = place.position.shape[1]
     phase, square = shed.memory[0, :n].copy(), shed.memory[2, :n].copy()
-    if n > 1:
+    if count_known(shed) != n:
         phase[-1], square[-1] = phase[-2], square[-2]
     length = place.length
     d = np.sqrt(4.0 / pi * place.volume / length)

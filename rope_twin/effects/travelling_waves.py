@@ -135,10 +135,10 @@ def _set_figures(waves: Any, work: Any, low: int, high: int) -> None:
 
 
 @kernel("start", TravellingWaves)
-def start(waves: Any, rope: Any) -> None:
+def start(waves: Any, rope: Any, upto: int) -> None:
     """Initialise without motion; phases are those of waves travelling down from the hang-off."""
-    n, memory, work = rope.state.counts[ELEMENTS], waves.memory, rope.work
-    evaluate_statics(rope)
+    n, memory, work = upto, waves.memory, rope.work
+    evaluate_statics(rope, n)
     _set_figures(waves, work, n - n, n)
     length, omega = memory[LENGTH], memory[OMEGA]
     set_paces(waves.turns, work, memory[PER_DIAMETER], omega, n - n, n)
@@ -190,7 +190,7 @@ def predict(waves: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -
         for i in range(high - low):
             phase[i] = K1 * phase1[i] - K2 * phase0[i] + c * omega[i]
             square[i] = K1 * square1[i] - K2 * square0[i]
-    grown = min(stage.time / waves.ramp, 1.0)
+    grown = min(max(stage.time, 0.0) / waves.ramp, 1.0)
     for i in range(high - low):
         weight = c * omega[i] * waves.averaging
         inverse = 1.0 / (1.0 + weight)
@@ -238,9 +238,9 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 
 @kernel("settle", TravellingWaves)
-def settle(waves: Any, rope: Any, stage: Any, kind: int) -> None:
+def settle(waves: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store phase, frequency and mean square of the stage; update half waves once a step."""
-    memory, work, n = waves.memory, rope.work, rope.state.counts[ELEMENTS]
+    memory, work, n = waves.memory, rope.work, upto
     vx, vy, vz = rows(work, VELOCITY, 0)
     ux, uy, uz = rows(work, FLOW, 0)
     tx, ty, tz = rows(work, TANGENT, 0)

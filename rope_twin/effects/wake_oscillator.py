@@ -40,7 +40,7 @@ from rope_twin.core.integrator import BDF2, GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     BLOCK,
@@ -50,6 +50,7 @@ from rope_twin.core.state import (
     REST,
     TANGENT,
     VELOCITY,
+    ZERO,
     Floats,
 )
 from rope_twin.quantity import quantity, text
@@ -178,13 +179,13 @@ def _set_figures(wake: Any, work: Any, low: int, high: int) -> None:
 
 
 @kernel("start", WakeOscillator)
-def start(wake: Any, rope: Any) -> None:
+def start(wake: Any, rope: Any, upto: int) -> None:
     """Initialise q = 0 (no lift), q' with smooth noise, and t_s with the rope's tangent."""
     n, s, memory = rope.state.counts[ELEMENTS], rope.state.s, wake.memory
-    shedding.evaluate_statics(rope)
-    shedding.set_shape(rope, shedding.three_rows(memory, SHAPE, n - n))
-    _set_figures(wake, rope.work, n - n, n)
-    for i in range(n):
+    shedding.evaluate_statics(rope, upto)
+    shedding.set_shape(rope, shedding.three_rows(memory, SHAPE, n - n), upto)
+    _set_figures(wake, rope.work, n - n, upto)
+    for i in range(upto):
         omega = memory[OMEGA, i]
         p = wake.start * smooth_noise(s[i] / s[n]) / max(omega, SLOWEST)
         memory[Q, i], memory[RATE, i], memory[WAKE, i] = 0.0, omega * p, p
@@ -196,6 +197,8 @@ def predict(wake: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     """Set the explicit parts of q and p, and the quantities that are constant in the stage."""
     memory, c = wake.memory, stage.q
     _set_figures(wake, rope.work, low, high)
+    if stage.time <= 0.0:  # static equilibrium, sought in long steps
+        memory[STRENGTH, low:high] = 0.0
     q0, rate0 = memory[Q, low:], memory[RATE, low:]
     wake0, wake_rate0 = memory[WAKE, low:], memory[WAKE_RATE, low:]
     hat, wake_hat, guess = memory[HAT, low:], memory[WAKE_HAT, low:], memory[GUESS, low:]
@@ -257,17 +260,17 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 
 @kernel("settle", WakeOscillator)
-def settle(wake: Any, rope: Any, stage: Any, kind: int) -> None:
+def settle(wake: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store q, p and their rates of the converged stage; update the mean tangent once a step."""
-    memory, work, n = wake.memory, rope.work, rope.state.counts[ELEMENTS]
+    memory, work = wake.memory, rope.work
     hat, wake_hat, guess = memory[HAT], memory[WAKE_HAT], memory[GUESS]
     omega, epsilon = memory[OMEGA], memory[EPSILON]
-    bx, by, bz = shedding.three_rows(memory, COUPLING, n - n)
+    bx, by, bz = shedding.three_rows(memory, COUPLING, ZERO)
     q1, rate1 = memory[CARRIED + Q], memory[CARRIED + RATE]
     wake1, wake_rate1 = memory[CARRIED + WAKE], memory[CARRIED + WAKE_RATE]
     vx, vy, vz = rows(work, VELOCITY, 0)
     inverse = 1.0 / stage.q
-    for i in range(n):
+    for i in range(upto):
         drive, _ = faded(bx[i] * vx[i] + by[i] * vy[i] + bz[i] * vz[i], omega[i])
         begun, figures = (hat[i], wake_hat[i], guess[i]), (omega[i], epsilon[i])
         q, _ = solve_wake(stage.q, LAST, begun, figures, drive)
@@ -276,8 +279,8 @@ def settle(wake: Any, rope: Any, stage: Any, kind: int) -> None:
         wake1[i], wake_rate1[i] = p, inverse * (p - wake_hat[i])
     if kind == BDF2:
         share = 1.0 - exp(-2.0 * stage.q / (GAMMA * wake.shape_over))
-        kept = shedding.three_rows(memory, CARRIED + SHAPE, n - n)
-        shedding.follow_shape(work, share, shedding.three_rows(memory, SHAPE, n - n), kept, n)
+        kept = shedding.three_rows(memory, CARRIED + SHAPE, ZERO)
+        shedding.follow_shape(work, share, shedding.three_rows(memory, SHAPE, ZERO), kept, upto)
     _set_trials(wake, rope, stage)
 
 
@@ -298,7 +301,7 @@ def power(wake: Any, place: Any) -> Any:
     """Return the power of the lift [W]; the hang-off's wake is that of the node below."""
     n = place.position.shape[1]
     q = wake.memory[Q, :n].copy()
-    if n > 1:
+    if count_known(wake) != n:
         q[-1] = q[-2]
     k = wake.strength * np.sqrt(4.0 / pi * place.volume * place.length)
     u = place.flow - place.velocity

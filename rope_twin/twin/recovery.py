@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.integrator import HALVINGS
+from rope_twin.core.step import HALVINGS
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.saving.saved_state import SavedState

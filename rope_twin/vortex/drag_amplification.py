@@ -9,7 +9,6 @@ winch, splits and merges.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -19,13 +18,11 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.joined.stack import stacks
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     BLOCK,
-    ELEMENTS,
     FLOW,
     FRONTAL,
     RESIDUAL,
@@ -65,27 +62,6 @@ class DragGrowth(NamedTuple):
     kn: float  # ½·ρ·Cdn of the amplified drag [kg/m³]
 
 
-class ManyDragGrowths(NamedTuple):
-    """Kernel data of the ropes of a multi-line system."""
-
-    growth: Floats  # g, (ropes, 1, nodes)
-    kn: float
-
-
-def _pick(many: Any, r: int) -> Any:
-    return DragGrowth(many.growth[r], many.kn)
-
-
-@stacks(DragGrowth, ManyDragGrowths, _pick)
-def stack_growths(growths: Sequence[DragGrowth]) -> ManyDragGrowths:
-    """Stack the drag amplification of several ropes; the last value is also that further up."""
-    width = max(one.memory.shape[1] for one in growths)
-    padded = [
-        np.pad(one.memory[GROWTH], (0, width - one.memory.shape[1]), mode="edge") for one in growths
-    ]
-    return ManyDragGrowths(np.array(padded)[:, None], growths[0].kn)
-
-
 def build_growth(params: DragGrowthParams, payload: Any, around: Any) -> DragGrowth:
     """Return zero drag amplification, from the rope's drag coefficient and the water density."""
     drag = around.drag_normal if params.drag is None else params.drag
@@ -109,7 +85,7 @@ remembering(DragGrowth, CARRIED)
 
 
 @kernel("start", DragGrowth)
-def start(growth: Any, rope: Any) -> None:
+def start(growth: Any, rope: Any, upto: int) -> None:
     """Reset g to zero: a rope in static equilibrium does not vibrate."""
     for i in range(rope.state.s.shape[0]):
         growth.memory[GROWTH, i] = 0.0
@@ -150,12 +126,12 @@ def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 
 @kernel("settle", DragGrowth)
-def settle(growth: Any, rope: Any, stage: Any, kind: int) -> None:
+def settle(growth: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Copy g to the end of the stage; ghost nodes take that of the highest free node."""
-    memory, n = growth.memory, rope.state.counts[ELEMENTS]
-    for i in range(n):
+    memory = growth.memory
+    for i in range(upto):
         memory[GROWTH_NEXT, i] = memory[GROWTH, i]
-    set_trials(memory, GROWTH, memory[GROWTH, n - 1], rope)
+    set_trials(memory, GROWTH, memory[GROWTH, upto - 1], rope)
 
 
 @account("power", DragGrowth)

@@ -32,7 +32,7 @@ from __future__ import annotations
 from math import pi, sin, sqrt
 from typing import Any
 
-from rope_twin.core.elements import stretch_all
+from rope_twin.core.elements import end_rope, stretch_all
 from rope_twin.core.guards import DIVISOR_MIN, RATE_MIN, TANGENT2_MIN
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows
@@ -75,22 +75,27 @@ def set_node_lengths(work: Any, length: Any, low: int, high: int) -> None:
 
 
 @jit
-def evaluate_statics(rope: Any) -> None:
-    """Compute directions, tensions and water velocity in static equilibrium at time 0."""
+def evaluate_statics(rope: Any, upto: int) -> None:
+    """Compute directions, tensions and water velocity in static equilibrium at time 0.
+
+    upto: number of nodes that carry loads.
+    """
     n, stage = rope.state.counts[ELEMENTS], Stage(0.0, 1.0, 0.0, 0.0)
     stretch_all(rope, stage)
-    set_flow(rope.effects, rope.work, stage, n - n, n)
+    if upto > n:
+        end_rope(rope.work, n)
+    set_flow(rope.effects, rope.work, stage, n - n, upto)
 
 
 @jit
-def set_shape(rope: Any, shape: Any) -> None:
-    """Set `shape` (three rows) to the rope's present tangent at its free nodes."""
-    nodes, (x, y, z) = rope.state.nodes, shape
-    for i in range(rope.state.counts[ELEMENTS]):
-        low = max(i - 1, 0)
-        dx = nodes[POSITION, i + 1] - nodes[POSITION, low]
-        dy = nodes[POSITION + 1, i + 1] - nodes[POSITION + 1, low]
-        dz = nodes[POSITION + 2, i + 1] - nodes[POSITION + 2, low]
+def set_shape(rope: Any, shape: Any, upto: int) -> None:
+    """Set `shape` (three rows) to the rope's present tangent at the nodes below `upto`."""
+    nodes, (x, y, z), n = rope.state.nodes, shape, rope.state.counts[ELEMENTS]
+    for i in range(upto):
+        low, high = max(i - 1, 0), min(i + 1, n)
+        dx = nodes[POSITION, high] - nodes[POSITION, low]
+        dy = nodes[POSITION + 1, high] - nodes[POSITION + 1, low]
+        dz = nodes[POSITION + 2, high] - nodes[POSITION + 2, low]
         inverse = 1.0 / sqrt(dx * dx + dy * dy + dz * dz + DIVISOR_MIN)
         x[i], y[i], z[i] = inverse * dx, inverse * dy, inverse * dz
 

@@ -11,10 +11,10 @@ from payout_rigs import SEA
 from rigs import Bench
 
 from rope_twin.core import state as rows
-from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
+from rope_twin.core.integrator import BDF2, GAMMA, SEARCH, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.memory import begin_step
-from rope_twin.core.newton import RESIDUAL_SHARE, SEARCH, _eliminate, _evaluate, _push, count_left
+from rope_twin.core.newton import RESIDUAL_SHARE, _eliminate, _evaluate, _push, count_left
 from rope_twin.core.state import Boundary, Floats
 from rope_twin.core.step import stage_at
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
@@ -36,11 +36,11 @@ def tried(rope: Any, boundary: Any, spoil: float, complete: float) -> int:
     work, n, first = rope.work, rope.state.counts[rows.ELEMENTS], rope.model.first_free
     c = 0.5 * GAMMA * rope.model.step
     stage = stage_at(rope, boundary, 0, GAMMA, 0.0, c)
-    begin_step(rope.effects, rope, 0.0)
+    begin_step(rope.effects, rope, 0.0, n)
     _evaluate(rope, stage, TRAPEZOID, 0.0, 0.0)
     _eliminate(rope.effects, work, first, n)
     stage = stage_at(rope, boundary, 0, 1.0, 0.0, c)
-    _evaluate(rope, stage, BDF2, 0.0, 1.0)
+    _evaluate(rope, stage, BDF2, 1.0, 0.0)
     for k in range(rows.ELIMINATED, rows.REST):
         for i in range(n):
             work[k, i] *= spoil

@@ -113,7 +113,7 @@ def test_plain_python_equals_compiled_table(plain: Mapping[str, Vector]) -> None
 
 
 def test_plain_python_equals_compiled_joints(plain: Mapping[str, Vector]) -> None:
-    """Ropes that meet, 80 steps with slack, payout, current and a tether, 1e-9."""
+    """Ropes that meet, 80 steps with slack, payout, wakes, current and a tether, 1e-9."""
     compiled = effect_cases.triangle()
     assert compiled[:, :3].max() > 2.0 * compiled[0, :3].max(), "the case must move"
     assert compiled[-1, -1] > compiled[0, -1], "the case must split"

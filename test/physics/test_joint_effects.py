@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,17 +92,26 @@ def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
     assert (np.abs(cut - whole).max(axis=0) < 1e-5 * scale).all(), "found: 4e-6 after a snap"
 
 
+class Points(NamedTuple):
+    """Motion and scratch of connections."""
+
+    nodes: Floats
+    work: Floats
+
+
 @jit_entry
-def left(work: Floats, low: int, high: int, most: float) -> int:
-    """Nodes that are left with more than `most`."""
-    return int(_count_left(work, low, high, most))
+def left(points: Points, most: float) -> int:
+    """Connections that are left with more than `most`."""
+    return int(_count_left(points, most))
 
 
-def test_a_node_whose_force_is_not_a_number_is_not_in_balance() -> None:
-    """Of three nodes one is below the tolerance of 5 N, one above, one not a number."""
+def test_a_connection_whose_force_is_not_a_number_is_not_in_balance() -> None:
+    """Of three one is below the tolerance of 5 N, one above, one not a number."""
     work = rows.new_work(8)
     work[rows.RESIDUAL : rows.RESIDUAL + 3, 1] = 3.0, 0.0, 3.9
     work[rows.RESIDUAL : rows.RESIDUAL + 3, 2] = 3.0, 0.0, 4.1
-    assert (left(work, 0, 2, 5.0), left(work, 0, 3, 5.0)) == (0, 1)
+    nodes = np.zeros((rows.NODE_ROWS, 8))
+    two, three, four = (Points(nodes[:, :count], work) for count in (2, 3, 4))
+    assert (left(two, 5.0), left(three, 5.0)) == (0, 1)
     work[rows.RESIDUAL + 1, 3] = np.nan
-    assert left(work, 0, 4, 5.0) == 2
+    assert left(four, 5.0) == 2

@@ -18,7 +18,7 @@ from rope_twin.core.joined import sheaves, statics
 from rope_twin.core.joined.joints import System
 from rope_twin.core.joined.reeving import Wheel, reeve
 from rope_twin.core.joined.statics import solve_joined_statics
-from rope_twin.core.joined.step import advance_joined
+from rope_twin.core.step import advance_joined
 
 PULL = rows.PULL
 

@@ -14,8 +14,9 @@ from rope_twin.core import state as rows
 from rope_twin.core.joined import ties
 from rope_twin.core.joined.joints import LOOSE, System, new_system
 from rope_twin.core.joined.statics import solve_joined_statics
-from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Floats
+from rope_twin.core.step import advance_joined
+from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.model.rope import build
 
 Vector = NDArray[np.float64]
@@ -35,10 +36,12 @@ class Line:
     lower: int = LOOSE
     upper: int = LOOSE
     held: bool = False  # a loose lower end that is fixed
+    more: tuple[Any, ...] = ()  # parameters of further effects
 
     def rope(self) -> rows.Rope:
         """Its arrays; the payload at its lower end is the rig's."""
-        rope = build(self.rig.scene())
+        scene = self.rig.scene()
+        rope = build(replace(scene, effects=(*scene.effects, *self.more)))
         n = int(rope.state.counts[rows.ELEMENTS])
         share = rope.state.s[: n + 1] / rope.state.s[n]
         low, high = np.array([self.low, self.high])
@@ -161,10 +164,11 @@ def cut(rig: Rig, at: tuple[int, int], top: Point) -> list[Line]:
 
 
 def triangle() -> Vector:
-    """Two hang-offs, one paying out, a load below their joint, a tether: columns step by step.
+    """Two hang-offs, one paying out, a load below their joint, a tether, wakes: step by step.
 
     Pulls of the three ropes, place of the joint and of the load, elements of the second rope.
     """
+    more = (WakeOscillatorParams(start_per_s=5.0),)
     leg = Rig(
         length=12.0, elements=4, mass=2.9, EA=2e6, diameter=0.06, damping=2e4, load=0.0,
         added_mass=1.0, density=1025.0, drag=(1.2, 0.02), step=0.05, tolerance=1e-3,
@@ -173,9 +177,9 @@ def triangle() -> Vector:
     load = replace(leg, length=9.0, elements=3, load=600.0, volume=0.1, added=(150.0, 200.0, 260.0))
     meet = (0.0, 1.0, -10.0)
     lines = [
-        Line(rig=leg, low=meet, high=(-6.0, 0.0, 0.0), lower=0),
-        Line(rig=leg, low=meet, high=(6.0, 0.0, 0.0), lower=0),
-        Line(rig=load, low=(0.0, 1.0, -19.0), high=meet, upper=0),
+        Line(rig=leg, low=meet, high=(-6.0, 0.0, 0.0), lower=0, more=more),
+        Line(rig=leg, low=meet, high=(6.0, 0.0, 0.0), lower=0, more=more),
+        Line(rig=load, low=(0.0, 1.0, -19.0), high=meet, upper=0, more=more),
     ]
     bench = JointBench(
         lines, tie(0, anchor=(0.0, 40.0, -5.0), force=300.0, stiffness=10.0, damping=50.0)

@@ -46,7 +46,7 @@ from rope_twin.core.state import (
 at = body_state
 
 
-def start(body: Any, rope: Any) -> None:
+def start(body: Any, rope: Any, upto: int) -> None:
     """Mark the static equilibrium as unsolved; record the ship's mean height."""
     body.memory[0, 0] = 0.0
     body.stage[at.FRESH] = 1.0
@@ -235,7 +235,7 @@ def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     return bool(dot(miss, miss) <= told[at.ALLOWED] * told[at.ALLOWED])
 
 
-def settle(body: Any, rope: Any, stage: Any, kind: int) -> None:
+def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store the body for the converged motion of the hook; the second stage writes a record."""
     work, s = rope.work, body.stage
     place = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])

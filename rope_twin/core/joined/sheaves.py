@@ -27,6 +27,7 @@ from rope_twin.core.elements import set_top_length
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.stack import rope_of
+from rope_twin.core.payout import finish
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -45,7 +46,6 @@ from rope_twin.core.state import (
     Floats,
     Ints,
 )
-from rope_twin.core.step import finish
 
 NOWHERE = -1  # sheave of a rope without one at its upper end
 # Rows of `figures`, one column per sheave:

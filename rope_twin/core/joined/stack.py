@@ -3,7 +3,7 @@
 `rope_of(stack, r)` is rope r, made of views; to the kernels of a single rope it looks like one.
 Shared properties (current, drag, ...) are stored once; an effect whose properties differ from rope
 to rope (a payload) registers how it is stacked, and how one rope's values are picked from the
-stack.
+stack. Effects with internal variables (core/loads/memory.py) are stacked as `Memories`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit, jit_within
 from rope_twin.core.joined.condensation import chain_rows
+from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.state import (
     COUNTS,
     END,
@@ -32,6 +33,15 @@ from rope_twin.core.state import (
     columns_for,
     new_work,
 )
+
+
+class Memories(NamedTuple):
+    """An effect with internal variables, of all ropes of a system."""
+
+    first: Any  # that of the first rope; its type is that of all
+    memory: Floats  # (ropes, rows, nodes + 1)
+    figures: Floats  # the other fields of each, numbers, (ropes, fields)
+
 
 _STACKERS: dict[type, Callable[[Sequence[Any]], Any]] = {}
 _PICKERS: dict[type, Any] = {}
@@ -66,13 +76,54 @@ def stacks(kind: type, stacked: type, picker: Any) -> Callable[[Any], Any]:
     return register
 
 
-def stacked_effects(ropes: Sequence[Rope]) -> tuple[Any, ...]:
-    """Return the stacked effects of all ropes; of the first rope where they cannot differ."""
+def stacked_effects(ropes: Sequence[Rope], room: int) -> tuple[Any, ...]:
+    """Return the stacked effects of all ropes; of the first rope where they cannot differ.
+
+    room: number of nodes that the stack has space for.
+    """
     made = []
     for own in zip(*(rope.effects for rope in ropes), strict=True):
+        if numbers_carried(type(own[0])):
+            made.append(_stacked_memories(own, room))
+            continue
         stacker = _STACKERS.get(type(own[0]))
         made.append(own[0] if stacker is None else stacker(own))
     return tuple(made)
+
+
+def _stacked_memories(effects: Sequence[Any], room: int) -> Memories:
+    others = [[v for k, v in one._asdict().items() if k != "memory"] for one in effects]
+    room = max(room, *(one.memory.shape[1] - 1 for one in effects))
+    memory = np.zeros((len(effects), len(effects[0].memory), room + 1))
+    for into, one in zip(memory, effects, strict=True):
+        _copy_columns(one.memory, into)
+    return Memories(effects[0], memory, np.array(others, dtype=float))
+
+
+def _copy_columns(memory: Floats, into: Floats) -> None:
+    """Copy internal variables of as many nodes as both have space for, and the last column."""
+    count = min(memory.shape[1], into.shape[1]) - 1
+    into[:, :count], into[:, -1] = memory[:, :count], memory[:, -1]
+
+
+def store_memories(stacked: tuple[Any, ...], ropes: Sequence[Rope]) -> None:
+    """Copy the internal variables from stacked effects to those of the ropes."""
+    for place, effect in enumerate(stacked):
+        if isinstance(effect, Memories):
+            for rope, memory in zip(ropes, effect.memory, strict=True):
+                _copy_columns(memory, rope.effects[place].memory)
+
+
+def _with_columns(rope: Rope, room: int) -> Rope:
+    """Return a rope whose effects have space for the internal variables of `room` nodes."""
+    effects = []
+    for one in rope.effects:
+        if numbers_carried(type(one)):
+            memory = np.zeros((len(one.memory), room + 1))
+            _copy_columns(one.memory, memory)
+            one = one._replace(memory=memory)
+        effects.append(one)
+    return rope._replace(effects=tuple(effects))
 
 
 def new_stack(ropes: Sequence[Rope]) -> Stack:
@@ -92,7 +143,7 @@ def new_stack(ropes: Sequence[Rope]) -> Stack:
         health=np.zeros((count, HEALTH), np.int64),
         work=new_work(columns_for(room), count * lines).reshape(count, lines, -1),
         sections=sections,
-        effects=stacked_effects(ropes),
+        effects=stacked_effects(ropes, room),
         law=_stacked_law([rope.law for rope in ropes]),
     )
 
@@ -114,7 +165,11 @@ def _stacked_law(laws: Sequence[Table | None]) -> Table | None:
 
 
 def view_of(stack: Stack, r: int, rope: Rope) -> Rope:
-    """Return rope r as a view of the stack, for Python; effects and law are those of `rope`."""
+    """Return rope r as a view of the stack, for Python; law and effects are those of `rope`.
+
+    Internal variables of effects are a copy with the columns that the stack has.
+    """
+    rope = _with_columns(rope, stack.s.shape[1])
     state = State(stack.nodes[r], stack.s[r], stack.offset[r], stack.counts[r], stack.health[r])
     return rope._replace(state=state, work=stack.work[r], sections=stack.sections[r])
 
@@ -141,10 +196,29 @@ def _state_of(stack: Stack, r: int) -> tuple[Any, ...]:
 
 def effects_at(effects: Any, r: Any) -> Any:
     """Return the effects with the values of rope r."""
-    return tuple(
-        _PICKERS[type(effect)](effect, r) if type(effect) in _PICKERS else effect
-        for effect in effects
-    )
+    made = []
+    for effect in effects:
+        if isinstance(effect, Memories):
+            made.append(_own_of(effect, r))
+        else:
+            picker = _PICKERS.get(type(effect))
+            made.append(effect if picker is None else picker(effect, r))
+    return tuple(made)
+
+
+def _own_of(effect: Memories, r: int) -> Any:
+    """Return rope r's effect with internal variables (plain Python)."""
+    names = [name for name in effect.first._fields if name != "memory"]
+    figures = dict(zip(names, effect.figures[r], strict=True))
+    return type(effect.first)(memory=effect.memory[r], **figures)
+
+
+def _memories_at(i: int, kind: Any) -> str:
+    """Return the source of rope r's effect i, one with internal variables; kind: its numba type."""
+    names = [name for name in kind.fields if name != "memory"]
+    parts = {name: f"effects[{i}].figures[r, {k}]" for k, name in enumerate(names)}
+    parts["memory"] = f"effects[{i}].memory[r]"
+    return f"Kind_{i}({', '.join(parts[name] for name in kind.fields)})"
 
 
 @overload(effects_at, jit_options=LINKED, strict=False)
@@ -152,6 +226,11 @@ def _compose_effects(effects: Any, r: Any) -> Any:
     scope: dict[str, Any] = {}
     parts = []
     for i, effect in enumerate(effects):
+        if effect.instance_class is Memories:
+            kind = effect.types[effect.fields.index("first")]
+            scope[f"Kind_{i}"] = kind.instance_class
+            parts.append(_memories_at(i, kind))
+            continue
         picker = _PICKERS.get(effect.instance_class)
         parts.append(f"effects[{i}]" if picker is None else f"pick_{i}(effects[{i}], r)")
         scope[f"pick_{i}"] = picker

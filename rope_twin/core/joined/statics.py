@@ -16,7 +16,6 @@ import numpy as np
 
 from rope_twin.core.joined.joints import LOOSE, System
 from rope_twin.core.joined.levels import coarsen, interpolate_from, set_initial_guess
-from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -36,6 +35,7 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.statics.equilibrium import FORCE_TOL_N, MAX_RATIO, ROUND_OFF, TENSION_TOL
 from rope_twin.core.statics.shape import INSTANT, SYMMETRIC, Equilibrium, largest
+from rope_twin.core.step import advance_joined
 
 ROUNDS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 40, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS, FALL_STEPS, FALL_STEP = 8, 300, 0.05

@@ -20,11 +20,13 @@ from rope_twin.core.jit.rows import node_rows, row, rows
 from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of, table, tiles, wide
 from rope_twin.core.lanes.stage import solve_stage
 from rope_twin.core.payout import (
+    OFFSET_GONE,
     SMALLEST_REST,
     SMALLEST_STEPS,
     load_trials_of,
     place_hang_off,
     prescribed,
+    report_tension,
 )
 from rope_twin.core.state import (
     ACCELERATION,
@@ -47,7 +49,6 @@ from rope_twin.core.state import (
     Stage,
     State,
 )
-from rope_twin.core.step import OFFSET_GONE, _report
 
 SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)  # rows of a lane's counters
 
@@ -219,7 +220,7 @@ def _finish(rope: Any, place: Any, boundary: Any, pull: Any, step: int, time: fl
     n = rope.state.counts[ELEMENTS]
     rope.state.s[n] = L
     load_trials_of(rope, Stage(time, 1.0, 0.0, V), A, 0.0, place[n - 1], place[n - 2])
-    _report(rope, pull, step)
+    report_tension(rope, pull, step)
 
 
 @jit

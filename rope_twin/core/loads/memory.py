@@ -15,12 +15,13 @@ over. Their rows are
 
 and any further rows are the effect's own. Its kernels, registered like those of `hooks`:
 
-- `start(effect, rope)`: the values at time 0, in static equilibrium: rows 0 ... k-1.
+- `start(effect, rope, upto)`: the values at time 0, in static equilibrium: rows 0 ... k-1 of the
+  nodes below `upto`, which are those that carry loads.
 - `predict(effect, rope, stage, kind, low, high)`: before a stage's first loads, of the nodes
   low <= i < high, when position, velocity and water are predicted. kind: TRAPEZOID or BDF2.
 - `load_nodes(effect, work, stage, low, high)`: adds to residual and blocks of nodes whose TANGENT
   is given; also of the ghost nodes at the end of the arrays (p = 1, q = 0: nothing moves there).
-- `settle(effect, rope, stage, kind)`: after a converged stage; rows k ... 2k-1 = its values.
+- `settle(effect, rope, stage, kind, upto)`: after a converged stage; rows k ... 2k-1 = its values.
 
 When elements split, merge or are regridded the values are interpolated over the rope's material. A
 rope without such an effect contains no code for all this.
@@ -60,6 +61,18 @@ def remembers(kinds: Iterable[type]) -> bool:
     return any(kind in _REMEMBERED for kind in kinds)
 
 
+def has_memories(effects: Any) -> Any:
+    """Return whether one of these effects has internal variables."""
+    return remembers(map(type, effects))
+
+
+@overload(has_memories, jit_options=LINKED, strict=False)
+def _choose_memories(effects: Any) -> Any:
+    if remembers(effect.instance_class for effect in effects):
+        return lambda effects: True
+    return lambda effects: False
+
+
 def numbers_carried(kind: type) -> int:
     """Return the number of internal variables per node of an effect of this type; 0: none."""
     return _REMEMBERED.get(kind, 0)
@@ -70,12 +83,23 @@ def new_memory(count: int, own: int, room: int) -> Any:
     return np.zeros((3 * count + 1 + own, room + 1))
 
 
+def count_known(effect: Any) -> int:
+    """Return the number of nodes that an effect has internal variables for.
+
+    A hang-off has none; a node at a connection has.
+    """
+    return int(effect.memory[3 * _REMEMBERED[type(effect)], -1])
+
+
 @jit
-def _carry_over(memory: Any, state: State, k: int) -> None:
+def _carry_over(memory: Any, state: State, k: int, n: int) -> None:
     """Interpolate the values to the present nodes, if these have changed since the last call."""
-    n, last = state.counts[ELEMENTS], memory.shape[1] - 1
+    last = memory.shape[1] - 1
     old = int(memory[3 * k, last])
     if n == old:
+        return
+    if old == 0:  # the static solution begins before time 0, with zeros
+        _mark(memory, state, k, n)
         return
     marks, j = memory[3 * k], 0
     for i in range(n):
@@ -86,13 +110,12 @@ def _carry_over(memory: Any, state: State, k: int) -> None:
         for r in range(k):
             memory[k + r, i] = (1.0 - share) * memory[r, j] + share * memory[r, j + 1]
     _copy(memory, k, ZERO, k, n)
-    _mark(memory, state, k)
+    _mark(memory, state, k, n)
 
 
 @jit
-def _mark(memory: Any, state: State, k: int) -> None:
-    """Record the material coordinates of the present nodes."""
-    n = state.counts[ELEMENTS]
+def _mark(memory: Any, state: State, k: int, n: int) -> None:
+    """Record the material coordinates of the n present nodes."""
     for i in range(n):
         memory[3 * k, i] = state.s[i]
     memory[3 * k, memory.shape[1] - 1] = n
@@ -108,21 +131,21 @@ def _copy(memory: Any, source: int, target: int, k: int, n: int) -> None:
 
 
 @jit
-def _keep(memory: Any, state: State, k: int) -> None:
+def _keep(memory: Any, k: int, n: int) -> None:
     """Save the current values as those of the step's start."""
-    _copy(memory, ZERO, 2 * k, k, state.counts[ELEMENTS])
+    _copy(memory, ZERO, 2 * k, k, n)
 
 
 @jit
-def _take(memory: Any, state: State, k: int) -> None:
+def _take(memory: Any, k: int, n: int) -> None:
     """Make the values of the last stage the current ones."""
-    _copy(memory, k, ZERO, k, state.counts[ELEMENTS])
+    _copy(memory, k, ZERO, k, n)
 
 
 @jit
-def _return(memory: Any, state: State, k: int) -> None:
+def _return(memory: Any, k: int, n: int) -> None:
     """Restore the values of the step's start."""
-    _copy(memory, 2 * k, ZERO, k, state.counts[ELEMENTS])
+    _copy(memory, 2 * k, ZERO, k, n)
 
 
 def _with_variables(effects: Any) -> list[tuple[Any, int]]:
@@ -147,37 +170,40 @@ def _for_each(
     return written_out(head, [*lines, f"return {result}"], calls, **names)
 
 
-def begin_step(effects: Any, rope: Rope, time: Any) -> Any:
-    """Initialise internal variables at time 0, else interpolate them to the present nodes."""
+def begin_step(effects: Any, rope: Rope, time: Any, upto: Any) -> Any:
+    """Initialise internal variables at time 0, else interpolate them to the present nodes.
+
+    upto: number of nodes with internal variables, which are those that carry loads.
+    """
     for effect, k in _with_variables(effects):
         if time == 0.0:
-            kernel_of("start", type(effect))(effect, rope)
-            _mark(effect.memory, rope.state, k)
+            kernel_of("start", type(effect))(effect, rope, upto)
+            _mark(effect.memory, rope.state, k, upto)
         else:
-            _carry_over(effect.memory, rope.state, k)
+            _carry_over(effect.memory, rope.state, k, upto)
 
 
 @overload(begin_step, jit_options=LINKED, strict=False)
-def _compose_begin(effects: Any, rope: Rope, time: Any) -> Any:
+def _compose_begin(effects: Any, rope: Rope, time: Any, upto: Any) -> Any:
     line = (
-        "if time == 0.0:\n        kernel_#(effects[#], rope)\n"
-        "        mark(effects[#].memory, rope.state, k_#)\n"
-        "    else:\n        carry(effects[#].memory, rope.state, k_#)"
+        "if time == 0.0:\n        kernel_#(effects[#], rope, upto)\n"
+        "        mark(effects[#].memory, rope.state, k_#, upto)\n"
+        "    else:\n        carry(effects[#].memory, rope.state, k_#, upto)"
     )
     names = {"carry": _carry_over, "mark": _mark}
-    return _for_each("effects, rope, time", effects, line, "start", **names)
+    return _for_each("effects, rope, time, upto", effects, line, "start", **names)
 
 
-def keep_memories(effects: Any, state: State) -> Any:
+def keep_memories(effects: Any, upto: Any) -> Any:
     """Save internal variables of the step's start when the first substep is accepted."""
     for effect, k in _with_variables(effects):
-        _keep(effect.memory, state, k)
+        _keep(effect.memory, k, upto)
 
 
 @overload(keep_memories, jit_options=LINKED, strict=False)
-def _compose_keep(effects: Any, state: State) -> Any:
-    line = "keep(effects[#].memory, state, k_#)"
-    return _for_each("effects, state", effects, line, keep=_keep)
+def _compose_keep(effects: Any, upto: Any) -> Any:
+    line = "keep(effects[#].memory, k_#, upto)"
+    return _for_each("effects, upto", effects, line, keep=_keep)
 
 
 def predict_memories(effects: Any, rope: Rope, stage: Stage, kind: Any, low: Any, high: Any) -> Any:
@@ -204,43 +230,50 @@ def _complete(rope: Rope, stage: Stage, pending: float) -> float:
     return 0.0
 
 
-def settle_memories(effects: Any, rope: Rope, stage: Stage, kind: Any, pending: Any) -> Any:
+def settle_memories(
+    effects: Any, rope: Rope, stage: Stage, kind: Any, pending: Any, upto: Any
+) -> Any:
     """Update internal variables after a converged stage; return the pending correction.
 
     Effects with internal variables require the complete motion of the stage.
     """
     for effect, _ in _with_variables(effects):
         pending = _complete(rope, stage, pending)
-        kernel_of("settle", type(effect))(effect, rope, stage, kind)
+        kernel_of("settle", type(effect))(effect, rope, stage, kind, upto)
     return pending
 
 
 @overload(settle_memories, jit_options=LINKED, strict=False)
-def _compose_settle(effects: Any, rope: Rope, stage: Stage, kind: Any, pending: Any) -> Any:
-    line = "pending = complete(rope, stage, pending)\n    kernel_#(effects[#], rope, stage, kind)"
-    head = "effects, rope, stage, kind, pending"
+def _compose_settle(
+    effects: Any, rope: Rope, stage: Stage, kind: Any, pending: Any, upto: Any
+) -> Any:
+    line = (
+        "pending = complete(rope, stage, pending)\n"
+        "    kernel_#(effects[#], rope, stage, kind, upto)"
+    )
+    head = "effects, rope, stage, kind, pending, upto"
     return _for_each(head, effects, line, "settle", "pending", complete=_complete)
 
 
-def accept_memories(effects: Any, state: State) -> Any:
+def accept_memories(effects: Any, upto: Any) -> Any:
     """Accept the internal variables of a substep."""
     for effect, k in _with_variables(effects):
-        _take(effect.memory, state, k)
+        _take(effect.memory, k, upto)
 
 
 @overload(accept_memories, jit_options=LINKED, strict=False)
-def _compose_accept(effects: Any, state: State) -> Any:
-    line = "take(effects[#].memory, state, k_#)"
-    return _for_each("effects, state", effects, line, take=_take)
+def _compose_accept(effects: Any, upto: Any) -> Any:
+    line = "take(effects[#].memory, k_#, upto)"
+    return _for_each("effects, upto", effects, line, take=_take)
 
 
-def return_memories(effects: Any, state: State) -> Any:
+def return_memories(effects: Any, upto: Any) -> Any:
     """Restore internal variables of the step's start after a failed step."""
     for effect, k in _with_variables(effects):
-        _return(effect.memory, state, k)
+        _return(effect.memory, k, upto)
 
 
 @overload(return_memories, jit_options=LINKED, strict=False)
-def _compose_return(effects: Any, state: State) -> Any:
-    line = "back(effects[#].memory, state, k_#)"
-    return _for_each("effects, state", effects, line, back=_return)
+def _compose_return(effects: Any, upto: Any) -> Any:
+    line = "back(effects[#].memory, k_#, upto)"
+    return _for_each("effects, upto", effects, line, back=_return)

@@ -301,7 +301,9 @@ def falling_part(rope: Rope, nodes: Nodes, k: int) -> Rope:
     part = Nodes(motion, s, nodes.offset[:k], nodes.tension[:k])
     state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
-    return _filled(rope._replace(model=model, sections=rope.sections.copy()), state, part)
+    effects = on_nodes(rope.effects, s, state.s.shape[0])
+    lower = rope._replace(model=model, sections=rope.sections.copy(), effects=effects)
+    return _filled(lower, state, part)
 
 
 def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:

@@ -17,8 +17,8 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.joined.joints import LOOSE, System, new_system
-from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.step import advance_joined
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.cutting.parted import SUBSTEPS, boundary_at
@@ -32,6 +32,7 @@ from rope_twin.twin.cutting.rope_cut import (
     upper_part,
     without_load,
 )
+from rope_twin.twin.internal_variables import state_arrays
 
 _A = slice(rows.ACCELERATION, rows.ACCELERATION + 3)
 
@@ -97,6 +98,8 @@ def advance_in_substeps(system: System, boundary: Boundary, time: float) -> Floa
     """
     pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
     kept = copy.deepcopy(([rope.state for rope in system.ropes], system.joints))
+    memories = [array for rope in system.ropes for array in state_arrays(rope.effects)]
+    remembered = [array.copy() for array in memories]
     h = system.ropes[0].model.step
     each = [boundary_at(Boundary(*own), SUBSTEPS, h) for own in zip(*boundary, strict=True)]
     value, rate = (np.array(tables) for tables in zip(*each, strict=True))
@@ -108,6 +111,8 @@ def advance_in_substeps(system: System, boundary: Boundary, time: float) -> Floa
                 for mine, other in zip(rope.state, state, strict=True):
                     mine[...] = other
             for mine, other in zip(system.joints[2:4], kept[1][2:4], strict=True):
+                mine[...] = other
+            for mine, other in zip(memories, remembered, strict=True):
                 mine[...] = other
             return None
     system.ropes[0].state.health[rows.STEPS] -= len(SUBSTEPS) - 2

@@ -17,9 +17,9 @@ from rope_twin.core import state as rows
 from rope_twin.core.joined.energy import SystemBorder, measure_system
 from rope_twin.core.joined.joints import LOOSE, System
 from rope_twin.core.joined.reeving import solve_reeved_statics
-from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.joined.ties import PULL
 from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.step import advance_joined
 from rope_twin.scene.model.joined import build_joined, runs_over_sheave
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import winch_of
