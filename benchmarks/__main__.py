@@ -21,6 +21,7 @@ from benchmarks import (
     effect_speed,
     ensemble_speed,
     error_interval,
+    line_speed,
     orders,
     performance_page,
     speed,
@@ -177,6 +178,13 @@ def _statics(args: argparse.Namespace, progress: CaseProgress) -> int:
     return 0 if all(row["found"] for row in rows) else 1
 
 
+def _lines(args: argparse.Namespace, progress: CaseProgress) -> int:
+    plan = line_speed.QUICK if args.quick else line_speed.FULL
+    rows = list(line_speed.line_rows(plan, progress.show))
+    _tell(args, [asdict(row) for row in rows], line_speed.line_table(rows))
+    return 0
+
+
 def _compile(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Run the JIT compile benchmark; exit code 1 if a start takes longer than its limit."""
     scenes = args.scenes or (compile_time.QUICK if args.quick else scene_names())
@@ -280,6 +288,12 @@ ACTIONS = {
         _ensemble,
         "a thousand ropes together, beside one alone; some run again alone for equality",
         options=(_json_option,),
+    ),
+    "lines": Action(
+        _lines,
+        "what an element costs where ropes meet, beside one rope",
+        "Steps a rope, the same rope cut in three, and a loop in turns (some two minutes).",
+        (_json_option,),
     ),
     "statics": Action(
         _statics, "time to come to rest, from good and bad guesses", options=(_json_option,)
