@@ -16,6 +16,7 @@ from ros_process import Processes
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.cli import main
 from rope_twin.messages import encode_cut, encode_heave, encode_order
+from rope_twin.recording import recorder as recorder_module
 from rope_twin.recording.exact_replay import Outcome, Verification, verify
 from rope_twin.recording.recorded_run import read_content
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
@@ -160,8 +161,11 @@ def test_switches_by_service_are_replayed(bench: Bench, tmp_path: Path) -> None:
     assert found.applied["winch/switch_command"] == found.unrecorded["winch/switch_command"] == 3
 
 
-def test_a_node_that_goes_on_from_a_saved_state_is_replayed(bench: Bench, tmp_path: Path) -> None:
-    """Two simulations, one after the other, in one bag: the second begins from a state."""
+def test_a_node_that_goes_on_from_a_saved_state_is_replayed(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two simulations, one after the other, in one bag of several files."""
+    monkeypatch.setattr(recorder_module, "FILE_PERIOD_S", 0.5)
     bag, state = tmp_path / "bag", str(tmp_path / "run.state")
     kept = {"save_state": state, "from_state": state}
     recorder, first = recorded(bench, bag, **kept)
@@ -182,6 +186,7 @@ def test_a_node_that_goes_on_from_a_saved_state_is_replayed(bench: Bench, tmp_pa
     sender.sail(second.paced.twin.time_ns + 600_000_000)
     end(bench, recorder, second)
     found = assert_equal(bag)
+    assert len(list(bag.glob("*.mcap"))) > 2
     assert len({one.run for one in found.sessions}) == len(found.sessions) == 2
     assert found.sessions[1].content["state"] is not None
     assert found.sessions[1].time_ns >= 800_000_000
