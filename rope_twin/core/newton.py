@@ -18,6 +18,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
+from numba import types
 from numba.extending import overload
 
 from rope_twin.core.banded.pentadiagonal import eliminate_coupled, push_coupled, take_links
@@ -39,7 +40,7 @@ from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.jit.wide import count_beyond
 from rope_twin.core.joined.condensation import add_couplings
-from rope_twin.core.joined.linear_solver import solve_system
+from rope_twin.core.joined.linear_solver import push_system, solve_system
 from rope_twin.core.joined.ropes import (
     by_kind,
     count_loaded,
@@ -47,9 +48,13 @@ from rope_twin.core.joined.ropes import (
     health_of,
     rope_at,
     stage_of,
+    tolerance_of,
 )
+from rope_twin.core.joined.stack import effects_at
 from rope_twin.core.joined.stage import (
+    begin_trial,
     correct_connections,
+    count_left_at_connections,
     count_unbalanced,
     gather_connections,
     look_ahead_in_rope,
@@ -122,8 +127,14 @@ def _solve_rope(system: Any) -> Any:
     _eliminate(system.effects, system.work, system.model.first_free, n)
 
 
-# Solve for the corrections of all nodes and connections.
+def _push_rope(system: Any) -> Any:
+    n = system.state.counts[ELEMENTS]
+    _push(system.effects, system.work, system.model.first_free, n)
+
+
+# Solve for the corrections of all nodes and connections; with the existing factors.
 _solve = by_kind(_solve_rope, lambda system: solve_system(system))
+_solve_again = by_kind(_push_rope, lambda system: push_system(system))
 
 
 @jit
@@ -249,27 +260,56 @@ def _is_balanced(system: Any) -> bool:
 
 
 @jit
-def _is_solved_by_factors(rope: Rope, stage: Stage) -> bool:
-    """Return whether one correction with the last elimination's factors solves the rope's stage.
+def _is_solved_by_factors(system: Any, stage: Stage) -> bool:
+    """Return whether one correction with the last elimination's factors solves the stage.
 
     If not, motion, tension and blocks are those of the prediction.
     """
-    effects, work, n = rope.effects, rope.work, rope.state.counts[ELEMENTS]
-    if not is_calm(effects, work, stage, n, 0.0):
+    if not _is_calm(system, stage, 0.0):
         return False
-    _push(effects, work, rope.model.first_free, n)
-    rope.state.health[SOLVES] += 1
-    if count_left(rope, stage, CHUNK) == 0 and is_calm(effects, work, stage, n, 1.0):
+    _solve_again(system)
+    health_of(system)[0][SOLVES] += 1
+    if _count_all_left(system, stage) == 0 and _is_calm(system, stage, 1.0):
         return True
-    _evaluate(rope, stage, SEARCH, 0.0, 0.0)
+    _evaluate(system, stage, SEARCH, 0.0, -1.0)
     return False
 
 
-# Whether one correction with the last elimination's factors solves the stage; connections are
-# eliminated anew.
+def _try_joined(sheaves: Any, effects: Any, system: Any, stage: Any) -> bool:
+    """Return whether factors solve the stage; they are not tried with sheaves or bent ropes."""
+    if sheaves is None and not hooks.couples(map(type, effects)):
+        return bool(_is_solved_by_factors(system, stage))
+    return False
+
+
+@overload(_try_joined, jit_options=LINKED, strict=False)
+def _choose_trial(sheaves: Any, effects: Any, system: Any, stage: Any) -> Any:
+    kinds = [effect.instance_class for effect in effects]
+    if isinstance(sheaves, types.NoneType) and not hooks.couples(kinds):
+        return lambda sheaves, effects, system, stage: _is_solved_by_factors(system, stage)
+    return lambda sheaves, effects, system, stage: False
+
+
+# Whether one correction with the last elimination's factors solves the stage, where they are tried.
 _is_solved_again = by_kind(
-    lambda system, stage: _is_solved_by_factors(system, stage), lambda system, stage: False
+    lambda system, stage: _is_solved_by_factors(system, stage),
+    lambda system, stage: _try_joined(
+        system.sheaves, effects_at(system.stack.effects, ZERO), system, stage
+    ),
 )
+
+
+@jit
+def _count_all_left(system: Any, stage: Stage) -> int:
+    """Return nonzero if a node or connection has a residual after the correction.
+
+    Connections are then corrected; direction and tension are set as if nodes were too.
+    """
+    begin_trial(system, stage)
+    left = 0
+    for r in range(count_ropes(system)):
+        left |= count_left(rope_at(system, r), stage_of(system, stage, r), CHUNK)
+    return int(left | count_left_at_connections(system, RESIDUAL_SHARE * tolerance_of(system)))
 
 
 @jit

@@ -102,7 +102,7 @@ def test_where_nothing_bends_there_is_no_code_for_it() -> None:
     plain = assembly(solve, (Joined(stack._replace(effects=(Weight(1.0, 0.0),)), joints, None),))
     assert "eliminate_trees" in plain
     assert "coupled" not in plain
-    bent = stacked_effects([bench.system.ropes[0]._replace(effects=BENT)])
+    bent = stacked_effects([bench.system.ropes[0]._replace(effects=BENT)], stack.s.shape[1])
     assert "coupled" in assembly(solve, (Joined(stack._replace(effects=bent), joints, None),))
 
 

@@ -3,8 +3,8 @@
 `eliminate_plainly` proceeds from the lower end to the hang-off. Such a recursion is bound by its
 own latency, so compiled code factorises from both ends at once (twisted factorisation), one side in
 each SIMD lane: pair k is the nodes first + k and n - 1 - k, and the two sides meet in the middle.
-The factors of a pair are a record of 36 numbers; records lie end to end in the rows ELIMINATED. A
-test compares both with a dense solver.
+The factors of a pair are a record (core/banded/pairs); records lie end to end in the rows
+ELIMINATED. A test compares both with a dense solver.
 
 `push` solves for another residual with the factors of the last elimination.
 """
@@ -27,9 +27,18 @@ from rope_twin.core.banded.nodes import (
     solve_symmetric,
     spring,
 )
+from rope_twin.core.banded.pairs import (
+    RECORD,
+    eliminate_pair,
+    push_pair,
+    pushed_on,
+    substitute_pair,
+    two,
+    two_of_six,
+)
 from rope_twin.core.jit.decorators import jit_ordered, jit_within
-from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.jit.simd import gather, lane, load, pair, store
+from rope_twin.core.jit.rows import row, rows
+from rope_twin.core.jit.simd import lane, pair
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
@@ -105,61 +114,6 @@ def _substitute_plainly(work: Floats, first: int, n: int) -> None:
     hold_ends(work, first, n)
 
 
-RECORD = 36  # numbers: pairs of the gain (S + K)⁻¹·K by rows, of own, of the inverse
-
-
-@jit_within
-def _paired_node(work: Floats, i: int, j: int, k: int, Z: Any, f: Any) -> Any:
-    """Eliminate node i through the element above it and node j through the one below.
-
-    Their factors are stored as record k; Z and force for the neighbours are returned.
-    """
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    x, y, z = rows(work, DIRECTION, 0)
-    e = j - 1
-    a, b = gather(row(work, AXIAL, 0), i, e), gather(row(work, GEOMETRIC, 0), i, e)
-    S = (
-        Z[0] + (gather(Axx, i, j) + b), Z[1] + gather(Axy, i, j), Z[2] + gather(Axz, i, j),
-        Z[3] + (gather(Ayy, i, j) + b), Z[4] + gather(Ayz, i, j), Z[5] + (gather(Azz, i, j) + b),
-    )  # fmt: skip
-    force = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
-    t = (gather(x, i, e), gather(y, i, e), gather(z, i, e))
-    gain, own, left, pushed, inverse = eliminate_node(S, force, t, a, b)
-    record = row(work, ELIMINATED, RECORD * k)
-    store(record, 0, gain[0])
-    store(record, 2, gain[1])
-    store(record, 4, gain[2])
-    store(record, 6, gain[3])
-    store(record, 8, gain[4])
-    store(record, 10, gain[5])
-    store(record, 12, gain[6])
-    store(record, 14, gain[7])
-    store(record, 16, gain[8])
-    store(record, 18, own[0])
-    store(record, 20, own[1])
-    store(record, 22, own[2])
-    store(record, 24, inverse[0])
-    store(record, 26, inverse[1])
-    store(record, 28, inverse[2])
-    store(record, 30, inverse[3])
-    store(record, 32, inverse[4])
-    store(record, 34, inverse[5])
-    return left, pushed
-
-
-@jit_within
-def _substitute(work: Floats, k: int, px: Any, py: Any, pz: Any) -> Any:
-    """Return delta of a pair of nodes from that of their neighbours nearer the middle."""
-    record = row(work, ELIMINATED, RECORD * k)
-    return (
-        (load(record, 18) + load(record, 0) * px) + (load(record, 2) * py + load(record, 4) * pz),
-        (load(record, 20) + load(record, 6) * px) + (load(record, 8) * py + load(record, 10) * pz),
-        (load(record, 22) + load(record, 12) * px)
-        + (load(record, 14) * py + load(record, 16) * pz),
-    )
-
-
 @jit_ordered
 def _eliminate_folded(work: Floats, first: int, n: int) -> None:
     """Solve for the corrections of the nodes first <= i < n, from both ends at once.
@@ -170,17 +124,15 @@ def _eliminate_folded(work: Floats, first: int, n: int) -> None:
     """
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
-    below, above = ground(work, first), spring(work, n - 1)
-    Z = (
-        pair(below[0], above[0]), pair(below[1], above[1]), pair(below[2], above[2]),
-        pair(below[3], above[3]), pair(below[4], above[4]), pair(below[5], above[5]),
-    )  # fmt: skip
+    records, at = row(work, ELIMINATED, 0), RECORD * pairs
+    Z = two_of_six(ground(work, first), spring(work, n - 1))
     f = (pair(0.0, 0.0), pair(0.0, 0.0), pair(0.0, 0.0))
     for k in range(pairs):
-        Z, f = _paired_node(work, first + k, n - 1 - k, k, Z, f)
+        i, j = first + k, n - 1 - k
+        Z, f = eliminate_pair(work, records, RECORD * k, (i, j), (i, j - 1), (Z, f))
     Z_below, f_below = Z, f
     if rounds > pairs:
-        Z, f = _paired_node(work, middle, middle + 1, pairs, Z, f)
+        Z, f = eliminate_pair(work, records, at, (middle, middle + 1), (middle, middle), (Z, f))
     S = add_six(add_six(six_lanes(Z_below, 0), six_lanes(Z, 1)), six(work, BLOCK, middle))
     kept = row(work, ELIMINATED, RECORD * rounds)
     for k in range(6):
@@ -188,38 +140,18 @@ def _eliminate_folded(work: Floats, first: int, n: int) -> None:
     _substitute_all(work, first, n, lanes(f_below, 0), lanes(f, 1))
 
 
-@jit_within
-def _pushed_pair(work: Floats, i: int, j: int, k: int, f: Any) -> Any:
-    """Return the force on the neighbours of nodes i and j, whose factors are record k."""
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    record = row(work, ELIMINATED, RECORD * k)
-    force = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
-    gain = (
-        load(record, 0), load(record, 2), load(record, 4), load(record, 6), load(record, 8),
-        load(record, 10), load(record, 12), load(record, 14), load(record, 16),
-    )  # fmt: skip
-    inverse = (
-        load(record, 24), load(record, 26), load(record, 28), load(record, 30), load(record, 32),
-        load(record, 34),
-    )  # fmt: skip
-    own, pushed = push_node(gain, inverse, force)
-    store(record, 18, own[0])
-    store(record, 20, own[1])
-    store(record, 22, own[2])
-    return pushed
-
-
 @jit_ordered
 def _push_folded(work: Floats, first: int, n: int) -> None:
     """Solve for another residual with the records of `_eliminate_folded`."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
+    records = row(work, ELIMINATED, 0)
     f = (pair(0.0, 0.0), pair(0.0, 0.0), pair(0.0, 0.0))
     for k in range(pairs):
-        f = _pushed_pair(work, first + k, n - 1 - k, k, f)
+        f = push_pair(records, RECORD * k, pushed_on(work, first + k, n - 1 - k, f))
     f_below = f
     if rounds > pairs:
-        f = _pushed_pair(work, middle, middle + 1, pairs, f)
+        f = push_pair(records, RECORD * pairs, pushed_on(work, middle, middle + 1, f))
     _substitute_all(work, first, n, lanes(f_below, 0), lanes(f, 1))
 
 
@@ -238,14 +170,15 @@ def _substitute_all(work: Floats, first: int, n: int, low: Any, high: Any) -> No
     )
     mx, my, mz = solve_symmetric(S, force)
     dx[middle], dy[middle], dz[middle] = mx, my, mz
-    px, py, pz = pair(mx, mx), pair(my, my), pair(mz, mz)
+    records = row(work, ELIMINATED, 0)
+    p = two((mx, my, mz), (mx, my, mz))
     if rounds > pairs:
-        qx, qy, qz = _substitute(work, pairs, px, py, pz)
-        ax, ay, az = lane(qx, 1), lane(qy, 1), lane(qz, 1)
+        ax, ay, az = lanes(substitute_pair(records, RECORD * pairs, p), 1)
         dx[middle + 1], dy[middle + 1], dz[middle + 1] = ax, ay, az
-        px, py, pz = pair(mx, ax), pair(my, ay), pair(mz, az)
+        p = two((mx, my, mz), (ax, ay, az))
     for k in range(pairs - 1, -1, -1):
-        px, py, pz = _substitute(work, k, px, py, pz)
+        p = substitute_pair(records, RECORD * k, p)
+        px, py, pz = p
         i, j = first + k, n - 1 - k
         dx[i], dx[j] = lane(px, 0), lane(px, 1)
         dy[i], dy[j] = lane(py, 0), lane(py, 1)

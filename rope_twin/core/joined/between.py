@@ -12,27 +12,35 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.banded.nodes import add_six, eliminate_node, six, solve_symmetric, spring
-from rope_twin.core.jit.decorators import jit_ordered, jit_within
-from rope_twin.core.jit.rows import row, rows
-from rope_twin.core.jit.simd import lane, load, pair, store
-from rope_twin.core.joined.pairs import (
-    keep,
+from rope_twin.core.banded.nodes import (
+    add_six,
+    eliminate_node,
     lanes,
-    pair_of_nodes,
-    pushed_on,
+    six,
     six_lanes,
+    solve_symmetric,
+    spring,
+)
+from rope_twin.core.banded.pairs import (
+    RECORD,
+    keep,
+    pair_of_nodes,
+    push_pair,
+    pushed_on,
     substitute_pair,
     two,
     two_of_six,
 )
-from rope_twin.core.joined.plan import RECORD
+from rope_twin.core.jit.decorators import jit_ordered, jit_within
+from rope_twin.core.jit.rows import column, row, rows
+from rope_twin.core.jit.simd import lane, load, pair, store
 from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, RESIDUAL, WORK_ROWS, ZERO
 
 FAR = WORK_ROWS  # 9 rows: H of the nodes
 CHAIN_ROWS = FAR + 9
 _FAR_RECORD = 18  # numbers: pairs of H by rows
-_OWN, _LOW, _HIGH = 0, 3, 12  # the record of the middle node: y, H of either end by columns
+# The record of the middle node: y, H of either end by columns, and its matrix.
+_OWN, _LOW, _HIGH, _MATRIX = 0, 3, 12, 21
 
 
 @jit_within
@@ -71,8 +79,8 @@ def _pair(work: Any, i: int, j: int, k: int, state: Any) -> Any:
     """
     Z, f, (px, py, pz), D, g = state
     S, t, a, b = pair_of_nodes(work, (i, j), (i, j - 1), Z)
-    gain, own, left, pushed, _ = eliminate_node(S, pushed_on(work, i, j, f), t, a, b)
-    keep(row(work, ELIMINATED, 0), RECORD * k, gain, own)
+    gain, own, left, pushed, inverse = eliminate_node(S, pushed_on(work, i, j, f), t, a, b)
+    keep(row(work, ELIMINATED, 0), RECORD * k, gain, own, inverse)
     _, hx, _, to_x, _ = eliminate_node(S, px, t, a, b)
     _, hy, _, to_y, _ = eliminate_node(S, py, t, a, b)
     _, hz, _, to_z, _ = eliminate_node(S, pz, t, a, b)
@@ -127,6 +135,8 @@ def eliminate_between(work: Any, n: int) -> Any:
     record = row(work, ELIMINATED, RECORD * rounds)
     P, Q = _columns(below[2], 0), _columns(state[2], 1)
     H, G = _solve_columns(S, P), _solve_columns(S, Q)
+    for k in range(6):
+        record[_MATRIX + k] = S[k]
     for k in range(3):
         _put(record, _LOW + 3 * k, H[k])
         _put(record, _HIGH + 3 * k, G[k])
@@ -151,6 +161,44 @@ def eliminate_between(work: Any, n: int) -> Any:
         (dot(Q[0], z), dot(Q[1], z), dot(Q[2], z)),
     )
     return E, h, D, g, coupling
+
+
+@jit_ordered
+def push_between(work: Any, n: int) -> Any:
+    """Push the residuals through the factors: return the force at node n and that at node 0."""
+    pairs, rounds, middle = _ends(n)
+    records, zero = row(work, ELIMINATED, 0), pair(0.0, 0.0)
+    f = g = (zero, zero, zero)
+    for k in range(pairs):
+        f = pushed_on(work, 1 + k, n - 1 - k, f)
+        g = _plus_product(g, _far(work, k), f)
+        f = push_pair(records, RECORD * k, f)
+    a, low = lanes(f, 0), lanes(g, 0)
+    if rounds > pairs:
+        f = pushed_on(work, middle, middle + 1, f)
+        g = _plus_product(g, _far(work, pairs), f)
+        f = push_pair(records, RECORD * pairs, f)
+    b, high = lanes(f, 1), lanes(g, 1)
+    record = row(work, ELIMINATED, RECORD * rounds)
+    S = (
+        record[_MATRIX], record[_MATRIX + 1], record[_MATRIX + 2], record[_MATRIX + 3],
+        record[_MATRIX + 4], record[_MATRIX + 5],
+    )  # fmt: skip
+    x, y, z = column(work, RESIDUAL, middle)
+    force = a[0] + b[0] + x, a[1] + b[1] + y, a[2] + b[2] + z
+    _put(record, _OWN, solve_symmetric(S, force))
+    H, G = _kept_columns(record, _LOW), _kept_columns(record, _HIGH)
+    return _plus_product(high, G, force), _plus_product(low, H, force)
+
+
+@jit_within
+def _kept_columns(record: Any, at: int) -> Any:
+    """Return three columns of the middle node's record."""
+    return (
+        (record[at], record[at + 1], record[at + 2]),
+        (record[at + 3], record[at + 4], record[at + 5]),
+        (record[at + 6], record[at + 7], record[at + 8]),
+    )
 
 
 @jit_within

@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.banded.pairs import RECORD
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
-from rope_twin.core.joined.plan import DENSE, RECORD, Plan, Topology, new_plan, write_plan
+from rope_twin.core.joined.plan import DENSE, Plan, Topology, new_plan, write_plan
 from rope_twin.core.joined.sheaves import FLOW_COLUMN, POINT, Sheaves
 from rope_twin.core.joined.stack import Stack, load, new_stack, view_of
 from rope_twin.core.joined.ties import FIRST, SECOND, TIE_ROWS

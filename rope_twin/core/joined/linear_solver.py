@@ -3,7 +3,8 @@
 A plan (core/joined/plan) says which ropes are eliminated as trees and which connections are left
 for a dense system, solved by LDLᵀ. All of it is O(nodes). Where an effect couples a node beyond its
 next neighbours (bending), every connection belongs to the dense system and ropes are condensed onto
-them one way.
+them one way. `push_system` solves for other forces with the factors of the last elimination; it is
+for plans without bending and sheaves.
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from numba import config
 from numba.extending import overload
 
 from rope_twin.core.banded.nodes import six
-from rope_twin.core.jit.decorators import LINKED, jit, jit_ordered
+from rope_twin.core.jit.decorators import LINKED, jit, jit_ordered, jit_within
 from rope_twin.core.jit.rows import column
-from rope_twin.core.joined.between import eliminate_between, substitute_between
+from rope_twin.core.joined.between import eliminate_between, push_between, substitute_between
 from rope_twin.core.joined.coupled_chains import (
     eliminate_coupled_between,
     eliminate_coupled_downward,
@@ -26,7 +29,6 @@ from rope_twin.core.joined.coupled_chains import (
     substitute_coupled_upward,
 )
 from rope_twin.core.joined.joints import LOOSE, add_block, first_free
-from rope_twin.core.joined.pairs import end_to_end
 from rope_twin.core.joined.plan import BETWEEN, DENSE, FORCE, LEFT, ONTO
 from rope_twin.core.joined.sheaves import (
     condense_flow,
@@ -34,9 +36,24 @@ from rope_twin.core.joined.sheaves import (
     substitute_flow,
 )
 from rope_twin.core.joined.stack import effects_at
-from rope_twin.core.joined.trees import eliminate_trees, substitute_trees
+from rope_twin.core.joined.trees import eliminate_trees, push_trees, substitute_trees
 from rope_twin.core.loads.hooks import couples
 from rope_twin.core.state import CORRECTION, ELEMENTS, RESIDUAL, ZERO
+
+if config.DISABLE_JIT:
+
+    def end_to_end(work: Any) -> Any:
+        """Return a rope's scratch, rows of which go on in the ropes (or rows) that follow."""
+        count = work.shape[0]
+        return np.lib.stride_tricks.as_strided(work, (count, 2**40), work.strides)
+
+else:
+
+    @jit_within
+    def end_to_end(work: Any) -> Any:
+        """Return a rope's scratch as it is: its rows are not bounds-checked."""
+        return work
+
 
 _WITHIN = {**LINKED, "forceinline": True}  # inlined in the caller
 
@@ -174,6 +191,32 @@ def _solve_by_plan(system: Any) -> None:
         _condense(system)
         _leave_out_trees(joints)
         _factorise(joints.factor)
+        _substitute_dense(joints.factor, joints.work[CORRECTION : CORRECTION + 3])
+    _substitute(system)
+
+
+@jit
+def _push_condensed(system: Any) -> None:
+    """Add the forces that trees and ropes between dense connections leave to the dense system."""
+    stack, joints, plan = system.stack, system.joints, system.joints.plan
+    chains = plan.dense.shape[0]
+    for m in range(plan.sizes[ONTO]):
+        _push(joints, plan.onto[m, 1], column(plan.sums, FORCE, chains + plan.onto[m, 0]))
+    for m in range(plan.sizes[BETWEEN]):
+        r = plan.between[m]
+        f, g = push_between(end_to_end(stack.work[r]), stack.counts[r, ELEMENTS])
+        _push(joints, joints.upper[r], f)
+        _push(joints, joints.lower[r], g)
+
+
+@jit
+def push_system(system: Any) -> None:
+    """Solve for all corrections from the residuals, with the factors of the last elimination."""
+    joints = system.joints
+    push_trees(end_to_end(system.stack.work[0]), joints.plan)
+    if joints.plan.sizes[DENSE] > 0:
+        _begin_forces(joints)
+        _push_condensed(system)
         _substitute_dense(joints.factor, joints.work[CORRECTION : CORRECTION + 3])
     _substitute(system)
 

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.banded.pairs import RECORD
 from rope_twin.core.state import LINE_DOUBLES, Floats, Ints
 
 # Columns of `spans`: first node and direction of both lanes, number of pairs, what either lane
@@ -29,7 +30,6 @@ CARRY, NOTHING, HELD, IDLE = -1, -2, -3, -4  # IDLE: the lane repeats the other 
 NOWHERE = -1
 JOINT, COLUMN, SUMMED, END = range(4)  # columns of `ends`
 SPANS, ENDS, ROOTS, BETWEEN, ONTO, DENSE, SIZES = range(7)  # `sizes`
-RECORD = 24  # numbers: pairs of the gain (S + K)⁻¹·K by rows, and of own
 # Rows of `sums`: Schur complement, force, matrix of a root
 LEFT, FORCE, KEPT, SUM_ROWS = 0, 6, 9, 15
 NEW_SPAN = 3  # pairs that take as long as the start of a span

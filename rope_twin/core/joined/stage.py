@@ -32,6 +32,11 @@ from rope_twin.core.joined.ropes import by_kind, rope_at
 from rope_twin.core.joined.sheaves import add_sheaves, is_at_sheave, pass_end
 from rope_twin.core.joined.stack import effects_at
 from rope_twin.core.joined.ties import (
+    ANCHORED,
+    FIRST,
+    PULL,
+    SECOND,
+    TOWARDS,
     add_ties,
     count_unexpected_ties,
     expect_pulls,
@@ -40,6 +45,7 @@ from rope_twin.core.joined.ties import (
 from rope_twin.core.loads.memory import has_memories
 from rope_twin.core.state import (
     AXIAL,
+    BLOCK,
     CORRECTION,
     DIRECTION,
     ELEMENTS,
@@ -157,6 +163,70 @@ def _count_left(joints: Any, most: float) -> int:
 count_unbalanced = by_kind(
     lambda system: 0,
     lambda system: _count_left(system.joints, system.stack.model[0, TOLERANCE]),
+)
+
+
+@jit
+def _add_end_forces(system: Any, share: float) -> None:
+    """Add `share` times the forces of links and of ropes' last elements to the residuals."""
+    stack, joints = system.stack, system.joints
+    R, ties = joints.work[RESIDUAL : RESIDUAL + 3], joints.ties
+    for k in range(ties.shape[1]):
+        first, second = int(ties[FIRST, k]), int(ties[SECOND, k])
+        for a in range(3):
+            force = share * ties[PULL, k] * ties[TOWARDS + a, k]
+            R[a, first] += force
+            if second != ANCHORED:
+                R[a, second] -= force
+    for r in range(stack.counts.shape[0]):
+        work, low, high = stack.work[r], joints.lower[r], joints.upper[r]
+        top = stack.counts[r, ELEMENTS] - 1
+        for a in range(3):
+            if low != LOOSE:
+                R[a, low] += share * work[TENSION, 0] * work[DIRECTION + a, 0]
+            if high != LOOSE:
+                R[a, high] -= share * work[TENSION, top] * work[DIRECTION + a, top]
+
+
+def _begin_trial(system: Any, stage: Any) -> Any:
+    joints = system.joints
+    _add_end_forces(system, -1.0)
+    _move(joints, stage, SEARCH, 1.0)
+    pull_ties(joints.ties, joints.work, stage.p, stage.q)
+
+
+@jit
+def _take_load(joints: Any, work: Any, i: int, joint: int) -> None:
+    """Subtract block times correction of a rope's end node i from its connection's residual."""
+    xx, xy, xz = column(work, BLOCK, i)
+    yy, yz, zz = column(work, BLOCK + 3, i)
+    x, y, z = column(joints.work, CORRECTION, joint)
+    joints.work[RESIDUAL, joint] -= xx * x + xy * y + xz * z
+    joints.work[RESIDUAL + 1, joint] -= xy * x + yy * y + yz * z
+    joints.work[RESIDUAL + 2, joint] -= xz * x + yz * y + zz * z
+
+
+@jit
+def _end_trial(system: Any, least: float) -> int:
+    """Return the number of connections with a residual above `least` [N], or NaN."""
+    stack, joints, left = system.stack, system.joints, 0
+    _add_end_forces(system, 1.0)
+    for r in range(stack.counts.shape[0]):
+        if joints.lower[r] != LOOSE:
+            _take_load(joints, stack.work[r], ZERO, joints.lower[r])
+        if joints.upper[r] != LOOSE:
+            _take_load(joints, stack.work[r], stack.counts[r, ELEMENTS], joints.upper[r])
+    for j in range(joints.nodes.shape[1]):
+        x, y, z = column(joints.work, RESIDUAL, j)
+        left += not abs(x) + abs(y) + abs(z) <= least
+    return left
+
+
+# Correct the connections, before directions and tensions are set as if the ropes were corrected;
+# and the number of connections that then have a residual above `least` [N].
+begin_trial = by_kind(lambda system, stage: None, _begin_trial)
+count_left_at_connections = by_kind(
+    lambda system, least: 0, lambda system, least: _end_trial(system, least)
 )
 
 

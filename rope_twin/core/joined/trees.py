@@ -2,25 +2,27 @@
 
 Every node is eliminated onto its neighbour nearer to the root, as in `core/banded/tridiagonal` for
 one rope. A connection's residual and block are the sums over the rope ends there; the chain that
-leads on from it begins with what the others left.
+leads on from it begins with what the others left. `push_trees` solves for other forces with the
+factors of the last elimination.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.banded.nodes import six, solve_symmetric, spring
-from rope_twin.core.jit.decorators import jit, jit_ordered
-from rope_twin.core.jit.rows import column, rows, table_rows
-from rope_twin.core.jit.simd import lane
-from rope_twin.core.joined.pairs import (
+from rope_twin.core.banded.nodes import lanes, six, six_lanes, solve_symmetric, spring
+from rope_twin.core.banded.pairs import (
+    RECORD,
     eliminate_pair,
-    lanes,
-    six_lanes,
+    push_pair,
+    pushed_on,
     substitute_pair,
     two,
     two_of_six,
 )
+from rope_twin.core.jit.decorators import jit, jit_ordered
+from rope_twin.core.jit.rows import column, rows, table_rows
+from rope_twin.core.jit.simd import lane
 from rope_twin.core.joined.plan import (
     A_BEGIN,
     A_INTO,
@@ -39,7 +41,6 @@ from rope_twin.core.joined.plan import (
     KEPT,
     LEFT,
     NOWHERE,
-    RECORD,
     ROOTS,
     SPANS,
     SUMMED,
@@ -67,6 +68,20 @@ def _begin_sums(plan: Any, work: Any) -> None:
                 sums[FORCE + k, j] += work[RESIDUAL + k, i]
             for k in range(6):
                 sums[LEFT + k, j] += work[BLOCK + k, i]
+
+
+@jit
+def _begin_forces(plan: Any, work: Any) -> None:
+    """Clear the forces of the sums; add those of ends that no chain begins at."""
+    sums = plan.sums
+    for k in range(FORCE, FORCE + 3):
+        for slot in range(sums.shape[1]):
+            sums[k, slot] = 0.0
+    for m in range(plan.sizes[ENDS]):
+        if plan.ends[m, SUMMED] == 1:
+            j, i = plan.ends[m, JOINT], plan.ends[m, COLUMN]
+            for k in range(3):
+                sums[FORCE + k, j] += work[RESIDUAL + k, i]
 
 
 @jit
@@ -124,6 +139,48 @@ def eliminate_trees(work: Any, plan: Any) -> None:
         root, slot = plan.roots[m, 0], plan.roots[m, 1]
         for k in range(6):
             sums[KEPT + k, slot] = sums[LEFT + k, slot] + work[BLOCK + k, root]
+
+
+@jit
+def _add_force(sums: Any, slot: int, f: Any) -> None:
+    """Leave the force of a chain at its end; NOWHERE: it goes on."""
+    if slot != NOWHERE:
+        sums[FORCE, slot] += f[0]
+        sums[FORCE + 1, slot] += f[1]
+        sums[FORCE + 2, slot] += f[2]
+
+
+@jit_ordered
+def _begin_force(sums: Any, begin: int, f: Any) -> Any:
+    """Return the force that a lane begins a span with."""
+    if begin >= 0:
+        f = column(sums, FORCE, begin)
+    elif begin != CARRY:
+        f = _NONE
+    return f
+
+
+@jit_ordered
+def push_trees(work: Any, plan: Any) -> None:
+    """Push the residuals through the factors of all chains; work: the scratch of all ropes."""
+    _begin_forces(plan, work)
+    sums, spans, record = plan.sums, plan.spans, _records(plan.records)[0]
+    one, other, at = _NONE, _NONE, 0
+    for s in range(plan.sizes[SPANS]):
+        i, way, j, back = spans[s, A], spans[s, A_WAY], spans[s, B], spans[s, B_WAY]
+        one = _begin_force(sums, spans[s, A_BEGIN], one)
+        other = _begin_force(sums, spans[s, B_BEGIN], other)
+        if spans[s, A_BEGIN] == IDLE:
+            one = other
+        if spans[s, B_BEGIN] == IDLE:
+            other = one
+        f = two(one, other)
+        for _ in range(spans[s, COUNT]):
+            f = push_pair(record, at, pushed_on(work, i, j, f))
+            i, j, at = i + way, j + back, at + RECORD
+        one, other = lanes(f, 0), lanes(f, 1)
+        _add_force(sums, spans[s, A_INTO], one)
+        _add_force(sums, spans[s, B_INTO], other)
 
 
 @jit_ordered

@@ -1,21 +1,20 @@
 """Elimination of two nodes at once, one per SIMD lane, and their factors.
 
-The factors of a pair are a record of 24 numbers: pairs of the gain (S + K)⁻¹·K by rows and of the
-node's own part (S + K)⁻¹·f; see `core/banded/nodes`.
+The factors of a pair are a record of RECORD numbers: pairs of the gain (S + K)⁻¹·K by rows, of the
+node's own part (S + K)⁻¹·f, and of the inverse; see `core/banded/nodes`.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numba import config
-
-from rope_twin.core.banded.nodes import eliminate_node
+from rope_twin.core.banded.nodes import eliminate_node, push_node
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.jit.simd import gather, lane, load, pair, store
+from rope_twin.core.jit.simd import gather, load, pair, store
 from rope_twin.core.state import AXIAL, BLOCK, DIRECTION, GEOMETRIC, RESIDUAL
+
+RECORD = 36  # numbers: pairs of the gain (S + K)⁻¹·K by rows, of own, of the inverse
 
 
 @jit_within
@@ -31,18 +30,6 @@ def two_of_six(a: Any, b: Any) -> Any:
         pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2]), pair(a[3], b[3]), pair(a[4], b[4]),
         pair(a[5], b[5]),
     )  # fmt: skip
-
-
-@jit_within
-def lanes(p: Any, k: int) -> Any:
-    """Return lane k of three pairs."""
-    return lane(p[0], k), lane(p[1], k), lane(p[2], k)
-
-
-@jit_within
-def six_lanes(p: Any, k: int) -> Any:
-    """Return lane k of six pairs."""
-    return lane(p[0], k), lane(p[1], k), lane(p[2], k), lane(p[3], k), lane(p[4], k), lane(p[5], k)
 
 
 @jit_within
@@ -77,13 +64,13 @@ def eliminate_pair(work: Any, record: Any, at: int, nodes: Any, elements: Any, s
     """
     S, t, a, b = pair_of_nodes(work, nodes, elements, state[0])
     force = pushed_on(work, nodes[0], nodes[1], state[1])
-    gain, own, left, pushed, _ = eliminate_node(S, force, t, a, b)
-    keep(record, at, gain, own)
+    gain, own, left, pushed, inverse = eliminate_node(S, force, t, a, b)
+    keep(record, at, gain, own, inverse)
     return left, pushed
 
 
 @jit_within
-def keep(record: Any, at: int, gain: Any, own: Any) -> None:
+def keep(record: Any, at: int, gain: Any, own: Any, inverse: Any) -> None:
     """Store the factors of a pair."""
     store(record, at, gain[0])
     store(record, at + 2, gain[1])
@@ -97,6 +84,31 @@ def keep(record: Any, at: int, gain: Any, own: Any) -> None:
     store(record, at + 18, own[0])
     store(record, at + 20, own[1])
     store(record, at + 22, own[2])
+    store(record, at + 24, inverse[0])
+    store(record, at + 26, inverse[1])
+    store(record, at + 28, inverse[2])
+    store(record, at + 30, inverse[3])
+    store(record, at + 32, inverse[4])
+    store(record, at + 34, inverse[5])
+
+
+@jit_within
+def push_pair(record: Any, at: int, f: Any) -> Any:
+    """Return the force behind two eliminated nodes, given that on them; store their own part."""
+    gain = (
+        load(record, at), load(record, at + 2), load(record, at + 4), load(record, at + 6),
+        load(record, at + 8), load(record, at + 10), load(record, at + 12), load(record, at + 14),
+        load(record, at + 16),
+    )  # fmt: skip
+    inverse = (
+        load(record, at + 24), load(record, at + 26), load(record, at + 28), load(record, at + 30),
+        load(record, at + 32), load(record, at + 34),
+    )  # fmt: skip
+    own, pushed = push_node(gain, inverse, f)
+    store(record, at + 18, own[0])
+    store(record, at + 20, own[1])
+    store(record, at + 22, own[2])
+    return pushed
 
 
 @jit_within
@@ -111,18 +123,3 @@ def substitute_pair(record: Any, at: int, p: Any) -> Any:
         (load(record, at + 22) + load(record, at + 12) * px)
         + (load(record, at + 14) * py + load(record, at + 16) * pz),
     )
-
-
-if config.DISABLE_JIT:
-
-    def end_to_end(work: Any) -> Any:
-        """Return a rope's scratch, rows of which go on in the ropes (or rows) that follow."""
-        count = work.shape[0]
-        return np.lib.stride_tricks.as_strided(work, (count, 2**40), work.strides)
-
-else:
-
-    @jit_within
-    def end_to_end(work: Any) -> Any:
-        """Return a rope's scratch as it is: its rows are not bounds-checked."""
-        return work
