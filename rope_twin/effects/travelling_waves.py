@@ -33,11 +33,10 @@ from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.floats import cosine
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     BLOCK,
-    ELEMENTS,
     FLOW,
     MASS,
     RESIDUAL,
@@ -136,7 +135,7 @@ def _set_figures(waves: Any, work: Any, low: int, high: int) -> None:
 
 @kernel("start", TravellingWaves)
 def start(waves: Any, rope: Any, upto: int) -> None:
-    """Initialise without motion; phases are those of waves travelling down from the hang-off."""
+    """Initialise without motion; phases are those of waves travelling down from the upper end."""
     n, memory, work = upto, waves.memory, rope.work
     evaluate_statics(rope, n)
     _set_figures(waves, work, n - n, n)
@@ -258,13 +257,13 @@ def settle(waves: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         held = memory[HELD]
         set_paces(waves.turns, work, memory[PER_DIAMETER], held, n - n, n)
         hold_frequencies(waves, work, memory[LENGTH], held, memory[SCRATCH], n)
-    _set_trials(waves, rope)
+    _set_trials(waves, rope, n - 1)
 
 
 @jit
-def _set_trials(waves: Any, rope: Any) -> None:
-    """Copy the lift of the highest free node to the ghost nodes, per metre."""
-    memory, top = waves.memory, rope.state.counts[ELEMENTS] - 1
+def _set_trials(waves: Any, rope: Any, top: int) -> None:
+    """Copy the lift of the highest node that carries loads to the ghost nodes, per metre."""
+    memory = waves.memory
     per_metre = 1.0 / memory[LENGTH, top]
     for k in (COSINE, OMEGA_NOW, PER_DIAMETER):
         set_trials(memory, k, memory[k, top], rope)
@@ -276,10 +275,10 @@ def _set_trials(waves: Any, rope: Any) -> None:
 
 @account("power", TravellingWaves)
 def power(waves: Any, place: Any) -> Any:
-    """Return the power of lift and damping [W]; at the hang-off as at the node below."""
+    """Return the power of lift and damping [W]; at a hang-off as at the node below."""
     n = place.position.shape[1]
     own = waves.memory[:, :n].copy()
-    if n > 1:
+    if count_known(waves) != n:
         own[:, -1] = own[:, -2]
     length = place.length
     per_diameter = np.sqrt(0.25 * pi * length / (place.volume + DIVISOR_MIN))

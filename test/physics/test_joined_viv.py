@@ -32,7 +32,7 @@ time: {{step_s: 0.02, newton_tolerance_n: 0.01}}
 """
 HEAD = "about: ropes that vortices shake\nsource: made up for a test\nlook_at: nothing\n"
 MODELS = ["modal_vibration", "decomposed_force"]  # loosely coupled
-WAKES = ["wake_oscillator", "strouhal_forcing"]  # inside the time step
+WAKES = ["wake_oscillator", "strouhal_forcing", "travelling_waves"]  # inside the time step
 
 
 def line(name: str, rope: str, length: float, elements: int, more: str) -> str:

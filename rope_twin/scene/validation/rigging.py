@@ -19,6 +19,7 @@ from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
+from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.effects.weight import WeightParams
@@ -29,7 +30,7 @@ from rope_twin.scene.schema import WINCH, Fault, RopeLine, Rule, Scene, Triple, 
 MEETING = (
     CurrentParams, WavesParams, WeightParams, DragParams, AddedMassParams, BendingParams,
     SeabedParams, PayloadParams, SplashZoneParams, NetParams, FairingParams, ModalVibrationParams,
-    DecomposedForceParams, StrouhalForcingParams, WakeOscillatorParams,
+    DecomposedForceParams, StrouhalForcingParams, WakeOscillatorParams, TravellingWavesParams,
 )  # fmt: skip
 
 
