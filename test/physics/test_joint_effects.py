@@ -106,7 +106,7 @@ def left(points: Points, most: float) -> int:
 
 
 def test_a_connection_whose_force_is_not_a_number_is_not_in_balance() -> None:
-    """Of three one is below the tolerance of 5 N, one above, one not a number."""
+    """One of three is below the tolerance of 5 N, one above, one not a number."""
     work = rows.new_work(8)
     work[rows.RESIDUAL : rows.RESIDUAL + 3, 1] = 3.0, 0.0, 3.9
     work[rows.RESIDUAL : rows.RESIDUAL + 3, 2] = 3.0, 0.0, 4.1
