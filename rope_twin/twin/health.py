@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
+from itertools import islice
 from typing import NamedTuple
 
 from rope_twin.errors import phrase
@@ -16,6 +17,7 @@ STUCK_SAMPLES = 3  # minimum number of equal samples, however slowly they arrive
 CLOCK_SAMPLES = 100  # number of offsets kept
 CLOCK_SAMPLES_MIN = 10  # minimum number of offsets to report one
 CLOCK_QUANTILE = 0.1  # of the offsets: transport delays only add to the clocks' difference
+CLOCK_SURE = 3  # of the newest CLOCK_SAMPLES_MIN: so many early ones are no single wrong stamp
 CLOCK_WARN_S, CLOCK_ERROR_S = 0.2, 1.0
 SENDER_LEAD_S = 0.2  # a replay publishes its samples this long before their time
 
@@ -179,8 +181,9 @@ class StuckDetector:
 class SenderClock:
     """Offset of a sender's clock: arrival minus stamp [ns], a low quantile of the newest samples.
 
-    A live sensor is late by the transport delay and never early. A replay publishes each sample up
-    to `lead_s` before its time. Any offset beyond these is an error of the sender's clock.
+    A live sensor is late by the transport delay and never early, so three early samples decide,
+    where it takes many late ones. A replay publishes each sample up to `lead_s` before its time.
+    Any offset beyond these is an error of the sender's clock.
     """
 
     def __init__(self) -> None:
@@ -196,7 +199,11 @@ class SenderClock:
     @property
     def offset_s(self) -> float:
         """Arrival minus stamp [s]; NaN while too few samples came with their time of arrival."""
-        return self._quantile_s(CLOCK_QUANTILE)
+        slow_s = self._quantile_s(CLOCK_QUANTILE)
+        if math.isnan(slow_s):
+            return slow_s
+        newest = sorted(islice(reversed(self._offsets), CLOCK_SAMPLES_MIN))
+        return min(slow_s, newest[CLOCK_SURE - 1] * 1e-9)
 
     @property
     def lateness_s(self) -> float:

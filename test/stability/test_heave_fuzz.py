@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from small_scene import not_finite, small_scene
 
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.motion.hang_off import HangOffTrack
+from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.twin import Twin
 
 LIMIT_M = 100.0  # no motion of the hang-off may come near this
@@ -69,6 +71,45 @@ def test_no_sample_brings_a_number_that_is_not_finite(scene: Scene, samples: lis
     assert health.accepted == len(samples) - refused
     twin.advance(100)
     assert not not_finite(twin.snapshot())
+
+
+faults = st.fixed_dictionaries(
+    {
+        "lasts": st.integers(1, 60),  # samples
+        "leap_m": st.sampled_from([0.0, 0.0, 0.5, 5.0, 12.0]),
+        "position_times": st.sampled_from([1.0, 1.0, -1.0, 3.0]),
+        "rate_times": st.sampled_from([1.0, 1.0, -1.0, 10.0, 100.0]),
+        "kept_of_40": st.sampled_from([40, 40, 20, 1, 0]),
+        "ahead_ns": st.sampled_from([0, 0, 1_500_000_000, -1_500_000_000]),
+    }
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(series=st.lists(faults, min_size=1, max_size=8), posed=st.booleans())
+def test_no_series_of_faults_stops_the_track(
+    scene: Scene, series: list[dict[str, float]], posed: bool
+) -> None:
+    """Faults one after the other and at once, of heave and of poses, at 20 Hz."""
+    track, k, omega = HangOffTrack(scene), 0, 2.0 * math.pi / 8.0
+    for fault in series:
+        for _ in range(int(fault["lasts"])):
+            k += 1
+            phase = omega * 0.05 * k
+            z = fault["position_times"] * 2.0 * math.sin(phase) + fault["leap_m"]
+            v = fault["rate_times"] * 2.0 * omega * math.cos(phase)
+            stamp_ns = k * 50_000_000 + int(fault["ahead_ns"])
+            if k % 40 < fault["kept_of_40"]:
+                if posed:
+                    track.offer_pose(ShipPose(stamp_ns, (0.0, 0.0, z), (0.0, 0.0, v)))
+                else:
+                    track.offer(stamp_ns, z, v)
+            now_ns = (k - 3) * 50_000_000
+            position_m, speed = track.at(now_ns)
+            health = track.health(now_ns)
+            assert math.isfinite(position_m)
+            assert math.isfinite(speed)
+            assert health.accepted + health.refused <= k
 
 
 @settings(max_examples=30, deadline=None)

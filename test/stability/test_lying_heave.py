@@ -271,6 +271,28 @@ def test_a_leap_is_never_followed_with_a_kick(tmp_path: Path, leap_m: float) -> 
         assert max(shot.heave_m for shot in bad.shots) < 3.0
 
 
+@pytest.mark.parametrize("spoilt", ["leap", "every other second"])
+def test_a_confirmed_position_whose_rate_is_refused_ends_no_run(
+    tmp_path: Path, spoilt: str
+) -> None:
+    """The position is new, its rate impossible: neither may stop the twin, or be followed."""
+
+    def fault(one: Sample) -> Sample | None:
+        if spoilt != "leap" and int(one.stamp_s) % 2:
+            return None
+        position_m = one.position_m + (5.0 if spoilt == "leap" else 0.0)
+        return replace(one, position_m=position_m, velocity_m_per_s=10.0 * one.velocity_m_per_s)
+
+    found = run(Twin(usual(tmp_path)), fault, 20.0)
+    assert found.flagged_after_s() <= 1.0
+    assert len(found.shots) == 20.0 / 0.02
+    speeds = np.array([shot.hang_off_velocity_m_per_s[2] for shot in found.shots])
+    assert np.abs(speeds).max() < 7.0
+    accepted = [shot.inputs["heave"].accepted for shot in found.shots]
+    assert accepted[-1] > accepted[round(9.0 / 0.02)]  # by rates derived from positions
+    assert "position and velocity disagree" in found.messages()
+
+
 def test_after_a_gap_a_position_must_prove_itself(tmp_path: Path) -> None:
     """Positions at random after a long gap stay refused, a motion is taken after 0.5 s."""
     draw = random.Random(5)
@@ -328,6 +350,26 @@ def test_the_senders_clock_is_measured(
     assert words in row.message
     if clock_s > 1.0:
         assert found.flagged_after_s(0.0) <= 2.0
+
+
+def test_a_clock_ahead_is_told_soon_however_slowly_its_samples_come(tmp_path: Path) -> None:
+    """At 2 Hz: three early samples are enough, as no link delivers before the stamp."""
+
+    def fault(one: Sample) -> Sample | None:
+        kept = abs(2.0 * one.stamp_s - round(2.0 * one.stamp_s)) < 1e-9
+        return replace(one, stamp_s=one.stamp_s + 1.5) if kept else None
+
+    found = run(Twin(usual(tmp_path)), fault, 10.0, clocked=True)
+    assert found.flagged_after_s() <= 1.5
+    assert "the sender's clock is ahead" in found.messages()
+
+
+def test_one_wrong_stamp_is_no_wrong_clock(tmp_path: Path) -> None:
+    def fault(one: Sample) -> Sample:
+        return replace(one, stamp_s=one.stamp_s + (1.5 if one.stamp_s == FAULT_AT_S else 0.0))
+
+    found = run(Twin(usual(tmp_path)), fault, 12.0, clocked=True)
+    assert "clock is ahead" not in found.messages()
 
 
 @pytest.mark.parametrize("clock_s", [-9.0, 1.5, 9.0])

@@ -228,8 +228,9 @@ class HangOffTrack(HeaveTrack):
             fault = f"all its numbers have been the same for {STUCK_NS * 1e-9:g} s or more"
             right = "the sender is stuck; restart it"
             return self.counter.refuse("stuck", phrase(what, fault, right))
+        was_confirmed = self._continuity.confirmed
         kind, reason = self._continuity.fault(stamp_ns, place, self._rates.noise)
-        if self._continuity.confirmed:  # a new position that no rate leads to
+        if self._continuity.confirmed and not was_confirmed:  # no rate leads to the new position
             self._rates.forget()
             self._turns.forget()
         return self.counter.refuse(kind, phrase(what, *reason)) if reason else ""

@@ -90,7 +90,7 @@ class Continuity:
         self._trial: list[tuple[int, Numbers]] = []  # first and newest of samples to be confirmed
         self._trial_samples = 0
         self._rates: deque[tuple[int, Numbers]] = deque()  # (stamp, rates) of accepted samples
-        self.confirmed = False  # whether the newest position was confirmed after a gap or jump
+        self.confirmed = False  # whether positions are confirmed after a gap or jump, none accepted
 
     def forget(self) -> None:
         """Accept the next sample at any position."""
@@ -104,7 +104,6 @@ class Continuity:
 
         noise: standard deviation of the noise of positions [m].
         """
-        self.confirmed = False
         if self._last is None:
             return "", ()
         gap_s = (stamp_ns - self._last[0]) * 1e-9
@@ -119,10 +118,8 @@ class Continuity:
         lost = gap_s * 1e9 > REACQUIRE_NS
         if not (self._trial or lost) and self._is_expected(gap_s, place, noise):
             return "", ()
-        if self._is_confirmed(stamp_ns, place):
-            self._end_trial()
-            self._rates.clear()
-            self.confirmed = True
+        self.confirmed = self._is_confirmed(stamp_ns, place)
+        if self.confirmed:
             return "", ()
         after = f"after {gap_s:.2f} s it is {leap_m:.2f} m from where it was"
         right = f"it is taken once it has moved plausibly for {CONFIRM_NS * 1e-9:g} s"
@@ -132,7 +129,9 @@ class Continuity:
         """Return why these rates [m/s] do not follow the preceding ones; or nothing."""
         while len(self._rates) > 1 and stamp_ns - self._rates[1][0] >= ACCELERATION_NS:
             self._rates.popleft()
-        if not self._rates or not ACCELERATION_NS <= stamp_ns - self._rates[0][0] <= BREAK_NS:
+        if self.confirmed or not self._rates:
+            return ()
+        if not ACCELERATION_NS <= stamp_ns - self._rates[0][0] <= BREAK_NS:
             return ()
         seconds = (stamp_ns - self._rates[0][0]) * 1e-9
         change = math.dist(rates, self._rates[0][1])
@@ -148,6 +147,9 @@ class Continuity:
 
     def accept(self, stamp_ns: int, place: Numbers, rates: Numbers) -> None:
         """Record an accepted sample, with the rates that were used."""
+        if self.confirmed:
+            self._end_trial()
+            self._rates.clear()
         self._last = stamp_ns, place
         self._has_leapt = False
         self._rates.append((stamp_ns, rates))
@@ -182,7 +184,7 @@ class Continuity:
         return long_enough and self._trial_samples >= CONFIRM_SAMPLES
 
     def _end_trial(self) -> None:
-        self._trial, self._trial_samples = [], 0
+        self._trial, self._trial_samples, self.confirmed = [], 0, False
 
 
 class RateCheck:
