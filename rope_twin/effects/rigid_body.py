@@ -82,6 +82,7 @@ class DeckParams:
 class RigidBodyParams:
     """Size, inertia and rigging; exactly one of `slings` and `pinned_at_m`."""
 
+    payload: str = text("name of the payload that it is; default: the only one", "")
     size_m: Triple = quantity("outer dimensions along the body's x, y, z", "m", 0.05, 200.0)
     centre_of_gravity_m: Triple = quantity(
         "centre of gravity from the middle: x, y, z", "m", -100.0, 100.0, default=MIDDLE
@@ -147,14 +148,18 @@ class RigidBodyParams:
 
 
 def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
-    """Return the body for the payload's properties along the body axes, and the water."""
+    """Return the body for the payload's properties along the body axes, and the water.
+
+    payload: without mass on a rope that does not carry the body, while another one does.
+    """
     density, g = around.water_density_kg_per_m3, around.gravity_m_per_s2
     G = np.array(params.centre_of_gravity_m)
     m, displaced = float(payload.mass_kg), float(density * payload.volume_m3)
     added, area = np.array(payload.added_mass_kg, float), np.array(payload.drag_area_m2, float)
     half_added = 0.5 * float(payload.rising_added_mass_kg - added[2])
     half_k = 0.25 * float(density * (payload.rising_drag_area_m2 - area[2]))
-    hook_weight = params.hook_mass_kg * (1.0 - density / STEEL) * g
+    hook = params.hook_mass_kg if m > 0.0 else 0.0
+    hook_weight = hook * (1.0 - density / STEEL) * g
     points = _points(params) - G
     corners, carrying = _corners(params)
     farthest = np.linalg.norm(np.vstack([points, corners - G, _box(params) - G]), axis=1).max()
@@ -167,7 +172,7 @@ def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
         changes=np.zeros((6, at.CHANGES)),
         told=np.zeros(at.TOLD),
         W=float((m - displaced) * g + hook_weight),
-        hook=float(params.hook_mass_kg),
+        hook=float(hook),
         hook_weight=float(hook_weight),
         m=m,
         g=float(g),
@@ -190,6 +195,7 @@ def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
         heading=radians(params.heading_deg),
         reach=float(farthest),
         stiffness=0.0,
+        here=float(m > 0.0),
     )
     return with_parts(body, (Immersed(1.0), *_deck(params.deck, m * g / carrying)))
 

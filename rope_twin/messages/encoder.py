@@ -533,8 +533,7 @@ def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:
 
 def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float) -> dict[str, Any]:
     """Return the values of a 6-DOF payload's box, not below the symbol's size, and slings."""
-    lowest = snapshot.ropes[-1] if snapshot.ropes else snapshot  # the other part of a rope in two
-    hook = np.broadcast_to(lowest.node_position_m[-1], body.leg_end_m.shape)
+    hook = np.broadcast_to(body.hook_m, body.leg_end_m.shape)
     larger = max(1.0, _SYMBOL_SIZE * line_m / float(body.size_m.max()))
     return {
         "markers.1.pose.orientation": body.quaternion,

@@ -376,6 +376,9 @@ class PayloadFigures:
         return (self.rising_added_mass_kg, self.rising_drag_area_m2) != sinking
 
 
+NOTHING = PayloadFigures(0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
 def payload_figures(payload: Payload, water_density_kg_per_m3: float) -> PayloadFigures:
     """Return the properties of a payload: explicit keys first, the rest from its shape.
 

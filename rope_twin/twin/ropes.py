@@ -126,7 +126,7 @@ class Ropes(Protocol):
         """Return the shapes of all ropes in a complete snapshot; first: the first rope now."""
 
     def lowest(self, first: Rope) -> Rope:
-        """Return the rope whose lower end carries a single-line payload; first: first rope now."""
+        """Return the rope with the payload of one rope, or the rigid body; first: the first now."""
 
     def changing(self) -> dict[str, Any]:
         """Return the additional state that a restart needs, by name."""

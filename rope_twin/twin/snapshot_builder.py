@@ -170,7 +170,8 @@ def _solver_health(health: Ints, computing_s: float) -> SolverHealth:
 
 def body_of(rope: Rope) -> RigidBody | None:
     """Return the rigid body at the lower end of a rope, if its payload is one."""
-    return next((effect for effect in rope.effects if isinstance(effect, RigidBody)), None)
+    bodies = (effect for effect in rope.effects if isinstance(effect, RigidBody))
+    return next((body for body in bodies if body.here), None)
 
 
 def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
@@ -198,6 +199,7 @@ def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
             leg_pull_n=np.sqrt((force * force).sum(axis=1)),
             leg_length_m=np.sqrt((legs * legs).sum(axis=1)),
             leg_end_m=ends,
+            hook_m=hook.copy(),
             deck_push_n=push,
             deck_clearance_m=clearance,
         ),

@@ -11,7 +11,6 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.body.energy import pose_of
-from rope_twin.core.body.state import RigidBody
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.shape import Equilibrium
@@ -20,6 +19,7 @@ from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.lift import hung_together
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.warnings.rope import SAFETY_FACTOR
+from rope_twin.twin.snapshot_builder import body_of
 
 MAX_FLOAT_HEIGHT_M = 1.0
 
@@ -51,7 +51,7 @@ def solve_scene_statics(scene: Scene, rope: Rope) -> Floats:
     nodes = rope.state.nodes
     with no_garbage_collection():
         end = solve_statics(rope, line.length_m)
-    _judge_body(scene, rope)
+    judge_body(scene, rope)
     check_equilibrium(
         scene, end, float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
     )
@@ -64,17 +64,17 @@ def solve_scene_statics(scene: Scene, rope: Rope) -> Floats:
     return pull.reshape(rows.PULL_COLUMNS)
 
 
-def _judge_body(scene: Scene, rope: Rope) -> None:
+def judge_body(scene: Scene, rope: Rope) -> None:
     """Check that the rope's rigid body, if any, has an equilibrium position.
 
     Raises:
         SceneError: it slides away.
     """
-    for own in rope.effects:
-        if isinstance(own, RigidBody) and not np.isfinite(pose_of(own).velocity).all():
-            what = "the body finds no rest: friction does not hold it and its slings are slack"
-            right = "shorten the slings or the rope, raise friction, or lay it on a flatter bed"
-            raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
+    body = body_of(rope)
+    if body is not None and not np.isfinite(pose_of(body).velocity).all():
+        what = "the body finds no rest: friction does not hold it and its slings are slack"
+        right = "shorten the slings or the rope, raise friction, or lay it on a flatter bed"
+        raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
 
 
 def check_equilibrium(scene: Scene, end: Equilibrium, highest_m: float) -> None:

@@ -29,11 +29,11 @@ from rope_twin.core.bed import Grid, Plane, clearance
 from rope_twin.core.body.bed import bed_pushes
 from rope_twin.core.body.energy import pose_of
 from rope_twin.core.body.parts import part_of
-from rope_twin.core.body.state import GridBed, PlaneBed, RigidBody
+from rope_twin.core.body.state import GridBed, PlaneBed
 from rope_twin.core.state import Rope
 from rope_twin.effects.seabed import normal_push
 from rope_twin.twin.snapshot import BedContact, Touchdown, Vector
-from rope_twin.twin.snapshot_builder import RopeShape, midpoints
+from rope_twin.twin.snapshot_builder import RopeShape, body_of, midpoints
 
 
 def seabed_of(rope: Rope) -> Plane | Grid | None:
@@ -55,8 +55,8 @@ def seabed_contact(rope: Rope) -> BedContact | None:
     lump = 0.5 * np.diff(s, prepend=s[0], append=s[-1])
     lying = (lump[:-1] + lump[1:])[height <= 0.0]
     load_height, load_push = height[0], normal_push(bed, bed.soil.k_payload, x[:, :1], v[:, :1])
-    body = next((effect for effect in rope.effects if isinstance(effect, RigidBody)), None)
-    if body is not None and len(body.corners):  # height of its lowest corner, push on all
+    body = body_of(rope)
+    if body is not None:  # height of its lowest corner, push on all
         load_height, load_push, _ = bed_pushes(
             part_of(body, PlaneBed, GridBed), body, pose_of(body)
         )

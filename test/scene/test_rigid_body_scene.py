@@ -164,6 +164,7 @@ def turned() -> Snapshot:
         quaternion=turn.as_quat(), angular_velocity_rad_per_s=np.array([0.1, -0.2, 0.3]),
         size_m=np.array([4.0, 3.0, 2.0]), leg_pull_n=np.array([5e4, 0.0]),
         leg_length_m=np.array([6.0, 5.9]), leg_end_m=np.array([[1.0, 2.0, -3.0], [4.0, 5.0, -6.0]]),
+        hook_m=shot.node_position_m[-1],
         deck_push_n=1e3, deck_clearance_m=-0.002,
     )  # fmt: skip
     velocity = np.array([0.5, -0.1, 0.2])

@@ -22,7 +22,6 @@ Place = tuple[float, float, float]
 
 DAMPING = "damping: {newton_seconds: 100000.0}"
 NET = "net: {width_m: 2.0, height_m: 1.0, solidity: 0.1}"
-BODY = "rigid_body: {size_m: [1.0, 1.0, 1.0], pinned_at_m: [0.0, 0.0, 1.0]}"
 NET_AT = "net: {width_m: 2.0, height_m: 1.0, solidity: 0.1, payload: %s}"
 CLAMPED = "bending: {stiffness_n_m2: 1.0, clamped_along: [0.0, 0.0, -1.0]}"
 LEG = "rope: steel_wire_40mm, length_m: 10.0, elements: 5, " + DAMPING
@@ -90,8 +89,6 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
      "struts[0].between", ("3 values in the list", "give 2")),
     ("unknown key of a joint", spoilt("mass_kg: 100.0", "mas_kg: 100.0"),
      "joints[0].mas_kg", ("unknown key", "did you mean 'mass_kg'?")),
-    ("a rigid body", spoilt("  - weight: {}", f"  - weight: {{}}\n  - {BODY}"),
-     "effects", ("`rigid_body` is listed in a scene whose ropes meet",)),
     ("bending that is not listed",
      spoilt("from: stern,", "from: stern, bending: {stiffness_n_m2: 1.0},"),
      "ropes[3].bending", ("the effect `bending` is not listed", "list it")),

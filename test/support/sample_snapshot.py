@@ -95,6 +95,7 @@ def hanging_body(nodes: int = 11) -> Snapshot:
             leg_pull_n=np.array([5e4, 6e4]),
             leg_length_m=np.array([7.0, 7.1]),
             leg_end_m=shot.payload_position_m + np.array([[1.8, 0.0, 1.25], [-1.8, 0.0, 1.25]]),
+            hook_m=shot.node_position_m[-1],
             deck_push_n=1e3,
             deck_clearance_m=-0.01,
         ),

@@ -173,7 +173,7 @@ def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
     body = BodyShot(
         quaternion=np.array([0.0, 0.0, 0.0, 1.0]), angular_velocity_rad_per_s=np.zeros(3),
         size_m=np.array([4.0, 3.0, 2.0]), leg_pull_n=np.array([5e4, 0.0]),
-        leg_length_m=np.array([5.6, 5.6]), leg_end_m=ends, deck_push_n=None, deck_clearance_m=None,
+        leg_length_m=np.array([5.6, 5.6]), leg_end_m=ends, hook_m=hook,
     )  # fmt: skip
     session.epoch()
     session.rope(1.0)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from itertools import product
 from typing import Any
 
+import numpy as np
+
 from rope_twin.core.body import energy as body_energy
 from rope_twin.core.body import step as body_step
 from rope_twin.core.body.state import (
@@ -25,6 +27,15 @@ from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.loads.memory import remembering
 
 
+def _where_here(told: Any) -> Any:
+    """Return an account that is zero where the rope does not carry the body."""
+
+    def account_of(body: Any, place: Any) -> Any:
+        return told(body, place) if body.here else np.zeros(place.velocity.shape[1])
+
+    return account_of
+
+
 def _make(parts: tuple[type, ...]) -> type[RigidBody]:
     """Return a type of body with its kernels and accounts registered."""
     name = "RigidBody" + "".join(part.__name__ for part in parts)
@@ -32,7 +43,7 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
     for hook in ("start", "predict", "load_end", "calm", "settle"):
         kernel(hook, kind)(getattr(body_step, hook))
     for told in ("kinetic", "potential", "power"):
-        account(f"{told}_end", kind)(getattr(body_energy, told))
+        account(f"{told}_end", kind)(_where_here(getattr(body_energy, told)))
     remembering(kind, 1)
     switching(kind)
     globals()[name] = kind

@@ -150,3 +150,4 @@ class RigidBody(NamedTuple):
     heading: float  # of its x axis at the start, from east to north [rad]
     reach: float  # largest distance from G to any of these points [m]
     stiffness: float  # sum of the stiffness of legs and deck [N/m]
+    here: float = 1.0  # 0: another rope of the system carries it, or it hangs below a cut

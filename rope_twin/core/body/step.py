@@ -48,6 +48,8 @@ at = body_state
 
 def start(body: Any, rope: Any, upto: int) -> None:
     """Mark the static equilibrium as unsolved; record the ship's mean height."""
+    if body.here == 0.0:
+        return
     body.memory[0, 0] = 0.0
     body.stage[at.FRESH] = 1.0
     body.stage[at.SHIP_Z] = rope.state.nodes[POSITION + 2, rope.state.counts[ELEMENTS]]
@@ -129,7 +131,7 @@ def _foresee(body: Any, rope: Any, stage: Any, pose: Any) -> None:
 
 def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set the explicit part of the stage, and water and deck at its time."""
-    if low > 0:
+    if low > 0 or body.here == 0.0:
         return
     s, work, q = body.stage, rope.work, stage.q
     body.told[at.ALLOWED] = rope.model.tolerance
@@ -183,6 +185,8 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     The residual is set to infinity where the body has no solution: the step is then halved (NaN
     would be ignored by a maximum).
     """
+    if body.here == 0.0:
+        return
     x, y, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
     ax, ay, az = rows(work, ACCELERATION, 0)
@@ -218,7 +222,7 @@ def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     It does not where slings tighten or where a deck or the seabed is touched (a change of active
     set).
     """
-    if share == 0.0:
+    if share == 0.0 or body.here == 0.0:
         return True
     x, y, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
@@ -237,6 +241,8 @@ def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
 
 def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store the body for the converged motion of the hook; the second stage writes a record."""
+    if body.here == 0.0:
+        return
     work, s = rope.work, body.stage
     place = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
     speed = (work[VELOCITY, 0], work[VELOCITY + 1, 0], work[VELOCITY + 2, 0])

@@ -38,9 +38,9 @@ from rope_twin.core.state import (
 class Memories(NamedTuple):
     """An effect with internal variables, of all ropes of a system."""
 
-    first: Any  # that of the first rope; its type is that of all
+    first: Any  # that of one rope, with the fields that are not numbers: they are those of all
     memory: Floats  # (ropes, rows, nodes + 1)
-    figures: Floats  # the other fields of each, numbers, (ropes, fields)
+    figures: Floats  # the fields of each that are numbers, (ropes, numbers)
 
 
 _STACKERS: dict[type, Callable[[Sequence[Any]], Any]] = {}
@@ -92,12 +92,19 @@ def stacked_effects(ropes: Sequence[Rope], room: int) -> tuple[Any, ...]:
 
 
 def _stacked_memories(effects: Sequence[Any], room: int) -> Memories:
-    others = [[v for k, v in one._asdict().items() if k != "memory"] for one in effects]
     room = max(room, *(one.memory.shape[1] - 1 for one in effects))
     memory = np.zeros((len(effects), len(effects[0].memory), room + 1))
     for into, one in zip(memory, effects, strict=True):
         _copy_columns(one.memory, into)
-    return Memories(effects[0], memory, np.array(others, dtype=float))
+    first = next((one for one in effects if getattr(one, "here", True)), effects[0])
+    names = _numbers(first)
+    figures = [[getattr(one, name) for name in names] for one in effects]
+    return Memories(first, memory, np.array(figures, dtype=float))
+
+
+def _numbers(effect: Any) -> list[str]:
+    """Return the names of an effect's fields that are numbers."""
+    return [name for name, value in effect._asdict().items() if isinstance(value, float | int)]
 
 
 def _copy_columns(memory: Floats, into: Floats) -> None:
@@ -208,15 +215,17 @@ def effects_at(effects: Any, r: Any) -> Any:
 
 def _own_of(effect: Memories, r: int) -> Any:
     """Return rope r's effect with internal variables (plain Python)."""
-    names = [name for name in effect.first._fields if name != "memory"]
-    figures = dict(zip(names, effect.figures[r], strict=True))
-    return type(effect.first)(memory=effect.memory[r], **figures)
+    figures = dict(zip(_numbers(effect.first), effect.figures[r], strict=True))
+    return effect.first._replace(memory=effect.memory[r], **figures)
 
 
 def _memories_at(i: int, kind: Any) -> str:
     """Return the source of rope r's effect i, one with internal variables; kind: its numba type."""
-    names = [name for name in kind.fields if name != "memory"]
-    parts = {name: f"effects[{i}].figures[r, {k}]" for k, name in enumerate(names)}
+    parts = {name: f"effects[{i}].first.{name}" for name in kind.fields}
+    numbers = [
+        f for f, own in zip(kind.fields, kind.types, strict=True) if isinstance(own, types.Number)
+    ]
+    parts |= {name: f"effects[{i}].figures[r, {k}]" for k, name in enumerate(numbers)}
     parts["memory"] = f"effects[{i}].memory[r]"
     return f"Kind_{i}({', '.join(parts[name] for name in kind.fields)})"
 

@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rope_twin.core.body.state import RigidBody
+from rope_twin.core.body.step import start
 from rope_twin.core.joined.joints import LOOSE, System
 from rope_twin.core.joined.levels import coarsen, interpolate_from, set_initial_guess
 from rope_twin.core.state import (
@@ -137,10 +139,14 @@ def _count(system: System, r: int) -> int:
 
 
 def _stop(system: System) -> None:
+    """Reset velocities and counters; rigid bodies begin at rest below their hooks again."""
     for table in _tables(system):
         table[VELOCITY:NODE_ROWS] = 0.0
     for rope in system.ropes:
         rope.state.health[:] = 0
+        for body in rope.effects:
+            if isinstance(body, RigidBody):
+                start(body, rope, 0)
 
 
 def _places(system: System) -> list[Floats]:

@@ -21,12 +21,13 @@ from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.model.grid import weight_n_per_m
 from rope_twin.scene.model.rope import build, build_effects, tables_of
 from rope_twin.scene.schema import STEEL_KG_PER_M3, WINCH, Payload, RopeLine, Scene, Winch
-from rope_twin.scene.shapes import PayloadFigures, payload_figures
-from rope_twin.scene.validation.rigging import meeting_points, places, winch_of
+from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
+from rope_twin.scene.validation.rigging import body_payload, meeting_points, places, winch_of
 
 
 def first_places(scene: Scene) -> dict[str, Floats]:
@@ -116,9 +117,6 @@ def tethers(scene: Scene, joint_of: dict[str, int]) -> Floats:
     return made
 
 
-NOTHING = PayloadFigures(0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-
-
 @dataclass(frozen=True)
 class BuiltSystem:
     """Arrays of a multi-line scene."""
@@ -169,6 +167,13 @@ def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
     return found
 
 
+def _hook_mass_kg(scene: Scene, params: RigidBodyParams) -> float:
+    """Return the mass of a rigid body's hook, with half of the bars that end there."""
+    name = body_payload(scene)
+    bars = sum(0.5 * strut.mass_kg for strut in scene.struts if name in strut.between)
+    return params.hook_mass_kg + bars
+
+
 def build_joined(scene: Scene) -> BuiltSystem:
     """Return ropes, connections and bars with an initial guess of their shape.
 
@@ -180,6 +185,9 @@ def build_joined(scene: Scene) -> BuiltSystem:
         if line.to:
             owners.setdefault(line.to, number)
     figures, where = point_figures(scene), first_places(scene)
+    body = next((one for one in scene.payloads if one.name == body_payload(scene)), None)
+    if body is not None:  # its bars are at the hook
+        figures[body.name] = payload_figures(body, scene.environment.water_density_kg_per_m3)
     tables = any(one.rope.axial_stiffness for line in scene.ropes for one in line.made_of)
     ropes: list[Rope] = []
     for number, line in enumerate(scene.ropes):
@@ -214,13 +222,14 @@ def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
 
     Without a payload there is no slamming.
     """
-    single = alone(scene, number)
+    single, line = alone(scene, number), scene.ropes[number]
     rope = build(single)
-    if runs_over_sheave(scene, scene.ropes[number]):  # both sides have the damping of one rope
+    if runs_over_sheave(scene, line):  # both sides have the damping of one rope
         both = build(alone(with_both_stretches(scene, number), number))
         rope.sections[C] = both.sections[C]
     effects = tuple(_own_params(scene, number, own, params) for params in scene.effects)
-    return rope._replace(effects=build_effects(replace(single, effects=effects), own))
+    carries = own is not NOTHING and line.to == body_payload(scene)
+    return rope._replace(effects=build_effects(replace(single, effects=effects), own, carries))
 
 
 def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> Any:
@@ -237,6 +246,8 @@ def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> 
     if isinstance(params, FairingParams):
         fairing = carried.fairing if carried else None
         return _of_payload(params, fairing, carried) or replace(params, face_m2=0.0)
+    if isinstance(params, RigidBodyParams):
+        params = replace(params, hook_mass_kg=_hook_mass_kg(scene, params))
     if isinstance(params, BendingParams):
         params = line.bending or params
         if line.from_ not in places(scene):  # a connection is a hinge

@@ -49,7 +49,7 @@ from rope_twin.scene.model.grid import (
     node_coordinates,
 )
 from rope_twin.scene.schema import Payload, RopeLine, Scene
-from rope_twin.scene.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
 from rope_twin.scene.stiffness import cubics
 from rope_twin.scene.validation.rigging import refuse_joined
 
@@ -69,10 +69,10 @@ def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
         if isinstance(own, Plane | Grid):
             (params,) = (one for one in scene.effects if isinstance(one, SeabedParams))
             parts.append(_bed(own, params, body))
-            own = _below_hook(own, params, body)
+            own = _below_hook(own, params, body) if body.here else own
         others.append(own)
     whole = with_parts(body, tuple(parts))
-    if isinstance(parts[0], Afloat):  # it may begin in the air
+    if body.here and isinstance(parts[0], Afloat):  # it may begin in the air
         whole = whole._replace(W=body.m * body.g + body.hook_weight)
     return tuple(whole if own is body else own for own in others)
 
@@ -164,8 +164,14 @@ def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
     return next((payload for payload in scene.payloads if payload.name == line.to), None)
 
 
-def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ...]:
-    """Return the kernel data of the effects that the scene lists, in the order of EFFECTS."""
+def build_effects(
+    scene: Scene, figures: PayloadFigures | None, carries_body: bool = True
+) -> tuple[Any, ...]:
+    """Return the kernel data of the effects that the scene lists, in the order of EFFECTS.
+
+    figures: of the payload at the lower end; carries_body: whether it is the scene's rigid body,
+    if there is one.
+    """
     water = scene.environment
     Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
     Cd = sum(own.normal for own in scene.effects if isinstance(own, DragParams))
@@ -180,7 +186,8 @@ def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ..
         for params in scene.effects:
             if type(params) is effect.params:
                 # a body hangs below the rope's end: for other effects that end is unloaded
-                own = None if apart and not isinstance(params, RigidBodyParams) else figures
+                of_body = isinstance(params, RigidBodyParams)
+                own = NOTHING if apart and of_body != carries_body else figures
                 built.append(effect.build(params, own, around))
                 if not hooks_of(type(built[-1])):
                     raise SceneError(

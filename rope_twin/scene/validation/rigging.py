@@ -5,33 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from rope_twin.effects import EFFECTS
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
-from rope_twin.effects.current import CurrentParams
-from rope_twin.effects.decomposed_force import DecomposedForceParams
-from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
-from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
-from rope_twin.effects.travelling_waves import TravellingWavesParams
-from rope_twin.effects.wake_oscillator import WakeOscillatorParams
-from rope_twin.effects.waves import WavesParams
-from rope_twin.effects.weight import WeightParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.scene.schema import WINCH, Fault, RopeLine, Rule, Scene, Triple, Winch
-
-# Effects supported in multi-line scenes: without a payload, or with one of each rope's own.
-MEETING = (
-    CurrentParams, WavesParams, WeightParams, DragParams, AddedMassParams, BendingParams,
-    SeabedParams, PayloadParams, SplashZoneParams, NetParams, FairingParams, ModalVibrationParams,
-    DecomposedForceParams, StrouhalForcingParams, WakeOscillatorParams, TravellingWavesParams,
-)  # fmt: skip
 
 
 def is_joined(scene: Scene) -> bool:
@@ -206,11 +187,7 @@ def _what_joints_need(scene: Scene) -> Iterator[Fault]:
     if not is_joined(scene):
         return
     kinds = [type(params) for params in scene.effects]
-    for effect in EFFECTS:
-        if effect.params in kinds and effect.params not in MEETING:
-            what = f"`{effect.name}` is listed in a scene whose ropes meet"
-            yield "effects", what, "remove it: it supports single-line scenes only"
-    if PayloadParams not in kinds:
+    if not {PayloadParams, RigidBodyParams}.intersection(kinds):
         right = "add `- payload: {}`"
         yield "effects", "`payload` is not listed: no payload has weight", right
 
@@ -307,22 +284,61 @@ def refuse_body(scene: Scene, what: str) -> None:
         raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
 
 
+def body_payload(scene: Scene) -> str | None:
+    """Return the name of the payload that is a rigid body; None if none is."""
+    own = scene.listed(RigidBodyParams)
+    if own is None or not scene.payloads:
+        return None
+    return own.payload or scene.payloads[0].name
+
+
 def body_holds(scene: Scene) -> Iterator[Fault]:
     """Check that a rigid body has a payload, and that no effect treats it as a point."""
     own = scene.listed(RigidBodyParams)
     if own is None:
         return
-    for params in scene.effects:
-        if name := OF_A_POINT.get(type(params), ""):
-            what = f"`rigid_body` and `{name}`, which treats the payload as a point"
-            yield "effects", what, f"remove `{name}`, or use `payload` for the body"
-        if isinstance(params, SplashZoneParams) and params.height_m != own.size_m[2]:
-            what = f"{params.height_m:g} m is not the height of the body, {own.size_m[2]:g} m"
-            yield "effects.splash_zone.height_m", what, "give the third value of size_m"
-    if not scene.payloads or not any(line.to for line in scene.ropes):
+    names = [payload.name for payload in scene.payloads]
+    if not names or not any(line.to for line in scene.ropes):
         what = "`rigid_body` is listed but no payload is"
         yield "effects", what, "add it under `payloads` and to the rope's `to`, or remove it"
         return
-    if scene.payloads[0].mass_kg == 0.0:
+    if own.payload and own.payload not in names:
+        right = did_you_mean(own.payload, names)
+        yield "effects.rigid_body.payload", f"there is no payload '{own.payload}'", right
+        return
+    if not own.payload and len(names) > 1:
+        what = f"it does not say which of {len(names)} payloads is the body"
+        yield "effects.rigid_body.payload", what, f"name it, for instance {names[0]}"
+    number = names.index(body_payload(scene) or names[0])
+    yield from _only_body(scene, own, scene.payloads[number].name)
+    if scene.payloads[number].mass_kg == 0.0:
         right = "give the body a mass"
-        yield "payloads[0].mass_kg", "a rigid body without mass cannot move", right
+        yield f"payloads[{number}].mass_kg", "a rigid body without mass cannot move", right
+
+
+def _only_body(scene: Scene, own: RigidBodyParams, name: str) -> Iterator[Fault]:
+    """Check the effects beside a rigid body of this name, and the rope that it hangs on."""
+    others = [one.name for one in scene.payloads if one.name != name]
+    points = others + [one.name for one in scene.joints if one.mass_kg > 0.0]
+    for params in scene.effects:
+        at_point = OF_A_POINT.get(type(params), "")
+        if at_point and not (points and isinstance(params, PayloadParams)):
+            what = f"`rigid_body` and `{at_point}`, which treats the payload as a point"
+            yield "effects", what, f"remove `{at_point}`, or use `payload` for the body"
+        if not isinstance(params, SplashZoneParams):
+            continue
+        if params.height_m != own.size_m[2]:
+            what = f"{params.height_m:g} m is not the height of the body, {own.size_m[2]:g} m"
+            yield "effects.splash_zone.height_m", what, "give the third value of size_m"
+        if others:
+            what = f"`splash_zone` beside `rigid_body` is for the body alone, not '{others[0]}'"
+            yield "effects", what, "remove it, or give the scene one payload"
+    if points and scene.listed(PayloadParams) is None:
+        what = f"`payload` is not listed: '{points[0]}' has no weight"
+        yield "effects", what, "add `- payload: {}`"
+    holding = next((line for line in scene.ropes if line.to == name), None)
+    if own.deck is None or not own.deck.with_ship or holding is None:
+        return
+    if holding.from_ not in places(scene):
+        what = f"it heaves with the ship, and '{holding.name}' does not come from there"
+        yield "effects.rigid_body.deck.with_ship", what, "let the deck rest, or heave by itself"

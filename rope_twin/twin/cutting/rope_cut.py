@@ -27,8 +27,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.bed import Grid, Plane
-from rope_twin.core.body import state as at
-from rope_twin.core.body.state import LEG, Afloat, RigidBody
+from rope_twin.core.body.state import RigidBody
 from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.loads.hooks import hooks_of, work_rows
 from rope_twin.core.payout import SMALLEST_REST
@@ -101,45 +100,10 @@ def _bare(effect: Any) -> Any:
     if isinstance(effect, Plane | Grid):  # the bed stays, the payload on it does not
         return effect._replace(soil=effect.soil._replace(k_payload=0.0))
     if isinstance(effect, RigidBody):
-        return _parked(effect)
+        return effect._replace(here=0.0, W=0.0, hook=0.0)
     if type(effect) not in _WITHOUT:
         raise TypeError(f"{type(effect).__name__} loads the lower end: say here what is none of it")
     return effect._replace(**_WITHOUT[type(effect)])
-
-
-def _parked(body: RigidBody) -> RigidBody:
-    """Return a body of this type without slings, forces or contacts.
-
-    It stays where this one is, and its equations are 0 = 0: its contribution to the rope is 0.
-    """
-    records, now = np.zeros_like(body.records), body.records[int(body.memory[0, 0])]
-    for first, count in ((at.X, 3), (at.Q, 4), (at.WATER, 3)):
-        records[0, first : first + count] = now[first : first + count]
-    memory = body.memory.copy()
-    memory[0] = 0.0  # index of the valid record
-    return body._replace(
-        memory=memory,
-        records=records,
-        parts=tuple(_untouched(part) for part in body.parts),
-        legs=np.zeros((0, LEG)),
-        corners=np.zeros((0, 3)),
-        added=np.zeros(6),
-        k=np.zeros(6),
-        W=0.0,
-        hook=0.0,
-        hook_weight=0.0,
-        g=0.0,
-        displaced=0.0,
-        rising=0.0,
-        rising_k=0.0,
-    )
-
-
-def _untouched(part: Any) -> Any:
-    """Return a component of a body without weight and corners."""
-    if isinstance(part, Afloat):
-        return part._replace(columns=np.zeros((0, part.columns.shape[1])), slam=0.0)
-    return part
 
 
 NODE_TOL = 0.01  # of an element: the rope is cut at a node within this distance

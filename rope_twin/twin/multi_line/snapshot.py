@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.body.energy import pose_of
 from rope_twin.core.joined.joints import System
 from rope_twin.core.joined.sheaves import FLOW_COLUMN, POINT
 from rope_twin.core.joined.ties import FIRST, PULL, SECOND
@@ -25,6 +26,7 @@ from rope_twin.twin.snapshot import (
     amended,
     first_rope,
 )
+from rope_twin.twin.snapshot_builder import body_of
 from rope_twin.twin.touchdown import seabed_contact
 from rope_twin.vortex.results import RopeVibration
 
@@ -72,15 +74,19 @@ def with_vibration(scene: Scene, shot: Snapshot, found: Sequence[RopeVibration])
 
 
 def payload_shots(now: SystemState) -> tuple[PayloadShot, ...]:
-    """Return the state of every payload."""
-    return tuple(
-        PayloadShot(
-            name=one.name,
-            position_m=now.nodes(now.owners[one.name], rows.POSITION)[:, 0].copy(),
-            velocity_m_per_s=now.nodes(now.owners[one.name], rows.VELOCITY)[:, 0].copy(),
-        )
-        for one in now.scene.payloads
-    )
+    """Return the state of every payload: its lower end's, or that of a rigid body's middle."""
+    return tuple(_payload_shot(now, one.name) for one in now.scene.payloads)
+
+
+def _payload_shot(now: SystemState, name: str) -> PayloadShot:
+    r = now.owners[name]
+    body = body_of(now.system.ropes[r])
+    if body is None:
+        place, speed = (now.nodes(r, row)[:, 0].copy() for row in (rows.POSITION, rows.VELOCITY))
+    else:
+        pose = pose_of(body)
+        place, speed = pose.place(body.middle), pose.speed(body.middle)
+    return PayloadShot(name=name, position_m=place, velocity_m_per_s=speed)
 
 
 def strut_shots(now: SystemState) -> tuple[StrutShot, ...]:

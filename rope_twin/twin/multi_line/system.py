@@ -42,11 +42,17 @@ from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import InputHealth, Snapshot, amended
 from rope_twin.twin.snapshot_builder import (
     RopeShape,
+    body_of,
     shape_from_sheave,
     shape_from_top,
     strength_of,
 )
-from rope_twin.twin.statics import check_equilibrium, no_garbage_collection, weak_ropes
+from rope_twin.twin.statics import (
+    check_equilibrium,
+    judge_body,
+    no_garbage_collection,
+    weak_ropes,
+)
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.payout import HangOffMotion, Payout, TensionFeedback, tension_feedback
 from rope_twin.twin.winch.winch import Winch, winch_of_rope
@@ -89,6 +95,7 @@ class MultiLineRopes:
         """
         with no_garbage_collection():
             end = solve_reeved_statics(self.system(self.first), self._boundary.value[:, 0])
+        judge_body(self._scene, self.lowest(self.first))
         highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
         check_equilibrium(self._scene, end, highest)
         for warning in weak_ropes(
@@ -312,8 +319,8 @@ class MultiLineRopes:
         )
 
     def lowest(self, first: Rope) -> Rope:
-        """Return the first rope, which stands for a single rope."""
-        return first
+        """Return the rope that carries the rigid body; the first one if there is none."""
+        return next((rope for rope in (first, *self._ropes) if body_of(rope)), first)
 
     def changing(self) -> dict[str, Any]:
         """Return the additional state that a restart needs, by name."""
