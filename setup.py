@@ -36,7 +36,7 @@ DOCS = [
 ]
 TEST = [
     "pytest>=8,<9.2",  # with 9.2 pytest-xdist 3.8 does not see groups: tests over ROS would overlap
-    "pytest-xdist>=3.6",
+    "pytest-xdist>=3.8",  # --no-loadscope-reorder
     "hypothesis>=6.100",
     "jsonschema>=4.20",  # scenes are checked against `rope_twin scene schema`
     "psutil>=5.9",

@@ -1,6 +1,7 @@
 """How tests run: side by side on all cores, and property tests with the same examples every time.
 
-Nothing is inherited of the terminal that they are started from: not its width, not its colours.
+Nothing is inherited of the terminal that they are started from: not its width, not its colours. Nor
+is a wish for no bytecode: each worker and each of some hundred processes would make its own.
 
 `--hypothesis-profile=search` tries new examples; `-n 0` runs one test after the other.
 """
@@ -18,16 +19,31 @@ ROS = Path(__file__).parent / "ros"
 # validation/ and benchmarks/ are not installed. Last, so that an installed rope_twin is tested.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.append(str(Path(__file__).resolve().parent / "support"))  # fixtures of several folders
-# Files whose entries reach the same kernels: of a step read as assembly, of ropes that meet.
+# Files whose entries reach the same kernels: of a step read as assembly or in lanes, of ropes that
+# meet, of every scene. Side by side two of them would compile the same code at the same moment.
 ALIKE = {
     "test_compiled_effects.py": "assembly",
     "test_bench_command.py": "assembly",
+    "test_ensemble_speed.py": "assembly",
     "test_cut_joined.py": "joined",
     "test_joined_energy.py": "joined",
     "test_joined_bending.py": "joined",
+    "test_golden_states.py": "scenes",
+    "test_scenes_run.py": "scenes",
 }
+# The groups that take longest, in the order in which they are begun.
+FIRST = (
+    "ros",
+    "scenes",
+    "test_effects.py",
+    "test_snippets.py",
+    "assembly",
+    "test_accuracy_study.py",
+    "test_cut_body_twin.py",
+)
 
-for name in ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "PYTHONWARNINGS"):
+for name in ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "PYTHONWARNINGS",
+             "PYTHONDONTWRITEBYTECODE"):  # fmt: skip
     os.environ.pop(name, None)
 
 # A counterexample is printed as found: shrinking it takes minutes where an example is a simulation.
@@ -50,7 +66,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     They start processes of their own, whose pace should not depend on each other. So do files that
     compile the same kernels into entries of their own: a worker translates a kernel once.
+
+    Groups are handed out in the order of their first tests, and a worker takes its next one while
+    it still has two tests to run. So the long ones come first: none is left to one worker alone.
     """
+    place = {group: number for number, group in enumerate(FIRST)}
+    items.sort(key=lambda item: place.get(_group(item.path), len(FIRST)))
     for item in items:
-        group = "ros" if ROS in item.path.parents else ALIKE.get(item.path.name, str(item.path))
-        item.add_marker(pytest.mark.xdist_group(group))
+        item.add_marker(pytest.mark.xdist_group(_group(item.path)))
+
+
+def _group(path: Path) -> str:
+    """What the tests of a file share a worker with."""
+    return "ros" if ROS in path.parents else ALIKE.get(path.name, path.name)
