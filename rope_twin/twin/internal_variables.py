@@ -35,7 +35,7 @@ def on_nodes(
 
     Args:
         effects: of the rope with its old nodes.
-        s: coordinates of the new free nodes in the old rope [m], (nodes,).
+        s: coordinates of the new nodes that carry loads in the old rope [m], (nodes,).
         capacity: of the new rope's arrays, in nodes.
         start_m: coordinate of the new rope's lower end in the old rope [m].
     """

@@ -13,24 +13,35 @@ from rope_twin import load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.body.energy import pose_of
 from rope_twin.core.body.state import RigidBody
+from rope_twin.core.joined.joints import loaded_ends
 from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.state import Floats, Rope
+from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.recording.motion_source import FIRST_NS, offer, open_sea
 from rope_twin.scene.validation.rigging import winches_by_name
+from rope_twin.studies.driven_twin import with_effect
 from rope_twin.twin.accuracy.level import AccuracyLevel, elements_at, levels_of, scene_level
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
 
 SECOND_NS = 1_000_000_000
-SCENES = ["manifold_lift", "viv_calm", "vortices_modal", "bridle_lift", "two_line_loop"]
-WITH_VARIABLES = ["viv_calm", "vortices_modal"]  # of their effects, at the nodes
+SHAKEN = {  # multi-line scenes that get a VIV model
+    "bridle_lift shaken by modes": ModalVibrationParams(),
+    "two_line_loop with wakes": WakeOscillatorParams(),
+}
+SCENES = ["manifold_lift", "viv_calm", "vortices_modal", "bridle_lift", "two_line_loop", *SHAKEN]
+WITH_VARIABLES = ["viv_calm", "vortices_modal", *SHAKEN]  # of their effects, at the nodes
 
 
 @pytest.fixture(scope="module", params=SCENES)
 def moving(request: pytest.FixtureRequest) -> Twin:
     """A shipped scene four seconds into its own sea and schedule, with inputs for four more."""
-    twin = Twin(load_scene(request.param))
+    scene = load_scene(request.param.split()[0])
+    if request.param in SHAKEN:
+        scene = with_effect(scene, SHAKEN[request.param])
+    twin = Twin(scene)
     sea = open_sea(twin.scene)
     for second in range(4):
         until_ns = (second + 1) * SECOND_NS if second < 3 else 8 * SECOND_NS
@@ -133,6 +144,12 @@ def test_a_saved_state_of_any_level_goes_on_to_the_bit(moving: Twin, tmp_path: P
         assert digest([again.snapshot()]) == digest([twin.snapshot()])
 
 
+def memory_of(rope: Rope) -> Floats:
+    """The internal variables of the one effect that has them."""
+    (found,) = [own.memory for own in rope.effects if numbers_carried(type(own))]
+    return np.asarray(found)
+
+
 def wakes(twin: Twin) -> list[tuple[Any, int]]:
     """Memories of the effects at the nodes, with the number of their variables."""
     return [
@@ -140,6 +157,27 @@ def wakes(twin: Twin) -> list[tuple[Any, int]]:
         for effect in twin.rope.effects
         if numbers_carried(type(effect)) and not isinstance(effect, RigidBody)
     ]
+
+
+@pytest.mark.parametrize("moving", list(SHAKEN), indirect=True)
+def test_every_rope_takes_its_wakes_to_another_level(moving: Twin) -> None:
+    """At nodes that stay, and where it ends at a connection, which carries loads too."""
+    twin = moving.branch()
+    before = [(rope, memory_of(rope)) for rope in ropes_of(moving)]
+    twin.set_level(halved(moving))
+    assert twin.joined is not None
+    loaded = loaded_ends(twin.joined.system(twin.rope))
+    assert sum(loaded) >= 2
+    for (old, fine), rope, end in zip(before, ropes_of(twin), loaded, strict=True):
+        k = next(filter(None, (numbers_carried(type(own)) for own in rope.effects)))
+        n, coarse = int(rope.state.counts[rows.ELEMENTS]), memory_of(rope)
+        assert coarse[3 * k, -1] == n + end
+        m = int(fine[3 * k, -1])
+        assert m == int(old.state.counts[rows.ELEMENTS]) + end
+        at = np.abs(old.state.s[:m, None] - rope.state.s[: n + end]).argmin(axis=0)
+        assert rope.state.s[: n + end] == pytest.approx(old.state.s[at], abs=1e-9)
+        assert coarse[:k, : n + end] == pytest.approx(fine[:k, at], abs=1e-2)
+    assert max(np.abs(fine[:1]).max() for _, fine in before) > 0.0
 
 
 @pytest.mark.parametrize("moving", WITH_VARIABLES, indirect=True)

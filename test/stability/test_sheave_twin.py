@@ -12,6 +12,7 @@ from small_scene import digest
 
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.effects.current import CurrentParams
+from rope_twin.errors import SolverError
 from rope_twin.scene.schema import Scene
 
 
@@ -131,3 +132,21 @@ def test_a_restored_run_and_a_branch_are_the_run(scene: Scene, tmp_path: Path) -
         for shot, wanted in zip(shots, expected, strict=True):
             assert shot.sheaves[0].passed_m == wanted.sheaves[0].passed_m
             assert pulls(shot) == pulls(wanted)
+
+
+def test_a_step_that_fails_leaves_the_sheave_as_it_was(scene: Scene) -> None:
+    """Its correction is not finite, and the next step must not read it."""
+    twin = Twin(scene)
+    twin.advance(100)
+    other = twin.branch()
+    n = int(twin.rope.state.counts[0])
+    kept = twin.rope.state.nodes[3, 1:n].copy()
+    twin.rope.state.nodes[3, 1:n] = math.inf
+    with pytest.raises(SolverError, match="not finite"):
+        twin.advance(1)
+    twin.rope.state.nodes[3, 1:n] = kept
+    for one in (twin, other):
+        one.advance(100)
+    shots = [one.snapshot() for one in (twin, other)]
+    assert pulls(shots[0]) == pulls(shots[1])
+    assert digest(shots[:1]) == digest(shots[1:])

@@ -85,8 +85,9 @@ def pass_end(sheaves: Any, joints: Any, rope: Any, r: int, p: float, q: float) -
     """Set the length of rope r's last element, and the motion of the rope that passes the sheave.
 
     The motion of the connections is that of the stage; p and q are the weights of a correction
-    that the motion of the rope still lacks, 0 where it lacks none. An element that has run out gets
-    the length NaN: the step then counts as not finite.
+    that the motion of the rope still lacks, 0 where it lacks none: the correction is then not read,
+    which a failed step may have left not finite. An element that has run out gets the length NaN:
+    the step then counts as not finite.
     """
     if sheaves is None:
         return
@@ -98,7 +99,7 @@ def pass_end(sheaves: Any, joints: Any, rope: Any, r: int, p: float, q: float) -
     set_top_length(work, state.s, rope.sections, n, L if state.s[n - 1] < L else nan, 0.0)
     rest = work[REST, n - 1]
     for k in range(3):
-        delta = work[CORRECTION + k, n - 1]
+        delta = work[CORRECTION + k, n - 1] if q != 0.0 else 0.0
         x, v = work[POSITION + k, n - 1] + p * delta, work[VELOCITY + k, n - 1] + q * delta
         along = (joints.work[POSITION + k, P] - x) / rest
         turn = (joints.work[VELOCITY + k, P] - v - V * along) / rest

@@ -18,6 +18,7 @@ from rope_twin.core.body.state import RigidBody
 from rope_twin.core.body.step import start
 from rope_twin.core.joined.joints import LOOSE, System
 from rope_twin.core.joined.levels import coarsen, interpolate_from, set_initial_guess
+from rope_twin.core.loads.memory import forget_memories
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -139,11 +140,12 @@ def _count(system: System, r: int) -> int:
 
 
 def _stop(system: System) -> None:
-    """Reset velocities and counters; rigid bodies begin at rest below their hooks again."""
+    """Reset velocities, counters and internal variables; a body rests below its hook again."""
     for table in _tables(system):
         table[VELOCITY:NODE_ROWS] = 0.0
     for rope in system.ropes:
         rope.state.health[:] = 0
+        forget_memories(rope.effects)
         for body in rope.effects:
             if isinstance(body, RigidBody):
                 start(body, rope, 0)

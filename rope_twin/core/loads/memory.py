@@ -91,6 +91,15 @@ def count_known(effect: Any) -> int:
     return int(effect.memory[3 * _REMEMBERED[type(effect)], -1])
 
 
+def forget_memories(effects: Any) -> None:
+    """Set internal variables to zero, as they are before a static solution.
+
+    In its long steps they would grow without bound.
+    """
+    for effect, _ in _with_variables(effects):
+        effect.memory[...] = 0.0
+
+
 @jit
 def _carry_over(memory: Any, state: State, k: int, n: int) -> None:
     """Interpolate the values to the present nodes, if these have changed since the last call."""

@@ -27,7 +27,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.elements import SAME_PLACE
-from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
+from rope_twin.core.joined.joints import System, loaded_ends, new_system, with_flows
 from rope_twin.core.joined.sheaves import FLOW_COLUMN
 from rope_twin.core.loads.hooks import work_rows
 from rope_twin.core.payout import TRIALS
@@ -59,6 +59,7 @@ class UpperEnd:
 
     pull_n: Floats  # force of the rope on it, (3,) x, y, z
     payout_m_per_s: float
+    loaded: bool  # whether its node carries loads; a connection does, no hang-off
 
 
 @dataclass(frozen=True)
@@ -76,12 +77,12 @@ def upper_ends(ropes: Rope | System, pull: Floats, payout_m_per_s: Floats) -> li
     pull: force of each rope on it [N], (ropes, PULL_COLUMNS); payout: of the ropes that hang from
     the ship, (ropes,).
     """
-    speeds = [float(payout_m_per_s[0])]
+    speeds, loaded = [float(payout_m_per_s[0])], (False,)
     if isinstance(ropes, System):
-        loose, passing = ropes.joints.upper == LOOSE, _passing_m_per_s(ropes)
-        speeds = np.where(loose, payout_m_per_s, passing).tolist()
+        loaded = loaded_ends(ropes)
+        speeds = np.where(loaded, _passing_m_per_s(ropes), payout_m_per_s).tolist()
     forces = pull[:, rows.PULL_X : rows.PULL_Z + 1].copy()
-    return [UpperEnd(*pair) for pair in zip(forces, speeds, strict=True)]
+    return [UpperEnd(*own) for own in zip(forces, speeds, loaded, strict=True)]
 
 
 def _passing_m_per_s(whole: System) -> Floats:
@@ -144,7 +145,7 @@ def coarser(rope: Rope, at: UpperEnd) -> Rope:
     top = new.direction[:, -1]
     if wanted_n[-1] > 0.0:
         wanted_n[-1] = max(float((0.5 * new.rest[-1] * load - at.pull_n) @ top), 0.0)
-    return _filled(rope._replace(model=model), state, new, wanted_n)
+    return _filled(rope._replace(model=model), state, new, wanted_n, at)
 
 
 def finer(rope: Rope, grid: Grid, at: UpperEnd) -> Rope:
@@ -173,7 +174,7 @@ def finer(rope: Rope, grid: Grid, at: UpperEnd) -> Rope:
     _bend(state, old, (parent, share), np.where(taut, force, 0.0))
     new = elements_of(state, rope.sections, at.payout_m_per_s)
     wanted_n = np.where(taut, np.maximum((force * new.direction).sum(axis=0), 0.0), np.nan)
-    return _filled(rope._replace(model=grid.model), state, new, wanted_n)
+    return _filled(rope._replace(model=grid.model), state, new, wanted_n, at)
 
 
 def _kept_nodes(rope: Rope) -> Ints:
@@ -197,14 +198,14 @@ def _empty(rope: Rope, room: int, coordinates: Floats) -> State:
     return state
 
 
-def _filled(rope: Rope, state: State, new: Elements, wanted_n: Floats) -> Rope:
+def _filled(rope: Rope, state: State, new: Elements, wanted_n: Floats, at: UpperEnd) -> Rope:
     """Return the rope with this state and these element tensions (NaN: no offset)."""
     count = len(wanted_n)
     state.offset[:count] = offsets_for(rope, new, wanted_n)
     room = state.s.shape[0]
     work = new_work(columns_for(room), work_rows(rope.effects))
     work[rows.TENSION, :count] = tensions(rope, new, state.offset[:count])
-    effects = on_nodes(rope.effects, state.s[:count], room)
+    effects = on_nodes(rope.effects, state.s[: count + at.loaded], room)
     return rope._replace(state=state, work=work, effects=effects)
 
 
