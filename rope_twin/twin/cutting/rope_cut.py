@@ -247,15 +247,21 @@ def inserted_nodes(s: Floats, least_m: float) -> list[float]:
     return [at for at in wanted if at < (1.0 - NODE_TOL) * s[1]]
 
 
-def upper_part(rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...]) -> Rope:
-    """Return the part that hangs on; sections cut off end below its lower end."""
+def upper_part(
+    rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...], *, loaded: bool = False
+) -> Rope:
+    """Return the part that hangs on; sections cut off end below its lower end.
+
+    loaded: its upper end is a connection, whose node carries loads.
+    """
     sections = rope.sections.copy()
     sections[rows.END] -= nodes.s[k]
     part = Nodes(nodes.motion[:, k:], nodes.s[k:] - nodes.s[k], nodes.offset[k:], nodes.tension[k:])
     state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
     state.health[:] = rope.state.health
     model = rope.model._replace(first_free=0)
-    effects = on_nodes(bare, nodes.s[k:-1], state.s.shape[0], float(nodes.s[k]))
+    own = nodes.s[k:] if loaded else nodes.s[k:-1]
+    effects = on_nodes(bare, own, state.s.shape[0], float(nodes.s[k]))
     return _filled(rope._replace(model=model, sections=sections, effects=effects), state, part)
 
 
@@ -265,7 +271,7 @@ def falling_part(rope: Rope, nodes: Nodes, k: int) -> Rope:
     part = Nodes(motion, s, nodes.offset[:k], nodes.tension[:k])
     state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
-    effects = on_nodes(rope.effects, s, state.s.shape[0])
+    effects = reset_drag_amplification(on_nodes(rope.effects, s, state.s.shape[0]))
     lower = rope._replace(model=model, sections=rope.sections.copy(), effects=effects)
     return _filled(lower, state, part)
 

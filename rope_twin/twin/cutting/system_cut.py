@@ -63,7 +63,7 @@ def cut_system(system: System, border: Boundary, place: CutPosition) -> CutSyste
         nodes, _ = nodes.with_node_at(lost + above)
     nodes, k = _of_two_elements(nodes, k)
     nodes.motion[:, -1] = whole.state.nodes[:, int(whole.state.counts[rows.ELEMENTS])]
-    upper = upper_part(whole, nodes, k, without_load(whole.effects))
+    upper = upper_part(whole, nodes, k, without_load(whole.effects), loaded=not at_ship)
     lower = falling_part(whole, nodes, k)
     ropes = [*system.ropes, lower]
     ropes[r] = upper
