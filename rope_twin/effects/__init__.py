@@ -40,6 +40,7 @@ class Surroundings(NamedTuple):
     room: int = 0  # node capacity of the rope's arrays
     drag_normal: float = 0.0  # normal drag coefficient of the rope, 0 where the scene lists none
     bending_n_m2: float = 0.0  # bending stiffness of the rope, 0 where the scene lists none
+    two_way: bool = False  # whether a payload of the scene differs between ascent and descent
 
 
 @dataclass(frozen=True)

@@ -65,15 +65,32 @@ class Payloads(NamedTuple):
     figures: Floats  # the fields of Payload, (ropes, 7)
 
 
+class TwoWayPayloads(NamedTuple):
+    """The same of payloads one of which has different ascent and descent."""
+
+    figures: Floats  # the fields of TwoWayPayload, (ropes, 9)
+
+
 def _pick(payloads: Any, r: int) -> Any:
     f = payloads.figures[r]
     return Payload(f[0], f[1], f[2], f[3], f[4], f[5], f[6])
+
+
+def _pick_two_way(payloads: Any, r: int) -> Any:
+    f = payloads.figures[r]
+    return TwoWayPayload(f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8])
 
 
 @stacks(Payload, Payloads, _pick)
 def stack(payloads: Any) -> Payloads:
     """Stack the kernel data of several payloads."""
     return Payloads(np.array(payloads, dtype=float))
+
+
+@stacks(TwoWayPayload, TwoWayPayloads, _pick_two_way)
+def stack_two_way(payloads: Any) -> TwoWayPayloads:
+    """Stack the kernel data of several payloads, one of which differs in ascent and descent."""
+    return TwoWayPayloads(np.array(payloads, dtype=float))
 
 
 def build(params: PayloadParams, payload: Any, environment: Any) -> Payload | TwoWayPayload:
@@ -83,7 +100,7 @@ def build(params: PayloadParams, payload: Any, environment: Any) -> Payload | Tw
     k = [0.5 * density * area for area in payload.drag_area_m2]
     weight = (payload.mass_kg - density * payload.volume_m3) * environment.gravity_m_per_s2
     plain = Payload(float(weight), *(float(value) for value in (*mass, *k)))
-    if not payload.differs_rising:
+    if not (payload.differs_rising or environment.two_way):
         return plain
     dM = 0.5 * float(payload.rising_added_mass_kg - payload.added_mass_kg[2])
     dk = 0.25 * float(density * (payload.rising_drag_area_m2 - payload.drag_area_m2[2]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,12 +19,15 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.core.loads.hooks import all_wide
 from rope_twin.effects import Surroundings
 from rope_twin.effects.payload import Payload, PayloadParams, TwoWayPayload, build
+from rope_twin.messages.encoder import ropes_of
 from rope_twin.scene.schema import Payload as PayloadScene
 from rope_twin.scene.schema import RegularHeave, Rising, Scene, ScheduleRow, SeaState, Winch
 from rope_twin.scene.shapes import Grab, PayloadFigures, payload_figures
 from rope_twin.scene.validation.relations import faults
+from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.studies.ensemble import make_plan, read_axis, variations
 from rope_twin.twin.ensemble.ensemble import Ensemble
+from rope_twin.twin.snapshot import RopeShot
 from rope_twin.twin.twin import Twin
 
 WATER = Surroundings(1025.0, 9.80665, 0.0)
@@ -124,6 +128,60 @@ def test_steady_lowering_and_hauling() -> None:
     at_rest = towed(0.0)
     assert at_rest - towed(1.0) == pytest.approx(sinking, rel=2e-3)
     assert towed(-1.0) - at_rest == pytest.approx(rising, rel=5e-3)
+
+
+def hauled(text: str, folder: Path) -> list[RopeShot]:
+    """Ropes after 12 s in which every winch hauls at 0.8 m/s."""
+    path = folder / "scene.yaml"
+    path.write_text(text, encoding="utf-8")
+    scene = load_scene(str(path))
+    twin = Twin(scene)
+    for name in winches_by_name(scene):
+        assert twin.offer_speed(0, -0.8, name) == ""
+    twin.advance(round(12.0 / twin.step_s))
+    return list(ropes_of(twin.snapshot()))
+
+
+SET = (
+    "{{name: {name}, mass_kg: 4000.0, displaced_volume_m3: 0.5, added_mass_kg: [900.0, 900.0, "
+    "2000.0], drag_area_m2: [2.0, 2.0, 4.0]{rising}}}\n"
+)
+RISES = ", rising: {drag_area_m2: 1.0, added_mass_kg: 500.0}"
+WINCH = (
+    "{speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 0.4, least_line_out_m: 20.0, "
+    "most_line_out_m: 120.0}"
+)
+ROPE = "rope: steel_wire_40mm, elements: 12, damping: {newton_seconds: 1.0e+5}"
+LISTED = (
+    "effects:\n  - weight: {}\n  - drag: {normal: 1.2, tangential: 0.02}\n  - payload: {}\n"
+    "time: {step_s: 0.02, newton_tolerance_n: 0.01}\n"
+)
+
+
+def lone(rising: str, length_m: float) -> str:
+    return (
+        "about: x\nsource: x\nlook_at: x\nropes:\n"
+        f"  - {{name: a, {ROPE}, length_m: {length_m}, to: x}}\n"
+        f"payloads:\n  - {SET.format(name='x', rising=rising)}winch: {WINCH}\n{LISTED}"
+    )
+
+
+def test_payloads_side_by_side_rise_as_each_alone(tmp_path: Path) -> None:
+    """One that differs in ascent, and one that does not, in one scene."""
+    both = hauled(
+        "about: x\nsource: x\nlook_at: x\nropes:\n"
+        f"  - {{name: a, {ROPE}, length_m: 80.0, to: x}}\n"
+        f"  - {{name: b, {ROPE}, length_m: 70.0, from: stern, to: y}}\n"
+        f"payloads:\n  - {SET.format(name='x', rising='')}  - {SET.format(name='y', rising=RISES)}"
+        f"hang_offs: [{{name: stern, at_m: [-30.0, 0.0, 0.0], winch: {WINCH}}}]\n"
+        f"winch: {WINCH}\n{LISTED}",
+        tmp_path,
+    )
+    differs, same = (hauled(lone(rising, 70.0), tmp_path)[0] for rising in (RISES, ""))
+    (other,) = hauled(lone("", 80.0), tmp_path)
+    assert both[1].tension_top_n == pytest.approx(differs.tension_top_n, rel=1e-6)
+    assert both[0].tension_top_n == pytest.approx(other.tension_top_n, rel=1e-6)
+    assert abs(same.tension_top_n - differs.tension_top_n) > 500.0
 
 
 @pytest.mark.long

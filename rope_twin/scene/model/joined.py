@@ -229,7 +229,9 @@ def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
         rope.sections[C] = both.sections[C]
     effects = tuple(_own_params(scene, number, own, params) for params in scene.effects)
     carries = own is not NOTHING and line.to == body_payload(scene)
-    return rope._replace(effects=build_effects(replace(single, effects=effects), own, carries))
+    two_way = any(figures.differs_rising for figures in point_figures(scene).values())
+    built = build_effects(replace(single, effects=effects), own, carries, two_way)
+    return rope._replace(effects=built)
 
 
 def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> Any:
@@ -298,5 +300,10 @@ def _sum(one: PayloadFigures, other: PayloadFigures) -> PayloadFigures:
     x, y, z = (a + b for a, b in zip(one.added_mass_kg, other.added_mass_kg, strict=True))
     u, v, w = (a + b for a, b in zip(one.drag_area_m2, other.drag_area_m2, strict=True))
     return PayloadFigures(
-        one.mass_kg + other.mass_kg, one.volume_m3 + other.volume_m3, (x, y, z), (u, v, w)
+        mass_kg=one.mass_kg + other.mass_kg,
+        volume_m3=one.volume_m3 + other.volume_m3,
+        added_mass_kg=(x, y, z),
+        drag_area_m2=(u, v, w),
+        added_mass_rising_kg=one.rising_added_mass_kg + other.rising_added_mass_kg,
+        drag_area_rising_m2=one.rising_drag_area_m2 + other.rising_drag_area_m2,
     )

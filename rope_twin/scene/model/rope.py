@@ -165,12 +165,15 @@ def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
 
 
 def build_effects(
-    scene: Scene, figures: PayloadFigures | None, carries_body: bool = True
+    scene: Scene,
+    figures: PayloadFigures | None,
+    carries_body: bool = True,
+    two_way: bool = False,
 ) -> tuple[Any, ...]:
     """Return the kernel data of the effects that the scene lists, in the order of EFFECTS.
 
     figures: of the payload at the lower end; carries_body: whether it is the scene's rigid body,
-    if there is one.
+    if there is one; two_way: whether any payload of the scene differs in ascent and descent.
     """
     water = scene.environment
     Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
@@ -179,7 +182,7 @@ def build_effects(
     room = _room(scene, line, node_coordinates(line, least_line_out_m(scene)))
     density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
     EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
-    around = Surroundings(density, gravity, Ca, room, Cd, EI)
+    around = Surroundings(density, gravity, Ca, room, Cd, EI, two_way)
     apart = scene.listed(RigidBodyParams) is not None
     built = []
     for effect in EFFECTS:

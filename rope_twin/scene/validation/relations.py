@@ -351,17 +351,14 @@ def _at_the_end(scene: Scene) -> Iterator[Fault]:
 
 def _two_ways(scene: Scene) -> Iterator[Fault]:
     """A payload with different properties in ascent and descent."""
-    splashes = scene.listed(SplashZoneParams) is not None
+    if scene.listed(SplashZoneParams) is None:
+        return
     for number, payload in enumerate(scene.payloads):
         if payload.rising is None and not isinstance(payload.shape, TwoWayShape):
             continue
         what = f"'{payload.name}' has different properties in ascent and descent"
-        if splashes:
-            right = "remove `splash_zone`, which supports one set, or `rising` (and give a box)"
-            yield f"payloads[{number}]", what, right
-        elif is_joined(scene):
-            right = "in a multi-line scene give one set: remove `rising`, or use another shape"
-            yield f"payloads[{number}]", what, right
+        right = "remove `splash_zone`, which supports one set, or `rising` (and give a box)"
+        yield f"payloads[{number}]", what, right
 
 
 def _limits(scene: Scene) -> Iterator[Fault]:

@@ -77,9 +77,9 @@ def upper_ends(ropes: Rope | System, pull: Floats, payout_m_per_s: Floats) -> li
     pull: force of each rope on it [N], (ropes, PULL_COLUMNS); payout: of the ropes that hang from
     the ship, (ropes,).
     """
-    speeds, loaded = [float(payout_m_per_s[0])], (False,)
+    speeds = [float(payout_m_per_s[0])]
+    loaded = loaded_ends(ropes) if isinstance(ropes, System) else (False,)
     if isinstance(ropes, System):
-        loaded = loaded_ends(ropes)
         speeds = np.where(loaded, _passing_m_per_s(ropes), payout_m_per_s).tolist()
     forces = pull[:, rows.PULL_X : rows.PULL_Z + 1].copy()
     return [UpperEnd(*own) for own in zip(forces, speeds, loaded, strict=True)]
