@@ -127,12 +127,18 @@ def run(args: argparse.Namespace) -> int:
 def _write(
     folder: Path, scene: Scene, name: str, found: FrequencyDomainRun, fatigue: Fatigue
 ) -> list[Path]:
-    """Write pictures and tables of a line; in a multi-line scene to a folder of its own."""
+    """Write pictures and tables of a line."""
+    title = f"{scene.name}, {name}" if is_joined(scene) else scene.name
+    return write_all(title, found, fatigue, _folder_of(folder, scene, name))
+
+
+def _folder_of(folder: Path, scene: Scene, name: str) -> Path:
+    """Return the folder for the files of a line: one of its own in a multi-line scene."""
     if not is_joined(scene):
-        return write_all(scene.name, found, fatigue, folder)
+        return folder
     own = folder / re.sub(r"[^\w.+-]+", "_", name)
     check_folder(own)
-    return write_all(f"{scene.name}, {name}", found, fatigue, own)
+    return own
 
 
 def _checked(args: argparse.Namespace) -> StressCurve:
@@ -163,15 +169,21 @@ def _shedding(args: argparse.Namespace, scene: Scene) -> Shedding:
 
 def _time_domain(args: argparse.Namespace, scene: Scene) -> int:
     scene = with_model(scene, args.strouhal, args.damping)
-    if words := vortex_words(scene, lift_figures(scene)):
+    if not is_joined(scene) and (words := vortex_words(scene, lift_figures(scene))):
         print(words, file=sys.stderr)  # required resolution, and its cost
-    found = run_time_domain(scene, args.duration, args.fatigue)
-    files = write_time_domain(found, args.out) if args.out is not None else []
+    lines = run_time_domain(scene, args.duration, args.fatigue)
+    files: list[Path] = []
+    for found in lines if args.out is not None else ():
+        files += write_time_domain(found, _folder_of(args.out, scene, found.line))
     if args.json:
-        result = {"scene": scene.name, **time_domain_figures(found)}
-        print_json({**result, "files": [str(path) for path in files]})
+        rows = [{"line": found.line, **time_domain_figures(found)} for found in lines]
+        told = {"lines": rows} if is_joined(scene) else time_domain_figures(lines[0])
+        print_json({"scene": scene.name, **told, "files": [str(path) for path in files]})
         return ExitCode.OK
-    print(time_domain_words(found))
+    for found in lines:
+        if is_joined(scene):
+            print(f"{found.line}, places below its upper end:")
+        print(time_domain_words(found))
     for path in files:
         print(path)
     return ExitCode.OK

@@ -53,7 +53,8 @@ def with_effect(scene: Scene, params: Any) -> Scene:
 
 
 Motion = Callable[[float], tuple[float, float]]  # time [s] to value and rate
-Speeds = Sequence[tuple[float, float]]  # at [s], winch speed from then on [m/s]
+# at [s], winch speed from then on [m/s], and the winch's name if it is not the first one
+Speeds = Sequence[tuple[float, float] | tuple[float, float, str]]
 
 
 def feed(twin: Twin, seconds: float, every: int = 0) -> Iterator[None]:
@@ -110,8 +111,8 @@ def march(
     for _ in range(round(seconds / (every * twin.step_s))):
         last = twin.steps + every
         while waiting and waiting[0][0] <= last * twin.step_s + 5.0:
-            at, speed = waiting.popleft()
-            _taken(twin.offer_speed(round(at * 1e9), speed))
+            at, speed, *name = waiting.popleft()
+            _taken(twin.offer_speed(round(at * 1e9), speed, *name))
         for k in range(twin.steps + 1, last + 1):
             _taken(twin.offer_heave(k * twin.step_ns, *heave(k * twin.step_s)))
         twin.advance(every)

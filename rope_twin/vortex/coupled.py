@@ -402,9 +402,9 @@ class VivDragAmplification:
             for tracker, rope in zip(self.trackers, ropes, strict=False)
         )
 
-    def drag_amplification(self, rope: Rope) -> Floats:
-        """Return the drag amplification at the nodes of the first rope, from the lower end up."""
-        return 1.0 + self._amplification_less_1(self.tracker, rope)
+    def drag_amplification(self, rope: Rope, number: int) -> Floats:
+        """Return the drag amplification at the nodes of rope `number`, from the core's first on."""
+        return 1.0 + self._amplification_less_1(self.trackers[number], rope)
 
     def _amplification_less_1(self, tracker: CoupledModel, rope: Rope) -> Floats:
         """Return the drag amplification less 1 at the nodes of a rope.

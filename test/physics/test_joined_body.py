@@ -12,6 +12,7 @@ from small_scene import not_finite
 from rope_twin import Snapshot, Twin, load_scene, messages
 from rope_twin.errors import SceneError
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.modes.modes import find_system_modes
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.monitors.settings import ENERGY, ERROR_INTERVAL
 from rope_twin.twin.twin import Twin as CoreTwin
@@ -220,6 +221,13 @@ def test_its_error_interval_is_known(tmp_path: Path) -> None:
     shot = heaved(twin, 28.0)
     assert shot.error_interval is not None, shot.no_error_interval
     assert not not_finite(shot)
+
+
+def test_its_modes_are_refused(tmp_path: Path) -> None:
+    """A body swings by itself: modes without that would be wrong."""
+    scene = scene_of(TWO_CRANES + effects(), tmp_path)
+    with pytest.raises(SceneError, match="a body that swings by itself"):
+        find_system_modes(scene, 3)
 
 
 def test_what_a_cut_crane_held_swings_to_the_other(tmp_path: Path) -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rope_twin import Snapshot, Twin, load_scene
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import Scene, SeaState
+from rope_twin.studies.viv.time_domain import run_time_domain
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors
 from rope_twin.twin.twin import Twin as CoreTwin
@@ -233,3 +235,31 @@ def test_the_energy_of_ropes_that_shake_closes(model: str, tmp_path: Path) -> No
     energy = twin.snapshot().energy
     assert energy is not None
     assert abs(energy.residual_j) < 2e-3 * energy.exchanged_j
+
+
+@pytest.mark.parametrize("model", ["modal_vibration", "wake_oscillator"])
+def test_an_assessment_in_the_time_domain_is_that_of_each_alone(model: str, tmp_path: Path) -> None:
+    """Motion, tension and drag of both wires, by a model outside the step and by one in it."""
+    both = run_time_domain(scene_of(hanging("ab", model), tmp_path), 20.0, "stranded_wire")
+    assert [one.line for one in both] == ["a", "b"]
+    for own, name in zip(both, "ab", strict=True):
+        text = hanging(name, model)
+        (alone,) = run_time_domain(scene_of(text, tmp_path), 20.0, "stranded_wire")
+        assert alone.rms[0].max() > 0.02, "it shakes"
+        within = 0.05 * alone.rms[0].max()
+        assert own.from_hang_off_m[-1] == pytest.approx(alone.from_hang_off_m[-1])
+        assert own.rms[0] == pytest.approx(alone.rms[0], abs=within)
+        assert own.tension_top_n.mean() == pytest.approx(alone.tension_top_n.mean(), rel=1e-3)
+        assert own.drag_amplification == pytest.approx(alone.drag_amplification, rel=0.05)
+
+
+def test_a_stretch_over_a_sheave_is_told_from_its_upper_end(tmp_path: Path) -> None:
+    """The core counts it from there, the results do not."""
+    scene = load_scene("two_line_loop")
+    lines = run_time_domain(replace(scene, sea_state=SeaState()), 20.0, "stranded_wire")
+    assert [one.line for one in lines] == [line.name for line in scene.ropes]
+    for one in lines:
+        assert (np.diff(one.from_hang_off_m) > 0.0).all()
+        assert np.isfinite(one.rms[0]).all()
+        if one.fatigue is not None:
+            assert (np.diff(one.fatigue.from_hang_off_m) < 0.0).all()

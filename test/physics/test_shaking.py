@@ -137,7 +137,7 @@ def test_the_growth_of_coarse_nodes_is_that_of_the_rope_between_them() -> None:
 def test_the_study_by_its_own_model_tells_what_the_twin_does(model: Any) -> None:
     """`rope_twin viv --time-domain` looks at the motion itself, the twin reports live."""
     scene = shaken(model, replace(CABLE, diameter=0.032).scene())
-    found = run_time_domain(scene, 30.0, "stranded_wire")
+    (found,) = run_time_domain(scene, 30.0, "stranded_wire")
     shots = [shot for shot in march(Twin(scene), still, 30.0, 5) if shot.time_s >= 15.0]
     seen = [shaking(shot) for shot in shots]
     depth = shots[0].arc_length_m

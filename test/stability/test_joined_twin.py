@@ -158,7 +158,7 @@ def test_a_restored_run_and_a_branch_are_the_run(two_lines: Scene, tmp_path: Pat
 
 
 def test_what_builds_one_rope_says_so(bridle: Scene) -> None:
-    with pytest.raises(SceneError, match="ropes meet here, and this is for scenes of one rope"):
+    with pytest.raises(SceneError, match="ropes meet here; give a scene of one rope"):
         build(bridle)
 
 

@@ -103,7 +103,7 @@ def test_it_has_a_loosely_coupled_model_of_its_own(name: str) -> None:
     assert other is not None
     assert own.tracker.solves == other.tracker.solves == 8
     assert other.every == SAMPLING_RATIO * own.every
-    assert 1.2 < other.drag_amplification(coarse_of(twin).ropes[0]).max() < 2.0
+    assert 1.2 < other.drag_amplification(coarse_of(twin).ropes[0], 0).max() < 2.0
 
 
 @pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
@@ -114,7 +114,7 @@ def test_a_restored_twin_makes_one_whose_drag_is_amplified(name: str) -> None:
     again = Twin.restore(twin.capture(), twin.scene, ERROR_INTERVAL)
     other = coarse_of(again).viv_drag
     assert other is not None
-    assert other.drag_amplification(coarse_of(again).ropes[0]).max() > 1.2
+    assert other.drag_amplification(coarse_of(again).ropes[0], 0).max() > 1.2
     for one in (twin, again):
         one.advance(2500)
     assert "" == again.snapshot().no_error_interval == twin.snapshot().no_error_interval

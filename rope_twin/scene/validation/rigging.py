@@ -22,19 +22,15 @@ def is_joined(scene: Scene) -> bool:
     )
 
 
-def refuse_joined(scene: Scene, addition: str = "") -> None:
-    """Reject multi-line scenes where unsupported; `addition`: an option that would have to go.
+def refuse_joined(scene: Scene) -> None:
+    """Reject a multi-line scene where a scene of one rope is meant.
 
     Raises:
         SceneError: the scene is a multi-line system.
     """
-    if not is_joined(scene):
-        return
-    what = f"ropes meet here, and {addition or 'this'} is for scenes of one rope"
-    right = "give a scene of one rope, or step this one with `rope_twin run`"
-    if addition:
-        right = "remove it, or give a scene of one rope"
-    raise SceneError(phrase(f"{scene.path}: ropes", what, right))
+    if is_joined(scene):
+        right = "give a scene of one rope, or step this one with `rope_twin run`"
+        raise SceneError(phrase(f"{scene.path}: ropes", "ropes meet here", right))
 
 
 def places(scene: Scene) -> dict[str, Triple]:

@@ -39,6 +39,8 @@ from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import refuse_body
 
+_SWINGS = "the modes of a rope with a body that swings by itself are not known"
+
 
 @dataclass(frozen=True)
 class AtRest:
@@ -62,7 +64,7 @@ def bring_to_rest(scene: Scene) -> AtRest:
     Raises:
         SceneError: it cannot rest, is slack somewhere, or carries a rigid body.
     """
-    refuse_body(scene, "the modes of a rope with a body that swings by itself are not known")
+    refuse_body(scene, _SWINGS)
     rope, line = build(scene), scene.ropes[0]
     end = solve_statics(rope, line.length_m)
     if not end.found:
@@ -142,8 +144,9 @@ def bring_system_to_rest(scene: Scene) -> StillSystem:
     """Return the static equilibrium of the scene's ropes in their current.
 
     Raises:
-        SceneError: they cannot rest, or are slack somewhere.
+        SceneError: they cannot rest, are slack somewhere, or carry a rigid body.
     """
+    refuse_body(scene, _SWINGS)
     built = build_joined(scene)
     system = built.system
     held = np.zeros((len(scene.ropes), MOTIONS))

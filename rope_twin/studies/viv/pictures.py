@@ -228,7 +228,7 @@ def write_time_domain(run: TimeDomainRun, folder: Path) -> list[Path]:
     """
     pictures = {"time_along.png": _panels_along(run), "time_motion.png": _panels_in_time(run)}
     for name, panels in pictures.items():
-        draw_panels(f"{run.scene}: {run.model}", panels, folder / name)
+        draw_panels(f"{run.scene}, {run.line}: {run.model}", panels, folder / name)
     tables = {"time_along.parquet": _along_table(run), "time_motion.parquet": _motion_table(run)}
     for name, columns in tables.items():
         write_table(folder / name, columns)

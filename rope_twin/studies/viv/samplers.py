@@ -15,6 +15,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError, phrase
+from rope_twin.scene.model.joined import runs_over_sheave
 from rope_twin.studies.driven_twin import Motion, Speeds, march
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -35,7 +36,7 @@ _PLACE = slice(rows.POSITION, rows.POSITION + 3)
 
 
 class Sample(NamedTuple):
-    """One instant at the places, from the hang-off down."""
+    """One instant at the places, from the rope's upper end down."""
 
     moved: Floats  # across the flow and with it, of its model [m]; NaN: it has none, (2, places)
     across: Floats  # water relative to rope, normal to it [m/s], (3, places)
@@ -43,9 +44,39 @@ class Sample(NamedTuple):
     bent: Floats  # curvature [1/m], (2, places)
 
 
+class SampledRope(NamedTuple):
+    """One rope of a twin."""
+
+    twin: Twin
+    number: int
+
+    @property
+    def now(self) -> Rope:
+        """Return its arrays."""
+        first, joined = self.twin.rope, self.twin.joined
+        return first if joined is None else joined.system(first).ropes[self.number]
+
+    @property
+    def marks(self) -> Floats:
+        """Return the material coordinates of its nodes, from the core's first node on."""
+        state = self.now.state
+        return np.asarray(state.s[: int(state.counts[rows.ELEMENTS]) + 1])
+
+    @property
+    def places(self) -> Floats:
+        """Return the material coordinates of the places, from its upper end down.
+
+        The upper end is the core's last node, except where a rope ends at a sheave.
+        """
+        marks, scene = self.marks, self.twin.scene
+        at = np.linspace(marks[-1], marks[0], PLACES)
+        return at[::-1] if runs_over_sheave(scene, scene.ropes[self.number]) else at
+
+
 class Sampler(Protocol):
     """Sampling of a rope."""
 
+    rope: SampledRope
     has_slow_parts: bool  # whether its motion includes that of ship, waves and winch
 
     def steps(self) -> int:
@@ -58,14 +89,15 @@ class Sampler(Protocol):
         """Return the curvature at material coordinates [1/m], (2, places)."""
 
 
-def sampler_of(twin: Twin, vortices_hz: float) -> Sampler:
-    """Return the sampling that the scene's model needs.
+def samplers_of(twin: Twin, vortices_hz: float) -> list[Sampler]:
+    """Return the sampling of each rope that the scene's model needs.
 
     Raises:
         InputError: the time step is too long for vortices of that frequency.
     """
+    ropes = [SampledRope(twin, r) for r in range(len(twin.scene.ropes))]
     if twin.viv_drag is None:
-        return _NodeSampler(twin, vortices_hz)
+        return [_NodeSampler(rope, vortices_hz) for rope in ropes]
     per_period = 1.0 / (vortices_hz * twin.step_s)
     if per_period < LEAST_PER_PERIOD:
         what = (
@@ -74,7 +106,7 @@ def sampler_of(twin: Twin, vortices_hz: float) -> Sampler:
         )
         right = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --time-domain"
         raise InputError(phrase(f"{twin.scene.path}: time.step_s", what, right))
-    return _ModelSampler(twin, twin.viv_drag)
+    return [_ModelSampler(rope, twin.viv_drag) for rope in ropes]
 
 
 def advance_by(
@@ -113,26 +145,26 @@ class _NodeSampler:
 
     has_slow_parts = True
 
-    def __init__(self, twin: Twin, vortices_hz: float) -> None:
-        self._twin = twin
-        self._every = max(1, int(1.0 / (PER_PERIOD * vortices_hz * twin.step_s)))
+    def __init__(self, rope: SampledRope, vortices_hz: float) -> None:
+        self.rope = rope
+        self._every = max(1, int(1.0 / (PER_PERIOD * vortices_hz * rope.twin.step_s)))
         self._split: Floats | None = None  # unit vectors of the first sample
 
     def steps(self) -> int:
         return self._every
 
     def sample(self) -> Sample:
-        rope = self._twin.rope
-        s, place = _marks(rope), rope.state.nodes[_PLACE, : len(_marks(rope))]
+        rope, s, at = self.rope.now, self.rope.marks, self.rope.places
+        place = _at(at, s, rope.state.nodes[_PLACE, : len(s)])
         if self._split is None:
-            self._split = _sides(rope)
-        moved = np.einsum("skp,kp->sp", self._split, _at_places(s, place))
-        bent = _at_places(s, curvature(rope)[1])
-        return Sample(moved, _at_places(s, _across(rope)), np.ones(PLACES), bent)
+            self._split = _sides(self.rope)
+        moved = np.einsum("skp,kp->sp", self._split, place)
+        bent = _at(at, s, curvature(rope)[1])
+        return Sample(moved, _at(at, s, _across(rope, s)), np.ones(PLACES), bent)
 
     def bent(self, middles: Floats) -> Floats:
-        s, own = curvature(self._twin.rope)
-        return np.stack([np.interp(middles, s, part) for part in own])
+        s, own = curvature(self.rope.now)
+        return _at(middles, s, own)
 
 
 class _ModelSampler:
@@ -140,52 +172,47 @@ class _ModelSampler:
 
     has_slow_parts = False
 
-    def __init__(self, twin: Twin, viv_drag: VivDragAmplification) -> None:
-        self._twin, self._viv_drag = twin, viv_drag
+    def __init__(self, rope: SampledRope, viv_drag: VivDragAmplification) -> None:
+        self.rope, self._viv_drag = rope, viv_drag
 
     def steps(self) -> int:
-        return self._viv_drag.steps_to_sampling(self._twin.steps)
+        return self._viv_drag.steps_to_sampling(self.rope.twin.steps)
 
     def sample(self) -> Sample:
-        rope, tracker = self._twin.rope, self._viv_drag.tracker
-        s = _marks(rope)
-        at = np.linspace(s[-1], 0.0, PLACES)
+        rope, s, at = self.rope.now, self.rope.marks, self.rope.places
+        tracker = self._viv_drag.trackers[self.rope.number]
         moved = np.stack([tracker.moved(rope, at), np.full(PLACES, np.nan)])
-        amplified = np.interp(at, s, self._viv_drag.drag_amplification(rope))
-        return Sample(moved, _at_places(s, _across(rope)), amplified, self.bent(at))
+        amplified = self._viv_drag.drag_amplification(rope, self.rope.number)
+        across = _at(at, s, _across(rope, s))
+        return Sample(moved, across, np.interp(at, s, amplified), self.bent(at))
 
     def bent(self, middles: Floats) -> Floats:
         """Return the curvature of the model, and of the rope if the scene lists its bending."""
-        rope = self._twin.rope
-        bent = self._viv_drag.tracker.bent(rope, middles)
+        rope = self.rope.now
+        bent = self._viv_drag.trackers[self.rope.number].bent(rope, middles)
         if bending_stiffness(rope.effects) > 0.0:
             s, own = curvature(rope)
-            bent = bent + np.stack([np.interp(middles, s, part) for part in own])
+            bent = bent + _at(middles, s, own)
         return bent
 
 
-def _marks(rope: Rope) -> Floats:
-    """Return the material coordinates of the nodes, from the lower end up."""
-    return np.asarray(rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1])
-
-
-def _across(rope: Rope) -> Floats:
+def _across(rope: Rope, marks: Floats) -> Floats:
     """Return the velocity of the water relative to the rope, normal to it, at the nodes, (3,
     nodes).
     """
-    along, flow = tangents(rope.state.nodes[_PLACE, : len(_marks(rope))]), relative_flow(rope)
+    along, flow = tangents(rope.state.nodes[_PLACE, : len(marks)]), relative_flow(rope)
     return np.asarray(flow - (flow * along).sum(axis=0) * along)
 
 
-def _at_places(s: Floats, values: Floats) -> Floats:
-    at = np.linspace(s[-1], s[0], PLACES)
-    return np.stack([np.interp(at, s, part) for part in values])
+def _at(places: Floats, s: Floats, values: Floats) -> Floats:
+    """Return rows of values at coordinates s, interpolated at places."""
+    return np.stack([np.interp(places, s, part) for part in values])
 
 
-def _sides(rope: Rope) -> Floats:
+def _sides(rope: SampledRope) -> Floats:
     """Return unit vectors normal to the rope, across and along the flow, (2, 3, places)."""
-    s = _marks(rope)
-    water = rope.work[rows.FLOW : rows.FLOW + 3, : len(s)].copy()
+    s, now = rope.marks, rope.now
+    water = now.work[rows.FLOW : rows.FLOW + 3, : len(s)].copy()
     water[:, -1] = water[:, -2]
-    both = flow_directions(rope.state.nodes[_PLACE, : len(s)], water)
-    return np.stack([_at_places(s, own) for own in both])
+    both = flow_directions(now.state.nodes[_PLACE, : len(s)], water)
+    return np.stack([_at(rope.places, s, own) for own in both])

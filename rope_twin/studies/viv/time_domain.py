@@ -1,7 +1,7 @@
 """VIV assessment in the time domain: a run of the scene's twin with its VIV model.
 
 A scene without a VIV model is run with the modal one (`with_model`). The second half of the run
-counts; heave and winch move as in the scene.
+counts; heave and winches move as in the scene. In a multi-line scene every line is sampled.
 
 With a model inside the time step, motion slower than a fifth of the fastest vortices (ship, winch,
 sway) is removed from the nodes' motion by a Butterworth filter, forward and backward in time, and
@@ -25,20 +25,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.model.grid import ends_m
+from rope_twin.scene.model.joined import alone, first_places
 from rope_twin.scene.model.lift import lift_figures
-from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import refuse_joined
+from rope_twin.scene.schema import RopeLine, Scene
+from rope_twin.scene.validation.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.validation.vortices import shedding_model
 from rope_twin.scene.warnings.vortices import expected_pace
 from rope_twin.studies.driven_twin import Motion, Speeds, still, with_effect
 from rope_twin.studies.viv.frequency_domain import YEAR_S
-from rope_twin.studies.viv.samplers import PLACES, Sample, advance_by, resampled, sampler_of
+from rope_twin.studies.viv.samplers import (
+    PLACES,
+    Sample,
+    Sampler,
+    advance_by,
+    resampled,
+    samplers_of,
+)
+from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.damage import DamageSettings, RopeDamage
 from rope_twin.vortex.drag_amplification import amplified_drag
@@ -69,9 +77,10 @@ class Spectrum(NamedTuple):
 
 @dataclass(frozen=True)
 class TimeDomainRun:
-    """The steady part of a run; places are from the hang-off down."""
+    """The steady part of a run of one line; places are from its upper end down."""
 
     scene: str
+    line: str
     model: str
     vortices_hz: float  # the fastest that were expected
     every_s: float
@@ -175,10 +184,8 @@ def with_model(scene: Scene, strouhal: float | None = None, damping: float | Non
     the scene has them.
 
     Raises:
-        SceneError: the scene is a multi-line system.
         InputError: a value is given, and the scene lists another model.
     """
-    refuse_joined(scene, "a VIV assessment in the time domain")
     given = strouhal is not None or damping is not None
     own, model = scene.listed(ModalVibrationParams), shedding_model(scene)
     if model and own is None and given:
@@ -196,50 +203,99 @@ def with_model(scene: Scene, strouhal: float | None = None, damping: float | Non
     return with_effect(replace(scene, effects=others), params)
 
 
-def run_time_domain(scene: Scene, duration_s: float, curve: str) -> TimeDomainRun:
-    """Run a scene from static equilibrium with its regular heave and winch schedule.
+@dataclass
+class _SampledLine:
+    """One line of a run while it is sampled."""
+
+    line: RopeLine
+    hz: float  # of its fastest vortices
+    sampler: Sampler
+    damage: RopeDamage | None  # None: part of it is neither solid steel nor a pipe
+    seen: list[tuple[float, float, Sample]]  # time, top tension
+    marks: tuple[float, float] = (0.0, 0.0)  # material coordinates of its ends, upper one first
+
+    def take(self, shot: Snapshot, counts: bool) -> None:
+        """Take an instant; counts: whether it belongs to the steady part."""
+        rope = self.sampler.rope
+        pull_n = shot.ropes[rope.number].tension_top_n if shot.ropes else shot.tension_top_n
+        self.seen.append((shot.time_s, pull_n, self.sampler.sample()))
+        if not counts:
+            return
+        places = rope.places
+        self.marks = float(places[0]), float(places[-1])
+        if self.damage is not None:
+            self.damage.take(rope.now, pull_n, self.sampler.bent(self.damage.middles))
+
+    def result(self, scene: Scene, from_s: float, until_s: float) -> TimeDomainRun:
+        """Return what was seen between two times."""
+        top, low = self.marks
+        length_m = abs(top - low)
+        from_top, at = np.linspace(0.0, length_m, PLACES), np.linspace(top, low, PLACES)
+        EI = bending_stiffness(self.sampler.rope.now.effects)
+        diameter, stiff = _figures(self.line, at, EI)
+        times, pulls, moved, *others = _even(self.seen)
+        every_s = float(times[-1] - times[0]) / (len(times) - 1)
+        motion = moved.transpose(1, 0, 2) / diameter
+        if self.sampler.has_slow_parts:
+            motion = _fast(motion, self.hz, every_s)
+        steady = (from_s <= times) & (times <= until_s)
+        across, amplified, bent = (part[steady] for part in others)
+        fatigue = None
+        if self.damage is not None:
+            fatigue = self.damage.shot(length_m, float(steady.sum() * every_s))
+            if low > top:  # the core counts from the upper end
+                fatigue = _upside_down(fatigue, length_m)
+        return TimeDomainRun(
+            scene.name, self.line.name, shedding_model(scene), self.hz, every_s, from_top,
+            times[steady], motion[:, steady], pulls[steady], _amplification(across, amplified),
+            stiff * _worst_rms(bent), fatigue,
+        )  # fmt: skip
+
+
+def _upside_down(fatigue: MaterialFatigue, length_m: float) -> MaterialFatigue:
+    """Return the damage of a line whose upper end is the core's first node, from its lower end."""
+    from_upper_m = fatigue.from_lower_end_m[::-1]
+    return replace(
+        fatigue,
+        from_lower_end_m=length_m - from_upper_m,
+        from_hang_off_m=from_upper_m,
+        used=fatigue.used[::-1],
+    )
+
+
+def run_time_domain(scene: Scene, duration_s: float, curve: str) -> list[TimeDomainRun]:
+    """Run a scene from static equilibrium with its regular heave and winch schedules.
 
     The second half counts. A scene without a VIV model gets the modal one.
     curve: name of an S-N curve of stress.
 
+    Returns:
+        The result of each line, in the order of the scene.
+
     Raises:
-        SceneError: it is a multi-line system, has no flow, or cannot be built.
+        SceneError: it has no flow, or cannot be built.
         InputError: the run is too short, its sea is neither still nor a regular heave, or its winch
             has other commands than speeds.
         SolverError: the twin's next state would not be finite.
     """
     scene = with_model(scene)
-    hz = expected_hz(scene)
+    own_hz = expected_hz(scene)
+    hz = max(own_hz)
     refuse_short(duration_s, hz)
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
-    sampler, damage = sampler_of(twin, hz), _new_damage(scene, twin, curve)
-    around_s = AROUND_PERIODS / hz if sampler.has_slow_parts else 0.0
-    from_s, line_out = STEADY * duration_s, 0.0
-    seen: list[tuple[float, float, Sample]] = []  # time, top tension
-    for shot in advance_by(twin, heave, duration_s + around_s, speeds, sampler.steps):
-        if shot.time_s < from_s - around_s:
-            continue
-        seen.append((shot.time_s, shot.tension_top_n, sampler.sample()))
-        if from_s <= shot.time_s <= duration_s:
-            line_out = float(twin.rope.state.s[int(twin.rope.state.counts[rows.ELEMENTS])])
-            if damage is not None:
-                damage.take(twin.rope, shot.tension_top_n, sampler.bent(damage.middles))
-    from_top = np.linspace(0.0, line_out, PLACES)
-    diameter, stiff = _figures(scene, line_out - from_top, bending_stiffness(twin.rope.effects))
-    times, pulls, moved, *others = _even(seen)
-    every_s = float(times[-1] - times[0]) / (len(times) - 1)
-    motion = moved.transpose(1, 0, 2) / diameter
-    if sampler.has_slow_parts:
-        motion = _fast(motion, hz, every_s)
-    steady = (from_s <= times) & (times <= duration_s)
-    across, amplified, bent = (part[steady] for part in others)
-    return TimeDomainRun(
-        scene.name, shedding_model(scene), hz, every_s, from_top, times[steady],
-        motion[:, steady], pulls[steady], _amplification(across, amplified),
-        stiff * _worst_rms(bent),
-        None if damage is None else damage.shot(line_out, steady.sum() * every_s),
-    )  # fmt: skip
+    lines = [
+        _SampledLine(line, own or hz, sampler, _new_damage(scene, line, sampler, curve), [])
+        for line, own, sampler in zip(scene.ropes, own_hz, samplers_of(twin, hz), strict=True)
+    ]
+    first = lines[0].sampler
+    around_s = AROUND_PERIODS / hz if first.has_slow_parts else 0.0
+    from_s = STEADY * duration_s
+    for shot in advance_by(twin, heave, duration_s + around_s, speeds, first.steps):
+        if shot.time_s >= from_s - around_s:
+            for one in lines:
+                one.take(shot, from_s <= shot.time_s <= duration_s)
+    return [one.result(scene, from_s, duration_s) for one in lines]
 
 
 def refuse_short(duration_s: float, vortices_hz: float) -> None:
@@ -261,24 +317,36 @@ def _even(seen: list[tuple[float, float, Sample]]) -> list[Floats]:
     return resampled(np.array(times), np.array(pulls), *(np.array(part) for part in parts))
 
 
-def expected_hz(scene: Scene) -> float:
-    """Return the frequency of the fastest vortices [Hz].
+def expected_hz(scene: Scene) -> list[float]:
+    """Return the frequency of the fastest vortices of each line [Hz], 0 without flow.
 
     Raises:
         SceneError: there are none.
     """
-    pace = expected_pace(scene, lift_figures(scene))
-    if pace is None:
+    scenes = [scene]
+    if is_joined(scene):
+        tops = first_places(scene)
+        scenes = [
+            _from_place(alone(scene, number), tops[line.from_])
+            for number, line in enumerate(scene.ropes)
+        ]
+    paces = [expected_pace(one, lift_figures(one)) for one in scenes]
+    if not any(paces):
         what = "nothing flows, so no vortices"
         raise SceneError(phrase(f"{scene.path}: effects", what, "give 'current' a speed"))
-    return pace.frequency_hz
+    return [0.0 if pace is None else pace.frequency_hz for pace in paces]
 
 
-def _figures(scene: Scene, from_lower_m: Floats, EI: float) -> tuple[Floats, Floats]:
+def _from_place(scene: Scene, top: Floats) -> Scene:
+    """Return the scene of a line with its upper end there, approximately."""
+    x, y, z = top.tolist()
+    return replace(scene, ship=replace(scene.ship, hang_off_m=(x, y, z)))
+
+
+def _figures(line: RopeLine, marks: Floats, EI: float) -> tuple[Floats, Floats]:
     """Return hydrodynamic diameter [m] and E·d/2 [Pa·m] at places; NaN: not solid steel."""
-    line = scene.ropes[0]
     made = [section.rope for section in line.made_of]
-    which = np.minimum(np.searchsorted(ends_m(line), from_lower_m, side="right"), len(made) - 1)
+    which = np.minimum(np.searchsorted(ends_m(line), marks, side="right"), len(made) - 1)
     diameter = np.array([rope.hydrodynamic_diameter_m for rope in made])
     areas = [metal_area(rope, EI) for rope in made]
     stiff = [
@@ -288,12 +356,13 @@ def _figures(scene: Scene, from_lower_m: Floats, EI: float) -> tuple[Floats, Flo
     return diameter[which], np.array(stiff)[which]
 
 
-def _new_damage(scene: Scene, twin: Twin, curve: str) -> RopeDamage | None:
+def _new_damage(scene: Scene, line: RopeLine, sampler: Sampler, curve: str) -> RopeDamage | None:
     """Return the fatigue counter; None: part of the rope is neither solid steel nor a pipe."""
-    line, EI = scene.ropes[0], bending_stiffness(twin.rope.effects)
+    EI = bending_stiffness(sampler.rope.now.effects)
     if any(np.isnan(metal_area(section.rope, EI)) for section in line.made_of):
         return None
-    most = scene.winch.most_line_out_m if scene.winch else line.length_m
+    winch = winch_of(scene, line)
+    most = winch.most_line_out_m if winch else line.length_m
     return RopeDamage(line, ends_m(line), most, DamageSettings(curve, True), EI)
 
 
@@ -332,21 +401,21 @@ def _worst_rms(bent: Floats) -> Floats:
 
 
 def regular_motion(scene: Scene) -> tuple[Motion, Speeds]:
-    """Return heave over time and the winch's speeds.
+    """Return heave over time and the winches' speeds.
 
     Raises:
-        InputError: the sea is neither still nor a regular heave, or the winch has other commands.
+        InputError: the sea is neither still nor a regular heave, or a winch has other commands.
     """
     sea = scene.sea_state
     if sea.moves and sea.heave is None:
         right = "give `sea_state: {heave: {amplitude_m: 1.5, period_s: 8.0}}`"
         raise InputError(phrase(f"scene {scene.name}", "its sea is not a regular heave", right))
     heave = RegularSea(sea.heave, sea.start_s).at if sea.heave is not None else still
-    schedule = scene.winch.schedule if scene.winch else ()
     speeds = []
-    for row in schedule:
-        if row.speed_m_per_s is None:
-            what = f"at {row.at_s:g} s its winch gets another command than a speed"
-            raise InputError(phrase(f"scene {scene.name}", what, "give speed_m_per_s there"))
-        speeds.append((row.at_s, row.speed_m_per_s))
-    return heave, speeds
+    for name, winch in winches_by_name(scene).items():
+        for row in winch.schedule:
+            if row.speed_m_per_s is None:
+                what = f"at {row.at_s:g} s its winch gets another command than a speed"
+                raise InputError(phrase(f"scene {scene.name}", what, "give speed_m_per_s there"))
+            speeds.append((row.at_s, row.speed_m_per_s, name))
+    return heave, sorted(speeds)
