@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ from small_scene import not_finite
 
 from rope_twin import Snapshot, Twin, load_scene, messages
 from rope_twin.errors import SceneError
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import Damping, Joint, Scene
+from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.modes.modes import find_system_modes
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.monitors.settings import ENERGY, ERROR_INTERVAL
@@ -116,6 +118,34 @@ def test_a_rope_in_two_parts_carries_the_body_like_the_whole_one(tmp_path: Path)
         assert other.body.quaternion == pytest.approx(one.body.quaternion, abs=1e-7)
         assert other.body.leg_pull_n == pytest.approx(one.body.leg_pull_n, abs=1.0)
     assert shots[0][0].body.leg_pull_n != pytest.approx(shots[0][1].body.leg_pull_n, rel=0.01)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "low_m"), [("lift_off", 8.4), ("manifold_lift", 11.0)])
+def test_shipped_lifts_are_the_same_in_two_parts(name: str, low_m: float) -> None:
+    """Off a deck that heaves; through the surface in waves, above a seabed: 20 s.
+
+    `pytest -n 0 -m long test/physics/test_joined_body.py`
+    """
+    scene = load_scene(name)
+    line = replace(scene.ropes[0], damping=Damping(newton_seconds=2e5), elements=20)
+    share = low_m / line.length_m
+    below = replace(line, name="below", length_m=low_m, elements=round(20 * share), from_="ring")
+    above = replace(line, length_m=line.length_m - low_m, elements=20 - below.elements, to="ring")
+    assert scene.winch is not None
+    winch = replace(scene.winch, least_line_out_m=2.0)
+    winch = replace(winch, most_line_out_m=scene.winch.most_line_out_m - low_m)
+    parts = replace(
+        scene, ropes=(above, below), joints=(Joint(name="ring", mass_kg=0.0),), winch=winch
+    )
+    whole, other = CoreTwin(replace(scene, ropes=(line,))), CoreTwin(parts)
+    for one, two in zip(fed(whole, 20.0), fed(other, 20.0), strict=True):
+        assert one.body is not None
+        assert two.body is not None
+        assert two.tension_top_n == pytest.approx(one.tension_top_n, rel=1e-6)
+        assert two.payload_position_m == pytest.approx(one.payload_position_m, abs=1e-6)
+        assert two.body.leg_pull_n == pytest.approx(one.body.leg_pull_n, abs=1.0)
+        assert two.body.deck_push_n == pytest.approx(one.body.deck_push_n, abs=1.0)
 
 
 def test_ropes_side_by_side_move_as_each_alone(tmp_path: Path) -> None:
