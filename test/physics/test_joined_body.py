@@ -12,6 +12,7 @@ from small_scene import not_finite
 
 from rope_twin import Snapshot, Twin, load_scene, messages
 from rope_twin.errors import SceneError
+from rope_twin.scene.model.lift import hung_together
 from rope_twin.scene.schema import Damping, Joint, Scene
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.modes.modes import find_system_modes
@@ -185,6 +186,9 @@ def test_a_body_on_two_cranes_hangs_in_balance(tmp_path: Path) -> None:
     wet = wire.mass_kg_per_m - RHO * 0.25 * math.pi * wire.hydrodynamic_diameter_m**2
     weight = (MASS - RHO * VOLUME) * G + 300.0 * (1.0 - RHO / 7850.0) * G + 145.0 * wet * G
     assert -pulls[:, 2].sum() == pytest.approx(weight, rel=1e-6)
+    told = hung_together(scene)
+    assert told is not None
+    assert told.weight_n == pytest.approx(weight, rel=1e-9)
     assert pulls[:, 0].sum() == pytest.approx(0.0, abs=1e-3 * weight)
     assert shot.body is not None
     hook = shot.ropes[0].node_position_m[-1]

@@ -157,13 +157,19 @@ def alone(scene: Scene, number: int) -> Scene:
 
 
 def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
-    """Return the properties of each payload and connection, with half the mass of its bars."""
+    """Return the properties of each payload and connection, with half the mass of its bars.
+
+    Those of a rigid body include its hook.
+    """
     density = scene.environment.water_density_kg_per_m3
     found = {one.name: payload_figures(one, density) for one in scene.payloads}
     found |= {one.name: _steel(one.mass_kg) for one in scene.joints}
     for strut in scene.struts:
         for name in strut.between:
             found[name] = _sum(found[name], _steel(0.5 * strut.mass_kg))
+    body, carried = scene.listed(RigidBodyParams), body_payload(scene)
+    if body is not None and carried is not None:
+        found[carried] = _sum(found[carried], _steel(body.hook_mass_kg))
     return found
 
 
