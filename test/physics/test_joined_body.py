@@ -17,7 +17,7 @@ from rope_twin.scene.schema import Damping, Joint, Scene
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.modes.modes import find_system_modes
 from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.monitors.settings import ENERGY, ERROR_INTERVAL
+from rope_twin.twin.monitors.settings import ENERGY, ERROR_INTERVAL, NO_MONITORS
 from rope_twin.twin.twin import Twin as CoreTwin
 
 G, RHO = 9.80665, 1025.0
@@ -250,11 +250,17 @@ def test_fewer_elements_and_longer_steps_keep_it(tmp_path: Path) -> None:
 
 
 def test_its_error_interval_is_known(tmp_path: Path) -> None:
-    """The coarse solution has a body of its own."""
+    """The coarse solution has a body of its own, also on ropes too short to be coarser."""
     twin = Twin(scene_of(TWO_CRANES + effects(), tmp_path), ERROR_INTERVAL)
     shot = heaved(twin, 28.0)
     assert shot.error_interval is not None, shot.no_error_interval
     assert not not_finite(shot)
+    few = scene_of(TWO_CRANES.replace("elements: 10", "elements: 3") + effects(), tmp_path)
+    watched, alone = (heaved(Twin(few, one), 4.0) for one in (ERROR_INTERVAL, NO_MONITORS))
+    assert watched.body is not None
+    assert alone.body is not None
+    assert (watched.body.quaternion == alone.body.quaternion).all()
+    assert watched.tension_top_n == alone.tension_top_n
 
 
 def test_its_modes_are_refused(tmp_path: Path) -> None:
