@@ -36,7 +36,7 @@ EXAMPLES = (
 )
 MORE = """Undamped modes about static equilibrium in the scene's current, with added mass and with
 both ends as in the scene: the lowest, then the first axial ones. A multi-line system is solved as
-a whole: the lowest modes, then the first that stretch its lines."""
+a whole: the lowest modes, then the first that stretch its lines. A rigid body swings and turns."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:

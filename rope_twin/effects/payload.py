@@ -66,7 +66,7 @@ class Payloads(NamedTuple):
 
 
 class TwoWayPayloads(NamedTuple):
-    """The same of payloads one of which has different ascent and descent."""
+    """Kernel data of a multi-line system's payloads, one of which differs in ascent."""
 
     figures: Floats  # the fields of TwoWayPayload, (ropes, 9)
 

@@ -15,7 +15,7 @@ from rope_twin.errors import SceneError
 from rope_twin.scene.model.lift import hung_together
 from rope_twin.scene.schema import Damping, Joint, Scene
 from rope_twin.studies.driven_twin import fed
-from rope_twin.studies.modes.modes import find_system_modes
+from rope_twin.studies.modes.modes import find_modes, find_system_modes
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.monitors.settings import ENERGY, ERROR_INTERVAL, NO_MONITORS
 from rope_twin.twin.twin import Twin as CoreTwin
@@ -263,11 +263,16 @@ def test_its_error_interval_is_known(tmp_path: Path) -> None:
     assert watched.tension_top_n == alone.tension_top_n
 
 
-def test_its_modes_are_refused(tmp_path: Path) -> None:
-    """A body swings by itself: modes without that would be wrong."""
-    scene = scene_of(TWO_CRANES + effects(), tmp_path)
-    with pytest.raises(SceneError, match="a body that swings by itself"):
-        find_system_modes(scene, 3)
+def test_its_modes_are_those_of_the_whole_rope(tmp_path: Path) -> None:
+    """Turning, pendulum and axial modes of a rope in two parts; two cranes have stiffer ones."""
+    whole = find_modes(scene_of(WHOLE + effects(), tmp_path), 6)
+    parts = find_system_modes(scene_of(PARTS + effects(), tmp_path), 6)
+    for one, other in zip(whole.lowest, parts.lowest, strict=True):
+        assert other.period_s == pytest.approx(one.period_s, rel=1e-5)
+        assert other.turning_share == pytest.approx(one.turning_share, abs=1e-4)
+    assert parts.stretching[0].period_s == pytest.approx(whole.axial[0].period_s, rel=1e-5)
+    cranes = find_system_modes(scene_of(TWO_CRANES + effects(), tmp_path), 3)
+    assert cranes.lowest[2].period_s < 0.5 * parts.lowest[2].period_s
 
 
 def test_what_a_cut_crane_held_swings_to_the_other(tmp_path: Path) -> None:

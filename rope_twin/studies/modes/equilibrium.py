@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -37,9 +37,8 @@ from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.joined import build_joined
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import refuse_body
-
-_SWINGS = "the modes of a rope with a body that swings by itself are not known"
+from rope_twin.studies.modes.hung_body import HungBody, hung_body, without_body
+from rope_twin.twin.snapshot_builder import body_of
 
 
 @dataclass(frozen=True)
@@ -56,15 +55,15 @@ class AtRest:
     tangent: Floats  # at the free nodes, (3, n)
     s: Floats  # unstretched, of the free nodes from the hang-off [m]
     rest: Floats  # unstretched lengths of the elements [m]
+    body: HungBody | None  # below node 0, whose mass is then that of rope and hook alone
 
 
 def bring_to_rest(scene: Scene) -> AtRest:
     """Return the static equilibrium of the scene's rope in its current.
 
     Raises:
-        SceneError: it cannot rest, is slack somewhere, or carries a rigid body.
+        SceneError: it cannot rest, is slack somewhere, or its rigid body does not hang clear.
     """
-    refuse_body(scene, _SWINGS)
     rope, line = build(scene), scene.ropes[0]
     end = solve_statics(rope, line.length_m)
     if not end.found:
@@ -74,6 +73,7 @@ def bring_to_rest(scene: Scene) -> AtRest:
     still = StillRope(rope, line.length_m)
     place = still.place.copy()
     forces = still.forces(place)
+    body = _body_of(scene, rope)  # as it rests at this place
     if not (forces.tension > 0.0).all():
         slack = int((forces.tension <= 0.0).sum())
         what = f"{slack} of {still.n} elements are slack at rest, so it has no natural frequency"
@@ -89,12 +89,22 @@ def bring_to_rest(scene: Scene) -> AtRest:
     tangent = mean / np.sqrt((mean * mean).sum(axis=0))
     s = np.cumsum(still.rest[::-1])[::-1]
     mass = forces.mass[SYMMETRIC]
+    if body is not None:
+        mass = StillRope(without_body(rope), line.length_m).forces(place).mass[SYMMETRIC]
     still.rest_at(place)
     couplings = still.couplings() if still.reach > 1 else None
     return AtRest(
         scene, first, place, forces.tension, law.stiffness, mass[:, :, first:], couplings,
-        tangent[:, first:], s[first:], still.rest,
+        tangent[:, first:], s[first:], still.rest, body,
     )  # fmt: skip
+
+
+def _body_of(scene: Scene, rope: Rope) -> HungBody | None:
+    """Return the rigid body that hangs at rest below a rope; None if there is none."""
+    body = body_of(rope)
+    if body is None:
+        return None
+    return hung_body(scene, body, rope.state.nodes[POSITION : POSITION + 3, 0])
 
 
 def water_at(scene: Scene, z: Floats) -> Floats:
@@ -136,17 +146,18 @@ class StillSystem:
     lines: tuple[StillLine, ...]
     follow: Any  # sparse, (3·nodes of all ropes, unknowns)
     joint_mass: Floats  # what sheaves weigh themselves and wheels turn with, of each unknown [kg]
-    tied: Any  # sparse stiffness of bars and tethers [N/m], (unknowns, unknowns)
+    tied: Any  # sparse stiffness of bars, tethers and slings [N/m], (unknowns, unknowns)
     system: System  # in equilibrium
+    body: HungBody | None = None  # its six unknowns are the last ones
+    body_mass: Any = None  # sparse mass of it, (unknowns, unknowns)
 
 
 def bring_system_to_rest(scene: Scene) -> StillSystem:
     """Return the static equilibrium of the scene's ropes in their current.
 
     Raises:
-        SceneError: they cannot rest, are slack somewhere, or carry a rigid body.
+        SceneError: they cannot rest, are slack somewhere, or a rigid body does not hang clear.
     """
-    refuse_body(scene, _SWINGS)
     built = build_joined(scene)
     system = built.system
     held = np.zeros((len(scene.ropes), MOTIONS))
@@ -155,11 +166,41 @@ def bring_system_to_rest(scene: Scene) -> StillSystem:
     if not solve_reeved_statics(system, held).found:
         right = "check what holds the ropes"
         raise SceneError(phrase(f"{scene.path}: ropes", "no static equilibrium", right))
-    weigh(system, held)
+    found = [_body_of(scene, rope) for rope in system.ropes]
+    weigh(system._replace(ropes=tuple(without_body(rope) for rope in system.ropes)), held)
     lines = tuple(
         _line(scene, number, rope, held[number, LINE]) for number, rope in enumerate(system.ropes)
     )
-    return StillSystem(scene, lines, *_unknowns(system, lines), system)
+    still = StillSystem(scene, lines, *_unknowns(system, lines), system)
+    for r, body in enumerate(found):
+        if body is not None:
+            return _with_body(still, r, body)
+    return still
+
+
+def _with_body(still: StillSystem, r: int, body: HungBody) -> StillSystem:
+    """Return the system with six more unknowns for the body below rope r."""
+    from scipy.sparse import block_diag, coo_array, csr_array, hstack
+
+    joints, count = still.system.joints, still.follow.shape[1]
+    wheels = 0 if still.system.sheaves is None else still.system.sheaves.figures.shape[1]
+    at, _ = _numbers(still.system, still.lines, joints.nodes.shape[1] - wheels)
+    own = np.concatenate([3 * int(at[r][0]) + np.arange(3), count + np.arange(6)])
+    row, column = np.meshgrid(own, own, indexing="ij")
+    size = (count + 6, count + 6)
+    K, M = (
+        coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=size).tocsr()
+        for values in (body.stiffness, body.mass)
+    )
+    none = csr_array((6, 6))
+    return replace(
+        still,
+        follow=hstack([still.follow, csr_array((still.follow.shape[0], 6))]).tocsr(),
+        joint_mass=np.append(still.joint_mass, np.zeros(6)),
+        tied=block_diag([still.tied, none]).tocsr() + K,
+        body=body,
+        body_mass=M,
+    )
 
 
 def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:

@@ -1,10 +1,11 @@
 """Natural frequencies and modes of a scene's rope about its static equilibrium.
 
-Small undamped motion u of the nodes about equilibrium: M·ü + K·u = 0. K holds each element's
-stiffness k·t·tᵀ + (T/l)·(I - t·tᵀ), axial and geometric (Irvine 1981, Cable Structures, ch. 3), and
-bending if the scene lists it; M the mass and added mass of every effect: rope, its added mass in
-the transverse direction, payload with its added mass. Both ends have the scene's boundary
-conditions. Damping and the change of hydrodynamic loads with the shape are neglected.
+Small undamped motion u of the nodes about equilibrium: M·ü + K·u = 0. A rigid body adds six
+unknowns (rope_twin.studies.modes.hung_body). K holds each element's stiffness k·t·tᵀ + (T/l)·(I -
+t·tᵀ), axial and geometric (Irvine 1981, Cable Structures, ch. 3), and bending if the scene lists
+it; M the mass and added mass of every effect: rope, its added mass in the transverse direction,
+payload with its added mass. Both ends have the scene's boundary conditions. Damping and the change
+of hydrodynamic loads with the shape are neglected.
 
 The smallest eigenvalues of K·φ = ω²·M·φ are found by shift and invert (Ericsson and Ruhe 1980, as
 in ARPACK).
@@ -31,6 +32,7 @@ from rope_twin.studies.modes.equilibrium import (
     bring_to_rest,
     water_at,
 )
+from rope_twin.studies.modes.hung_body import CENTRE, HungMotion
 
 WAVE_PERIODS_S = (4.0, 20.0)  # of wind sea and swell
 STROUHAL = 0.2  # of a circular cylinder, 300 < Re < 1e5 (Blevins 1990)
@@ -46,10 +48,11 @@ class Mode:
 
     frequency_hz: float
     period_s: float
-    kind: str  # axial, in-plane or out-of-plane: the largest share
+    kind: str  # axial, in-plane, out-of-plane or turning: the largest share
     axial_share: float
     in_plane_share: float
     out_of_plane_share: float
+    turning_share: float  # of a rigid body's rotation
     largest_at_m: float  # where it moves most, unstretched from the hang-off
     wave_ratio: float  # period over the nearest of WAVE_PERIODS_S, 1 among them
     strouhal_hz: float  # of vortices in the scene's current where it moves most
@@ -79,11 +82,12 @@ def find_modes(scene: Scene, count: int) -> Modes:
         what = f"{count} of a rope with {len(rest.s)} free nodes"
         raise InputError(phrase("--count", what, f"give 1 to {most}"))
     K, M = _matrices(rest)
-    lowest = list(_modes(rest, *solve(K, M, count, 0.0)))
+    near = 0.0 if rest.body is None else NEAR_FREE  # nothing holds a body's turn about the rope
+    lowest = list(_modes(rest, *solve(K, M, count, near)))
     axial = []
     for omega in _axial_guesses(rest):
-        near = _modes(rest, *solve(K, M, NEAR, omega * omega))
-        axial.append(max(near, key=lambda mode: mode.axial_share))
+        around = _modes(rest, *solve(K, M, NEAR, omega * omega))
+        axial.append(max(around, key=lambda mode: mode.axial_share))
     speed = _speed_across(rest)
     diameter = scene.ropes[0].thinnest_m
     place = np.ascontiguousarray(rest.place[:, ::-1].T)
@@ -91,7 +95,7 @@ def find_modes(scene: Scene, count: int) -> Modes:
 
 
 def _matrices(rest: AtRest) -> tuple[Any, Any]:
-    """Return K and M as sparse matrices with 3 unknowns per free node."""
+    """Return K and M as sparse matrices with 3 unknowns per free node, and a body's 6."""
     from scipy.sparse import bsr_array
 
     span = np.diff(rest.place, axis=1)
@@ -114,7 +118,23 @@ def _matrices(rest: AtRest) -> tuple[Any, Any]:
     M = bsr_array((np.moveaxis(rest.mass, 2, 0), i, np.arange(n + 1)), shape=(3 * n, 3 * n))
     if rest.couplings is not None:
         K = K + _coupled(rest.couplings, first)
+    if rest.body is not None:
+        K, M = (
+            _with_body(rope, own) for rope, own in ((K, rest.body.stiffness), (M, rest.body.mass))
+        )
     return K.tocsc(), M.tocsc()
+
+
+def _with_body(rope: Any, own: Floats) -> Any:
+    """Return a rope's matrix with that of a body, (9, 9), whose hook is the first node."""
+    from scipy.sparse import block_diag, coo_array, csr_array
+
+    count = rope.shape[0]
+    at = np.concatenate([np.arange(3), count + np.arange(6)])
+    row, column = np.meshgrid(at, at, indexing="ij")
+    size = (count + 6, count + 6)
+    added = coo_array((own.ravel(), (row.ravel(), column.ravel())), shape=size)
+    return block_diag([rope, csr_array((6, 6))]).tocsr() + added.tocsr()
 
 
 def _coupled(couplings: Couplings, first: int) -> Any:
@@ -149,6 +169,9 @@ def _axial_guesses(rest: AtRest) -> Floats:
     from scipy.linalg import eigh_tridiagonal
 
     mass = np.einsum("kn,kcn,cn->n", rest.tangent, rest.mass, rest.tangent)
+    if rest.body is not None:
+        t = rest.tangent[:, 0]
+        mass[0] += t @ rest.body.mass[CENTRE, CENTRE] @ t
     k = rest.stiffness
     diagonal = k[rest.first :].copy()
     diagonal[1 - rest.first :] += k[: len(k) - 1]
@@ -168,25 +191,29 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
     speed = _speed_across(rest)
     diameter = rest.scene.ropes[0].thinnest_m
     for w, vector in zip(omega, vectors.T, strict=True):
-        motion = vector.reshape(-1, 3).T
-        energy = (motion * np.einsum("kcn,cn->kn", rest.mass, motion)).sum()
+        motion, hung = vector[: 3 * len(rest.s)].reshape(-1, 3).T, HungMotion.of(rest.body, vector)
+        energy = _energy(rest, motion) + hung.energy
         along = (motion * rest.tangent).sum(axis=0)
         out = normal @ motion
-        axial = _energy(rest, along * rest.tangent) / energy
-        sideways = _energy(rest, out * normal[:, None]) / energy
-        shares = {"axial": axial, "in-plane": 1.0 - axial - sideways, "out-of-plane": sideways}
+        axial = _energy(rest, along * rest.tangent) + hung.along(rest.tangent[:, 0])
+        sideways = _energy(rest, out * normal[:, None]) + hung.along(normal)
+        axial, sideways, turning = axial / energy, sideways / energy, hung.turning / energy
+        in_plane = 1.0 - axial - sideways - turning
+        shares = {"axial": axial, "in-plane": in_plane, "out-of-plane": sideways, TURNING: turning}
         size = np.sqrt((motion * motion).sum(axis=0))
         at = int(size.argmax())
-        period = 2.0 * pi / w if w > 0.0 else float("inf")
+        held = w > (0.0 if rest.body is None else FREE)
+        period = 2.0 * pi / w if held else float("inf")
         shape = np.zeros((rest.place.shape[1], 3))
-        shape[rest.first : -1] = motion.T / size[at]
+        shape[rest.first : -1] = motion.T / max(float(size[at]), hung.largest)
         yield Mode(
-            frequency_hz=float(w / (2.0 * pi)),
+            frequency_hz=float(w / (2.0 * pi)) if held else 0.0,
             period_s=float(period),
             kind=max(shares, key=lambda kind: shares[kind]),
             axial_share=float(axial),
-            in_plane_share=float(max(shares["in-plane"], 0.0)),
+            in_plane_share=float(max(in_plane, 0.0)),
             out_of_plane_share=float(sideways),
+            turning_share=float(turning),
             largest_at_m=float(rest.s[at]),
             wave_ratio=near_waves(period),
             strouhal_hz=float(STROUHAL * speed[at] / diameter),
@@ -225,7 +252,7 @@ def _separate(rest: AtRest, omega: Floats, vectors: Floats, normal: Floats) -> F
         if end < len(omega) and omega[end] - omega[end - 1] <= SAME * omega[end]:
             continue
         group = vectors[:, start:end]
-        motion = group.T.reshape(end - start, -1, 3)
+        motion = group.T[:, : 3 * len(rest.s)].reshape(end - start, -1, 3)
         out = motion @ normal
         mass = np.einsum("k,kcn,c->n", normal, rest.mass, normal)
         _, turn = np.linalg.eigh((out * mass) @ out.T)
@@ -250,6 +277,7 @@ NEAR_FREE = -1e-6  # [rad²/s²]: looked for from just below 0, as ropes over a 
 LOOKED_AT = (60, 200, 600)  # modes among which the first that stretch are sought
 FREE = 1e-4  # rad/s: what is slower is a motion that nothing holds, such as a spin about one rope
 STRETCHING, SWINGING, UNHELD = "stretching", "swinging", "free"
+TURNING = "turning"  # of a rigid body
 
 
 @dataclass(frozen=True)
@@ -261,6 +289,7 @@ class SystemMode:
     kind: str  # stretching or swinging: where the larger part of its strain energy is; or free
     stretching_share: float  # of the strain energy
     vertical_share: float  # of the kinetic energy
+    turning_share: float  # of the kinetic energy: a rigid body's rotation
     rope: str  # the one that moves most
     largest_at_m: float  # and where: unstretched from that rope's upper end
     wave_ratio: float  # period over the nearest of the waves' periods, 1 among them; free: infinite
@@ -294,6 +323,8 @@ def find_system_modes(scene: Scene, count: int) -> SystemModes:
 
     stretch, turn, local_mass = (_whole(still, part) for part in (_stretch, _turn, _masses))
     K, M = stretch + turn + still.tied, local_mass + diags_array(still.joint_mass)
+    if still.body is not None:
+        M = M + still.body_mass
     found: list[SystemMode] = []
     for wanted in LOOKED_AT:
         wanted = min(max(wanted, count), most)
@@ -375,23 +406,29 @@ def _system_modes(
             np.einsum("nk,nkc,nc->nk", motion, mass, motion)
             for motion, mass in zip(motions, masses, strict=True)
         ]
+        hung = HungMotion.of(still.body, vector)
         kinetic = sum(energy.sum(axis=0) for energy in energies)
+        kinetic = kinetic + hung.centre * (hung.mass @ hung.centre)
+        turning = hung.turning / (float(kinetic.sum()) + hung.turning)
         sizes = [np.sqrt((motion * motion).sum(axis=1)) for motion in motions]
         r = int(np.argmax([size.max() for size in sizes]))
         at = int(sizes[r].argmax())
         line = still.lines[r]
         period = 2.0 * pi / w if w else float("inf")
+        kind = TURNING if turning > 0.5 else STRETCHING if share > 0.5 else SWINGING
+        largest = max(float(sizes[r][at]), hung.largest)
         yield SystemMode(
             frequency_hz=float(w / (2.0 * pi)),
             period_s=float(period),
-            kind=(STRETCHING if share > 0.5 else SWINGING) if w else UNHELD,
+            kind=kind if w else UNHELD,
             stretching_share=share,
-            vertical_share=float(kinetic[2] / kinetic.sum()),
+            vertical_share=float(kinetic[2] / (kinetic.sum() + hung.turning)),
+            turning_share=float(turning),
             rope=line.name,
             largest_at_m=float(line.s[at]),
             wave_ratio=near_waves(period),
             strouhal_hz=_strouhal(still, r, at),
-            shapes=tuple(motion[::-1] / sizes[r][at] for motion in motions),
+            shapes=tuple(motion[::-1] / largest for motion in motions),
         )
 
 

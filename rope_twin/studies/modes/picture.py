@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.studies.modes.modes import UNHELD, Mode, Modes, SystemMode, SystemModes
+from rope_twin.studies.modes.modes import TURNING, UNHELD, Mode, Modes, SystemMode, SystemModes
 from rope_twin.studies.picture import check_picture, write_picture
 
 _ROPES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555")
-_COLOURS = {"axial": "#d55e00", "in-plane": "#0072b2", "out-of-plane": "#009e73"}
+_COLOURS = {"axial": "#d55e00", "in-plane": "#0072b2", "out-of-plane": "#009e73",
+            TURNING: "#cc79a7"}  # fmt: skip
 
 
 def draw_modes(scene: str, found: Modes, path: Path) -> None:

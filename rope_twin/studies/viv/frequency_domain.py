@@ -31,7 +31,7 @@ from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.scene.validation.rigging import is_joined, refuse_body
 from rope_twin.studies.fatigue import stress_damage
 from rope_twin.studies.modes.equilibrium import (
     bring_system_to_rest,
@@ -215,6 +215,7 @@ def spans_of(scene: Scene) -> list[SceneSpan]:
     Raises:
         SceneError: no current, no static equilibrium, or a slack rope.
     """
+    refuse_body(scene, "lines that end at a body which swings by itself are not assessed in modes")
     if not is_joined(scene):
         return [span_of(scene)]
     _check_current(scene)
