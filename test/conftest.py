@@ -77,5 +77,5 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _group(path: Path) -> str:
-    """What the tests of a file share a worker with."""
+    """Return the group of a test file, whose tests share a worker."""
     return "ros" if ROS in path.parents else ALIKE.get(path.name, path.name)

@@ -102,7 +102,7 @@ def test_a_body_that_does_not_hang_clear_has_no_such_modes(name: str, words: str
 
 
 def test_modes_of_a_load_that_two_lines_hold(capsys: pytest.CaptureFixture[str]) -> None:
-    """As printed; an assessment of VIV in modes needs a point or a held end."""
+    """The command prints turning modes; an assessment of VIV in modes needs a point or an end."""
     assert main(["modes", "load_transfer", "--count", "4", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     lowest = [row for row in rows if row["group"] == "lowest"]
