@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan, nan
 from typing import Protocol, TypeVar
 
@@ -90,6 +90,11 @@ def limited(quantity: str, ours: float, limit: float, unit: str = "%") -> Findin
 def shown(quantity: str, ours: float, published: str, unit: str = "") -> Finding:
     """Show a value next to another one, without acceptance criterion."""
     return Finding(quantity, float(ours), published, "shown", unit, judged=False)
+
+
+def derived(finding: Finding) -> Finding:
+    """Mark the other number as derived from the source's equations: no paper prints it."""
+    return replace(finding, published=f"{finding.published} (derived)")
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from validation import (
     two_line_loop,
     vibration,
     wake_cylinder,
+    waves_over_current,
 )
 from validation.case import Case
 from validation.hard_cases import cut, inputs, long, start, vortices, winch
@@ -43,6 +44,7 @@ CASES: tuple[Case, ...] = tuple(
             *energy.CASES,
             *snap.CASES,
             *modal_lines.CASES,
+            *waves_over_current.CASES,
             *curved_pipe.CASES,
             *wake_cylinder.CASES,
             *decomposed_riser.CASES,

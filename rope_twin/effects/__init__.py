@@ -79,6 +79,7 @@ EFFECTS: tuple[Effect, ...] = (
         travelling_waves.TravellingWavesParams,
         travelling_waves.build,
         sheds=True,
+        version=2,
     ),
     Effect(
         "modal_vibration",
@@ -86,6 +87,7 @@ EFFECTS: tuple[Effect, ...] = (
         modal_vibration.build,
         sheds=True,
         beside=True,
+        version=2,
     ),
     Effect(
         "decomposed_force",
@@ -93,6 +95,7 @@ EFFECTS: tuple[Effect, ...] = (
         decomposed_force.build,
         sheds=True,
         beside=True,
+        version=2,
     ),
     Effect("seabed", seabed.SeabedParams, seabed.build),
     Effect("payload", payload.PayloadParams, payload.build),

@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rope_twin.quantity import quantity
+from rope_twin.quantity import quantity, text
 from rope_twin.vortex.drag_amplification import DragGrowthParams, build_growth
+from rope_twin.vortex.shedding import LOCK_IN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,12 +30,15 @@ class DecomposedForceParams(DragGrowthParams):
     band: tuple[float, float] = quantity(
         "range of f·D/U of power-in (lock-in)", "", 0.02, 1.0, default=(0.125, 0.2)
     )
+    lock_in: str = text("mode that a place excites: strongest or nearest", "strongest")
     added_mass: float | None = quantity(
         "constant C_a; default: variable, from the table", "", 0.0, 10.0, default=None
     )
 
     def check(self) -> str | None:
-        """Return a fault if the band is not ascending, or None."""
+        """Return a fault of the band (ascending) or of lock_in, or None."""
+        if self.lock_in not in LOCK_IN:
+            return f"unknown lock_in '{self.lock_in}'; give one of {', '.join(LOCK_IN)}"
         if not self.band[0] < self.band[1]:
             return f"band from {self.band[0]:g} to {self.band[1]:g}; give the lower one first"
         return None

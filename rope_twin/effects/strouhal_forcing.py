@@ -11,9 +11,10 @@ The paper writes sin(2π·f·t); f changes in time and along the rope, so φ is 
 each node. St is 0.2 for 40 < Re <= 1e6 and linear in Re above; below 40 there is no shedding, and φ
 is constant. The paper gives no slope: `strouhal_rise` is the increase of St from Re 1e6 to 1e7.
 
-λ = C_L/C_d is fixed, or decreases with the cross-flow amplitude A of the node, λ·(1 - A/(a·d)) and
-0 beyond: [LCD] eq 20, C_l = C0 - C1·|A|/d, has a = C0/C1 = 1 diameter. A = √(2·m)/(2π·f) with the
-running mean m of the squared velocity along the lift, over one shedding period.
+λ = C_L/C_d is fixed (`fixed_lift`), or decreases with the cross-flow amplitude A of the node, λ·(1
+- A/(a·d)) and 0 beyond: [LCD] eq 20, C_l = C0 - C1·|A|/d, has a = C0/C1 = 1 diameter. A =
+√(2·m)/(2π·f) with the running mean m of the squared velocity along the lift, over one shedding
+period.
 
 φ and m are solved with the rope in each stage (TR-BDF2). Omitted in the block: its skew part, and
 the change of m and of the tangent with the motion.
@@ -47,7 +48,7 @@ from rope_twin.core.state import (
     VOLUME,
     Floats,
 )
-from rope_twin.quantity import quantity
+from rope_twin.quantity import quantity, text
 
 CARRIED = 4  # φ and its rate, m and its rate
 # Further rows: prediction of φ and m, 1/d, and ½·ρ·d·l·C_d [kg/m].
@@ -66,9 +67,8 @@ class StrouhalForcingParams:
     drag: float | None = quantity(
         "C_d of both; default: `normal` of the effect `drag`", "", 0.0, 10.0, default=None
     )
-    limit_diameters: float | None = quantity(
-        "A/d at which the lift vanishes", "", 0.01, 10.0, default=1.0
-    )
+    limit_diameters: float = quantity("A/d at which the lift vanishes", "", 0.01, 10.0, default=1.0)
+    fixed_lift: bool = text("λ that does not fall with the amplitude, as in eq 11", False)
     strouhal: float = quantity("St for 40 < Re <= 1e6", "", 0.05, 0.5, default=0.2)
     strouhal_rise: float = quantity("increase of St from Re 1e6 to 1e7", "", 0.0, 1.0, default=0.0)
     viscosity_m2_per_s: float = quantity(
@@ -97,13 +97,12 @@ class StrouhalForcing(NamedTuple):
 def build(params: StrouhalForcingParams, payload: Any, around: Any) -> StrouhalForcing:
     """Return the kernel data for the coefficients and the rope's drag."""
     drag = around.drag_normal if params.drag is None else params.drag
-    limit = params.limit_diameters
     return StrouhalForcing(
         memory=new_memory(CARRIED, OWN_ROWS, around.room),
         lift=float(params.lift_over_drag),
         in_line=float(params.in_line),
         strength=float(0.5 * around.water_density_kg_per_m3 * drag),
-        per_limit=0.0 if limit is None else 1.0 / limit,
+        per_limit=0.0 if params.fixed_lift else 1.0 / params.limit_diameters,
         strouhal=float(params.strouhal),
         rise=float(params.strouhal_rise / 9e6),
         per_viscosity=1.0 / params.viscosity_m2_per_s,

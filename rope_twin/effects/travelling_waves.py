@@ -5,12 +5,13 @@
     m_t·y'' + c·y' - (T·y')' (+ EI·y'''') = ½·ρ·d·U²·C_l·cos(∫ω dt + φ),
     ω = 2π·St·U/d,    C_l = C0 - C1·|A|/d,    c = 2·ζ·m_t·ω,    m_t = m + Ca·ρ·π·d²/4
 
-Tension, bending and added mass are the rope's own. φ starts as that of a wave that travels down
-from the hang-off, ∫k ds with the dispersion k² = (√(T² + 4·EI·m_t·ω²) - T)/(2·EI), or m_t·ω²/T; the
-lift builds up over the first `ramp_s`, so that static equilibrium is not disturbed. As in the
-published case ω is constant over each half wave, counted from the hang-off: that of its upper end.
-With `by_half_waves: false` it is each node's own; the phase difference of neighbours then grows
-without bound.
+Tension, bending and added mass are the rope's own. φ starts as that of a standing wave (eqs 17 and
+18), 0 and π in turn for each half wave below the hang-off, or (`initial_phase: travelling`) as that
+of a wave that travels down, -∫k ds, both with the dispersion k² = (√(T² + 4·EI·m_t·ω²) - T)/(2·EI),
+or m_t·ω²/T; the lift builds up over the first `ramp_s`, so that static equilibrium is not
+disturbed. As in the published case ω is constant over each half wave, counted from the hang-off: the
+largest on it (wake.py). With `by_half_waves: false` it is each node's own; the phase difference of
+neighbours then grows without bound.
 
 |A|/d is √(2·s)/(ω·d), with s the mean of y'² over the last periods, s' = (y'² - s)·ω/(2π·periods).
 Like the phase it is solved in the stage (TR-BDF2): taken from the previous step, the published
@@ -21,7 +22,7 @@ to the node's own tangent; omitted in the block: the tangent's change with posit
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import floor, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,6 +65,7 @@ PHASE, OMEGA, SQUARE, SQUARE_RATE = range(CARRIED)
 (COSINE, PHASE_NOW, OMEGA_NOW, SQUARE_HAT, SHARE, DAMPING, STRENGTH, PER_DIAMETER, HELD, LENGTH,
  SCRATCH) = range(3 * CARRIED + 1, 3 * CARRIED + 12)  # fmt: skip
 OWN_ROWS = SCRATCH - 3 * CARRIED
+PHASES = ("standing", "travelling")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,12 +74,23 @@ class TravellingWavesParams:
 
     strouhal: float = quantity("Strouhal number St", "", 0.05, 0.5, default=0.17)
     lift: tuple[float, float] = quantity("C0 and C1 of C0 - C1·|A|/d", "", 0.0, 3.0, (0.7, 0.7))
-    damping_fraction: float = quantity("structural damping ratio at ω", "", 0.0, 0.5, default=0.015)
+    damping_fraction: float = quantity(
+        "structural damping ratio at ω; 1.5 % of the paper is read as a loss factor", "", 0.0, 0.5,
+        default=0.0075,
+    )  # fmt: skip
     periods: float = quantity(
         "averaging time of the amplitude, in periods", "", 0.25, 50.0, default=1.0
     )
     by_half_waves: bool = text("one frequency per half wave", True)
+    initial_phase: str = text("of the lift along the rope: standing or travelling", "standing")
     ramp_s: float = quantity("build-up time of the lift", "s", 1e-3, 600.0, default=2.0)
+
+    def check(self) -> str | None:
+        """Return a fault of initial_phase, or None."""
+        if self.initial_phase not in PHASES:
+            known = ", ".join(PHASES)
+            return f"unknown initial_phase '{self.initial_phase}'; give one of {known}"
+        return None
 
     @property
     def strouhal_number(self) -> float:
@@ -99,6 +112,7 @@ class TravellingWaves(NamedTuple):
     ramp: float  # [s]
     EI: float  # [N·m²]
     by_half_waves: bool
+    standing: bool
 
 
 def build(params: TravellingWavesParams, payload: Any, around: Any) -> TravellingWaves:
@@ -116,6 +130,7 @@ def build(params: TravellingWavesParams, payload: Any, around: Any) -> Travellin
         ramp=float(params.ramp_s),
         EI=float(around.bending_n_m2),
         by_half_waves=bool(params.by_half_waves),
+        standing=params.initial_phase == "standing",
     )
 
 
@@ -142,13 +157,13 @@ def start(waves: Any, rope: Any, upto: int) -> None:
     length, omega = memory[LENGTH], memory[OMEGA]
     set_paces(waves.turns, work, memory[PER_DIAMETER], omega, n - n, n)
     if waves.by_half_waves:
-        hold_frequencies(waves, work, length, omega, memory[SCRATCH], n)
+        hold_frequencies(waves, work, length, omega, n)
     phase = 0.0
     for i in range(n - 1, -1, -1):
         per_metre = (work[MASS, i] + waves.added * work[VOLUME, i]) / length[i]
         phase += wave_number(waves.EI, work[TENSION, i], per_metre, omega[i]) * length[i]
         memory[HELD, i] = omega[i] if waves.by_half_waves else 0.0
-        memory[PHASE, i] = -phase
+        memory[PHASE, i] = -pi * floor(phase / pi) if waves.standing else -phase
         memory[SQUARE, i] = memory[SQUARE_RATE, i] = 0.0
 
 
@@ -256,7 +271,7 @@ def settle(waves: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     if waves.by_half_waves and kind == BDF2:
         held = memory[HELD]
         set_paces(waves.turns, work, memory[PER_DIAMETER], held, n - n, n)
-        hold_frequencies(waves, work, memory[LENGTH], held, memory[SCRATCH], n)
+        hold_frequencies(waves, work, memory[LENGTH], held, n)
     _set_trials(waves, rope, n - 1)
 
 

@@ -48,7 +48,7 @@ from rope_twin.vortex.sampling import (
     turned,
 )
 from rope_twin.vortex.settings import CoupledSettings
-from rope_twin.vortex.shedding import Lift, Shedding
+from rope_twin.vortex.shedding import LOCK_IN, Lift, Shedding
 
 EVERY_S = 1.0
 COMPILE_STEP_S = 1e-3
@@ -75,14 +75,13 @@ class CoupledModel:
         self,
         model: str,
         rope: Rope,
-        span_of: Callable[[Rope, int], Span],
+        span_of: Callable[[Rope, Any], Span],
         response: Any,
         every_s: float = EVERY_S,
     ) -> None:
         """Start the model `model` without vibration, with a mode search every `every_s`.
 
-        span_of: returns the rope as the response's line model; its argument is the present number
-        of elements.
+        span_of: returns the rope as the response's line model; its second argument is the response.
         """
         self.model, self._span_of, self._response = model, span_of, response
         self._every_s = every_s
@@ -91,7 +90,7 @@ class CoupledModel:
         self._flow = np.zeros((3, len(FRACTIONS)))
         mix_flow(self._flow, rope, 1.0)
         self._since_s, self.solves, self.note = every_s, 1, ""
-        span = span_of(rope, len(response.span.tension))
+        span = span_of(rope, response)
         response.follow(span, response.search(span))  # in parts, as later: bit-identical
         still = response.kept()
         response.advance(COMPILE_STEP_S)  # compile now, not at the first sampling
@@ -233,7 +232,7 @@ class CoupledModel:
             self.solves += 1
         self._searched = self._search = None
         try:
-            span = self._span_of(rope, len(self._response.span.tension))
+            span = self._span_of(rope, self._response)
             self._searched, self._search, self.note = span, self._response.search(span), ""
         except InputError as error:
             self.note = f"the modes are those from before: {error}"
@@ -248,7 +247,7 @@ def modal_model(
         InputError: the rope is slack somewhere.
     """
 
-    def span_of(rope: Rope, elements: int) -> Span:
+    def span_of(rope: Rope, response: ModalResponse) -> Span:
         return line_model(rope)
 
     return CoupledModel(name, rope, span_of, ModalResponse(line_model(rope), shedding), every_s)
@@ -263,10 +262,12 @@ def force_decomposition_model(
         InputError: the rope is slack somewhere.
     """
 
-    def span_of(rope: Rope, elements: int) -> Span:
-        return fine_enough(line_model(rope, moved_water=False), model, elements)
+    def span_of(rope: Rope, response: DecomposedResponse) -> Span:
+        given, kept = line_model(rope, moved_water=False), len(response.span.tension)
+        return fine_enough(given, model, kept, response.recent)
 
-    return CoupledModel(name, rope, span_of, DecomposedResponse(span_of(rope, 0), model), every_s)
+    first = fine_enough(line_model(rope, moved_water=False), model)
+    return CoupledModel(name, rope, span_of, DecomposedResponse(first, model), every_s)
 
 
 class VivDragState(NamedTuple):
@@ -459,6 +460,7 @@ def _tracker(settings: CoupledSettings, rope: Rope) -> CoupledModel:
         fixed_added_mass=1.0 if fixed is None else fixed,
         band=params.band,
         density=density,
+        lock_in=params.lock_in,
     )
     return force_decomposition_model(rope, model, name, params.modes_every_s)
 
@@ -472,4 +474,6 @@ def shedding_of(params: ModalVibrationParams, density: float) -> Shedding:
         viscosity=params.viscosity_m2_per_s,
         structural=params.damping_fraction,
         lift=Lift(*params.lift, *params.lift_at),
+        factor=params.lift_factor,
+        zones=LOCK_IN[params.lock_in],
     )

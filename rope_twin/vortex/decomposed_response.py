@@ -10,7 +10,6 @@ of critical at PER_PERIOD, more than the structural damping of a rope.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import exp, pi, sqrt
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ import numpy as np
 from rope_twin.core.state import Floats
 from rope_twin.vortex.force_table import Drives, Nodes, node_forces, update_means
 from rope_twin.vortex.integrators import Integrator, Matrices, Motion, bathe, upper_bands
-from rope_twin.vortex.line_model import Span, half_waves
+from rope_twin.vortex.line_model import RecentSpeeds, Span, half_waves
 from rope_twin.vortex.modes import stiffness
 from rope_twin.vortex.power_in import (
     TIE,
@@ -29,7 +28,7 @@ from rope_twin.vortex.power_in import (
     displaced,
     near_driven,
 )
-from rope_twin.vortex.shedding import handed_over, share_out
+from rope_twin.vortex.shedding import share_out
 
 PER_PERIOD = 24  # steps per period of the fastest excited mode
 REMEMBERED = 3.0  # periods over which motion is averaged
@@ -44,7 +43,7 @@ class KeptResponse(NamedTuple):
     angles: Floats  # of the modes
     since_s: float
     time_s: float
-    zones: Floats
+    recent: Floats  # as of RecentSpeeds
 
 
 class DecomposedResponse:
@@ -57,6 +56,7 @@ class DecomposedResponse:
     def __init__(self, span: Span, model: Decomposed, integrator: Integrator | None = None) -> None:
         self.model = model
         self.time_s = 0.0
+        self.recent = RecentSpeeds()
         self._integrate = integrator or bathe
         self.remembered, self.thrifty = REMEMBERED, False
         self._first = 1 if span.end_mass is None else 0
@@ -96,9 +96,7 @@ class DecomposedResponse:
         """
         turned = 2.0 * pi * self.excitation.frequency * (self.time_s - self._since_s)
         angles, before = self._angles + turned, self._below_top()
-        zones, since_s = self.excitation.zones, self.time_s - self._since_s
         self._take(span, search)
-        self._hand_over(zones, since_s)
         self._angles = np.zeros(len(self.excitation.frequency))
         known = min(len(angles), len(self._angles))
         self._angles[:known] = np.remainder(angles[:known], 2.0 * pi)
@@ -129,13 +127,13 @@ class DecomposedResponse:
         """Return the restart data for `take_back`."""
         return KeptResponse(
             self.span, np.stack([*self._motion, *self._squares, self.amplitude, self.omega]),
-            self._angles.copy(), self._since_s, self.time_s, self.excitation.zones.copy(),
+            self._angles.copy(), self._since_s, self.time_s, self.recent.kept(),
         )  # fmt: skip
 
     def take_back(self, kept: KeptResponse) -> None:
         """Restore a response from its restart data; its modes were those of a search."""
         self._take(kept.span, self.search(kept.span))
-        self._hand_over(kept.zones, 0.0)
+        self.recent.take_back(kept.recent)
         self._motion = Motion(*kept.nodes[:3])
         self._squares = kept.nodes[3:5].copy()
         self.amplitude, self.omega = kept.nodes[5], kept.nodes[6]
@@ -145,17 +143,11 @@ class DecomposedResponse:
     def _take(self, span: Span, search: ExcitationSearch | None) -> None:
         """Set the excitation of this rope, and its stiffness."""
         self.span = span
+        self.recent.add(self.time_s, span)
         moved = self.model.density * 0.25 * pi * span.diameter[1:] ** 2
         self.half_wave = half_waves(span, sqrt(self.model.band[0] * self.model.band[1]), moved)
         self.excitation: Excitation = (search or ExcitationSearch(span, self.model)).found()
         self._bands = np.ascontiguousarray(_bands(span)[:, self._first : -1])
-
-    def _hand_over(self, before: Floats, since_s: float) -> None:
-        """Move from the zones of `since_s` ago towards those of the present excitation."""
-        found, span = self.excitation, self.span
-        shedding = sqrt(self.model.band[0] * self.model.band[1]) * span.speed / span.diameter
-        zones = handed_over(before, found.zones, found.locked, shedding, since_s)
-        self.excitation = replace(found, zones=zones)
 
     def _at_nodes(self) -> Nodes:
         """Return the load coefficients of the free nodes."""

@@ -18,6 +18,7 @@ from rope_twin.vortex.sampling import tangents
 
 EVEN = 32  # the number of elements is a multiple, independent of the input mesh
 MORE, FEWER = 1.25, 0.5  # ratio of required to existing elements beyond which the mesh is changed
+MEMORY_S = 60.0  # for which the modes of a faster current are kept: longer than a long wave
 
 
 class Span(NamedTuple):
@@ -49,6 +50,36 @@ class Span(NamedTuple):
         lengths[:-1] += half
         lengths[1:] += half
         return lengths
+
+
+class RecentSpeeds:
+    """Largest U/d of a line over the last minute, in a current that changes in time."""
+
+    def __init__(self) -> None:
+        self._held = np.zeros((2, 0))  # times [s] and U/d [1/s], the latter descending
+
+    def add(self, time_s: float, span: Span) -> None:
+        """Take the present flow in, at a time that never goes back."""
+        own = _fastest(span)
+        times, speeds = self._held
+        lasting = (times >= time_s - MEMORY_S) & (speeds > own)
+        self._held = np.append(self._held[:, lasting], [[time_s], [own]], axis=1)
+
+    def fastest(self, span: Span) -> float:
+        """Return the largest U/d of a span and of those that were added [1/s]."""
+        return max(_fastest(span), float(self._held[1].max(initial=0.0)))
+
+    def kept(self) -> Floats:
+        """Return the restart data for `take_back`."""
+        return self._held.copy()
+
+    def take_back(self, kept: Floats) -> None:
+        """Resume from this state."""
+        self._held = kept.copy()
+
+
+def _fastest(span: Span) -> float:
+    return float((span.speed / span.diameter).max())
 
 
 def refined(span: Span, longest_m: float, multiple: int = 1, kept: int = 0) -> Span:

@@ -1,19 +1,25 @@
 """Response of a rope in its natural modes ([LCD] eqs 1 to 9: Le Cunff and Durand 1999).
 
 y(s, t) = Σ φ_i(s)·η_i(t), M_i·η̈_i + C_i·η̇_i + ω_i²·M_i·η_i = F_i(t): each mode is excited at its
-own frequency by ½·ρ·d·U²·C_l(A/d)·|φ_i| over its power-in zone, and damped by the structure and,
-elsewhere, by the water. A place excites one mode: of those locked in there the one with the largest
-response (shedding.leading_zones); modes of equal response share it, and where the rope changes a
-place moves to another mode over some periods (shedding.handed_over). η_i is a convolution of F_i
-with e^(-ζω·t)·sin(ω_d·t), evaluated recursively (eq 9): with λ = -ζω + i·ω_d and c(t) = ∫
-F(τ)·e^(λ(t-τ)) dτ,
+own frequency by ½·ρ·d·U²·C_c·C_l(A/d)·|φ_i| over its power-in zone, and damped by the structure and
+elsewhere, by the water. A place excites one mode of those locked in there: the nearest to its
+Strouhal frequency, as the paper prints, or the one with the largest response (shedding.py). η_i is
+a convolution of F_i with e^(-ζω·t)·sin(ω_d·t), evaluated recursively (eq 9): with λ = -ζω + i·ω_d
+and c(t) = ∫ F(τ)·e^(λ(t-τ)) dτ,
 
     c(t + h) = e^(λh)·c(t) + ∫_t^(t+h) F(τ)·e^(λ(t+h-τ)) dτ,    η = Im c/(M·ω_d),
 
 the integral in closed form for a harmonic force: the only time-stepping error is in the amplitude,
 which determines lift and damping of the next step. The state between steps is η and η̇, Re c =
 M·(η̇ + ζω·η), so that neither jumps where the damping changes. √(η² + (η̇/ω)²) is the amplitude of
-a mode; that of a place is the root of the sum of their squares.
+a mode; that of a place is the root of the sum of their squares. Strongly damped modes (eqs 7 and 8
+beyond critical) are evaluated as forced plus free motion, whose sum is the same.
+
+Eqs 2 to 4 let every mode answer to the forces at the frequencies of all others too; here a mode
+answers to its own frequency alone, in which it is at resonance.
+
+The modes reach up to the highest frequency that a current of the last minute could lock in: the
+motion of a changed rope is projected on them, and what lies beyond them would be lost.
 """
 
 from __future__ import annotations
@@ -26,9 +32,9 @@ from numpy.typing import NDArray
 
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
-from rope_twin.vortex.line_model import EVEN, Span, half_waves, refined
-from rope_twin.vortex.modes import LateralModes, ModeSearch, find_lateral_modes
-from rope_twin.vortex.shedding import Shedding, handed_over
+from rope_twin.vortex.line_model import EVEN, RecentSpeeds, Span, half_waves, refined
+from rope_twin.vortex.modes import MAX_MODES, LateralModes, ModeSearch
+from rope_twin.vortex.shedding import Shedding
 
 PER_WAVE = 24  # elements per wave length at the highest Strouhal frequency: 0.3 % error there
 PER_PERIOD = 6  # steps per period of that frequency
@@ -51,8 +57,8 @@ class KeptResponse(NamedTuple):
     active: NDArray[np.int64]
     time_s: float
     elements: int
-    zones: Floats
-    zoned_s: float
+    fastest: float  # U/d that the modes are made for [1/s]
+    recent: Floats  # as of RecentSpeeds
 
 
 class ModalResponse:
@@ -69,8 +75,9 @@ class ModalResponse:
 
     def __init__(self, span: Span, shedding: Shedding) -> None:
         self.shedding = shedding
-        self.time_s = self._zoned_s = 0.0  # now, and time of the last zones
+        self.time_s = 0.0
         self._elements = 0
+        self._recent = RecentSpeeds()
         self._take(span)
         place, rate = np.zeros((2, len(self.modes.frequency)))
         self._ringing = ModalState(place, rate, _first_angles(len(place)))
@@ -121,8 +128,7 @@ class ModalResponse:
         Raises:
             InputError: it is slack somewhere.
         """
-        fine, highest = self._refined(span)
-        return ModeSearch(fine, highest, PART)
+        return self._search(span, self._recent.fastest(span))
 
     def follow(self, span: Span, search: ModeSearch | None = None) -> None:
         """Update to a changed rope (tension, length or current); the motion continues.
@@ -145,7 +151,7 @@ class ModalResponse:
         angles = _first_angles(moved.shape[1])
         angles[:known] = angle[:known]
         self._ringing = ModalState(moved[0], moved[1], angles)
-        self._drive, self.zones = self._driven(before=self.zones)
+        self._drive, self.zones = self._driven()
         self.amplitude = self._amplitude()
 
     def advance(self, duration_s: float) -> None:
@@ -160,47 +166,48 @@ class ModalResponse:
         place, rate, angle = (part.copy() for part in self._ringing)
         return KeptResponse(
             self.given, place, rate, angle, self._drive.active.copy(), self.time_s,
-            self._elements, self.zones.copy(), self._zoned_s,
+            self._elements, self._fastest, self._recent.kept(),
         )  # fmt: skip
 
     def take_back(self, kept: KeptResponse) -> None:
         """Restore a response from its restart data; its modes were those of a search."""
         self._elements = kept.elements
-        self._take(kept.given, self.search(kept.given))
+        self._take(kept.given, self._search(kept.given, kept.fastest))
+        self._recent.take_back(kept.recent)
         own = (kept.coordinate, kept.rate, kept.angle)
         self._ringing, self.time_s = ModalState(*(part.copy() for part in own)), kept.time_s
-        self._zoned_s = kept.time_s
-        self._drive, self.zones = self._driven(kept.active, kept.zones)
-        self._zoned_s = kept.zoned_s
+        self._drive, self.zones = self._driven(kept.active)
         self.amplitude = self._amplitude()
 
-    def _refined(self, span: Span) -> tuple[Span, float]:
-        """Return the span on a sufficiently fine mesh, and the highest lock-in frequency [Hz]."""
-        fastest = float((span.speed / span.diameter).max())
+    def _search(self, span: Span, fastest: float, part: int = PART) -> ModeSearch:
+        """Start the search for the modes that U/d up to `fastest` [1/s] can lock in.
+
+        It is on a mesh that is fine enough for them.
+        """
         shedding, highest = self.shedding.strouhal * fastest, fastest / self.shedding.band[0]
         wave_speed = float(np.sqrt((span.tension / span.mass).min()))
         length = float(span.s[-1] - span.s[0])
         longest = max(wave_speed / max(shedding, 1e-9) / PER_WAVE, length / MOST_ELEMENTS)
-        return refined(span, longest, EVEN, self._elements), highest
+        return ModeSearch(refined(span, longest, EVEN, self._elements), highest, part)
 
     def _take(self, span: Span, search: ModeSearch | None = None) -> None:
-        """Compute the modes up to the highest that the current can lock in."""
-        fine, highest = self._refined(span)
-        modes = find_lateral_modes(fine, highest) if search is None else search.found()
+        """Compute the modes up to the highest that the current of the last minute can lock in."""
+        if search is None:
+            search = self._search(span, self._recent.fastest(span), MAX_MODES)
+        fine, modes = search.span, search.found()
+        self._fastest = search.highest_hz * self.shedding.band[0]
+        self._recent.add(self.time_s, span)
         self.given, self.span, self.modes = span, fine, modes
         self._elements = len(fine.tension)
         self.half_wave = half_waves(fine, self.shedding.strouhal)
         self._omega = 2.0 * pi * modes.frequency
-        shedding = self.shedding.strouhal * float((span.speed / span.diameter).max())
+        shedding = self.shedding.strouhal * self._fastest
         self.step_s = 1.0 / (PER_PERIOD * shedding) if shedding > 0.0 else np.inf
 
-    def _driven(
-        self, active: NDArray[np.int64] | None = None, before: Floats | None = None
-    ) -> tuple[Drive, Floats]:
+    def _driven(self, active: NDArray[np.int64] | None = None) -> tuple[Drive, Floats]:
         """Return lift and damping coefficients of the modes, and the zones where each is excited.
 
-        `active`: modes that were excited or moved; None: those that are now. before: the previous
-        zones of a gradual transition; None: immediate.
+        `active`: modes that were excited or moved; None: those that are now.
         """
         span, modes, water = self.span, self.modes, self.shedding
         below, above = water.below_and_above(self._omega, span.diameter, span.speed)
@@ -221,9 +228,6 @@ class ModalResponse:
         moved /= np.maximum(damping * self._omega, DAMPING_MIN)
         strouhal = water.strouhal * span.speed / span.diameter
         zones = water.zones(modes.frequency, strouhal, locked, moved)
-        if before is not None:
-            zones = handed_over(before, zones, locked, strouhal, self.time_s - self._zoned_s)
-        self._zoned_s = self.time_s
         moving = self.modal_amplitude > AMPLITUDE_MIN * float(span.diameter.min())
         if active is None:
             active = np.flatnonzero((zones > 0.0).any(axis=0) | moving)
@@ -245,7 +249,7 @@ class ModalResponse:
         return amplitude
 
     def _advance(self, h: float) -> None:
-        lift = self.shedding.lift(self.amplitude)
+        lift = self.shedding.factor * self.shedding.lift(self.amplitude)
         self.amplitude = self.amplitude.copy()
         work = np.empty((2, len(self._drive.active)))
         advance_modes(h, lift, self._drive, self._ringing, self.amplitude, work)
@@ -255,7 +259,8 @@ def _first_angles(count: int) -> Floats:
     return np.asarray(np.remainder(GOLDEN * np.arange(count, dtype=float) ** 2, 2.0 * pi))
 
 
-MOST_DAMPED = 0.95  # of critical: modes with higher damping are inactive
+LIGHTLY = 0.9  # of critical: up to there the closed form of eq 9 divides by nothing small
+EQUAL_ROOTS = 1e-6  # of a step: roots closer than this are one double root
 
 
 class Drive(NamedTuple):
@@ -315,7 +320,11 @@ def _ring_one(h: float, drive: Any, ringing: Any, work: Any, k: int) -> None:
     """Advance c(t + h) of mode k, of unit modal mass, in closed form; then η and η̇ of it."""
     which, omega, mass = drive.active[k], drive.omega[k], drive.mass[k]
     angle, before = ringing.angle[which], ringing.place[which]
-    share = min(work[0, k] / (2.0 * mass * omega), MOST_DAMPED)
+    share = work[0, k] / (2.0 * mass * omega)
+    ringing.angle[which] = (angle + omega * h) % (2.0 * pi)
+    if share > LIGHTLY:
+        _creep(h, omega, share, work[1, k] / mass, angle, ringing, which)
+        return
     damped = omega * sqrt(1.0 - share * share)
     rate = complex(-share * omega, damped)
     turn, ahead = complex(cos(angle), sin(angle)), complex(cos(omega * h), sin(omega * h))
@@ -327,7 +336,42 @@ def _ring_one(h: float, drive: Any, ringing: Any, work: Any, k: int) -> None:
     place = c.imag / damped
     ringing.place[which] = place
     ringing.rate[which] = share * place - c.real / omega
-    ringing.angle[which] = (angle + omega * h) % (2.0 * pi)
+
+
+@jit
+def _creep(
+    h: float, omega: float, share: float, force: float, angle: float, ringing: Any, which: int
+) -> None:
+    """Advance a strongly damped mode: forced motion sin θ/(2ζω²)·F/M plus free motion.
+
+    force: half of F/M, as everywhere here.
+    """
+    size = force / (share * omega * omega)
+    place = ringing.place[which] - size * sin(angle)
+    speed = -omega * ringing.rate[which] - size * omega * cos(angle)
+    fallen, lasting, grown = _free(h, omega, share)
+    pull = speed + share * omega * place
+    ahead = angle + omega * h
+    ringing.place[which] = size * sin(ahead) + lasting * place + grown * pull
+    change = fallen * place + lasting * pull - share * omega * (lasting * place + grown * pull)
+    ringing.rate[which] = -size * cos(ahead) - change / omega
+
+
+@jit
+def _free(h: float, omega: float, share: float) -> tuple[float, float, float]:
+    """Return e^(-ζωh) times r·sinh(rh), cosh(rh) and sinh(rh)/r, r² = ω²(ζ² - 1)."""
+    square = share * share - 1.0
+    root = sqrt(abs(square)) * omega
+    kept = exp(-share * omega * h)
+    if root * h < EQUAL_ROOTS:
+        return kept * square * omega * omega * h, kept, kept * h
+    if square < 0.0:
+        wave = kept * sin(root * h)
+        return -root * wave, kept * cos(root * h), wave / root
+    slow = exp((root - share * omega) * h)  # separately, as their factors alone may overflow
+    fast = exp(-(root + share * omega) * h)
+    odd = 0.5 * (slow - fast)
+    return root * odd, 0.5 * (slow + fast), odd / root
 
 
 @jit

@@ -4,8 +4,10 @@
 structures, ch. 5. For each mode the power Π_r = |Q_r|²/(2·R_r): Q_r the lift ½·C_Lv·ρ·D·U² over its
 power-in band, weighted by |φ_r|, R_r the damping outside, c = -½·C_Lv·ρ·D·U²/(A·ω) where C_Lv < 0,
 plus the structural 2·m·ω·ζ. The strongest mode takes its band, the next the remainder; modes of
-equal power share. With variable added mass f = f_1·√(M_1/(M + Σ C_a·ρ·A·φ²)), by fixed-point
-iteration with the mean of two successive C_a; f_1 and M_1 are those at C_a = 1.
+equal power share. By [GE]'s text (`lock_in` nearest) each place has the mode nearest to 0.17·U/D
+instead; it gives the printed modes of the sheared flows and less than half of the printed
+amplitudes (docs/validation.md, G1). With variable added mass f = f_1·√(M_1/(M + Σ C_a·ρ·A·φ²)), by
+fixed-point iteration with the mean of two successive C_a; f_1 and M_1 are those at C_a = 1.
 """
 
 from __future__ import annotations
@@ -18,14 +20,15 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.vortex.force_table import ForceTable, fitted_forces, solve_added_mass
-from rope_twin.vortex.line_model import EVEN, Span, refined
+from rope_twin.vortex.line_model import EVEN, RecentSpeeds, Span, refined
 from rope_twin.vortex.modes import MAX_MODES, LateralModes, ModeSearch
-from rope_twin.vortex.shedding import parts_below, share_out
+from rope_twin.vortex.shedding import nearest_zones, parts_below, share_out
 
 PER_WAVE = 24  # elements per wave length at the highest frequency that can be excited
 MOST_ELEMENTS = 6000
 ROUNDS = 60
 ADDED_MASS_TOL = 1e-6  # convergence of C_a between two rounds
+CENTRE = 0.17  # f·D/U of the largest power-in ([GE])
 TIE = 0.03  # relative difference of power below which modes share a place
 POWER_MIN = 0.03  # of the largest power: a mode below is not expected to be excited soon
 SPEED_MIN = 1e-6  # m/s: minimum water speed
@@ -43,6 +46,7 @@ class Decomposed:
     structural: float = 0.015  # damping ratio; not given in [GE]: as in the modal model
     first_amplitude: float = 0.5  # [D], amplitude at which the powers are evaluated
     candidate: float = 0.1  # of the largest power: modes below are excluded
+    lock_in: str = "strongest"  # or "nearest": the mode that a place excites
 
 
 def decomposed(varying: bool = True, structural: float = 0.015) -> Decomposed:
@@ -59,7 +63,6 @@ class Excitation:
     added_mass: Floats  # mean coefficient of each mode, weighted by φ²
     power: Floats  # Π_r [W]
     zones: Floats  # fraction of a node that excites a mode
-    locked: Floats  # fraction of a node at which f·D/U is in the band
 
     @property
     def dominant(self) -> int:
@@ -145,8 +148,13 @@ class ExcitationSearch:
         frequency, added, power, band = (
             np.concatenate(own, axis=-1) for own in zip(*parts, strict=True)
         )
-        zones = _share_out(power, band, self._model.candidate)
-        return Excitation(modes, frequency, added, power, zones, band)
+        nearest = self._model.lock_in == "nearest"
+        zones = (
+            _nearest(self.span, frequency, band)
+            if nearest
+            else _share_out(power, band, self._model.candidate)
+        )
+        return Excitation(modes, frequency, added, power, zones)
 
 
 def near_driven(found: Excitation) -> tuple[float, float] | None:
@@ -207,16 +215,19 @@ def _excited(span: Span, model: Decomposed, modes: LateralModes) -> _Part:
     return _Part(frequency, added, power, band)
 
 
-def fine_enough(span: Span, model: Decomposed, kept: int = 0) -> Span:
+def fine_enough(
+    span: Span, model: Decomposed, kept: int = 0, recent: RecentSpeeds | None = None
+) -> Span:
     """Refine a span for waves of the highest frequency that can be excited; a slack rope as is.
 
-    kept: previous number of elements, as in `refined`.
+    kept: previous number of elements, as in `refined`; recent: past flow, whose waves may still be
+    there.
     """
     if not (span.tension > 0.0).all():
         return span  # a slack rope has no modes
     moved = span.mass + _per_metre(span, model)[:-1]
     slowest = float(np.sqrt((span.tension / moved).min()))
-    fastest = model.band[1] * float((span.speed / span.diameter).max())
+    fastest = model.band[1] * (recent or RecentSpeeds()).fastest(span)
     longest = slowest / max(fastest, 1e-9) / PER_WAVE
     return refined(span, max(longest, span.s[-1] / MOST_ELEMENTS), EVEN, kept)
 
@@ -261,3 +272,12 @@ def _share_out(power: Floats, band: Floats, least: float) -> Floats:
         return np.zeros_like(band)
     above = (power / (least * power.max()) - 1.0) / TIE
     return share_out(power, band * np.clip(above, 0.0, 1.0), TIE)
+
+
+def _nearest(span: Span, frequency: Floats, band: Floats) -> Floats:
+    """Assign each place to the mode nearest to its shedding frequency, within that mode's band."""
+    order = np.argsort(frequency, kind="stable")  # added mass may change their order
+    zones = np.empty_like(band)
+    shedding = CENTRE * span.speed / span.diameter
+    zones[:, order] = nearest_zones(frequency[order], shedding, band[:, order], band)
+    return zones

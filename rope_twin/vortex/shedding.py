@@ -2,11 +2,12 @@
 
 [LCD] is Le Cunff and Durand (1999), who take lift and hydrodynamic damping from Venugopal (1996). A
 mode of frequency f is locked in where the reduced velocity U/(f·d) lies in a band; there the lift
-excites it, elsewhere the water damps it. Choices that [LCD] leaves open, and the variants tried,
-are in docs/validation.md (L1, L2): with this band and these zones both of its largest amplitudes
-are reproduced.
+excites it, elsewhere the water damps it. Of several modes that are locked in at a place the one
+nearest to its Strouhal frequency is excited ([LCD], section 2.1: "le mode en lock-in à une position
+donnée de la structure est le mode le plus proche de la fréquence f_R"). Choices that the paper
+leaves open, and the variants tried, are in docs/validation.md (L1, L2).
 
-Power-in zones with mode competition: of several locked-in modes the largest is excited. A place
+Mode competition, a variant of ours: of several locked-in modes the largest is excited. A place
 that mode k is locked in over the fraction l_k is assigned to it by l_k·Π(1 - l_j·b_jk) over the
 other modes j, with b_jk = 1 where j is larger, 0 where it is smaller; the result is scaled so that
 all together receive the locked-in fraction 1 - Π(1 - l_j), which is already the sum where each b is
@@ -14,14 +15,8 @@ all together receive the locked-in fraction 1 - Π(1 - l_j), which is already th
 0 to 1 with the logarithm of their ratio, so that assignments do not jump where one outgrows the
 other.
 
-A place moves from exciting one mode to another gradually, over some shedding periods. The papers
-assign places to modes once, in a constant current. Along a moving rope the assignment is recomputed
-again and again, and an instantaneous change of a place's mode would be unphysical: the vortices
-shed before are still present. The assignment therefore changes as 1 - e^(-t·f/PERIODS), f the
-shedding frequency of the place. The number of periods is our choice; in a constant current nothing
-depends on it. Without the transition there is a feedback: drag is amplified where modes take over,
-which moves the rope at some per cent of the water's speed, and which mode leads depends on that
-speed; two twins on different meshes then soon diverge.
+A place excites a mode by the fraction of it over which the rule holds, so that nothing jumps where
+the flow changes.
 """
 
 from __future__ import annotations
@@ -63,6 +58,16 @@ class Lift:
         return np.asarray(self.largest - np.where(off < 0.0, low, high) * off * off)
 
 
+def nearest_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
+    """Assign each place to the mode nearest to its Strouhal frequency, if that is locked in."""
+    if not len(frequency):
+        return locked
+    nearer_below = parts_below(shedding, 0.5 * (frequency[1:] + frequency[:-1]))
+    none, whole = np.zeros((len(shedding), 1)), np.ones((len(shedding), 1))
+    near = np.diff(np.concatenate([none, nearer_below, whole], axis=1), axis=1)
+    return np.minimum(near, locked)
+
+
 def leading_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
     """Assign its whole band to the mode with the largest response, the remainder to the next.
 
@@ -85,6 +90,7 @@ def leading_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Fl
 # mode, displacement of a mode by a place over C_l [m], (places, modes)) -> fraction of each place
 # that excites a mode.
 Zones = Callable[[Floats, Floats, Floats, Floats], Floats]
+LOCK_IN: dict[str, Zones] = {"nearest": nearest_zones, "strongest": leading_zones}
 
 
 @dataclass(frozen=True)
@@ -95,9 +101,10 @@ class Shedding:
     band: tuple[float, float] = (5.0, 7.0)  # lock-in range of U/(f·d)
     density: float = 1025.0  # [kg/m³]
     viscosity: float = 1.3e-6  # [m²/s]
-    structural: float = 0.015  # damping ratio of every mode
+    structural: float = 0.0075  # damping ratio of every mode: [LCD] 1.5 %, as a loss factor
     lift: Callable[[Floats], Floats] = Lift()
-    zones: Zones = leading_zones
+    factor: float = 1.0  # C_c of the lift, for phase and extent of the excited zone; not printed
+    zones: Zones = nearest_zones
 
     def still_water(self, omega: Floats, diameter: Floats) -> tuple[Floats, Floats]:
         """Return damping per metre in still water, c0 + c2·(A/d)² [N·s/m²]; (places, modes)."""
@@ -202,33 +209,3 @@ def _parts_below(low: Any, high: Any, limits: Any, found: Any) -> None:
                 found[p, k] = 0.0
             else:
                 found[p, k] = 1.0 if above >= width else above / width
-
-
-PERIODS = 8.0
-
-
-def handed_over(
-    before: Floats, wanted: Floats, locked: Floats, shedding_hz: Floats, since_s: float
-) -> Floats:
-    """Return the fraction of each place that excites each mode now, (places, modes).
-
-    before: the same `since_s` ago, for the places and modes of that time; wanted: the final value;
-    locked: the fraction at which a mode is locked in, an upper bound; shedding_hz: of the places,
-    (places,).
-    """
-    share = 1.0 - np.exp(-since_s * shedding_hz / PERIODS)
-    places, modes = wanted.shape
-    known = min(modes, before.shape[1])
-    was = np.zeros_like(wanted)
-    was[:, :known] = _at_shares(before[:, :known], places)
-    return np.asarray(np.minimum(was + share[:, None] * (wanted - was), locked))
-
-
-def _at_shares(table: Floats, places: int) -> Floats:
-    """Return rows at equal fractions of the rope, linear between those given at equal fractions."""
-    if len(table) == places:
-        return table
-    at = np.linspace(0.0, len(table) - 1.0, places)
-    low = np.minimum(at.astype(int), len(table) - 2)
-    part = (at - low)[:, None]
-    return np.asarray((1.0 - part) * table[low] + part * table[low + 1])

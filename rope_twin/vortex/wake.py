@@ -23,8 +23,9 @@ in any motion.
 
 Shedding frequencies are held over each half wavelength of the response, [LCD] Le Cunff and Durand
 (1999): ω = 2π·St·U/d, and waves of this frequency have k² = (√(T² +
-4·EI·m_t·ω²) - T)/(2·EI), or m_t·ω²/T. Counted from the hang-off down, a half wave keeps the
-frequency of its upper end.
+4·EI·m_t·ω²) - T)/(2·EI), or m_t·ω²/T. Counted from the hang-off down, a half wave has the largest
+frequency on it: in the published case that of its upper end, which would be 0 where waves stop the
+flow there, and its half wave the whole rope, on which the lift would then stand still.
 """
 
 from __future__ import annotations
@@ -240,30 +241,18 @@ def wave_number(EI: float, T: float, m: float, omega: float) -> Any:
 
 
 @jit
-def _set_turns(waves: Any, work: Any, length: Any, turn: Any, n: int) -> None:
-    """Set k·length/ω of the nodes below n, without bending stiffness [s]."""
-    T, mass, volume = row(work, TENSION, 0), row(work, MASS, 0), row(work, VOLUME, 0)
-    for i in range(n):
-        moved = mass[i] + waves.added * volume[i]
-        turn[i] = sqrt(2.0 * length[i] * moved / (T[i] + T[i] + RATE_MIN)) if T[i] > 0.0 else 0.0
+def hold_frequencies(waves: Any, work: Any, length: Any, held: Any, n: int) -> None:
+    """Hold the largest ω of each half wave over it, from the hang-off down.
 
-
-@jit
-def hold_frequencies(waves: Any, work: Any, length: Any, held: Any, turn: Any, n: int) -> None:
-    """Hold ω of the upper end over each half wave, from the hang-off down.
-
-    held: each node's own ω, replaced by that of its half wave. turn: scratch.
+    held: each node's own ω, replaced by that of its half wave.
     """
     T, mass, volume = row(work, TENSION, 0), row(work, MASS, 0), row(work, VOLUME, 0)
-    if waves.EI == 0.0:
-        _set_turns(waves, work, length, turn, n)
-    turned, omega = pi, 0.0
+    turned, omega, upper = 0.0, 0.0, n
     for i in range(n - 1, -1, -1):
-        if turned >= pi:
-            turned, omega = turned - pi, held[i]
-        held[i] = omega
-        if waves.EI == 0.0:
-            turned += omega * turn[i]
-        else:
-            per_metre = (mass[i] + waves.added * volume[i]) / length[i]
-            turned += length[i] * wave_number(waves.EI, T[i], per_metre, omega)
+        omega = max(omega, held[i])
+        per_metre = (mass[i] + waves.added * volume[i]) / length[i]
+        turned += length[i] * wave_number(waves.EI, T[i], per_metre, omega)
+        if turned >= pi or i == 0:
+            for j in range(i, upper):
+                held[j] = omega
+            turned, omega, upper = turned - pi, 0.0, i

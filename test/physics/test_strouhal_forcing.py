@@ -70,7 +70,9 @@ def integrated(cylinder: Cylinder, seconds: float, step: float, limit: float | N
 
 
 def stepped(cylinder: Cylinder, seconds: float, limit: float | None) -> Vector:
-    params = StrouhalForcingParams(lift_over_drag=LIFT, in_line=IN_LINE, limit_diameters=limit)
+    params = StrouhalForcingParams(
+        lift_over_drag=LIFT, in_line=IN_LINE, fixed_lift=limit is None, limit_diameters=limit or 1.0
+    )
     return cylinder.run(Bench(cylinder.scene(params)), seconds)
 
 

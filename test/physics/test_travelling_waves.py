@@ -20,6 +20,8 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import account_sum
 from rope_twin.effects import travelling_waves as tw
 from rope_twin.effects.travelling_waves import TravellingWaves, TravellingWavesParams
+from validation.published_ropes import LCD_CABLE
+from validation.wave_lines import CABLE_EA, rig
 
 PARAMS = TravellingWavesParams(periods=1.0, ramp_s=1.0, by_half_waves=False)
 # The Strouhal frequency is the natural one.
@@ -174,3 +176,43 @@ def test_a_rope_at_rest_stays_so_while_nothing_flows() -> None:
     twin = Twin(replace(scene, effects=(*scene.effects, TravellingWavesParams())))
     twin.advance(200)
     assert np.abs(twin.snapshot().node_position_m[:, 1]).max() == 0.0
+
+
+def at_start(speeds: tuple[float, float], **given: Any) -> tuple[Vector, Vector, Vector]:
+    """Phase, ω and own Strouhal ω of the nodes of a cable at rest; speeds: at bottom and top."""
+    own = rig(LCD_CABLE, CABLE_EA, 300, 0.01)
+    profile = ((0.0, (speeds[1], 0.0)), (-300.0, (speeds[0], 0.0)))
+    scene = replace(own, current=profile).scene()
+    params = TravellingWavesParams(**given)
+    bench = Bench(replace(scene, effects=(*scene.effects, params)))
+    bench.hold(1)
+    memory, n = waves_of(bench.rope.effects).memory, 300
+    flow = np.linspace(*speeds, n + 1)[:n]
+    omega = memory[tw.HELD, 1:n]
+    phase = memory[tw.PHASE, 1:n] - 0.01 * omega  # of the start
+    return phase, omega, 2.0 * math.pi * params.strouhal * flow[1:] / LCD_CABLE.diameter
+
+
+def test_phase_starts_as_that_of_a_standing_or_a_travelling_wave() -> None:
+    """Five half waves of 1.7 Hz: 0, -π, -2π ... or falling all the way by the same."""
+    phase, omega, _ = at_start((0.2, 0.2))
+    assert omega == pytest.approx(2.0 * math.pi * 1.7, rel=1e-3)
+    assert np.unique(np.round(phase / math.pi, 6)) == pytest.approx([-4.0, -3.0, -2.0, -1.0, 0.0])
+    falling, _, _ = at_start((0.2, 0.2), initial_phase="travelling")
+    assert (np.diff(falling) > 0.0).all()
+    assert np.abs(np.floor(-falling / math.pi) * -math.pi - phase).max() < 1e-6
+
+
+@pytest.mark.parametrize(("bottom", "top"), [(0.2, 1.5), (1.5, 0.0), (1.5, 1e-3)])
+def test_a_half_wave_has_the_pace_of_its_fastest_place(bottom: float, top: float) -> None:
+    """Its upper end's where the current falls with depth; and none stands still below a still top.
+
+    A half wave is long where the flow is slow: each of its nodes has at least its own pace.
+    """
+    _, held, own = at_start((bottom, top))
+    assert (held >= own * (1.0 - 1e-3)).all()
+    changes = np.flatnonzero(np.abs(np.diff(held)) > 1e-9)
+    assert 10 < len(changes) < 60
+    parts = np.split(np.arange(len(held)), changes + 1)
+    for part in parts[1:-1]:
+        assert held[part[0]] == pytest.approx(own[part].max(), rel=2e-3)

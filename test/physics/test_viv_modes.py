@@ -12,10 +12,10 @@ from scipy.special import jn_zeros
 
 from rope_twin.errors import InputError
 from rope_twin.vortex.line_model import Span, refined
-from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.modal_response import Drive, ModalResponse, ModalState, advance_modes
 from rope_twin.vortex.modes import find_lateral_modes
-from rope_twin.vortex.shedding import Lift, Shedding, leading_zones
-from validation.modal_lines import all_zones, dominant_zones, nearest_zones
+from rope_twin.vortex.shedding import Lift, Shedding, leading_zones, nearest_zones
+from validation.modal_lines import all_zones, dominant_zones
 
 L, T, M = 300.0, 100e3, 2.05
 
@@ -65,14 +65,16 @@ def test_refining_keeps_the_rope() -> None:
 
 def test_recursion_is_the_integral() -> None:
     """One mode under lift that does not change: as scipy integrates its equation, any step."""
-    shedding = Shedding(lift=lambda amplitude: np.full_like(amplitude, 0.5), zones=dominant_zones)
+    shedding = Shedding(
+        lift=lambda amplitude: np.full_like(amplitude, 1.0), factor=0.5, zones=dominant_zones
+    )
     response = ModalResponse(string(speed=0.2), shedding)
     (mode,) = np.flatnonzero(response.zones.any(axis=0))
     omega, mass = 2.0 * pi * response.frequency[mode], response.modes.mass[mode]
     span = response.span
     force = 0.25 * 1025.0 * 0.02 * 0.04 * np.abs(response.modes.shape[:, mode]) @ span.node_length
     angle = float(response.angle[mode])
-    damping = 2.0 * 0.015 * omega * mass
+    damping = 2.0 * 0.0075 * omega * mass
 
     def rate(t: float, y: np.ndarray) -> list[float]:
         push = force * np.cos(omega * t + angle)
@@ -86,6 +88,45 @@ def test_recursion_is_the_integral() -> None:
         assert again.coordinate[mode] == pytest.approx(exact, rel=1e-6)
 
 
+@pytest.mark.parametrize("damped", [0.89, 0.91, 1.0, 1.0 + 1e-14, 1.001, 3.0, 40.0])
+def test_strongly_damped_modes_too(damped: float) -> None:
+    """Below, at and beyond critical, from a motion, in any step: as scipy integrates them."""
+    omega, mass, angle, force, start = 3.0, 20.0, 0.4, 7.0, (0.3, 0.5)
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        push = 2.0 * force * np.cos(omega * t + angle) / mass
+        return [y[1], push - 2.0 * damped * omega * y[1] - omega**2 * y[0]]
+
+    exact = solve_ivp(rate, (0.0, 2.0), start, "LSODA", rtol=1e-12, atol=1e-14).y[:, -1]
+    one = np.ones((1, 1))
+    damping = np.array([2.0 * damped * omega * mass])
+    drive = Drive(
+        np.array([0]), np.array([omega]), np.array([mass]), damping, 0.0 * one, force * one, one
+    )
+    for steps in (1, 40, 1000):
+        place, speed = start
+        state = ModalState(np.array([place]), np.array([-speed / omega]), np.array([angle]))
+        for _ in range(steps):
+            advance_modes(2.0 / steps, np.ones(1), drive, state, np.zeros(1), np.empty((2, 1)))
+        found = [state.place[0], -omega * state.rate[0]]
+        assert found == pytest.approx(exact, rel=1e-8, abs=1e-10)
+
+
+def test_no_motion_is_lost_where_the_current_falls() -> None:
+    """The modes of a faster current stay for a minute, and with them its motion."""
+    fast, slow = string(speed=0.6), string(speed=0.05)
+    response = ModalResponse(fast, Shedding(structural=1e-5))
+    response.advance(60.0)
+    before, modes = response.motion, len(response.frequency)
+    response.follow(slow)
+    assert len(response.frequency) == modes
+    np.testing.assert_allclose(response.motion, before, atol=1e-9)
+    for _ in range(61):
+        response.advance(1.0)
+        response.follow(slow)
+    assert len(response.frequency) < modes / 4
+
+
 def test_amplitude_ends_where_lift_feeds_damping() -> None:
     """½·∫½ρdU²C_l(A/d)|φ| ds·ω·a = ½·C·(ω·a)²: the first-harmonic balance of power."""
     response = ModalResponse(string(speed=0.2), Shedding(zones=dominant_zones))
@@ -95,7 +136,7 @@ def test_amplitude_ends_where_lift_feeds_damping() -> None:
     a: float = response.modal_amplitude[mode]
     lift = Lift()(a * np.abs(response.modes.shape[:, mode]) / 0.02)
     fed = 0.5 * 1025.0 * 0.02 * 0.04 * (lift * np.abs(response.modes.shape[:, mode]))
-    damping = 2.0 * 0.015 * omega * mass
+    damping = 2.0 * 0.0075 * omega * mass
     # driven everywhere: only the structure damps
     assert fed @ response.span.node_length == pytest.approx(damping * omega * a, rel=0.02)
 
