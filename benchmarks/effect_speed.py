@@ -33,6 +33,8 @@ from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
+from rope_twin.effects.wetting import WettingParams
+from rope_twin.effects.wind import WindParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.rope import build
@@ -47,6 +49,8 @@ ADDED: dict[str, Any] = {
         jonswap=Jonswap(significant_height_m=2.5, peak_period_s=8.5), components=200,
         spreading=6.0, depth_m=DEPTH_M,
     ),
+    "wetting": WettingParams(),
+    "wind": WindParams(velocity_m_per_s=(12.0, 0.0)),
     "bending": BendingParams(stiffness_n_m2=2e4),
     "strouhal_forcing": StrouhalForcingParams(limit_diameters=1.0),
     "wake_oscillator": WakeOscillatorParams(),

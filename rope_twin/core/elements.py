@@ -38,12 +38,12 @@ from rope_twin.core.state import (
     END,
     GEOMETRIC,
     GROWTH,
+    LENGTH,
     MASS,
     PER_METRE,
     POSITION,
     REST,
     SECTION,
-    SKIN,
     STIFFNESS,
     TENSION,
     VELOCITY,
@@ -86,14 +86,14 @@ def set_growth(work: Floats, e: int, V: Any) -> None:
 def set_lengths(work: Floats, s: Any, sections: Any, n: int, L: float) -> None:
     """Set all elements and lumped nodes for paid-out length L; no element grows."""
     section = 0
-    for k in range(MASS, SKIN + 1):
+    for k in range(MASS, LENGTH + 1):
         work[k, 0] = 0.0
     for e in range(n):
         rest = (L if e == n - 1 else s[e + 1]) - s[e]
         while sections[END, section] <= s[e] + SAME_PLACE:
             section += 1
         set_element(work, sections, section, e, rest)
-        for k in range(MASS, SKIN + 1):
+        for k in range(MASS, LENGTH + 1):
             half = 0.5 * rest * sections[k - MASS + PER_METRE, section]
             work[k, e] += half
             work[k, e + 1] = half
@@ -115,7 +115,7 @@ def set_top_of(work: Floats, s: Any, sections: Any, n: int, line: Any, places: A
     (L, V), (top, below) = line, places
     rest = L - s[n - 1]
     set_element(work, sections, top, n - 1, rest)
-    for k in range(MASS, SKIN + 1):
+    for k in range(MASS, LENGTH + 1):
         per_metre = k - MASS + PER_METRE
         half = 0.5 * rest * sections[per_metre, top]
         work[k, n - 1] = 0.5 * work[REST, n - 2] * sections[per_metre, below] + half

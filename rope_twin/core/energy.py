@@ -30,6 +30,7 @@ from rope_twin.core.state import (
     END,
     FLOW,
     FLOW_RATE,
+    MASS,
     NODE_ROWS,
     PER_METRE,
     POSITION,
@@ -46,6 +47,7 @@ from rope_twin.core.state import (
 ALONG = ("kinetic", "potential", "power")  # [J], [J], [W] into the rope
 AT_END = ("kinetic_end", "potential_end", "power_end")
 _ACCOUNTS: dict[str, dict[type, Any]] = {kind: {} for kind in (*ALONG, *AT_END)}
+_WETTED: dict[type, Any] = {}
 
 
 class Place(NamedTuple):
@@ -64,14 +66,8 @@ class Place(NamedTuple):
     volume: Floats  # of displaced water [m³]
     frontal: Floats  # reference area of normal drag [m²]
     skin: Floats  # reference area of tangential drag [m²]
-
-    @property
-    def length(self) -> Floats:
-        """Unstretched length lumped at each node [m]: half of each adjacent element."""
-        length, half = np.zeros(len(self.arc)), 0.5 * np.diff(self.arc)
-        length[:-1] += half
-        length[1:] += half
-        return length
+    length: Floats  # unstretched [m]
+    bare: Floats  # projected area out of the water [m²]
 
 
 class Elements(NamedTuple):
@@ -151,6 +147,27 @@ def account_sum(kind: str, effects: tuple[Any, ...], place: Place) -> float:
     )
 
 
+def wetted(effects: tuple[Any, ...], place: Place) -> Place:
+    """Return a place whose properties are those of its part in the water, where an effect says so.
+
+    Stored energy is that of all of it; such an effect takes the difference into its own accounts.
+    """
+    for effect in effects:
+        if type(effect) in _WETTED:
+            place = _WETTED[type(effect)](effect, place)
+    return place
+
+
+def wets(effect: type) -> Callable[[Any], Any]:
+    """Register an effect's f(effect, place) -> place for `wetted`."""
+
+    def register(function: Any) -> Any:
+        _WETTED[effect] = function
+        return function
+
+    return register
+
+
 def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
     """Return energy and power of the state at a step boundary.
 
@@ -171,7 +188,7 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
     power = Power(
         hang_off=-float(pull @ place.velocity[:, -1]),
         passing=float(V * per_metre),
-        water=account_sum("power", rope.effects, place)
+        water=account_sum("power", rope.effects, wetted(rope.effects, place))
         + account_sum("power_end", rope.effects, end),
     )
     return Border(store, power, elements)
@@ -244,7 +261,7 @@ def _place(rope: Rope, elements: Elements, time: float, V: float) -> Place:
     lumps = np.zeros((len(half), n + 1))
     lumps[:, :-1] += half
     lumps[:, 1:] += half
-    water = _flow(rope, n + 1, time, V)
+    water = _flow(rope, lumps, time, V)
     return Place(
         arc=rope.state.s[: n + 1],
         position=x,
@@ -255,7 +272,8 @@ def _place(rope: Rope, elements: Elements, time: float, V: float) -> Place:
         flow=water[FLOW : FLOW + 3],
         flow_rate=water[FLOW_RATE : FLOW_RATE + 3],
         surface=water[SURFACE],
-        **dict(zip(("mass", "volume", "frontal", "skin"), lumps, strict=True)),
+        **dict(zip(("mass", "volume", "frontal", "skin", "length"), lumps, strict=True)),
+        bare=np.zeros(n + 1),
     )
 
 
@@ -267,14 +285,19 @@ def _at_nodes(rows: Floats) -> Floats:
 def _metre_at_sheave(rope: Rope, elements: Elements, place: Place) -> Place:
     """Return one metre of the rope that passes the hang-off, as a Place."""
     end = Place(*(row[..., -1:] for row in place))
-    mass, volume, frontal, skin = rope.sections[PER_METRE:, elements.section[-1:]]
-    return end._replace(mass=mass, volume=volume, frontal=frontal, skin=skin)
+    mass, volume, frontal, skin, length = rope.sections[PER_METRE:, elements.section[-1:]]
+    return end._replace(mass=mass, volume=volume, frontal=frontal, skin=skin, length=length)
 
 
-def _flow(rope: Rope, nodes: int, time: float, V: float) -> Floats:
-    """Return scratch whose rows FLOW, FLOW_RATE and SURFACE hold the water at the nodes."""
+def _flow(rope: Rope, lumps: Floats, time: float, V: float) -> Floats:
+    """Return scratch whose rows FLOW, FLOW_RATE and SURFACE hold the water at the nodes.
+
+    lumps: rows MASS to LENGTH of the nodes.
+    """
+    nodes = lumps.shape[1]
     work = new_work(nodes)
     work[:NODE_ROWS] = rope.state.nodes[:, :nodes]
+    work[MASS : MASS + len(lumps), :nodes] = lumps
     _find_flow(rope.effects, work, Stage(time, 1.0, 0.0, V), 0, nodes)
     return work
 

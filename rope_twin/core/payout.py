@@ -44,6 +44,7 @@ from rope_twin.core.state import (
     ELEMENTS,
     END,
     GROWTH,
+    LENGTH,
     LINE_COLUMN,
     LOWEST_OFFSET,
     MASS,
@@ -57,7 +58,6 @@ from rope_twin.core.state import (
     PULL_Z,
     RESIDUAL,
     REST,
-    SKIN,
     SPLITS,
     STIFFNESS,
     TANGENT,
@@ -427,7 +427,7 @@ def load_trials_of(rope: Rope, stage: Stage, A: float, lower: float, here: int, 
         work[k, middle] = (1.0 - xi) * work[k, low] + xi * work[k, high]
     for k in range(TANGENT, TANGENT + 3):
         work[k, low] = work[k, middle] = work[k, high]
-    for row in range(MASS, SKIN + 1):
+    for row in range(MASS, LENGTH + 1):
         own, others = (
             sections[row - MASS + PER_METRE, here],
             sections[row - MASS + PER_METRE, other],

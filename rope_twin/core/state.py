@@ -42,8 +42,9 @@ GROWTH = 54  # rate of the unstretched length over that length [1/s]; 0 below th
 # scalars at nodes, lumped from the adjacent half elements:
 MASS, VOLUME = 55, 56  # [kg], [m³] of displaced water
 FRONTAL, SKIN = 57, 58  # reference areas of normal and tangential drag [m²]
-SECTION = 59  # of an element: index of its section
-KEPT = 60  # NODE_ROWS of the state at the start of the step, to restore it
+LENGTH = 59  # unstretched length [m]
+SECTION = 60  # of an element: index of its section
+KEPT = 61  # NODE_ROWS of the state at the start of the step, to restore it
 CHANGE = KEPT  # change of element forces [N], three rows; in full steps, where KEPT is unused
 FLOW_RATE = KEPT + NODE_ROWS  # acceleration of the water [m/s²]; set only by some effects
 SURFACE = FLOW_RATE + 3  # elevation of the water surface above the node [m]; likewise
@@ -58,8 +59,8 @@ LINE_DOUBLES = 8  # per cache line
 # Rows of `sections`; one column per section of the rope, from the lower end up:
 END = 0  # material coordinate of its upper end [m]; that of the last one is infinite
 EA, C = 1, 2  # of T = EA·strain + C·strain rate [N], [N·s]; with a table EA is unused
-PER_METRE = 3  # MASS, VOLUME, FRONTAL and SKIN per unstretched metre
-SECTION_ROWS = 7
+PER_METRE = 3  # MASS to LENGTH per unstretched metre
+SECTION_ROWS = 8
 
 # state.counts
 ELEMENTS, LOWEST_OFFSET, COUNTS = 0, 1, 2

@@ -28,6 +28,8 @@ from rope_twin.effects import (
     wake_oscillator,
     waves,
     weight,
+    wetting,
+    wind,
 )
 
 
@@ -58,6 +60,8 @@ class Effect:
 EFFECTS: tuple[Effect, ...] = (
     Effect("current", current.CurrentParams, current.build),
     Effect("waves", waves.WavesParams, waves.build),
+    Effect("wetting", wetting.WettingParams, wetting.build),
+    Effect("wind", wind.WindParams, wind.build),
     Effect("weight", weight.WeightParams, weight.build),
     Effect("drag", drag.DragParams, drag.build),
     Effect("added_mass", added_mass.AddedMassParams, added_mass.build),

@@ -9,9 +9,9 @@ Tension, bending and added mass are the rope's own. φ starts as that of a stand
 18), 0 and π in turn for each half wave below the hang-off, or (`initial_phase: travelling`) as that
 of a wave that travels down, -∫k ds, both with the dispersion k² = (√(T² + 4·EI·m_t·ω²) - T)/(2·EI),
 or m_t·ω²/T; the lift builds up over the first `ramp_s`, so that static equilibrium is not
-disturbed. As in the published case ω is constant over each half wave, counted from the hang-off: the
-largest on it (wake.py). With `by_half_waves: false` it is each node's own; the phase difference of
-neighbours then grows without bound.
+disturbed. As in the published case ω is constant over each half wave, counted from the hang-off:
+the largest on it (wake.py). With `by_half_waves: false` it is each node's own; the phase difference
+of neighbours then grows without bound.
 
 |A|/d is √(2·s)/(ω·d), with s the mean of y'² over the last periods, s' = (y'² - s)·ω/(2π·periods).
 Like the phase it is solved in the stage (TR-BDF2): taken from the previous step, the published

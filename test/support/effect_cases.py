@@ -40,6 +40,8 @@ from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.effects.weight import WeightParams
+from rope_twin.effects.wetting import WettingParams
+from rope_twin.effects.wind import WindParams
 from rope_twin.scene.model.rope import build_effects
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.shapes import payload_figures
@@ -66,6 +68,8 @@ PARAMS: dict[str, Any] = {
         depth_m=95.0,
         ramp_s=4.0,
     ),
+    "wetting": WettingParams(),
+    "wind": WindParams(velocity_m_per_s=(14.0, -5.0)),
     "weight": WeightParams(),
     "drag": DragParams(normal=1.3, tangential=0.03),
     "added_mass": AddedMassParams(normal=1.4),
@@ -148,7 +152,11 @@ def acting(name: str) -> tuple[Any, ...]:
 
 
 def besides(name: str) -> tuple[Any, ...]:
-    """What is there with an effect that acts by the current alone."""
+    """What is there with an effect that acts by the current, the water or the dry part alone."""
+    if name == "wetting":
+        return data_of("weight", "drag")
+    if name == "wind":
+        return data_of("wetting")
     return data_of("current") if name in (*SHEDDING, "drag by the current alone") else ()
 
 
@@ -180,7 +188,7 @@ def some_work(seed: int = 1) -> Vector:
     work[rows.TANGENT : rows.TANGENT + 3] = tangent / np.linalg.norm(tangent, axis=0)
     length, diameter = random.uniform(1.0, 6.0, NODES), SMALL.diameter
     work[rows.REST] = 0.7 * length
-    work[rows.MASS] = SMALL.mass * length
+    work[rows.LENGTH], work[rows.MASS] = length, SMALL.mass * length
     work[rows.VOLUME] = 0.25 * math.pi * diameter**2 * length
     work[rows.FRONTAL], work[rows.SKIN] = diameter * length, math.pi * diameter * length
     return work

@@ -70,6 +70,7 @@ TURNED: dict[str, Turned] = {
     "current": lambda p, turn: replace(
         p, profile=tuple((z, turn.flat(velocity)) for z, velocity in p.profile)
     ),
+    "wind": lambda p, turn: replace(p, velocity_m_per_s=turn.flat(p.velocity_m_per_s)),
     "waves": lambda p, turn: replace(p, heading_deg=turn.heading(p.heading_deg)),
     "bending": lambda p, turn: replace(p, clamped_along=turn.point(p.clamped_along)),
     "seabed": lambda p, turn: replace(p, slope=turn.flat(p.slope)),

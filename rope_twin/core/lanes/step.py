@@ -32,6 +32,7 @@ from rope_twin.core.state import (
     ACCELERATION,
     ELEMENTS,
     END,
+    LENGTH,
     LINE,
     LINE_COLUMN,
     MASS,
@@ -39,7 +40,6 @@ from rope_twin.core.state import (
     PER_METRE,
     POSITION,
     REST,
-    SKIN,
     TENSION,
     VELOCITY,
     WORK_ROWS,
@@ -117,13 +117,13 @@ def _set_lengths(rope: Any, place: Any, L: Any) -> None:
     """Set all elements and nodes for paid-out length L; place: section of each element."""
     work, s, sections = rope.work, rope.state.s, rope.sections
     n = rope.state.counts[ELEMENTS]
-    for k in range(MASS, SKIN + 1):
+    for k in range(MASS, LENGTH + 1):
         work[k, 0] = 0.0
     for e in range(n):
         above = L if e == n - 1 else s[e + 1]
         rest = above - s[e]
         set_element(work, sections, place[e], e, rest)
-        for k in range(MASS, SKIN + 1):
+        for k in range(MASS, LENGTH + 1):
             half = 0.5 * rest * sections[k - MASS + PER_METRE, place[e]]
             work[k, e] += half
             work[k, e + 1] = half

@@ -42,6 +42,7 @@ from rope_twin.core.state import (
     PULL,
     PULL_X,
     RESIDUAL,
+    SURFACE,
     TANGENT,
     TENSION,
     VELOCITY,
@@ -76,6 +77,9 @@ class Node(NamedTuple):
     volume: float  # of displaced water [m³]
     frontal: float  # reference area of normal drag [m²]
     skin: float  # reference area of tangential drag [m²]
+    length: float  # unstretched [m]
+    surface: float  # elevation of the water surface above it [m], set only by some effects
+    bare: float  # projected area out of the water [m²], set only by some effects
 
 
 class Load(NamedTuple):
@@ -128,11 +132,15 @@ def load_nodes(effects: Any, work: Floats, stage: Stage, low: int, high: int) ->
 @jit_within
 def load_of(effects: Any, stage: Stage, nodes: Any, tangent: Any, i: int) -> Any:
     """Return inertia plus the loads of all effects on node i of `load_rows`."""
-    x, y, z, vx, vy, vz, ax, ay, az, ux, uy, uz, wx, wy, wz, mass, volume, frontal, skin = nodes
+    (
+        x, y, z, vx, vy, vz, ax, ay, az, ux, uy, uz, wx, wy, wz, mass, volume, frontal, skin,
+        length, surface,
+    ) = nodes  # fmt: skip
     tx, ty, tz = tangent
     node = Node(
         x[i], y[i], z[i], vx[i], vy[i], vz[i], ax[i], ay[i], az[i], tx, ty, tz,
         ux[i], uy[i], uz[i], wx[i], wy[i], wz[i], mass[i], volume[i], frontal[i], skin[i],
+        length[i], surface[i], 0.0,
     )  # fmt: skip
     return _sum_loads(effects, node, stage)
 
@@ -140,6 +148,8 @@ def load_of(effects: Any, stage: Stage, nodes: Any, tangent: Any, i: int) -> Any
 def _sum_loads(effects: Any, node: Any, stage: Stage) -> Any:
     """Return the sum of the rope's inertia and the loads of all effects on one node."""
     total = _inertia(node)
+    for effect, call in members("soak", effects):
+        node = call(effect, node)
     for effect, call in members("load", effects):
         total = _sum(total, call(effect, node, stage))
     return total
@@ -147,10 +157,12 @@ def _sum_loads(effects: Any, node: Any, stage: Stage) -> Any:
 
 @overload(_sum_loads, jit_options={**LINKED, "forceinline": True}, strict=False)
 def _compose_load(effects: Any, node: Any, stage: Stage) -> Any:
-    calls = kernels_by_place("load", effects)
-    lines = [f"total = add(total, kernel_{i}(effects[{i}], node, stage))" for i in calls]
+    calls, soaks = kernels_by_place("load", effects), kernels_by_place("soak", effects)
+    lines = [f"node = soak_{i}(effects[{i}], node)" for i in soaks]
+    lines += [f"total = add(total, kernel_{i}(effects[{i}], node, stage))" for i in calls]
     lines = ["total = inertia(node)", *lines, "return total"]
-    return written_out("effects, node, stage", lines, calls, inertia=_inertia, add=_sum)
+    own = {f"soak_{i}": call for i, call in soaks.items()}
+    return written_out("effects, node, stage", lines, calls, inertia=_inertia, add=_sum, **own)
 
 
 @jit_within
@@ -176,9 +188,10 @@ def load_rows(work: Floats, low: int) -> Any:
     ax, ay, az = rows(work, ACCELERATION, low)
     ux, uy, uz = rows(work, FLOW, low)
     wx, wy, wz = rows(work, FLOW_RATE, low)
-    mass, volume, frontal, skin = span(work, MASS, 4, low)
+    mass, volume, frontal, skin, length = span(work, MASS, 5, low)
     return (
-        x, y, z, vx, vy, vz, ax, ay, az, ux, uy, uz, wx, wy, wz, mass, volume, frontal, skin
+        x, y, z, vx, vy, vz, ax, ay, az, ux, uy, uz, wx, wy, wz, mass, volume, frontal, skin,
+        length, row(work, SURFACE, low),
     )  # fmt: skip
 
 

@@ -8,6 +8,8 @@ same tuple.
 
 - `flow(effect, work, stage, low, high)` adds water velocity to the rows FLOW of the nodes
   low <= i < high, at the stage's predicted positions; one of them may set FLOW_RATE.
+- `soak(effect, node)` returns the node as the other effects' `load` shall see it: with the volume
+  and the areas of its part in the water.
 - `load(effect, node, stage)` returns a Load: the contribution of the effect to one node. All
   effects' loads are summed in one loop over the nodes, in registers: one pass over memory for any
   number of effects.
@@ -39,7 +41,7 @@ from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 HOOKS = (
-    "flow", "load", "load_end", "couple", "pull", "calm", "start", "predict", "load_nodes",
+    "flow", "soak", "load", "load_end", "couple", "pull", "calm", "start", "predict", "load_nodes",
     "settle",
 )  # fmt: skip
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
@@ -59,7 +61,7 @@ def kernel(hook: str, effect: type, *, wide: bool = False) -> Callable[[Any], An
         raise ValueError(f"{effect.__name__} already has a kernel for '{hook}'")
 
     def register(function: Any) -> Any:
-        compiled = jit_within(function) if hook == "load" else jit(function)
+        compiled = jit_within(function) if hook in ("soak", "load") else jit(function)
         _KERNELS[hook][effect] = compiled
         if wide:
             _WIDE[hook][effect] = compiled

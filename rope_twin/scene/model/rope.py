@@ -232,7 +232,7 @@ def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> F
         if drag is not None and rope.drag_tangential is not None:
             skin = pi * rope.diameter_m * rope.drag_tangential / drag.tangential
         column[rows.EA] = rope.tangent_n(0.0)
-        column[rows.PER_METRE :] = rope.mass_kg_per_m, 0.25 * pi * d**2, frontal, skin
+        column[rows.PER_METRE :] = rope.mass_kg_per_m, 0.25 * pi * d**2, frontal, skin, 1.0
     return columns
 
 

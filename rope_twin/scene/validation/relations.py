@@ -286,6 +286,12 @@ def _effects(scene: Scene) -> Iterator[Fault]:
     if len(shedding) > 1:
         what = f"{' and '.join(shedding)} are models of the same vortex shedding"
         yield "effects", what, "keep one of them"
+    if "wetting" in listed and "weight" not in listed:
+        what = "`wetting` corrects the buoyancy of `weight`, which is not listed"
+        yield "effects", what, "add `- weight: {}`"
+    if "wind" in listed and "wetting" not in listed:
+        what = "`wind` acts on the rope out of the water, and without `wetting` none is"
+        yield "effects", what, "add `- wetting: {}`"
     if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
         what = "`splash_zone` corrects the loads of `payload`, which is not listed"
         yield "effects", what, "add `- payload: {}`"

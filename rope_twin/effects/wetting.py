@@ -1,0 +1,130 @@
+"""Rope out of the water: its dry part has its weight in air, without drag or added mass.
+
+Buoyancy, drag, added mass and the inertia of waves act on the wetted fraction β of each node's
+rope. It rises linearly from 0 to 1 while the surface, η above the node (0 without `waves`), passes
+the height e that the rope of the node takes up,
+
+    β = ½ + (η - z)/e within 0 to 1,    e = l·|t_z| + d·√(1 - t_z²),
+
+l its length, d its diameter and t_z the vertical component of its tangent, so that an upright rope
+is wetted exactly up to the surface. A node that is wholly dry is in still air for the VIV models
+too; `wind` adds the drag of the wind. Omitted in the block: β's change with height, ρ·g·A per metre
+and far below the stiffness of inertia in a step.
+
+The stored energy of `weight` and `added_mass` is that of a wholly wetted rope. It is taken out here
+and the power of the forces that act is put in its place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.energy import account, wets
+from rope_twin.core.guards import DIVISOR_MIN
+from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.rows import row, rows
+from rope_twin.core.loads.balance import Node
+from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.state import FLOW, FLOW_RATE, LENGTH, POSITION, SURFACE, VOLUME
+
+PER_AREA = 1.1283791670955126  # diameter over the root of the section's area, √(4/π)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WettingParams:
+    """Without parameters: surface, mass, diameter and water are the scene's."""
+
+
+class Wetting(NamedTuple):
+    """Kernel data of the wetted rope."""
+
+    lift: float  # ρ·g [N/m³]
+    added: float  # Ca·ρ [kg/m³]
+
+
+def build(params: WettingParams, payload: Any, around: Any) -> Wetting:
+    """Return the kernel data for gravity, water and the rope's added mass."""
+    density = around.water_density_kg_per_m3
+    return Wetting(float(density * around.gravity_m_per_s2), float(around.added_mass * density))
+
+
+@jit_within
+def _diameter(volume: float, length: float) -> float:
+    return PER_AREA * sqrt(volume / (length + DIVISOR_MIN))
+
+
+@kernel("flow", Wetting)
+def flow(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Set the water to rest at nodes that no position of their rope would bring into it."""
+    ux, uy, uz = rows(work, FLOW, low)
+    wx, wy, wz = rows(work, FLOW_RATE, low)
+    _, _, z = rows(work, POSITION, low)
+    surface, length, volume = (
+        row(work, SURFACE, low),
+        row(work, LENGTH, low),
+        row(work, VOLUME, low),
+    )
+    for i in range(high - low):
+        reach = 0.5 * length[i] + _diameter(volume[i], length[i])
+        if z[i] - surface[i] > reach:
+            ux[i] = uy[i] = uz[i] = 0.0
+            wx[i] = wy[i] = wz[i] = 0.0
+
+
+@kernel("soak", Wetting)
+def soak(wetting: Any, node: Any) -> Any:
+    """Return the node with the volume and the areas of its wetted part."""
+    d = _diameter(node.volume, node.length)
+    height = node.length * abs(node.tz) + d * sqrt(max(1.0 - node.tz * node.tz, 0.0))
+    share = 0.5 + (node.surface - node.z) / (height + DIVISOR_MIN)
+    wet = min(max(share, 0.0), 1.0)
+    return Node(
+        node.x, node.y, node.z, node.vx, node.vy, node.vz, node.ax, node.ay, node.az,
+        node.tx, node.ty, node.tz, node.ux, node.uy, node.uz, node.wx, node.wy, node.wz,
+        node.mass, wet * node.volume, wet * node.frontal, wet * node.skin, node.length,
+        node.surface, (1.0 - wet) * d * node.length,
+    )  # fmt: skip
+
+
+@wets(Wetting)
+def wet_place(wetting: Any, place: Any) -> Any:
+    """Return the place with the volume and the areas of its wetted part."""
+    d = PER_AREA * np.sqrt(place.volume / (place.length + DIVISOR_MIN))
+    upright = np.abs(place.tangent[2])
+    height = place.length * upright + d * np.sqrt(np.maximum(1.0 - upright**2, 0.0))
+    share = 0.5 + (place.surface - place.position[2]) / (height + DIVISOR_MIN)
+    wet = np.clip(share, 0.0, 1.0)
+    return place._replace(
+        volume=wet * place.volume, frontal=wet * place.frontal, skin=wet * place.skin,
+        bare=(1.0 - wet) * d * place.length,
+    )  # fmt: skip
+
+
+@account("potential", Wetting)
+def potential(wetting: Any, place: Any) -> Any:
+    """Return the buoyancy's part, ρ·g·volume·z, to be taken out of the weight's [J]."""
+    return wetting.lift * place.volume * place.position[2]
+
+
+@account("kinetic", Wetting)
+def kinetic(wetting: Any, place: Any) -> Any:
+    """Return minus the energy of the added mass of a wholly wetted rope [J]."""
+    v, along = place.velocity, (place.velocity * place.tangent).sum(axis=0)
+    return -0.5 * wetting.added * place.volume * ((v * v).sum(axis=0) - along * along)
+
+
+@account("power", Wetting)
+def power(wetting: Any, place: Any) -> Any:
+    """Return the power of buoyancy and added mass on the wetted part [W]; place: of that part.
+
+    The added mass's own account, of the part of its force beyond its stored energy, is taken out.
+    """
+    v, a, t = place.velocity, place.acceleration, place.tangent
+    along = (v * t).sum(axis=0)
+    inertia = ((a * v).sum(axis=0) - (a * t).sum(axis=0) * along) * place.volume
+    turned = (v * place.turning).sum(axis=0) * along * place.volume
+    return wetting.lift * place.volume * v[2] - wetting.added * (inertia - turned)
