@@ -20,6 +20,7 @@ from rope_twin.core.loads.hooks import hooks_of, kernel_of
 from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
 from rope_twin.core.step import advance_steps
 from rope_twin.effects import EFFECTS
+from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.fairing import FairingParams
@@ -58,6 +59,7 @@ ADDED: dict[str, Any] = {
     "modal_vibration": ModalVibrationParams(),  # in the step: the drag that it makes grow
     "decomposed_force": DecomposedForceParams(),
     "seabed": SeabedParams(depth_m=DEPTH_M),
+    "bed_friction": BedFrictionParams(),
     "rigid_body": RigidBodyParams(
         size_m=(4.0, 3.0, 2.5),
         slings=tuple(

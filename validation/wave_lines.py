@@ -42,8 +42,9 @@ KEPT = (
 SLOW = (
     "A slow motion as strong as the paper's appears where y is solved for in complex numbers and "
     "|A| is its modulus (rows `complex y`, a line of its own beside the twin): through |y| the "
-    "lift then feeds motions that turn against it, in the lowest modes (0.36, 0.73, 1.09 Hz). Which of "
-    "them wins depends on step and mesh. The real equation, as the twin has it, does not feed them."
+    "lift then feeds motions that turn against it, in the lowest modes (0.36, 0.73, 1.09 Hz). "
+    "Which of them wins depends on step and mesh. The real equation, as the twin has it, does not "
+    "feed them."
 )
 
 

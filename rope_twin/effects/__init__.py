@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from rope_twin.effects import (
     added_mass,
+    bed_friction,
     bending,
     current,
     decomposed_force,
@@ -42,6 +43,9 @@ class Surroundings(NamedTuple):
     room: int = 0  # node capacity of the rope's arrays
     drag_normal: float = 0.0  # normal drag coefficient of the rope, 0 where the scene lists none
     bending_n_m2: float = 0.0  # bending stiffness of the rope, 0 where the scene lists none
+    bed: Any = None  # kernel data of the seabed, where the scene lists one
+    friction: float = 0.0  # its friction coefficient
+    sticks: bool = False  # whether `bed_friction` takes the place of the seabed's friction
     two_way: bool = False  # whether a payload of the scene differs between ascent and descent
 
 
@@ -102,6 +106,7 @@ EFFECTS: tuple[Effect, ...] = (
         version=2,
     ),
     Effect("seabed", seabed.SeabedParams, seabed.build),
+    Effect("bed_friction", bed_friction.BedFrictionParams, bed_friction.build),
     Effect("payload", payload.PayloadParams, payload.build),
     Effect("rigid_body", rigid_body.RigidBodyParams, rigid_body.build),
     Effect("splash_zone", splash_zone.SplashZoneParams, splash_zone.build),

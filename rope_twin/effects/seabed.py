@@ -4,7 +4,8 @@ Hunt and Crossley (1975): at the penetration d [m], normal to the seabed, and th
 from it, N = k·d·(1 - χ·v_n), at least 0: continuous at touchdown and at lift-off, dissipative in
 between. k is the modulus of subgrade reaction [N/m³] times the rope's projected area d·l, or the
 payload's own stiffness. Coulomb friction, μ·N opposing the sliding velocity v_t, is regularised:
-μ·N·v_t/√(|v_t|² + v_0²) (Oden and Martins 1985).
+μ·N·v_t/√(|v_t|² + v_0²) (Oden and Martins 1985), so it vanishes at rest; `bed_friction` is one
+that sticks.
 """
 
 from __future__ import annotations
@@ -104,7 +105,7 @@ def build(params: SeabedParams, payload: Any, around: Any) -> Plane | Grid:
         params.stiffness_n_per_m3,
         weight / params.payload_penetration_m,
         params.damping_s_per_m,
-        params.friction,
+        0.0 if around.sticks else params.friction,
     )
     if params.soundings is not None:
         bed = params.soundings

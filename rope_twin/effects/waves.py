@@ -1,4 +1,4 @@
-"""Waves: Airy wave kinematics at rope and payload, with Wheeler stretching (Wheeler 1970).
+"""Waves: Airy wave kinematics at rope and payload, stretched to the surface.
 
 A component with surface a·cos θ, θ = k·(x·cos β + y·sin β) - ω·t + φ, moves the water at z by
 
@@ -6,8 +6,14 @@ A component with surface a·cos θ, θ = k·(x·cos β + y·sin β) - ω·t + φ
     C = cosh(k·(z + h))/sinh(k·h), S = sinh(k·(z + h))/sinh(k·h), both e^{k·z} in deep water
 
 (DNV-RP-C205, 3.2.2), with accelerations a·ω²·C·sin θ and -a·ω²·S·cos θ. With [LCD] eqs 21 and 22, u
-= π·H·f·e^{k·z}·cos 2πft and k = 4π²f²/g, for one deep-water wave. z is Wheeler's h·(z - η)/(h + η),
-at most 0: above the surface the water of the surface is used.
+= π·H·f·e^{k·z}·cos 2πft and k = 4π²f²/g, for one deep-water wave. By `stretching`, z is Wheeler's
+(1970) h·(z - η)/(h + η), which takes the surface to the mean level; or the node's own (`none`), or
+with the kinematics above the mean level continued along their tangent there up to the surface
+(`linear`, DNV-RP-C205, 3.3.3). It is at most 0, with `linear` at most η: above the surface the
+water of the surface is used.
+
+Several systems, such as a wind sea and swells from other directions, add up (`also`). Not included:
+what is of second order in the steepness, so the mean drift of the water too.
 
 The water's acceleration acts on the rope by ρ·A·(a + Ca·a_n) per metre, on the payload by (ρ·V +
 added mass)·a on each axis (Froude-Krylov; Morison et al. 1950).
@@ -49,17 +55,20 @@ from rope_twin.core.waves.rows import (
 )
 from rope_twin.errors import InputError
 from rope_twin.quantity import quantity, text
-from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread
+from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread, together
 from rope_twin.sea.components import Waves as Components
 from rope_twin.sea.spectrum import WaveSpectrum, jonswap, read_spectrum
 
 
 @dataclass(frozen=True, kw_only=True)
 class RegularWave:
-    """A regular wave; its crest passes the origin at t = 0."""
+    """A regular wave; with phase 0 its crest passes the origin at t = 0."""
 
     height_m: float = quantity("wave height, trough to crest", "m", 0.0, 40.0)
     period_s: float = quantity("wave period", "s", 1.0, 40.0)
+    phase_deg: float = quantity(
+        "phase at the origin at t = 0: 0 crest, 180 trough", "°", -360.0, 360.0, default=0.0
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,9 +106,12 @@ class Measured:
         return None
 
 
+STRETCHING = {"wheeler": (1.0, 0.0), "none": (0.0, 0.0), "linear": (0.0, 1.0)}
+
+
 @dataclass(frozen=True, kw_only=True)
-class WavesParams:
-    """Sea state; exactly one of `regular`, `jonswap` and `measured`."""
+class WaveSystem:
+    """Waves of one origin; exactly one of `regular`, `jonswap` and `measured`."""
 
     regular: RegularWave | None = text("a regular wave", None)
     jonswap: Jonswap | None = text("a JONSWAP spectrum", None)
@@ -113,6 +125,43 @@ class WavesParams:
         "directional spreading exponent s, cos²ˢ form; omit for long-crested seas", "", 1.0, 100.0,
         default=None,
     )  # fmt: skip
+
+    def check(self) -> str | None:
+        """Return a fault unless exactly one sea state is given, or None."""
+        given = [sea for sea in (self.regular, self.jonswap, self.measured) if sea is not None]
+        if len(given) != 1:
+            return f"{len(given)} sea states given; give one of regular, jonswap and measured"
+        return None
+
+    def waves(self, depth_m: float, gravity: float) -> Components:
+        """Return the wave components.
+
+        Raises:
+            InputError: there is no such spectrum.
+        """
+        heading = math.radians(self.heading_deg)
+        if self.regular is not None:
+            wave = self.regular
+            return regular_wave(
+                wave.height_m, wave.period_s, heading, depth_m, gravity,
+                math.radians(wave.phase_deg),
+            )  # fmt: skip
+        if self.jonswap is not None:
+            sea = self.jonswap
+            spectrum = jonswap(sea.significant_height_m, sea.peak_period_s, sea.gamma)
+        else:
+            assert self.measured is not None, "checked when the scene was read"
+            spectrum = self.measured.spectrum()
+        found = irregular_waves(spectrum, self.components, self.seed, depth_m, gravity)
+        return spread(found, heading, self.spreading, self.seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WavesParams(WaveSystem):
+    """Sea state: one system of waves, and others that come with it."""
+
+    also: tuple[WaveSystem, ...] = text("further systems, such as swells", ())
+    stretching: str = text("kinematics up to the surface: wheeler, linear or none", "wheeler")
     depth_m: float | None = quantity(
         "water depth; default: deep water", "m", 1.0, 12e3, default=None
     )
@@ -121,12 +170,22 @@ class WavesParams:
         "bound of the approximation error of the water velocity", "m/s", 0.0, 0.1, 3e-4
     )
 
+    @property
+    def systems(self) -> dict[str, WaveSystem]:
+        """Return all systems by the name of their place in a scene."""
+        return {"waves": self} | {f"waves.also[{k}]": own for k, own in enumerate(self.also)}
+
     def check(self) -> str | None:
-        """Return a fault unless exactly one sea state is given, or None."""
-        given = [sea for sea in (self.regular, self.jonswap, self.measured) if sea is not None]
-        if len(given) != 1:
-            return f"{len(given)} sea states given; give one of regular, jonswap and measured"
-        return None
+        """Return a fault of the sea state (one), the stretching or the number of components."""
+        if self.stretching not in STRETCHING:
+            known = ", ".join(STRETCHING)
+            return f"unknown stretching '{self.stretching}'; give one of {known}"
+        count = sum(
+            1 if own.regular is not None else own.components for own in self.systems.values()
+        )
+        if count > MOST:
+            return f"{count} components in all; give at most {MOST}"
+        return WaveSystem.check(self)
 
 
 class Waves(NamedTuple):
@@ -139,6 +198,8 @@ class Waves(NamedTuple):
     lowest: float  # z of nodes [m] below which waves are negligible
     depth: float  # [m]
     ramp: float  # [s]
+    follows: float  # share of η that z is taken from: 1 with Wheeler's stretching, else 0
+    extends: float  # share of the tangent that is followed above the mean level: 1 or 0
     density: float  # of the water [kg/m³]
     Ca: float  # added mass coefficient of the rope
     Mx: float  # ρ·V + added mass of the payload [kg]
@@ -157,7 +218,7 @@ def _pick_waves(many: Any, r: int) -> Any:
     sea, m = many.sea, many.inertia[r]
     return Waves(
         sea.table, sea.blocks, sea.levels, sea.steepest, sea.lowest, sea.depth, sea.ramp,
-        sea.density, sea.Ca, m[0], m[1], m[2],
+        sea.follows, sea.extends, sea.density, sea.Ca, m[0], m[1], m[2],
     )  # fmt: skip
 
 
@@ -173,18 +234,9 @@ def components_of(params: WavesParams, gravity: float) -> Components:
     Raises:
         InputError: there is no such spectrum.
     """
-    depth, heading = params.depth_m or DEEP, math.radians(params.heading_deg)
-    if params.regular is not None:
-        wave = params.regular
-        return regular_wave(wave.height_m, wave.period_s, heading, depth, gravity)
-    if params.jonswap is not None:
-        sea = params.jonswap
-        spectrum = jonswap(sea.significant_height_m, sea.peak_period_s, sea.gamma)
-    else:
-        assert params.measured is not None, "checked when the scene was read"
-        spectrum = params.measured.spectrum()
-    found = irregular_waves(spectrum, params.components, params.seed, depth, gravity)
-    return spread(found, heading, params.spreading, params.seed)
+    depth = params.depth_m or DEEP
+    systems = [own.waves(depth, gravity) for own in params.systems.values()]
+    return systems[0] if len(systems) == 1 else together(systems)
 
 
 def build(params: WavesParams, payload: Any, around: Any) -> Waves:
@@ -218,6 +270,8 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
         lowest=lowest(float(reach[0]), float(a.sum()), depth),
         depth=depth,
         ramp=params.ramp_s,
+        follows=STRETCHING[params.stretching][0],
+        extends=STRETCHING[params.stretching][1],
         density=density,
         Ca=around.added_mass,
         Mx=inertia[0],

@@ -140,7 +140,7 @@ class RegularHeave:
     """A sine, z = a·sin(2π·t/T), about the mean position; it builds up with the ship's ramp."""
 
     amplitude_m: float = quantity("amplitude, half of trough to crest", "m", 0.0, 30.0)
-    period_s: float = quantity("period", "s", 2.0, 100.0)
+    period_s: float = quantity("period", "s", 0.2, 100.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ g·k·tanh(k·h) (DNV-RP-C205, 3.2.2). β is the direction of propagation, from 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,12 +86,19 @@ def wave_numbers(omega: Vector, depth_m: float, gravity: float) -> Vector:
 
 
 def regular_wave(
-    height_m: float, period_s: float, heading: float, depth_m: float, gravity: float
+    height_m: float,
+    period_s: float,
+    heading: float,
+    depth_m: float,
+    gravity: float,
+    phase: float = 0.0,
 ) -> Waves:
-    """Return one wave whose crest is at the origin at t = 0."""
+    """Return one wave; with phase 0 [rad] its crest is at the origin at t = 0."""
     omega = np.array([2.0 * math.pi / period_s])
     k = wave_numbers(omega, depth_m, gravity)
-    return Waves(np.array([0.5 * height_m]), omega, k, np.array([heading]), np.zeros(1), depth_m)
+    return Waves(
+        np.array([0.5 * height_m]), omega, k, np.array([heading]), np.full(1, phase), depth_m
+    )
 
 
 def irregular_waves(
@@ -134,3 +142,16 @@ def spread(waves: Waves, heading: float, exponent: float | None, seed: int) -> W
         waves.amplitude_m, waves.omega, waves.wave_number, heading + turn, waves.phase,
         waves.depth_m,
     )  # fmt: skip
+
+
+def together(systems: Sequence[Waves]) -> Waves:
+    """Return the components of several systems in the same water, from the longest on."""
+    order = np.argsort(np.concatenate([own.wave_number for own in systems]), kind="stable")
+    return Waves(
+        np.concatenate([own.amplitude_m for own in systems])[order],
+        np.concatenate([own.omega for own in systems])[order],
+        np.concatenate([own.wave_number for own in systems])[order],
+        np.concatenate([own.heading for own in systems])[order],
+        np.concatenate([own.phase for own in systems])[order],
+        systems[0].depth_m,
+    )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from rope_twin.effects.waves import (
     Measured,
     RegularWave,
     WavesParams,
+    WaveSystem,
     build,
     components_of,
 )
@@ -37,7 +40,9 @@ SEA = WavesParams(
 )  # fmt: skip
 
 
-def airy(sea: Waves, place: Vector, time: float) -> tuple[Vector, Vector, Vector]:
+def airy(
+    sea: Waves, place: Vector, time: float, stretching: str = "wheeler"
+) -> tuple[Vector, Vector, Vector]:
     """Surface (n,), velocity and acceleration (3, n) at places (3, n), all components, no cuts."""
     h, k = sea.depth_m, sea.wave_number[:, None]
     cos_b, sin_b = np.cos(sea.heading)[:, None], np.sin(sea.heading)[:, None]
@@ -45,8 +50,13 @@ def airy(sea: Waves, place: Vector, time: float) -> tuple[Vector, Vector, Vector
     angle = k * (place[0] * cos_b + place[1] * sin_b) - omega * time + sea.phase[:, None]
     eta = (a * np.cos(angle)).sum(axis=0)
     z = np.minimum((place[2] - eta) / (1.0 + eta / h), 0.0)
+    if stretching != "wheeler":
+        z = np.minimum(place[2], 0.0)
     level = np.exp(k * z) * (1.0 + np.exp(-2.0 * k * (z + h))) / (1.0 - np.exp(-2.0 * k * h))
     rise = np.exp(k * z) * (1.0 - np.exp(-2.0 * k * (z + h))) / (1.0 - np.exp(-2.0 * k * h))
+    if stretching == "linear":  # d/dz of cosh and sinh over sinh(kh) at z = 0 is k·sinh and k·cosh
+        above = np.maximum(np.minimum(place[2], eta), 0.0)
+        level, rise = level + k * above, rise + k * above / np.tanh(k * h)
     across, up = a * omega * level * np.cos(angle), a * omega * rise * np.sin(angle)
     across_rate, up_rate = (
         a * omega**2 * level * np.sin(angle),
@@ -162,6 +172,84 @@ def test_a_sea_without_short_cuts_is_airys() -> None:
     speed = sea.amplitude_m * sea.omega
     assert np.abs(found - u)[:, 1:].max() < 1e-12 * speed.sum()
     assert np.abs(rate - du)[:, 1:].max() < 1e-12 * (speed * sea.omega).sum()
+
+
+@pytest.mark.parametrize("depth", [None, 25.0])
+@pytest.mark.parametrize("stretching", ["none", "linear"])
+def test_kinematics_up_to_the_surface(stretching: str, depth: float | None) -> None:
+    """As written out, below and above the mean level and above the surface, in crest and trough."""
+    params = replace(SEA, stretching=stretching, depth_m=depth, neglected_m_per_s=0.0)
+    z = np.linspace(-24.0, 4.0, 57)
+    place = np.stack([0.05 * z, -0.02 * z, z])
+    sea = components_of(params, G)
+    speed, highest = sea.amplitude_m * sea.omega, []
+    for time in (70.0, 72.0, 74.0, 77.7):
+        eta, u, du = airy(sea, place, time, stretching)
+        highest.append(eta.max())
+        found, rate = kernel_at(params, place, time)
+        assert np.abs(found - u)[:, 1:].max() < 1e-12 * speed.sum()
+        assert np.abs(rate - du)[:, 1:].max() < 1e-12 * (speed * sea.omega).sum()
+    assert min(highest) < -0.3
+    assert max(highest) > 0.5
+
+
+@pytest.mark.parametrize("stretching", ["none", "linear"])
+def test_short_cuts_are_bounded_with_other_stretching(stretching: str) -> None:
+    """Under `neglected_m_per_s` off the full sum, as with Wheeler's."""
+    z = np.arange(-60.0, 3.0, 0.5)
+    place = np.stack([0.05 * z, -0.02 * z, z])
+    params = replace(SEA, stretching=stretching)
+    _, u, du = airy(components_of(params, G), place, 77.7, stretching)
+    found, rate = kernel_at(replace(params, neglected_m_per_s=1e-3), place, 77.7)
+    assert np.sqrt(((found - u) ** 2).sum(axis=0))[1:].max() <= 1e-3
+    assert np.sqrt(((rate - du) ** 2).sum(axis=0))[1:].max() <= 1e-3
+
+
+def test_crossing_seas_add_up() -> None:
+    """A wind sea, a swell across it and a regular wave: the sum of each alone, none stretched."""
+    swell = WaveSystem(
+        jonswap=Jonswap(significant_height_m=1.5, peak_period_s=14.0), components=60, seed=9,
+        heading_deg=110.0,
+    )  # fmt: skip
+    regular = WaveSystem(
+        regular=RegularWave(height_m=1.0, period_s=5.0, phase_deg=70.0), heading_deg=-40.0
+    )
+    base = replace(SEA, stretching="none", neglected_m_per_s=0.0)
+    z = np.linspace(-50.0, -0.5, 30)
+    place = np.stack([0.3 * z, 0.1 * z, z])
+    whole = kernel_at(replace(base, also=(swell, regular)), place, 33.0)
+    parts = [base]
+    for own in (swell, regular):
+        figures = {f.name: getattr(own, f.name) for f in dataclasses.fields(own)}
+        parts.append(WavesParams(**figures, ramp_s=0.0, stretching="none", neglected_m_per_s=0.0))
+    alone = [kernel_at(part, place, 33.0) for part in parts]
+    for k in range(2):
+        assert np.abs(whole[k] - sum(own[k] for own in alone))[:, 1:].max() < 1e-11
+    height = components_of(replace(base, also=(swell, regular)), G).significant_height_m
+    heights = [components_of(part, G).significant_height_m for part in parts]
+    assert height == pytest.approx(math.hypot(*heights), rel=1e-12)
+
+
+def test_phase_of_a_regular_wave() -> None:
+    """A quarter period ahead: the crest of 90° passed the origin a quarter of a period before."""
+    later = replace(DRY, regular=RegularWave(height_m=3.0, period_s=8.0, phase_deg=-90.0))
+    z = np.linspace(-30.0, 0.0, 12)
+    place = np.stack([0.0 * z, 0.0 * z, z])
+    found, expected = kernel_at(later, place, 4.5), kernel_at(DRY, place, 6.5)
+    np.testing.assert_allclose(found[0][:, 1:], expected[0][:, 1:], atol=1e-12)
+    trough = replace(DRY, regular=RegularWave(height_m=3.0, period_s=8.0, phase_deg=180.0))
+    assert kernel_at(trough, place, 0.0)[0][0, -1] < 0.0
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"stretching": "up"}, "unknown stretching 'up'"),
+        ({"also": (WaveSystem(jonswap=SEA.jonswap, components=1900),)}, "2100 components in all"),
+    ],
+)
+def test_a_sea_that_cannot_be(given: dict[str, Any], words: str) -> None:
+    assert words in str(replace(SEA, **given).check())
 
 
 def test_waves_over_a_bed_that_all_troughs_together_would_lay_dry() -> None:

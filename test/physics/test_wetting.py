@@ -158,4 +158,3 @@ def test_energy_of_a_rope_through_the_surface_of_waves(wind: bool) -> None:
     energy = shot.energy
     assert energy is not None
     assert abs(energy.residual_j) < 1e-6 * energy.exchanged_j
-

@@ -24,6 +24,7 @@ from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import add_couplings, add_end, add_flow, add_load
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams, Layers
 from rope_twin.effects.decomposed_force import DecomposedForceParams
@@ -82,6 +83,7 @@ PARAMS: dict[str, Any] = {
     "seabed": SeabedParams(
         depth_m=50.0, slope=(0.1, -0.05), stiffness_n_per_m3=1e4, damping_s_per_m=0.2, friction=0.0
     ),
+    "bed_friction": BedFrictionParams(axial=0.4, lateral=0.8, slip_m=0.05),
     "payload": PayloadParams(),
     "rigid_body": RigidBodyParams(
         size_m=(2.0, 1.5, 1.0),
@@ -138,14 +140,17 @@ def params_of(name: str) -> Any:
 
 def data_of(*names: str) -> tuple[Any, ...]:
     """The kernels' data of these effects, on the small rope."""
-    scene = replace(SMALL.scene(), effects=tuple(params_of(name) for name in names))
+    beds = {"seabed", "bed_friction"}
+    needed = ("seabed",) if beds.intersection(names) == {"bed_friction"} else ()
+    listed = tuple(params_of(name) for name in (*needed, *names))
+    scene = replace(SMALL.scene(), effects=listed)
     return build_effects(scene, payload_figures(scene.payloads[0], SMALL.density))
 
 
 def acting(name: str) -> tuple[Any, ...]:
     """The kernels' data of an effect, last, with the current that it may need; vortices shed."""
     effects = (*besides(name), *data_of(name))
-    if name in SHEDDING:
+    if hasattr(effects[-1], "memory"):
         memory = effects[-1].memory
         memory[:] = np.random.default_rng(5).uniform(0.3, 1.2, memory.shape)
     return effects

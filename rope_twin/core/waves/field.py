@@ -16,7 +16,7 @@ from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, SURFACE
 from rope_twin.core.waves.rows import ASIDE, BASE, ECHO, LEVEL, REACH, THIRD, figures, scratch
-from rope_twin.core.waves.sums import refer, turn, water
+from rope_twin.core.waves.sums import refer, slopes, turn, water
 
 FEWEST = 5  # nodes of a stretch: with fewer, each is evaluated individually
 NOWHERE = 1e30  # m: no angles are stored yet
@@ -42,7 +42,8 @@ def _echoing(sea: Any, level: float) -> int:
 
 @jit
 def _level(sea: Any, z: float, eta: float) -> float:
-    """Return Wheeler's stretched z."""
+    """Return the stretched z, at most 0."""
+    eta *= sea.follows
     return float(max(min((z - eta) / (1.0 + eta / sea.depth), 0.0), -sea.depth))
 
 
@@ -62,7 +63,13 @@ def _find(sea: Any, share: Any, kept: Any, place: Any, time: float) -> Any:
         base[0], base[1], base[2] = x, y, full
     eta = part * full
     level = _level(sea, z, eta)
-    u, v, w, du, dv, dw = water(sea, kept, _echoing(sea, level), _reaching(sea, level), level)
+    echoing, reaching = _echoing(sea, level), _reaching(sea, level)
+    u, v, w, du, dv, dw = water(sea, kept, echoing, reaching, level)
+    beyond = sea.extends * min(z, eta)
+    if beyond > 0.0:
+        su, sv, sw, sdu, sdv, sdw = slopes(sea, kept, echoing)
+        u, v, w = u + beyond * su, v + beyond * sv, w + beyond * sw
+        du, dv, dw = du + beyond * sdu, dv + beyond * sdv, dw + beyond * sdw
     return (
         eta, part * u, part * v, part * w,
         part * du + rate * u, part * dv + rate * v, part * dw + rate * w,
@@ -78,12 +85,12 @@ def _stretch_end(sea: Any, nodes: Any, arc: Any, i: int, last: int, eta: float) 
     x, y, z = nodes
     level, third = figures(sea.table)[LEVEL], figures(sea.table)[THIRD]
     end, length, top, row_of = i, 0.0, -sea.depth, sea.levels - 1
-    shrink = 1.0 / (1.0 + eta / sea.depth)
+    shrink = 1.0 / (1.0 + sea.follows * eta / sea.depth)
     for k in range(i + 1, last):
         dx, dy, dz = x[k] - x[k - 1], y[k] - y[k - 1], z[k] - z[k - 1]
         length += math.sqrt(dx * dx + dy * dy + dz * dz)
         dx, dy = x[k] - x[i], y[k] - y[i]
-        lowest = eta - sea.steepest * math.sqrt(dx * dx + dy * dy)
+        lowest = sea.follows * (eta - sea.steepest * math.sqrt(dx * dx + dy * dy))
         top = max(top, min((z[k] - lowest) * shrink, 0.0))  # at least _level(sea, z[k], lowest)
         while row_of > 0 and level[row_of] < top:
             row_of -= 1

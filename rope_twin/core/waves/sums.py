@@ -140,3 +140,22 @@ def water(sea: Any, kept: Any, echoing: int, reaching: int, z: float) -> Any:
         dv += north[j] * cross
         dw -= up[j] * fall
     return u, v, w, du, dv, dw
+
+
+@jit_sum
+def slopes(sea: Any, kept: Any, echoing: int) -> Any:
+    """Return the change of velocity and acceleration with z at the mean level [1/s], [1/s²]."""
+    rows, c, s = figures(sea.table), kept[COS], kept[SIN]
+    k, omega, east, north, up = rows[K], rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
+    u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(BLOCK * sea.blocks):
+        echo = decay(max(-2.0 * k[j] * sea.depth, -LOWEST)) if j < BLOCK * echoing else 0.0
+        along, rise = k[j] * (1.0 - echo) * c[j], k[j] * (1.0 + echo) * s[j]
+        cross, fall = omega[j] * k[j] * (1.0 - echo) * s[j], omega[j] * k[j] * (1.0 + echo) * c[j]
+        u += east[j] * along
+        v += north[j] * along
+        w += up[j] * rise
+        du += east[j] * cross
+        dv += north[j] * cross
+        dw -= up[j] * fall
+    return u, v, w, du, dv, dw

@@ -30,6 +30,7 @@ from rope_twin.core.state import (
 from rope_twin.core.state import Rope as CoreRope
 from rope_twin.effects import EFFECTS, Surroundings
 from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import Payload as PayloadEffect
@@ -182,7 +183,12 @@ def build_effects(
     room = _room(scene, line, node_coordinates(line, least_line_out_m(scene)))
     density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
     EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
-    around = Surroundings(density, gravity, Ca, room, Cd, EI, two_way)
+    bed = scene.listed(SeabedParams)
+    around = Surroundings(
+        density, gravity, Ca, room, Cd, EI, two_way=two_way,
+        friction=0.0 if bed is None else bed.friction,
+        sticks=scene.listed(BedFrictionParams) is not None,
+    )  # fmt: skip
     apart = scene.listed(RigidBodyParams) is not None
     built = []
     for effect in EFFECTS:
@@ -192,6 +198,8 @@ def build_effects(
                 of_body = isinstance(params, RigidBodyParams)
                 own = NOTHING if apart and of_body != carries_body else figures
                 built.append(effect.build(params, own, around))
+                if params is bed:
+                    around = around._replace(bed=built[-1])
                 if not hooks_of(type(built[-1])):
                     raise SceneError(
                         phrase(f"effect '{effect.name}'", "it has no kernel", "register one")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.waves import WavesParams
+from rope_twin.effects.waves import WavesParams, WaveSystem
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.scene.schema import Fault, Rule, Scene
 from rope_twin.sea.ship_motion import FASTEST_M_PER_S, read_responses, read_way
@@ -195,8 +195,8 @@ def _on_waves(scene: Scene) -> Iterator[Fault]:
         yield "ship.motion_ramp_s", what, "give `ramp_s` of `waves` the same value"
 
 
-def spectrum_of(waves: WavesParams) -> WaveSpectrum | None:
-    """Return the spectrum of the scene's sea state; None for a regular wave.
+def spectrum_of(waves: WaveSystem) -> WaveSpectrum | None:
+    """Return the spectrum of a wave system; None for a regular wave.
 
     Raises:
         InputError: it cannot be read.
@@ -209,12 +209,13 @@ def spectrum_of(waves: WavesParams) -> WaveSpectrum | None:
 
 def _breaking_sea(scene: Scene) -> Iterator[Fault]:
     waves = scene.listed(WavesParams)
-    spectrum = None if waves is None else spectrum_of(waves)
-    if waves is None or spectrum is None:
-        return
-    fault = breaking_fault(spectrum, scene.environment.gravity_m_per_s2)
-    if fault is not None:
-        yield "effects.waves", *fault
+    for where, own in {} if waves is None else waves.systems.items():
+        spectrum = spectrum_of(own)
+        if spectrum is None:
+            continue
+        fault = breaking_fault(spectrum, scene.environment.gravity_m_per_s2)
+        if fault is not None:
+            yield f"effects.{where}", *fault
 
 
 def beside(scene: Scene, name_or_path: str) -> str:

@@ -286,6 +286,9 @@ def _effects(scene: Scene) -> Iterator[Fault]:
     if len(shedding) > 1:
         what = f"{' and '.join(shedding)} are models of the same vortex shedding"
         yield "effects", what, "keep one of them"
+    if "bed_friction" in listed and "seabed" not in listed:
+        what = "`bed_friction` acts on the seabed, which is not listed"
+        yield "effects", what, "add `- seabed: {depth_m: ...}`"
     if "wetting" in listed and "weight" not in listed:
         what = "`wetting` corrects the buoyancy of `weight`, which is not listed"
         yield "effects", what, "add `- weight: {}`"

@@ -7,7 +7,7 @@ from math import dist, hypot, pi, radians, tanh
 
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.waves import WavesParams, components_of
+from rope_twin.effects.waves import RegularWave, WavesParams, components_of
 from rope_twin.errors import phrase
 from rope_twin.scene.model.lift import LiftFigures
 from rope_twin.scene.schema import Scene
@@ -76,28 +76,36 @@ def _depth_orders(scene: Scene) -> Iterator[str]:
 
 def _steepness(scene: Scene) -> Iterator[str]:
     waves = scene.listed(WavesParams)
-    if waves is None or waves.regular is None:
+    if waves is None:
         return
-    height, period = waves.regular.height_m, waves.regular.period_s
+    for where, own in waves.systems.items():
+        if own.regular is not None:
+            yield from _steepness_of(own.regular, f"effects {where}.regular", waves.depth_m, scene)
+
+
+def _steepness_of(
+    wave: RegularWave, where: str, depth: float | None, scene: Scene
+) -> Iterator[str]:
+    height, period = wave.height_m, wave.period_s
     deep = scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
-    length, depth = deep, waves.depth_m
+    length = deep
     if depth is not None and deep > 0.0:
         for _ in range(50):  # L = L₀·tanh(2π·d/L), underrelaxed by one half
             length = 0.5 * (length + deep * tanh(2.0 * pi * depth / length))
     steepest = BREAKING * length * (1.0 if depth is None else tanh(2.0 * pi * depth / length))
     if height > steepest:
         what = f"a wave of {height:g} m in {period:g} s is {length:.0f} m long and would break"
-        yield phrase("effects waves.regular", what, f"give at most {steepest:.1f} m, or longer")
+        yield phrase(where, what, f"give at most {steepest:.1f} m, or longer")
 
 
 def _sea_steepness(scene: Scene) -> Iterator[str]:
     waves = scene.listed(WavesParams)
-    spectrum = None if waves is None else spectrum_of(waves)
-    if waves is None or spectrum is None:
-        return
-    where = f"effects waves.{'measured' if waves.jonswap is None else 'jonswap'}"
-    if warning := steepness_warning(where, spectrum, scene.environment.gravity_m_per_s2):
-        yield warning
+    for name, own in {} if waves is None else waves.systems.items():
+        spectrum = spectrum_of(own)
+        where = f"effects {name}.{'measured' if own.jonswap is None else 'jonswap'}"
+        gravity = scene.environment.gravity_m_per_s2
+        if spectrum is not None and (warning := steepness_warning(where, spectrum, gravity)):
+            yield warning
 
 
 def _another_sea(scene: Scene) -> Iterator[str]:

@@ -1,0 +1,151 @@
+"""Friction of the seabed that sticks, against an elastic bar on a Coulomb bed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+from rigs import Rig, march, still
+
+from rope_twin import Twin
+from rope_twin.core import state as rows
+from rope_twin.effects.bed_friction import BedFrictionParams
+from rope_twin.effects.seabed import SeabedParams, Soundings
+from rope_twin.scene.schema import Scene, Winch
+from rope_twin.twin.monitors.settings import Monitors
+
+MU, DEPTH, LENGTH = 0.6, 50.0, 200.0
+SUNK = 0.0902  # m: under the chain's weight, so that the ends lie as deep as the rest
+CHAIN = Rig(
+    length=LENGTH, elements=200, mass=100.0, EA=2e6, diameter=0.1, damping=2e4, load=0.0,
+    fixed_at=(0.0, 0.0, -DEPTH - SUNK), hang_off=(LENGTH, 0.0, -DEPTH - SUNK), density=1025.0, drag=(1.0, 0.1),
+    step=0.02, winch=Winch(
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=190.0,
+        most_line_out_m=210.0,
+    ),
+)  # fmt: skip
+PULL_M, SPEED = 0.5, 0.01  # slow: at the end of a faster pull the chain springs back
+FLAT = SeabedParams(depth_m=DEPTH, friction=MU)
+GRID = SeabedParams(
+    soundings=Soundings(
+        x_m=(-500.0, 500.0), y_m=(-500.0, 500.0), depth_m=((DEPTH, DEPTH), (DEPTH, DEPTH))
+    ),
+    friction=MU,
+)  # fmt: skip
+
+
+def scene_of(bed: SeabedParams, *more: Any, rig: Rig = CHAIN) -> Scene:
+    scene = rig.scene()
+    return replace(scene, effects=(*scene.effects, bed, *more))
+
+
+def pulled(scene: Scene, hold_s: float, monitors: Monitors | None = None) -> Twin:
+    """The twin after the winch has hauled PULL_M in, slowly, and held it."""
+    twin = Twin(scene, monitors) if monitors else Twin(scene)
+    speeds = [(0.0, -SPEED), (PULL_M / SPEED, 0.0)]
+    *_, _ = march(twin, still, PULL_M / SPEED + hold_s, speeds=speeds)
+    return twin
+
+
+def tensions(twin: Twin) -> np.ndarray:
+    n = int(twin.rope.state.counts[rows.ELEMENTS])
+    return twin.rope.work[rows.TENSION, :n].copy()
+
+
+def expected(mu: float, pull_m: float) -> float:
+    """Tension at the end of a long elastic bar that is pulled over a Coulomb bed, √(2·μ·w·EA·δ)."""
+    return sqrt(2.0 * mu * CHAIN.weight * CHAIN.EA * pull_m)
+
+
+@pytest.mark.parametrize("bed", [FLAT, GRID])
+def test_a_chain_that_is_pulled_along_the_bed(bed: SeabedParams) -> None:
+    """Tension √(2·μ·w·EA·δ) at the end, falling by μ·w a metre; what lies beyond does not feel it."""
+    before = tensions(Twin(scene_of(bed, BedFrictionParams(slip_m=0.002))))
+    twin = pulled(scene_of(bed, BedFrictionParams(slip_m=0.002)), 20.0)
+    found = tensions(twin) - before
+    top = expected(MU, PULL_M)
+    assert top / (MU * CHAIN.weight) < 0.7 * LENGTH
+    assert found[-1] == pytest.approx(top, rel=0.01)
+    slope = np.polyfit(np.arange(20), found[-30:-10], 1)[0]
+    assert slope == pytest.approx(MU * CHAIN.weight, rel=0.01)
+    assert np.abs(found[:40]).max() < 1e-3 * top
+
+
+def test_it_holds_where_the_friction_of_the_bed_creeps() -> None:
+    """Over 80 s, at the anchor and at the pulled end."""
+    sticking, creeping = (
+        [pulled(scene_of(FLAT, *more), hold) for hold in (10.0, 90.0)]
+        for more in ((BedFrictionParams(),), ())
+    )
+    for end in (0, -1):
+        first, last = (tensions(twin)[end] for twin in sticking)
+        assert last == pytest.approx(first, abs=1e-3 * expected(MU, PULL_M))
+    first, last = (tensions(twin)[-1] for twin in creeping)
+    assert last < 0.9 * first
+
+
+def test_the_slip_distance_is_where_friction_is_mobilised() -> None:
+    """A bar on springs of μ·w/s: pulled by less than s, T = δ·√(EA·μ·w/s)."""
+    slip = 2.0
+    twin = pulled(scene_of(FLAT, BedFrictionParams(slip_m=slip)), 20.0)
+    before = tensions(Twin(scene_of(FLAT, BedFrictionParams(slip_m=slip))))
+    found = (tensions(twin) - before)[-1]
+    exact = PULL_M * sqrt(CHAIN.EA * MU * CHAIN.weight / slip)
+    assert found == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.parametrize(("axial", "lateral"), [(0.3, 0.9), (0.9, 0.3)])
+def test_the_coefficient_along_the_rope(axial: float, lateral: float) -> None:
+    friction = BedFrictionParams(axial=axial, lateral=lateral, slip_m=0.002)
+    before = tensions(Twin(scene_of(FLAT, friction)))[-1]
+    found = tensions(pulled(scene_of(FLAT, friction), 20.0))[-1] - before
+    assert found == pytest.approx(expected(axial, PULL_M), rel=0.01)
+
+
+def test_across_the_rope_a_current_does_not_move_it() -> None:
+    """A chain in a current across it, ½·ρ·d·C_d·U² a metre, less than μ_l·w: moved by its share of s.
+
+    With less friction than that it is carried away.
+    """
+    speed, slip = 2.5, 0.1
+    push = 0.5 * 1025.0 * 0.1 * speed**2
+    share = push / CHAIN.weight
+    assert 0.2 < share < 0.6
+    rig = replace(CHAIN, current=((0.0, (0.0, speed)), (-60.0, (0.0, speed))), ramp=2.0)
+    moved = []
+    for lateral in (2.0 * share, 0.5 * share):
+        twin = Twin(scene_of(FLAT, BedFrictionParams(lateral=lateral, slip_m=slip), rig=rig))
+        start = twin.rope.state.nodes[1, 100]
+        *_, _ = march(twin, still, 30.0)
+        moved.append(float(twin.rope.state.nodes[1, 100] - start))
+    assert abs(moved[0]) < slip
+
+
+def test_energy_of_stick_and_slip() -> None:
+    """Pulled, held and let go: what friction takes and gives back closes the balance."""
+    twin = Twin(scene_of(FLAT, BedFrictionParams(slip_m=0.05)), Monitors(energy=True))
+    speeds = [(0.0, -0.1), (5.0, 0.0), (10.0, 0.1), (15.0, 0.0)]
+    *_, shot = march(twin, still, 20.0, speeds=speeds)
+    assert shot.energy is not None
+    assert shot.energy.water_j < -0.05 * shot.energy.exchanged_j
+    assert abs(shot.energy.residual_j) < 1e-4 * shot.energy.exchanged_j
+
+
+def test_a_branch_goes_on_as_the_whole() -> None:
+    """What friction remembers is part of the state."""
+    twin = pulled(scene_of(FLAT, BedFrictionParams()), 2.0)
+    other = twin.branch()
+    for one in (twin, other):
+        one.advance(200)
+    assert np.array_equal(tensions(twin), tensions(other))
+
+
+def test_an_anchored_line_at_rest_keeps_its_tension_for_an_hour() -> None:
+    """Within 0.1 %, at both ends."""
+    twin = pulled(scene_of(FLAT, BedFrictionParams()), 10.0)
+    first = tensions(twin)
+    twin.advance(round(3600.0 / twin.step_s))
+    assert tensions(twin)[[0, -1]] == pytest.approx(first[[0, -1]], rel=1e-3)
