@@ -94,7 +94,8 @@ TOPICS: tuple[Topic, ...] = (
     Topic("ropes/tension_top", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "effort: top tension of each rope [N], magnitude of its force at the upper end"),
     Topic("ropes/tension_bottom", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "effort: tension of each rope at its lower end [N], at the payload of a single rope"),
+          "effort: tension of each rope at its lower end [N], as payload, anchor or connection "
+          "feel it"),
     Topic("ropes/length", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "each rope as the prismatic joint that a winch drives; position: line out (unstretched "
           "length) [m]; velocity: pay-out rate [m/s], positive = pay out"),

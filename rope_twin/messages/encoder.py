@@ -136,7 +136,7 @@ class Encoder:
         return self._joints("ropes/tension_top", snapshot, effort=effort)
 
     def _tension_bottom(self, snapshot: Snapshot) -> bytes:
-        effort = [float(rope.element_tension_n[-1]) for rope in ropes_of(snapshot)]
+        effort = [float(rope.node_tension_n[-1]) for rope in ropes_of(snapshot)]
         return self._joints("ropes/tension_bottom", snapshot, effort=effort)
 
     def _length(self, snapshot: Snapshot) -> bytes:

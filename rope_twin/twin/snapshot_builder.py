@@ -85,6 +85,7 @@ class SnapshotInputs(NamedTuple):
     ship: Ship
     border: Vector  # hang-off [m] and line out [m] now, (rows.MOTIONS,)
     border_rate: Vector  # and their rates [m/s]
+    lower_n: float  # tension at the lower end
     pull: Vector  # rows.PULL_COLUMNS: magnitude and vector of the force on the hang-off [N]
     recent: Extremes  # top tension since the previous snapshot
     run: Extremes  # top tension since the start
@@ -103,7 +104,7 @@ def build_snapshot(state: State, work: Floats, seen: SnapshotInputs) -> Snapshot
     element_tension = work[rows.TENSION, :n][::-1].copy()
     top = float(seen.pull[rows.PULL])
     node_tension = np.concatenate(
-        ([top], 0.5 * (element_tension[1:] + element_tension[:-1]), element_tension[-1:])
+        ([top], 0.5 * (element_tension[1:] + element_tension[:-1]), [seen.lower_n])
     )
     recent_low, recent_high = (
         (top, top) if seen.recent.empty else (seen.recent.low, seen.recent.high)
@@ -121,7 +122,7 @@ def build_snapshot(state: State, work: Floats, seen: SnapshotInputs) -> Snapshot
         tension_top_min_n=recent_low,
         tension_top_max_n=recent_high,
         hang_off_force_n=seen.pull[rows.PULL_X :].copy(),
-        tension_payload_n=float(element_tension[-1]),
+        tension_payload_n=seen.lower_n,
         hang_off_position_m=seen.border[: rows.LINE].copy(),
         hang_off_velocity_m_per_s=seen.border_rate[: rows.LINE].copy(),
         heave_m=float(seen.border[rows.Z] - seen.ship.hang_off_m[2]),

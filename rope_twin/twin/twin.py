@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rope_twin.core import state as rows
+from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.errors import InputError, SolverError, StateError, phrase
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.schema import WINCH, Scene
@@ -358,6 +359,7 @@ class Twin:
                 ship=self.scene.ship,
                 border=value[0],
                 border_rate=rate[0],
+                lower_n=lower_end_tension(first, self.time_ns * 1e-9),
                 pull=system.pull,
                 recent=record.recent,
                 run=record.run,

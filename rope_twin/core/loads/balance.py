@@ -12,13 +12,16 @@ the results of one pass are still in the processor's nearest cache when the next
 
 from __future__ import annotations
 
+import math
 from math import sqrt
 from typing import Any, NamedTuple
 
+import numpy as np
 from numba.extending import overload
 
+from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.guards import TANGENT2_MIN
-from rope_twin.core.jit.decorators import LINKED, jit, jit_sum, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_sum, jit_within
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import (
     couples,
@@ -34,10 +37,14 @@ from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
     DIRECTION,
+    END,
     FLOW,
     FLOW_RATE,
+    LENGTH,
     LINK,
     MASS,
+    NODE_ROWS,
+    PER_METRE,
     POSITION,
     PULL,
     PULL_X,
@@ -48,7 +55,9 @@ from rope_twin.core.state import (
     VELOCITY,
     ZERO,
     Floats,
+    Rope,
     Stage,
+    new_work,
 )
 
 
@@ -325,6 +334,35 @@ def _clear_links(work: Floats, n: int) -> None:
         work[RESIDUAL + k, n] = 0.0
     for k in range(6):
         work[BLOCK + k, n] = 0.0
+
+
+def lower_end_tension(rope: Rope, time_s: float) -> float:
+    """Return the tension that the payload, anchor or connection at the lower end feels [N].
+
+    It is that of the lowest element plus the loads on its lower half and less its inertia, as the
+    force on the hang-off is. Internal variables of effects (VIV, sticking friction) are left out.
+    0 where the element is slack, or carries less than its half weighs.
+    """
+    work = new_work(2)
+    work[:NODE_ROWS, :2] = rope.state.nodes[:, :2]
+    step = work[:3, 1] - work[:3, 0]
+    along = step / math.sqrt(float(step @ step) + TANGENT2_MIN)
+    s = rope.state.s
+    which = int(np.searchsorted(rope.sections[END], s[0] + SAME_PLACE, side="right"))
+    work[MASS : LENGTH + 1, 0] = 0.5 * (s[1] - s[0]) * rope.sections[PER_METRE:, which]
+    work[TANGENT : TANGENT + 3, 0] = along
+    _load_lower_end(rope.effects, work, Stage(time_s, 1.0, 0.0, 0.0))
+    pull = float(rope.work[TENSION, 0])
+    force = pull * along + work[RESIDUAL : RESIDUAL + 3, 0]
+    return math.sqrt(float(force @ force)) if pull > 0.0 and force @ along > 0.0 else 0.0
+
+
+@jit_entry
+def _load_lower_end(effects: Any, work: Floats, stage: Stage) -> None:
+    set_flow(effects, work, stage, ZERO, ZERO + 1)
+    tangent = (work[TANGENT, 0], work[TANGENT + 1, 0], work[TANGENT + 2, 0])
+    load = load_of(effects, stage, load_rows(work, ZERO), tangent, ZERO)
+    work[RESIDUAL, 0], work[RESIDUAL + 1, 0], work[RESIDUAL + 2, 0] = load.x, load.y, load.z
 
 
 def add_couplings(effects: Any, work: Floats, stage: Stage, n: Any) -> Any:

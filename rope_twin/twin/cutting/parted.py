@@ -20,6 +20,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.energy import Power, Store, measure
 from rope_twin.core.joined.energy import SystemBorder
+from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Boundary, Floats, Rope, State
 from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
@@ -158,7 +159,7 @@ class CutRope(SingleWinch):
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """Complete the first rope's snapshot with both parts and the payload of the lower one."""
         lower = without_massless_section(self._lower)
-        part = self._shot(lower)
+        part = self._shot(lower, now_ns * 1e-9)
         unconverged = int(lower.state.health[rows.SUBSTEPS_UNCONVERGED])
         doubtful = shot.doubtful or unconverged > self._unconverged
         self._unconverged = unconverged
@@ -167,7 +168,7 @@ class CutRope(SingleWinch):
             x, v = shot.payload_position_m, shot.payload_velocity_m_per_s
         return replace(
             shot,
-            tension_payload_n=float(part.element_tension_n[-1]),
+            tension_payload_n=float(part.node_tension_n[-1]),
             payload_position_m=x,
             payload_velocity_m_per_s=v,
             ropes=(first_rope(shot, self._scene.ropes[0].name), part),
@@ -231,7 +232,7 @@ class CutRope(SingleWinch):
         if any(own is not now for own, now in zip(self._lower.effects, shared, strict=True)):
             self._lower = self._lower._replace(effects=shared)
 
-    def _shot(self, lower: Rope) -> RopeShot:
+    def _shot(self, lower: Rope, time_s: float) -> RopeShot:
         n = int(lower.state.counts[rows.ELEMENTS])
         tension = lower.work[rows.TENSION, :n][::-1].copy()
         between = 0.5 * (tension[1:] + tension[:-1])
@@ -239,7 +240,7 @@ class CutRope(SingleWinch):
         return RopeShot(
             name=f"{self._scene.ropes[0].name}/lower",
             node_position_m=np.ascontiguousarray(places[:, ::-1].T),
-            node_tension_n=np.concatenate([[0.0], between, tension[-1:]]),
+            node_tension_n=np.concatenate([[0.0], between, [lower_end_tension(lower, time_s)]]),
             element_tension_n=tension,
             tension_top_n=0.0,
             line_out_m=float(lower.state.s[n]),

@@ -10,6 +10,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone
+from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.scene.card import KnownError
@@ -211,6 +212,7 @@ class Member:
         state: Any = self._rope.state
         work = np.zeros(self._work_shape)
         work[rows.TENSION, : len(self._tension)] = self._tension
+        rope = self._rope._replace(work=work)
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
         taken = build_snapshot(
             state,
@@ -223,6 +225,7 @@ class Member:
                 ship=self.scene.ship,
                 border=self._value,
                 border_rate=self._rate,
+                lower_n=lower_end_tension(rope, self.steps * self._step_ns * 1e-9),
                 pull=self._pull,
                 recent=self._recent,
                 run=self._seen,
@@ -234,7 +237,6 @@ class Member:
             ),
         )
         self._unconverged, self._recent = unconverged, Extremes()
-        rope = self._rope._replace(work=work)
         if self._viv_drag is not None:
             (vibration,) = self._viv_drag.shots((rope,))
             amended(taken, vibration=vibration)

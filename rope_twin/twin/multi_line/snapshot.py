@@ -13,6 +13,7 @@ from rope_twin.core.body.energy import pose_of
 from rope_twin.core.joined.joints import System
 from rope_twin.core.joined.sheaves import FLOW_COLUMN, POINT
 from rope_twin.core.joined.ties import FIRST, PULL, SECOND
+from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Floats
 from rope_twin.scene.model.joined import runs_over_sheave
 from rope_twin.scene.schema import Scene
@@ -46,6 +47,7 @@ class SystemState(NamedTuple):
     owners: dict[str, int]  # by payload, the rope at whose lower end it is
     pull: Floats  # force on the upper ends [N], (ropes, rows.PULL_COLUMNS)
     line: Payouts
+    time_s: float
 
     def nodes(self, r: int, first: int) -> Floats:
         """Return three rows of the state of a rope from `first` on, (3, nodes)."""
@@ -124,7 +126,8 @@ def _rope_shot(now: SystemState, r: int, name: str) -> RopeShot:
     tension = work[rows.TENSION, : nodes.shape[1] - 1]
     pull = float(now.pull[r, rows.PULL])
     between = 0.5 * (tension[1:] + tension[:-1])
-    at_nodes = np.concatenate((tension[:1], between, [pull]))
+    lower = lower_end_tension(now.system.ropes[r], now.time_s)
+    at_nodes = np.concatenate(([lower], between, [pull]))
     line = (float(now.line.length_m[r]), float(now.line.speed_m_per_s[r]))
     downward = slice(None, None, -1)  # its upper end is the last node
     if runs_over_sheave(now.scene, now.scene.ropes[r]):

@@ -275,8 +275,9 @@ class MultiLineRopes:
         """Complete the first rope's snapshot with all ropes, payloads and winches."""
         value, rate = (table[:, 0, rows.LINE] for table in self._boundary)
         now = SystemState(
-            self._scene, self.system(self.first), self._owners, self.pull, Payouts(value, rate)
-        )
+            self._scene, self.system(self.first), self._owners, self.pull, Payouts(value, rate),
+            now_ns * 1e-9,
+        )  # fmt: skip
         limits = [shot.winch_at_limit]
         inputs: dict[str, InputHealth] = dict(shot.inputs)
         for line, winch in zip(self._scene.ropes[1:], self._winches[1:], strict=True):

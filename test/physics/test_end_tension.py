@@ -1,0 +1,86 @@
+"""Tension at the lower end of a rope: of a payload, an anchor and a connection, on coarse meshes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from rigs import Rig, march, sine
+from scipy.optimize import brentq
+
+from rope_twin import Twin
+
+HANGING = Rig(
+    length=500.0, elements=10, mass=20.0, EA=2e8, diameter=0.06, load=3000.0, volume=0.3,
+    density=1025.0, drag=(1.2, 0.02), added_mass=1.0, step=0.02,
+)  # fmt: skip
+
+
+def test_a_payload_at_rest_is_carried_by_its_weight() -> None:
+    """To 1e-9, with ten elements; the lowest element itself carries 4.4 kN more."""
+    shot = Twin(HANGING.scene()).snapshot()
+    assert shot.tension_payload_n == pytest.approx(HANGING.load_weight, rel=1e-9)
+    assert shot.node_tension_n[-1] == shot.tension_payload_n
+    half = 0.5 * 50.0 * HANGING.weight
+    assert shot.element_tension_n[-1] == pytest.approx(HANGING.load_weight + half, rel=1e-6)
+
+
+def test_a_moving_payload_feels_what_its_own_motion_takes() -> None:
+    """M·a + W of a payload without drag, from its acceleration by differences of its velocity."""
+    rig = replace(HANGING, damping=4e5)
+    shots = list(march(Twin(rig.scene()), sine(1.0, 7.0), 12.0))
+    v = np.array([shot.payload_velocity_m_per_s[2] for shot in shots])
+    found = np.array([shot.tension_payload_n for shot in shots])
+    stamps = np.array([shot.stamp_ns for shot in shots]) * 1e-9
+    a = (v[2:] - v[:-2]) / (stamps[2:] - stamps[:-2])
+    expected = rig.load_weight + rig.load * a
+    late = slice(len(a) // 2, None)
+    assert np.abs(found[1:-1] - expected)[late].max() < 2e-3 * np.ptp(expected)
+
+
+def catenary(span: float, height: float, length: float, weight: float) -> float:
+    """Tension at the lower anchor of an inextensible catenary whose lowest point is outside."""
+
+    def miss(horizontal: float) -> float:
+        return 2.0 * horizontal / weight * np.sinh(0.5 * span * weight / horizontal) - np.sqrt(
+            length**2 - height**2
+        )
+
+    horizontal = float(brentq(miss, 5e3, 1e9))
+    vertical = 0.5 * weight * (height / np.tanh(0.5 * span * weight / horizontal) - length)
+    return float(np.hypot(horizontal, vertical))
+
+
+@pytest.mark.parametrize("elements", [34, 68])
+def test_an_anchor_feels_the_end_of_the_catenary(elements: int) -> None:
+    """Within 0.1 %; the lowest element alone is off by more."""
+    rig = Rig(
+        length=320.0, elements=elements, mass=120.0, EA=1e10, diameter=0.1, load=0.0,
+        fixed_at=(200.0, 0.0, -200.0), density=1025.0, step=0.02,
+    )  # fmt: skip
+    shot = Twin(rig.scene()).snapshot()
+    exact = catenary(200.0, 200.0, 320.0, (120.0 - 1025.0 * 0.25 * pi * 0.1**2) * rig.gravity)
+    assert shot.tension_payload_n == pytest.approx(exact, rel=1e-3)
+    assert abs(shot.element_tension_n[-1] / exact - 1.0) > 5e-3
+
+
+def test_a_slack_end_carries_nothing() -> None:
+    """A light payload whose ship drops faster than it falls: 0 while the lowest element is slack."""
+    rig = replace(HANGING, load=300.0, volume=0.2, elements=20, length=100.0)
+    shots = list(march(Twin(rig.scene()), sine(3.0, 3.0), 8.0))
+    slack = [shot for shot in shots if shot.element_tension_n[-1] == 0.0]
+    assert len(slack) > 10
+    assert all(shot.tension_payload_n == 0.0 for shot in slack)
+
+
+@pytest.mark.parametrize("name", ["bridle_lift", "two_line_lift"])
+def test_ends_at_connections_of_many_lines(name: str) -> None:
+    """At rest, the lower half element of a line takes off what the upper one adds: its weight."""
+    shot = Twin(name).snapshot()
+    for rope in shot.ropes:
+        above = rope.tension_top_n - rope.element_tension_n[0]
+        below = rope.element_tension_n[-1] - rope.node_tension_n[-1]
+        assert above > 10.0
+        assert below == pytest.approx(above, rel=2e-3)
