@@ -22,7 +22,7 @@ from validation import (
     waves_over_current,
 )
 from validation.case import Case
-from validation.hard_cases import cut, inputs, long, start, vortices, winch
+from validation.hard_cases import borders, cut, inputs, long, start, vortices, winch
 from validation.hard_cases import snap as hard_snap
 
 FAMILIES = "PLQGUS"  # of ids, in the order of the page
@@ -63,5 +63,6 @@ HARD_CASES: tuple[Case, ...] = (
     *start.CASES,
     *inputs.CASES,
     *long.CASES,
+    *borders.CASES,
     *vortices.CASES,
 )

@@ -11,9 +11,10 @@ and c(t) = ∫ F(τ)·e^(λ(t-τ)) dτ,
 
 the integral in closed form for a harmonic force: the only time-stepping error is in the amplitude,
 which determines lift and damping of the next step. The state between steps is η and η̇, Re c =
-M·(η̇ + ζω·η), so that neither jumps where the damping changes. √(η² + (η̇/ω)²) is the amplitude of
-a mode; that of a place is the root of the sum of their squares. Strongly damped modes (eqs 7 and 8
-beyond critical) are evaluated as forced plus free motion, whose sum is the same.
+M·(η̇ + ζω·η), so that neither jumps where the damping changes. √((1 - ζ²)·η² + (η̇/ω)²) is the
+amplitude of a mode, from critical damping on |η̇|/ω alone: there η creeps back for minutes without
+an oscillation. That of a place is the root of the sum of their squares. Strongly damped modes (eqs
+7 and 8 beyond critical) are evaluated as forced plus free motion, whose sum is the same.
 
 Eqs 2 to 4 let every mode answer to the forces at the frequencies of all others too; here a mode
 answers to its own frequency alone, in which it is at resonance.
@@ -101,8 +102,8 @@ class ModalResponse:
 
     @property
     def modal_amplitude(self) -> Floats:
-        """Return the amplitude of each mode [m]."""
-        return np.hypot(self._ringing.place, self._ringing.rate)
+        """Return the amplitude of each mode [m]; creep that is damped beyond critical is none."""
+        return np.hypot(self._swing * self._ringing.place, self._ringing.rate)
 
     @property
     def motion(self) -> Floats:
@@ -228,7 +229,10 @@ class ModalResponse:
         moved /= np.maximum(damping * self._omega, DAMPING_MIN)
         strouhal = water.strouhal * span.speed / span.diameter
         zones = water.zones(modes.frequency, strouhal, locked, moved)
-        moving = self.modal_amplitude > AMPLITUDE_MIN * float(span.diameter.min())
+        self._swing = np.sqrt(
+            np.maximum(1.0 - (0.5 * damping / (modes.mass * self._omega)) ** 2, 0.0)
+        )
+        moving = np.hypot(*self._ringing[:2]) > AMPLITUDE_MIN * float(span.diameter.min())
         if active is None:
             active = np.flatnonzero((zones > 0.0).any(axis=0) | moving)
         shape = modes.shape[:, active]
@@ -237,6 +241,7 @@ class ModalResponse:
             omega=self._omega[active],
             mass=modes.mass[active],
             damping=damping[active],
+            swing=self._swing[active],
             growing=np.ascontiguousarray(growing[:, active]),
             force=np.ascontiguousarray(0.5 * lift[:, None] * np.abs(shape) * zones[:, active]),
             square=np.ascontiguousarray((shape / span.diameter[:, None]).T ** 2),
@@ -270,6 +275,7 @@ class Drive(NamedTuple):
     omega: Floats  # [rad/s], (k,)
     mass: Floats  # modal [kg], (k,)
     damping: Floats  # modal, at zero amplitude [N·s/m], (k,)
+    swing: Floats  # damped over undamped frequency, 0 from critical damping on, (k,)
     growing: Floats  # coefficient of damping with (A/d)², (p, k)
     force: Floats  # half of ½·ρ·d·U²·|φ| times length where a mode is excited [N], (p, k)
     square: Floats  # (φ/d)² [1/m²], (k, p)
@@ -388,7 +394,7 @@ def _add_up(drive: Any, ringing: Any, amplitude: Any) -> None:
         amplitude[p] = 0.0
     for k in range(drive.active.shape[0]):
         which = drive.active[k]
-        size = ringing.place[which] ** 2 + ringing.rate[which] ** 2
+        size = (drive.swing[k] * ringing.place[which]) ** 2 + ringing.rate[which] ** 2
         for p in range(amplitude.shape[0]):
             amplitude[p] += drive.square[k, p] * size
     for p in range(amplitude.shape[0]):

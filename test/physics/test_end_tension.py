@@ -1,4 +1,4 @@
-"""Tension at the lower end of a rope: of a payload, an anchor and a connection, on coarse meshes."""
+"""Tension at the lower end of a rope: at a payload, an anchor, a connection, on coarse meshes."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_an_anchor_feels_the_end_of_the_catenary(elements: int) -> None:
 
 
 def test_a_slack_end_carries_nothing() -> None:
-    """A light payload whose ship drops faster than it falls: 0 while the lowest element is slack."""
+    """A light payload whose ship drops faster than it falls: 0 while the lowest part is slack."""
     rig = replace(HANGING, load=300.0, volume=0.2, elements=20, length=100.0)
     shots = list(march(Twin(rig.scene()), sine(3.0, 3.0), 8.0))
     slack = [shot for shot in shots if shot.element_tension_n[-1] == 0.0]

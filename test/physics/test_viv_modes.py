@@ -101,7 +101,14 @@ def test_strongly_damped_modes_too(damped: float) -> None:
     one = np.ones((1, 1))
     damping = np.array([2.0 * damped * omega * mass])
     drive = Drive(
-        np.array([0]), np.array([omega]), np.array([mass]), damping, 0.0 * one, force * one, one
+        np.array([0]),
+        np.array([omega]),
+        np.array([mass]),
+        damping,
+        one[0],
+        0.0 * one,
+        force * one,
+        one,
     )
     for steps in (1, 40, 1000):
         place, speed = start

@@ -245,10 +245,13 @@ def _largest(shots: list[Snapshot]) -> float:
     return max(float(_of(shot).cross_flow.max()) for shot in shots)
 
 
+# A lift that starts as a standing wave keeps its pattern for good in a uniform current, and that of
+# a rope that has been treated roughly is another: waves that travel have none to compare.
+TRAVELLING = TravellingWavesParams(initial_phase="travelling")
 WITHIN_STEP = (
     ("strouhal", "Strouhal forcing", StrouhalForcingParams(limit_diameters=1.0)),
     ("wake", "wake oscillator", WakeOscillatorParams()),
-    ("waves", "travelling waves", TravellingWavesParams()),
+    ("waves", "travelling waves", TRAVELLING),
 )
 COUPLED = (
     ("modal", "modal vibration", ModalVibrationParams()),
