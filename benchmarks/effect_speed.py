@@ -71,6 +71,7 @@ ADDED: dict[str, Any] = {
     "net": NetParams(width_m=12.0, height_m=8.0, twine_m=0.003, bar_m=0.03, panels=2),
     "fairing": FairingParams(face_m2=4.0),
 }  # fmt: skip
+NEEDS = {"wind": "wetting", "bed_friction": "seabed"}  # what acts only beside another
 TOGETHER = ("waves", "seabed")  # beside the base's own: the sea that a lift usually has
 TOGETHER_NAME = "with waves and seabed"
 AMPLITUDE_M, PERIOD_S = 1.5, 8.0
@@ -135,6 +136,8 @@ def _measured(base: Scene, name: str, codes: dict[tuple[type, ...], str]) -> Eff
     params = next(effect.params for effect in EFFECTS if effect.name == name)
     listed = next((own for own in base.effects if type(own) is params), None)
     if listed is None:
+        if name in NEEDS:
+            base = with_effect(base, ADDED[NEEDS[name]])
         listed, without, whole = ADDED[name], base, with_effect(base, ADDED[name])
     else:
         without, whole = _without(base, listed), base

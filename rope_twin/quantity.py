@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 _NO_DEFAULT = dataclasses.MISSING
 
@@ -62,15 +62,24 @@ def text(about: str, default: Any = _NO_DEFAULT) -> Any:
 
 
 class SparingRepr:
-    """Base with a repr (used for digests) that omits the optional fields that are not given."""
+    """Base with a repr (used for digests) that omits the optional fields that are not given.
 
-    _spared: ClassVar[frozenset[str]]
+    Those in `_spared` are left out while they are None, those in `_later`, of fields that came
+    after studies of scenes had been made, while they have their default.
+    """
+
+    _spared: ClassVar[frozenset[str]] = frozenset()
+    _later: ClassVar[frozenset[str]] = frozenset()
     _no_figures: ClassVar[frozenset[str]] = frozenset()  # fields excluded from digests
 
     def __repr__(self) -> str:
-        given = ((name, value) for name, value in vars(self).items()
-                 if name not in self._no_figures
-                 and (value is not None or name not in self._spared))  # fmt: skip
+        usual: Any = {field.name: field.default for field in dataclasses.fields(cast(Any, self))}
+        given = (
+            (name, value) for name, value in vars(self).items()
+            if name not in self._no_figures
+            and not (name in self._spared and value is None)
+            and not (name in self._later and value == usual[name])
+        )  # fmt: skip
         return f"{type(self).__name__}({', '.join(f'{n}={v!r}' for n, v in given)})"
 
 

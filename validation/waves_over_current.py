@@ -111,7 +111,9 @@ def waves_over_current(short: bool = False) -> Found:
     lines = []
     for line, model, name, calm, wavy in PRINTED[: 1 if short else None]:
         periods = line.periods // 2 if short else line.periods
-        without, with_wave = (motion_of(line, model, wave, False, periods) for wave in (0, 1))
+        without, with_wave = (
+            motion_of(line, model, wave, False, periods) for wave in (False, True)
+        )
         still, moving = rms_of(without), rms_of(with_wave)
         title, ratio = f"{line.name} by {name}", wavy / calm
         findings.append(shown(f"{title}: rms/d without the wave", still, f"{calm}"))

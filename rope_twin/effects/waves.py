@@ -54,15 +54,17 @@ from rope_twin.core.waves.rows import (
     UP,
 )
 from rope_twin.errors import InputError
-from rope_twin.quantity import quantity, text
+from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread, together
 from rope_twin.sea.components import Waves as Components
 from rope_twin.sea.spectrum import WaveSpectrum, jonswap, read_spectrum
 
 
-@dataclass(frozen=True, kw_only=True)
-class RegularWave:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class RegularWave(SparingRepr):
     """A regular wave; with phase 0 its crest passes the origin at t = 0."""
+
+    _later = frozenset(("phase_deg",))
 
     height_m: float = quantity("wave height, trough to crest", "m", 0.0, 40.0)
     period_s: float = quantity("wave period", "s", 1.0, 40.0)
@@ -156,9 +158,11 @@ class WaveSystem:
         return spread(found, heading, self.spreading, self.seed)
 
 
-@dataclass(frozen=True, kw_only=True)
-class WavesParams(WaveSystem):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class WavesParams(SparingRepr, WaveSystem):
     """Sea state: one system of waves, and others that come with it."""
+
+    _later = frozenset(("also", "stretching"))
 
     also: tuple[WaveSystem, ...] = text("further systems, such as swells", ())
     stretching: str = text("kinematics up to the surface: wheeler, linear or none", "wheeler")

@@ -106,7 +106,7 @@ class RopeFatigue:
     def take(self, seen: Snapshot) -> None:
         """Take a sample of the first rope; sample often enough to resolve the peaks."""
         from_lower = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
-        ends_n = seen.tension_payload_n, seen.tension_top_n
+        ends_n = float(seen.element_tension_n[-1]), seen.tension_top_n
         self.take_tensions(from_lower, seen.element_tension_n[::-1], ends_n)
 
     def take_tensions(

@@ -119,8 +119,11 @@ class Ropes(Protocol):
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Return energy and power now; pull: first rope on its hang-off [N], speed: pay-out."""
 
-    def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
-        """Complete the first rope's snapshot with the other ropes, payloads and winches."""
+    def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
+        """Complete the first rope's snapshot with the other ropes, payloads and winches.
+
+        effects: of the first rope, in use now.
+        """
 
     def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shapes of all ropes in a complete snapshot; first: the first rope now."""
@@ -167,7 +170,7 @@ class OneRope(SingleWinch):
         """Return energy and power of the rope now."""
         return of_one(measure(first, pull[PULL_X : PULL_Z + 1], time, speed))
 
-    def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
+    def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
         """Return the snapshot unchanged."""
         return shot
 

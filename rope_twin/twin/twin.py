@@ -95,10 +95,7 @@ class Twin:
         return self.inputs.offer_heave(stamp_ns, position_m, velocity_m_per_s, received_ns)
 
     def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
-        """Submit a ship pose, which moves the hang-off in x, y, z; return "" or the rejection.
-
-        received_ns: as in `offer_heave`.
-        """
+        """Submit a ship pose, which moves the hang-off; return and received_ns: `offer_heave`."""
         return self.inputs.offer_pose(pose, received_ns)
 
     def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
@@ -344,6 +341,7 @@ class Twin:
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present; call it from the stepping thread."""
         record, inputs, system = self._record, self.inputs, self._system
+        effects = inputs.current.effects
         (value, rate), ropes, first = self._motion.boundary, system.ropes, system.first
         with inputs.lock:
             health = inputs.health()
@@ -359,7 +357,7 @@ class Twin:
                 ship=self.scene.ship,
                 border=value[0],
                 border_rate=rate[0],
-                lower_n=lower_end_tension(first, self.time_ns * 1e-9),
+                lower_n=lower_end_tension(first, effects, self.time_ns * 1e-9),
                 pull=system.pull,
                 recent=record.recent,
                 run=record.run,
@@ -374,7 +372,7 @@ class Twin:
         )
         record.begin_interval(system.unconverged)
         taken = record.add_contact(taken, first, ropes)
-        taken = ropes.complete(taken, self.time_ns)
+        taken = ropes.complete(taken, self.time_ns, effects)
         if self._viv_drag is not None:
             vibrations = self._viv_drag.shots(self._all_ropes)
             taken = with_vibration(self.scene, taken, vibrations)

@@ -160,7 +160,7 @@ BY_OBJECTS = {
     "seabed/contact": contact,
     "ropes/tension_top_error": interval,
     "ropes/tension_top": lambda s: joint(s, effort=s.tension_top_n),
-    "ropes/tension_bottom": lambda s: joint(s, effort=float(s.element_tension_n[-1])),
+    "ropes/tension_bottom": lambda s: joint(s, effort=float(s.node_tension_n[-1])),
     "hang_off/wrench": wrench,
     "hang_off/odometry": odometry,
     "ropes/element_tension": element_tension,

@@ -9,7 +9,7 @@ import pytest
 from effect_cases import NODES, apply, data_of, loads, some_stage, some_work
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Place, account, account_sum, accounts_of
+from rope_twin.core.energy import Place, account, account_sum, accounts_of, wetted
 from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.core.state import Floats
 from rope_twin.effects import EFFECTS
@@ -42,6 +42,8 @@ def seen(work: Floats, turning: Floats, dt: float) -> Place:
         volume=work[rows.VOLUME],
         frontal=work[rows.FRONTAL],
         skin=work[rows.SKIN],
+        length=work[rows.LENGTH],
+        bare=np.zeros(NODES),
     )
 
 
@@ -57,6 +59,10 @@ def stored(effects: tuple[Any, ...], place: Place) -> float:
 
 # A rigid body has motion of its own, so what it stores is no function of the nodes: its account is
 # held against runs (test_rigid_body.py).
+TOGETHER = {  # what takes from the accounts of others is held against all of them
+    "wetting": ("wetting", "weight", "drag", "added_mass"),
+    "wind": ("wetting", "wind", "weight", "added_mass"),
+}
 OF_THE_NODES = [name for name in NAMES if name != "rigid_body"]
 
 
@@ -64,7 +70,7 @@ OF_THE_NODES = [name for name in NAMES if name != "rigid_body"]
 @pytest.mark.parametrize("seed", [1, 2])
 def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int) -> None:
     """F·v = power - d(kinetic + potential)/dt over all nodes, however they move and turn."""
-    effects, work = data_of(name), some_work(seed)
+    effects, work = data_of(*TOGETHER.get(name, (name,))), some_work(seed)
     random = np.random.default_rng(seed)
     work[rows.FLOW : rows.FLOW + 2] = random.normal(0.0, 0.6, (2, NODES))
     three(work, rows.ACCELERATION)[:, -1] = 0.0  # couplings clear the inertia at the hang-off
@@ -78,7 +84,8 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int)
     done = float((force * three(work, rows.VELOCITY)).sum())
     place = seen(work, turning, 0.0)
     end = Place(*(row[..., :1] for row in place))
-    power = account_sum("power", effects, place) + account_sum("power_end", effects, end)
+    power = account_sum("power", effects, wetted(effects, place))
+    power += account_sum("power_end", effects, end)
     later, before = (stored(effects, seen(work, turning, dt)) for dt in (DT, -DT))
     rate = (later - before) / (2.0 * DT)
     assert done == pytest.approx(power - rate, rel=1e-6, abs=1e-6)
@@ -88,7 +95,9 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int)
 def test_an_effect_that_loads_the_rope_says_its_energy(name: str) -> None:
     """Else its work would be called a numerical loss (`twin.ledger` refuses such a run)."""
     kind = type(data_of(name)[0])
-    loading = bool({"load", "load_end", "load_nodes", "couple"}.intersection(hooks_of(kind)))
+    loading = bool(
+        {"soak", "load", "load_end", "load_nodes", "couple"}.intersection(hooks_of(kind))
+    )
     assert loading == bool(accounts_of(kind)), (
         f"effect '{name}' loads the rope: say what it stores or brings by functions beside its"
         " kernels, @account(kind, Type) of rope_twin.core.energy"

@@ -144,13 +144,13 @@ def data_of(*names: str) -> tuple[Any, ...]:
     needed = ("seabed",) if beds.intersection(names) == {"bed_friction"} else ()
     listed = tuple(params_of(name) for name in (*needed, *names))
     scene = replace(SMALL.scene(), effects=listed)
-    return build_effects(scene, payload_figures(scene.payloads[0], SMALL.density))
+    return build_effects(scene, payload_figures(scene.payloads[0], SMALL.density))[len(needed) :]
 
 
 def acting(name: str) -> tuple[Any, ...]:
     """The kernels' data of an effect, last, with the current that it may need; vortices shed."""
     effects = (*besides(name), *data_of(name))
-    if hasattr(effects[-1], "memory"):
+    if name in (*SHEDDING, "bed_friction"):
         memory = effects[-1].memory
         memory[:] = np.random.default_rng(5).uniform(0.3, 1.2, memory.shape)
     return effects
@@ -193,7 +193,9 @@ def some_work(seed: int = 1) -> Vector:
     work[rows.TANGENT : rows.TANGENT + 3] = tangent / np.linalg.norm(tangent, axis=0)
     length, diameter = random.uniform(1.0, 6.0, NODES), SMALL.diameter
     work[rows.REST] = 0.7 * length
-    work[rows.LENGTH], work[rows.MASS] = length, SMALL.mass * length
+    work[rows.MASS] = SMALL.mass * length
+    half = 0.5 * work[rows.REST, :-1]
+    work[rows.LENGTH] = np.append(half, 0.0) + np.append(0.0, half)
     work[rows.VOLUME] = 0.25 * math.pi * diameter**2 * length
     work[rows.FRONTAL], work[rows.SKIN] = diameter * length, math.pi * diameter * length
     return work

@@ -336,8 +336,11 @@ def _clear_links(work: Floats, n: int) -> None:
         work[BLOCK + k, n] = 0.0
 
 
-def lower_end_tension(rope: Rope, time_s: float) -> float:
+def lower_end_tension(rope: Rope, effects: Any, time_s: float) -> float:
     """Return the tension that the payload, anchor or connection at the lower end feels [N].
+
+    effects: those in use now; of a multi-line system those of the first rope, as only loads along
+    the rope are read.
 
     It is that of the lowest element plus the loads on its lower half and less its inertia, as the
     force on the hang-off is. Internal variables of effects (VIV, sticking friction) are left out.
@@ -351,7 +354,7 @@ def lower_end_tension(rope: Rope, time_s: float) -> float:
     which = int(np.searchsorted(rope.sections[END], s[0] + SAME_PLACE, side="right"))
     work[MASS : LENGTH + 1, 0] = 0.5 * (s[1] - s[0]) * rope.sections[PER_METRE:, which]
     work[TANGENT : TANGENT + 3, 0] = along
-    _load_lower_end(rope.effects, work, Stage(time_s, 1.0, 0.0, 0.0))
+    _load_lower_end(effects, work, Stage(time_s, 1.0, 0.0, 0.0))
     pull = float(rope.work[TENSION, 0])
     force = pull * along + work[RESIDUAL : RESIDUAL + 3, 0]
     return math.sqrt(float(force @ force)) if pull > 0.0 and force @ along > 0.0 else 0.0

@@ -156,10 +156,10 @@ class CutRope(SingleWinch):
         self._fresh, pull[:] = False, pulls[0]
         return True
 
-    def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
+    def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
         """Complete the first rope's snapshot with both parts and the payload of the lower one."""
         lower = without_massless_section(self._lower)
-        part = self._shot(lower, now_ns * 1e-9)
+        part = self._shot(lower, lower_end_tension(lower, effects, now_ns * 1e-9))
         unconverged = int(lower.state.health[rows.SUBSTEPS_UNCONVERGED])
         doubtful = shot.doubtful or unconverged > self._unconverged
         self._unconverged = unconverged
@@ -232,7 +232,7 @@ class CutRope(SingleWinch):
         if any(own is not now for own, now in zip(self._lower.effects, shared, strict=True)):
             self._lower = self._lower._replace(effects=shared)
 
-    def _shot(self, lower: Rope, time_s: float) -> RopeShot:
+    def _shot(self, lower: Rope, lower_n: float) -> RopeShot:
         n = int(lower.state.counts[rows.ELEMENTS])
         tension = lower.work[rows.TENSION, :n][::-1].copy()
         between = 0.5 * (tension[1:] + tension[:-1])
@@ -240,7 +240,7 @@ class CutRope(SingleWinch):
         return RopeShot(
             name=f"{self._scene.ropes[0].name}/lower",
             node_position_m=np.ascontiguousarray(places[:, ::-1].T),
-            node_tension_n=np.concatenate([[0.0], between, [lower_end_tension(lower, time_s)]]),
+            node_tension_n=np.concatenate([[0.0], between, [lower_n]]),
             element_tension_n=tension,
             tension_top_n=0.0,
             line_out_m=float(lower.state.s[n]),

@@ -225,7 +225,7 @@ class Member:
                 ship=self.scene.ship,
                 border=self._value,
                 border_rate=self._rate,
-                lower_n=lower_end_tension(rope, self.steps * self._step_ns * 1e-9),
+                lower_n=lower_end_tension(rope, rope.effects, self.steps * self._step_ns * 1e-9),
                 pull=self._pull,
                 recent=self._recent,
                 run=self._seen,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,6 +48,7 @@ class SystemState(NamedTuple):
     pull: Floats  # force on the upper ends [N], (ropes, rows.PULL_COLUMNS)
     line: Payouts
     time_s: float
+    effects: tuple[Any, ...]  # of the first rope, in use now
 
     def nodes(self, r: int, first: int) -> Floats:
         """Return three rows of the state of a rope from `first` on, (3, nodes)."""
@@ -126,7 +127,7 @@ def _rope_shot(now: SystemState, r: int, name: str) -> RopeShot:
     tension = work[rows.TENSION, : nodes.shape[1] - 1]
     pull = float(now.pull[r, rows.PULL])
     between = 0.5 * (tension[1:] + tension[:-1])
-    lower = lower_end_tension(now.system.ropes[r], now.time_s)
+    lower = lower_end_tension(now.system.ropes[r], now.effects, now.time_s)
     at_nodes = np.concatenate(([lower], between, [pull]))
     line = (float(now.line.length_m[r]), float(now.line.speed_m_per_s[r]))
     downward = slice(None, None, -1)  # its upper end is the last node

@@ -271,12 +271,12 @@ class MultiLineRopes:
         pulls[0], speeds[0] = pull, speed
         return measure_system(self.system(first), pulls, speeds, time)
 
-    def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
+    def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
         """Complete the first rope's snapshot with all ropes, payloads and winches."""
         value, rate = (table[:, 0, rows.LINE] for table in self._boundary)
         now = SystemState(
             self._scene, self.system(self.first), self._owners, self.pull, Payouts(value, rate),
-            now_ns * 1e-9,
+            now_ns * 1e-9, effects,
         )  # fmt: skip
         limits = [shot.winch_at_limit]
         inputs: dict[str, InputHealth] = dict(shot.inputs)
