@@ -18,6 +18,7 @@ from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.scene.validation.rigging import winch_of
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.vortex.damage import tension_along
 from rope_twin.vortex.fatigue import (
     CURVES,
     Curve,
@@ -106,20 +107,15 @@ class RopeFatigue:
     def take(self, seen: Snapshot) -> None:
         """Take a sample of the first rope; sample often enough to resolve the peaks."""
         from_lower = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
-        ends_n = float(seen.element_tension_n[-1]), seen.tension_top_n
-        self.take_tensions(from_lower, seen.element_tension_n[::-1], ends_n)
+        self.take_tensions(from_lower, seen.element_tension_n[::-1], seen.tension_top_n)
 
-    def take_tensions(
-        self, from_lower: Vector, tension: Vector, ends_n: tuple[float, float]
-    ) -> None:
+    def take_tensions(self, from_lower: Vector, tension: Vector, upper_n: float) -> None:
         """Take a sample of a rope from its lower end up.
 
         from_lower: material coordinates of its nodes [m], (nodes,); tension: of its elements [N],
-        (elements,); ends_n: at its lower and upper end [N].
+        (elements,); upper_n: at its upper end [N].
         """
-        lower_n, upper_n = ends_n
-        places = np.concatenate(([0.0], 0.5 * (from_lower[1:] + from_lower[:-1]), from_lower[-1:]))
-        values = np.concatenate(([lower_n], tension, [upper_n]))
+        places, values = tension_along(from_lower, tension, upper_n)
         aboard = self._middles > from_lower[-1]
         if self._aboard is not None and self._over_sheave_n.any():
             passed = aboard != self._aboard

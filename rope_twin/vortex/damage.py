@@ -48,6 +48,20 @@ class DamageSettings:
     over_sheave_pa: float = 0.0  # bending stress over the sheave; 0: not counted
 
 
+def tension_along(s: Floats, tension: Floats, upper_n: float) -> tuple[Floats, Floats]:
+    """Return places along a rope from its lower end up [m], and the tension there [N].
+
+    s: of the nodes, (n + 1,); tension: of the elements, at whose middles it holds, (n,); upper_n:
+    at the upper end. At the lower end it goes on as between the two lowest elements, at least 0.
+    """
+    places = np.concatenate((s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]))
+    lower = tension[0]
+    if len(tension) > 1:
+        slope = (tension[1] - tension[0]) / (places[2] - places[1])
+        lower = max(lower - slope * (places[1] - places[0]), 0.0)
+    return places, np.concatenate(([lower], tension, [upper_n]))
+
+
 class RopeDamage:
     """Damage of each metre, from the lower end up to the maximum payout.
 
@@ -103,8 +117,7 @@ class RopeDamage:
         """
         n = int(rope.state.counts[rows.ELEMENTS])
         s, tension = self._lost_m + rope.state.s[: n + 1], rope.work[rows.TENSION, :n]
-        places = np.concatenate(([s[0]], 0.5 * (s[1:] + s[:-1]), s[-1:]))
-        values = np.concatenate((tension[:1], tension, [pull_n]))
+        places, values = tension_along(s, tension, pull_n)
         load = np.interp(self.middles, places, values, np.nan, np.nan) * self._per_tension
         self._run_over_sheave(s[-1], pull_n)
         if bent is None:

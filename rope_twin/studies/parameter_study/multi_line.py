@@ -96,8 +96,7 @@ def _sample(twin: Twin, counts: list[RopeFatigue]) -> None:
     for rope, pull, count in zip(system.system(twin.rope).ropes, system.pull, counts, strict=True):
         n = int(rope.state.counts[rows.ELEMENTS])
         tension = rope.work[rows.TENSION, :n]
-        ends_n = float(tension[0]), float(pull[rows.PULL])
-        count.take_tensions(rope.state.s[: n + 1], tension, ends_n)
+        count.take_tensions(rope.state.s[: n + 1], tension, float(pull[rows.PULL]))
 
 
 def _top(results: MemberResults) -> Row:
