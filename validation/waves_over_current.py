@@ -108,7 +108,7 @@ def slow_share(motion: Vector, step_s: float) -> float:
 def waves_over_current(short: bool = False) -> Found:
     """Run L4; short: the riser by its modes only, for half as long."""
     findings: list[Finding] = []
-    lines = []
+    panels = []
     for line, model, name, calm, wavy in PRINTED[: 1 if short else None]:
         periods = line.periods // 2 if short else line.periods
         without, with_wave = (
@@ -123,26 +123,26 @@ def waves_over_current(short: bool = False) -> Found:
             findings.append(shown(f"{title}: rms/d with it", moving, f"{wavy}"))
         limits = (ratio / FACTOR, min(ratio * FACTOR, 1.0))
         findings.append(
-            between(f"{title}: with over without", moving / still, limits, f"{ratio:.2f}")
+            between(f"{title}: with over without", moving / still, limits, f"{ratio:.3f}")
         )
         if model is WAVES:
             part = slow_share(with_wave, line.step_s[WAVES])
             findings.append(between(f"{title}: power at the wave's own pace", part, (0, 0.02), ""))
         height = np.linspace(0.0, line.rope.length, PLACES)
-        lines += [
-            Line(without.std(axis=0), height, f"{title}", ""),
-            Line(with_wave.std(axis=0), height, f"{title}, wave", "--"),
-        ]
+        pair = (
+            Line(without.std(axis=0), height, "current alone"),
+            Line(with_wave.std(axis=0), height, "with the wave"),
+        )
+        panels.append(Panel(title, "rms/d", "height [m]", pair))
     for line in () if short else (RISER, CABLE):
-        pair = [rms_of(motion_of(line, MODES, wave, True, line.periods)) for wave in (False, True)]
+        sizes = [rms_of(motion_of(line, MODES, wave, True, line.periods)) for wave in (False, True)]
         findings.append(
             between(
-                f"{line.name} by modes, inverted current: with over without", pair[1] / pair[0],
+                f"{line.name} by modes, inverted current: with over without", sizes[1] / sizes[0],
                 (0.8, 1.25), "hardly changed",
             )
         )  # fmt: skip
-    panels = (Panel("rms of the motion", "rms/d", "height [m]", tuple(lines)),)
-    return Found(tuple(findings), panels, () if short else (OPEN,))
+    return Found(tuple(findings), tuple(panels), () if short else (OPEN,))
 
 
 CASES = (
