@@ -115,7 +115,10 @@ def test_only_an_error_changes_the_exit_code(
 def test_a_message_goes_through_dds() -> None:
     from rope_twin.ros import middleware
 
-    check = doctor.check_middleware(lambda: middleware)
+    for _ in range(3):  # within 5 s each: other tests may keep the processors busy for longer
+        check = doctor.check_middleware(lambda: middleware)
+        if check.level != ERROR:
+            break
     assert check.level in (OK, WARN), check
     assert re.search(r"rmw_\w+: discovery [\d.e-]+ s, message [\d.e+-]+ ms", check.found)
 

@@ -282,6 +282,7 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
     sections = np.hstack([rope.sections, np.zeros((rows.SECTION_ROWS, 1))])
     sections[rows.END, :-1] = np.minimum(sections[rows.END, :-1], lost)
     sections[rows.END, -1] = np.inf
+    sections[rows.PER_METRE + rows.LENGTH - rows.MASS, -1] = 1.0  # it is a length, if of nothing
     part = Nodes(
         np.insert(nodes.motion[:, : k + 1], k + 1, nodes.motion[:, k], axis=1),
         np.append(nodes.s[: k + 1], lost + _beyond_m(rope.effects)),
