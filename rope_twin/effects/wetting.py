@@ -59,7 +59,10 @@ def _diameter(volume: float, length: float) -> float:
 
 @kernel("flow", Wetting)
 def flow(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Set the water to rest at nodes that no position of their rope would bring into it."""
+    """Set the water to rest at nodes that no position of their rope would bring into it.
+
+    At the lower end it is the payload's, which may reach into the water.
+    """
     ux, uy, uz = rows(work, FLOW, low)
     wx, wy, wz = rows(work, FLOW_RATE, low)
     _, _, z = rows(work, POSITION, low)
@@ -70,7 +73,7 @@ def flow(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
     )
     for i in range(high - low):
         reach = 0.5 * length[i] + _diameter(volume[i], length[i])
-        if z[i] - surface[i] > reach:
+        if low + i > 0 and z[i] - surface[i] > reach:
             ux[i] = uy[i] = uz[i] = 0.0
             wx[i] = wy[i] = wz[i] = 0.0
 

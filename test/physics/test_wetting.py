@@ -7,13 +7,17 @@ from math import pi
 
 import numpy as np
 import pytest
+from effect_cases import apply
 from rigs import Rig, march, sine
 from scipy.optimize import brentq
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
+from rope_twin.effects import Surroundings
 from rope_twin.effects.waves import RegularWave, WavesParams
+from rope_twin.effects.waves import build as build_waves
 from rope_twin.effects.wetting import WettingParams
+from rope_twin.effects.wetting import build as build_wetting
 from rope_twin.effects.wind import WindParams
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.monitors.settings import Monitors
@@ -141,6 +145,22 @@ def test_wind_grows_with_height() -> None:
         twin = Twin(scene_of(rig, WettingParams(), WindParams(velocity_m_per_s=(20.0, 0.0))))
         sags.append(nodes_of(twin)[1][0].max())
     assert sags[1] / sags[0] == pytest.approx((105.0 / 10.0) ** 0.24, rel=5e-3)
+
+
+def test_the_payload_keeps_its_water_and_a_dry_rope_has_none() -> None:
+    """Under a crest, 1 m and 20 m above it: a payload there may reach into the wave."""
+    waves = WavesParams(regular=RegularWave(height_m=4.0, period_s=8.0), ramp_s=0.0)
+    around = Surroundings(1025.0, 9.80665, 1.0)
+    effects = (build_waves(waves, None, around), build_wetting(WettingParams(), None, around))
+    found = []
+    for own in (effects[:1], effects):
+        work = rows.new_work(3)
+        work[2, :3], work[rows.LENGTH], work[rows.VOLUME] = (3.0, 22.0, 42.0), 1.0, 0.01
+        work[rows.TANGENT + 2] = 1.0
+        apply(own, work, rows.Stage(0.0, 0.0, 0.0, 0.0), 0, 3)
+        found.append(work[rows.FLOW, :3].copy())
+    assert found[0].min() > 1.0
+    assert found[1].tolist() == [found[0][0], 0.0, 0.0]
 
 
 @pytest.mark.parametrize("wind", [False, True])
