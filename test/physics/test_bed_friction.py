@@ -135,7 +135,7 @@ def test_energy_of_stick_and_slip() -> None:
 
 
 def test_a_branch_goes_on_as_the_whole() -> None:
-    """What friction remembers is part of the state."""
+    """Friction remembers its displacement, and a branch takes it along."""
     twin = pulled(scene_of(FLAT, BedFrictionParams()), 2.0)
     other = twin.branch()
     for one in (twin, other):

@@ -177,7 +177,7 @@ def test_a_sea_without_short_cuts_is_airys() -> None:
 @pytest.mark.parametrize("depth", [None, 25.0])
 @pytest.mark.parametrize("stretching", ["none", "linear"])
 def test_kinematics_up_to_the_surface(stretching: str, depth: float | None) -> None:
-    """As written out, below and above the mean level and above the surface, in crest and trough."""
+    """Sums written out agree below and above the mean level and above the surface."""
     params = replace(SEA, stretching=stretching, depth_m=depth, neglected_m_per_s=0.0)
     z = np.linspace(-24.0, 4.0, 57)
     place = np.stack([0.05 * z, -0.02 * z, z])

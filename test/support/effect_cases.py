@@ -157,7 +157,7 @@ def acting(name: str) -> tuple[Any, ...]:
 
 
 def besides(name: str) -> tuple[Any, ...]:
-    """What is there with an effect that acts by the current, the water or the dry part alone."""
+    """Return effects that one needs which acts by current, water or dry part alone."""
     if name == "wetting":
         return data_of("weight", "drag")
     if name == "wind":
