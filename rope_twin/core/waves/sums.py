@@ -110,7 +110,7 @@ def turn(sea: Any, kept: Any, x: float, y: float) -> float:
 
 @jit_sum
 def water(sea: Any, kept: Any, echoing: int, reaching: int, z: float) -> Any:
-    """Return velocity and acceleration at Wheeler's z from the `reaching` longest blocks.
+    """Return velocity and acceleration at a stretched z from the `reaching` longest blocks.
 
     The `echoing` longest ones are reflected at the bottom: cosh and sinh profiles then differ
     slightly.
