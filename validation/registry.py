@@ -6,11 +6,13 @@ A file of cases adds its CASES here.
 from __future__ import annotations
 
 from validation import (
+    bounces,
     convergence,
     curved_pipe,
     decomposed_riser,
     energy,
     modal_lines,
+    resonance,
     snap,
     statics,
     stepping,
@@ -43,6 +45,8 @@ CASES: tuple[Case, ...] = tuple(
             *convergence.CASES,
             *energy.CASES,
             *snap.CASES,
+            *bounces.CASES,
+            *resonance.CASES,
             *modal_lines.CASES,
             *waves_over_current.CASES,
             *curved_pipe.CASES,
