@@ -8,6 +8,7 @@ lock of the domain goes on.
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 import signal
@@ -15,7 +16,8 @@ import socket
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
@@ -34,6 +36,14 @@ from rope_twin.topics import BY_NAME
 _USAGE = "parameters are given as --ros-args -p NAME:=VALUE"
 PARENT = "ROPE_TWIN_PARENT"  # environment: process id of the suite that started this node
 _WAIT_S = 0.1  # longest wait in the executor, and so the delay until a signal is noticed
+END_S = (
+    10.0  # time allowed for the middleware to release what a node held; less than a supervisor's
+)
+_READ_S = 0.2  # from the sentence to the end of the process
+_NOT_RELEASED = (
+    b"the middleware did not release the resources of this node in time: the process ends without "
+    b"it, all files are complete."
+)
 
 
 class SuiteNode(Protocol):
@@ -79,11 +89,21 @@ def initialise(args: list[str] | None) -> None:
         raise InputError(phrase("arguments", f"unknown argument '{others[0]}'", _USAGE))
 
 
-def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> int:
-    """Run one node until it has finished or a stop is requested; return the exit code."""
+def run_node(
+    make: Callable[[], SuiteNode],
+    args: list[str] | None = None,
+    verdict: Callable[[], int] = lambda: 0,
+) -> int:
+    """Run one node until it has finished or a stop is requested; return the exit code.
+
+    `verdict` is the exit code of a run that ended by itself or by request, asked of the closed
+    node. When the middleware does not release the node's resources within END_S, the process ends
+    here, with that code.
+    """
     stop = StopSignal(signal.SIG_DFL)
     node: SuiteNode | None = None
     executor: SingleThreadedExecutor | None = None
+    code = 1
     try:
         initialise(args)
         node = make()
@@ -93,15 +113,19 @@ def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> in
             node.begin()
         while not (stop.requested or node.finished or _orphaned()) and rclpy.ok():
             executor.spin_once(timeout_sec=_WAIT_S)
+        code = 0
     except RopeTwinError as error:
         sys.stderr.write(f"{error}\n")
-        return 1
     except ExternalShutdownException:
-        pass  # a stop request: the clean shutdown below is all that is needed
+        code = 0  # a stop request: the clean shutdown below is all that is needed
     finally:
-        _end(node, executor)
+        if node is not None:
+            node.close()
+        code = code or verdict()
+        with _ended_in_time(code):
+            _release(node, executor)
         stop.restore()
-    return 0
+    return code
 
 
 def _orphaned() -> bool:
@@ -110,14 +134,64 @@ def _orphaned() -> bool:
     return parent is not None and parent != str(os.getppid())
 
 
-def _end(node: SuiteNode | None, executor: SingleThreadedExecutor | None) -> None:
-    if node is not None:
-        node.close()
+def _release(node: SuiteNode | None, executor: SingleThreadedExecutor | None) -> None:
     if executor is not None:
         executor.shutdown()
     if node is not None:
         node.destroy_node()
     rclpy.try_shutdown()
+
+
+class _Event(ctypes.Structure):
+    """`struct sigevent` of Linux: a timer that calls `function(value)` in a thread of its own."""
+
+    _fields_ = (
+        ("value", ctypes.c_void_p),
+        ("signal_number", ctypes.c_int),
+        ("kind", ctypes.c_int),
+        ("function", ctypes.c_void_p),
+        ("attributes", ctypes.c_void_p),
+        ("rest", ctypes.c_char * 32),
+    )
+
+
+class _Times(ctypes.Structure):
+    """`struct itimerspec`: period (0: once) and delay, in seconds and nanoseconds."""
+
+    _fields_ = tuple((name, ctypes.c_long) for name in ("every_s", "every_ns", "in_s", "in_ns"))
+
+
+_THREAD = 2  # SIGEV_THREAD
+
+
+@contextmanager
+def _ended_in_time(code: int) -> Iterator[None]:
+    """End the process with `code` if the block takes longer than END_S, and say why.
+
+    rclpy holds the interpreter's lock while it destroys a participant, and FastDDS was seen to
+    spin there for 15 minutes: neither a signal handler nor a thread of Python would ever run. So
+    timers of the C library call its own functions, `warnx(sentence)` and then `_exit(code)`, which
+    runs no further destructor.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    libc, timers = ctypes.CDLL(None), []
+    said = ctypes.cast(ctypes.c_char_p(_NOT_RELEASED), ctypes.c_void_p).value
+    for delay_s, function, value in (
+        (END_S, libc.warnx, said),
+        (END_S + _READ_S, libc._exit, code),
+    ):
+        address = ctypes.cast(function, ctypes.c_void_p)
+        event, timer = _Event(value, 0, _THREAD, address, None, b""), ctypes.c_void_p()
+        times = _Times(0, 0, int(delay_s), int(delay_s % 1.0 * 1e9))
+        if libc.timer_create(time.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)) == 0:
+            libc.timer_settime(timer, 0, ctypes.byref(times), None)
+            timers.append(timer)
+    try:
+        yield
+    finally:
+        for timer in timers:
+            libc.timer_delete(timer)
 
 
 # topics by which a running simulation is detected; a paused one still sends diagnostics at 1 Hz

@@ -239,8 +239,7 @@ def main(args: list[str] | None = None) -> int:
         made.append(RecorderNode())
         return made[0]
 
-    code = run_node(make, args)
-    return 1 if any(node.failure for node in made) else code
+    return run_node(make, args, lambda: int(any(node.failure for node in made)))
 
 
 if __name__ == "__main__":
