@@ -23,6 +23,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
@@ -51,6 +52,10 @@ ADDED: dict[str, Any] = {
         spreading=6.0, depth_m=DEPTH_M,
     ),
     "wetting": WettingParams(),
+    "depth_profiles": DepthProfilesParams(
+        density_kg_per_m3=tuple((-50.0 * k, 1025.0 + 0.22 * k) for k in range(42)),
+        drag_factor=((0.0, 1.3), (-60.0, 1.0)),
+    ),
     "wind": WindParams(velocity_m_per_s=(12.0, 0.0)),
     "bending": BendingParams(stiffness_n_m2=2e4),
     "strouhal_forcing": StrouhalForcingParams(limit_diameters=1.0),

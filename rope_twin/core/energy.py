@@ -68,6 +68,7 @@ class Place(NamedTuple):
     skin: Floats  # reference area of tangential drag [m²]
     length: Floats  # unstretched [m]
     bare: Floats  # projected area out of the water [m²]
+    touching: Floats  # reference area of the seabed's contact [m²]
 
 
 class Elements(NamedTuple):
@@ -166,6 +167,43 @@ def wets(effect: type) -> Callable[[Any], Any]:
         return function
 
     return register
+
+
+def account_soaked(effect: type) -> None:
+    """Register the accounts of an effect that changes the water which others see (`wets`).
+
+    It has the fields `lift` (ρ·g), `added` and `axial` (added mass coefficients across and along
+    the rope, times ρ), of a rope wholly in the scene's water, or 0 where another effect of this
+    kind has them. The stored energy of buoyancy and added mass is taken out, and the power of their
+    forces on the part that acts is put in its place.
+    """
+
+    def potential(own: Any, place: Place) -> Floats:
+        """Return the buoyancy's part, ρ·g·volume·z, to be taken out of the weight's [J]."""
+        return np.asarray(own.lift * place.volume * place.position[2])
+
+    def kinetic(own: Any, place: Place) -> Floats:
+        """Return minus the energy of the added mass of a wholly wetted rope [J]."""
+        v, along = place.velocity, (place.velocity * place.tangent).sum(axis=0)
+        across = (v * v).sum(axis=0) - along * along
+        return np.asarray(-0.5 * place.volume * (own.added * across + own.axial * along * along))
+
+    def power(own: Any, place: Place) -> Floats:
+        """Return the power of buoyancy and added mass on the part that acts [W]; place: of it.
+
+        The added mass's own account, of the part of its force beyond its stored energy, is taken
+        out.
+        """
+        v, a, t = place.velocity, place.acceleration, place.tangent
+        along = (v * t).sum(axis=0)
+        forward = (a * t).sum(axis=0) * along
+        turned = (v * place.turning).sum(axis=0) * along
+        across = own.added * ((a * v).sum(axis=0) - forward - turned)
+        inertia = across + own.axial * (forward + turned)
+        return np.asarray(place.volume * (own.lift * v[2] - inertia))
+
+    for kind, function in (("potential", potential), ("kinetic", kinetic), ("power", power)):
+        account(kind, effect)(function)
 
 
 def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
@@ -274,6 +312,7 @@ def _place(rope: Rope, elements: Elements, time: float, V: float) -> Place:
         surface=water[SURFACE],
         **dict(zip(("mass", "volume", "frontal", "skin", "length"), lumps, strict=True)),
         bare=np.zeros(n + 1),
+        touching=lumps[2],
     )
 
 
@@ -286,7 +325,9 @@ def _metre_at_sheave(rope: Rope, elements: Elements, place: Place) -> Place:
     """Return one metre of the rope that passes the hang-off, as a Place."""
     end = Place(*(row[..., -1:] for row in place))
     mass, volume, frontal, skin, length = rope.sections[PER_METRE:, elements.section[-1:]]
-    return end._replace(mass=mass, volume=volume, frontal=frontal, skin=skin, length=length)
+    return end._replace(
+        mass=mass, volume=volume, frontal=frontal, skin=skin, length=length, touching=frontal
+    )
 
 
 def _flow(rope: Rope, lumps: Floats, time: float, V: float) -> Floats:

@@ -15,6 +15,7 @@ DIVISOR_MIN = 1e-300
 FORCE_MIN = sys.float_info.min  # likewise for forces in numpy arrays
 
 SPEED2_MIN = 1e-20  # (m/s)²: a body that drifts with the water keeps a speed of 1e-10 m/s
+TURN2 = 0.05**2  # (m/s)²: the figures of a payload blend over 5 cm/s from descent to ascent
 RATE_MIN = 1e-9  # m/s, rad/s or N: still water, a wake at rest, a rope without tension
 WAVE_MIN = 1e-30  # any unit: no wave component reaches this depth, so none has an error there
 SHEDDING_MIN = 1e-12  # rad/s: a node without shedding has zero amplitude, whatever its history

@@ -16,6 +16,7 @@ from rope_twin.effects import (
     bending,
     current,
     decomposed_force,
+    depth_profiles,
     drag,
     fairing,
     modal_vibration,
@@ -47,6 +48,9 @@ class Surroundings(NamedTuple):
     friction: float = 0.0  # its friction coefficient
     sticks: bool = False  # whether `bed_friction` takes the place of the seabed's friction
     two_way: bool = False  # whether a payload of the scene differs between ascent and descent
+    added_mass_along: float = 0.0  # added mass coefficient along the rope
+    carries: bool = True  # whether the scene lists `payload`
+    wets: bool = False  # whether the scene lists `wetting`
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,7 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("current", current.CurrentParams, current.build),
     Effect("waves", waves.WavesParams, waves.build),
     Effect("wetting", wetting.WettingParams, wetting.build),
+    Effect("depth_profiles", depth_profiles.DepthProfilesParams, depth_profiles.build),
     Effect("wind", wind.WindParams, wind.build),
     Effect("weight", weight.WeightParams, weight.build),
     Effect("drag", drag.DragParams, drag.build),

@@ -1,7 +1,11 @@
-"""Added mass of the rope for motion normal to it, treated implicitly.
+"""Added mass of the rope, treated implicitly.
 
 Per metre Ca·ρ·π·d²/4 times the acceleration normal to the tangent. Treated explicitly it is
 unstable once it exceeds the rope's mass (HMPE: 1.05 to 1.62 times), at any step.
+
+Along the tangent a smooth slender body moves next to no water (Lamb 1932, ch. 5, the long
+spheroid). For chain, or rope with floats or growth, `tangential`, on the same volume, adds its
+part.
 """
 
 from __future__ import annotations
@@ -12,15 +16,20 @@ from typing import Any, NamedTuple
 from rope_twin.core.energy import account
 from rope_twin.core.loads.balance import Load
 from rope_twin.core.loads.hooks import kernel
-from rope_twin.quantity import quantity
+from rope_twin.quantity import SparingRepr, quantity
 
 
-@dataclass(frozen=True, kw_only=True)
-class AddedMassParams:
-    """Added mass coefficient, referred to the displaced volume."""
+@dataclass(frozen=True, kw_only=True, repr=False)
+class AddedMassParams(SparingRepr):
+    """Added mass coefficients, referred to the displaced volume."""
+
+    _later = frozenset(("tangential",))
 
     normal: float = quantity(
         "added mass coefficient normal to the rope", "", 0.0, 10.0, default=1.0
+    )
+    tangential: float = quantity(
+        "added mass coefficient along the rope: 0 for smooth rope", "", 0.0, 10.0, default=0.0
     )
 
 
@@ -30,9 +39,19 @@ class AddedMass(NamedTuple):
     density: float  # Ca·ρ [kg/m³]
 
 
-def build(params: AddedMassParams, payload: Any, environment: Any) -> AddedMass:
-    """Return the kernel data for a coefficient and the water density."""
-    return AddedMass(params.normal * environment.water_density_kg_per_m3)
+class AxialAddedMass(NamedTuple):
+    """Kernel data of a rope that moves water along itself too."""
+
+    density: float  # Ca·ρ across the rope [kg/m³]
+    axial: float  # Ca·ρ along the rope [kg/m³]
+
+
+def build(params: AddedMassParams, payload: Any, environment: Any) -> AddedMass | AxialAddedMass:
+    """Return the kernel data for the coefficients and the water density."""
+    rho = environment.water_density_kg_per_m3
+    if params.tangential > 0.0:
+        return AxialAddedMass(params.normal * rho, params.tangential * rho)
+    return AddedMass(params.normal * rho)
 
 
 @kernel("load", AddedMass, wide=True)
@@ -70,3 +89,40 @@ def power(added: Any, place: Any) -> Any:
     along = (place.velocity * place.tangent).sum(axis=0)
     turned = (place.velocity * place.turning).sum(axis=0)
     return -added.density * place.volume * along * turned
+
+
+@kernel("load", AxialAddedMass, wide=True)
+def axial_load(added: Any, node: Any, stage: Any) -> Any:
+    """Return F = -m·a - (m_t - m)·(a·τ)τ and A = m·I + (m_t - m)·ττᵀ, m_t along the rope."""
+    x, y, z = node.tx, node.ty, node.tz
+    m, more = added.density * node.volume, (added.axial - added.density) * node.volume
+    along = more * (node.ax * x + node.ay * y + node.az * z)
+    return Load(
+        -m * node.ax - along * x,
+        -m * node.ay - along * y,
+        -m * node.az - along * z,
+        m + more * x * x,
+        more * x * y,
+        more * x * z,
+        m + more * y * y,
+        more * y * z,
+        m + more * z * z,
+    )
+
+
+@account("kinetic", AxialAddedMass)
+def axial_kinetic(added: Any, place: Any) -> Any:
+    """Return the kinetic energy ½·m·|v normal|² + ½·m_t·(v·τ)² [J]."""
+    along = (place.velocity * place.tangent).sum(axis=0)
+    return kinetic(added, place) + 0.5 * added.axial * place.volume * along * along
+
+
+@account("power", AxialAddedMass)
+def axial_power(added: Any, place: Any) -> Any:
+    """Return the power of the force beyond the change of its energy, (m_t - m)·(v·τ)·(v·dτ/dt) [W].
+
+    As the rope rotates, motion across it becomes motion along it, which has another mass.
+    """
+    along = (place.velocity * place.tangent).sum(axis=0)
+    turned = (place.velocity * place.turning).sum(axis=0)
+    return (added.axial - added.density) * place.volume * along * turned

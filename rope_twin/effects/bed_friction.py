@@ -232,7 +232,7 @@ def power(rub: Any, place: Any) -> Any:
     height, east, north = beds_at(bed, place.position[0].copy(), place.position[1].copy())
     nz = 1.0 / np.sqrt(1.0 + east * east + north * north)
     normal = np.stack([-east * nz, -north * nz, nz])
-    k = bed.soil.k * place.frontal
+    k = bed.soil.k * place.touching
     k[0] += rub.k_payload
     sunk = np.maximum((height - place.position[2]) * nz, 0.0)
     N = k * sunk * np.maximum(1.0 - bed.soil.chi * (v * normal).sum(axis=0), 0.0)

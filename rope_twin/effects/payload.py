@@ -19,13 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import SPEED2_MIN
+from rope_twin.core.guards import SPEED2_MIN, TURN2
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import stacks
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
-
-TURN2 = 0.05**2  # δ² [m²/s²]
 
 
 @dataclass(frozen=True, kw_only=True)

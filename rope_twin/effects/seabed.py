@@ -145,7 +145,7 @@ def _contact(soil: Any, k: float, place: Any, v: Any, stage: Any) -> Any:
 
 @jit_within
 def _at_node(soil: Any, place: Any, node: Any, stage: Any) -> Any:
-    k = soil.k * node.frontal
+    k = soil.k * node.touching
     return _contact(soil, k, place, (node.vx, node.vy, node.vz), stage)
 
 
@@ -249,7 +249,7 @@ def normal_push(bed: Plane | Grid, k: Any, position: Floats, velocity: Floats) -
 
 def power(bed: Any, place: Any) -> Any:
     """Return the power of contact and friction [W]; energy stored in the soil is given back."""
-    return (_pushed(bed, bed.soil.k * place.frontal, place) * place.velocity).sum(axis=0)
+    return (_pushed(bed, bed.soil.k * place.touching, place) * place.velocity).sum(axis=0)
 
 
 def power_end(bed: Any, place: Any) -> Any:

@@ -15,8 +15,9 @@ water of the surface is used.
 Several systems, such as a wind sea and swells from other directions, add up (`also`). Not included:
 what is of second order in the steepness, so the mean drift of the water too.
 
-The water's acceleration acts on the rope by ρ·A·(a + Ca·a_n) per metre, on the payload by (ρ·V +
-added mass)·a on each axis (Froude-Krylov; Morison et al. 1950).
+The water's acceleration acts on the rope by ρ·A·(a + Ca·a_n) per metre, and by Ca along the rope
+too where `added_mass` has it, on the payload by (ρ·V + added mass)·a on each axis (Froude-Krylov;
+Morison et al. 1950).
 
 Approximations: components are sorted from long to short, and a node uses only as many that the sum
 of the others, Σ a·ω·e^{k·z}, is negligible there; nodes between others may be interpolated by a
@@ -206,6 +207,7 @@ class Waves(NamedTuple):
     extends: float  # share of the tangent that is followed above the mean level: 1 or 0
     density: float  # of the water [kg/m³]
     Ca: float  # added mass coefficient of the rope
+    apart: float  # the same less that along the rope
     Mx: float  # ρ·V + added mass of the payload [kg]
     My: float
     Mz: float
@@ -222,7 +224,7 @@ def _pick_waves(many: Any, r: int) -> Any:
     sea, m = many.sea, many.inertia[r]
     return Waves(
         sea.table, sea.blocks, sea.levels, sea.steepest, sea.lowest, sea.depth, sea.ramp,
-        sea.follows, sea.extends, sea.density, sea.Ca, m[0], m[1], m[2],
+        sea.follows, sea.extends, sea.density, sea.Ca, sea.apart, m[0], m[1], m[2],
     )  # fmt: skip
 
 
@@ -278,6 +280,7 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
         extends=STRETCHING[params.stretching][1],
         density=density,
         Ca=around.added_mass,
+        apart=around.added_mass - around.added_mass_along,
         Mx=inertia[0],
         My=inertia[1],
         Mz=inertia[2],
@@ -301,11 +304,11 @@ def flow(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @kernel("load", Waves)
 def load(waves: Any, node: Any, stage: Any) -> Any:
-    """Return F = ρ·volume·(a + Ca·(a - (a·τ)·τ)) with the water's acceleration a."""
+    """Return F = ρ·volume·(a + Ca·a - (Ca - Ct)·(a·τ)·τ) with the water's acceleration a."""
     x, y, z = node.tx, node.ty, node.tz
     along = node.wx * x + node.wy * y + node.wz * z
     m = waves.density * node.volume
-    own, across = m * (1.0 + waves.Ca), m * waves.Ca * along
+    own, across = m * (1.0 + waves.Ca), m * waves.apart * along
     return Load(
         own * node.wx - across * x, own * node.wy - across * y, own * node.wz - across * z,
         0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
@@ -326,8 +329,8 @@ def load_end(waves: Any, work: Any, stage: Any) -> None:
 def power(waves: Any, place: Any) -> Any:
     """Return the power of the inertia force [W]."""
     a, t = place.flow_rate, place.tangent
-    across = a - (a * t).sum(axis=0) * t
-    force = waves.density * place.volume * (a + waves.Ca * across)
+    along = (a * t).sum(axis=0) * t
+    force = waves.density * place.volume * (a + waves.Ca * a - waves.apart * along)
     return (force * place.velocity).sum(axis=0)
 
 

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account, wets
+from rope_twin.core.energy import account_soaked, wets
 from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows
@@ -44,12 +44,17 @@ class Wetting(NamedTuple):
 
     lift: float  # ρ·g [N/m³]
     added: float  # Ca·ρ [kg/m³]
+    axial: float  # Ca along the rope·ρ [kg/m³]
 
 
 def build(params: WettingParams, payload: Any, around: Any) -> Wetting:
     """Return the kernel data for gravity, water and the rope's added mass."""
     density = around.water_density_kg_per_m3
-    return Wetting(float(density * around.gravity_m_per_s2), float(around.added_mass * density))
+    return Wetting(
+        float(density * around.gravity_m_per_s2),
+        float(around.added_mass * density),
+        float(around.added_mass_along * density),
+    )
 
 
 @jit_within
@@ -89,7 +94,7 @@ def soak(wetting: Any, node: Any) -> Any:
         node.x, node.y, node.z, node.vx, node.vy, node.vz, node.ax, node.ay, node.az,
         node.tx, node.ty, node.tz, node.ux, node.uy, node.uz, node.wx, node.wy, node.wz,
         node.mass, wet * node.volume, wet * node.frontal, wet * node.skin, node.length,
-        node.surface, (1.0 - wet) * d * node.length,
+        node.surface, (1.0 - wet) * d * node.length, node.touching,
     )  # fmt: skip
 
 
@@ -107,27 +112,4 @@ def wet_place(wetting: Any, place: Any) -> Any:
     )  # fmt: skip
 
 
-@account("potential", Wetting)
-def potential(wetting: Any, place: Any) -> Any:
-    """Return the buoyancy's part, ρ·g·volume·z, to be taken out of the weight's [J]."""
-    return wetting.lift * place.volume * place.position[2]
-
-
-@account("kinetic", Wetting)
-def kinetic(wetting: Any, place: Any) -> Any:
-    """Return minus the energy of the added mass of a wholly wetted rope [J]."""
-    v, along = place.velocity, (place.velocity * place.tangent).sum(axis=0)
-    return -0.5 * wetting.added * place.volume * ((v * v).sum(axis=0) - along * along)
-
-
-@account("power", Wetting)
-def power(wetting: Any, place: Any) -> Any:
-    """Return the power of buoyancy and added mass on the wetted part [W]; place: of that part.
-
-    The added mass's own account, of the part of its force beyond its stored energy, is taken out.
-    """
-    v, a, t = place.velocity, place.acceleration, place.tangent
-    along = (v * t).sum(axis=0)
-    inertia = ((a * v).sum(axis=0) - (a * t).sum(axis=0) * along) * place.volume
-    turned = (v * place.turning).sum(axis=0) * along * place.volume
-    return wetting.lift * place.volume * v[2] - wetting.added * (inertia - turned)
+account_soaked(Wetting)

@@ -11,7 +11,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
-from rope_twin.effects.added_mass import AddedMass
+from rope_twin.effects.added_mass import AddedMass, AxialAddedMass
 from rope_twin.effects.bending import Bending
 from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.vortex.sampling import tangents
@@ -138,7 +138,7 @@ def line_model(rope: Rope, moved_water: bool = True) -> Span:
     s = rope.state.s[: n + 1]
     which = np.searchsorted(sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
     mass, volume = sections[rows.PER_METRE : rows.PER_METRE + 2, which]
-    added = sum(own.density for own in rope.effects if isinstance(own, AddedMass))
+    added = sum(own.density for own in rope.effects if isinstance(own, AddedMass | AxialAddedMass))
     added = added if moved_water else 0.0
     payload = [own for own in rope.effects if isinstance(own, Payload | TwoWayPayload)]
     diameter = np.sqrt(4.0 * volume / np.pi)

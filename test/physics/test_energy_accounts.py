@@ -44,6 +44,7 @@ def seen(work: Floats, turning: Floats, dt: float) -> Place:
         skin=work[rows.SKIN],
         length=work[rows.LENGTH],
         bare=np.zeros(NODES),
+        touching=work[rows.FRONTAL],
     )
 
 
@@ -61,9 +62,20 @@ def stored(effects: tuple[Any, ...], place: Place) -> float:
 # held against runs (test_rigid_body.py).
 TOGETHER = {  # what takes from the accounts of others is held against all of them
     "wetting": ("wetting", "weight", "drag", "added_mass"),
+    "depth_profiles": ("depth_profiles", "weight", "drag", "added_mass", "payload"),
+    "depth_profiles beside wetting": (
+        "wetting",
+        "depth_profiles",
+        "weight",
+        "drag",
+        "added mass along the rope",
+        "payload",
+    ),
+    "added mass along the rope": ("added mass along the rope",),
     "wind": ("wetting", "wind", "weight", "added_mass"),
 }
-OF_THE_NODES = [name for name in NAMES if name != "rigid_body"]
+OF_THE_NODES = [*dict.fromkeys([*NAMES, *TOGETHER])]
+OF_THE_NODES.remove("rigid_body")
 
 
 @pytest.mark.parametrize("name", OF_THE_NODES)

@@ -15,6 +15,19 @@ from rope_twin.errors import SceneError
 REFUSED = [
     ("wind: {velocity_m_per_s: [10.0, 0.0]}", "`wind` acts on the rope out of the water"),
     ("bed_friction: {}", "`bed_friction` acts on the seabed, which is not listed"),
+    ("depth_profiles: {}", "neither density_kg_per_m3 nor drag_factor; give one or both"),
+    ("depth_profiles: {density_kg_per_m3: [[-9.0, 1025.0], [0.0, 1025.0]]}",
+     "z = 0 m follows z = -9 m; order rows from the surface down"),
+    ("depth_profiles: {drag_factor: [[3.0, 1.0]]}",
+     "drag_factor: z = 3 m is outside the water; give 0 down to -12000 m"),
+    ("depth_profiles: {density_kg_per_m3: [[0.0, 1.025]]}",
+     "density_kg_per_m3: 1.025 at z = 0 m; give 900 to 1500 kg/m³"),
+    ("depth_profiles: {drag_factor: [[0.0, 2.0]]}\n  - wake_oscillator: {}",
+     "`depth_profiles` and `wake_oscillator`, whose water is the same all over"),
+    ("depth_profiles: {density_kg_per_m3: [[0.0, 1020.0]]}\n  - fairing: {face_m2: 4.0}",
+     "the water of `fairing` has one density, and `depth_profiles` another"),
+    ("depth_profiles: {density_kg_per_m3: [[0.0, 1020.0]]}\n  - splash_zone: {height_m: 4.0}",
+     "1020 kg/m³ at the top of `depth_profiles`, 1025 in `splash_zone`"),
     ("modal_vibration: {lock_in: next}", "unknown lock_in 'next'; give one of nearest, strongest"),
     ("decomposed_force: {lock_in: next}", "unknown lock_in 'next'; give one of nearest, strongest"),
     ("travelling_waves: {initial_phase: odd}",
@@ -27,6 +40,9 @@ REFUSED = [
 ACCEPTED = [
     "wetting: {}",
     "wetting: {}\n  - wind: {velocity_m_per_s: [10.0, 0.0]}",
+    "depth_profiles: {density_kg_per_m3: [[0.0, 1025.0], [-900.0, 1030.0]]}",
+    "depth_profiles: {density_kg_per_m3: [[0.0, 1025.0], [-900.0, 1030.0]], "
+    "drag_factor: [[0.0, 1.4], [-30.0, 1.0]]}\n  - splash_zone: {height_m: 4.0}",
     "seabed: {depth_m: 2000.0}\n  - bed_friction: {axial: 0.3, lateral: 0.6, slip_m: 0.05}",
     "modal_vibration: {lock_in: strongest, lift_factor: 0.5}",
     "strouhal_forcing: {fixed_lift: true}",
@@ -54,6 +70,28 @@ def test_wetting_needs_weight(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("  - weight: {}\n", ""))
     with pytest.raises(SceneError, match="`wetting` corrects the buoyancy of `weight`"):
         load_scene(str(path))
+
+
+PROFILES = "depth_profiles: {density_kg_per_m3: [[0.0, 1025.0]], drag_factor: [[0.0, 1.2]]}"
+BESIDE = [
+    ("  - weight: {}\n", "", "`depth_profiles` corrects the buoyancy of `weight`"),
+    ("  - drag: {normal: 1.2, tangential: 0.02}\n", "", "scales the coefficients of `drag`"),
+    ("tangential: 0.02}", "tangential: 0.02, over_reynolds: [[10000.0, 1.0]]}",
+     "`depth_profiles` and `drag` both have a factor on the drag coefficient"),
+    ("water_density_kg_per_m3: 1025.0", "water_density_kg_per_m3: 0.0",
+     "a density over depth is relative to the scene's water, and there is none"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "words"), BESIDE)
+def test_what_depth_profiles_need(old: str, new: str, words: str, tmp_path: Path) -> None:
+    path = scene_with(PROFILES, tmp_path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(SceneError) as refused:
+        load_scene(str(path))
+    assert words in str(refused.value)
 
 
 @pytest.mark.parametrize("effect", ACCEPTED)

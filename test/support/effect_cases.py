@@ -28,6 +28,7 @@ from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams, Layers
 from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
@@ -70,6 +71,10 @@ PARAMS: dict[str, Any] = {
         ramp_s=4.0,
     ),
     "wetting": WettingParams(),
+    "depth_profiles": DepthProfilesParams(
+        density_kg_per_m3=((-5.0, 1005.0), (-30.0, 1028.0), (-80.0, 1060.0)),
+        drag_factor=((0.0, 1.6), (-40.0, 0.8)),
+    ),
     "wind": WindParams(velocity_m_per_s=(14.0, -5.0)),
     "weight": WeightParams(),
     "drag": DragParams(normal=1.3, tangential=0.03),
@@ -106,6 +111,7 @@ PARAMS: dict[str, Any] = {
     "fairing": FairingParams(face_m2=1.2, drag=0.9, axis=(0.3, -0.2, 1.0)),
 }
 VARIANTS: dict[str, Any] = {  # other kernels of the same effects, each with its effect's name
+    "added mass along the rope": AddedMassParams(normal=1.4, tangential=0.3),
     "current in layers that comes and goes": CurrentParams(
         layers=Layers(upper=(0.8, 0.2), lower=(-0.3, 0.1), split_z_m=-40.0, bottom_z_m=-70.0),
         over_time=((0.0, 0.0), (10.0, 1.0)),
@@ -160,6 +166,8 @@ def besides(name: str) -> tuple[Any, ...]:
     """Return effects that one needs which acts by current, water or dry part alone."""
     if name == "wetting":
         return data_of("weight", "drag")
+    if name == "depth_profiles":
+        return data_of("weight", "drag", "added_mass")
     if name == "wind":
         return data_of("wetting")
     return data_of("current") if name in (*SHEDDING, "drag by the current alone") else ()

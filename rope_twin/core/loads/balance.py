@@ -89,6 +89,7 @@ class Node(NamedTuple):
     length: float  # unstretched [m]
     surface: float  # elevation of the water surface above it [m], set only by some effects
     bare: float  # projected area out of the water [m²], set only by some effects
+    touching: float  # reference area of the seabed's contact, that of normal drag on all of it [m²]
 
 
 class Load(NamedTuple):
@@ -149,7 +150,7 @@ def load_of(effects: Any, stage: Stage, nodes: Any, tangent: Any, i: int) -> Any
     node = Node(
         x[i], y[i], z[i], vx[i], vy[i], vz[i], ax[i], ay[i], az[i], tx, ty, tz,
         ux[i], uy[i], uz[i], wx[i], wy[i], wz[i], mass[i], volume[i], frontal[i], skin[i],
-        length[i], surface[i], 0.0,
+        length[i], surface[i], 0.0, frontal[i],
     )  # fmt: skip
     return _sum_loads(effects, node, stage)
 

@@ -132,6 +132,7 @@ class Bar:
     length_m: float  # paid-out unstretched length
     weight_n_per_m: float  # in water, negative: buoyant
     low_n: float  # static tension at its lower end
+    moved_kg_per_m: float = 0.0  # added mass along the rope
 
     @property
     def high_n(self) -> float:
@@ -144,9 +145,14 @@ class Bar:
         return self.rope.tangent_n(0.5 * (self.low_n + self.high_n))
 
     @property
+    def inertia_kg_per_m(self) -> float:
+        """Return its mass per metre with the added mass along it [kg/m]."""
+        return self.rope.mass_kg_per_m + self.moved_kg_per_m
+
+    @property
     def travel_s(self) -> float:
         """Return the travel time of an axial wave [s]."""
-        return self.length_m * sqrt(self.rope.mass_kg_per_m / self.stiffness_n)
+        return self.length_m * sqrt(self.inertia_kg_per_m / self.stiffness_n)
 
     @property
     def stretch_m(self) -> float:
@@ -163,15 +169,22 @@ def weight_n_per_m(rope: Rope, water: Environment) -> float:
     return submerged * water.gravity_m_per_s2
 
 
-def bars_of(line: RopeLine, line_out_m: float, load_n: float, water: Environment) -> list[Bar]:
+def bars_of(
+    line: RopeLine, line_out_m: float, load_n: float, water: Environment, along: float = 0.0
+) -> list[Bar]:
     """Return the sections of a rope that hangs straight down with a weight below it.
+
+    along: added mass coefficient along the rope.
 
     Sections that are not paid out have length 0 and the tension of the hang-off.
     """
     bars: list[Bar] = []
     for section, length in zip(line.made_of, line.lengths_m(line_out_m), strict=True):
         weight = weight_n_per_m(section.rope, water)
-        bars.append(Bar(section.rope, length, weight, bars[-1].high_n if bars else load_n))
+        area = 0.25 * pi * section.rope.hydrodynamic_diameter_m**2
+        moved = along * water.water_density_kg_per_m3 * area
+        below = bars[-1].high_n if bars else load_n
+        bars.append(Bar(section.rope, length, weight, below, moved))
     return bars
 
 
@@ -247,7 +260,7 @@ def _displacement(bars: Sequence[Bar], mass: float, omega: float) -> tuple[float
     u, force = (0.0, 1.0) if isinf(mass) else (1.0, -mass * omega**2)
     stored = []
     for bar in bars:
-        k = omega * sqrt(bar.rope.mass_kg_per_m / bar.stiffness_n)
+        k = omega * sqrt(bar.inertia_kg_per_m / bar.stiffness_n)
         impedance, angle = bar.stiffness_n * k, k * bar.length_m
         c, s = cos(angle), sin(angle)
         # N = force·cos(k·x) - impedance·u·sin(k·x), squared and summed over the section

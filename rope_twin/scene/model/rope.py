@@ -34,11 +34,12 @@ from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import Payload as PayloadEffect
-from rope_twin.effects.payload import TwoWayPayload
+from rope_twin.effects.payload import PayloadParams, TwoWayPayload
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZone, SplashZoneParams
 from rope_twin.effects.weight import Weight
+from rope_twin.effects.wetting import WettingParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.grid import (
     Bar,
@@ -178,6 +179,7 @@ def build_effects(
     """
     water = scene.environment
     Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
+    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
     Cd = sum(own.normal for own in scene.effects if isinstance(own, DragParams))
     line = scene.ropes[0]
     room = _room(scene, line, node_coordinates(line, least_line_out_m(scene)))
@@ -188,6 +190,9 @@ def build_effects(
         density, gravity, Ca, room, Cd, EI, two_way=two_way,
         friction=0.0 if bed is None else bed.friction,
         sticks=scene.listed(BedFrictionParams) is not None,
+        added_mass_along=along,
+        carries=scene.listed(PayloadParams) is not None,
+        wets=scene.listed(WettingParams) is not None,
     )  # fmt: skip
     apart = scene.listed(RigidBodyParams) is not None
     built = []
@@ -222,7 +227,8 @@ def hanging_bars(
     if figures is not None:
         submerged = figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3
         load = submerged * water.gravity_m_per_s2
-    return bars_of(line, line_out_m, load, water)
+    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
+    return bars_of(line, line_out_m, load, water, along)
 
 
 def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> Floats:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from rope_twin.effects import EFFECTS
+from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
@@ -300,6 +301,41 @@ def _effects(scene: Scene) -> Iterator[Fault]:
         yield "effects", what, "add `- payload: {}`"
 
 
+def _depth_profiles(scene: Scene) -> Iterator[Fault]:
+    """Profiles over depth correct the loads of effects that know the local water."""
+    params = scene.listed(DepthProfilesParams)
+    if params is None:
+        return
+    names = {effect.params: effect.name for effect in EFFECTS}
+    listed = [names[type(own)] for own in scene.effects]
+    where, drag, rho = "effects", scene.listed(DragParams), params.density_kg_per_m3
+    own = scene.environment.water_density_kg_per_m3
+    if shedding_model(scene):
+        what = f"`depth_profiles` and `{shedding_model(scene)}`, whose water is the same all over"
+        yield where, what, "keep one of them"
+    if params.drag_factor and drag is None:
+        what = "`depth_profiles` scales the coefficients of `drag`, which is not listed"
+        yield where, what, "add `- drag: {...}`, or remove drag_factor"
+    elif params.drag_factor and drag is not None and drag.over_reynolds:
+        what = "`depth_profiles` and `drag` both have a factor on the drag coefficient"
+        yield where, what, "remove drag_factor or over_reynolds"
+    if not rho:
+        return
+    if "weight" not in listed:
+        what = "`depth_profiles` corrects the buoyancy of `weight`, which is not listed"
+        yield where, what, "add `- weight: {}`, or remove density_kg_per_m3"
+    for name in ("rigid_body", "net", "fairing"):
+        if name in listed:
+            what = f"the water of `{name}` has one density, and `depth_profiles` another"
+            yield where, what, f"remove density_kg_per_m3 or `{name}`"
+    if own <= 0.0:
+        what = "a density over depth is relative to the scene's water, and there is none"
+        yield where, what, "give environment.water_density_kg_per_m3 above 0"
+    elif "splash_zone" in listed and abs(rho[0][1] - own) > SAME_WATER_KG_PER_M3:
+        what = f"{rho[0][1]:g} kg/m³ at the top of `depth_profiles`, {own:g} in `splash_zone`"
+        yield where, what, f"give environment.water_density_kg_per_m3: {rho[0][1]:g}"
+
+
 def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
     """A decoupled VIV model amplifies one drag coefficient."""
     own, model = model_beside(scene), shedding_model(scene)
@@ -312,6 +348,7 @@ def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
         yield "effects", what, right
 
 
+SAME_WATER_KG_PER_M3 = 0.01
 AT_PAYLOADS = {"splash_zone": SplashZoneParams, "net": NetParams, "fairing": FairingParams}
 
 
@@ -399,6 +436,7 @@ RULES: tuple[Rule, ...] = (
     _rows,
     _depth,
     _effects,
+    _depth_profiles,
     _drag_that_grows,
     body_holds,
     _two_ways,

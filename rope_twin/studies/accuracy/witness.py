@@ -101,6 +101,8 @@ def _beyond(scene: Scene) -> str:
     for one in scene.effects:
         if isinstance(one, DragParams) and (one.over_reynolds or not one.relative):
             return "drag by a table or by the current alone"
+        if isinstance(one, AddedMassParams) and one.tangential:
+            return "added mass along the rope"
         if isinstance(one, CurrentParams) and one.over_time:
             return "a current that changes in time"
     strange = [one for one in scene.effects if not isinstance(one, KNOWN)]

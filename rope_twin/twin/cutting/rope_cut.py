@@ -42,6 +42,7 @@ from rope_twin.core.state import (
     new_work,
 )
 from rope_twin.core.step import advance
+from rope_twin.effects.depth_profiles import AT_END, DepthProfiles
 from rope_twin.effects.fairing import Fairing, TowedFairing
 from rope_twin.effects.net import Net
 from rope_twin.effects.payload import Payload, TwoWayPayload
@@ -78,6 +79,7 @@ _WITHOUT: dict[type, dict[str, Any]] = {  # values that remove the load of an ef
     Net: {"along": 0.0, "facing": 0.0, "lift": 0.0},
     Fairing: {"k": 0.0},
     TowedFairing: {"force": 0.0},
+    DepthProfiles: dict.fromkeys(AT_END, 0.0),
     Waves: {"Mx": 0.0, "My": 0.0, "Mz": 0.0},
 }
 

@@ -1,0 +1,264 @@
+"""Water whose density, and a rope whose drag, vary over depth.
+
+The other effects load rope and payload as in water of the scene's density ρ0. Here the rope's
+displaced volume and drag areas at each node, at elevation z, become
+
+    volume·ρ(z)/ρ0,    area·f(z)·ρ(z)/ρ0,
+
+so that buoyancy, added mass, the inertia of waves and drag are those of the local density ρ(z)
+(Archimedes; Morison et al. 1950), and the drag coefficients of the rope f(z) times those of `drag`
+(marine growth, or vibration that is known over depth). The payload gets ρ(z)/ρ0 - 1 times its
+buoyancy, added mass, drag and wave inertia in addition. ρ and f are piecewise linear; above the
+first and below the last row the end values hold. Density in situ, as of a CTD cast, includes the
+compression of the water (Millero et al. 1980, Deep-Sea Res. 27A, 255); the rope's is left out.
+
+Waves move through the profile without lifting it. Omitted in the block of the rope's nodes: the
+change of ρ and f with height.
+
+The stored energy of `weight` and `added_mass` is that of a rope in water of the density ρ0. It is
+taken out here and the power of the forces that act is put in its place, unless `wetting` does so.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.energy import account, account_soaked, wets
+from rope_twin.core.guards import DIVISOR_MIN, SPEED2_MIN, TURN2
+from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.joined.stack import stacks
+from rope_twin.core.loads.balance import Node
+from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.state import (
+    ACCELERATION,
+    BLOCK,
+    FLOW,
+    FLOW_RATE,
+    POSITION,
+    RESIDUAL,
+    VELOCITY,
+    Floats,
+)
+from rope_twin.quantity import quantity
+
+Z, DENSITY, FACTOR = range(3)  # rows of the table
+Rows = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthProfilesParams:
+    """Rows from the surface down, of density, of a factor on the rope's drag, or of both."""
+
+    density_kg_per_m3: Rows = quantity(
+        "rows of elevation z [m] and water density [kg/m³]", "", default=()
+    )
+    drag_factor: Rows = quantity(
+        "rows of elevation z [m] and factor on the rope's drag coefficients", "", default=()
+    )
+
+    def check(self) -> str | None:
+        """Return the fault of the rows and its remedy, or None."""
+        if not self.density_kg_per_m3 and not self.drag_factor:
+            return "neither density_kg_per_m3 nor drag_factor; give one or both"
+        for name, found, low, high, unit in (
+            ("density_kg_per_m3", self.density_kg_per_m3, 900.0, 1500.0, " kg/m³"),
+            ("drag_factor", self.drag_factor, 0.0, 10.0, ""),
+        ):
+            for (above, _), (below, _) in itertools.pairwise(found):
+                if not below < above:
+                    return (
+                        f"{name}: z = {below:g} m follows z = {above:g} m; order rows from the "
+                        "surface down"
+                    )
+            for z, value in found:
+                if not -12e3 <= z <= 0.0:
+                    return f"{name}: z = {z:g} m is outside the water; give 0 down to -12000 m"
+                if not low <= value <= high:
+                    return f"{name}: {value:g} at z = {z:g} m; give {low:g} to {high:g}{unit}"
+        return None
+
+
+class DepthProfiles(NamedTuple):
+    """Kernel data; the last twelve numbers are the payload's in water of the scene's density."""
+
+    table: Floats  # z [m] from the bottom up, density over the scene's, drag factor, (3, rows)
+    lift: float  # ρ0·g in the accounts, 0 where `wetting` has it [N/m³]
+    added: float  # Ca·ρ0, likewise [kg/m³]
+    axial: float  # Ca along the rope·ρ0, likewise [kg/m³]
+    buoyancy: float  # ρ0·V·g [N]
+    Ax: float  # added mass [kg]
+    Ay: float
+    Az: float  # mean of ascent and descent
+    kx: float  # ½·ρ0·CdA [kg/m]
+    ky: float
+    kz: float  # mean of ascent and descent
+    dA: float  # half the difference of the added mass, ascent less descent [kg]
+    dk: float  # half the difference of the drag, ascent less descent [kg/m]
+    wx: float  # ρ0·V + added mass [kg]
+    wy: float
+    wz: float
+
+
+AT_END = DepthProfiles._fields[4:]  # what is the payload's
+
+
+class ManyDepthProfiles(NamedTuple):
+    """Kernel data of the ropes of a multi-line system."""
+
+    first: DepthProfiles
+    ends: Floats  # the payload's numbers of each rope, (ropes, 12)
+
+
+def _pick(many: Any, r: int) -> Any:
+    own, f = many.first, many.ends[r]
+    return DepthProfiles(
+        own.table, own.lift, own.added, own.axial, f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7],
+        f[8], f[9], f[10], f[11],
+    )  # fmt: skip
+
+
+@stacks(DepthProfiles, ManyDepthProfiles, _pick)
+def stack(many: Sequence[DepthProfiles]) -> ManyDepthProfiles:
+    """Stack the profiles of the first rope and the numbers of each payload."""
+    return ManyDepthProfiles(many[0], np.array([one[-len(AT_END) :] for one in many], dtype=float))
+
+
+def build(params: DepthProfilesParams, payload: Any, around: Any) -> DepthProfiles:
+    """Return the kernel data for the profiles, the payload's properties and the water."""
+    rho, g = float(around.water_density_kg_per_m3), float(around.gravity_m_per_s2)
+    # between two rows of their union both profiles are linear
+    known = params.density_kg_per_m3 + params.drag_factor
+    table = np.ones((3, len({z for z, _ in known})))
+    table[Z] = sorted({z for z, _ in known})
+    for row, given in ((DENSITY, params.density_kg_per_m3), (FACTOR, params.drag_factor)):
+        if given:
+            table[row] = np.interp(table[Z], *np.array(given[::-1], dtype=float).T)
+    if params.density_kg_per_m3:
+        table[DENSITY] /= rho
+    end = dict.fromkeys(AT_END, 0.0)
+    if payload is not None and around.carries:
+        added = [float(mass) for mass in payload.added_mass_kg]
+        k = [0.5 * rho * float(area) for area in payload.drag_area_m2]
+        own = rho * float(payload.volume_m3)
+        dA = dk = 0.0
+        if payload.differs_rising:
+            dA = 0.5 * float(payload.rising_added_mass_kg - added[2])
+            dk = 0.5 * (0.5 * rho * float(payload.rising_drag_area_m2) - k[2])
+        end = {
+            "buoyancy": own * g, "Ax": added[0], "Ay": added[1], "Az": added[2] + dA,
+            "kx": k[0], "ky": k[1], "kz": k[2] + dk, "dA": dA, "dk": dk,
+            "wx": own + added[0], "wy": own + added[1], "wz": own + added[2],
+        }  # fmt: skip
+    here = 0.0 if around.wets or not params.density_kg_per_m3 else rho
+    return DepthProfiles(
+        table=table,
+        lift=here * g,
+        added=here * float(around.added_mass),
+        axial=here * float(around.added_mass_along),
+        **end,
+    )
+
+
+@jit_within
+def _at(table: Any, z: float) -> Any:
+    """Return density over the scene's and its slope [1/m], and the drag factor, at elevation z."""
+    low, high = 0, table.shape[1] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table[Z, middle] <= z:
+            low = middle
+        else:
+            high = middle
+    rise = table[Z, high] - table[Z, low] + DIVISOR_MIN
+    part = min(max((z - table[Z, low]) / rise, 0.0), 1.0)
+    more = table[DENSITY, high] - table[DENSITY, low]
+    inside = 1.0 if 0.0 < part < 1.0 else 0.0
+    factor = table[FACTOR, low] + part * (table[FACTOR, high] - table[FACTOR, low])
+    return table[DENSITY, low] + part * more, inside * more / rise, factor
+
+
+@kernel("soak", DepthProfiles)
+def soak(profiles: Any, node: Any) -> Any:
+    """Return the node with the volume and the areas that weigh as much in water of density ρ0."""
+    share, _, factor = _at(profiles.table, node.z)
+    area = share * factor
+    return Node(
+        node.x, node.y, node.z, node.vx, node.vy, node.vz, node.ax, node.ay, node.az,
+        node.tx, node.ty, node.tz, node.ux, node.uy, node.uz, node.wx, node.wy, node.wz,
+        node.mass, share * node.volume, area * node.frontal, area * node.skin, node.length,
+        node.surface, node.bare, node.touching,
+    )  # fmt: skip
+
+
+@wets(DepthProfiles)
+def soaked_place(profiles: Any, place: Any) -> Any:
+    """Return the place with the volume and the areas that the kernels see."""
+    z = place.position[2]
+    share = np.interp(z, profiles.table[Z], profiles.table[DENSITY])
+    area = share * np.interp(z, profiles.table[Z], profiles.table[FACTOR])
+    return place._replace(
+        volume=share * place.volume, frontal=area * place.frontal, skin=area * place.skin
+    )
+
+
+account_soaked(DepthProfiles)
+
+
+@kernel("load_end", DepthProfiles)
+def load_end(end: Any, work: Any, stage: Any) -> None:
+    """Add (ρ/ρ0 - 1)·(ρ0·V·g·ẑ + (ρ0·V + A)·a_water - A·a - k·|u|·u) to R_0.
+
+    A and k along z are those of ascent or descent, as `payload` has them. The block is symmetric:
+    its entries off the diagonal are means.
+    """
+    _, _, z = rows(work, POSITION, 0)
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ax, ay, az = rows(work, ACCELERATION, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    wx, wy, wz = rows(work, FLOW_RATE, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    share, slope, _ = _at(end.table, z[0])
+    more = share - 1.0
+    x, y, w = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    speed = sqrt(x * x + y * y + w * w + SPEED2_MIN)
+    near = w * w + TURN2
+    root = sqrt(near)
+    Az, kz = end.Az + end.dA * w / root, end.kz + end.dk * w / root
+    turned = TURN2 / (near * root)
+    fx = end.wx * wx[0] - end.Ax * ax[0] - end.kx * speed * x
+    fy = end.wy * wy[0] - end.Ay * ay[0] - end.ky * speed * y
+    fz = end.buoyancy + end.wz * wz[0] - Az * az[0] - kz * speed * w
+    Rx[0] += more * fx
+    Ry[0] += more * fy
+    Rz[0] += more * fz
+    q, g, rise = more * stage.q, more * stage.q / speed, stage.p * slope
+    Axx[0] += more * end.Ax + q * end.kx * speed + g * end.kx * x * x
+    Ayy[0] += more * end.Ay + q * end.ky * speed + g * end.ky * y * y
+    Azz[0] += more * Az + q * kz * speed + g * kz * w * w - rise * fz
+    Azz[0] += q * turned * (end.dA * az[0] + end.dk * speed * w)
+    Axy[0] += 0.5 * g * (end.kx + end.ky) * x * y
+    Axz[0] += 0.5 * g * (end.kx + kz) * x * w - 0.5 * rise * fx
+    Ayz[0] += 0.5 * g * (end.ky + kz) * y * w - 0.5 * rise * fy
+
+
+@account("power_end", DepthProfiles)
+def power_end(end: Any, place: Any) -> Any:
+    """Return the power of the loads on the payload beyond those in water of density ρ0 [W]."""
+    more = np.interp(place.position[2], end.table[Z], end.table[DENSITY]) - 1.0
+    u = place.velocity - place.flow
+    turn = u[2] / np.sqrt(u[2] ** 2 + TURN2)
+    added = np.stack([end.Ax + 0.0 * turn, end.Ay + 0.0 * turn, end.Az + end.dA * turn])
+    k = np.stack([end.kx + 0.0 * turn, end.ky + 0.0 * turn, end.kz + end.dk * turn])
+    wet = np.array([[end.wx], [end.wy], [end.wz]])
+    force = wet * place.flow_rate - added * place.acceleration
+    force = force - k * np.sqrt((u * u).sum(axis=0)) * u
+    force[2] += end.buoyancy
+    return more * (force * place.velocity).sum(axis=0)

@@ -1,0 +1,251 @@
+"""Density and drag over depth, and added mass along the rope, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigs import Rig, march, sine
+from scipy.optimize import brentq
+
+from rope_twin import Twin
+from rope_twin.core import state as rows
+from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.depth_profiles import DepthProfilesParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.waves import RegularWave, WavesParams
+from rope_twin.effects.wetting import WettingParams
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.model.rope import section_damping
+from rope_twin.scene.schema import Damping, Rising, Scene
+from rope_twin.scene.shapes import payload_figures
+from rope_twin.studies.modes.modes import find_modes
+from rope_twin.twin.monitors.settings import Monitors
+
+RHO, G = 1025.0, 9.80665
+FIBRE = Rig(
+    length=2000.0, elements=100, mass=2.9, EA=2e11, diameter=0.06, load=500.0, volume=0.3,
+    density=RHO, hang_off=(0.0, 0.0, 0.0),
+)  # fmt: skip
+AREA = 0.25 * math.pi * 0.06**2
+STRATIFIED = ((0.0, 1022.0), (-2000.0, 1037.0))
+PYCNOCLINE = ((-40.0, 1004.0), (-60.0, 1026.0), (-1500.0, 1034.0))
+
+
+def scene_of(rig: Rig, *more: object) -> Scene:
+    """A rig's scene with further effects, each in the place of the rig's own of its kind."""
+    scene = rig.scene()
+    kinds = {type(own) for own in more}
+    kept = tuple(own for own in scene.effects if type(own) not in kinds)
+    return replace(scene, effects=(*kept, *more))
+
+
+def density(*points: tuple[float, float]) -> DepthProfilesParams:
+    return DepthProfilesParams(density_kg_per_m3=points)
+
+
+@pytest.mark.parametrize("profile", [STRATIFIED, PYCNOCLINE])
+def test_a_rope_at_rest_in_stratified_water(profile: tuple[tuple[float, float], ...]) -> None:
+    """T = (M - ρ(-L)·V)·g + m·g·L - g·A·∫ρ dz, all but inextensible, at the top and half-way.
+
+    The rope is a little lighter than the deep water. Between two nodes a bend of the profile is
+    seen at the nodes only.
+    """
+    twin = Twin(scene_of(FIBRE, density(*profile)))
+    z, rho = np.array(profile[::-1]).T
+    fine = np.linspace(-2000.0, 0.0, 400_001)
+    water = np.interp(fine, z, rho)
+    mass = np.concatenate([[0.0], np.cumsum(0.5 * (water[1:] + water[:-1]) * np.diff(fine))])
+    load = (FIBRE.load - np.interp(-2000.0, z, rho) * FIBRE.volume) * G
+    for depth, found in (
+        (0.0, twin.snapshot().tension_top_n),
+        (1010.0, float(twin.rope.work[rows.TENSION, 49])),
+    ):
+        below = 2000.0 - depth
+        expected = load + FIBRE.mass * G * below - G * AREA * np.interp(-depth, fine, mass)
+        assert found == pytest.approx(expected, abs=0.02 if profile is STRATIFIED else 3.0)
+    plain = Twin(scene_of(FIBRE)).snapshot().tension_top_n
+    assert abs(twin.snapshot().tension_top_n - plain) > 100.0
+
+
+TOWED = Rig(
+    length=60.0, elements=24, mass=2.9, EA=4e7, diameter=0.06, damping=4e4, load=900.0, volume=0.3,
+    added=(150.0, 150.0, 400.0), area=(1.0, 1.0, 2.0), density=RHO, drag=(1.2, 0.02), step=0.02,
+    added_mass=1.0, hang_off=(0.0, 0.0, 6.0), current=((0.0, (0.6, 0.2)), (-60.0, (0.2, 0.0))),
+    ramp=2.0,
+)  # fmt: skip
+HEAVIER = 1060.0
+SEA = WavesParams(regular=RegularWave(height_m=3.0, period_s=7.0), ramp_s=2.0)
+
+
+def moved(rig: Rig, *more: object, rising: float) -> tuple[np.ndarray, float]:
+    """Last positions, and top tension, of a rope through the surface with a two-way payload."""
+    added = AddedMassParams(normal=1.0, tangential=0.2)
+    scene = scene_of(rig, SEA, WettingParams(), added, *more)
+    payload = replace(scene.payloads[0], rising=Rising(drag_area_m2=1.0, added_mass_kg=rising))
+    twin = Twin(replace(scene, payloads=(payload,)))
+    *_, shot = march(twin, sine(1.0, 5.0), 8.0)
+    return shot.node_position_m.copy(), shot.tension_top_n
+
+
+def test_the_same_density_all_over_is_that_water() -> None:
+    """A profile of 1060 kg/m³ in a scene of 1025, and the scene of 1060, move alike.
+
+    Buoyancy, drag, added mass across and along, waves, payload up and down, wetted rope. A
+    payload's added mass is given in kg, of the scene's water.
+    """
+    more = HEAVIER / RHO
+    other = replace(TOWED, density=HEAVIER, added=tuple(more * a for a in TOWED.added))
+    found = moved(TOWED, density((-1.0, HEAVIER), (-9.0, HEAVIER)), rising=250.0)
+    expected = moved(other, rising=250.0 * more)
+    plain = moved(TOWED, rising=250.0)
+    assert np.abs(found[0] - expected[0]).max() < 1e-6
+    assert found[1] == pytest.approx(expected[1], rel=1e-6)
+    assert np.abs(plain[0] - expected[0]).max() > 0.01
+
+
+def test_the_same_density_all_over_is_that_water_where_ropes_meet() -> None:
+    """A bridle below the surface: payloads by shape, joints and bars of steel.
+
+    The shapes' added mass is that of the scene's water. Damping is given as a number: a fraction of
+    critical would be of the scene's water too.
+    """
+    scene = load_scene("bridle_lift")
+    damped = Damping(newton_seconds=5e5)
+    scene = replace(scene, ropes=tuple(replace(line, damping=damped) for line in scene.ropes))
+    kept = tuple(own for own in scene.effects if not isinstance(own, WavesParams))
+    pulls, places = [], []
+    for rho, profile in ((RHO, ()), (RHO, (density((0.0, HEAVIER)),)), (HEAVIER, ())):
+        water = replace(scene.environment, water_density_kg_per_m3=rho)
+        twin = Twin(replace(scene, environment=water, effects=(*kept, *profile)))
+        *_, shot = march(twin, sine(1.0, 5.0), 3.0)
+        pulls.append(np.array([rope.tension_top_n for rope in shot.ropes]))
+        places.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
+    assert pulls[1] == pytest.approx(pulls[2], rel=1e-6)
+    assert np.abs(places[1] - places[2]).max() < 1e-5
+    assert np.abs(pulls[0] / pulls[2] - 1.0).max() > 1e-3
+
+
+def test_drag_over_depth_by_its_integral() -> None:
+    """Horizontal pull of a taut upright rope: ½·ρ·d·C_d·U²·∫f dz, f from 0 to 2.6 at the bottom.
+
+    Its inclination of 0.7 mrad and its stretch of 1.5e-6 count for less than is asked.
+    """
+    rig = replace(
+        FIBRE, length=200.0, EA=2e13, load=3e6, volume=0.0, drag=(1.2, 0.01),
+        current=((0.0, (0.0, 1.5)),),
+    )  # fmt: skip
+    profile = DepthProfilesParams(drag_factor=((0.0, 0.0), (-200.0, 2.6)))
+    shot = Twin(scene_of(rig, profile)).snapshot()
+    expected = 0.5 * RHO * 0.06 * 1.2 * 1.5**2 * 1.3 * 200.0
+    assert shot.hang_off_force_n[1] == pytest.approx(expected, rel=1e-4)
+    both = replace(profile, density_kg_per_m3=((0.0, 1.04 * RHO),))
+    shot = Twin(scene_of(rig, both)).snapshot()
+    assert shot.hang_off_force_n[1] == pytest.approx(1.04 * expected, rel=1e-4)
+
+
+def test_drag_along_the_rope_follows_the_factor() -> None:
+    """Power of a rope in a vertical motion that all of it shares: ½·ρ·π·d·C_t·w³·∫f dz."""
+    profile = DepthProfilesParams(drag_factor=((0.0, 3.0), (-2000.0, 1.0)))
+    rig = replace(FIBRE, load=3e3, drag=(1.2, 0.02))
+    twins = [Twin(scene_of(rig, *own)) for own in ((), (profile,))]
+    pulls = []
+    for twin in twins:
+        *_, shot = march(twin, lambda t: (-1.0 * t, -1.0), 12.0)
+        pulls.append(shot.tension_top_n)
+    own = 0.5 * RHO * math.pi * 0.06 * 0.02 * 2000.0
+    rest = Twin(scene_of(rig)).snapshot().tension_top_n
+    assert rest - pulls[0] == pytest.approx(own, rel=2e-3)
+    # the rope has gone down by 12 m, where the factor is smaller
+    assert rest - pulls[1] == pytest.approx(own * (2.0 - 12.0 / 1000.0), rel=2e-3)
+
+
+def test_the_bed_carries_what_lies_on_it_as_before() -> None:
+    """A rope at rest on the seabed sinks by w/(k·d), with the weight in the water that is there."""
+    rig = replace(
+        FIBRE, length=100.0, elements=50, mass=20.0, hang_off=(99.999, 0.0, -49.99),
+        fixed_at=(0.0, 0.0, -49.99), EA=4e7, load=0.0,
+    )  # fmt: skip
+    bed = SeabedParams(depth_m=50.0, stiffness_n_per_m3=1e5, friction=0.0)
+    twin = Twin(scene_of(rig, bed, density((0.0, 1150.0))))
+    n = int(twin.rope.state.counts[rows.ELEMENTS])
+    sunk = -50.0 - twin.rope.state.nodes[2, n // 2]
+    assert sunk == pytest.approx((20.0 - 1150.0 * AREA) * G / (1e5 * 0.06), rel=1e-4)
+
+
+CHAIN = Rig(
+    length=1500.0, elements=150, mass=45.0, EA=2.2e8, diameter=0.11, density=RHO, load=20e3,
+    volume=2.0, added=(0.0, 0.0, 10e3), added_mass=1.0, step=0.01,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("along", [0.0, 0.5, 2.0])
+def test_axial_period_with_added_mass_along_the_rope(along: float) -> None:
+    """x·tan x = (m + C·ρ·A)·L/M', as modes, and as the running twin rings.
+
+    Its velocity is projected on the mode, with the masses.
+    """
+    per_metre = CHAIN.mass + along * RHO * 0.25 * math.pi * 0.11**2
+    ratio = per_metre * CHAIN.length / 30e3
+    x = brentq(lambda x: x * math.tan(x) - ratio, 1e-9, 0.5 * math.pi - 1e-9)
+    omega = x * math.sqrt(CHAIN.EA / per_metre) / CHAIN.length
+    scene = scene_of(CHAIN, AddedMassParams(normal=1.0, tangential=along))
+    modes = find_modes(scene, 1).axial
+    assert modes[0].frequency_hz == pytest.approx(omega / (2.0 * math.pi), rel=1e-5)
+    twin = Twin(scene)
+    n = int(twin.rope.state.counts[rows.ELEMENTS])
+    shape = np.sin(x * (1.0 - twin.rope.state.s[: n + 1] / CHAIN.length))
+    twin.rope.state.nodes[rows.VELOCITY + 2, : n + 1] = 0.05 * shape
+    lump = np.full(n + 1, per_metre * CHAIN.length / n)
+    lump[0] = 0.5 * lump[1] + 30e3
+    swing = []
+    for _ in range(round(5.5 * 2.0 * math.pi / omega / CHAIN.step)):
+        twin.advance(1)
+        swing.append(twin.rope.state.nodes[rows.VELOCITY + 2, : n + 1] @ (lump * shape))
+    swing = np.array(swing)
+    up = np.flatnonzero((swing[:-1] < 0.0) & (swing[1:] >= 0.0))
+    crossings = up + swing[up] / (swing[up] - swing[up + 1])
+    found = float(np.diff(crossings).mean()) * CHAIN.step
+    assert found == pytest.approx(2.0 * math.pi / omega, rel=1e-4)
+
+
+def test_damping_by_the_first_axial_mode_knows_what_moves_along() -> None:
+    """c = 2·ζ·EA/ω, and ω is lower with the water that the rope takes along."""
+    found = []
+    for along in (0.0, 2.0):
+        scene = scene_of(CHAIN, AddedMassParams(normal=1.0, tangential=along))
+        line = replace(scene.ropes[0], damping=Damping(fraction_of_first_axial_mode=0.02))
+        scene = replace(scene, ropes=(line,))
+        figures = payload_figures(scene.payloads[0], RHO)
+        per_metre = CHAIN.mass + along * RHO * 0.25 * math.pi * 0.11**2
+        ratio = per_metre * CHAIN.length / 30e3
+        x = brentq(lambda x, r=ratio: x * math.tan(x) - r, 1e-9, 0.5 * math.pi - 1e-9)
+        omega = x * math.sqrt(CHAIN.EA / per_metre) / CHAIN.length
+        (c,) = section_damping(scene, line, figures)
+        found.append(c)
+        assert c == pytest.approx(2.0 * 0.02 * CHAIN.EA / omega, rel=1e-6)
+    assert found[1] > 1.05 * found[0]
+
+
+@pytest.mark.parametrize("wet", [False, True])
+def test_energy_in_stratified_water(wet: bool) -> None:
+    """The balance closes to 1e-6 of what is exchanged, through a pycnocline in waves."""
+    rig = replace(
+        TOWED, hang_off=(0.0, 0.0, 12.0 if wet else -1.0), EA=4e7, damping=4e6, step=0.005,
+        ramp=4.0,
+    )  # fmt: skip
+    profile = DepthProfilesParams(
+        density_kg_per_m3=((-10.0, 1004.0), (-30.0, 1026.0), (-60.0, 1040.0)),
+        drag_factor=((0.0, 1.6), (-40.0, 0.8)),
+    )
+    added = AddedMassParams(normal=1.0, tangential=0.3)
+    more = (WettingParams(),) if wet else ()
+    drag = DragParams(normal=1.2, tangential=0.02)
+    twin = Twin(scene_of(rig, SEA, profile, added, drag, *more), Monitors(energy=True))
+    *_, shot = march(twin, sine(1.5, 6.0), 12.0)
+    energy = shot.energy
+    assert energy is not None
+    assert abs(energy.residual_j) < 1e-6 * energy.exchanged_j
