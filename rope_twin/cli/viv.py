@@ -37,6 +37,7 @@ from rope_twin.studies.viv.frequency_domain import (
 )
 from rope_twin.studies.viv.pictures import (
     check_folder,
+    strain_words,
     time_domain_figures,
     time_domain_words,
     write_all,
@@ -203,6 +204,7 @@ def _summary(found: FrequencyDomainRun, fatigue: Fatigue) -> dict[str, Any]:
         "rms_max_at_m": float(found.from_top_m[at]),
         "frequency_there_hz": float(found.frequency_hz()[at]),
         "drag_amplification_max": float(found.drag_amplification().max()),
+        "strain_rms_max": float(fatigue.strain_rms.max()),
         "stress_rms_max_pa": float(np.nanmax(fatigue.stress_rms_pa)) if steel else None,
         "damage_per_year_max": float(np.nanmax(worst)) if steel else None,
     }  # fmt: skip
@@ -240,7 +242,8 @@ def _show(found: FrequencyDomainRun, fatigue: Fatigue) -> None:
         f"maximum rms A/D {told['rms_max_diameters']:.3g} at {told['rms_max_at_m']:.4g} m below "
         f"the upper end, {told['frequency_there_hz']:.3g} Hz\n"
         f"(published VIV codes differ from each other by a factor of 1.7)\n"
-        f"drag amplification at most {told['drag_amplification_max']:.3g}"
+        f"drag amplification at most {told['drag_amplification_max']:.3g}\n"
+        f"{strain_words(told['strain_rms_max'])}"
     )
     if told["damage_per_year_max"] is None:
         print("no bending stress: that needs steel rope or a pipe, with `bending` in the scene")

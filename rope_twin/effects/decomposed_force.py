@@ -4,11 +4,11 @@
 flexible structures, ch. 5. The component of the lift in phase with the velocity, C_Lv(A/D, f·D/U),
 excites the rope where it is positive and damps it elsewhere; the component in antiphase with the
 acceleration is an added mass C_a(A/D, f·D/U); both from a table (config/viv, its source is in its
-header). A pre-analysis determines which mode each place excites and its natural frequency;
-amplitude and frequency are measured from the running motion. All this is decoupled from the step,
-on a mesh of its own (rope_twin.vortex.decomposed_response, rope_twin.vortex.coupled), and the
-pre-analysis is repeated as tension and paid-out length change: elements and step of the scene need
-not resolve it.
+header; or one of the user's own, `table`). A pre-analysis determines which mode each place excites
+and its natural frequency; amplitude and frequency are measured from the running motion. All this is
+decoupled from the step, on a mesh of its own (rope_twin.vortex.decomposed_response,
+rope_twin.vortex.coupled), and the pre-analysis is repeated as tension and paid-out length change:
+elements and step of the scene need not resolve it.
 
 The feedback on the rope is in the step: the drag coefficient at each node is multiplied by 1 +
 a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), averaged over the rope that the node represents.
@@ -17,26 +17,130 @@ a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), averaged over the rope tha
 from __future__ import annotations
 
 from dataclasses import dataclass
+from hashlib import sha256
+from typing import NamedTuple
 
-from rope_twin.quantity import quantity, text
+from rope_twin.errors import InputError
+from rope_twin.quantity import SparingRepr, quantity, text
+from rope_twin.sea.tables import find_table
 from rope_twin.vortex.drag_amplification import DragGrowthParams, build_growth
+from rope_twin.vortex.force_table import (
+    FORCES_FOLDER,
+    ForceTable,
+    centre_of,
+    own_forces,
+    power_in_band,
+)
 from rope_twin.vortex.shedding import LOCK_IN
 
+BAND = (0.125, 0.2)  # of the package's table
 
-@dataclass(frozen=True, kw_only=True)
-class DecomposedForceParams(DragGrowthParams):
+
+class OwnFigures(NamedTuple):
+    """A force table of the user's own, and the numbers by which the pre-analysis reads it."""
+
+    forces: ForceTable
+    band: tuple[float, float]
+    centre: float
+    amplitude: float
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class OwnTable:
+    """A force table of the user's own.
+
+    Its `repr`, of which digests are made, has the content of the file in place of its path: a study
+    stays valid where the table is moved, not where it is changed.
+    """
+
+    path: str = text("table of frequency, amplitude, C_Lv, C_a: name in config/viv, or path")
+    band: tuple[float, float] | None = quantity(
+        "range of f·D/U of power-in; default: where C_Lv is positive at power_amplitude", "", 0.02,
+        1.0, default=None,
+    )  # fmt: skip
+    centre: float | None = quantity(
+        "f·D/U with which lock_in `nearest` compares modes; default: of the largest C_Lv", "",
+        0.02, 1.0, default=None,
+    )  # fmt: skip
+    power_amplitude: float = quantity(
+        "A/D at which the powers of the modes are compared", "", 0.01, 2.0, default=0.5
+    )
+
+    def __repr__(self) -> str:
+        try:
+            content = sha256(find_table(self.path, FORCES_FOLDER).read_bytes()).hexdigest()[:16]
+        except (InputError, OSError):
+            content = "unreadable"
+        told = f"band={self.band}, centre={self.centre}, power_amplitude={self.power_amplitude}"
+        return f"OwnTable(content={content}, {told})"
+
+    def figures(self) -> OwnFigures:
+        """Return the table, its band, centre and amplitude.
+
+        Raises:
+            InputError: there is no such table, or it breaks a rule.
+        """
+        forces, amplitude = own_forces(self.path), self.power_amplitude
+        band = self.band or power_in_band(forces, amplitude) or (0.0, 0.0)
+        centre = centre_of(forces, amplitude, band) if self.centre is None else self.centre
+        return OwnFigures(forces, band, centre, amplitude)
+
+    def check(self) -> str | None:
+        """Return a fault of the table, or of a number that does not fit it, or None."""
+        try:
+            forces, (low, high), centre, amplitude = self.figures()
+        except InputError as error:
+            return str(error)
+        f, a = forces.frequency, forces.amplitude
+        if not a[0] <= amplitude <= a[-1]:
+            return (
+                f"power_amplitude {amplitude:g} is outside the table's {a[0]:g} to {a[-1]:g}; give "
+                "one of its amplitudes"
+            )
+        if power_in_band(forces, amplitude) is None:
+            return (
+                f"C_Lv of the table is nowhere positive at power_amplitude {amplitude:g}; give an "
+                "amplitude that is excited"
+            )
+        if not f[0] <= low < high <= f[-1]:
+            return (
+                f"band from {low:g} to {high:g}; give two ascending frequencies of the table's "
+                f"{f[0]:g} to {f[-1]:g}"
+            )
+        if not low <= centre <= high:
+            return f"centre {centre:g} is outside the band of {low:g} to {high:g}; give one in it"
+        return None
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DecomposedForceParams(SparingRepr, DragGrowthParams):
     """Published coefficients; structural damping, which [GE] does not give, as in [LCD]."""
 
+    _later = frozenset(("table",))
+
     band: tuple[float, float] = quantity(
-        "range of f·D/U of power-in (lock-in)", "", 0.02, 1.0, default=(0.125, 0.2)
+        "range of f·D/U of power-in (lock-in)", "", 0.02, 1.0, default=BAND
     )
+    table: OwnTable | None = text("force table of the user's own", None)
     lock_in: str = text("mode that a place excites: strongest or nearest", "strongest")
     added_mass: float | None = quantity(
         "constant C_a; default: variable, from the table", "", 0.0, 10.0, default=None
     )
 
+    @property
+    def strouhal_number(self) -> float | None:
+        """Return f·D/U of the largest power-in of the user's own table; None without one."""
+        return None if self.table is None else self.table.figures().centre
+
+    @property
+    def tables(self) -> tuple[tuple[str, str], ...]:
+        """Return name or path of each table that is read, and its folder in config."""
+        return () if self.table is None else ((self.table.path, FORCES_FOLDER),)
+
     def check(self) -> str | None:
-        """Return a fault of the band (ascending) or of lock_in, or None."""
+        """Return a fault of the band (ascending, one) or of lock_in, or None."""
+        if self.table is not None and self.band != BAND:
+            return "`band` is given beside `table`; give it in `table`, to which it belongs"
         if self.lock_in not in LOCK_IN:
             return f"unknown lock_in '{self.lock_in}'; give one of {', '.join(LOCK_IN)}"
         if not self.band[0] < self.band[1]:

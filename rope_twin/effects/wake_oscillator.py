@@ -9,8 +9,8 @@ water's velocity V normal to the vibration-free rope (V_N) and U relative to the
 
 t is the rope's tangent and t_s that of its shape without the vibration: the running mean of t over
 `shape_over_s`, which starts as the static shape and follows payout and current. (A, ε) are those of
-an upright rope where it is inclined by less than 45° to the normal of the flow, others above. The
-drag of the paper, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is the effect `drag`.
+an upright rope where it is inclined by less than 45° (`critical_angle_deg`) to the normal of the
+flow, others above. The drag of the paper, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is the effect `drag`.
 
 The equation is for steady flow. In unsteady flow it is solved in the wake's own time, ω_s·dt
 (rope_twin.vortex.wake): shedding follows the water velocity and stops where the water is still.
@@ -29,7 +29,7 @@ branch).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, pi, sqrt
+from math import cos, exp, pi, radians, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,7 +53,7 @@ from rope_twin.core.state import (
     ZERO,
     Floats,
 )
-from rope_twin.quantity import quantity, text
+from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.vortex import wake as shedding
 from rope_twin.vortex.wake import faded, smooth_noise, solve_wake, wake_of
 
@@ -87,9 +87,11 @@ SETS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class WakeOscillatorParams:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class WakeOscillatorParams(SparingRepr):
     """A published set by its name; coefficients given explicitly replace those of the set."""
+
+    _later = frozenset(("critical_angle_deg",))
 
     set: str = text("set: qu_metrikine, facchinetti or ogink_metrikine", "qu_metrikine")
     strouhal: float | None = quantity("Strouhal number St", "", 0.05, 0.5, default=None)
@@ -97,10 +99,10 @@ class WakeOscillatorParams:
         "lift coefficient C_L0 of a fixed cylinder", "", 0.0, 2.0, default=None
     )
     upright: tuple[float, float] | None = quantity(
-        "A and ε for an inclination below 45°", "", 0.0, 100.0, default=None
+        "A and ε for an inclination below critical_angle_deg", "", 0.0, 100.0, default=None
     )
     inclined: tuple[float, float] | None = quantity(
-        "A and ε for an inclination above 45°", "", 0.0, 100.0, default=None
+        "A and ε for an inclination above critical_angle_deg", "", 0.0, 100.0, default=None
     )
     start_per_s: float = quantity(
         "initial rate of q (smooth noise)", "1/s", 0.0, 100.0, default=1.0
@@ -108,6 +110,10 @@ class WakeOscillatorParams:
     shape_over_s: float = quantity(
         "averaging time of the vibration-free shape", "s", 0.1, 1e4, default=10.0
     )
+    critical_angle_deg: float = quantity(
+        "inclination to the normal of the flow between upright and inclined", "°", 0.0, 90.0,
+        default=45.0,
+    )  # fmt: skip
 
     def check(self) -> str | None:
         """Return a fault if the set is unknown or ε out of range, or None."""
@@ -143,6 +149,7 @@ class WakeOscillator(NamedTuple):
     epsilon_inclined: float
     start: float  # [1/s]
     shape_over: float  # [s]
+    critical: float  # sine of the angle between upright and inclined
 
 
 def build(params: WakeOscillatorParams, payload: Any, around: Any) -> WakeOscillator:
@@ -158,6 +165,8 @@ def build(params: WakeOscillatorParams, payload: Any, around: Any) -> WakeOscill
         epsilon_inclined=float(figures.inclined[1]),
         start=float(params.start_per_s),
         shape_over=float(params.shape_over_s),
+        # sin a as cos(90° - a), which is √½ to the last bit at 45°
+        critical=cos(radians(90.0 - params.critical_angle_deg)),
     )
 
 

@@ -58,7 +58,7 @@ from rope_twin.errors import InputError
 from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread, together
 from rope_twin.sea.components import Waves as Components
-from rope_twin.sea.spectrum import WaveSpectrum, jonswap, read_spectrum
+from rope_twin.sea.spectrum import SPECTRA_FOLDER, WaveSpectrum, jonswap, read_spectrum
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -179,6 +179,12 @@ class WavesParams(SparingRepr, WaveSystem):
     def systems(self) -> dict[str, WaveSystem]:
         """Return all systems by the name of their place in a scene."""
         return {"waves": self} | {f"waves.also[{k}]": own for k, own in enumerate(self.also)}
+
+    @property
+    def tables(self) -> tuple[tuple[str, str], ...]:
+        """Return name or path of each table of spectra that is read, and its folder in config."""
+        measured = [own.measured for own in self.systems.values() if own.measured is not None]
+        return tuple((own.file, SPECTRA_FOLDER) for own in measured)
 
     def check(self) -> str | None:
         """Return a fault of the sea state (one), the stretching or the number of components."""

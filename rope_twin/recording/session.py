@@ -15,13 +15,15 @@ import importlib.metadata
 import math
 import os
 import platform
+import shutil
 import subprocess
+import weakref
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 from typing import Any
 
 from rope_twin import __version__
@@ -34,7 +36,6 @@ from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.ship_motion import RESPONSES_FOLDER, WAYS_FOLDER
-from rope_twin.sea.spectrum import SPECTRA_FOLDER
 from rope_twin.sea.tables import find_table
 from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
@@ -244,13 +245,15 @@ class Session:
                 raise _refusal(f"{name.removeprefix(_SHARED)} is another file here", right)
         if all(_text(_path_of(name, folder)) == text for name, text in files.items()):
             return self._load(folder)
-        with TemporaryDirectory(prefix="rope_twin_replay_") as place:
-            for name, text in files.items():
-                if not name.startswith(_SHARED):
-                    path = _inside(Path(place), name)
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    path.write_text(text, encoding="utf-8")
-            return self._load(Path(place))
+        place = Path(mkdtemp(prefix="rope_twin_replay_"))
+        # tables are read when the twin is built, so they are kept as long as the session
+        weakref.finalize(self, shutil.rmtree, place, ignore_errors=True)
+        for name, text in files.items():
+            if not name.startswith(_SHARED):
+                path = _inside(place, name)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(text, encoding="utf-8")
+        return self._load(place)
 
     def _load(self, folder: Path) -> Scene:
         described = self.content["scene"]
@@ -318,10 +321,9 @@ def _tables(scene: Scene) -> Iterator[Path]:
     if sea.on_waves is not None and sea.on_waves.responses:
         yield find_table(sea.on_waves.responses, RESPONSES_FOLDER).resolve()
     for effect in scene.effects:
-        measured = getattr(effect, "measured", None)
-        if measured is not None:
+        for name, folder in getattr(effect, "tables", ()):
             with suppress(InputError):
-                yield find_table(measured.file, SPECTRA_FOLDER).resolve()
+                yield find_table(name, folder).resolve()
 
 
 def _name_of(path: Path, root: Path) -> str:

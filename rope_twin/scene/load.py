@@ -228,7 +228,7 @@ def _read_effects(item: Item, place: Place) -> tuple[Any, ...]:
     for number, entry in enumerate(item.value):
         with errors:
             name, child, at = read_choice(entry, place.index(number, entry.line), classes)
-            _find_spectrum(child, place.file)
+            _find_tables(child, place.file)
             if name in listed:
                 raise at.refuse("this effect is listed a second time", "keep one of them")
             listed.add(name)
@@ -237,13 +237,23 @@ def _read_effects(item: Item, place: Place) -> tuple[Any, ...]:
     return tuple(found[effect.name] for effect in EFFECTS if effect.name in found)
 
 
-def _find_spectrum(effect: Item, scene_file: Path) -> None:
-    """Resolve the path of a measured spectrum relative to the scene's file."""
-    item = effect.find("measured.file")
-    measured = effect.find("measured").value
-    if isinstance(item.value, str) and isinstance(measured, dict) and is_path(item.value):
-        found = str((scene_file.parent / item.value).resolve())
-        measured["file"] = dataclasses.replace(item, value=found)
+def _find_tables(effect: Item, scene_file: Path) -> None:
+    """Resolve the paths of an effect's tables (spectra, forces) relative to the scene's file."""
+    keys = _mapping(effect)
+    also = keys["also"].value if "also" in keys else None
+    systems = [keys, *(_mapping(one) for one in (also if isinstance(also, list) else ()))]
+    named = [(one, "measured", "file") for one in systems] + [(keys, "table", "path")]
+    for one, part, key in named:
+        told = _mapping(one[part]) if part in one else {}
+        item = told.get(key)
+        if item is not None and isinstance(item.value, str) and is_path(item.value):
+            found = str((scene_file.parent / item.value).resolve())
+            told[key] = dataclasses.replace(item, value=found)
+
+
+def _mapping(item: Item) -> dict[str, Item]:
+    """Return the keys of an item, none if it is no mapping."""
+    return item.value if isinstance(item.value, dict) else {}
 
 
 def _with_files_found(scene: Scene) -> Scene:

@@ -104,9 +104,21 @@ def read_grid(
     full = np.stack([np.repeat(first, len(second)), np.tile(second, len(first))])
     if found.shape != full.shape or (found != full).any():
         what = f"{len(order)} rows of {len(first)} {axes[0]} and {len(second)} {axes[1]}"
-        raise InputError(phrase(str(path), what, f"each once for each: {full.shape[1]} rows"))
+        right = f"each once for each: {full.shape[1]} rows, {_uneven(found, full, axes)}"
+        raise InputError(phrase(str(path), what, right))
     shape = len(first), len(second)
     return first, second, {name: columns[name][order].reshape(shape) for name in names}
+
+
+def _uneven(found: Vector, full: Vector, axes: tuple[str, str]) -> str:
+    """Return in words which pair of a full grid is double or missing; both (2, rows)."""
+    rows = [tuple(pair) for pair in found.T]
+    pair = next((own for k, own in enumerate(rows[1:]) if own == rows[k]), None)
+    fault = "is double" if pair else "is missing"
+    if pair is None:
+        given = set(rows)
+        pair = next(own for own in map(tuple, full.T) if own not in given)
+    return f"{axes[0]} {pair[0]:g} with {axes[1]} {pair[1]:g} {fault}"
 
 
 def _numbers(where: str, line: str, count: int) -> list[float]:

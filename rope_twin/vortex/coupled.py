@@ -454,6 +454,13 @@ def _tracker(settings: CoupledSettings, rope: Rope) -> CoupledModel:
         return modal_model(rope, shedding_of(params, density), name, params.modes_every_s)
     if not isinstance(params, DecomposedForceParams):
         raise TypeError(f"{name} is not a loosely coupled model")
+    return force_decomposition_model(
+        rope, decomposed_of(params, density), name, params.modes_every_s
+    )
+
+
+def decomposed_of(params: DecomposedForceParams, density: float) -> Decomposed:
+    """Return the force-decomposition model of a scene, with its own table if it names one."""
     fixed = params.added_mass
     model = replace(
         decomposed(fixed is None, params.damping_fraction),
@@ -462,7 +469,12 @@ def _tracker(settings: CoupledSettings, rope: Rope) -> CoupledModel:
         density=density,
         lock_in=params.lock_in,
     )
-    return force_decomposition_model(rope, model, name, params.modes_every_s)
+    if params.table is None:
+        return model
+    own = params.table.figures()
+    return replace(
+        model, table=own.forces, band=own.band, centre=own.centre, first_amplitude=own.amplitude
+    )
 
 
 def shedding_of(params: ModalVibrationParams, density: float) -> Shedding:

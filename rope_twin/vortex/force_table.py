@@ -1,8 +1,8 @@
 """Table of forces on a cylinder in forced cross-flow motion: C_Lv and C_a.
 
 C_Lv is the lift in phase with velocity (positive: it excites the motion), C_a the added mass, over
-amplitude A/D and frequency f·D/U (first measured by Gopalkrishnan 1993). The source of the table is
-in the header of its file, config/viv.
+amplitude A/D and frequency f·D/U (first measured by Gopalkrishnan 1993). The package's table is in
+config/viv, with its source in its header; a scene can name another one (`own_forces`).
 
 The forces on nodes follow from the table and running means of the motion; the model and its
 derivation are described in rope_twin.vortex.decomposed_response ([GE], [SJTU] ch. 5). The table is
@@ -21,8 +21,14 @@ from numpy.typing import NDArray
 
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
-from rope_twin.sea.tables import read_grid
+from rope_twin.errors import InputError, phrase
+from rope_twin.sea.tables import find_table, read_grid
 from rope_twin.share import share_dir
+
+FORCES_FOLDER = "viv"
+RANGES = {  # of a table's columns: far beyond what was measured, against other units or signs
+    "frequency": (0.01, 2.0), "amplitude": (0.0, 3.0), "C_Lv": (-20.0, 5.0), "C_a": (-5.0, 10.0),
+}  # fmt: skip
 
 
 class ForceTable(NamedTuple):
@@ -63,6 +69,80 @@ def read_force_table(path: Path) -> ForceTable:
     """
     frequency, amplitude, forces = read_grid(path, ("frequency", "amplitude"), ("C_Lv", "C_a"))
     return ForceTable(frequency, amplitude, forces["C_Lv"], forces["C_a"])
+
+
+def own_forces(name_or_path: str) -> ForceTable:
+    """Return the table of a name in config/viv or of a path, checked.
+
+    Raises:
+        InputError: there is no such file, it is no full grid of finite numbers, a number is out of
+            range, or C_Lv excites at no amplitude or at any, however large.
+    """
+    path = find_table(name_or_path, FORCES_FOLDER).resolve()
+    stat = path.stat()
+    return _checked(path, stat.st_mtime_ns, stat.st_size)
+
+
+@lru_cache(maxsize=8)
+def _checked(path: Path, changed_ns: int, size: int) -> ForceTable:
+    """Return the checked table of a file; it is read again once the file has changed."""
+    table = read_force_table(path)
+    for (name, (low, high)), values in zip(RANGES.items(), table, strict=True):
+        beyond = np.argwhere((values < low) | (values > high))
+        if len(beyond):
+            first = tuple(beyond[0])
+            where = name if values.ndim == 1 else f"{name} at {_place(table, *first)}"
+            what = f"{where} is {values[first]:g}"
+            raise InputError(phrase(str(path), what, f"give {low:g} to {high:g}"))
+    if not (table.lift > 0.0).any():
+        what = "C_Lv is nowhere positive, so nothing is excited"
+        right = "give lift in phase with velocity, positive where it excites the motion"
+        raise InputError(phrase(str(path), what, right))
+    unlimited = np.flatnonzero(table.lift[:, -1] > 0.0)
+    if len(unlimited):
+        i, j = int(unlimited[0]), len(table.amplitude) - 1
+        what = f"C_Lv is still {table.lift[i, j]:g} at {_place(table, i, j)}, the largest amplitude"
+        right = "add amplitudes up to one where it is 0 or less, which limits the motion"
+        raise InputError(phrase(str(path), what, right))
+    return table
+
+
+def _place(table: ForceTable, i: int, j: int) -> str:
+    return f"frequency {table.frequency[i]:g}, amplitude {table.amplitude[j]:g}"
+
+
+def power_in_band(table: ForceTable, amplitude: float) -> tuple[float, float] | None:
+    """Return between which frequencies f·D/U the C_Lv of an amplitude is positive.
+
+    About its largest value, by straight lines, up to the table's ends; None: nowhere positive.
+    """
+    row, f = table.lift_along(amplitude, table.frequency), table.frequency
+    at = int(row.argmax())
+    if row[at] <= 0.0:
+        return None
+    i = j = at
+    while i > 0 and row[i] > 0.0:
+        i -= 1
+    while j < len(f) - 1 and row[j] > 0.0:
+        j += 1
+    low, high = f[i], f[j]
+    if row[i] <= 0.0:
+        low = f[i] - row[i] * (f[i + 1] - f[i]) / (row[i + 1] - row[i])
+    if row[j] <= 0.0:
+        high = f[j] - row[j] * (f[j] - f[j - 1]) / (row[j] - row[j - 1])
+    return float(low), float(high)
+
+
+def centre_of(table: ForceTable, amplitude: float, band: tuple[float, float]) -> float:
+    """Return the frequency of the table with the largest C_Lv within a band.
+
+    The mean of several equal ones; where no frequency lies in the band, its middle.
+    """
+    f = table.frequency[(table.frequency >= band[0]) & (table.frequency <= band[1])]
+    if not len(f):
+        return 0.5 * (band[0] + band[1])
+    row = table.lift_along(amplitude, f)
+    return float(f[row == row.max()].mean())
 
 
 MIN_AMPLITUDE = 0.02  # [D]: minimum amplitude for which damping is evaluated

@@ -46,6 +46,7 @@ class Decomposed:
     structural: float = 0.015  # damping ratio; not given in [GE]: as in the modal model
     first_amplitude: float = 0.5  # [D], amplitude at which the powers are evaluated
     candidate: float = 0.1  # of the largest power: modes below are excluded
+    centre: float = CENTRE  # f·D/U, the frequency that `nearest` compares modes with
     lock_in: str = "strongest"  # or "nearest": the mode that a place excites
 
 
@@ -150,7 +151,7 @@ class ExcitationSearch:
         )
         nearest = self._model.lock_in == "nearest"
         zones = (
-            _nearest(self.span, frequency, band)
+            _nearest(self.span, frequency, band, self._model.centre)
             if nearest
             else _share_out(power, band, self._model.candidate)
         )
@@ -274,10 +275,10 @@ def _share_out(power: Floats, band: Floats, least: float) -> Floats:
     return share_out(power, band * np.clip(above, 0.0, 1.0), TIE)
 
 
-def _nearest(span: Span, frequency: Floats, band: Floats) -> Floats:
+def _nearest(span: Span, frequency: Floats, band: Floats, centre: float) -> Floats:
     """Assign each place to the mode nearest to its shedding frequency, within that mode's band."""
     order = np.argsort(frequency, kind="stable")  # added mass may change their order
     zones = np.empty_like(band)
-    shedding = CENTRE * span.speed / span.diameter
+    shedding = centre * span.speed / span.diameter
     zones[:, order] = nearest_zones(frequency[order], shedding, band[:, order], band)
     return zones

@@ -51,8 +51,6 @@ from rope_twin.core.state import (
     Stage,
 )
 
-INCLINED = sqrt(0.5)  # sine of 45°
-
 
 @jit_within
 def three_rows(memory: Any, first: int, low: int) -> Any:
@@ -120,7 +118,7 @@ def _shed(wake: Any, water: Any, tangent: Any) -> Any:
     cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
     speed = sqrt(cx * cx + cy * cy + cz * cz)
     along = u * x + v * y + w * z
-    upright = along * along < INCLINED * INCLINED * (u * u + v * v + w * w)
+    upright = along * along < wake.critical * wake.critical * (u * u + v * v + w * w)
     A = wake.A if upright else wake.A_inclined
     epsilon = wake.epsilon if upright else wake.epsilon_inclined
     return (cx, cy, cz), speed, A, epsilon

@@ -159,6 +159,7 @@ def test_the_study_by_its_own_model_tells_what_the_twin_does(model: Any) -> None
     modulus = 6.5e7 / (6.4 / 7850.0)
     stress = modulus * 0.016 * square * 0.032 * rms.max()
     assert found.stress_rms_pa.max() == pytest.approx(stress, rel=0.3)
+    np.testing.assert_allclose(found.stress_rms_pa, modulus * found.strain_rms, rtol=1e-9)
     assert found.damage_per_year.max() > 0.0
     assert np.isnan(found.rms[1]).all()
 

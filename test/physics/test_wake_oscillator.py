@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,10 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import account_sum
 from rope_twin.effects import wake_oscillator as wake
 from rope_twin.effects.wake_oscillator import WakeOscillator, WakeOscillatorParams
+from rope_twin.vortex.wake import _shed
 
 SET = wake.SETS["qu_metrikine"]
+AROUND = SimpleNamespace(room=4, water_density_kg_per_m3=1025.0)
 RATE = 1.0  # of q at the start [1/s]
 
 
@@ -207,3 +210,17 @@ def test_wakes_belong_to_the_rope_through_splits_and_merges() -> None:
     assert np.abs(q).max() > 1.0
     assert max(odd[5:]) < 0.02, "no wake moves by more than its rate times the step"
     assert twin.snapshot().solver.unconverged_substeps == 0
+
+
+def test_the_angle_between_upright_and_inclined_is_a_key() -> None:
+    """(A, ε) of a node by its inclination to the normal of the flow, about 45° and about 30°."""
+    shed = getattr(_shed, "py_func", _shed)
+    for critical in (45.0, 30.0):
+        params = WakeOscillatorParams(critical_angle_deg=critical)
+        for tilt in (critical - 0.5, critical + 0.5):
+            angle = math.radians(tilt)
+            water, tangent = (1.0, 0.0, 0.0), (math.sin(angle), 0.0, math.cos(angle))
+            _, _, A, epsilon = shed(wake.build(params, None, AROUND), water, tangent)
+            assert (A, epsilon) == (SET.upright if tilt < critical else SET.inclined)
+    assert wake.build(WakeOscillatorParams(), None, AROUND).critical == math.sqrt(0.5)
+    assert "critical_angle_deg" not in repr(WakeOscillatorParams()), "digests of other scenes"

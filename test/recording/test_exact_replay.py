@@ -248,6 +248,31 @@ def test_the_scene_comes_from_the_bag_where_its_file_has_changed(tmp_path: Path)
     assert verify(second).outcome is Outcome.EQUAL
 
 
+def test_tables_beside_a_scene_come_from_the_bag_too(tmp_path: Path) -> None:
+    """Forces and the spectrum of a swell in a folder of their own; with both, replay needs none."""
+    share, folder = share_dir() / "config", tmp_path / "scene"
+    (folder / "tables").mkdir(parents=True)
+    for name in ("viv/fitted_forces.csv", "sea_states/ndbc_46042_1996.csv"):
+        shutil.copy(share / name, folder / "tables")
+    swell = "{measured: {file: ./tables/ndbc_46042_1996.csv, column: 1996-10-16T00Z}}"
+    waves = f"waves: {{regular: {{height_m: 0.5, period_s: 7.0}}, also: [{swell}]}}"
+    forces = "decomposed_force: {table: {path: tables/fitted_forces.csv}}"
+    path = folder / "own.yaml"
+    text = (share / "scenes" / "vortices_decomposed.yaml").read_text(encoding="utf-8")
+    assert text.count("decomposed_force: {}") == 1
+    text = text.replace("decomposed_force: {}", f"{forces}\n  - {waves}")
+    path.write_text(text, encoding="utf-8")
+    bag = record(tmp_path / "bag", 1.0, scene=str(path))
+    kept = read_content(bag)
+    session = next(one for one in kept.messages((SESSION_TOPIC,)) if one.topic == SESSION_TOPIC)
+    files = decode_json(SESSION_TOPIC, session.data)["scene"]["files"]
+    assert {"own.yaml", "tables/fitted_forces.csv", "tables/ndbc_46042_1996.csv"} <= set(files)
+    (folder / "tables" / "fitted_forces.csv").write_text("another table\n")
+    assert verify(bag).outcome is Outcome.EQUAL
+    shutil.rmtree(folder)
+    assert verify(bag).outcome is Outcome.EQUAL
+
+
 OPTIONS: dict[str, dict[str, Any]] = {
     "ropes that meet": {"scene": "bridle_lift"},
     "poses of the ship": {"scene": "ship_6dof"},

@@ -37,6 +37,13 @@ def measured(name: str) -> str:
     return with_effect(GOOD, f"waves: {{measured: {sea}, components: 20, seed: 1}}")
 
 
+def swell(name: str) -> str:
+    """GOOD in a wind sea, and a swell of a table beside it."""
+    sea = f"{{file: {name}, column: 1996-01-01T00Z}}"
+    wind = "jonswap: {significant_height_m: 1.0, peak_period_s: 7.0}, components: 20"
+    return with_effect(GOOD, f"waves: {{{wind}, also: [{{measured: {sea}, components: 9}}]}}")
+
+
 BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "negative mass": (
         spoilt("mass_kg: 20000.0", "mass_kg: -20000.0"),
@@ -75,10 +82,19 @@ BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         measured("./hole.csv"), "effects[4].waves.measured", ("hole.csv, line 4: ''", "finite"),
     ),
     "spectrum with a gap": (
-        measured("gap.csv"), "effects", ("gap from 0.06 to 0.2 Hz", "among steps of 0.01 Hz"),
+        measured("gap.csv"), "effects.waves", ("gap from 0.06 to 0.2 Hz", "among steps of 0.01 Hz"),
     ),
     "spectrum without one of its rows": (
-        measured("row.csv"), "effects", ("gap from 0.06 to 0.08 Hz", "among steps of 0.01 Hz"),
+        measured("row.csv"), "effects.waves",
+        ("gap from 0.06 to 0.08 Hz", "among steps of 0.01 Hz"),
+    ),
+    "swell with a gap": (
+        swell("gap.csv"), "effects.waves.also[0]",
+        ("gap from 0.06 to 0.2 Hz", "among steps of 0.01 Hz"),
+    ),
+    "swell that is not there": (
+        swell("./no.csv"), "effects[4].waves.also[0].measured",
+        ("no.csv: there is no such file",),
     ),
     "spectrum that is not there": (
         measured("./no.csv"), "effects[4].waves.measured", ("no.csv: there is no such file",),
@@ -131,6 +147,8 @@ def test_uneven_steps_are_no_gap(tmp_path: Path) -> None:
     (tmp_path / "even.csv").write_text(f"{HEAD}0.05,1\n0.055,2\n0.065,2\n0.085,1\n0.1,0\n")
     scene = load_scene(written(tmp_path, measured("even.csv")))
     assert scene.effects[1].measured.file == str(tmp_path / "even.csv")
+    scene = load_scene(written(tmp_path, swell("even.csv")))
+    assert scene.effects[1].also[0].measured.file == str(tmp_path / "even.csv")
 
 
 ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {

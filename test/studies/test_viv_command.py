@@ -39,6 +39,7 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     modes = pyarrow.parquet.read_table(folder / "modes.parquet").to_pydict()
     motion = pyarrow.parquet.read_table(folder / "motion.parquet").to_pydict()
     assert max(along["rms_diameters"]) == pytest.approx(told["rms_max_diameters"])
+    assert max(along["strain_rms"]) == pytest.approx(told["strain_rms_max"], rel=1e-3)
     assert max(along["strouhal_hz"]) == pytest.approx(told["strouhal_max_hz"])
     assert told["modes_known"] == len(modes["mode"])
     by_rms = [modes["rms_diameters"][row["mode"] - 1] for row in told["modes"]]
@@ -72,6 +73,7 @@ def test_statistics_of_a_run() -> None:
     modulus = rope.tangent_n(0.0) / (rope.mass_kg_per_m / 7850.0)
     most = modulus * 0.5 * rope.diameter_m * np.abs(number**2 @ np.sqrt(np.diag(run.covariance)))
     assert 0.0 < np.nanmax(fatigue.stress_rms_pa) < most
+    np.testing.assert_allclose(fatigue.stress_rms_pa, modulus * fatigue.strain_rms, rtol=1e-12)
     assert (fatigue.damage_per_year >= 0.0).all()
 
 

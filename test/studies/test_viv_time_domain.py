@@ -92,7 +92,7 @@ def test_figures_of_a_standing_wave() -> None:
     motion = np.stack([across, in_line])
     ones = np.ones(21)
     run = TimeDomainRun(
-        "s", "l", "m", 2.0, 0.02, below, t, motion, 1e4 + 0.0 * t, ones, ones, fatigue
+        "s", "l", "m", 2.0, 0.02, below, t, motion, 1e4 + 0.0 * t, ones, ones, ones, fatigue
     )
     assert run.rms[0].max() == pytest.approx(0.6 / math.sqrt(2.0), rel=1e-3)
     assert run.frequency_hz[0, 10] == pytest.approx(2.0, rel=1e-3)
@@ -118,7 +118,9 @@ def test_modulation_has_side_bands() -> None:
         across = np.outer(0.5 * (1.0 + part * np.sin(0.25 * math.pi * t)) * carrier, shape)
         motion = np.stack([across, np.full_like(across, np.nan)])
         runs.append(
-            TimeDomainRun("s", "l", "m", 2.0, 0.04, ones, t, motion, 0.0 * t, ones, ones, None)
+            TimeDomainRun(
+                "s", "l", "m", 2.0, 0.04, ones, t, motion, 0.0 * t, ones, ones, ones, None
+            )
         )
     steady, modulated = runs
     assert steady.modulation < 0.01
@@ -195,6 +197,12 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert 1.0 < told["drag_amplification_max"] < math.sqrt(1.0 + rate**2) + 0.01
     assert told["stress_rms_max_pa"] is told["damage_per_year_max"] is None, "5500 kg/m³: not steel"
     assert np.isnan(along["damage_per_year"]).all()
+    # strain needs no steel: d/2·k²·A of waves with k = 2π·f·√(m/T), m with the water, T at the top
+    assert max(along["strain_rms"]) == pytest.approx(told["strain_rms_max"])
+    moved = 1.728 + 1025.0 * math.pi * 0.01**2
+    square = (2.0 * math.pi * 1.7) ** 2 * moved / told["tension_top_mean_n"]
+    strain = 0.01 * square * 0.02 * told["rms_max_diameters"]
+    assert told["strain_rms_max"] == pytest.approx(strain, rel=0.2)
 
 
 def test_what_it_tells_does_not_hang_on_where_a_run_ends() -> None:
@@ -239,9 +247,10 @@ def test_stress_is_known_of_steel() -> None:
     """E·d/2 of a wire of 7850 kg/m³, and of the thickness that the water sees."""
     scene = load_scene("viv_calm")
     rope = scene.ropes[0].made_of[0].rope
-    thick, stiff = _figures(scene.ropes[0], np.array([1.0, 199.0]), 0.0)
+    thick, radius, stiff = _figures(scene.ropes[0], np.array([1.0, 199.0]), 0.0)
     modulus = rope.tangent_n(0.0) / (rope.mass_kg_per_m / 7850.0)
     assert stiff == pytest.approx(0.5 * rope.diameter_m * modulus)
+    assert radius == pytest.approx(0.5 * rope.diameter_m)
     assert thick == pytest.approx(rope.hydrodynamic_diameter_m)
 
 

@@ -99,9 +99,14 @@ def _held_ends(scene: Scene) -> Iterator[Fault]:
 def _spectrum(scene: Scene) -> Iterator[Fault]:
     """A measured spectrum has no gap, which would be interpolated linearly."""
     waves = scene.listed(WavesParams)
-    if waves is None or waves.measured is None:
-        return
-    frequency = waves.measured.spectrum().frequency_hz.tolist()
+    for where, own in {} if waves is None else waves.systems.items():
+        if own.measured is not None:
+            yield from _gap(where, own.measured.spectrum())
+
+
+def _gap(where: str, spectrum: WaveSpectrum) -> Iterator[Fault]:
+    """Yield the first gap of a spectrum."""
+    frequency = spectrum.frequency_hz.tolist()
     steps = [high - low for low, high in pairwise(frequency)]
     for k, step in enumerate(steps):
         beside = [steps[j] for j in (k - 1, k + 1) if 0 <= j < len(steps)]
@@ -111,7 +116,8 @@ def _spectrum(scene: Scene) -> Iterator[Fault]:
                 f"the spectrum has a gap from {frequency[k]:g} to {frequency[k + 1]:g} Hz, "
                 f"among steps of {max(beside):.3g} Hz"
             )
-            yield "effects", what, "add the rows in between, with 0 where there is no energy"
+            right = "add the rows in between, with 0 where there is no energy"
+            yield f"effects.{where}", what, right
             return
 
 

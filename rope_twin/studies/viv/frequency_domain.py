@@ -8,10 +8,11 @@ In a multi-line scene each line is assessed by itself, with its shape and tensio
 of all; a line is a rope, or ropes that continue each other (rope_twin.vortex.chain). Connections
 are held across the line.
 
-Drag is amplified by 1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983). Stress is that of bending, E·d/2·y″
-with E = EA over the metal area: an upper bound for a stranded rope, whose wires slide. A rope with
-the bending stiffness of a pipe of its diameter, EI/EA = (d² + d_i²)/16, is treated as a pipe, with
-its metal area. Damage is counted by rainflow of the bending stress alone; the tension is static.
+Drag is amplified by 1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983). Bending strain is d/2·y″, that of the
+outermost fibre of a section that stays plane. Stress is that of bending, E·d/2·y″ with E = EA over
+the metal area: an upper bound for a stranded rope, whose wires slide. A rope with the bending
+stiffness of a pipe of its diameter, EI/EA = (d² + d_i²)/16, is treated as a pipe, with its metal
+area. Damage is counted by rainflow of the bending stress alone; the tension is static.
 """
 
 from __future__ import annotations
@@ -122,9 +123,10 @@ class FrequencyDomainRun:
 
 @dataclass(frozen=True)
 class Fatigue:
-    """Stress and damage at places of the run."""
+    """Strain, stress and damage of bending at places of the run."""
 
     from_top_m: Floats
+    strain_rms: Floats
     stress_rms_pa: Floats  # NaN where the rope is not all of steel
     damage_per_year: Floats  # Miner's sum; NaN likewise
 
@@ -165,24 +167,28 @@ def chosen_places(run: FrequencyDomainRun, most: int = PLACES) -> Floats:
 
 
 def count_fatigue(run: FrequencyDomainRun, scene: Scene, curve: StressCurve) -> Fatigue:
-    """Return bending stress of the steady part of the run, and its damage per year."""
+    """Return bending strain and stress of the steady part of the run, and the damage per year."""
     places = chosen_places(run)
     some = places.astype(int)
     s = run.response.span.s
     bent = np.gradient(np.gradient(run.response.modes.shape, s, axis=0), s, axis=0)
-    per_curvature = _stress_per_curvature(run, scene, some)
-    stress = run.coordinate[run.first :] @ bent[some].T * per_curvature
+    radius, per_curvature = _per_curvature(run, scene, some)
+    curvature = run.coordinate[run.first :] @ bent[some].T
+    stress = curvature * per_curvature
     known = np.isfinite(per_curvature)
     damage = np.full(len(some), np.nan)
     damage[known] = stress_damage(stress[:, known], curve)
     lasted = float(run.time_s[-1] - run.time_s[run.first])
     rms = np.where(known, stress.std(axis=0), np.nan)
-    return Fatigue(run.from_top_m[some], rms, damage * YEAR_S / lasted)
+    strain = radius * curvature.std(axis=0)
+    return Fatigue(run.from_top_m[some], strain, rms, damage * YEAR_S / lasted)
 
 
-def _stress_per_curvature(run: FrequencyDomainRun, scene: Scene, some: np.ndarray) -> Floats:
-    """Return E·d/2 [Pa·m] at places; NaN where the rope is not solid steel."""
-    figures: list[float] = []
+def _per_curvature(
+    run: FrequencyDomainRun, scene: Scene, some: np.ndarray
+) -> tuple[Floats, Floats]:
+    """Return d/2 [m] and E·d/2 [Pa·m] at places, the latter NaN where it is not solid steel."""
+    figures: list[tuple[float, float]] = []
     ends: list[float] = []  # of the sections, from the lower end of the line
     low_m = 0.0
     for number, length_m in zip(run.scene.ropes, run.scene.lengths_m, strict=True):
@@ -190,12 +196,14 @@ def _stress_per_curvature(run: FrequencyDomainRun, scene: Scene, some: np.ndarra
         for section, end_m in zip(line.made_of, ends_m(line), strict=True):
             rope = section.rope
             area = metal_area(rope, run.response.span.stiffness)
-            figures.append(rope.tangent_n(0.0) / area * 0.5 * rope.diameter_m)
+            radius = 0.5 * rope.diameter_m
+            figures.append((radius, rope.tangent_n(0.0) / area * radius))
             ends.append(low_m + min(end_m, length_m))
         low_m += length_m
     below = run.from_top_m[0] - run.from_top_m[some]
     which = np.searchsorted(ends, below, side="left")
-    return np.asarray(np.array(figures)[np.minimum(which, len(figures) - 1)])
+    at_places = np.array(figures)[np.minimum(which, len(figures) - 1)]
+    return at_places[:, 0], at_places[:, 1]
 
 
 @dataclass(frozen=True)

@@ -170,6 +170,7 @@ def _tables(run: FrequencyDomainRun, fatigue: Fatigue, folder: Path) -> list[Pat
         "rms_diameters": run.rms(),
         "frequency_hz": run.frequency_hz(),
         "drag_amplification": run.drag_amplification(),
+        "strain_rms": _to_all(run, fatigue, fatigue.strain_rms),
         "stress_rms_pa": _to_all(run, fatigue, fatigue.stress_rms_pa),
         "damage_per_year": _to_all(run, fatigue, fatigue.damage_per_year),
     }
@@ -259,6 +260,7 @@ def time_domain_figures(run: TimeDomainRun) -> dict[str, Any]:
         "tension_top_mean_n": float(run.tension_top_n.mean()),
         "tension_top_min_n": float(run.tension_top_n.min()),
         "tension_top_max_n": float(run.tension_top_n.max()),
+        "strain_rms_max": float(run.strain_rms.max()),
         "stress_rms_max_pa": float(run.stress_rms_pa.max()) if known else None,
         "damage_per_year_max": float(run.damage_per_year.max()) if known else None,
     }
@@ -284,7 +286,8 @@ def time_domain_words(run: TimeDomainRun) -> str:
         f"{1e-3 * one['tension_top_max_n']:.4g} kN, mean {1e-3 * one['tension_top_mean_n']:.4g}\n"
         f"drag amplification at most {one['drag_amplification_max']:.3g}, mean "
         f"{one['drag_amplification_mean']:.3g}, by the model's {cause} "
-        f"(Vandiver 1983 for this motion: {one['drag_amplification_vandiver_max']:.3g})"
+        f"(Vandiver 1983 for this motion: {one['drag_amplification_vandiver_max']:.3g})\n"
+        f"{strain_words(one['strain_rms_max'])}"
     )
     if run.fatigue is None:
         return (
@@ -296,6 +299,12 @@ def time_domain_words(run: TimeDomainRun) -> str:
         f"damage of tension and bending {one['damage_per_year_max']:.3g} per year; a stranded "
         "rope counts as solid: an upper bound"
     )
+
+
+def strain_words(strain_rms_max: float) -> str:
+    """Return the bending strain in words."""
+    strain = 1e6 * strain_rms_max
+    return f"bending strain at most {strain:.3g} µm/m rms, of a section that stays plane"
 
 
 def _unsettled(growth: float) -> str:
@@ -361,6 +370,7 @@ def _along_table(run: TimeDomainRun) -> dict[str, Any]:
         "in_line_frequency_hz": run.frequency_hz[1],
         "drag_amplification": run.drag_amplification,
         "drag_amplification_vandiver": run.vandiver,
+        "strain_rms": run.strain_rms,
         "stress_rms_pa": run.stress_rms_pa,
         "damage_per_year": run.damage_per_year,
     }

@@ -12,9 +12,10 @@ sampled right after each of its updates.
 
 Drag amplification is that of the run: the mean of f·|u_n|·u_n over |U_n|·U_n, with the velocity of
 the water relative to the rope and normal to it, u_n, its mean, U_n, and f, the drag amplification
-of a model outside the time step. Stress is that of bending, E·d/2 times the curvature of the rope
-on its nodes, or of the motion of the model, in the direction in which it is largest; damage is that
-of tension and bending together (rope_twin.vortex.damage), per year of the run.
+of a model outside the time step. Bending strain is d/2 times the curvature of the rope on its
+nodes, or of the motion of the model, in the direction in which it is largest; stress is E times the
+strain; damage is that of tension and bending together (rope_twin.vortex.damage), per year of the
+run.
 """
 
 from __future__ import annotations
@@ -90,6 +91,7 @@ class TimeDomainRun:
     motion: Floats
     tension_top_n: Floats  # (times,)
     drag_amplification: Floats  # (places,)
+    strain_rms: Floats  # of bending, (places,)
     stress_rms_pa: Floats  # of bending; NaN where no stress is known, (places,)
     fatigue: MaterialFatigue | None  # None: no stress is known
 
@@ -232,7 +234,7 @@ class _SampledLine:
         length_m = abs(top - low)
         from_top, at = np.linspace(0.0, length_m, PLACES), np.linspace(top, low, PLACES)
         EI = bending_stiffness(self.sampler.rope.now.effects)
-        diameter, stiff = _figures(self.line, at, EI)
+        diameter, radius, stiff = _figures(self.line, at, EI)
         times, pulls, moved, *others = _even(self.seen)
         every_s = float(times[-1] - times[0]) / (len(times) - 1)
         motion = moved.transpose(1, 0, 2) / diameter
@@ -240,6 +242,7 @@ class _SampledLine:
             motion = _fast(motion, self.hz, every_s)
         steady = (from_s <= times) & (times <= until_s)
         across, amplified, bent = (part[steady] for part in others)
+        worst = _worst_rms(bent)
         fatigue = None
         if self.damage is not None:
             fatigue = self.damage.shot(length_m, float(steady.sum() * every_s))
@@ -248,7 +251,7 @@ class _SampledLine:
         return TimeDomainRun(
             scene.name, self.line.name, shedding_model(scene), self.hz, every_s, from_top,
             times[steady], motion[:, steady], pulls[steady], _amplification(across, amplified),
-            stiff * _worst_rms(bent), fatigue,
+            radius * worst, stiff * worst, fatigue,
         )  # fmt: skip
 
 
@@ -343,17 +346,17 @@ def _from_place(scene: Scene, top: Floats) -> Scene:
     return replace(scene, ship=replace(scene.ship, hang_off_m=(x, y, z)))
 
 
-def _figures(line: RopeLine, marks: Floats, EI: float) -> tuple[Floats, Floats]:
-    """Return hydrodynamic diameter [m] and E·d/2 [Pa·m] at places; NaN: not solid steel."""
+def _figures(line: RopeLine, marks: Floats, EI: float) -> tuple[Floats, Floats, Floats]:
+    """Return hydrodynamic diameter and d/2 [m], and E·d/2 [Pa·m] at places; NaN: not solid steel.
+
+    A coating makes the hydrodynamic diameter larger than d.
+    """
     made = [section.rope for section in line.made_of]
     which = np.minimum(np.searchsorted(ends_m(line), marks, side="right"), len(made) - 1)
     diameter = np.array([rope.hydrodynamic_diameter_m for rope in made])
-    areas = [metal_area(rope, EI) for rope in made]
-    stiff = [
-        0.5 * rope.tangent_n(0.0) * rope.diameter_m / area
-        for rope, area in zip(made, areas, strict=True)
-    ]
-    return diameter[which], np.array(stiff)[which]
+    radius = np.array([0.5 * rope.diameter_m for rope in made])
+    stiff = radius * [rope.tangent_n(0.0) / metal_area(rope, EI) for rope in made]
+    return diameter[which], radius[which], stiff[which]
 
 
 def _new_damage(scene: Scene, line: RopeLine, sampler: Sampler, curve: str) -> RopeDamage | None:
