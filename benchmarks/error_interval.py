@@ -97,8 +97,8 @@ class Variant:
     def _changed(self, effect: Any) -> Any:
         if isinstance(effect, CurrentParams):
             points = tuple(
-                (z, (self.current * east, self.current * north))
-                for z, (east, north) in effect.points
+                (z, tuple(self.current * part for part in velocity))
+                for z, velocity in effect.points
             )
             return replace(effect, profile=points, layers=None)
         if isinstance(effect, WavesParams) and effect.jonswap is not None:

@@ -85,7 +85,7 @@ TOPICS: tuple[Topic, ...] = (
           "at the lower end; `header.stamp` = 0: apply immediately; `name[0]` selects the rope",
           of_snapshot=False, in_view=False),
     Topic("current", "std_msgs/msg/Float64MultiArray", Qos.COMMAND, 0.0, "",
-          "current profile: rows of z [m], east, north [m/s], from the surface down",
+          "current profile: rows of z [m], east, north (, up) [m/s], from the surface down",
           of_snapshot=False, in_view=False),
     # for display only, not used by the rope
     Topic("sea/elevation", "geometry_msgs/msg/PointStamped", Qos.STREAM, 20.0, "sea_state",

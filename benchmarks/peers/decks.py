@@ -78,6 +78,9 @@ def figures(scene: Scene) -> Figures:
     drag, water = effects.get(DragParams), scene.environment
     added, current = effects.get(AddedMassParams), effects.get(CurrentParams)
     strange = sorted(kind.__name__ for kind in effects if kind not in SAYS)
+    points = current.points if isinstance(current, CurrentParams) else ()
+    if any(len(velocity) > 2 for _, velocity in points):
+        raise InputError(phrase(f"scene {scene.name}", "its current has a vertical part", _RIGHT))
     if strange or rope is None or rope.axial_stiffness_n is None or line.damping is None:
         what = f"its {', '.join(strange)} cannot" if strange else "its rope cannot"
         raise InputError(phrase(f"scene {scene.name}", f"{what} be told in a deck", _RIGHT))
@@ -98,11 +101,11 @@ def figures(scene: Scene) -> Figures:
         load_Ca=mass / displaced if displaced else 0.0,
         density=water.water_density_kg_per_m3,
         gravity=water.gravity_m_per_s2,
-        profile=current.points if isinstance(current, CurrentParams) else (),
+        profile=tuple((z, (east, north)) for z, (east, north) in points),
     )
 
 
-_RIGHT = "take one of one uniform rope with damping in N·s, in a current at most"
+_RIGHT = "take one of one uniform rope with damping in N·s, in a horizontal current at most"
 
 
 def _load_figures(name: str, load: Payload) -> tuple[float, float]:

@@ -1,12 +1,15 @@
 """Current: a profile over depth, piecewise linear in speed components, or two layers.
 
-Above the first and below the last point the end values hold. U is horizontal. A time factor may
-scale all depths alike.
+Above the first and below the last point the end values hold. U is horizontal unless a row has a
+third component, positive upward (up- and downwelling, the water over a slope, the tow of a line
+that is not hauled: VzCrnt1 and VzCrnt2 of Laird, Fraser and Marsh, 2016). A time factor may scale
+all depths alike.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,7 +25,8 @@ from rope_twin.quantity import quantity, text
 TOGETHER = 32  # nodes
 STEP = 1e-3  # m, height of the transition between two layers
 
-Point = tuple[float, tuple[float, float]]
+Velocity = tuple[float, ...]  # east, north and, if it has one, up [m/s]
+Point = tuple[float, Velocity]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +37,8 @@ class Layers:
     After Laird, Fraser and Marsh (2016).
     """
 
-    upper: tuple[float, float] = quantity("velocity east, north", "m/s", -10.0, 10.0)
-    lower: tuple[float, float] = quantity("velocity east, north", "m/s", -10.0, 10.0)
+    upper: Velocity = quantity("velocity east, north (, up)", "m/s", -10.0, 10.0)
+    lower: Velocity = quantity("velocity east, north (, up)", "m/s", -10.0, 10.0)
     split_z_m: float = quantity("elevation z of the interface", "m", -12e3, 0.0)
     bottom_z_m: float = quantity("elevation z of the lower layer's bottom", "m", -12e3, 0.0)
 
@@ -58,12 +62,14 @@ class Layers:
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentParams:
-    """A profile (rows of elevation z from the surface down and velocity east, north), or two
-    layers.
+    """A profile (rows of elevation z from the surface down and velocity east, north and, where it
+    has a vertical component, up), or two layers.
     """
 
     profile: tuple[Point, ...] = quantity(
-        "rows of elevation z [m] and velocity [east, north] [m/s]", "", default=()
+        "rows of elevation z [m] and velocity [east, north] or [east, north, up] [m/s]",
+        "",
+        default=(),
     )
     layers: Layers | None = text("two layers instead of a profile", None)
     over_time: tuple[tuple[float, float], ...] = quantity(
@@ -75,6 +81,17 @@ class CurrentParams:
     def points(self) -> tuple[Point, ...]:
         """Return the profile, including that of two layers."""
         return self.layers.points() if self.layers is not None else self.profile
+
+    @property
+    def rises(self) -> bool:
+        """Return whether a row has a vertical component, be it 0."""
+        return any(len(velocity) > 2 for _, velocity in self.points)
+
+    @property
+    def table(self) -> Floats:
+        """Return the profile as rows of z, east, north, up, from the surface down; (rows, 4)."""
+        rows = [(z, *velocity, 0.0)[:4] for z, velocity in self.points]
+        return np.array(rows, dtype=float)
 
     def check(self) -> str | None:
         """Return the fault of the profile and its remedy, or None."""
@@ -90,6 +107,10 @@ class CurrentParams:
                 return f"z = {below:g} m follows z = {above:g} m; order rows from the surface down"
         if max(heights) > 0.0 or min(heights) < -12e3:
             return "a row is outside the water; give z from 0 down to -12000 m"
+        for z, velocity in self.points:
+            if not 2 <= len(velocity) <= 3:
+                what = f"the velocity at z = {z:g} m has {len(velocity)} components"
+                return f"{what}; give [east, north] or [east, north, up]"
         speeds = [abs(u) for _, velocity in self.points for u in velocity]
         if max(speeds) > 10.0:
             return f"{max(speeds):g} m/s is not a plausible current; give at most 10 m/s"
@@ -105,6 +126,15 @@ class Current(NamedTuple):
     slope: Floats  # its derivative over z between the rows [1/s], (2, rows)
 
 
+class RisingCurrent(NamedTuple):
+    """Kernel data of a current with a vertical component; rows from the bottom up."""
+
+    z: Floats  # elevations [m], (rows,)
+    rise: Floats  # vertical distance from each row to the next [m]; 0 for the last
+    U: Floats  # velocity east, north, up [m/s], (3, rows)
+    slope: Floats  # its derivative over z between the rows [1/s], (3, rows)
+
+
 class CurrentInTime(NamedTuple):
     """Kernel data of a current with a time factor."""
 
@@ -113,25 +143,57 @@ class CurrentInTime(NamedTuple):
     share: Floats  # factor on the current at these times
 
 
-def build(params: CurrentParams, payload: Any, environment: Any) -> Current | CurrentInTime:
-    """Return the kernel data of the scene's current."""
-    rows = np.array([[z, *velocity] for z, velocity in params.points], dtype=float)
-    current = from_rows(rows)
+class RisingCurrentInTime(NamedTuple):
+    """Kernel data of a current with a vertical component and a time factor."""
+
+    current: RisingCurrent
+    time: Floats  # [s], ascending, (rows,)
+    share: Floats  # factor on the current at these times
+
+
+STEADY = Current, RisingCurrent
+OVER_TIME = CurrentInTime, RisingCurrentInTime
+
+
+def build(params: CurrentParams, payload: Any, environment: Any) -> Any:
+    """Return the kernel data of the scene's current, of one of the four types above."""
+    current = from_rows(params.table if params.rises else params.table[:, :3])
     if not params.over_time:
         return current
-    time, share = np.array(params.over_time, dtype=float).T
-    return CurrentInTime(current, np.ascontiguousarray(time), np.ascontiguousarray(share))
+    time, share = (np.ascontiguousarray(row) for row in np.array(params.over_time, float).T)
+    if isinstance(current, RisingCurrent):
+        return RisingCurrentInTime(current, time, share)
+    return CurrentInTime(current, time, share)
 
 
-def from_rows(rows: Floats) -> Current:
-    """Return a current from rows of z, east, north, ordered from the surface down; (rows, 3)."""
+def profile_of(effects: Iterable[Any]) -> Current | RisingCurrent | None:
+    """Return the profile of the current among the kernel data of effects, if there is one."""
+    for effect in effects:
+        if isinstance(effect, OVER_TIME):
+            return effect.current
+        if isinstance(effect, STEADY):
+            return effect
+    return None
+
+
+def with_profile(effect: Any, new: Any) -> Any:
+    """Return the kernel data of an effect, with the new profile if it is a current."""
+    if isinstance(effect, OVER_TIME):
+        return effect._replace(current=new)
+    return new if isinstance(effect, STEADY) else effect
+
+
+def from_rows(rows: Floats) -> Current | RisingCurrent:
+    """Return a current from rows of z, east, north (, up), ordered from the surface down; (rows, 3
+    or 4).
+    """
     upward = rows[::-1]
     z = np.ascontiguousarray(upward[:, 0])
     U = np.ascontiguousarray(upward[:, 1:].T)
     rise, slope = np.zeros_like(z), np.zeros_like(U)
     rise[:-1] = np.diff(z)
     slope[:, :-1] = np.diff(U, axis=1) / rise[:-1]
-    return Current(z, rise, U, slope)
+    return (RisingCurrent if len(U) == 3 else Current)(z, rise, U, slope)
 
 
 @jit_within
@@ -182,6 +244,22 @@ def _flow(current: Any, share: Any, work: Any, low: int, high: int) -> None:
             layer += 1
 
 
+@jit_within
+def _flow_up(current: Any, share: Any, work: Any, low: int, high: int) -> None:
+    """Add share·U_z(z) to the vertical flow of the nodes low <= i < high."""
+    _, _, z = rows(work, POSITION, low)
+    _, _, up = rows(work, FLOW, low)
+    last = current.z.shape[0] - 1
+    layer = 0
+    for i in range(high - low):
+        while layer < last and z[i] >= current.z[layer + 1]:
+            layer += 1
+        while layer > 0 and z[i] < current.z[layer]:
+            layer -= 1
+        inside = min(max(z[i] - current.z[layer], 0.0), current.rise[layer])
+        up[i] += share * (current.U[2, layer] + current.slope[2, layer] * inside)
+
+
 @wide_kernel("flow", Current)
 def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Add U(z) to flow for a SIMD batch, over the layers that each rope's nodes reach."""
@@ -212,15 +290,38 @@ def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
                     north[i] += slope_north * inside
 
 
+@wide_kernel("flow", RisingCurrent)
+def rising_flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add U(z) with its vertical component to flow for a SIMD batch."""
+    flow_wide(current, work, stage, low, high)
+    _, _, z = rows(work, POSITION, low)
+    _, _, up = rows(work, FLOW, low)
+    for i in range(high - low):
+        inside = min(max(z[i] - current.z[0], 0.0), current.rise[0])
+        own = current.U[2, 0] + current.slope[2, 0] * inside
+        for layer in range(1, current.z.shape[0]):
+            inside = min(max(z[i] - current.z[layer], 0.0), current.rise[layer])
+            here = current.U[2, layer] + current.slope[2, layer] * inside
+            own = choose(current.z[layer] <= z[i], here, own)
+        up[i] += own
+
+
 @kernel("flow", Current)
 def flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Add U(z) to flow."""
     _flow(current, 1.0, work, low, high)
 
 
-@kernel("flow", CurrentInTime)
-def flow_in_time(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add share(t)·U(z) to flow; share is constant before the first and after the last row."""
+@kernel("flow", RisingCurrent)
+def rising_flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add U(z) with its vertical component to flow."""
+    _flow(current, 1.0, work, low, high)
+    _flow_up(current, 1.0, work, low, high)
+
+
+@jit_within
+def _share(current: Any, stage: Any) -> Any:
+    """Return the time factor, which is constant before the first and after the last row."""
     last = current.time.shape[0] - 1
     i = 0
     while i < last - 1 and current.time[i + 1] <= stage.time:
@@ -229,4 +330,18 @@ def flow_in_time(current: Any, work: Any, stage: Any, low: int, high: int) -> No
     if last > 0:
         part = (stage.time - current.time[i]) / (current.time[i + 1] - current.time[i])
         share += min(max(part, 0.0), 1.0) * (current.share[i + 1] - current.share[i])
+    return share
+
+
+@kernel("flow", CurrentInTime)
+def flow_in_time(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add share(t)·U(z) to flow."""
+    _flow(current.current, _share(current, stage), work, low, high)
+
+
+@kernel("flow", RisingCurrentInTime)
+def rising_flow_in_time(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add share(t)·U(z) with its vertical component to flow."""
+    share = _share(current, stage)
     _flow(current.current, share, work, low, high)
+    _flow_up(current.current, share, work, low, high)

@@ -93,9 +93,12 @@ def encode_cut(stamp_ns: int, below_m: float, rope: str = "") -> tuple[str, byte
 
 
 def encode_current(rows: Sequence[Sequence[float]]) -> bytes:
-    """Return a `current` message: rows of z [m], east, north [m/s], from the surface down."""
+    """Return a `current` message: rows of z [m], east, north (, up) [m/s], from the surface
+    down.
+    """
     numbers = [float(number) for row in rows for number in row]
-    sizes = (("row", len(rows), len(numbers)), ("column", 3, 3))
+    columns = len(rows[0])
+    sizes = (("row", len(rows), len(numbers)), ("column", columns, columns))
     layout = new(
         "std_msgs/msg/MultiArrayLayout",
         dim=[
@@ -233,29 +236,33 @@ def read_cut(data: bytes) -> tuple[int | None, float, str]:
 
 
 def read_current(data: bytes) -> NDArray[np.float64]:
-    """Return the rows (k, 3) of z [m], east and north [m/s] of a `current` message.
+    """Return the rows of z [m], east, north and, if it has one, up [m/s] of a `current` message.
+
+    They are (k, 3), or (k, 4) where the layout says so; numbers without a layout are rows of 3.
 
     Raises:
-        InputError: if the bytes are not such a message or its layout is not k rows of 3.
+        InputError: if the bytes are not such a message or its layout is not k rows of 3 or 4.
     """
     message = decode("current", data)
     numbers = np.asarray(message.data, dtype=np.float64)
     sizes = [int(dimension.size) for dimension in message.layout.dim]
     offset = int(message.layout.data_offset)
-    fits = len(numbers) > 0 and len(numbers) % 3 == 0 and offset == 0
+    columns = 4 if len(sizes) == 2 and sizes[1] == 4 else 3
+    fits = len(numbers) > 0 and len(numbers) % columns == 0 and offset == 0
     if sizes and fits:
-        rows = len(numbers) // 3
-        fits = sizes in ([rows, 3], [len(numbers)]) and math.prod(sizes) == len(numbers)
+        rows = len(numbers) // columns
+        fits = sizes in ([rows, columns], [len(numbers)]) and math.prod(sizes) == len(numbers)
     if not fits:
         raise InputError(
             phrase(
                 "current",
                 f"{len(numbers)} numbers with a layout of {sizes or 'no'} dimensions "
                 f"and offset {offset}",
-                "it must be rows of z, east, north: sizes [k, 3] (or none), offset 0",
+                "it must be rows of z, east, north: sizes [k, 3] (or none), or with a vertical "
+                "component [k, 4]; offset 0",
             )
         )
-    return numbers.reshape(-1, 3)
+    return numbers.reshape(-1, columns)
 
 
 def _stamp_ns(topic: str, stamp: Any) -> int:

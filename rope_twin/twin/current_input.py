@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.effects.current import Current, CurrentInTime, from_rows
+from rope_twin.effects.current import (
+    Current,
+    RisingCurrent,
+    from_rows,
+    profile_of,
+    with_profile,
+)
 from rope_twin.errors import phrase
 from rope_twin.scene.validation.environment import (
     DEEPEST_ROW_M,
@@ -24,7 +30,9 @@ CURRENT_JUMP_M_PER_S = 0.5  # a larger change of the profile anywhere is accepte
 
 
 class CurrentInput:
-    """Input of profiles: rows of z [m], east, north [m/s] from the surface down, (rows, 3)."""
+    """Input of profiles: rows of z [m], east, north [m/s] from the surface down, (rows, 3), or with
+    a vertical component too, (rows, 4).
+    """
 
     def __init__(self, effects: tuple[Any, ...]) -> None:
         self.counter = InputCounter("current")
@@ -36,9 +44,11 @@ class CurrentInput:
         fault = self._fault(profile)
         if fault:
             return fault
-        new = from_rows(np.array(profile, dtype=float))
-        jump, z = _largest_change(_profile_of(self.effects), new)
-        self.effects = tuple(_with_profile(effect, new) for effect in self.effects)
+        before = profile_of(self.effects)
+        assert before is not None, "checked above"
+        new = from_rows(_like(profile, len(before.U)))
+        jump, z = _largest_change(before, new)
+        self.effects = tuple(with_profile(effect, new) for effect in self.effects)
         self.changes += 1
         self.counter.accept(now_ns)
         if jump > CURRENT_JUMP_M_PER_S:
@@ -47,7 +57,7 @@ class CurrentInput:
                 f"more than {CURRENT_JUMP_M_PER_S:g} m/s at once is accepted, but check the sensor"
             )
             self.counter.warn(phrase("current", what, right), now_ns)
-        points = [(float(z), (float(east), float(north))) for z, east, north in profile]
+        points = [(float(z), tuple(velocity)) for z, *velocity in profile.tolist()]
         self.counter.say(strong_current("current", points))
         return ""
 
@@ -56,7 +66,7 @@ class CurrentInput:
 
         For a return to an earlier state of the ropes: the profile may have caused the failed step.
         """
-        now, before = _profile_of(self.effects), _profile_of(effects)
+        now, before = profile_of(self.effects), profile_of(effects)
         if now is before:
             return False
         self.effects, self.changes = effects, self.changes + 1
@@ -68,15 +78,14 @@ class CurrentInput:
 
     def _fault(self, profile: NDArray[np.float64]) -> str:
         """Return why a profile is rejected, after counting it; "" if it is accepted."""
-        impossible = ""
-        if not any(isinstance(effect, Current | CurrentInTime) for effect in self.effects):
+        impossible, present = "", profile_of(self.effects)
+        if present is None:
             impossible = phrase(
                 "current", "the scene lists no current", "add the effect 'current' to the scene"
             )
-        elif profile.ndim != 2 or profile.shape[1] != 3 or len(profile) == 0:
-            impossible = phrase(
-                "current", f"its shape is {profile.shape}", "give rows of z, east, north"
-            )
+        elif profile.ndim != 2 or profile.shape[1] not in (3, 4) or len(profile) == 0:
+            what = f"its shape is {profile.shape}"
+            impossible = phrase("current", what, "give rows of z, east, north (, up)")
         elif len(profile) > MAX_ROWS:
             impossible = phrase(
                 "current", f"it has {len(profile)} rows", f"give {MAX_ROWS} at most"
@@ -96,6 +105,10 @@ class CurrentInput:
                 f"{np.abs(profile[:, 1:]).max():g} m/s is no sea current",
                 f"give at most {MAX_CURRENT_M_PER_S:g} m/s",
             )
+        elif len(present.U) == 2 and profile[:, 3:].any():
+            what = "it has a vertical component, which this scene's current has not"
+            right = "give the scene's profile one, [east, north, up], be it 0"
+            impossible = phrase("current", what, right)
         else:
             impossible = _uneven(profile)
         return self.counter.refuse("impossible", impossible) if impossible else ""
@@ -118,30 +131,24 @@ def _uneven(profile: NDArray[np.float64]) -> str:
     return ""
 
 
-def _profile_of(effects: tuple[Any, ...]) -> Current | None:
-    """Return the current profile among the effects, if any."""
-    for effect in effects:
-        if isinstance(effect, CurrentInTime):
-            return effect.current
-        if isinstance(effect, Current):
-            return effect
-    return None
+def _like(profile: NDArray[np.float64], components: int) -> NDArray[np.float64]:
+    """Return a profile with as many components of velocity as the scene's own current has.
+
+    Other kernels would have to be compiled for another number of them, in the middle of the run.
+    """
+    missing = np.zeros((len(profile), max(1 + components - profile.shape[1], 0)))
+    return np.hstack([profile, missing])[:, : 1 + components]
 
 
-def _largest_change(before: Current | None, after: Current) -> tuple[float, float]:
+def _largest_change(
+    before: Current | RisingCurrent, after: Current | RisingCurrent
+) -> tuple[float, float]:
     """Return the largest change of velocity [m/s] between two profiles, and its height [m]."""
-    if before is None:
-        return 0.0, 0.0
     z = np.union1d(before.z, after.z)  # both are linear in between
-    changes = [np.interp(z, after.z, after.U[k]) - np.interp(z, before.z, before.U[k])
-               for k in range(2)]  # fmt: skip
-    size = np.hypot(*changes)
+    changes = [
+        np.interp(z, after.z, new) - np.interp(z, before.z, old)
+        for new, old in zip(after.U, before.U, strict=True)
+    ]
+    size = np.linalg.norm(changes, axis=0)
     worst = int(size.argmax())
     return float(size[worst]), float(z[worst])
-
-
-def _with_profile(effect: Any, new: Current) -> Any:
-    """Return the effect, with the new profile if it is a current."""
-    if isinstance(effect, CurrentInTime):
-        return effect._replace(current=new)
-    return new if isinstance(effect, Current) else effect

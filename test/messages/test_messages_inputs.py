@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ros_messages import joint, multi_array
 
 from rope_twin.errors import InputError
-from rope_twin.messages import encode_cut, encode_heave, encode_order
+from rope_twin.messages import encode_current, encode_cut, encode_heave, encode_order
 from rope_twin.messages.inputs import read_current, read_cut, read_heave, read_order
 from rope_twin.topics import CUT_TOPIC, WINCH_TOPICS
 from rope_twin.twin.winch.commands import WinchCommand
@@ -60,6 +60,15 @@ def test_current_rows_come_with_or_without_a_layout(sizes: list[int]) -> None:
     assert rows.tolist() == [[0.0, 0.5, 0.0], [-100.0, 0.1, 0.2]]
 
 
+def test_current_rows_may_have_a_vertical_component() -> None:
+    """The layout tells rows of four; without one, twelve numbers are four rows of three."""
+    rows = [[0.0, 0.5, 0.0, 0.1], [-100.0, 0.1, 0.2, -0.1], [-200.0, 0.0, 0.0, 0.0]]
+    assert read_current(encode_current(rows)).tolist() == rows
+    flat = [number for row in rows for number in row]
+    assert read_current(multi_array(flat, [3, 4])).tolist() == rows
+    assert read_current(multi_array(flat, [])).shape == (4, 3)
+
+
 @pytest.mark.parametrize(
     ("data", "words"),
     [
@@ -101,7 +110,9 @@ def test_a_speed_on_another_topic_is_refused(topic: str, words: str) -> None:
         multi_array([0.0] * 6, [2, 4]),
         multi_array([0.0] * 6, [2, 3], offset=3),
         multi_array([0.0] * 6, [1, 2, 3]),
-        multi_array([0.0] * 4, [1, 4]),
+        multi_array([0.0] * 4, [4, 1]),
+        multi_array([0.0] * 5, [1, 5]),
+        multi_array([0.0] * 12, [4, 4]),
     ],
 )
 def test_a_malformed_current_gets_one_sentence(data: bytes) -> None:

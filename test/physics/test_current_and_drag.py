@@ -1,9 +1,10 @@
-"""Currents in layers and in time, drag over the Reynolds number and by the current alone."""
+"""Currents in layers, over time and upward; drag over the Reynolds number, by current alone."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from rope_twin.effects.current import CurrentParams, Layers
 from rope_twin.effects.current import build as build_current
 from rope_twin.effects.drag import DragParams, ReynoldsDrag
 from rope_twin.effects.drag import build as build_drag
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload import build as build_payload
 from rope_twin.twin.twin import Twin
 
 WATER = Surroundings(1025.0, 9.80665, 0.0)
@@ -76,6 +79,65 @@ def test_a_ramp_starts_from_rest_and_ends_in_the_tow() -> None:
     assert np.hypot(*steady[:2]) > 0.5
 
 
+RISING = CurrentParams(
+    profile=((0.0, (0.8, 0.1, 0.0)), (-30.0, (0.3, 0.5, 0.2)), (-70.0, (-0.2, 0.4, -0.1)))
+)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_a_vertical_component_over_the_depth(share: float) -> None:
+    """All three are linear between the rows; the horizontal ones to the bit as without it."""
+    over_time = () if share == 1.0 else ((0.0, 0.0), (10.0, 1.0))
+    params = replace(RISING, over_time=over_time)
+    level = replace(params, profile=tuple((z, velocity[:2]) for z, velocity in params.profile))
+    seen, z = flow(params, 5.0), some_work()[2]
+    rising = params.table[::-1]
+    assert seen[2] == pytest.approx(share * np.interp(z, rising[:, 0], rising[:, 3]), abs=1e-15)
+    assert seen[:2].tobytes() == flow(level, 5.0)[:2].tobytes()
+    assert np.ptp(seen[2]) > 0.1 * share
+
+
+def test_only_the_relative_velocity_counts() -> None:
+    """Drag of rope and payload that move with the water is none; else as in still water."""
+    up = (0.3, -0.2, 0.7)
+    water = build_current(CurrentParams(profile=((0.0, up),)), None, WATER)
+    load = SimpleNamespace(
+        mass_kg=0.0, volume_m3=0.0, added_mass_kg=(0.0,) * 3, drag_area_m2=(1.0, 2.0, 3.0),
+        differs_rising=False,
+    )  # fmt: skip
+    force = (
+        build_drag(DragParams(normal=1.2, tangential=0.05), None, WATER),
+        build_payload(PayloadParams(), load, WATER),
+    )
+    work = some_work()
+    still = work.copy()
+    still[rows.VELOCITY : rows.VELOCITY + 3] -= np.array(up)[:, None]
+    part = slice(rows.RESIDUAL, rows.BLOCK + 6)
+    assert found((water, *force), work)[part] == pytest.approx(
+        found(force, still)[part], rel=1e-12, abs=1e-9
+    )
+
+
+@pytest.mark.parametrize("upward", [0.8, -0.8])
+def test_a_rope_that_hangs_in_a_vertical_current(upward: float) -> None:
+    """Tension from the payload up: W - ½ρCdA·w·|w| + (weight - ½ρπd·Cdt·w·|w|)·s."""
+    rig = Rig(
+        length=400.0, elements=40, mass=6.4, load=3e3, volume=0.3, density=1025.0, drag=(1.2, 0.02),
+        area=(4.0, 4.0, 5.0), damping=1e5, diameter=0.04, EA=5e7, tolerance=1e-6,
+        current=((0.0, (0.0, 0.0, upward)),),
+    )  # fmt: skip
+    shot = Twin(rig.scene()).snapshot()
+    square = 0.5 * 1025.0 * upward * abs(upward)
+    below = rig.load_weight - square * 5.0
+    each = rig.weight - square * math.pi * 0.04 * 0.02
+    middles = 10.0 * (np.arange(40) + 0.5)
+    tension = np.sort(shot.element_tension_n)  # from the payload up
+    assert tension == pytest.approx(below + each * middles, rel=1e-6)
+    assert shot.tension_top_n == pytest.approx(below + each * 400.0, rel=1e-6)
+    assert abs(each / rig.weight - 1.0) > 0.005
+    assert np.abs(shot.payload_position_m[:2]).max() < 1e-9
+
+
 def test_drag_follows_the_reynolds_number() -> None:
     """Factor by ln Re between rows, held beyond; the same factor on the whole of `normal`."""
     base = DragParams(normal=1.2, tangential=0.0)
@@ -117,6 +179,9 @@ def test_drag_by_the_current_alone_does_not_damp() -> None:
         (CurrentParams(), "profile is empty"),
         (replace(BOTH, over_time=((3.0, 1.0), (3.0, 0.0))), "order the rows"),
         (CurrentParams(layers=replace(LAYERS, upper=(11.0, 0.0))), "not a plausible current"),
+        (CurrentParams(profile=((0.0, (1.0, 0.0, -11.0)),)), "not a plausible current"),
+        (CurrentParams(profile=((0.0, (1.0,)),)), "give [east, north] or [east, north, up]"),
+        (CurrentParams(layers=replace(LAYERS, lower=(1.0,) * 4)), "has 4 components"),
     ],
 )
 def test_what_a_current_may_not_be(params: CurrentParams, words: str) -> None:

@@ -172,6 +172,11 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "effects current.profile: ",
         ("above", "z = -50 m"),
     ),
+    "current through the surface": (
+        spoilt(PROFILE, "[[0.0, [0.5, 0.0, 0.2]], [-900.0, [0.0, 0.0, 0.0]]]"),
+        "effects current.profile: ",
+        ("0.2 m/s of vertical current pass through the surface", "a row at z = 0 m with 0 up"),
+    ),
     "a winch through a clamp": (
         spoilt(
             "  - payload: {}\n",

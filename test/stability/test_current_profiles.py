@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from small_scene import SMALL_SCENE, not_finite, small_scene
 from rope_twin import load_scene
 from rope_twin.errors import SceneError
 from rope_twin.messages import Level, Status, statuses
+from rope_twin.scene.shapes import payload_figures
 from rope_twin.twin.current_input import MAX_ROWS
 from rope_twin.twin.health import RECENT_NS
 from rope_twin.twin.twin import Twin
@@ -68,6 +70,40 @@ def test_a_jump_of_the_profile_is_flagged_for_a_minute(tmp_path: Path) -> None:
     assert _row(twin).level == Level.OK
 
 
+OWN = "[[0.0, [0.5, 0.1]], [-150.0, [0.1, 0.3]], [-500.0, [0.0, 0.0]]]"
+
+
+def test_a_vertical_component_is_refused_where_the_scene_has_none(tmp_path: Path) -> None:
+    """Other code would have to be compiled, in the middle of the run; zeros need none."""
+    twin = Twin(small_scene(tmp_path))
+    told = twin.offer_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.2]])
+    assert "current: it has a vertical component, which this scene's current has not" in told
+    assert twin.snapshot().inputs["current"].impossible == 1
+    assert twin.offer_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.0]]) == ""
+
+
+def test_a_vertical_component_comes_and_goes(tmp_path: Path) -> None:
+    """The rope feels it: 2 m/s down add the drag on the payload's face to the tension."""
+    path = tmp_path / "up.yaml"
+    path.write_text(SMALL_SCENE.replace(OWN, "[[0.0, [0.0, 0.0, 0.0]]]"))
+    twin = Twin(load_scene(path))
+    still = twin.snapshot().tension_top_n
+    assert twin.offer_current([[0.0, 0.0, 0.0, -2.0], [-500.0, 0.0, 0.0, -2.0]]) == ""
+    twin.advance(1)
+    assert "changed by 2.00 m/s" in _row(twin).message
+    twin.advance(9000)
+    faster = twin.snapshot().tension_top_n
+    assert twin.offer_current([[0.0, 0.0, 0.0], [-500.0, 0.0, 0.0]]) == ""
+    twin.advance(9000)
+    assert twin.snapshot().tension_top_n == pytest.approx(still, abs=1.0)
+    scene = load_scene(path)
+    (load,), rope = scene.payloads, scene.ropes[0].rope
+    assert rope is not None
+    face = payload_figures(load, 1025.0).drag_area_m2[2]
+    skin = math.pi * rope.hydrodynamic_diameter_m * 0.03 * 200.0
+    assert faster - still == pytest.approx(0.5 * 1025.0 * 4.0 * (face + skin), rel=1e-3)
+
+
 def _row(twin: Twin) -> Status:
     rows = {row.name: row for row in statuses(twin.snapshot(), None)}
     return rows["simulation: input current"]
@@ -81,8 +117,7 @@ def _row(twin: Twin) -> Status:
     ],
 )
 def test_a_scene_s_own_profile_is_held_to_the_same(tmp_path: Path, rows: str, words: str) -> None:
-    own = "[[0.0, [0.5, 0.1]], [-150.0, [0.1, 0.3]], [-500.0, [0.0, 0.0]]]"
     path = tmp_path / "steep.yaml"
-    path.write_text(SMALL_SCENE.replace(own, rows))
+    path.write_text(SMALL_SCENE.replace(OWN, rows))
     with pytest.raises(SceneError, match=words):
         load_scene(path)

@@ -114,6 +114,16 @@ def test_any_number_of_members(
     assert groups == (expected if members >= LANES else [])
 
 
+def test_a_vertical_current(tmp_path: Path) -> None:
+    """Members whose currents well up, each by its own rows."""
+    path = tmp_path / "up.yaml"
+    path.write_text(SMALL_SCENE.replace("[0.1, 0.3]]", "[0.1, 0.3, 0.2]]"))
+    scene, own = load_scene(path), [calm(number) for number in range(LANES)]
+    ensemble = Ensemble(scene, own, threads=1)
+    ensemble.advance(4)
+    assert not unequal(scene, ensemble, own, 4)
+
+
 def test_what_a_turn_needs_is_compiled_before_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -116,6 +116,13 @@ VARIANTS: dict[str, Any] = {  # other kernels of the same effects, each with its
         layers=Layers(upper=(0.8, 0.2), lower=(-0.3, 0.1), split_z_m=-40.0, bottom_z_m=-70.0),
         over_time=((0.0, 0.0), (10.0, 1.0)),
     ),
+    "current that wells up": CurrentParams(
+        profile=((0.0, (0.8, 0.1, 0.0)), (-30.0, (0.3, 0.5, 0.2)), (-70.0, (-0.2, 0.4, -0.1)))
+    ),
+    "current that wells up and goes": CurrentParams(
+        profile=((0.0, (0.8, 0.1, 0.0)), (-60.0, (0.3, 0.5, 0.2))),
+        over_time=((0.0, 1.0), (10.0, 0.0)),
+    ),
     "drag over Reynolds numbers": DragParams(
         normal=1.2, tangential=0.02, over_reynolds=((1e3, 1.4), (1e5, 1.0), (1e6, 0.5))
     ),

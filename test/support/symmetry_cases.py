@@ -68,7 +68,7 @@ def _body(params: RigidBodyParams, turn: Turn) -> RigidBodyParams:
 # What has a direction. Lift begins on one hand, the same in a mirror: there is none where one is.
 TURNED: dict[str, Turned] = {
     "current": lambda p, turn: replace(
-        p, profile=tuple((z, turn.flat(velocity)) for z, velocity in p.profile)
+        p, profile=tuple((z, (*turn.flat(v[:2]), *v[2:])) for z, v in p.profile)
     ),
     "wind": lambda p, turn: replace(p, velocity_m_per_s=turn.flat(p.velocity_m_per_s)),
     "waves": lambda p, turn: replace(p, heading_deg=turn.heading(p.heading_deg)),

@@ -40,11 +40,11 @@ def bed_at(bed: SeabedParams, x: float, y: float) -> float:
 
 
 def steepest_shear(profile: NDArray[np.float64]) -> tuple[float, int]:
-    """Return the largest shear [1/s] of rows z, east, north (rows, 3), and its upper row."""
+    """Return the largest shear [1/s] of rows z, east, north (, up), and its upper row."""
     if len(profile) < 2:
         return 0.0, 0
     step = np.diff(profile, axis=0)
-    shear = np.hypot(step[:, 1], step[:, 2]) / np.abs(step[:, 0])
+    shear = np.linalg.norm(step[:, 1:], axis=1) / np.abs(step[:, 0])
     return float(shear.max()), int(shear.argmax())
 
 
@@ -53,7 +53,7 @@ def _current(scene: Scene) -> Iterator[Fault]:
     current = scene.listed(CurrentParams)
     if current is None or len(current.profile) < 2:
         return
-    rows = np.array([[z, *velocity] for z, velocity in current.profile], dtype=float)
+    rows = current.table
     spacing = -np.diff(rows[:, 0])
     shear, steepest = steepest_shear(rows)
     if spacing.min() < MIN_ROW_SPACING_M:

@@ -424,7 +424,7 @@ def _dry_rope(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     push = 0.0
     if current is not None and drag is not None:
         frontal = drag.normal * rope.hydrodynamic_diameter_m * height
-        push = 0.5 * density * frontal * hypot(*current.points[0][1]) ** 2
+        push = 0.5 * density * frontal * hypot(*current.points[0][1][:2]) ** 2
     tension = abs(figures.top_tension_n(scene.ropes[0].length_m))
     if scene.ropes[0].fixed_at_m:
         tension = tension_at_length(figures.bars, figures.chord_m)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from math import dist, hypot, pi, radians, tanh
 
-from rope_twin.effects.current import CurrentParams
+import numpy as np
+
+from rope_twin.effects.current import CurrentParams, Point, Velocity
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams, components_of
 from rope_twin.errors import phrase
@@ -18,6 +20,7 @@ from rope_twin.sea.spectrum import BREAKING, steepness_warning
 
 LONGEST_ARM_M = 400.0  # the longest ships
 FASTEST_CURRENT_M_PER_S = 2.5  # maximum of the Gulf Stream; a tidal race may exceed it
+THROUGH_M_PER_S = 0.01  # accepted vertical current through the surface or the seabed
 LEFT_OUT = 0.01  # of a variance: accepted loss beyond an RAO table
 ANOTHER = 0.2  # of the water depth: accepted difference of the waves' depth on a sloping seabed
 SAGGING = 1.01  # length over depth up to which a rope hangs free
@@ -183,12 +186,10 @@ def _arm(scene: Scene) -> Iterator[str]:
         yield phrase("ship.reference_m", what, f"plausible are at most {LONGEST_ARM_M:g} m")
 
 
-def strong_current(
-    where: str, points: Iterable[tuple[float, tuple[float, float]]], factor: float = 1.0
-) -> str:
+def strong_current(where: str, points: Iterable[Point], factor: float = 1.0) -> str:
     """Return a warning for the fastest row of an implausibly strong current profile, or "".
 
-    points: rows of z [m] and velocity east, north [m/s]; factor: on the velocity.
+    points: rows of z [m] and velocity east, north (, up) [m/s]; factor: on the velocity.
     """
     speed, z = max(((factor * hypot(*velocity), z) for z, velocity in points), default=(0.0, 0.0))
     if speed <= FASTEST_CURRENT_M_PER_S:
@@ -210,6 +211,7 @@ def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     part = "profile" if current.layers is None else "layers"
     if warning := strong_current(f"effects current.{part}", current.points, factor):
         yield warning
+    yield from _through(scene, current, part, factor)
     if current.layers is not None:  # two layers are complete
         return
     length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
@@ -224,13 +226,31 @@ def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         yield _held(last, last_velocity, "below", f"{bottom:g} m")
 
 
-def _held(z: float, velocity: tuple[float, float], side: str, reach: str) -> str:
-    east, north = velocity
+def _held(z: float, velocity: Velocity, side: str, reach: str) -> str:
+    named = zip(velocity, ("east", "north", "up"), strict=False)
+    value = ", ".join(f"{part:g} {name}" for part, name in named)
     what = (
-        f"{side} its row at z = {z:g} m the value there ({east:g} east, {north:g} north m/s) is "
+        f"{side} its row at z = {z:g} m the value there ({value} m/s) is "
         f"used, as far as the rope's end at z = {reach}"
     )
     return phrase("effects current.profile", what, "add a row there")
+
+
+def _through(scene: Scene, current: CurrentParams, part: str, factor: float) -> Iterator[str]:
+    """Check for a vertical current through the surface, or through the seabed below the ship."""
+    if not current.rises:
+        return
+    heights, up = current.table[::-1, 0], factor * current.table[::-1, 3]
+    sides = {"surface": 0.0}
+    bed = scene.listed(SeabedParams)
+    if bed is not None:
+        sides["seabed"] = bed_at(bed, *scene.ship.hang_off_m[:2])
+    for side, z in sides.items():
+        speed = float(np.interp(z, heights, up))
+        if abs(speed) > THROUGH_M_PER_S:
+            what = f"{speed:g} m/s of vertical current pass through the {side} at z = {z:g} m"
+            right = f"let it end there: a row at z = {z:g} m with 0 up"
+            yield phrase(f"effects current.{part}", what, right)
 
 
 def is_air(scene: Scene) -> bool:

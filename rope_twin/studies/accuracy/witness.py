@@ -146,10 +146,8 @@ class _Rope:
         self.weight[0] += (load.mass_kg - density * load.volume_m3) * gravity
         self.payload_mass = load.mass_kg + np.array(load.added_mass_kg)
         self.payload_drag = 0.5 * density * np.array(load.drag_area_m2)
-        profile = has[CurrentParams].points if CurrentParams in has else ((0.0, (0.0, 0.0)),)
-        upward = sorted(profile)
-        self.height = np.array([z for z, _ in upward])
-        self.flow = np.array([velocity for _, velocity in upward]).T
+        table = has[CurrentParams].table if CurrentParams in has else np.zeros((1, 4))
+        self.height, self.flow = table[::-1, 0], table[::-1, 1:].T
 
     def largest_step(self) -> float:
         """Return the stability limit of the time step [s]."""
@@ -188,8 +186,8 @@ class _Rope:
         tangent[:, 0], tangent[:, -1] = way[:, 0], way[:, -1]
         tangent /= np.sqrt((tangent * tangent).sum(axis=0) + 1e-12)
         u = v.copy()
-        u[0] -= np.interp(x[2], self.height, self.flow[0])
-        u[1] -= np.interp(x[2], self.height, self.flow[1])
+        for k in range(3):
+            u[k] -= np.interp(x[2], self.height, self.flow[k])
         along = (u * tangent).sum(axis=0)
         across = u - along * tangent
         size = np.sqrt((across * across).sum(axis=0))

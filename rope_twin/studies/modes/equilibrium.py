@@ -112,8 +112,8 @@ def water_at(scene: Scene, z: Floats) -> Floats:
     water = np.zeros((3, len(z)))
     for params in scene.effects:
         if isinstance(params, CurrentParams):
-            rows = np.array([[at, *velocity] for at, velocity in params.points])[::-1]
-            for k in (0, 1):
+            rows = params.table[::-1]
+            for k in range(3):
                 water[k] += np.interp(z, rows[:, 0], rows[:, 1 + k])
     return water
 
