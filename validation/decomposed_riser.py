@@ -28,6 +28,7 @@ WATER = DENSITY * 0.25 * pi * DIAMETER**2  # displaced [kg/m]
 UNIFORM = ((0.2, 5), (0.3, 7), (0.4, 11))  # m/s and published mode
 SHEAR = ((0.2, 4), (0.4, 9), (0.7, 13))  # m/s at the top
 RATIOS = ((1.5, 11), (3.0, 13), (4.5, 14))  # of mass over displaced water, in a shear of 0.54 m/s
+VARYING = {"uniform": (5, 7, 10), "shear": (4, 9, 13), "ratio": (12, None, 15)}  # likewise
 RMS = {False: (0.30, 0.20, 0.10), True: (0.15, 0.11, 0.056)}  # mean along the riser, over D
 WHY = (
     "Why it is not met: the table is a fit to published features, with C_a the same at all "
@@ -47,6 +48,11 @@ WHY = (
     "the heavier the riser and most with C_a varying, at the damping kept; a C_a that is less at "
     "the amplitude reached than at the 0.5 D of the pre-analysis would put it there, by 0.15 to "
     "0.3 for 3 %, and the fit's is the same at all amplitudes.",
+    "With C_a varying, the fit's C_a rises from -0.5 to 1.7 between f·D/U 0.13 and 0.17, so that "
+    "in 0.3 m/s the band holds modes 6 to 10; the strongest is the ninth, at 0.170, where the "
+    "fit's lift is largest, with 35 W at 0.5 D. The printed seventh, at 0.147, has 22 W. At mass "
+    "ratio 1.5 the printed twelfth has a thirteenth of the ninth's power; the mode nearest to the "
+    "shedding frequency (below) is the eleventh there.",
     "The text gives each element in the band the mode nearest to f·D/U of 0.17 (`lock_in: "
     "nearest`, rows of the table below). That has the printed modes over the mass ratio, but a "
     "quarter to a half of the printed amplitudes, and mode 17 for 13 in a shear of 0.7 m/s. The "
@@ -69,6 +75,11 @@ ELSEWHERE = (
 TABLE = (
     "The forces are config/viv/fitted_forces.csv, a smooth fit to published features of "
     "Gopalkrishnan's tables and not those tables."
+)
+UNSEEN = (
+    "Not shown: the paper's 18 cases of tension, its six step profiles and its rigid cylinder on "
+    "elastic supports. Some of their modes are known, but the tensions, profiles and supports that "
+    "belong to them are not in the material at hand, so that nothing could be verified."
 )
 
 
@@ -148,19 +159,26 @@ def _respond(span: Span, model: Decomposed, duration: float, way: _Way) -> _Run:
     return _Run(span.s, np.asarray(late.std(axis=0)), dominant, duration / spent)
 
 
-def _modes() -> list[Finding]:
-    """Return the dominant modes by power, at C_a = 1."""
-    fixed, findings = decomposed(varying=False), []
-    for rows, current, margin in ((UNIFORM, _uniform, 1), (SHEAR, _shear, 2)):
-        for speed, mode in rows:
-            name = f"{'uniform' if current is _uniform else 'shear'} {speed:g} m/s, C_a 1: mode"
-            found = analyse(current(speed), fixed).dominant
-            findings.append(_near(name, found, mode, margin))
-    for ratio, mode in RATIOS:
-        found = analyse(_shear(0.54, ratio * WATER), fixed).dominant
-        findings.append(_near(f"mass ratio {ratio:g}, shear 0.54 m/s, C_a 1: mode", found, mode, 2))
-    varying = analyse(_uniform(0.4), decomposed())
-    findings.append(_near("uniform 0.4 m/s, C_a varying: mode", varying.dominant, 10, 1))
+def _modes(whole: bool = True) -> list[Finding]:
+    """Return the dominant modes by power, at C_a = 1, and if `whole` with C_a varying."""
+    cases = [(f"uniform {speed:g} m/s", _uniform(speed), 1) for speed, _ in UNIFORM]
+    cases += [(f"shear {speed:g} m/s", _shear(speed), 2) for speed, _ in SHEAR]
+    cases += [
+        (f"mass ratio {ratio:g}, shear 0.54 m/s", _shear(0.54, ratio * WATER), 2)
+        for ratio, _ in RATIOS
+    ]
+    fixed = tuple(mode for _, mode in (*UNIFORM, *SHEAR, *RATIOS))
+    varying = (*VARYING["uniform"], *VARYING["shear"], *VARYING["ratio"])
+    findings = []
+    for name, modes, model in (
+        ("C_a 1", fixed, decomposed(varying=False)), ("C_a varying", varying, decomposed())
+    ):  # fmt: skip
+        for (case, span, margin), mode in zip(cases, modes, strict=True):
+            if mode is not None:
+                found = analyse(span, model).dominant
+                findings.append(_near(f"{case}, {name}: mode", found, mode, margin))
+        if not whole:
+            break
     return findings
 
 
@@ -257,15 +275,18 @@ def riser(duration: float = 40.0) -> Found:
     return Found(
         tuple(findings),
         _panels(runs),
-        (*WHY, STEPS, _variants(0.75 * duration), *ELSEWHERE, _balanced(), TABLE),
+        (*WHY, STEPS, _variants(0.75 * duration), *ELSEWHERE, _balanced(), TABLE, UNSEEN),
     )
 
 
 def riser_in_short() -> Found:
-    """Return the modes, and one response."""
+    """Return the modes at C_a = 1, and one response."""
     run = _respond(_uniform(0.4), decomposed(), 12.0, _Way())
     return Found(
-        (*_modes(), between("uniform 0.4 m/s: it moves", run.mean, (0.1, 1.0), "0.1 to 1"))
+        (
+            *_modes(whole=False),
+            between("uniform 0.4 m/s: it moves", run.mean, (0.1, 1.0), "0.1 to 1"),
+        )
     )
 
 
