@@ -322,7 +322,8 @@ def _sections(line: RopeLine, figures: LiftFigures) -> Iterator[str]:
         if line.rope is None:
             words = f"{section.length_m:g} m" if section.length_m else "all above"
             words += f" {rope.about or f'{1e3 * rope.diameter_m:g} mm'}: "
-        table = " at its mean load, by a table" if rope.axial_stiffness else ""
+        law = "dynamic" if rope.is_fibre else "by a table"
+        table = f" at its mean load, {law}" if rope.axial_stiffness else ""
         least = rope.minimum_bend_radius_m
         bend = f", minimum bend radius {least:g} m" if least else ""
         yield (

@@ -1,11 +1,8 @@
 """Elements of a rope: sections, axial law, direction, tension and stiffness blocks.
 
-An element pulls only: T = max(0, E(strain) + c·strain rate). One max() over the sum keeps the law
-continuous and convex: a damper never pushes and there is no jump c·rate at first contact. E is
-EA·strain, or a table of the section: a monotone cubic between its points (Fritsch and Butland 1984,
-SIAM J. Sci. Stat. Comput. 5, 300), whose tangents are continuous, so that the only kink for
-Newton's method is that at zero tension. The type of `rope.law` selects the code while numba
-compiles, so a rope without a table contains no code for one.
+An element pulls only: T = max(0, E + c·strain rate), with the elastic part E of core/axial_law. One
+max() over the sum keeps the law continuous: a damper never pushes and there is no jump c·rate at
+first contact.
 
 Masses are lumped; an element's direction is t = Δx/l, with l² regularised by (1e-8·l_0)² for nodes
 that coincide. A boundary between sections is always a node, so an element belongs to one section.
@@ -19,12 +16,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-import numpy as np
-from numba import types
-from numba.extending import overload
-
+from rope_twin.core.axial_law import law_from, law_of, pull_of
 from rope_twin.core.guards import STRETCH2_MIN
-from rope_twin.core.jit.decorators import LINKED, jit, jit_ordered_within, jit_within
+from rope_twin.core.jit.decorators import jit, jit_ordered_within, jit_within
 from rope_twin.core.jit.rows import offset_row, row, rows
 from rope_twin.core.jit.wide import choose, count_beyond
 from rope_twin.core.state import (
@@ -51,7 +45,6 @@ from rope_twin.core.state import (
     Floats,
     Rope,
     Stage,
-    Table,
 )
 
 SAME_PLACE = 1e-6  # m: material coordinates closer than this are one
@@ -123,76 +116,6 @@ def set_top_of(work: Floats, s: Any, sections: Any, n: int, line: Any, places: A
     set_growth(work, n - 1, V)
 
 
-def pull_of(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
-    """Return the elastic tension [N] of element e at this extension [m], and its tangent [N/m].
-
-    section, stiffness: rows; a table stores its tangent in `stiffness`.
-    """
-    chosen = _by_stiffness if law is None else _by_table
-    return chosen(law, section, stiffness, e, extension, rest)
-
-
-@jit_within
-def tension_at(law: Any, section: int, strain: float) -> Any:
-    """Return T and dT/dstrain [N] of a section; linear below the first and beyond the last knot."""
-    j = 0
-    while j + 1 < law.knot.shape[1] and strain >= law.knot[section, j + 1]:
-        j += 1
-    u = strain - law.knot[section, j]
-    v = max(u, 0.0)
-    slope, curve, bend = law.slope[section, j], law.curve[section, j], law.bend[section, j]
-    return (
-        law.tension[section, j] + slope * u + v * v * (curve + bend * v),
-        slope + v * (2.0 * curve + 3.0 * bend * v),
-    )
-
-
-def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> Any:
-    """Return elastic tension [N] and stored energy per unstretched metre [J/m]; 0 when slack.
-
-    In numpy, for the energy balance outside the step. stiffness: EA [N] of each element, where
-    there is no table.
-    """
-    strain = np.maximum(strain, 0.0)
-    if law is None:
-        return stiffness * strain, 0.5 * stiffness * strain**2
-    tension, stored = np.zeros_like(strain), np.zeros_like(strain)
-    for j in range(law.knot.shape[1]):
-        low, t, slope, curve, bend = (row[section, j] for row in law)
-        end = law.knot[section, j + 1] if j + 1 < law.knot.shape[1] else np.inf
-        here = strain >= low
-        u = np.where(here, np.minimum(strain, end) - np.where(here, low, 0.0), 0.0)
-        inside = t + u * (slope + u * (curve + u * bend))
-        tension = np.where(here, inside, tension)
-        stored += u * (t + u * (slope / 2.0 + u * (curve / 3.0 + u * bend / 4.0)))
-    return tension, stored
-
-
-@jit_within
-def _by_stiffness(
-    law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float
-) -> Any:
-    return stiffness[e] * extension, stiffness[e]
-
-
-@jit_within
-def _by_table(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
-    tension, tangent = tension_at(law, int(section[e]), extension / rest)
-    k = tangent / rest
-    stiffness[e] = k
-    return tension, k
-
-
-@overload(pull_of, jit_options={**LINKED, "forceinline": True}, strict=False)
-def _choose(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
-    chosen = _by_stiffness if isinstance(law, types.NoneType) else _by_table
-
-    def choice(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
-        return chosen(law, section, stiffness, e, extension, rest)
-
-    return choice
-
-
 @jit_within
 def _apart(motion: Any, e: int) -> Any:
     """Return position and velocity of an element's upper node relative to its lower one."""
@@ -246,8 +169,8 @@ def _part(law: Any, work: Floats, offset: Any, low: int) -> Any:
     """Return the law and rows of the elements from `low` on."""
     stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
     return (
-        law, row(work, REST, low), offset_row(offset, low), row(work, SECTION, low), stiffness,
-        damping, row(work, GROWTH, low),
+        law_from(law, low), row(work, REST, low), offset_row(offset, low), row(work, SECTION, low),
+        stiffness, damping, row(work, GROWTH, low),
     )  # fmt: skip
 
 
@@ -293,7 +216,7 @@ def stretch_corrected(rope: Rope, stage: Stage, low: int, high: int) -> int:
     counts as a deviation.
     """
     work, tolerance = rope.work, rope.model.tolerance
-    part = _part(rope.law, work, rope.state.offset, low)
+    part = _part(law_of(rope), work, rope.state.offset, low)
     motion, weights = _motion(work, low), (stage.p, stage.q)
     dx, dy, dz = rows(work, CORRECTION, low)
     nx, ny, nz = rows(work, CORRECTION, low + 1)
@@ -321,7 +244,7 @@ def count_unexpected(rope: Rope, stage: Stage, low: int, high: int) -> int:
     Direction and tension are set as if the motion were corrected.
     """
     work, tolerance = rope.work, rope.model.tolerance
-    part = _part(rope.law, work, rope.state.offset, low)
+    part = _part(law_of(rope), work, rope.state.offset, low)
     motion, weights = _motion(work, low), (stage.p, stage.q)
     deltas = (*rows(work, CORRECTION, low), *rows(work, CORRECTION, low + 1))
     tx, ty, tz = rows(work, DIRECTION, low)
@@ -348,7 +271,7 @@ def find_change(rope: Rope, stage: Stage, low: int, high: int, column: int) -> N
     The change is stored from `column` on.
     """
     work = rope.work
-    part = _part(rope.law, work, rope.state.offset, low)
+    part = _part(law_of(rope), work, rope.state.offset, low)
     motion, weights = _motion(work, low), (stage.p, stage.q)
     deltas = (*rows(work, CORRECTION, low), *rows(work, CORRECTION, low + 1))
     tx, ty, tz = rows(work, DIRECTION, low)
@@ -370,7 +293,7 @@ def find_change(rope: Rope, stage: Stage, low: int, high: int, column: int) -> N
 def stretch_all(rope: Rope, stage: Stage) -> None:
     """Apply `stretch` to all elements."""
     n = rope.state.counts[ELEMENTS]
-    stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, n - n, n)
+    stretch(law_of(rope), rope.work, rope.state.offset, stage.p, stage.q, n - n, n)
 
 
 @jit

@@ -19,7 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.elements import SAME_PLACE, hold
+from rope_twin.core.axial_law import FibreLaw, held_tension, hold, law_of
+from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.guards import STRETCH2_MIN, TANGENT2_MIN
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import set_flow
@@ -77,7 +78,8 @@ class Elements(NamedTuple):
     direction: Floats
     turning: Floats  # rate of the direction [1/s]
     stored: Floats  # elastic energy [J]
-    damping: Floats  # axial damping force, part of the tension [N]
+    damping: Floats  # force that dissipates, part of the tension [N]
+    held: Floats  # energy per metre that this force has stored, in a fibre rope [J/m]
     rate: Floats  # strain rate times unstretched length [m/s]
     stretch: Floats  # length over unstretched length
     rest: Floats  # unstretched length [m]
@@ -246,7 +248,8 @@ def damped(before: Elements, after: Elements, step: float) -> float:
     work = 0.5 * (before.damping[:same] + after.damping[:same]) @ moved
     for some in (before, after):
         work += 0.5 * step * (some.damping[same:] @ some.rate[same:])
-    return float(work)
+    rest = 0.5 * (before.rest[:same] + after.rest[:same])
+    return float(work - rest @ (after.held[:same] - before.held[:same]))
 
 
 def _motion(effects: tuple[Any, ...], place: Place) -> float:
@@ -271,14 +274,21 @@ def _elements(rope: Rope, V: float) -> Elements:
     rate = closing.copy()  # of the length, less that of the unstretched length: l_0·strain rate
     rate[-1] -= V / rest[-1] * length[-1]
     strain = (length + offset - rest) / rest
-    spring, stored = hold(rope.law, sections[EA, section], section, strain)
-    slack = sections[EA, section] * np.minimum(strain, 0.0)  # a table begins with EA
-    pull = np.maximum(spring + slack + sections[C, section] / rest * rate, 0.0)
+    law, damper = law_of(rope), sections[C, section] / rest * rate
+    if isinstance(law, FibreLaw):
+        elastic, stored = held_tension(law, section, strain)
+        pull = np.maximum(elastic + damper, 0.0)
+        spring, held = np.zeros(n), stored
+    else:
+        spring, stored = hold(law, sections[EA, section], section, strain)
+        slack = sections[EA, section] * np.minimum(strain, 0.0)  # a table begins with EA
+        pull, held = np.maximum(spring + slack + damper, 0.0), np.zeros(n)
     return Elements(
         direction=direction,
         turning=(dv - closing * direction) / length,
         stored=stored * rest,
         damping=pull - spring,
+        held=held,
         rate=rate,
         stretch=length / rest,
         rest=rest,

@@ -21,9 +21,11 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
+from rope_twin.core.axial_law import law_of
 from rope_twin.core.banded.pentadiagonal import eliminate_coupled, push_coupled, take_links
 from rope_twin.core.banded.tridiagonal import eliminate, push
 from rope_twin.core.elements import end_rope, find_change, stretch
+from rope_twin.core.fibre import predict_law
 from rope_twin.core.integrator import (
     BDF2,
     CONVERGED,
@@ -184,7 +186,9 @@ def _evaluate_rope(system: Any, rope: Any, stage: Stage, kind: int, share: float
         done, last = max(start - 1, 0), n if high == n else high - 1
         if high == n:
             pass_sheave(system, rope, r, 0.0, 0.0)
-        stretch(rope.law, work, state.offset, p, q, done, last)
+        if kind != SEARCH:
+            predict_law(law_of(rope), rope, stage, kind, done, last)
+        stretch(law_of(rope), work, state.offset, p, q, done, last)
         if high == n:
             last = upto
             if upto > n:

@@ -24,6 +24,7 @@ from __future__ import annotations
 from math import exp, sqrt
 from typing import Any
 
+from rope_twin.core.axial_law import law_of
 from rope_twin.core.banded.nodes import add_six, solve_symmetric, spring
 from rope_twin.core.elements import (
     SAME_PLACE,
@@ -247,7 +248,7 @@ def _merge(rope: Rope, stage: Stage) -> None:
     set_element(work, sections, section_above(sections, state.s[n - 2]), low, rest)
     state.offset[low] = offset
     work[GROWTH, low] = stage.V / rest
-    stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, low, middle)
+    stretch(law_of(rope), rope.work, rope.state.offset, 1.0, 0.0, low, middle)
     state.offset[low] = 0.0
     if T > 0.0 and work[TENSION, low] > 0.0:
         pull_after = work[TENSION, low] - 0.5 * rest * along(work, after, low)
@@ -288,7 +289,7 @@ def _balance_parts(rope: Rope, V: float, lower: float, shares: Any) -> Any:
     _place_middle(rope, rest, middle)
     if above != below:
         _keep_strain_rate(rope, V, rest, upper)
-    stretch(rope.law, work, state.offset, 1.0, 0.0, low, high)
+    stretch(law_of(rope), work, state.offset, 1.0, 0.0, low, high)
     if work[TENSION, low] > 0.0 and T_low > 0.0:
         share_low += (T_low - work[TENSION, low]) / work[STIFFNESS, low]
     if work[TENSION, middle] > 0.0 and T_up > 0.0:
@@ -321,7 +322,7 @@ def _find_equilibrium(rope: Rope, middle: int) -> bool:
     work, low = rope.work, middle - 1
     half = 0.5 * (work[REST, low] + work[REST, middle])
     for _ in range(MAX_ITERATIONS):
-        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, low, middle + 1)
+        stretch(law_of(rope), rope.work, rope.state.offset, 1.0, 0.0, low, middle + 1)
         T_low, T_up = work[TENSION, low], work[TENSION, middle]
         if T_low <= 0.0 or T_up <= 0.0:
             return False

@@ -59,8 +59,14 @@ LINE_DOUBLES = 8  # per cache line
 # Rows of `sections`; one column per section of the rope, from the lower end up:
 END = 0  # material coordinate of its upper end [m]; that of the last one is infinite
 EA, C = 1, 2  # of T = EA·strain + C·strain rate [N], [N·s]; with a table EA is unused
-PER_METRE = 3  # MASS to LENGTH per unstretched metre
-SECTION_ROWS = 8
+# of a fibre rope (core/axial_law), 0 otherwise:
+RELAXATION = 3  # 1/τ of the tension above the static curve [1/s]
+DYNAMIC, PER_TENSION = 4, 5  # dynamic stiffness: constant part [N], and per mean tension
+PER_AMPLITUDE = 6  # its loss per tension amplitude
+PERMANENT, CURVATURE = 7, 8  # permanent share of the strain, and m of the working curve
+HIGHEST = 9  # highest mean tension that the rope has been under before [N]
+PER_METRE = 10  # MASS to LENGTH per unstretched metre
+SECTION_ROWS = 15
 
 # state.counts
 ELEMENTS, LOWEST_OFFSET, COUNTS = 0, 1, 2

@@ -12,7 +12,9 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
+from rope_twin.core.axial_law import law_of
 from rope_twin.core.elements import end_rope, set_lengths, set_top_length, stretch_all
+from rope_twin.core.fibre import hold_law
 from rope_twin.core.integrator import (
     BDF2,
     CONVERGED,
@@ -263,6 +265,7 @@ def _recall_tension(system: Any, boundary: Boundary, row: int, time: float) -> N
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
         pass_sheave(system, rope, r, 0.0, 0.0)
+        hold_law(law_of(rope), rope)
         stretch_all(rope, stage_of(system, stage, r))
 
 

@@ -264,6 +264,17 @@ class Rope:
         assert self.axial_stiffness_n is not None, "checked when the scene was read"
         return self.axial_stiffness_n
 
+    def dynamic_n(self, tension_n: float) -> float:
+        """Return the stiffness [N] that fast motion about a static tension [N] meets."""
+        if self.axial_stiffness is not None:
+            return self.axial_stiffness.dynamic_n(tension_n)
+        return self.tangent_n(tension_n)
+
+    @property
+    def is_fibre(self) -> bool:
+        """Return whether the rope has a dynamic stiffness beside its static curve."""
+        return self.axial_stiffness is not None and self.axial_stiffness.dynamic is not None
+
 
 @dataclass(frozen=True, kw_only=True)
 class RopeSection:

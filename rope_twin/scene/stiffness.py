@@ -1,26 +1,81 @@
-"""Axial stiffness table: tension over strain, as a monotone cubic between its points."""
+"""Axial stiffness table: tension over strain, as a monotone cubic between its points.
+
+For a fibre rope it is the static curve, beside a dynamic stiffness and a working curve
+(core/axial_law, core/fibre).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from rope_twin.core.state import Floats, Table
-from rope_twin.quantity import quantity
+from rope_twin.quantity import SparingRepr, quantity, text
 
 MOST_STRAIN = 1.0
 MOST_STIFFNESS_N = 1e12
 STRAIN_TOL = 1e-12  # relative tolerance of the inverse, in strain
 
 
+class _Working(NamedTuple):
+    """Working curve T = u·(initial + bend·u), u = strain - lower, below the strain `upper`."""
+
+    highest: float  # tension at its upper end [N]
+    upper: float
+    lower: float
+    initial: float  # [N]
+    bend: float  # [N]
+
+
 @dataclass(frozen=True, kw_only=True)
-class StiffnessTable:
+class DynamicStiffness:
+    """Stiffness of a fibre rope for fast motion, E_d = constant + b·mean tension - c·amplitude."""
+
+    constant_n: float = quantity("constant part of the dynamic stiffness", "N", 0.0, 1e12)
+    per_mean_tension: float = quantity(
+        "increase per mean tension, N per N", "", 0.0, 1e3, default=0.0
+    )
+    per_tension_amplitude: float = quantity(
+        "decrease per tension amplitude, N per N", "", 0.0, 1e3, default=0.0
+    )
+    relaxation_s: float = quantity(
+        "time in which the tension returns to the static curve", "s", 1.0, 1e7
+    )
+
+    def stiffness_n(self, mean_n: float) -> float:
+        """Return the dynamic stiffness [N] at a mean tension [N], for small amplitudes."""
+        return self.constant_n + self.per_mean_tension * max(mean_n, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkingCurve:
+    """Static curve below the highest mean tension so far; the table is the original curve."""
+
+    permanent: float = quantity(
+        "permanent strain over the strain at the highest mean tension", "", 1e-3, 0.99
+    )
+    curvature: float = quantity(
+        "m in T = T_h·ξ·(1 - m + m·ξ); 0: a straight line", "", 0.0, 0.95, default=0.0
+    )
+    highest_mean_tension_n: float = quantity(
+        "highest mean tension before the start, e.g. at installation", "N", 0.0, 1e9, default=0.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class StiffnessTable(SparingRepr):
     """Points of strain and elastic tension; linear extrapolation beyond the last one."""
 
+    _later = frozenset(("dynamic", "working_curve"))
+
     table: tuple[tuple[float, float], ...] = quantity("rows of strain and tension [N]", "")
+    dynamic: DynamicStiffness | None = text("dynamic stiffness of a fibre rope", None)
+    working_curve: WorkingCurve | None = text("working curve of a fibre rope", None)
 
     def check(self) -> str | None:
         """Return the fault of the points and its remedy, or None."""
@@ -38,6 +93,8 @@ class StiffnessTable:
                 return f"from strain {low:g} to {high:g} its slope exceeds 1e12 N; check the units"
         if self.table[-1][0] > MOST_STRAIN:
             return f"a strain of {self.table[-1][0]:g} is given; 1 % is 0.01, give at most 1"
+        if self.working_curve is not None and self.dynamic is None:
+            return "it has a working_curve without dynamic; give the dynamic stiffness too"
         return None
 
     @cached_property
@@ -46,15 +103,48 @@ class StiffnessTable:
         return cubics([self.table])
 
     def tension_n(self, strain: float) -> float:
-        """Return the elastic tension [N] at a strain, negative below 0."""
+        """Return the static tension [N] at a strain, negative below 0."""
+        works = self._working
+        if works is not None and strain < works.upper:
+            u = strain - works.lower
+            return u * (works.initial + works.bend * max(u, 0.0))
         return self._at(strain)[0]
 
     def tangent_n(self, tension_n: float) -> float:
-        """Return dT/dstrain [N] at a tension."""
-        return self._at(self.strain_at(tension_n))[1]
+        """Return dT/dstrain [N] at a static tension."""
+        works, strain = self._working, self.strain_at(tension_n)
+        if works is not None and strain < works.upper:
+            return works.initial + 2.0 * works.bend * max(strain - works.lower, 0.0)
+        return self._at(strain)[1]
+
+    def dynamic_n(self, tension_n: float) -> float:
+        """Return the stiffness [N] that fast motion about a mean tension meets."""
+        tangent = self.tangent_n(tension_n)
+        return max(tangent, self.dynamic.stiffness_n(tension_n)) if self.dynamic else tangent
 
     def strain_at(self, tension_n: float) -> float:
-        """Return the strain at a tension [N]; 0 without tension."""
+        """Return the strain at a static tension [N]; 0 without tension."""
+        works = self._working
+        if works is None or tension_n >= works.highest:
+            return self._original_strain(tension_n)
+        tension = max(tension_n, 0.0)
+        root = sqrt(works.initial**2 + 4.0 * works.bend * tension)
+        return works.lower + 2.0 * tension / (works.initial + root)
+
+    @cached_property
+    def _working(self) -> _Working | None:
+        """Return the working curve at the start, if there is one."""
+        own = self.working_curve
+        if own is None or own.highest_mean_tension_n == 0.0:
+            return None
+        highest, m = own.highest_mean_tension_n, own.curvature
+        top = self._original_strain(highest)
+        span = (1.0 - own.permanent) * top
+        return _Working(
+            highest, top, own.permanent * top, highest * (1.0 - m) / span, highest * m / span**2
+        )
+
+    def _original_strain(self, tension_n: float) -> float:
         strain, tension = self.table[-1]
         if tension_n <= 0.0:
             return 0.0

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.elements import SAME_PLACE, hold
+from rope_twin.core.axial_law import FibreLaw, held_strain, held_tension, hold, law_of
+from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.state import Floats, Ints, Rope, State, Table
 
 HALVINGS = 60
@@ -45,9 +46,12 @@ def elements_of(state: State, sections: Floats, payout_m_per_s: float) -> Elemen
 def tensions(rope: Rope, of: Elements, offset: Floats) -> Floats:
     """Tension of elements with these length offsets [N]; 0 where slack, (elements,)."""
     strain = (of.length + offset - of.rest) / of.rest
-    stiffness = rope.sections[rows.EA][of.section]
+    law, stiffness = law_of(rope), rope.sections[rows.EA][of.section]
+    if isinstance(law, FibreLaw):
+        held: Floats = np.maximum(held_tension(law, of.section, strain)[0] + of.damper, 0.0)
+        return held
     elastic = np.where(strain < 0.0, stiffness * strain, 0.0)
-    elastic += hold(rope.law, stiffness, of.section, strain)[0]
+    elastic += hold(law, stiffness, of.section, strain)[0]
     pull: Floats = np.maximum(elastic + of.damper, 0.0)
     return pull
 
@@ -56,8 +60,10 @@ def offsets_for(rope: Rope, of: Elements, wanted_n: Floats) -> Floats:
     """Length offsets that give these tensions [m]; 0 where the tension is NaN, (elements,)."""
     stiffness = rope.sections[rows.EA][of.section]
     elastic = wanted_n - of.damper
-    strain = elastic / stiffness
-    if rope.law is not None:
+    strain, law = elastic / stiffness, law_of(rope)
+    if isinstance(law, FibreLaw):
+        strain = held_strain(law, of.section, elastic)
+    elif rope.law is not None:
         taut = elastic > 0.0
         strain = np.where(taut, _strains(rope.law, of.section, np.maximum(elastic, 0.0)), strain)
     offset = of.rest * (1.0 + strain) - of.length

@@ -14,7 +14,7 @@ from table_rigs import HMPE, tabled
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.core.elements import hold, tension_at
+from rope_twin.core.axial_law import hold, tension_at
 from rope_twin.core.step import advance
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene

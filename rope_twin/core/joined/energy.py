@@ -165,6 +165,7 @@ def _tied(joints: Joints) -> tuple[Elements, float]:
         turning=still,
         stored=stored,
         damping=pull - spring,
+        held=np.zeros(count),
         rate=rate,
         stretch=length,
         rest=np.ones(count),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rope_twin.core.axial_law import law_of
 from rope_twin.core.elements import stretch, stretch_all, stretch_corrected
 from rope_twin.core.integrator import TRAPEZOID, correct, predict_bdf2, predict_trapezoid
 from rope_twin.core.jit.decorators import jit
@@ -75,11 +76,11 @@ def _evaluate(rope: Any, stage: Any, kind: int) -> None:
                 predict_trapezoid(state.nodes, work, p, q, low, high)
             else:
                 predict_bdf2(state.nodes, work, p, q, 0.0, low, high)
-            stretch(rope.law, work, state.offset, p, q, max(start - 1, 0), high - 1)
+            stretch(law_of(rope), work, state.offset, p, q, max(start - 1, 0), high - 1)
         done, last = max(chunk - 1, 0), end - 1
         if end == n:
             last = n
-            stretch(rope.law, work, state.offset, p, q, n - 1, n)
+            stretch(law_of(rope), work, state.offset, p, q, n - 1, n)
         set_flow(rope.effects, work, stage, done, last)
         load_nodes(rope.effects, work, stage, max(done, 1), last)
     load_lowest(rope.effects, work, stage)

@@ -141,8 +141,8 @@ class Bar:
 
     @property
     def stiffness_n(self) -> float:
-        """Return the tangent EA at the middle of the section [N]."""
-        return self.rope.tangent_n(0.5 * (self.low_n + self.high_n))
+        """Return the stiffness for fast motion at the middle of the section [N]."""
+        return self.rope.dynamic_n(0.5 * (self.low_n + self.high_n))
 
     @property
     def inertia_kg_per_m(self) -> float:

@@ -14,6 +14,7 @@ from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.body.kinds import with_parts
 from rope_twin.core.body.state import Afloat, GridBed, PlaneBed, RigidBody
 from rope_twin.core.elements import SAME_PLACE
+from rope_twin.core.fibre import new_fibre
 from rope_twin.core.loads.hooks import hooks_of, work_rows
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
@@ -52,7 +53,7 @@ from rope_twin.scene.model.grid import (
 )
 from rope_twin.scene.schema import Payload, RopeLine, Scene
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
-from rope_twin.scene.stiffness import cubics
+from rope_twin.scene.stiffness import StiffnessTable, cubics
 from rope_twin.scene.validation.rigging import refuse_joined
 
 COLUMNS = 3  # along each side of a partially submerged body
@@ -209,6 +210,8 @@ def build_effects(
                     raise SceneError(
                         phrase(f"effect '{effect.name}'", "it has no kernel", "register one")
                     )
+    if any(one.rope.is_fibre for line in scene.ropes for one in line.made_of):
+        built.append(new_fibre(room))
     return meet(built, scene) if apart else tuple(built)
 
 
@@ -246,8 +249,20 @@ def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> F
         if drag is not None and rope.drag_tangential is not None:
             skin = pi * rope.diameter_m * rope.drag_tangential / drag.tangential
         column[rows.EA] = rope.tangent_n(0.0)
+        if rope.axial_stiffness is not None and rope.axial_stiffness.dynamic is not None:
+            column[rows.RELAXATION : rows.PER_METRE] = _fibre_figures(rope.axial_stiffness)
         column[rows.PER_METRE :] = rope.mass_kg_per_m, 0.25 * pi * d**2, frontal, skin, 1.0
     return columns
+
+
+def _fibre_figures(stiffness: StiffnessTable) -> list[float]:
+    """Return the rows RELAXATION to HIGHEST of a fibre rope's section."""
+    own, works = stiffness.dynamic, stiffness.working_curve
+    assert own is not None, "asked of fibre ropes only"
+    law = [1.0 / own.relaxation_s, own.constant_n, own.per_mean_tension, own.per_tension_amplitude]
+    if works is None:
+        return [*law, 0.0, 0.0, 0.0]
+    return [*law, works.permanent, works.curvature, works.highest_mean_tension_n]
 
 
 def _law(line: RopeLine) -> Table | None:

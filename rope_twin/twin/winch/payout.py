@@ -118,7 +118,7 @@ def tension_feedback(
     free = pull_n + 0.5 * mass * stretch * course.payout_m_per_s2
     if pull_n <= 0.0:
         return TensionFeedback(pull_n, free, depth, parting, 0.0, 0.5 * mass * stretch / h)
-    stiffness = line.made_of[section].rope.tangent_n(pull_n) / rest
+    stiffness = line.made_of[section].rope.dynamic_n(pull_n) / rest
     damping = float(rope.sections[rows.C, section]) / rest
     both, mu = stiffness + damping / h, mass / (h * h)
     share = 0.5 * stretch * (sqrt(mu * mu + 4.0 * both * mu) - mu) / both

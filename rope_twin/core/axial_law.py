@@ -1,0 +1,247 @@
+"""Axial laws of an element: the elastic tension as a function of its extension.
+
+Three laws, chosen by type while numba compiles, so that a rope contains the code of its own alone:
+
+- stiffness: T = EA·strain (a rope without a table);
+- table: a monotone cubic between points of strain and tension (Fritsch and Butland 1984, SIAM J.
+  Sci. Stat. Comput. 5, 300), whose tangents are continuous, so that the only kink for Newton's
+  method is that at zero tension;
+- fibre: a static curve S and a dynamic stiffness E_d beside it,
+
+      T = S(ε_m) + E_d·(ε - ε_m),        dε_m/dt = (T - S(ε_m))/(E_d·τ),
+
+  a standard linear solid whose spring in parallel is the table (Zener 1948). Slow changes of length
+  follow S; motion much faster than τ meets E_d, as ropes of polyester, nylon or HMPE do in tests
+  (DNV-RP-E305, section 4). ε_m is the strain that the rope would have after waiting. Where the rope
+  is slack T is 0, and ε_m recovers towards the strain without tension. S may be a working curve
+  below the highest mean tension so far (core/fibre).
+
+The strain ε_m of a stage is HELD·HAT + (1 - HELD)·ε, with HELD = 1/(1 + q/τ) and HAT the explicit
+part of the integrator. Memory of zeros means HELD = 0, the static curve, which is what a static
+solution needs.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from rope_twin.core.jit.decorators import LINKED, jit_within
+from rope_twin.core.jit.rows import HeldType
+from rope_twin.core.state import Floats, Table
+
+# Internal variables of a fibre rope, of the element above each node (core/loads/memory):
+# ε_m, S(ε_m) [N], ε - ε_m of the material, the running mean of its square, and the highest ε_m and
+# S(ε_m) so far.
+CARRIED = 6
+MEAN, TENSION_MEAN, OVER, SQUARE, TOP, TENSION_TOP = range(CARRIED)
+# Further rows: ε_m at the start and at the middle of a step; HAT and HELD of the stage, E_d [N];
+# and of the working curve its upper end [strain], lower end [strain], slope there [N], curvature.
+START, MIDDLE, HAT, HELD, STIFF, UPPER, LOWER, INITIAL, BEND = range(
+    3 * CARRIED + 1, 3 * CARRIED + 10
+)
+OWN_ROWS = BEND - 3 * CARRIED
+
+
+class Fibre(NamedTuple):
+    """Internal variables of a rope with a dynamic stiffness; its table is `rope.law`."""
+
+    memory: Floats  # see CARRIED and the rows after it, (rows, nodes)
+
+
+class FibreLaw(NamedTuple):
+    """Law of a fibre rope: the static curves of its sections, and its internal variables."""
+
+    table: Table
+    memory: Floats
+
+
+class FibrePart(NamedTuple):
+    """Law of a fibre rope's elements from one on; rows as their names in this module."""
+
+    table: Table
+    hat: Any
+    held: Any
+    stiff: Any
+    upper: Any
+    lower: Any
+    initial: Any
+    bend: Any
+
+
+def _place_of_fibre(effects: Any) -> int:
+    return next((i for i, kind in enumerate(effects) if kind is Fibre), -1)
+
+
+def law_of(rope: Any) -> Any:
+    """Return the axial law of a rope: None, its table, or with the effect Fibre a FibreLaw."""
+    i = _place_of_fibre(map(type, rope.effects))
+    return rope.law if i < 0 else FibreLaw(rope.law, rope.effects[i].memory)
+
+
+@overload(law_of, jit_options={**LINKED, "forceinline": True}, strict=False)
+def _choose_law(rope: Any) -> Any:
+    kind = rope.inner if isinstance(rope, HeldType) else rope
+    effects = kind.types[kind.fields.index("effects")]
+    i = _place_of_fibre(effect.instance_class for effect in effects)
+    if i < 0:
+        return lambda rope: rope.law
+    return lambda rope: FibreLaw(rope.law, rope.effects[i].memory)
+
+
+def law_from(law: Any, low: int) -> Any:
+    """Return a law as the loop over the elements from `low` on takes it."""
+    return _part(law, low) if isinstance(law, FibreLaw) else law
+
+
+@overload(law_from, jit_options={**LINKED, "forceinline": True}, strict=False)
+def _choose_part(law: Any, low: Any) -> Any:
+    if getattr(law, "instance_class", None) is FibreLaw:
+        return lambda law, low: _part(law, low)
+    return lambda law, low: law
+
+
+@jit_within
+def _part(law: Any, low: int) -> Any:
+    m = law.memory
+    return FibrePart(
+        law.table, m[HAT, low:], m[HELD, low:], m[STIFF, low:], m[UPPER, low:], m[LOWER, low:],
+        m[INITIAL, low:], m[BEND, low:],
+    )  # fmt: skip
+
+
+def pull_of(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
+    """Return the elastic tension [N] of element e at this extension [m], and its tangent [N/m].
+
+    section, stiffness: rows; a table stores its tangent in `stiffness`.
+    """
+    if law is None:
+        return _by_stiffness(law, section, stiffness, e, extension, rest)
+    chosen = _by_fibre if isinstance(law, FibrePart) else _by_table
+    return chosen(law, section, stiffness, e, extension, rest)
+
+
+@overload(pull_of, jit_options={**LINKED, "forceinline": True}, strict=False)
+def _choose_pull(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
+    chosen = _by_stiffness if isinstance(law, types.NoneType) else _by_table
+    if getattr(law, "instance_class", None) is FibrePart:
+        chosen = _by_fibre
+
+    def choice(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
+        return chosen(law, section, stiffness, e, extension, rest)
+
+    return choice
+
+
+@jit_within
+def _by_stiffness(
+    law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float
+) -> Any:
+    return stiffness[e] * extension, stiffness[e]
+
+
+@jit_within
+def _by_table(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
+    tension, tangent = tension_at(law, int(section[e]), extension / rest)
+    k = tangent / rest
+    stiffness[e] = k
+    return tension, k
+
+
+@jit_within
+def _by_fibre(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
+    strain, held, stiff = extension / rest, law.held[e], law.stiff[e]
+    mean = held * law.hat[e] + (1.0 - held) * strain
+    working = (law.upper[e], law.lower[e], law.initial[e], law.bend[e])
+    tension, tangent = relaxed_at(law.table, int(section[e]), working, mean)
+    k = (tangent * (1.0 - held) + stiff * held) / rest
+    stiffness[e] = k
+    return tension + stiff * (strain - mean), k
+
+
+@jit_within
+def tension_at(law: Any, section: int, strain: float) -> Any:
+    """Return T and dT/dstrain [N] of a section; linear below the first and beyond the last knot."""
+    j = 0
+    while j + 1 < law.knot.shape[1] and strain >= law.knot[section, j + 1]:
+        j += 1
+    u = strain - law.knot[section, j]
+    v = max(u, 0.0)
+    slope, curve, bend = law.slope[section, j], law.curve[section, j], law.bend[section, j]
+    return (
+        law.tension[section, j] + slope * u + v * v * (curve + bend * v),
+        slope + v * (2.0 * curve + 3.0 * bend * v),
+    )
+
+
+@jit_within
+def relaxed_at(law: Any, section: int, working: Any, strain: float) -> Any:
+    """Return S and dS/dstrain [N]: on the working curve below its upper end, else the table.
+
+    working: upper end, lower end, slope there, and curvature; slope 0: there is none.
+    """
+    upper, lower, initial, bend = working
+    if initial > 0.0 and strain < upper:
+        u = strain - lower
+        v = max(u, 0.0)
+        return u * initial + v * v * bend, initial + 2.0 * v * bend
+    return tension_at(law, section, strain)
+
+
+def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> Any:
+    """Return elastic tension [N] and stored energy per unstretched metre [J/m]; 0 when slack.
+
+    In numpy, for the energy balance outside the step. stiffness: EA [N] of each element, where
+    there is no table.
+    """
+    strain = np.maximum(strain, 0.0)
+    if law is None:
+        return stiffness * strain, 0.5 * stiffness * strain**2
+    tension, stored = np.zeros_like(strain), np.zeros_like(strain)
+    for j in range(law.knot.shape[1]):
+        low, t, slope, curve, bend = (row[section, j] for row in law)
+        end = law.knot[section, j + 1] if j + 1 < law.knot.shape[1] else np.inf
+        here = strain >= low
+        u = np.where(here, np.minimum(strain, end) - np.where(here, low, 0.0), 0.0)
+        inside = t + u * (slope + u * (curve + u * bend))
+        tension = np.where(here, inside, tension)
+        stored += u * (t + u * (slope / 2.0 + u * (curve / 3.0 + u * bend / 4.0)))
+    return tension, stored
+
+
+def held_tension(law: FibreLaw, section: Any, strain: Floats) -> Any:
+    """Return the elastic tension [N] of a fibre rope at these strains, and its stored energy [J/m].
+
+    ε_m is that of the last step: the answer to a sudden change of length, not clipped where slack.
+    """
+    n = len(strain)
+    mean, stiff = law.memory[MEAN, :n], law.memory[STIFF, :n]
+    upper, lower, initial, bend = law.memory[[UPPER, LOWER, INITIAL, BEND], :n]
+    static, stored = hold(law.table, np.zeros(n), section, mean)
+    has, u = initial > 0.0, np.maximum(mean - lower, 0.0)
+    static = np.where(has & (mean < upper), u * (initial + u * bend), static)
+    # on the original curve: what the working curve from here down would give back
+    span = upper - lower
+    top = np.where(has, span * (initial + bend * span), 1.0)
+    whole = np.where(mean < upper, upper, mean) * np.where(has, span / np.where(has, upper, 1.0), 0)
+    curvature = bend * span * span / top
+    back = np.where(
+        mean < upper,
+        u * u * (initial / 2.0 + u * bend / 3.0),
+        static * whole * (0.5 - curvature / 6.0),
+    )
+    stored = np.where(has, back, stored)
+    over = strain - mean
+    own = np.maximum(over, -static / np.maximum(stiff, 1e-300))  # of the material, slack or not
+    return static + stiff * over, stored + static * own + 0.5 * stiff * own * own
+
+
+def held_strain(law: FibreLaw, section: Any, tension: Floats) -> Floats:
+    """Return the strains at which `held_tension` is this tension [N]."""
+    n = len(tension)
+    static, _ = held_tension(law, section, law.memory[MEAN, :n])
+    strain: Floats = law.memory[MEAN, :n] + (tension - static) / law.memory[STIFF, :n]
+    return strain
