@@ -48,6 +48,7 @@ def golden(name: str) -> dict[str, Any]:
             digests.append(_digest(run))
             tensions.append(float(f"{shot.tension_top_n:.{DIGITS - 1}e}"))
     return {
+        "machine": machine(),
         "solver": solver_version(run.twin.scene),
         "std_n": float(f"{np.std(every):.6g}"),
         "tension_top_n": tensions,
@@ -67,16 +68,12 @@ def _digest(run: UnpacedRun) -> str:
 
 def write(names: list[str]) -> None:
     """Write the file again for these scenes; the others' rows stay."""
-    found: dict[str, Any] = {"machine": machine(), "scenes": {}}
-    if FILE.exists():
-        old = json.loads(FILE.read_text(encoding="utf-8"))
-        found["scenes"] = old["scenes"] if old["machine"] == found["machine"] else {}
+    found: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
     for name in names:
-        found["scenes"][name] = golden(name)
+        found[name] = golden(name)
         sys.stderr.write(f"{name}\n")
-    rows = (f'  "{name}": {json.dumps(row)}' for name, row in sorted(found["scenes"].items()))
-    head = f'{{\n "machine": {json.dumps(found["machine"])},\n "scenes": {{\n'
-    FILE.write_text(head + ",\n".join(rows) + "\n }\n}\n", encoding="utf-8")
+    rows = (f' "{name}": {json.dumps(row)}' for name, row in sorted(found.items()))
+    FILE.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
