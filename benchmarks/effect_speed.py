@@ -25,6 +25,7 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
@@ -75,6 +76,7 @@ ADDED: dict[str, Any] = {
     "splash_zone": SplashZoneParams(height_m=3.0),
     "net": NetParams(width_m=12.0, height_m=8.0, twine_m=0.003, bar_m=0.03, panels=2),
     "fairing": FairingParams(face_m2=4.0),
+    "fluid_ramp": FluidRampParams(water=LoadCurve(ramp_s=5.0)),
 }  # fmt: skip
 NEEDS = {"wind": "wetting", "bed_friction": "seabed"}  # what acts only beside another
 TOGETHER = ("waves", "seabed")  # beside the base's own: the sea that a lift usually has

@@ -33,6 +33,7 @@ ROWS_MEAN = {
     "simulation: energy": "energy balance and its residual, in runs that keep it",
     "simulation: error interval": "95 % discretisation-error interval, in runs that compute it",
     "simulation: fatigue": "accumulated (Miner) damage, in runs that compute it",
+    "simulation: fluid ramp": "factors on the forces of the water, in scenes that build them up",
     "simulation: input ...": "one row per input (heave, winch command, current): accepted and "
     "rejected samples, age, faults",
     "simulation: limits": "limits of the scene that were exceeded",

@@ -24,6 +24,7 @@ from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.guards import STRETCH2_MIN, TANGENT2_MIN
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import set_flow
+from rope_twin.core.loads.growth import grown
 from rope_twin.core.state import (
     ACCELERATION,
     EA,
@@ -213,7 +214,7 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
 
     pull: the rope's force on the hang-off, x, y, z [N]; time [s]; V: payout speed [m/s].
     """
-    elements = _elements(rope, V)
+    elements, effects = _elements(rope, V), grown(rope.effects, time)
     place = _place(rope, elements, time, V)
     end = Place(*(row[..., :1] for row in place))
     sheave = _metre_at_sheave(rope, elements, place)
@@ -228,8 +229,8 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
     power = Power(
         hang_off=-float(pull @ place.velocity[:, -1]),
         passing=float(V * per_metre),
-        water=account_sum("power", rope.effects, wetted(rope.effects, place))
-        + account_sum("power_end", rope.effects, end),
+        water=account_sum("power", effects, wetted(effects, place))
+        + account_sum("power_end", effects, end),
     )
     return Border(store, power, elements)
 

@@ -19,6 +19,7 @@ from rope_twin.effects import (
     depth_profiles,
     drag,
     fairing,
+    fluid_ramp,
     modal_vibration,
     net,
     payload,
@@ -117,4 +118,5 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("splash_zone", splash_zone.SplashZoneParams, splash_zone.build),
     Effect("net", net.NetParams, net.build),
     Effect("fairing", fairing.FairingParams, fairing.build),
+    Effect("fluid_ramp", fluid_ramp.FluidRampParams, fluid_ramp.build),
 )

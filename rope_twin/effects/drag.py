@@ -23,6 +23,7 @@ from rope_twin.core.energy import account
 from rope_twin.core.guards import DIVISOR_MIN, SPEED2_MIN
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.loads.balance import Load
+from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import Floats
 from rope_twin.quantity import quantity, text
@@ -71,6 +72,11 @@ class CurrentDrag(NamedTuple):
     """Kernel data of drag by the water's velocity alone."""
 
     drag: Drag
+
+
+grows(Drag, "kn", "kt")
+grows(ReynoldsDrag, "drag")
+grows(CurrentDrag, "drag")
 
 
 def build(params: DragParams, payload: Any, around: Any) -> Drag | ReynoldsDrag | CurrentDrag:

@@ -20,6 +20,7 @@ from rope_twin.core.energy import account
 from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.loads.growth import FAIRINGS, grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
@@ -73,6 +74,10 @@ class TowedFairing(NamedTuple):
     y: float
     z: float
     ramp: float  # [s]
+
+
+grows(Fairing, "k", factor=FAIRINGS)
+grows(TowedFairing, "force", factor=FAIRINGS)
 
 
 class ManyFairings(NamedTuple):

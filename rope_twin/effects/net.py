@@ -26,6 +26,7 @@ from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
@@ -97,6 +98,9 @@ class Net(NamedTuple):
     lift: float  # ρ·A times the sin 2α term of C_L [kg/m]
     nx: float  # the panel's normal
     ny: float
+
+
+grows(Net, "along", "facing", "lift")
 
 
 class ManyNets(NamedTuple):

@@ -22,6 +22,7 @@ from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN, TURN2
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
 
@@ -55,6 +56,10 @@ class TwoWayPayload(NamedTuple):
     kz: float  # mean of ascent and descent
     dM: float  # half the difference of the mass, ascent less descent [kg]
     dk: float  # half the difference of the drag, ascent less descent [kg/m]
+
+
+grows(Payload, "kx", "ky", "kz")
+grows(TwoWayPayload, "kx", "ky", "kz", "dk")
 
 
 class Payloads(NamedTuple):

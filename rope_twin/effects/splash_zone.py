@@ -20,6 +20,7 @@ from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.state import (
     ACCELERATION,
@@ -54,6 +55,9 @@ class SplashZone(NamedTuple):
     wet: tuple[float, float, float]  # ρ·V + added mass, inertia in waves [kg]
     added: tuple[float, float, float]  # added mass [kg]
     k: tuple[float, float, float]  # ½·ρ·CdA [kg/m]
+
+
+grows(SplashZone, "slam", "wet", "k")
 
 
 class ManySplashZones(NamedTuple):

@@ -33,6 +33,7 @@ from rope_twin.core.guards import DIVISOR_MIN, SHEDDING_MIN, SPEED2_MIN, TANGENT
 from rope_twin.core.integrator import K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.loads.growth import VORTICES, grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
@@ -109,6 +110,7 @@ def build(params: StrouhalForcingParams, payload: Any, around: Any) -> StrouhalF
     )
 
 
+grows(StrouhalForcing, "strength", factor=VORTICES)
 remembering(StrouhalForcing, CARRIED)
 
 

@@ -33,6 +33,7 @@ from rope_twin.core.integrator import BDF2, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.floats import cosine
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.loads.growth import VORTICES, grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
@@ -134,6 +135,7 @@ def build(params: TravellingWavesParams, payload: Any, around: Any) -> Travellin
     )
 
 
+grows(TravellingWaves, "half_density", factor=VORTICES)
 remembering(TravellingWaves, CARRIED)
 
 

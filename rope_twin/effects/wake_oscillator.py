@@ -39,6 +39,7 @@ from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.integrator import BDF2, GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.loads.growth import VORTICES, grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
@@ -170,6 +171,7 @@ def build(params: WakeOscillatorParams, payload: Any, around: Any) -> WakeOscill
     )
 
 
+grows(WakeOscillator, "strength", factor=VORTICES)
 remembering(WakeOscillator, CARRIED)
 
 

@@ -39,6 +39,7 @@ from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.joined.stack import stacks
 from rope_twin.core.loads.balance import Load
+from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
 from rope_twin.core.waves.field import add_water
@@ -217,6 +218,9 @@ class Waves(NamedTuple):
     Mx: float  # ρ·V + added mass of the payload [kg]
     My: float
     Mz: float
+
+
+grows(Waves, "density", "Mx", "My", "Mz")
 
 
 class ManyWaves(NamedTuple):

@@ -17,6 +17,7 @@ from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.loads.balance import Load
+from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.quantity import quantity
 
@@ -43,6 +44,9 @@ class Wind(NamedTuple):
     y: float
     exponent: float
     k: float  # ½·ρ·C_d [kg/m³]
+
+
+grows(Wind, "k")
 
 
 def build(params: WindParams, payload: Any, around: Any) -> Wind:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from rope_twin.core.loads.growth import FACTORS
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.scene.card import KnownError, told_bound
@@ -229,6 +230,7 @@ def _radius(radius_m: float) -> str:
     return f"{radius_m:.3g}" if radius_m < 1000.0 else f"{radius_m:.0f}"
 
 
+FORCES = ("the water's forces", "the vortices' forces", "the fairings' drag")  # as FACTORS
 GAIN_PCT = 0.1  # of the energy exchanged: tolerance of the integration of work
 BEHIND_S = 0.5  # a twin further behind than this does not publish the present state
 RECOVERY_ERROR_S = 60.0  # simulation time after which a failed step turns from ERROR to WARN
@@ -248,6 +250,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         _winch(snapshot),
         _start_up(snapshot),
     ]
+    if snapshot.fluid_factors:
+        rows.append(_fluid_ramp(snapshot.fluid_factors))
     if pacing is not None:
         rows.append(_pacing(pacing))
     if snapshot.strength:
@@ -356,6 +360,19 @@ def _start_up(snapshot: Snapshot) -> Status:
             values,
         )
     return Status("simulation: start-up", Level.OK, "full ship motion applied", values)
+
+
+def _fluid_ramp(factors: tuple[float, ...]) -> Status:
+    """Say by which factors the forces of the water are scaled now."""
+    values = {
+        f"factor on {name}": f"{factor:.3f}" for name, factor in zip(FACTORS, factors, strict=True)
+    }
+    scaled = [f"{factor:.0%} of {name}" for name, factor in zip(FORCES, factors, strict=True)
+              if factor != 1.0]  # fmt: skip
+    if scaled:
+        told = f"{', '.join(scaled)} applied; tension and motion not representative"
+        return Status("simulation: fluid ramp", Level.WARN, told, values)
+    return Status("simulation: fluid ramp", Level.OK, "full forces of the water applied", values)
 
 
 def _energy(balance: EnergyBalance) -> Status:

@@ -268,6 +268,8 @@ class Snapshot:
     payout_speed_m_per_s: float  # + paying out
     motion_ramp: float  # build-up factor of the ship's motion, 0 to 1
     step_s: float = 0.0  # length of the newest step
+    # factors on the forces of water, vortices and fairings, of a scene with a fluid ramp; else none
+    fluid_factors: tuple[float, ...] = ()
     winch_at_limit: str = ""  # message if a limit of the winch is active
     doubtful: bool = False  # a step since the previous snapshot did not converge
     solver: SolverHealth = field(default_factory=SolverHealth)

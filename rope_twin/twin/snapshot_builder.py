@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from rope_twin.core.body.contact import deck_pushes
 from rope_twin.core.body.energy import pose_of, pulls_of
 from rope_twin.core.body.parts import part_of
 from rope_twin.core.body.state import Deck, RigidBody
+from rope_twin.core.loads.growth import factors_at
 from rope_twin.core.state import Floats, Ints, Rope, State
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import RopeLine, Ship
@@ -86,6 +87,7 @@ class SnapshotInputs(NamedTuple):
     border: Vector  # hang-off [m] and line out [m] now, (rows.MOTIONS,)
     border_rate: Vector  # and their rates [m/s]
     lower_n: float  # tension at the lower end
+    effects: tuple[Any, ...]  # kernel data of the first rope's, in use now
     pull: Vector  # rows.PULL_COLUMNS: magnitude and vector of the force on the hang-off [N]
     recent: Extremes  # top tension since the previous snapshot
     run: Extremes  # top tension since the start
@@ -130,6 +132,7 @@ def build_snapshot(state: State, work: Floats, seen: SnapshotInputs) -> Snapshot
         payload_velocity_m_per_s=state.nodes[rows.VELOCITY : rows.VELOCITY + 3, 0].copy(),
         line_out_m=float(seen.border[rows.LINE]),
         payout_speed_m_per_s=float(seen.border_rate[rows.LINE]),
+        fluid_factors=factors_at(seen.effects, seen.stamp_ns * 1e-9),
         motion_ramp=ramp(seen.stamp_ns * 1e-9, seen.ship.motion_ramp_s)[0],
         winch_at_limit=seen.winch_at_limit,
         doubtful=seen.doubtful,

@@ -344,8 +344,7 @@ class Twin:
         effects = inputs.current.effects
         (value, rate), ropes, first = self._motion.boundary, system.ropes, system.first
         with inputs.lock:
-            health = inputs.health()
-            at_limit, winch = inputs.winch.at_limit, inputs.winch.shot()
+            health, at_limit, winch = inputs.health(), inputs.winch.at_limit, inputs.winch.shot()
         taken = build_snapshot(
             first.state,
             first.work,
@@ -358,6 +357,7 @@ class Twin:
                 border=value[0],
                 border_rate=rate[0],
                 lower_n=lower_end_tension(first, effects, self.time_ns * 1e-9),
+                effects=effects,
                 pull=system.pull,
                 recent=record.recent,
                 run=record.run,

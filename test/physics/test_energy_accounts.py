@@ -10,6 +10,7 @@ from effect_cases import NODES, apply, data_of, loads, some_stage, some_work
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import Place, account, account_sum, accounts_of, wetted
+from rope_twin.core.loads.growth import grown
 from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.core.state import Floats
 from rope_twin.effects import EFFECTS
@@ -73,6 +74,7 @@ TOGETHER = {  # what takes from the accounts of others is held against all of th
     ),
     "added mass along the rope": ("added mass along the rope",),
     "wind": ("wetting", "wind", "weight", "added_mass"),
+    "fluid_ramp": ("drag", "added_mass", "payload", "net", "fairing", "fluid_ramp"),
 }
 OF_THE_NODES = [*dict.fromkeys([*NAMES, *TOGETHER])]
 OF_THE_NODES.remove("rigid_body")
@@ -94,6 +96,7 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int)
     apply(effects, moved, some_stage(), 0, NODES)
     work[rows.FLOW_RATE : rows.FLOW_RATE + 3] = moved[rows.FLOW_RATE : rows.FLOW_RATE + 3]
     done = float((force * three(work, rows.VELOCITY)).sum())
+    effects = grown(effects, some_stage().time)
     place = seen(work, turning, 0.0)
     end = Place(*(row[..., :1] for row in place))
     power = account_sum("power", effects, wetted(effects, place))

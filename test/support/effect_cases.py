@@ -31,6 +31,7 @@ from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
@@ -109,6 +110,11 @@ PARAMS: dict[str, Any] = {
     "splash_zone": SplashZoneParams(height_m=200.0, bottom_area_m2=6.0, slamming=5.0),
     "net": NetParams(width_m=2.0, height_m=1.5, solidity=0.2, facing_deg=40.0, panels=2),
     "fairing": FairingParams(face_m2=1.2, drag=0.9, axis=(0.3, -0.2, 1.0)),
+    "fluid_ramp": FluidRampParams(
+        water=LoadCurve(ramp_s=8.0),
+        vortices=LoadCurve(over_time=((0.0, 0.2), (4.0, 1.0), (9.0, 0.6))),
+        fairings=LoadCurve(ramp_s=4.0),
+    ),
 }
 VARIANTS: dict[str, Any] = {  # other kernels of the same effects, each with its effect's name
     "added mass along the rope": AddedMassParams(normal=1.4, tangential=0.3),
@@ -175,6 +181,8 @@ def besides(name: str) -> tuple[Any, ...]:
         return data_of("weight", "drag")
     if name == "depth_profiles":
         return data_of("weight", "drag", "added_mass")
+    if name == "fluid_ramp":
+        return data_of("current", "waves", "drag", "payload", "net", "fairing")
     if name == "wind":
         return data_of("wetting")
     return data_of("current") if name in (*SHEDDING, "drag by the current alone") else ()

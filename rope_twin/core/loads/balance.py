@@ -23,6 +23,7 @@ from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.guards import TANGENT2_MIN
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_sum, jit_within
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.loads.growth import Growth, grown
 from rope_twin.core.loads.hooks import (
     couples,
     kernels,
@@ -160,7 +161,7 @@ def _sum_loads(effects: Any, node: Any, stage: Stage) -> Any:
     total = _inertia(node)
     for effect, call in members("soak", effects):
         node = call(effect, node)
-    for effect, call in members("load", effects):
+    for effect, call in members("load", grown(effects, stage.time)):
         total = _sum(total, call(effect, node, stage))
     return total
 
@@ -168,10 +169,11 @@ def _sum_loads(effects: Any, node: Any, stage: Stage) -> Any:
 @overload(_sum_loads, jit_options={**LINKED, "forceinline": True}, strict=False)
 def _compose_load(effects: Any, node: Any, stage: Stage) -> Any:
     calls, soaks = kernels_by_place("load", effects), kernels_by_place("soak", effects)
+    growth = Growth(effects)
     lines = [f"node = soak_{i}(effects[{i}], node)" for i in soaks]
-    lines += [f"total = add(total, kernel_{i}(effects[{i}], node, stage))" for i in calls]
-    lines = ["total = inertia(node)", *lines, "return total"]
-    own = {f"soak_{i}": call for i, call in soaks.items()}
+    lines += [f"total = add(total, kernel_{i}({growth.of(i)}, node, stage))" for i in calls]
+    lines = ["total = inertia(node)", *growth.lines, *lines, "return total"]
+    own = {f"soak_{i}": call for i, call in soaks.items()} | growth.names
     return written_out("effects, node, stage", lines, calls, inertia=_inertia, add=_sum, **own)
 
 
@@ -243,7 +245,7 @@ def load_remembering(
     effects: Any, work: Floats, stage: Stage, low: Any, high: Any, tangents: Any
 ) -> Any:
     """Add the loads of effects with internal variables; `tangents`: compute the tangents first."""
-    calls = members("load_nodes", effects)
+    calls = members("load_nodes", grown(effects, stage.time))
     if tangents and calls:
         _set_tangents(work, low, high)
     for effect, call in calls:
@@ -254,11 +256,11 @@ def load_remembering(
 def _compose_remembering(
     effects: Any, work: Floats, stage: Stage, low: Any, high: Any, tangents: Any
 ) -> Any:
-    calls = kernels("load_nodes", effects, work)
-    lines = [f"kernel_{i}(effects[{i}], work, stage, low, high)" for i in calls]
-    lines = ["if tangents: set_tangents(work, low, high)", *lines] if calls else []
-    head = "effects, work, stage, low, high, tangents"
-    return written_out(head, [*lines, "return None"], calls, set_tangents=_set_tangents)
+    calls, growth = kernels("load_nodes", effects, work), Growth(effects)
+    lines = [f"kernel_{i}({growth.of(i)}, work, stage, low, high)" for i in calls]
+    lines = ["if tangents: set_tangents(work, low, high)", *growth.lines, *lines] if calls else []
+    head, names = "effects, work, stage, low, high, tangents", {"set_tangents": _set_tangents}
+    return written_out(head, [*lines, "return None"], calls, **names, **growth.names)
 
 
 @jit
@@ -315,15 +317,15 @@ def _compose_flow(effects: Any, work: Floats, stage: Stage, low: Any, high: Any)
 
 def add_end(effects: Any, work: Floats, stage: Stage) -> Any:
     """Add every effect's load at the lower end."""
-    for effect, call in members("load_end", effects):
+    for effect, call in members("load_end", grown(effects, stage.time)):
         call(effect, work, stage)
 
 
 @overload(add_end, jit_options=LINKED, strict=False)
 def _compose_end(effects: Any, work: Floats, stage: Stage) -> Any:
-    calls = kernels("load_end", effects, work)
-    lines = [f"kernel_{i}(effects[{i}], work, stage)" for i in calls]
-    return written_out("effects, work, stage", [*lines, "return None"], calls)
+    calls, growth = kernels("load_end", effects, work), Growth(effects)
+    lines = [*growth.lines, *(f"kernel_{i}({growth.of(i)}, work, stage)" for i in calls)]
+    return written_out("effects, work, stage", [*lines, "return None"], calls, **growth.names)
 
 
 @jit

@@ -22,6 +22,7 @@ same tuple.
 - `calm(effect, work, stage, n, share)`, of an effect with an active set (`switching`, e.g.
   contact): whether the active set is the same for the present motion and for that with share·delta,
   on the n free nodes.
+- `share(effect, time, factor)` returns a factor on forces of the water (core/loads/growth.py).
 - `start`, `predict`, `load_nodes` and `settle` belong to effects with internal variables
   (core/loads/memory.py).
 
@@ -41,8 +42,8 @@ from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 HOOKS = (
-    "flow", "soak", "load", "load_end", "couple", "pull", "calm", "start", "predict", "load_nodes",
-    "settle",
+    "flow", "soak", "load", "load_end", "couple", "pull", "calm", "share", "start", "predict",
+    "load_nodes", "settle",
 )  # fmt: skip
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 _SWITCHING: set[type] = set()
@@ -61,7 +62,7 @@ def kernel(hook: str, effect: type, *, wide: bool = False) -> Callable[[Any], An
         raise ValueError(f"{effect.__name__} already has a kernel for '{hook}'")
 
     def register(function: Any) -> Any:
-        compiled = jit_within(function) if hook in ("soak", "load") else jit(function)
+        compiled = jit_within(function) if hook in ("soak", "load", "share") else jit(function)
         _KERNELS[hook][effect] = compiled
         if wide:
             _WIDE[hook][effect] = compiled

@@ -37,6 +37,7 @@ from numba.extending import overload
 
 from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.loads.growth import Growth, grown
 from rope_twin.core.loads.hooks import kernel_of, kernels_by_place, written_out
 from rope_twin.core.state import ELEMENTS, ZERO, Rope, Stage, State
 
@@ -175,7 +176,12 @@ def _for_each(
     counts = _counts(effects)
     calls = {i: call for i, call in kernels_by_place(hook, effects).items() if i in counts}
     names |= {f"k_{i}": np.int64(k) for i, k in counts.items()}
-    lines = [line.replace("#", str(i)) for i in counts]
+    if "stage" in head and counts:
+        growth, line = Growth(effects), line.replace("effects[#]", "{own}")
+        own = [line.replace("{own}", growth.of(i)).replace("#", str(i)) for i in counts]
+        lines, names = [*growth.lines, *own], names | growth.names
+    else:
+        lines = [line.replace("#", str(i)) for i in counts]
     return written_out(head, [*lines, f"return {result}"], calls, **names)
 
 
@@ -220,7 +226,7 @@ def predict_memories(effects: Any, rope: Rope, stage: Stage, kind: Any, low: Any
 
     Position, velocity and water are predicted already.
     """
-    for effect, _ in _with_variables(effects):
+    for effect, _ in _with_variables(grown(effects, stage.time)):
         kernel_of("predict", type(effect))(effect, rope, stage, kind, low, high)
 
 
@@ -246,7 +252,7 @@ def settle_memories(
 
     Effects with internal variables require the complete motion of the stage.
     """
-    for effect, _ in _with_variables(effects):
+    for effect, _ in _with_variables(grown(effects, stage.time)):
         pending = _complete(rope, stage, pending)
         kernel_of("settle", type(effect))(effect, rope, stage, kind, upto)
     return pending

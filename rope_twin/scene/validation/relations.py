@@ -15,6 +15,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
@@ -296,6 +297,8 @@ def _effects(scene: Scene) -> Iterator[Fault]:
     if "wind" in listed and "wetting" not in listed:
         what = "`wind` acts on the rope out of the water, and without `wetting` none is"
         yield "effects", what, "add `- wetting: {}`"
+    if ramp := scene.listed(FluidRampParams):
+        yield from _ramped(scene, ramp, listed)
     if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
         what = "`splash_zone` corrects the loads of `payload`, which is not listed"
         yield "effects", what, "add `- payload: {}`"
@@ -334,6 +337,22 @@ def _depth_profiles(scene: Scene) -> Iterator[Fault]:
     elif "splash_zone" in listed and abs(rho[0][1] - own) > SAME_WATER_KG_PER_M3:
         what = f"{rho[0][1]:g} kg/m³ at the top of `depth_profiles`, {own:g} in `splash_zone`"
         yield where, what, f"give environment.water_density_kg_per_m3: {rho[0][1]:g}"
+
+
+def _ramped(scene: Scene, ramp: FluidRampParams, listed: list[str]) -> Iterator[Fault]:
+    """What a fluid ramp scales is there, and nothing that it cannot scale."""
+    beside = [effect.name for effect in EFFECTS if effect.beside and effect.name in listed]
+    for name in (*beside, *(one for one in ("rigid_body",) if one in listed)):
+        what = f"`fluid_ramp` does not scale the forces of `{name}`"
+        yield "effects", what, "remove one of them, or use `over_time` of `current`"
+    if ramp.vortices and not shedding_model(scene):
+        what = "`fluid_ramp` scales the forces of vortices, and no VIV model is listed"
+        yield "effects", what, "remove `vortices`, or list a VIV model"
+    if ramp.fairings and not (
+        "fairing" in listed or any(payload.fairing for payload in scene.payloads)
+    ):
+        what = "`fluid_ramp` scales the drag of fairings, and no fairing is listed"
+        yield "effects", what, "remove `fairings`, or add `- fairing: {face_m2: ...}`"
 
 
 def _drag_that_grows(scene: Scene) -> Iterator[Fault]:

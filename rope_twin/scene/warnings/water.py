@@ -8,6 +8,7 @@ from math import dist, hypot, pi, radians, tanh
 import numpy as np
 
 from rope_twin.effects.current import CurrentParams, Point, Velocity
+from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams, components_of
 from rope_twin.errors import phrase
@@ -37,6 +38,7 @@ def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     yield from _reach_of_responses(scene)
     yield from _depth_of_waves(scene)
     yield from _arm(scene)
+    yield from _never_whole(scene)
 
 
 def moored_up(scene: Scene, figures: LiftFigures) -> bool:
@@ -184,6 +186,16 @@ def _arm(scene: Scene) -> Iterator[str]:
     if arm > LONGEST_ARM_M:
         what = f"it is {arm:.0f} m from the hang-off"
         yield phrase("ship.reference_m", what, f"plausible are at most {LONGEST_ARM_M:g} m")
+
+
+def _never_whole(scene: Scene) -> Iterator[str]:
+    """Check for factors on the forces of the water that do not end at 1."""
+    ramp = scene.listed(FluidRampParams)
+    for name, curve in {} if ramp is None else ramp.curves.items():
+        time_s, factor = curve.last
+        if factor != 1.0:
+            what = f"the forces stay at {factor:g} times their own from {time_s:g} s on"
+            yield phrase(f"effects fluid_ramp.{name}", what, "end the table with a factor of 1")
 
 
 def strong_current(where: str, points: Iterable[Point], factor: float = 1.0) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.card import FORMAT, scene_digest, solver_version
 from rope_twin.scene.model.joined import build_joined
@@ -129,10 +130,15 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
 
 
 def _window_s(scene: Scene, reach: Reach) -> float:
-    """Return a minute, or one cycle of the winch schedule if longer (two minutes at most) [s]."""
+    """Return a minute, or one cycle of the winch schedule if longer (two minutes at most) [s].
+
+    A build-up of the water's forces comes before it.
+    """
     winch = scene.winch
     scheduled = winch.schedule_repeats_every_s or 0.0 if winch and winch.schedule else 0.0
-    return min(max(reach.window_s, scheduled), reach.longest_window_s)
+    ramp = scene.listed(FluidRampParams)
+    grown = max((curve.last[0] for curve in ramp.curves.values()), default=0.0) if ramp else 0.0
+    return max(grown, 0.0) + min(max(reach.window_s, scheduled), reach.longest_window_s)
 
 
 def _counts(own: int, doublings: int) -> list[int]:

@@ -226,6 +226,7 @@ class Member:
                 border=self._value,
                 border_rate=self._rate,
                 lower_n=lower_end_tension(rope, rope.effects, self.steps * self._step_ns * 1e-9),
+                effects=rope.effects,
                 pull=self._pull,
                 recent=self._recent,
                 run=self._seen,
