@@ -29,6 +29,7 @@ from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
@@ -76,6 +77,9 @@ ADDED: dict[str, Any] = {
     "splash_zone": SplashZoneParams(height_m=3.0),
     "net": NetParams(width_m=12.0, height_m=8.0, twine_m=0.003, bar_m=0.03, panels=2),
     "fairing": FairingParams(face_m2=4.0),
+    "payload_shedding": PayloadSheddingParams(
+        strouhal=0.2, lift_coefficient=0.4, diameter_m=3.0, area_m2=9.0
+    ),
     "fluid_ramp": FluidRampParams(water=LoadCurve(ramp_s=5.0)),
 }  # fmt: skip
 NEEDS = {"wind": "wetting", "bed_friction": "seabed"}  # what acts only beside another

@@ -23,6 +23,7 @@ from rope_twin.effects import (
     modal_vibration,
     net,
     payload,
+    payload_shedding,
     rigid_body,
     seabed,
     splash_zone,
@@ -118,5 +119,10 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("splash_zone", splash_zone.SplashZoneParams, splash_zone.build),
     Effect("net", net.NetParams, net.build),
     Effect("fairing", fairing.FairingParams, fairing.build),
+    Effect(
+        "payload_shedding",
+        payload_shedding.PayloadSheddingParams,
+        payload_shedding.build,
+    ),
     Effect("fluid_ramp", fluid_ramp.FluidRampParams, fluid_ramp.build),
 )

@@ -35,6 +35,7 @@ from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
@@ -110,6 +111,9 @@ PARAMS: dict[str, Any] = {
     "splash_zone": SplashZoneParams(height_m=200.0, bottom_area_m2=6.0, slamming=5.0),
     "net": NetParams(width_m=2.0, height_m=1.5, solidity=0.2, facing_deg=40.0, panels=2),
     "fairing": FairingParams(face_m2=1.2, drag=0.9, axis=(0.3, -0.2, 1.0)),
+    "payload_shedding": PayloadSheddingParams(
+        strouhal=0.18, lift_coefficient=0.4, diameter_m=1.2, area_m2=1.5
+    ),
     "fluid_ramp": FluidRampParams(
         water=LoadCurve(ramp_s=8.0),
         vortices=LoadCurve(over_time=((0.0, 0.2), (4.0, 1.0), (9.0, 0.6))),
@@ -169,7 +173,7 @@ def data_of(*names: str) -> tuple[Any, ...]:
 def acting(name: str) -> tuple[Any, ...]:
     """The kernels' data of an effect, last, with the current that it may need; vortices shed."""
     effects = (*besides(name), *data_of(name))
-    if name in (*SHEDDING, "bed_friction"):
+    if name in (*SHEDDING, "bed_friction", "payload_shedding"):
         memory = effects[-1].memory
         memory[:] = np.random.default_rng(5).uniform(0.3, 1.2, memory.shape)
     return effects
@@ -185,7 +189,8 @@ def besides(name: str) -> tuple[Any, ...]:
         return data_of("current", "waves", "drag", "payload", "net", "fairing")
     if name == "wind":
         return data_of("wetting")
-    return data_of("current") if name in (*SHEDDING, "drag by the current alone") else ()
+    by_current = (*SHEDDING, "payload_shedding", "drag by the current alone")
+    return data_of("current") if name in by_current else ()
 
 
 @jit_entry

@@ -83,6 +83,7 @@ LIFTLESS: dict[str, Callable[[Any], Any]] = {
     "strouhal_forcing": lambda p: replace(p, lift_over_drag=0.0),
     "wake_oscillator": lambda p: replace(p, lift=0.0),
     "travelling_waves": lambda p: replace(p, lift=(0.0, 0.0)),
+    "payload_shedding": lambda p: replace(p, lift_coefficient=0.0),
 }
 
 

@@ -21,6 +21,7 @@ from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.model.grid import weight_n_per_m
@@ -254,6 +255,9 @@ def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> 
     if isinstance(params, FairingParams):
         fairing = carried.fairing if carried else None
         return _of_payload(params, fairing, carried) or replace(params, face_m2=0.0)
+    if isinstance(params, PayloadSheddingParams):
+        sheds = carried and params.payload in ("", carried.name)
+        return params if sheds else replace(params, lift_coefficient=0.0)
     if isinstance(params, RigidBodyParams):
         params = replace(params, hook_mass_kg=_hook_mass_kg(scene, params))
     if isinstance(params, BendingParams):

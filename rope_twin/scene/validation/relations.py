@@ -17,6 +17,7 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import RopeTwinError, did_you_mean
@@ -345,9 +346,9 @@ def _ramped(scene: Scene, ramp: FluidRampParams, listed: list[str]) -> Iterator[
     for name in (*beside, *(one for one in ("rigid_body",) if one in listed)):
         what = f"`fluid_ramp` does not scale the forces of `{name}`"
         yield "effects", what, "remove one of them, or use `over_time` of `current`"
-    if ramp.vortices and not shedding_model(scene):
+    if ramp.vortices and not shedding_model(scene) and "payload_shedding" not in listed:
         what = "`fluid_ramp` scales the forces of vortices, and no VIV model is listed"
-        yield "effects", what, "remove `vortices`, or list a VIV model"
+        yield "effects", what, "remove `vortices`, or list a VIV model or `payload_shedding`"
     if ramp.fairings and not (
         "fairing" in listed or any(payload.fairing for payload in scene.payloads)
     ):
@@ -402,10 +403,11 @@ def _fairings_of_one_kind(scene: Scene) -> Iterator[Fault]:
 def _at_the_end(scene: Scene) -> Iterator[Fault]:
     """An effect at the lower end needs a payload there."""
     names = [payload.name for payload in scene.payloads]
+    kinds = {NetParams: "net", FairingParams: "fairing", PayloadSheddingParams: "payload_shedding"}
     for own in scene.effects:
-        if not isinstance(own, NetParams | FairingParams):
+        name = kinds.get(type(own))
+        if name is None:
             continue
-        name = "net" if isinstance(own, NetParams) else "fairing"
         if not names:
             what = f"`{name}` is at the payload, and there is none"
             yield "effects", what, "give the rope a payload, or remove it"

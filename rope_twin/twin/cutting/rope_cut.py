@@ -46,6 +46,7 @@ from rope_twin.effects.depth_profiles import AT_END, DepthProfiles
 from rope_twin.effects.fairing import Fairing, TowedFairing
 from rope_twin.effects.net import Net
 from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.payload_shedding import PayloadShedding
 from rope_twin.effects.splash_zone import SplashZone
 from rope_twin.effects.waves import Waves
 from rope_twin.effects.weight import Weight
@@ -80,6 +81,7 @@ _WITHOUT: dict[type, dict[str, Any]] = {  # values that remove the load of an ef
     Fairing: {"k": 0.0},
     TowedFairing: {"force": 0.0},
     DepthProfiles: dict.fromkeys(AT_END, 0.0),
+    PayloadShedding: {"k": 0.0},
     Waves: {"Mx": 0.0, "My": 0.0, "Mz": 0.0},
 }
 

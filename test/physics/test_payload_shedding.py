@@ -1,0 +1,157 @@
+"""The transverse force of a payload's vortices: frequency and amplitude in closed form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rigs import Rig, march, still
+from scene_text import GOOD
+
+from rope_twin import load_scene
+from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
+from rope_twin.effects.payload_shedding import PayloadShedding, PayloadSheddingParams
+from rope_twin.errors import SceneError
+from rope_twin.scene.model.joined import build_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.twin import Twin
+
+SPEED, WIDE, LENGTH, MASS, ADDED, AREA = 0.5, 1.0, 20.0, 2000.0, 500.0, 2.0
+SHEDS = PayloadSheddingParams(strouhal=0.2, lift_coefficient=0.003, diameter_m=WIDE, area_m2=1.0)
+PENDULUM = Rig(  # on a rope without mass and drag; the payload has no drag along the current
+    length=LENGTH, elements=2, mass=1e-3, EA=1e9, diameter=1e-4, damping=1e5, load=MASS,
+    volume=0.25, density=1025.0, added=(ADDED,) * 3, area=(0.0, AREA, 0.0), step=0.02,
+    tolerance=1e-7, current=((0.0, (SPEED, 0.0)),),
+)  # fmt: skip
+
+
+def shedding(rig: Rig = PENDULUM, *others: Any, **changes: float) -> Scene:
+    """The rig's scene, whose payload sheds vortices."""
+    scene = rig.scene()
+    return replace(scene, effects=(*scene.effects, replace(SHEDS, **changes), *others))
+
+
+def of_payload(twin: Twin) -> PayloadShedding:
+    """The kernel data of the vortices."""
+    (found,) = (own for own in twin.rope.effects if isinstance(own, PayloadShedding))
+    return found
+
+
+def test_a_pendulum_is_driven_at_the_strouhal_frequency() -> None:
+    """M·y'' + ½ρCdA·U·y' + W/L·y = -½ρ·C_L·A·U²·sin ωt from rest, to 0.2 % of the largest y.
+
+    The steady part has the amplitude F/√((K - Mω²)² + (cω)²) and ω = 2π·St·U/D, 0.1 %.
+    """
+    twin, seconds = Twin(shedding()), 200.0
+    shots = list(march(twin, still, seconds, every=5))
+    t = np.array([shot.time_s for shot in shots])
+    y = np.array([shot.payload_position_m[1] for shot in shots])
+    M, c = MASS + ADDED, 0.5 * 1025.0 * AREA * SPEED
+    K = PENDULUM.load_weight / LENGTH
+    F, w = -0.5 * 1025.0 * 0.003 * 1.0 * SPEED**2, 2.0 * math.pi * 0.2 * SPEED / WIDE
+    steady = F / (K - M * w * w + 1j * c * w)
+    decay = 0.5 * c / M
+    own = math.sqrt(K / M - decay**2)
+    cosine = -steady.imag  # y(0) = 0, y'(0) = 0
+    sine = (decay * cosine - w * steady.real) / own
+    exact = (steady * np.exp(1j * w * t)).imag
+    exact += np.exp(-decay * t) * (cosine * np.cos(own * t) + sine * np.sin(own * t))
+    assert np.abs(y - exact).max() < 2e-3 * np.abs(exact).max()
+    late = t > 120.0  # the free swing has decayed to 5e-6
+    assert y[late].max() == pytest.approx(abs(steady), rel=1e-3)
+    spectrum = np.abs(np.fft.rfft(y[late] * np.hanning(late.sum()), 1 << 18))
+    frequency = np.fft.rfftfreq(1 << 18, float(t[1] - t[0]))[spectrum.argmax()]
+    assert frequency == pytest.approx(0.2 * SPEED / WIDE, rel=1e-3)
+
+
+def test_the_phase_follows_a_current_that_changes() -> None:
+    """It is 2π·St/D times the way of the water past the payload, 0.1 %."""
+    scene = shedding(lift_coefficient=1e-3)
+    (current, *others) = scene.effects
+    assert isinstance(current, CurrentParams)
+    slower = replace(current, over_time=((0.0, 1.0), (10.0, 0.2), (20.0, 0.2)))
+    twin = Twin(replace(scene, effects=(slower, *others)))
+    twin.advance(1000)
+    way = SPEED * (10.0 * 0.6 + 10.0 * 0.2)
+    assert of_payload(twin).memory[0, 0] == pytest.approx(2.0 * math.pi * 0.2 * way, rel=1e-3)
+
+
+def test_flow_along_the_rope_does_not_push_it() -> None:
+    """In a vertical current the payload hangs still, however fast."""
+    twin = Twin(shedding(replace(PENDULUM, current=((0.0, (0.0, 0.0, 1.5)),)), lift_coefficient=1))
+    twin.advance(500)
+    assert np.abs(twin.snapshot().payload_position_m[:2]).max() < 1e-9
+    assert of_payload(twin).memory[0, 0] > 10.0
+
+
+def test_the_force_is_across_flow_and_rope() -> None:
+    """With the current to the north-east the swing is to the north-west and back."""
+    part = SPEED * math.sqrt(0.5)
+    rig = replace(PENDULUM, current=((0.0, (part, part)),), area=(0.0, 0.0, 0.0))
+    shots = march(Twin(shedding(rig)), still, 20.0, every=10)
+    x, y, _ = np.array([shot.payload_position_m for shot in shots]).T
+    assert np.abs(x + y).max() < 2e-2 * np.abs(x - y).max()
+    assert np.abs(x - y).max() > 1e-4
+
+
+def test_energy_is_that_of_the_force() -> None:
+    """The account closes, 0.1 % of what is exchanged."""
+    for shot in march(Twin(shedding(), ENERGY), still, 60.0, every=500):
+        balance = shot.energy
+    assert balance is not None
+    assert balance.exchanged_j > 1e-3
+    assert abs(balance.residual_j) < 1e-3 * balance.exchanged_j
+
+
+def test_a_fluid_ramp_scales_it() -> None:
+    """Half the factor is half the swing."""
+    half = FluidRampParams(vortices=LoadCurve(over_time=((0.0, 0.5),)))
+    swings = []
+    for others in ((), (half,)):
+        shots = march(Twin(shedding(PENDULUM, *others)), still, 30.0, every=10)
+        swings.append(max(abs(shot.payload_position_m[1]) for shot in shots))
+    assert swings[1] == pytest.approx(0.5 * swings[0], rel=2e-3)
+
+
+def test_of_several_payloads_one_may_shed() -> None:
+    scene = load_scene("two_line_lift")
+    names = [payload.name for payload in scene.payloads]
+    for payload in ("", *names):
+        sheds = replace(SHEDS, payload=payload)
+        ropes = build_joined(replace(scene, effects=(*scene.effects, sheds))).system.ropes
+        strong = [rope.effects[-1].k > 0.0 for rope in ropes]
+        assert sum(strong) == (len(names) if payload == "" else 1)
+
+
+OWN = "payload_shedding: {strouhal: 0.2, lift_coefficient: 0.3, diameter_m: 2, area_m2: 4"
+
+
+@pytest.mark.parametrize(
+    ("own", "words"),
+    [
+        (f"{OWN}, payload: another}}", "there is no payload 'another'"),
+        (OWN.replace(", area_m2: 4", "") + "}", "area_m2 missing"),
+        (OWN.replace("0.2", "7") + "}", "0.01 to 1"),
+    ],
+)
+def test_what_shedding_may_not_be(tmp_path: Path, own: str, words: str) -> None:
+    path = tmp_path / "sheds.yaml"
+    path.write_text(GOOD.replace("  - weight: {}\n", f"  - weight: {{}}\n  - {own}\n"))
+    with pytest.raises(SceneError, match=words):
+        load_scene(str(path))
+
+
+def test_a_rigid_body_is_refused(tmp_path: Path) -> None:
+    scene = Path("config/scenes/manifold_lift.yaml")
+    path = tmp_path / "body.yaml"
+    path.write_text(
+        scene.read_text().replace("  - weight: {}\n", f"  - weight: {{}}\n  - {OWN}}}\n")
+    )
+    with pytest.raises(SceneError, match="payload_shedding"):
+        load_scene(str(path))
