@@ -3,7 +3,7 @@
 Per metre, with the velocity u of the rope relative to the water, split along the tangent τ into s =
 u·τ and n = u - s·τ: force = -½·ρ·d·Cdn·|n|·n - ½·ρ·π·d·Cdt·|s|·s·τ. Cdn refers to the projected
 area d, Cdt to the skin area π·d. Cdn may depend on the Reynolds number |n|·d/ν by a table, linear
-in its logarithm.
+in its logarithm, or on Keulegan-Carpenter number and roughness (vortex/oscillating_drag).
 
 With `relative: false` u is the water's velocity alone, so that the rope's motion is not damped:
 method 1 of Laird, Fraser and Marsh (2016), for verification only.
@@ -26,12 +26,72 @@ from rope_twin.core.loads.balance import Load
 from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import Floats
-from rope_twin.quantity import quantity, text
+from rope_twin.quantity import SparingRepr, quantity, text
+from rope_twin.vortex.oscillating_drag import OscillatingDrag, oscillating_drag
 
 
 @dataclass(frozen=True, kw_only=True)
-class DragParams:
-    """Drag coefficients and their dependence on the Reynolds number."""
+class RoughTable:
+    """Factors on the normal drag coefficient for one roughness."""
+
+    roughness: float = quantity("height of the roughness over the diameter, k/d", "", 1e-6, 0.2)
+    rows: tuple[tuple[float, float], ...] = quantity(
+        "rows of Keulegan-Carpenter number and factor on `normal`", "", 0.0, 1e6
+    )
+
+    def check(self) -> str | None:
+        """Return a fault if rows are missing or unordered, or None."""
+        if not self.rows:
+            return "no rows; give at least one row [KC, factor]"
+        if any(b[0] <= a[0] for a, b in itertools.pairwise(self.rows)):
+            return "Keulegan-Carpenter numbers are not ascending; order the rows"
+        if max(factor for _, factor in self.rows) > 10.0:
+            return "a factor above 10; give factors on `normal`, not coefficients of something else"
+        return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeuleganCarpenter:
+    """Tables by roughness, and that of the rope."""
+
+    tables: tuple[RoughTable, ...] = text("tables in the order of their roughness")
+    roughness: float | None = quantity(
+        "k/d of the rope; may be left out with one table", "", 1e-6, 0.2, default=None
+    )
+    window_s: float = quantity(
+        "time constant of the means that the number is taken from", "s", 1.0, 3600.0, default=60.0
+    )
+
+    def check(self) -> str | None:
+        """Return a fault of the tables, or None."""
+        known = [own.roughness for own in self.tables]
+        if not known:
+            return "no tables; give at least one, `{roughness: ..., rows: [[KC, factor], ...]}`"
+        if any(b <= a for a, b in itertools.pairwise(known)):
+            return "the roughness of the tables is not ascending; order them"
+        if self.roughness is None:
+            return None if len(known) == 1 else "no roughness of the rope; give one for the tables"
+        if not known[0] <= self.roughness <= known[-1]:
+            reach = f"{known[0]:g} to {known[-1]:g}"
+            return f"roughness {self.roughness:g} is outside the tables; give {reach}"
+        return None
+
+    def table(self) -> tuple[Floats, Floats]:
+        """Return numbers and factors at the rope's roughness, linear in its logarithm."""
+        number = np.array(sorted({KC for own in self.tables for KC, _ in own.rows}), dtype=float)
+        factors = [np.interp(number, *np.array(own.rows, float).T) for own in self.tables]
+        if self.roughness is None:
+            return number, factors[0]
+        known = np.log([own.roughness for own in self.tables])
+        at = math.log(self.roughness)
+        return number, np.array([np.interp(at, known, row) for row in np.transpose(factors)])
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DragParams(SparingRepr):
+    """Drag coefficients, and their dependence on Reynolds or Keulegan-Carpenter number."""
+
+    _later = frozenset(("over_keulegan_carpenter",))
 
     normal: float = quantity("normal drag coefficient, on the diameter d", "", 0.0, 10.0)
     tangential: float = quantity("tangential drag coefficient, on π·d", "", 0.0, 1.0)
@@ -41,6 +101,9 @@ class DragParams:
     viscosity_m2_per_s: float = quantity(
         "kinematic viscosity ν of water", "m²/s", 1e-7, 1e-4, default=1.3e-6
     )
+    over_keulegan_carpenter: KeuleganCarpenter | None = text(
+        "factor on `normal` by Keulegan-Carpenter number and roughness", None
+    )
     relative: bool = text("false: neglect the rope's own velocity (verification only)", True)
 
     def check(self) -> str | None:
@@ -49,6 +112,9 @@ class DragParams:
             return "Reynolds numbers of over_reynolds are not ascending; order the rows"
         if self.over_reynolds and not self.relative:
             return "over_reynolds and relative: false exclude each other; remove one"
+        if self.over_keulegan_carpenter and (self.over_reynolds or not self.relative):
+            other = "over_reynolds" if self.over_reynolds else "relative: false"
+            return f"over_keulegan_carpenter and {other} exclude each other; remove one"
         return None
 
 
@@ -77,14 +143,20 @@ class CurrentDrag(NamedTuple):
 grows(Drag, "kn", "kt")
 grows(ReynoldsDrag, "drag")
 grows(CurrentDrag, "drag")
+grows(OscillatingDrag, "kn", "kt")
 
 
-def build(params: DragParams, payload: Any, around: Any) -> Drag | ReynoldsDrag | CurrentDrag:
+def build(
+    params: DragParams, payload: Any, around: Any
+) -> Drag | ReynoldsDrag | CurrentDrag | OscillatingDrag:
     """Return the kernel data for the coefficients and the water."""
     half_density = 0.5 * around.water_density_kg_per_m3
     drag = Drag(half_density * params.normal, half_density * params.tangential)
     if not params.relative:
         return CurrentDrag(drag)
+    if params.over_keulegan_carpenter:
+        own = params.over_keulegan_carpenter
+        return oscillating_drag(*drag, *own.table(), own.window_s, around.room)
     if params.over_reynolds:
         re, factor = np.array(params.over_reynolds, dtype=float).T
         scale = 4.0 / (math.pi * params.viscosity_m2_per_s)
@@ -127,6 +199,13 @@ def load(drag: Any, node: Any, stage: Any) -> Any:
     k_n = kn·frontal area, c_n = k_n·|n|, c_t = kt·skin area·|s|. Omitted in A: the changes of
     tangent and current with position.
     """
+    relative = (node.vx - node.ux, node.vy - node.uy, node.vz - node.uz)
+    return _load(drag.kn, drag.kt, node, relative, stage.q)
+
+
+@kernel("load", OscillatingDrag)
+def oscillating_load(drag: Any, node: Any, stage: Any) -> Any:
+    """Return the drag with the factor 1; the rest comes with the nodes' own factors."""
     relative = (node.vx - node.ux, node.vy - node.uy, node.vz - node.uz)
     return _load(drag.kn, drag.kt, node, relative, stage.q)
 

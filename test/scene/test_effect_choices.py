@@ -72,6 +72,42 @@ def test_wetting_needs_weight(tmp_path: Path) -> None:
         load_scene(str(path))
 
 
+TABLE = "{roughness: 0.0001, rows: [[2.0, 0.8], [12.0, 1.6]]}"
+ROUGH = "{roughness: 0.01, rows: [[2.0, 1.2], [12.0, 2.0]]}"
+NUMBERS = [
+    ("{tables: []}", "no tables; give at least one"),
+    ("{tables: [{roughness: 0.01, rows: []}]}", "no rows; give at least one row [KC, factor]"),
+    ("{tables: [{roughness: 0.01, rows: [[3.0, 1.0], [2.0, 1.0]]}]}",
+     "Keulegan-Carpenter numbers are not ascending; order the rows"),
+    (f"{{tables: [{ROUGH}, {TABLE}], roughness: 0.001}}",
+     "the roughness of the tables is not ascending; order them"),
+    (f"{{tables: [{TABLE}, {ROUGH}]}}", "no roughness of the rope; give one for the tables"),
+    (f"{{tables: [{TABLE}, {ROUGH}], roughness: 0.02}}",
+     "roughness 0.02 is outside the tables; give 0.0001 to 0.01"),
+    (f"{{tables: [{TABLE}]}}, relative: false",
+     "over_keulegan_carpenter and relative: false exclude each other; remove one"),
+    (f"{{tables: [{TABLE}]}}}}\n  - wetting: {{",
+     "over_keulegan_carpenter of `drag` and `wetting` both change the rope's drag"),
+    (f"{{tables: [{TABLE}]}}}}\n  - strouhal_forcing: {{",
+     "over_keulegan_carpenter of `drag` and `strouhal_forcing` both change the rope's drag"),
+    (f"{{tables: [{TABLE}, {ROUGH}], roughness: 0.001, window_s: 90.0}}", ""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("given", "words"), NUMBERS)
+def test_drag_over_keulegan_carpenter_numbers(given: str, words: str, tmp_path: Path) -> None:
+    path = scene_with("added_mass: {}", tmp_path)
+    old = "tangential: 0.02}"
+    new = f"tangential: 0.02, over_keulegan_carpenter: {given}}}"
+    path.write_text(path.read_text().replace(old, new))
+    if not words:
+        assert load_scene(str(path)).name == "scene"
+        return
+    with pytest.raises(SceneError) as refused:
+        load_scene(str(path))
+    assert words in str(refused.value)
+
+
 PROFILES = "depth_profiles: {density_kg_per_m3: [[0.0, 1025.0]], drag_factor: [[0.0, 1.2]]}"
 BESIDE = [
     ("  - weight: {}\n", "", "`depth_profiles` corrects the buoyancy of `weight`"),

@@ -29,7 +29,7 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams, Layers
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
-from rope_twin.effects.drag import DragParams
+from rope_twin.effects.drag import DragParams, KeuleganCarpenter, RoughTable
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.modal_vibration import ModalVibrationParams
@@ -136,6 +136,18 @@ VARIANTS: dict[str, Any] = {  # other kernels of the same effects, each with its
     "drag over Reynolds numbers": DragParams(
         normal=1.2, tangential=0.02, over_reynolds=((1e3, 1.4), (1e5, 1.0), (1e6, 0.5))
     ),
+    "drag over Keulegan-Carpenter numbers": DragParams(
+        normal=1.0,
+        tangential=0.02,
+        over_keulegan_carpenter=KeuleganCarpenter(
+            tables=(
+                RoughTable(roughness=1e-4, rows=((2.0, 0.8), (12.0, 1.4), (60.0, 0.7))),
+                RoughTable(roughness=2e-2, rows=((2.0, 1.2), (15.0, 1.9), (80.0, 1.1))),
+            ),
+            roughness=3e-3,
+            window_s=8.0,
+        ),
+    ),
     "drag by the current alone": DragParams(normal=1.2, tangential=0.02, relative=False),
     "fairing that is towed": FairingParams(face_m2=1.2, tow_speed_m_per_s=-0.8, ramp_s=9.0),
 }
@@ -173,7 +185,8 @@ def data_of(*names: str) -> tuple[Any, ...]:
 def acting(name: str) -> tuple[Any, ...]:
     """The kernels' data of an effect, last, with the current that it may need; vortices shed."""
     effects = (*besides(name), *data_of(name))
-    if name in (*SHEDDING, "bed_friction", "payload_shedding"):
+    remember = ("bed_friction", "payload_shedding", "drag over Keulegan-Carpenter numbers")
+    if name in (*SHEDDING, *remember):
         memory = effects[-1].memory
         memory[:] = np.random.default_rng(5).uniform(0.3, 1.2, memory.shape)
     return effects

@@ -300,6 +300,14 @@ def _effects(scene: Scene) -> Iterator[Fault]:
         yield "effects", what, "add `- wetting: {}`"
     if ramp := scene.listed(FluidRampParams):
         yield from _ramped(scene, ramp, listed)
+    drag = scene.listed(DragParams)
+    if drag is not None and drag.over_keulegan_carpenter:
+        beside = [name for name in ("wetting", "depth_profiles") if name in listed] + shedding
+        if beside:
+            what = (
+                f"over_keulegan_carpenter of `drag` and `{beside[0]}` both change the rope's drag"
+            )
+            yield "effects", what, "keep one of them"
     if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
         what = "`splash_zone` corrects the loads of `payload`, which is not listed"
         yield "effects", what, "add `- payload: {}`"

@@ -273,7 +273,10 @@ def _drag(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     drag = scene.listed(DragParams)
     if drag is None:
         return
-    factor = max((factor for _, factor in drag.over_reynolds), default=1.0)
+    rows = drag.over_reynolds
+    if drag.over_keulegan_carpenter is not None:
+        rows = tuple(row for own in drag.over_keulegan_carpenter.tables for row in own.rows)
+    factor = max((factor for _, factor in rows), default=1.0)
     yield from _coefficients("effects drag", "", factor * drag.normal, drag.tangential)
 
 

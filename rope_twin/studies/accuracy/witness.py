@@ -99,7 +99,9 @@ def _beyond(scene: Scene) -> str:
     if payload and payload_figures(payload, 1.0).differs_rising:
         return "a payload that rises by other figures than it sinks"
     for one in scene.effects:
-        if isinstance(one, DragParams) and (one.over_reynolds or not one.relative):
+        if isinstance(one, DragParams) and (
+            one.over_reynolds or one.over_keulegan_carpenter or not one.relative
+        ):
             return "drag by a table or by the current alone"
         if isinstance(one, AddedMassParams) and one.tangential:
             return "added mass along the rope"

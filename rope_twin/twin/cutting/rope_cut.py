@@ -56,12 +56,13 @@ from rope_twin.scene.model.rope import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.twin.elements import elements_of, tensions
 from rope_twin.twin.internal_variables import has_state, on_nodes, own_copies
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
+from rope_twin.vortex.oscillating_drag import OscillatingDrag
 
 
 def is_viv_model(effect: Any) -> bool:
     """Return whether an effect is a VIV model at the nodes inside the step."""
     at_nodes = has_state(effect) and "load_nodes" in hooks_of(type(effect))
-    return at_nodes and not isinstance(effect, DragGrowth)
+    return at_nodes and not isinstance(effect, DragGrowth | OscillatingDrag)
 
 
 def reset_drag_amplification(effects: tuple[Any, ...]) -> tuple[Any, ...]:
