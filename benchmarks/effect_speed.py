@@ -22,6 +22,7 @@ from rope_twin.core.step import advance_steps
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.fairing import FairingParams
@@ -81,6 +82,10 @@ ADDED: dict[str, Any] = {
         strouhal=0.2, lift_coefficient=0.4, diameter_m=3.0, area_m2=9.0
     ),
     "fluid_ramp": FluidRampParams(water=LoadCurve(ramp_s=5.0)),
+    "compensator": CompensatorParams(  # the lowest element of the rope, not a unit above the load
+        stroke_m=4.0, piston_area_m2=0.02, gas_pressure_pa=8e6, gas_volume_m3=1.0, exponent=1.3,
+        damping_newton_seconds_per_m=2e3, throttling_kg_per_m=4e3, friction_n=500.0,
+    ),
 }  # fmt: skip
 NEEDS = {"wind": "wetting", "bed_friction": "seabed"}  # what acts only beside another
 TOGETHER = ("waves", "seabed")  # beside the base's own: the sea that a lift usually has

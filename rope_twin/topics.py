@@ -146,6 +146,11 @@ TOPICS: tuple[Topic, ...] = (
     Topic("struts/state", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
           "struts (spreader bars): name; from_x, from_y, from_z, to_x, to_y, to_z, both ends [m]; "
           "length_m; tension_n, negative: compression", only_with="struts"),
+    Topic("compensator/state", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 50.0, "simulation",
+          "heave compensator at the hook: stroke_m beyond the retracted length; "
+          "stroke_rate_m_per_s; tension_n; gas_pressure_pa; gas_force_n; damper_n, friction_n, "
+          "stop_n, water_n, the other parts of the tension, positive while the unit extends",
+          only_with="compensator", in_view=False),
     Topic("winch/state", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 50.0, "simulation",
           "component states of each winch: name; target, set-point in the unit of winch/mode; "
           "drum_radius_m, motor_torque_n_m and others of the scene's components, with their unit "

@@ -25,7 +25,7 @@ from validation import (
     waves_over_current,
 )
 from validation.case import Case
-from validation.hard_cases import borders, cut, inputs, long, start, vortices, winch
+from validation.hard_cases import borders, compensator, cut, inputs, long, start, vortices, winch
 from validation.hard_cases import snap as hard_snap
 
 FAMILIES = "PLQGUS"  # of ids, in the order of the page
@@ -70,5 +70,6 @@ HARD_CASES: tuple[Case, ...] = (
     *inputs.CASES,
     *long.CASES,
     *borders.CASES,
+    *compensator.CASES,
     *vortices.CASES,
 )

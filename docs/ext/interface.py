@@ -30,6 +30,7 @@ ROWS_MEAN = {
     "simulation: accuracy": "bound of the discretisation error of the top tension, or why unknown",
     "simulation: bend": "minimum bend radius of each line; WARN below the permitted one",
     "simulation: clocks": "drift of ROS time against the steady clock",
+    "simulation: compensator": "stroke and force of the heave compensator; WARN at an end stop",
     "simulation: energy": "energy balance and its residual, in runs that keep it",
     "simulation: error interval": "95 % discretisation-error interval, in runs that compute it",
     "simulation: fatigue": "accumulated (Miner) damage, in runs that compute it",

@@ -16,6 +16,8 @@ Three laws, chosen by type while numba compiles, so that a rope contains the cod
   is slack T is 0, and ε_m recovers towards the strain without tension. S may be a working curve
   below the highest mean tension so far (core/fibre).
 
+The lowest element may have the law of an effect instead (hook `axial`, a heave compensator).
+
 The strain ε_m of a stage is HELD·HAT + (1 - HELD)·ε, with HELD = 1/(1 + q/τ) and HAT the explicit
 part of the integrator. Memory of zeros means HELD = 0, the static curve, which is what a static
 solution needs.
@@ -23,6 +25,7 @@ solution needs.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +34,10 @@ from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit_within
 from rope_twin.core.jit.rows import HeldType
-from rope_twin.core.state import Floats, Table
+from rope_twin.core.loads.hooks import axial_place, kernel_of
+from rope_twin.core.state import POSITION, Floats, Table
+
+_WITHIN = {**LINKED, "forceinline": True}  # inlined in the caller
 
 # Internal variables of a fibre rope, of the element above each node (core/loads/memory):
 # ε_m, S(ε_m) [N], ε - ε_m of the material, the running mean of its square, and the highest ε_m and
@@ -72,40 +78,85 @@ class FibrePart(NamedTuple):
     bend: Any
 
 
-def _place_of_fibre(effects: Any) -> int:
-    return next((i for i, kind in enumerate(effects) if kind is Fibre), -1)
+class Lowest(NamedTuple):
+    """Law of a rope whose lowest element has one of its own."""
+
+    law: Any  # of the other elements
+    own: Any  # effect with the kernel `axial`
 
 
-def law_of(rope: Any) -> Any:
-    """Return the axial law of a rope: None, its table, or with the effect Fibre a FibreLaw."""
-    i = _place_of_fibre(map(type, rope.effects))
-    return rope.law if i < 0 else FibreLaw(rope.law, rope.effects[i].memory)
+class Bound(NamedTuple):
+    """Law of the elements from `low` on, the lowest of which may have one of its own."""
+
+    law: Any  # of the other elements
+    own: Any  # effect with the kernel `axial`
+    low: int
+    depth: float  # of the middle of the lowest element below the mean water level [m]
 
 
-@overload(law_of, jit_options={**LINKED, "forceinline": True}, strict=False)
-def _choose_law(rope: Any) -> Any:
+def _kinds(rope: Any) -> list[Any]:
+    """Return the types of the effects of a numba type of rope."""
     kind = rope.inner if isinstance(rope, HeldType) else rope
-    effects = kind.types[kind.fields.index("effects")]
-    i = _place_of_fibre(effect.instance_class for effect in effects)
-    if i < 0:
+    return [effect.instance_class for effect in kind.types[kind.fields.index("effects")]]
+
+
+def _place_of_fibre(kinds: Iterable[type]) -> int | None:
+    return next((i for i, kind in enumerate(kinds) if kind is Fibre), None)
+
+
+def sections_law(rope: Any) -> Any:
+    """Return the law of a rope's sections: None, its table, or with the effect Fibre a FibreLaw."""
+    i = _place_of_fibre(map(type, rope.effects))
+    return rope.law if i is None else FibreLaw(rope.law, rope.effects[i].memory)
+
+
+@overload(sections_law, jit_options=_WITHIN, strict=False)
+def _choose_sections_law(rope: Any) -> Any:
+    i = _place_of_fibre(_kinds(rope))
+    if i is None:
         return lambda rope: rope.law
     return lambda rope: FibreLaw(rope.law, rope.effects[i].memory)
 
 
-def law_from(law: Any, low: int) -> Any:
+def law_of(rope: Any) -> Any:
+    """Return the law of a rope's elements: its sections', with an effect's for the lowest one."""
+    i = axial_place(map(type, rope.effects))
+    return sections_law(rope) if i is None else Lowest(sections_law(rope), rope.effects[i])
+
+
+@overload(law_of, jit_options=_WITHIN, strict=False)
+def _choose_law(rope: Any) -> Any:
+    i = axial_place(_kinds(rope))
+    if i is None:
+        return lambda rope: sections_law(rope)
+    return lambda rope: Lowest(sections_law(rope), rope.effects[i])
+
+
+def law_from(law: Any, work: Any, low: Any) -> Any:
     """Return a law as the loop over the elements from `low` on takes it."""
+    if isinstance(law, Lowest):
+        return _bound(law, work, low)
     return _part(law, low) if isinstance(law, FibreLaw) else law
 
 
-@overload(law_from, jit_options={**LINKED, "forceinline": True}, strict=False)
-def _choose_part(law: Any, low: Any) -> Any:
-    if getattr(law, "instance_class", None) is FibreLaw:
-        return lambda law, low: _part(law, low)
-    return lambda law, low: law
+@overload(law_from, jit_options=_WITHIN, strict=False)
+def _choose_part(law: Any, work: Any, low: Any) -> Any:
+    kind = getattr(law, "instance_class", None)
+    if kind is Lowest:
+        return lambda law, work, low: _bound(law, work, low)
+    if kind is FibreLaw:
+        return lambda law, work, low: _part(law, low)
+    return lambda law, work, low: law
 
 
 @jit_within
-def _part(law: Any, low: int) -> Any:
+def _bound(law: Any, work: Any, low: Any) -> Any:
+    depth = -0.5 * (work[POSITION + 2, 0] + work[POSITION + 2, 1])
+    return Bound(law_from(law.law, work, low), law.own, low, depth)
+
+
+@jit_within
+def _part(law: Any, low: Any) -> Any:
     m = law.memory
     return FibrePart(
         law.table, m[HAT, low:], m[HELD, low:], m[STIFF, low:], m[UPPER, low:], m[LOWER, low:],
@@ -113,27 +164,46 @@ def _part(law: Any, low: int) -> Any:
     )  # fmt: skip
 
 
-def pull_of(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
+def pull_of(law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, weights: Any) -> Any:
     """Return the elastic tension [N] of element e at this extension [m], and its tangent [N/m].
 
-    section, stiffness: rows; a table stores its tangent in `stiffness`.
+    rows: section and stiffness; a table stores its tangent in the latter. rate: of the length
+    [m/s], which only the law of an effect depends on; weights: p and q of the stage.
     """
+    if isinstance(law, Bound):
+        if e + law.low == 0 and law.own.here != 0.0:
+            kernel = kernel_of("axial", type(law.own))
+            return kernel(law.own, extension, rate, weights, rows[1][e], law.depth)
+        law = law.law
     if law is None:
-        return _by_stiffness(law, section, stiffness, e, extension, rest)
+        return _by_stiffness(law, rows[0], rows[1], e, extension, rest)
     chosen = _by_fibre if isinstance(law, FibrePart) else _by_table
-    return chosen(law, section, stiffness, e, extension, rest)
+    return chosen(law, rows[0], rows[1], e, extension, rest)
 
 
-@overload(pull_of, jit_options={**LINKED, "forceinline": True}, strict=False)
-def _choose_pull(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
-    chosen = _by_stiffness if isinstance(law, types.NoneType) else _by_table
-    if getattr(law, "instance_class", None) is FibrePart:
+@overload(pull_of, jit_options=_WITHIN, strict=False)
+def _choose_pull(
+    law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, weights: Any
+) -> Any:
+    bound = getattr(law, "instance_class", None) is Bound
+    others = law.types[law.fields.index("law")] if bound else law
+    chosen = _by_stiffness if isinstance(others, types.NoneType) else _by_table
+    if getattr(others, "instance_class", None) is FibrePart:
         chosen = _by_fibre
+    if not bound:
+        return lambda law, rows, e, extension, rest, rate, weights: chosen(
+            law, rows[0], rows[1], e, extension, rest
+        )
+    kernel = kernel_of("axial", law.types[law.fields.index("own")].instance_class)
 
-    def choice(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
-        return chosen(law, section, stiffness, e, extension, rest)
+    def lowest(
+        law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, weights: Any
+    ) -> Any:
+        if e + law.low == 0 and law.own.here != 0.0:
+            return kernel(law.own, extension, rate, weights, rows[1][e], law.depth)
+        return chosen(law.law, rows[0], rows[1], e, extension, rest)
 
-    return choice
+    return lowest
 
 
 @jit_within

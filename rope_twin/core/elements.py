@@ -155,7 +155,8 @@ def _stretched(part: Any, apart: Any, weights: Any, e: int) -> Any:
     dy *= inverse
     dz *= inverse
     closing = dx * wx + dy * wy + dz * wz
-    elastic, k = pull_of(law, section, stiffness, e, length + slack[e] - l0, l0)
+    rows = section, stiffness
+    elastic, k = pull_of(law, rows, e, length + slack[e] - l0, l0, closing, weights)
     pull = elastic + damping[e] * (closing - growth * length)
     taut = pull > 0.0
     pull = choose(taut, pull, 0.0)
@@ -169,8 +170,8 @@ def _part(law: Any, work: Floats, offset: Any, low: int) -> Any:
     """Return the law and rows of the elements from `low` on."""
     stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
     return (
-        law_from(law, low), row(work, REST, low), offset_row(offset, low), row(work, SECTION, low),
-        stiffness, damping, row(work, GROWTH, low),
+        law_from(law, work, low), row(work, REST, low), offset_row(offset, low),
+        row(work, SECTION, low), stiffness, damping, row(work, GROWTH, low),
     )  # fmt: skip
 
 

@@ -15,11 +15,12 @@ merge.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.axial_law import FibreLaw, held_tension, hold, law_of
+from rope_twin.core.axial_law import FibreLaw, held_tension, hold, sections_law
 from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.guards import STRETCH2_MIN, TANGENT2_MIN
 from rope_twin.core.jit.decorators import jit_entry
@@ -50,6 +51,7 @@ ALONG = ("kinetic", "potential", "power")  # [J], [J], [W] into the rope
 AT_END = ("kinetic_end", "potential_end", "power_end")
 _ACCOUNTS: dict[str, dict[type, Any]] = {kind: {} for kind in (*ALONG, *AT_END)}
 _WETTED: dict[type, Any] = {}
+_LOWEST: dict[type, Any] = {}
 
 
 class Place(NamedTuple):
@@ -85,6 +87,7 @@ class Elements(NamedTuple):
     stretch: Floats  # length over unstretched length
     rest: Floats  # unstretched length [m]
     section: Any  # column in `sections`
+    water: float = 0.0  # power of the water on the lowest element [W]
 
 
 class Store(NamedTuple):
@@ -209,6 +212,31 @@ def account_soaked(effect: type) -> None:
         account(kind, effect)(function)
 
 
+def lowest_account(effect: type) -> Callable[[Any], Any]:
+    """Register the account of an effect with a law of the lowest element (hook `axial`).
+
+    f(effect, extension, its rate, stiffness, depth) returns its tension, the part of it that stored
+    energy gives back, that of the water's pressure [N], and the stored energy [J].
+    """
+
+    def register(function: Any) -> Any:
+        _LOWEST[effect] = function
+        return function
+
+    return register
+
+
+def law_of_lowest(effects: tuple[Any, ...]) -> Callable[..., Any] | None:
+    """Return f(extension, its rate, stiffness, depth) of `lowest_account`; None: no effect has it.
+
+    Without it the lowest element has the law of its section.
+    """
+    for effect in effects:
+        if type(effect) in _LOWEST and effect.here != 0.0:
+            return partial(_LOWEST[type(effect)], effect)
+    return None
+
+
 def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
     """Return energy and power of the state at a step boundary.
 
@@ -230,7 +258,8 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
         hang_off=-float(pull @ place.velocity[:, -1]),
         passing=float(V * per_metre),
         water=account_sum("power", effects, wetted(effects, place))
-        + account_sum("power_end", effects, end),
+        + account_sum("power_end", effects, end)
+        + elements.water,
     )
     return Border(store, power, elements)
 
@@ -275,25 +304,34 @@ def _elements(rope: Rope, V: float) -> Elements:
     rate = closing.copy()  # of the length, less that of the unstretched length: l_0·strain rate
     rate[-1] -= V / rest[-1] * length[-1]
     strain = (length + offset - rest) / rest
-    law, damper = law_of(rope), sections[C, section] / rest * rate
+    law, damper = sections_law(rope), sections[C, section] / rest * rate
     if isinstance(law, FibreLaw):
         elastic, stored = held_tension(law, section, strain)
         pull = np.maximum(elastic + damper, 0.0)
-        spring, held = np.zeros(n), stored
+        spring, held = np.zeros(n), stored.copy()
     else:
         spring, stored = hold(law, sections[EA, section], section, strain)
         slack = sections[EA, section] * np.minimum(strain, 0.0)  # a table begins with EA
         pull, held = np.maximum(spring + slack + damper, 0.0), np.zeros(n)
+    stored, damping, water = stored * rest, pull - spring, 0.0
+    own = law_of_lowest(rope.effects)
+    if own is not None:
+        k, depth = sections[EA, section[0]] / rest[0], -0.5 * float(x[2, 0] + x[2, 1])
+        rate_0 = float(closing[0])
+        tension, back, rod, work = own(float(length[0] + offset[0] - rest[0]), rate_0, k, depth)
+        damping[0], stored[0], water = tension - back - rod, work, -rod * rate_0
+        held[0] = 0.0
     return Elements(
         direction=direction,
         turning=(dv - closing * direction) / length,
-        stored=stored * rest,
-        damping=pull - spring,
+        stored=stored,
+        damping=damping,
         held=held,
         rate=rate,
         stretch=length / rest,
         rest=rest,
         section=section,
+        water=water,
     )
 
 

@@ -48,8 +48,8 @@ from rope_twin.core.axial_law import (
     UPPER,
     Fibre,
     FibreLaw,
-    law_of,
     relaxed_at,
+    sections_law,
     tension_at,
 )
 from rope_twin.core.elements import section_above
@@ -255,7 +255,7 @@ def _strain(rope: Any, e: int) -> Any:
 @kernel("start", Fibre)
 def start(fibre: Any, rope: Any, upto: int) -> None:
     """Begin at rest: ε_m is the strain of the static equilibrium, where slack that without load."""
-    law, m, sections = law_of(rope), fibre.memory, rope.sections
+    law, m, sections = sections_law(rope), fibre.memory, rope.sections
     for e in range(rope.state.counts[ELEMENTS]):
         k = int(rope.work[SECTION, e])
         _relax(law, rope, k, e)
@@ -282,7 +282,7 @@ def predict(fibre: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -
 @kernel("settle", Fibre)
 def settle(fibre: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store ε_m and what follows from it; then hold it, for splits and merges of elements."""
-    law, m, work, sections = law_of(rope), fibre.memory, rope.work, rope.sections
+    law, m, work, sections = sections_law(rope), fibre.memory, rope.work, rope.sections
     n = rope.state.counts[ELEMENTS]
     share = 0.0
     if stage.time <= 0.0:

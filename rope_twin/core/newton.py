@@ -21,7 +21,7 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
-from rope_twin.core.axial_law import law_of
+from rope_twin.core.axial_law import law_of, sections_law
 from rope_twin.core.banded.pentadiagonal import eliminate_coupled, push_coupled, take_links
 from rope_twin.core.banded.tridiagonal import eliminate, push
 from rope_twin.core.elements import end_rope, find_change, stretch
@@ -66,7 +66,7 @@ from rope_twin.core.joined.stage import (
 )
 from rope_twin.core.loads import hooks
 from rope_twin.core.loads.balance import is_calm, load_lowest, load_nodes, set_flow, slope
-from rope_twin.core.loads.memory import predict_memories
+from rope_twin.core.loads.memory import predict_memories, prepare_axial
 from rope_twin.core.state import (
     BLOCK,
     CHANGE,
@@ -175,6 +175,9 @@ def _evaluate_rope(system: Any, rope: Any, stage: Stage, kind: int, share: float
     """Evaluate rope r, in chunks of nodes; those at connections are in place."""
     state, work, p, q = rope.state, rope.work, stage.p, stage.q
     n, upto = state.counts[ELEMENTS], count_loaded(system, r)
+    law = law_of(rope)
+    if kind != SEARCH:
+        prepare_axial(rope.effects, rope, stage, kind)
     for start in range(0, n, CHUNK):
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
         if kind == TRAPEZOID:
@@ -187,8 +190,8 @@ def _evaluate_rope(system: Any, rope: Any, stage: Stage, kind: int, share: float
         if high == n:
             pass_sheave(system, rope, r, 0.0, 0.0)
         if kind != SEARCH:
-            predict_law(law_of(rope), rope, stage, kind, done, last)
-        stretch(law_of(rope), work, state.offset, p, q, done, last)
+            predict_law(sections_law(rope), rope, stage, kind, done, last)
+        stretch(law, work, state.offset, p, q, done, last)
         if high == n:
             last = upto
             if upto > n:

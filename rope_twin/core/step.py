@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from rope_twin.core.axial_law import law_of
+from rope_twin.core.axial_law import sections_law
 from rope_twin.core.elements import end_rope, set_lengths, set_top_length, stretch_all
 from rope_twin.core.fibre import hold_law
 from rope_twin.core.integrator import (
@@ -57,6 +57,7 @@ from rope_twin.core.loads.memory import (
     accept_memories,
     begin_step,
     keep_memories,
+    prepare_axial,
     return_memories,
     settle_memories,
 )
@@ -265,8 +266,10 @@ def _recall_tension(system: Any, boundary: Boundary, row: int, time: float) -> N
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
         pass_sheave(system, rope, r, 0.0, 0.0)
-        hold_law(law_of(rope), rope)
-        stretch_all(rope, stage_of(system, stage, r))
+        own = stage_of(system, stage, r)
+        hold_law(sections_law(rope), rope)
+        prepare_axial(rope.effects, rope, own, TRAPEZOID)
+        stretch_all(rope, own)
 
 
 @jit

@@ -14,6 +14,7 @@ from rope_twin.effects import (
     added_mass,
     bed_friction,
     bending,
+    compensator,
     current,
     decomposed_force,
     depth_profiles,
@@ -125,4 +126,5 @@ EFFECTS: tuple[Effect, ...] = (
         payload_shedding.build,
     ),
     Effect("fluid_ramp", fluid_ramp.FluidRampParams, fluid_ramp.build),
+    Effect("compensator", compensator.CompensatorParams, compensator.build),
 )

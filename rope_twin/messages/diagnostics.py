@@ -16,6 +16,7 @@ from rope_twin.twin.results import EnergyBalance, TensionInterval
 from rope_twin.twin.snapshot import (
     BedContact,
     Bend,
+    CompensatorShot,
     CutShot,
     InputHealth,
     LimitBreach,
@@ -240,7 +241,7 @@ LATE_FOR_S = 60.0  # how long a missed deadline is reported as a warning
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     """Return one row each for solver, accuracy, winch, build-up, pacing, strength and limits.
 
-    Rows for touchdown, bend radius, seabed contact and a cut follow where they apply; rows for
+    Rows for compensator, seabed, touchdown, bend radius and a cut follow where they apply; rows for
     energy balance, error interval, vibration and fatigue where the run monitors them; then one row
     for each input. `pacing` is None for a run that is not real-time.
     """
@@ -257,6 +258,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     if snapshot.strength:
         rows.append(strength_status(snapshot.strength))
     rows.append(limits_status(snapshot))
+    if snapshot.compensator is not None:
+        rows.append(_compensator(snapshot.compensator))
     if snapshot.seabed is not None:
         rows.append(_seabed(snapshot.seabed))
     if snapshot.touchdowns:
@@ -397,6 +400,22 @@ def _energy(balance: EnergyBalance) -> Status:
             f"energy balance violated: gain of {share}; reduce the time step", values,
         )  # fmt: skip
     return Status("simulation: energy", Level.OK, f"residual {share}", values)
+
+
+def _compensator(unit: CompensatorShot) -> Status:
+    values = {
+        "stroke [m]": f"{unit.stroke_m:.3f}",
+        "stroke limit [m]": f"{unit.stroke_limit_m:.3f}",
+        "stroke rate [m/s]": f"{unit.stroke_rate_m_per_s:.3f}",
+        "tension [N]": f"{unit.tension_n:.6g}",
+        "gas pressure [Pa]": f"{unit.gas_pressure_pa:.6g}",
+        "force of the stop [N]": f"{unit.stop_n:.6g}",
+    }
+    message = f"stroke {unit.stroke_m:.2f} of {unit.stroke_limit_m:.2f} m"
+    if not unit.at_stop:
+        return Status("simulation: compensator", Level.OK, message, values)
+    message = f"{unit.at_stop} to its end stop: it does not compensate"
+    return Status("simulation: compensator", Level.WARN, message, values)
 
 
 def _seabed(bed: BedContact) -> Status:

@@ -34,6 +34,10 @@ ROPE = "rope"  # name of a rope whose name the snapshot does not have
 # Marker sizes: a 40 mm rope on 3,000 m cannot be seen, so symbols grow with the line out.
 _LINE_WIDTH, _SYMBOL_SIZE, _TEXT_HEIGHT = 1 / 1000, 1 / 100, 1 / 100
 _LEAST_LINE_M = 100.0
+COMPENSATOR_COLUMNS = (
+    "stroke_m", "stroke_rate_m_per_s", "tension_n", "gas_pressure_pa", "gas_force_n", "damper_n",
+    "friction_n", "stop_n", "water_n",
+)  # fmt: skip
 
 Row = dict[str, Any]  # value of each column of a table
 
@@ -69,6 +73,7 @@ class Encoder:
             "payloads/body": self._payloads_body,
             "slings/state": self._slings_state,
             "struts/state": self._struts_state,
+            "compensator/state": self._compensator_state,
             "winch/state": self._winch_state,
             "winch/mode": winch_mode,
             "seabed/contact": self._seabed_contact,
@@ -340,6 +345,13 @@ class Encoder:
         columns = templates.columns(" ".join(names))
         absent = {name: math.nan for name, _ in columns[1:]}
         return self._table("winch/state", snapshot, columns, [absent | row for row in rows])
+
+    def _compensator_state(self, snapshot: Snapshot) -> bytes:
+        unit = snapshot.compensator
+        if unit is None:
+            raise InputError(phrase("encode", "the scene has no compensator", "list the effect"))
+        row = {name: getattr(unit, name) for name in COMPENSATOR_COLUMNS}
+        return self._table("compensator/state", snapshot, templates.columns(" ".join(row)), [row])
 
     def _seabed_contact(self, snapshot: Snapshot) -> bytes:
         bed = snapshot.seabed

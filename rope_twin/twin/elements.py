@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.axial_law import FibreLaw, held_strain, held_tension, hold, law_of
+from rope_twin.core.axial_law import FibreLaw, held_strain, held_tension, hold, sections_law
 from rope_twin.core.elements import SAME_PLACE
+from rope_twin.core.energy import law_of_lowest
 from rope_twin.core.state import Floats, Ints, Rope, State, Table
 
 HALVINGS = 60
@@ -26,6 +27,8 @@ class Elements(NamedTuple):
     direction: Floats  # (3, elements), upward
     length: Floats  # [m]
     damper: Floats  # damping tension [N]
+    lowest_rate: float  # of the lowest element's length [m/s]
+    lowest_depth: float  # of its middle below the mean water level [m]
 
 
 def elements_of(state: State, sections: Floats, payout_m_per_s: float) -> Elements:
@@ -40,27 +43,37 @@ def elements_of(state: State, sections: Floats, payout_m_per_s: float) -> Elemen
     apart = np.diff(state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : n + 1], axis=1)
     rate = (direction * apart).sum(axis=0)
     rate[-1] -= payout_m_per_s / rest[-1] * length[-1]
-    return Elements(rest, section, direction, length, sections[rows.C][section] / rest * rate)
+    damper = sections[rows.C][section] / rest * rate
+    depth = -float(state.nodes[rows.POSITION + 2, :2].mean())
+    return Elements(rest, section, direction, length, damper, float(rate[0]), depth)
 
 
 def tensions(rope: Rope, of: Elements, offset: Floats) -> Floats:
     """Tension of elements with these length offsets [N]; 0 where slack, (elements,)."""
     strain = (of.length + offset - of.rest) / of.rest
-    law, stiffness = law_of(rope), rope.sections[rows.EA][of.section]
+    law, stiffness = sections_law(rope), rope.sections[rows.EA][of.section]
     if isinstance(law, FibreLaw):
-        held: Floats = np.maximum(held_tension(law, of.section, strain)[0] + of.damper, 0.0)
-        return held
-    elastic = np.where(strain < 0.0, stiffness * strain, 0.0)
-    elastic += hold(law, stiffness, of.section, strain)[0]
+        elastic = held_tension(law, of.section, strain)[0]
+    else:
+        elastic = np.where(strain < 0.0, stiffness * strain, 0.0)
+        elastic += hold(law, stiffness, of.section, strain)[0]
     pull: Floats = np.maximum(elastic + of.damper, 0.0)
+    own = law_of_lowest(rope.effects)
+    if own is not None:
+        extension = float(of.length[0] + offset[0] - of.rest[0])
+        k = float(stiffness[0] / of.rest[0])
+        pull[0] = own(extension, of.lowest_rate, k, of.lowest_depth)[0]
     return pull
 
 
 def offsets_for(rope: Rope, of: Elements, wanted_n: Floats) -> Floats:
-    """Length offsets that give these tensions [m]; 0 where the tension is NaN, (elements,)."""
+    """Length offsets that give these tensions [m]; 0 where the tension is NaN, (elements,).
+
+    The lowest element has none where an effect gives its law: it is the same on all meshes.
+    """
     stiffness = rope.sections[rows.EA][of.section]
     elastic = wanted_n - of.damper
-    strain, law = elastic / stiffness, law_of(rope)
+    strain, law = elastic / stiffness, sections_law(rope)
     if isinstance(law, FibreLaw):
         strain = held_strain(law, of.section, elastic)
     elif rope.law is not None:
@@ -68,6 +81,8 @@ def offsets_for(rope: Rope, of: Elements, wanted_n: Floats) -> Floats:
         strain = np.where(taut, _strains(rope.law, of.section, np.maximum(elastic, 0.0)), strain)
     offset = of.rest * (1.0 + strain) - of.length
     found: Floats = np.where(np.isnan(wanted_n), 0.0, offset)
+    if law_of_lowest(rope.effects) is not None:
+        found[0] = 0.0
     return found
 
 

@@ -11,12 +11,19 @@ from typing import Any, NamedTuple
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
+from rope_twin.scene.model.grid import is_compensated
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.bend_radius import BendMonitor, watches_bends
 from rope_twin.twin.limits import LoadRecord, LoadRules
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import Snapshot, amended
-from rope_twin.twin.snapshot_builder import Extremes, RunStatistics, body_of, with_body
+from rope_twin.twin.snapshot_builder import (
+    Extremes,
+    RunStatistics,
+    body_of,
+    with_body,
+    with_compensator,
+)
 from rope_twin.twin.state import Clock
 from rope_twin.twin.touchdown import seabed_contact, seabed_of, touchdown_of
 
@@ -48,6 +55,7 @@ class RunRecord:
         start_n[0] += self._rules.supported_n(end_n)
         self._loads = LoadRecord(self._rules, start_n)
         self._has_bed = seabed_of(ropes.first) is not None
+        self._has_compensator = is_compensated(scene)
         self._has_body = body_of(ropes.lowest(ropes.first)) is not None
         self._bends = BendMonitor(scene) if watches_bends(scene) else None
 
@@ -89,9 +97,11 @@ class RunRecord:
         return unconverged > self._unconverged
 
     def add_contact(self, shot: Snapshot, rope: Rope, ropes: Ropes) -> Snapshot:
-        """Add the payload's body and the seabed contact, if the scene has them."""
+        """Add the payload's body, the compensator and seabed contact, if the scene has them."""
         if self._has_body:
             shot = with_body(shot, ropes.lowest(rope))
+        if self._has_compensator:
+            shot = with_compensator(shot, ropes.lowest(rope))
         contact = seabed_contact(rope) if self._has_bed else None
         return shot if contact is None else amended(shot, seabed=contact)
 

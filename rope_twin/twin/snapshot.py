@@ -100,6 +100,29 @@ class BodyShot:
 
 
 @dataclass(frozen=True)
+class CompensatorShot:
+    """State of the heave compensator at the hook."""
+
+    stroke_m: float  # extension beyond the retracted length; beyond its range: a stop deforms
+    stroke_limit_m: float  # stroke between the stops
+    stroke_rate_m_per_s: float
+    tension_n: float
+    gas_pressure_pa: float
+    gas_force_n: float
+    damper_n: float  # hydraulic damping, positive while the unit extends
+    friction_n: float  # of the seals, likewise
+    stop_n: float  # pull of the stop at the stroke's end; negative: push of the other one
+    water_n: float  # of the water's pressure on the rod
+
+    @property
+    def at_stop(self) -> str:
+        """The stop that the piston is at: "retracted", "extended" or ""."""
+        if 0.0 < self.stroke_m < self.stroke_limit_m:
+            return ""
+        return "retracted" if self.stroke_m <= 0.0 else "extended"
+
+
+@dataclass(frozen=True)
 class WinchShot:
     """Command in force and component states of a winch."""
 
@@ -281,6 +304,7 @@ class Snapshot:
     touchdowns: tuple[Touchdown, ...] = ()  # of the ropes that touch it
     bends: tuple[RopeBend, ...] = ()  # of ropes with bending stiffness or a minimum bend radius
     body: BodyShot | None = None  # only of a scene whose payload is a rigid body
+    compensator: CompensatorShot | None = None  # only of a scene with one
     winches: tuple[WinchShot, ...] = ()  # winches of the scene
     energy: EnergyBalance | None = None  # only of a run with an energy balance
     error_interval: TensionInterval | None = None  # if a run asks for it, once it is known

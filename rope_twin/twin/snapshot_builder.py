@@ -15,11 +15,13 @@ from rope_twin.core.body.parts import part_of
 from rope_twin.core.body.state import Deck, RigidBody
 from rope_twin.core.loads.growth import factors_at
 from rope_twin.core.state import Floats, Ints, Rope, State
+from rope_twin.effects.compensator import Compensator, forces
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import RopeLine, Ship
 from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.snapshot import (
     BodyShot,
+    CompensatorShot,
     CutShot,
     InputHealth,
     RopeShot,
@@ -207,6 +209,38 @@ def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
             deck_push_n=push,
             deck_clearance_m=clearance,
         ),
+    )
+
+
+def with_compensator(shot: Snapshot, rope: Rope) -> Snapshot:
+    """Add the heave compensator at the rope's lower end to the snapshot, if there is one."""
+    for own in rope.effects:
+        if isinstance(own, Compensator) and own.here != 0.0:
+            return amended(shot, compensator=_compensator(own, rope))
+    return shot
+
+
+def _compensator(own: Compensator, rope: Rope) -> CompensatorShot:
+    """Return the state of the compensator that is the lowest element of a rope."""
+    state, rest = rope.state, float(rope.state.s[1] - rope.state.s[0])
+    low, high = (state.nodes[:, k] for k in (0, 1))
+    span = (high - low)[rows.POSITION : rows.POSITION + 3]
+    length = float(np.sqrt(span @ span))
+    rate = float(span @ (high - low)[rows.VELOCITY : rows.VELOCITY + 3]) / length
+    depth = -0.5 * float(low[rows.POSITION + 2] + high[rows.POSITION + 2])
+    k = float(rope.sections[rows.EA, 0]) / rest
+    part = forces(own, length - rest, rate, k, depth)
+    return CompensatorShot(
+        stroke_m=length - rest,
+        stroke_limit_m=own.stroke,
+        stroke_rate_m_per_s=rate,
+        tension_n=max(part.pull, 0.0),
+        gas_pressure_pa=part.pressure_pa,
+        gas_force_n=part.gas,
+        damper_n=part.damper,
+        friction_n=part.seal,
+        stop_n=part.stop,
+        water_n=part.water,
     )
 
 

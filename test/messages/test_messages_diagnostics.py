@@ -25,7 +25,7 @@ def row(part: str, snapshot: Snapshot, pacing: PacingHealth | None = GOOD) -> St
 def test_all_is_well_when_all_is_well() -> None:
     rows = statuses(hanging_rope(), GOOD)
     assert {r.level for r in rows} == {Level.OK}
-    assert len({r.name for r in rows}) == len(rows) == 11
+    assert len({r.name for r in rows}) == len(rows) == 12
 
 
 def test_a_doubtful_step_is_an_error_and_a_past_one_a_warning() -> None:
@@ -234,6 +234,23 @@ def test_diagnostics_come_back_as_they_went_in() -> None:
     ]
     assert back == rows
     assert {s.hardware_id for s in decoded.status} == {"rope_twin"}
+
+
+def test_the_compensator_warns_at_its_stops() -> None:
+    """Within its stroke it is OK, retracted or extended a warning."""
+    shot = hanging_rope()
+    unit = shot.compensator
+    assert unit is not None
+    for stroke, level, words in (
+        (2.1, Level.OK, "stroke 2.10 of 4.00 m"),
+        (-0.01, Level.WARN, "retracted to its end stop"),
+        (4.02, Level.WARN, "extended to its end stop"),
+    ):
+        there = replace(shot, compensator=replace(unit, stroke_m=stroke))
+        row = next(r for r in statuses(there, GOOD) if "compensator" in r.name)
+        assert row.level == level
+        assert words in row.message
+    assert not [r for r in statuses(replace(shot, compensator=None), GOOD) if "compens" in r.name]
 
 
 def test_the_seabed_is_told_of() -> None:

@@ -145,6 +145,19 @@ def contact(snapshot: Snapshot) -> object:
     )  # fmt: skip
 
 
+def compensator(snapshot: Snapshot) -> object:
+    unit = snapshot.compensator
+    assert unit is not None
+    return cloud(
+        snapshot, ("stroke_m", "<f8", [unit.stroke_m]),
+        ("stroke_rate_m_per_s", "<f8", [unit.stroke_rate_m_per_s]),
+        ("tension_n", "<f8", [unit.tension_n]), ("gas_pressure_pa", "<f8", [unit.gas_pressure_pa]),
+        ("gas_force_n", "<f8", [unit.gas_force_n]), ("damper_n", "<f8", [unit.damper_n]),
+        ("friction_n", "<f8", [unit.friction_n]), ("stop_n", "<f8", [unit.stop_n]),
+        ("water_n", "<f8", [unit.water_n]),
+    )  # fmt: skip
+
+
 def fatigue(snapshot: Snapshot) -> object:
     wear = snapshot.fatigue
     assert wear is not None
@@ -157,6 +170,7 @@ def fatigue(snapshot: Snapshot) -> object:
 
 BY_OBJECTS = {
     "ropes/fatigue": fatigue,
+    "compensator/state": compensator,
     "seabed/contact": contact,
     "ropes/tension_top_error": interval,
     "ropes/tension_top": lambda s: joint(s, effort=s.tension_top_n),

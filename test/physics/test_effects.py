@@ -112,6 +112,13 @@ def test_plain_python_equals_compiled_table(plain: Mapping[str, Vector]) -> None
     assert_equal(plain["by_table"].T, compiled.T, 1e-9)
 
 
+def test_plain_python_equals_compiled_compensator(plain: Mapping[str, Vector]) -> None:
+    """A compensator between its stops and beyond, 160 steps, 1e-9."""
+    compiled = effect_cases.stroking()
+    assert compiled[:, 1].min() == 0.0, "the case must go slack"
+    assert_equal(plain["stroking"].T, compiled.T, 1e-9)
+
+
 def test_plain_python_equals_compiled_joints(plain: Mapping[str, Vector]) -> None:
     """Ropes that meet, 80 steps with slack, payout, wakes, current and a tether, 1e-9."""
     compiled = effect_cases.triangle()

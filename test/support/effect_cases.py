@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 from body_rigs import aground
+from compensator_rigs import PASSIVE, compensated
+from compensator_rigs import RIG as STROKING
 from joint_rigs import bent_ladder, triangle
 from numpy.typing import NDArray
 from rigs import Rig, march, sine
@@ -20,12 +22,14 @@ from table_rigs import HMPE, tabled
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
+from rope_twin.core.elements import axial_law, stretch
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import add_couplings, add_end, add_flow, add_load
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.effects.current import CurrentParams, Layers
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
@@ -54,9 +58,9 @@ from rope_twin.twin import ropes
 Vector = NDArray[np.float64]
 NODES = 13
 SHEDDING = [effect.name for effect in EFFECTS if effect.sheds]
-RESULTS = (  # flow, R; blocks; couplings
+RESULTS = (  # flow, R; blocks; couplings; tension of the lowest element, which has no stiffness
     slice(rows.FLOW, rows.FLOW + 6), slice(rows.BLOCK, rows.BLOCK + 6),
-    slice(rows.LINK, rows.LINK + 2),
+    slice(rows.LINK, rows.LINK + 2), slice(rows.TENSION, rows.TENSION + 1),
 )  # fmt: skip
 
 PARAMS: dict[str, Any] = {
@@ -118,6 +122,17 @@ PARAMS: dict[str, Any] = {
         water=LoadCurve(ramp_s=8.0),
         vortices=LoadCurve(over_time=((0.0, 0.2), (4.0, 1.0), (9.0, 0.6))),
         fairings=LoadCurve(ramp_s=4.0),
+    ),
+    "compensator": CompensatorParams(
+        stroke_m=1.5,
+        piston_area_m2=0.001,
+        gas_pressure_pa=5e6,
+        gas_volume_m3=0.004,
+        exponent=1.3,
+        damping_newton_seconds_per_m=300.0,
+        throttling_kg_per_m=200.0,
+        friction_n=100.0,
+        rod_area_m2=2e-4,
     ),
 }
 VARIANTS: dict[str, Any] = {  # other kernels of the same effects, each with its effect's name
@@ -214,6 +229,8 @@ def apply(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
     if low == 0:
         add_end(effects, work, stage)
         add_couplings(effects, work, stage, high - 1)
+        law = axial_law(None, effects)
+        stretch(law, work, work[rows.GROWTH], stage.p, stage.q, low, low + 1)
 
 
 def some_stage() -> rows.Stage:
@@ -243,14 +260,14 @@ def some_work(seed: int = 1) -> Vector:
 
 
 def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODES) -> Vector:
-    """Flow, residual, blocks and couplings that the hooks leave on a copy, (14, NODES)."""
+    """Flow, residual, blocks and couplings that the hooks leave on a copy, (15, NODES)."""
     work = work.copy()
     apply(effects, work, some_stage(), low, high)
     return np.concatenate([work[part] for part in RESULTS])
 
 
 def alone(name: str) -> Vector:
-    """The hooks of one effect over all nodes, and over one spare slot, (2, 14, NODES)."""
+    """The hooks of one effect over all nodes, and over one spare slot, (2, 15, NODES)."""
     effects, work = acting(name), some_work()
     return np.stack([loads(effects, work), loads(effects, work, NODES - 1, NODES)])
 
@@ -258,10 +275,11 @@ def alone(name: str) -> Vector:
 def together() -> Vector:
     """Every effect on a small rope that is paid out, hauled in and goes slack; one row a step.
 
-    All but a rigid body, which is there in place of `payload`. Columns: top tension, its extremes
-    in element tension, payload position, number of elements.
+    All but a rigid body, which is there in place of `payload`, and a compensator. Columns: top
+    tension, its extremes in element tension, payload position, number of elements.
     """
-    effects = tuple(params_of(own.name) for own in EFFECTS if own.name != "rigid_body")
+    apart = ("rigid_body", "compensator")
+    effects = tuple(params_of(own.name) for own in EFFECTS if own.name not in apart)
     return steps(replace(SMALL.scene(), effects=effects), 8.0)
 
 
@@ -278,6 +296,12 @@ def swung() -> Vector:
 def touching() -> Vector:
     """The first steps of a rigid body that falls tilted into shallows, half wet and aground."""
     return aground(np.eye(3), 1.0, 20).reshape(20, -1)
+
+
+def stroking() -> Vector:
+    """A payload below a compensator that is driven to its stops, sticks and goes slack."""
+    unit = replace(PASSIVE, friction_n=2e4, throttling_kg_per_m=1e4, rod_area_m2=0.001)
+    return steps(compensated(unit, replace(STROKING, step=0.05, winch=SMALL.winch)), 8.0)
 
 
 def by_table() -> Vector:
@@ -334,6 +358,7 @@ def everything(at: dict[str, Vector]) -> dict[str, Vector]:
         **with_bodies(at),
         "together": together(),
         "by_table": by_table(),
+        "stroking": stroking(),
         "triangle": triangle(),
         "bent ladder": bent_ladder(),
     }

@@ -12,6 +12,7 @@ from rope_twin.twin.results import TensionInterval
 from rope_twin.twin.snapshot import (
     BedContact,
     BodyShot,
+    CompensatorShot,
     InputHealth,
     PayloadShot,
     RopeShot,
@@ -61,6 +62,7 @@ def hanging_rope(
         solver=SolverHealth(steps=250, solves=500),
         card_error=KnownError(0.5, 0.1, "at most, in a run on paper"),
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
+        compensator=CompensatorShot(2.1, 4.0, -0.3, 1.7e5, 8.1e6, 1.72e5, -2e3, -500.0, 0.0, 500.0),
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
         error_interval=TensionInterval(
             float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0

@@ -23,6 +23,11 @@ same tuple.
   contact): whether the active set is the same for the present motion and for that with share·delta,
   on the n free nodes.
 - `share(effect, time, factor)` returns a factor on forces of the water (core/loads/growth.py).
+- `axial(effect, extension, rate, weights, stiffness, depth)` is the law of the lowest element
+  instead of its section's: its force [N], which the element bounds to a pull, and the tangent of it
+  with the strain rate included (core/elements.py), as long as the effect's field `here` is not 0.
+- `prepare(effect, rope, stage, kind)`, of such an effect with internal variables: once a stage,
+  before the elements of the predicted motion.
 - `start`, `predict`, `load_nodes` and `settle` belong to effects with internal variables
   (core/loads/memory.py).
 
@@ -43,8 +48,9 @@ from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 HOOKS = (
     "flow", "soak", "load", "load_end", "couple", "pull", "calm", "share", "start", "predict",
-    "load_nodes", "settle",
+    "load_nodes", "settle", "axial", "prepare",
 )  # fmt: skip
+WITHIN = ("soak", "load", "share", "axial")  # put into the loop that calls them
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 _SWITCHING: set[type] = set()
 _WIDE: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
@@ -62,7 +68,7 @@ def kernel(hook: str, effect: type, *, wide: bool = False) -> Callable[[Any], An
         raise ValueError(f"{effect.__name__} already has a kernel for '{hook}'")
 
     def register(function: Any) -> Any:
-        compiled = jit_within(function) if hook in ("soak", "load", "share") else jit(function)
+        compiled = jit_within(function) if hook in WITHIN else jit(function)
         _KERNELS[hook][effect] = compiled
         if wide:
             _WIDE[hook][effect] = compiled
@@ -137,6 +143,11 @@ def kernels(hook: str, effects: Any, work: Any) -> dict[int, Any]:
     known = (_KERNELS if isinstance(work, types.Array) else _WIDE)[hook]
     found = {i: known.get(effect.instance_class) for i, effect in enumerate(effects)}
     return {i: call for i, call in found.items() if call is not None}
+
+
+def axial_place(kinds: Iterable[type]) -> int | None:
+    """Return the index of the type of effect with a law of the lowest element; None: none has."""
+    return next((i for i, kind in enumerate(kinds) if kind in _KERNELS["axial"]), None)
 
 
 def members(hook: str, effects: Iterable[Any]) -> list[tuple[Any, Any]]:

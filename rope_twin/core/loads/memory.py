@@ -38,7 +38,7 @@ from numba.extending import overload
 from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.loads.growth import Growth, grown
-from rope_twin.core.loads.hooks import kernel_of, kernels_by_place, written_out
+from rope_twin.core.loads.hooks import kernel_of, kernels_by_place, members, written_out
 from rope_twin.core.state import ELEMENTS, ZERO, Rope, Stage, State
 
 _REMEMBERED: dict[type, int] = {}
@@ -234,6 +234,19 @@ def predict_memories(effects: Any, rope: Rope, stage: Stage, kind: Any, low: Any
 def _compose_predict(effects: Any, rope: Rope, stage: Stage, kind: Any, low: Any, high: Any) -> Any:
     line = "kernel_#(effects[#], rope, stage, kind, low, high)"
     return _for_each("effects, rope, stage, kind, low, high", effects, line, "predict")
+
+
+def prepare_axial(effects: Any, rope: Rope, stage: Stage, kind: Any) -> Any:
+    """Prepare the law of the lowest element for a stage, before its elements are evaluated."""
+    for effect, call in members("prepare", effects):
+        call(effect, rope, stage, kind)
+
+
+@overload(prepare_axial, jit_options=LINKED, strict=False)
+def _compose_prepare(effects: Any, rope: Rope, stage: Stage, kind: Any) -> Any:
+    calls = kernels_by_place("prepare", effects)
+    lines = [f"kernel_{i}(effects[{i}], rope, stage, kind)" for i in calls]
+    return written_out("effects, rope, stage, kind", [*lines, "return None"], calls)
 
 
 @jit

@@ -9,7 +9,9 @@ from math import cos, inf, isinf, pi, sin, sqrt
 
 import numpy as np
 
+from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.state import Floats
+from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.scene.schema import Damping, Environment, Grading, Rope, RopeLine, Scene
 from rope_twin.scene.shapes import PayloadFigures
 
@@ -17,12 +19,15 @@ FEWEST_ELEMENTS = 3  # minimum per rope
 ROOM = 0.9  # of the minimum paid-out length: maximum length of the lowest element
 
 
-def node_coordinates(line: RopeLine, least_line_out_m: float | None) -> Floats:
+def node_coordinates(
+    line: RopeLine, least_line_out_m: float | None, compensated: bool = False
+) -> Floats:
     """Return the unstretched distance of each node from the lower end [m].
 
     A section's end is a node: the adjacent elements are stretched to meet there. Where the winch
     may haul in to less than the lowest of equal elements, that one is divided into elements that
-    double in length, the lowest half of the minimum length.
+    double in length, the lowest half of the minimum length. A heave compensator, the lowest section
+    where there is one, is a single element.
     """
     length, count = line.length_m, line.elements
     grading = line.grading
@@ -36,7 +41,15 @@ def node_coordinates(line: RopeLine, least_line_out_m: float | None) -> Floats:
         nodes = np.concatenate([low[:-1], above])
     else:
         nodes = _graded(grading.lowest_m or 0.0, grading.growth, length, count)
-    return _meeting(nodes, [end for end in ends_m(line) if end < length])
+    nodes = _meeting(nodes, [end for end in ends_m(line) if end < length])
+    if compensated and len(line.made_of) > 1:
+        nodes = np.concatenate([nodes[:1], nodes[nodes > ends_m(line)[0] - SAME_PLACE]])
+    return nodes
+
+
+def is_compensated(scene: Scene) -> bool:
+    """Return whether the lowest section of the scene's rope is a heave compensator."""
+    return scene.listed(CompensatorParams) is not None
 
 
 def elements_with(own: Sequence[int], first: int) -> list[int]:

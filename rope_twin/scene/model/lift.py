@@ -20,6 +20,7 @@ from rope_twin.scene.model.grid import (
     damping_fraction,
     end_mass_kg,
     first_axial_frequency,
+    is_compensated,
     least_line_out_m,
     node_coordinates,
     weight_n_per_m,
@@ -192,7 +193,7 @@ def lift_figures(scene: Scene) -> LiftFigures:
     weight = submerged * water.gravity_m_per_s2
     mass, bars = end_mass_kg(known), hanging_bars(scene, line, known, line.length_m)
     damping = section_damping(scene, line, known)
-    elements = np.diff(node_coordinates(line, least_line_out_m(scene)))
+    elements = np.diff(node_coordinates(line, least_line_out_m(scene), is_compensated(scene)))
     return LiftFigures(
         line=line,
         payload=known,

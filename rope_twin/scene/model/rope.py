@@ -48,6 +48,7 @@ from rope_twin.scene.model.grid import (
     damping_newton_seconds,
     end_mass_kg,
     ends_m,
+    is_compensated,
     least_line_out_m,
     node_coordinates,
 )
@@ -134,7 +135,7 @@ def build(scene: Scene) -> CoreRope:
     figures = payload_figures(payload, density) if payload else None
     effects = build_effects(scene, figures)
     sections = _sections(scene, line, figures)
-    s = node_coordinates(line, least_line_out_m(scene))
+    s = node_coordinates(line, least_line_out_m(scene), is_compensated(scene))
     tension = _static_tension(effects, sections, s)
     length = float(s[-1] - s[-2])
     model = Model(
@@ -183,7 +184,9 @@ def build_effects(
     along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
     Cd = sum(own.normal for own in scene.effects if isinstance(own, DragParams))
     line = scene.ropes[0]
-    room = _room(scene, line, node_coordinates(line, least_line_out_m(scene)))
+    room = _room(
+        scene, line, node_coordinates(line, least_line_out_m(scene), is_compensated(scene))
+    )
     density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
     EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
     bed = scene.listed(SeabedParams)
@@ -239,6 +242,8 @@ def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> F
     columns = np.zeros((rows.SECTION_ROWS, len(line.made_of)))
     columns[rows.END] = ends_m(line)
     columns[rows.C] = section_damping(scene, line, figures)
+    if is_compensated(scene) and len(line.made_of) > 1:
+        columns[rows.C, 0] = 0.0  # it has its own damping
     drag = scene.listed(DragParams)
     for column, section in zip(columns.T, line.made_of, strict=True):
         rope = section.rope

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from rope_twin.effects import EFFECTS
+from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
@@ -364,6 +365,34 @@ def _ramped(scene: Scene, ramp: FluidRampParams, listed: list[str]) -> Iterator[
         yield "effects", what, "remove `fairings`, or add `- fairing: {face_m2: ...}`"
 
 
+def _compensator(scene: Scene) -> Iterator[Fault]:
+    """A heave compensator is the lowest section of a single rope, short of what is hauled in."""
+    if scene.listed(CompensatorParams) is None:
+        return
+    line = scene.ropes[0]
+    if is_joined(scene):
+        what = "`compensator` is at the lower end of a single rope, and this scene has more"
+        yield "effects", what, "remove it, or the other ropes and connections"
+        return
+    if len(line.made_of) < 2:
+        right = "give `sections`: first its length_m retracted with its mass, then the rope"
+        yield "ropes[0].rope", "`compensator` is the rope's lowest section, and it has one", right
+        return
+    if line.fixed_at_m is not None:
+        right = "give the rope a payload, or remove it"
+        yield "ropes[0].fixed_at_m", "`compensator` carries a payload, and this end is fixed", right
+    unit_m = line.made_of[0].length_m or 0.0
+    least_m = scene.winch.least_line_out_m if scene.winch else 2.0 * unit_m
+    if least_m < 2.0 * unit_m:
+        what = f"{least_m:g} m hauls the compensator of {unit_m:g} m in"
+        yield "winch.least_line_out_m", what, f"give at least twice its length, {2.0 * unit_m:g} m"
+    names = {effect.params: effect for effect in EFFECTS}
+    for own in (names[type(params)] for params in scene.effects):
+        if own.sheds or own.name == "bending":
+            what = f"`{own.name}` acts on the whole rope, and its lowest section is a compensator"
+            yield "effects", what, f"remove `{own.name}` or `compensator`"
+
+
 def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
     """A decoupled VIV model amplifies one drag coefficient."""
     own, model = model_beside(scene), shedding_model(scene)
@@ -466,6 +495,7 @@ RULES: tuple[Rule, ...] = (
     _depth,
     _effects,
     _depth_profiles,
+    _compensator,
     _drag_that_grows,
     body_holds,
     _two_ways,

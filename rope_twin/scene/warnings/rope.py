@@ -28,6 +28,7 @@ from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.scene.validation.vortices import model_beside, shedding_model
 from rope_twin.scene.warnings.vortices import check_vortex_inputs, check_vortex_resolution
 from rope_twin.scene.warnings.water import (
+    check_compensator,
     check_current,
     check_environment,
     check_water,
@@ -455,6 +456,7 @@ CHECKS: tuple[Check, ...] = (
     _damping,
     _schedule,
     check_winch,
+    check_compensator,
     check_water,
     check_body,
     _ship,

@@ -7,6 +7,7 @@ from math import dist, hypot, pi, radians, tanh
 
 import numpy as np
 
+from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.effects.current import CurrentParams, Point, Velocity
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.seabed import SeabedParams
@@ -331,6 +332,27 @@ def _feedback(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         )
         right = f"give at most {LONGEST_STEP * travel:.2g} s, or a longer least_line_out_m"
         yield phrase(f"winch.{part}", what, right)
+
+
+def check_compensator(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check that the gas carries the static load between the stops of a heave compensator."""
+    unit = scene.listed(CompensatorParams)
+    if unit is None:
+        return
+    bar, line = figures.bars[0], scene.ropes[0]
+    depth = max(line.length_m - scene.ship.hang_off_m[2], 0.0)
+    water = scene.environment.water_density_kg_per_m3 * scene.environment.gravity_m_per_s2
+    load = 0.5 * (bar.low_n + bar.high_n) - (unit.rod_area_m2 or 0.0) * water * depth
+    least, most = unit.tension_n(0.0), unit.tension_n(unit.stroke_m)
+    if least < load < most:
+        return
+    side, force = ("retracted", least) if load <= least else ("extended", most)
+    what = (
+        f"{load / 1e3:.0f} kN of static load leave it {side}, where the gas holds "
+        f"{force / 1e3:.0f} kN"
+    )
+    right = f"give {max(load, 0.0) / unit.piston_area_m2:.3g} Pa for mid stroke"
+    yield phrase("effects.compensator.gas_pressure_pa", what, right)
 
 
 def _compensates_from_the_start(scene: Scene) -> Iterator[str]:

@@ -27,6 +27,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.elements import SAME_PLACE
+from rope_twin.core.energy import law_of_lowest
 from rope_twin.core.joined.joints import System, loaded_ends, new_system, with_flows
 from rope_twin.core.joined.sheaves import FLOW_COLUMN
 from rope_twin.core.loads.hooks import work_rows
@@ -265,7 +266,10 @@ def _parts(rope: Rope, old: Elements, grid: Grid) -> tuple[Ints, Floats]:
     shares: list[float] = []
     s, length = rope.state.s, grid.model.element_length
     places = np.searchsorted(grid.marks_m, s[: len(old.rest) + 1], side="right")
-    for e, rest in enumerate(old.rest.tolist()):
+    unit = law_of_lowest(rope.effects) is not None  # an element on all meshes
+    if unit:
+        parents, shares = [0], [1.0]
+    for e, rest in enumerate(old.rest.tolist()[unit:], start=int(unit)):
         inside = (grid.marks_m[places[e] : places[e + 1]] - s[e]) / rest
         cuts = [0.0]
         for cut in inside.tolist():

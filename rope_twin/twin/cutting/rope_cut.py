@@ -42,6 +42,7 @@ from rope_twin.core.state import (
     new_work,
 )
 from rope_twin.core.step import advance
+from rope_twin.effects.compensator import Compensator
 from rope_twin.effects.depth_profiles import AT_END, DepthProfiles
 from rope_twin.effects.fairing import Fairing, TowedFairing
 from rope_twin.effects.net import Net
@@ -175,7 +176,7 @@ def cut_rope(rope: Rope, border: Boundary, place: CutPosition, bare: tuple[Any, 
         SolverError: the forces at a new end are not finite.
     """
     V = float(border.rate[0, rows.LINE])
-    nodes, k = nodes_of(rope, V).with_node_at(place.at_m)
+    nodes, k = nodes_of(rope, V).with_node_at(_severable(rope, place.at_m))
     lost = float(nodes.s[k])
     for above in inserted_nodes(nodes.s[k:] - lost, place.least_m):
         nodes, _ = nodes.with_node_at(lost + above)
@@ -188,6 +189,14 @@ def cut_rope(rope: Rope, border: Boundary, place: CutPosition, bare: tuple[Any, 
     ahead = node_beyond(lower)
     _find_accelerations(lower, Boundary(ahead[0][None], ahead[1][None]), place.time)
     return CutParts(upper, lower, lost)
+
+
+def _severable(rope: Rope, at_m: float) -> float:
+    """Return the position of a cut [m]: in a heave compensator, the nearer of its ends."""
+    unit_m = float(rope.state.s[1])
+    if at_m >= unit_m or not any(isinstance(own, Compensator) for own in rope.effects):
+        return at_m
+    return unit_m if at_m > 0.5 * unit_m else 0.0
 
 
 def rope_s(rope: Rope) -> Floats:
@@ -266,6 +275,8 @@ def upper_part(
     state.health[:] = rope.state.health
     model = rope.model._replace(first_free=0)
     own = nodes.s[k:] if loaded else nodes.s[k:-1]
+    if k > 0:
+        bare = tuple(e._replace(here=0.0) if isinstance(e, Compensator) else e for e in bare)
     effects = on_nodes(bare, own, state.s.shape[0], float(nodes.s[k]))
     return _filled(rope._replace(model=model, sections=sections, effects=effects), state, part)
 

@@ -19,7 +19,13 @@ from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary
 from rope_twin.twin.internal_variables import own_copies
 from rope_twin.twin.recovery import step_failure
 from rope_twin.twin.snapshot import Snapshot, amended
-from rope_twin.twin.snapshot_builder import Extremes, SnapshotInputs, build_snapshot, with_body
+from rope_twin.twin.snapshot_builder import (
+    Extremes,
+    SnapshotInputs,
+    build_snapshot,
+    with_body,
+    with_compensator,
+)
 from rope_twin.vortex.coupled import VivDragAmplification
 
 
@@ -241,4 +247,4 @@ class Member:
         if self._viv_drag is not None:
             (vibration,) = self._viv_drag.shots((rope,))
             amended(taken, vibration=vibration)
-        return with_body(taken, rope)
+        return with_compensator(with_body(taken, rope), rope)

@@ -1,0 +1,294 @@
+"""Passive heave compensator at the hook: a gas spring between the rope's end and the payload.
+
+The rope's lowest section is the unit: its length is that from eye to eye with the rod retracted,
+its mass, diameter and breaking load are those of cylinder and rod, and it is one element of the
+mesh, whose extension beyond that length is the stroke x. Half of its mass moves with the rope's end
+and half with the payload. Such units are reviewed by Woodacre et al. (2015, Ocean Eng. 104, 140).
+Its tension is
+
+    T = max(0, G(s) + N(x) + c_1·v + c_2·|v|·v + F_f + p_w·A_rod),   s = x within 0 ... S.
+
+Gas of pressure p and volume V behind a piston of area A, of an ideal gas in a polytropic process,
+p·V^n = const, with n = 1 isothermal, for slow changes, and 1.4 adiabatic, for nitrogen:
+
+    G = p_0·A·(V_0/V)^n,   V = V_0 - A·(s - S/2),   dG/ds = n·G·A/V,
+
+with pressure p_0 and volume V_0 at mid stroke; p is above the pressure on the piston's other side.
+The oil between piston and gas throttles with c_1 and c_2 of the stroke's rate v.
+
+Where the piston meets the end of its cylinder the stop deforms and the gas does not: N =
+k·d·max(1 + χ·v, 0) beyond the stroke's end, and the other way before its beginning, with the
+penetration d and the unit's axial stiffness k = EA/length (contact with damping of Hunt and
+Crossley 1975, ASME J. Appl. Mech. 42, 440). So a retracted unit is rigid up to its preload G(0).
+
+The seals stick: elastic up to a displacement z_0, then Coulomb's, F_f = F_c·z/z_0 with z = z_before
++ (s - s_before), limited to ±z_0. z is solved in the stage, with the position. At rest F_f keeps
+what it has; in static equilibrium at the start it is 0.
+
+The rod of a unit that is not depth-compensated enters the cylinder against the water, whose
+pressure p_w = ρ·g·depth on its area A_rod adds to the tension.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.energy import lowest_account
+from rope_twin.core.guards import DIVISOR_MIN
+from rope_twin.core.integrator import TRAPEZOID
+from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.state import POSITION, Floats
+from rope_twin.quantity import quantity
+
+# Rows of memory, in the column of the lower end: z carried (rows 0 to 2) and, in the effect's own,
+# z and s before the stage, s of the stage, and whether the seals act (1); not before time 0.
+CARRIED = 1
+BEFORE, PISTON, REACHED, ACTS = (3 * CARRIED + 1 + k for k in range(4))
+OWN_ROWS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompensatorParams:
+    """Passive heave compensator; the rope's lowest section gives its length, mass and stiffness."""
+
+    stroke_m: float = quantity("stroke between the end stops", "m", 0.05, 30.0)
+    piston_area_m2: float = quantity("area of the piston that the gas acts on", "m²", 1e-5, 10.0)
+    gas_pressure_pa: float = quantity(
+        "gas pressure at mid stroke, above that on the piston's other side", "Pa", 1e3, 1e8
+    )
+    gas_volume_m3: float = quantity("gas volume at mid stroke", "m³", 1e-5, 1e3)
+    exponent: float = quantity(
+        "polytropic exponent n of p·V^n: 1 isothermal, 1.4 adiabatic", "", 1.0, 1.7
+    )
+    damping_newton_seconds_per_m: float = quantity(
+        "linear damping of the stroke", "N·s/m", 0.0, 1e9, default=0.0
+    )
+    throttling_kg_per_m: float = quantity(
+        "quadratic damping of the stroke, F = c·|v|·v", "kg/m", 0.0, 1e9, default=0.0
+    )
+    friction_n: float = quantity("friction of the seals while they slide", "N", 0.0, 1e7,
+                                 default=0.0)  # fmt: skip
+    friction_slip_m: float = quantity(
+        "displacement at which the seals slide", "m", 1e-4, 0.5, default=0.005
+    )
+    stop_damping_s_per_m: float = quantity(
+        "damping χ of the end stops, N = k·d·(1 + χ·v)", "s/m", 0.0, 10.0, default=1.0
+    )
+    rod_area_m2: float | None = quantity(
+        "area of the rod that the water's pressure acts on; default: depth-compensated, none",
+        "m²", 1e-6, 10.0, default=None,
+    )  # fmt: skip
+
+    def check(self) -> str | None:
+        """Return the fault and its remedy, or None."""
+        swept = 0.5 * self.piston_area_m2 * self.stroke_m
+        if self.gas_volume_m3 > swept:
+            return None
+        return (
+            f"gas_volume_m3 is {self.gas_volume_m3:g} m³ at mid stroke and half the stroke "
+            f"sweeps {swept:g} m³; give more gas, a smaller piston or a shorter stroke"
+        )
+
+    def tension_n(self, stroke_m: float) -> float:
+        """Return the gas force [N] at a stroke."""
+        return forces(of(self), stroke_m, 0.0, 1.0, 0.0).gas
+
+
+class Compensator(NamedTuple):
+    """Kernel data of a heave compensator."""
+
+    memory: Floats  # see CARRIED and the rows after it
+    stroke: float  # S [m]
+    area: float  # A [m²]
+    force: float  # p_0·A [N]
+    volume: float  # V_0 [m³]
+    n: float
+    c1: float  # [N·s/m]
+    c2: float  # [kg/m]
+    seal: float  # F_c/z_0 [N/m]
+    slip: float  # z_0 [m]
+    chi: float  # χ of the stops [s/m]
+    water: float  # ρ·g·A_rod [N/m]
+    here: float = 1.0  # whether the lowest element is the unit; 0 above a cut
+
+
+class CompensatorForces(NamedTuple):
+    """Parts of the tension, positive in extension [N], and the gas pressure."""
+
+    stroke: float  # of the piston [m]
+    gas: float
+    stop: float
+    damper: float
+    seal: float
+    water: float
+    pressure_pa: float
+
+    @property
+    def pull(self) -> float:
+        """Return their sum, negative where the unit is slack [N]."""
+        return self.gas + self.stop + self.damper + self.seal + self.water
+
+
+def of(params: CompensatorParams, weight_n_per_m3: float = 0.0, room: int = 1) -> Compensator:
+    """Return the kernel data of a unit in water of this weight per volume."""
+    slip = float(params.friction_slip_m)
+    return Compensator(
+        new_memory(CARRIED, OWN_ROWS, room),
+        float(params.stroke_m),
+        float(params.piston_area_m2),
+        float(params.gas_pressure_pa * params.piston_area_m2),
+        float(params.gas_volume_m3),
+        float(params.exponent),
+        float(params.damping_newton_seconds_per_m),
+        float(params.throttling_kg_per_m),
+        float(params.friction_n / slip),
+        slip,
+        float(params.stop_damping_s_per_m),
+        float(weight_n_per_m3 * (params.rod_area_m2 or 0.0)),
+    )
+
+
+def build(params: CompensatorParams, payload: Any, around: Any) -> Compensator:
+    """Return the kernel data of the unit in the scene's water."""
+    weight = around.water_density_kg_per_m3 * around.gravity_m_per_s2
+    return of(params, weight, around.room)
+
+
+@jit_within
+def _gas(own: Any, s: float) -> Any:
+    """Return G [N] and dG/ds [N/m] at a position of the piston."""
+    volume = own.volume - own.area * (s - 0.5 * own.stroke)
+    force = own.force * (own.volume / volume) ** own.n
+    return force, own.n * force * own.area / volume
+
+
+@jit_within
+def _piston(own: Any, extension: float) -> float:
+    """Return s, the position of the piston between its stops [m]."""
+    return float(min(max(extension, 0.0), own.stroke))
+
+
+@jit_within
+def _seals(own: Any, s: float) -> Any:
+    """Return z [m] and whether the seals stick."""
+    z = own.memory[BEFORE, 0] + own.memory[ACTS, 0] * (s - own.memory[PISTON, 0])
+    return min(max(z, -own.slip), own.slip), abs(z) < own.slip
+
+
+@jit_within
+def _stop(own: Any, k: float, beyond: float, rate: float) -> Any:
+    """Return N [N] of the stop beyond which the unit is, and its derivatives to x and v."""
+    outward = 1.0 if beyond > 0.0 else -1.0
+    factor = max(1.0 + own.chi * outward * rate, 0.0)
+    along_v = k * abs(beyond) * own.chi if factor > 0.0 else 0.0
+    return k * beyond * factor, k * factor if beyond != 0.0 else 0.0, along_v
+
+
+@kernel("axial", Compensator)
+def axial(own: Any, x: float, v: float, weights: Any, k: float, depth: float) -> Any:
+    """Return the force of the unit before it is bounded to a pull [N], and dT/dx + (q/p)·dT/dv.
+
+    weights: p and q of the stage, in which the extension x changes by p and its rate v by q times
+    the acceleration; k: of the stops [N/m].
+    """
+    p, q = weights
+    s = _piston(own, x)
+    gas, k_gas = _gas(own, s)
+    stop, k_stop, c_stop = _stop(own, k, x - s, v)
+    z, sticks = _seals(own, s)
+    inside = 1.0 if x == s else 0.0
+    k_seal = own.seal if sticks else 0.0
+    pull = gas + stop + (own.c1 + own.c2 * abs(v)) * v + own.seal * z
+    pull += own.water * max(depth, 0.0)
+    tangent = inside * (k_gas + own.memory[ACTS, 0] * k_seal) + k_stop
+    return pull, tangent + q / p * (own.c1 + 2.0 * own.c2 * abs(v) + c_stop)
+
+
+@jit_within
+def _extension(place: Any, first: int, rest: float) -> float:
+    """Return the length of the lowest element beyond its unstretched length [m]."""
+    square = 0.0
+    for k in range(3):
+        apart = place[first + k, 1] - place[first + k, 0]
+        square += apart * apart
+    return sqrt(square) - rest
+
+
+@kernel("start", Compensator)
+def start(own: Any, rope: Any, upto: int) -> None:
+    """Begin with seals that hold nothing: static equilibrium has no friction."""
+    own.memory[0, 0] = 0.0
+    own.memory[ACTS, 0] = 0.0
+
+
+@kernel("prepare", Compensator)
+def prepare(own: Any, rope: Any, stage: Any, what: int) -> None:
+    """Set z and s before the stage; before time 0 the seals do not act."""
+    memory, begins = own.memory, what == TRAPEZOID
+    s = _piston(own, _extension(rope.state.nodes, POSITION, rope.state.s[1] - rope.state.s[0]))
+    memory[BEFORE, 0] = memory[0, 0] if begins else memory[CARRIED, 0]
+    memory[PISTON, 0] = s if begins else memory[REACHED, 0]
+    memory[ACTS, 0] = 1.0 if stage.time > 0.0 else 0.0
+
+
+@kernel("predict", Compensator)
+def predict(own: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
+    """Predict nothing: the law of the element needs z before that."""
+
+
+@kernel("settle", Compensator)
+def settle(own: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
+    """Store z and s of the stage."""
+    memory = own.memory
+    s = _piston(own, _extension(rope.work, POSITION, rope.state.s[1] - rope.state.s[0]))
+    memory[CARRIED, 0] = _seals(own, s)[0]
+    memory[REACHED, 0] = s
+
+
+remembering(Compensator, CARRIED)
+
+
+def forces(own: Compensator, x: float, v: float, k: float, depth: float) -> CompensatorForces:
+    """Return the parts of the tension at extension x [m] and its rate v [m/s], for the seals' z.
+
+    k: of the stops [N/m]; depth: of the unit [m].
+    """
+    s = min(max(x, 0.0), own.stroke)
+    volume = own.volume - own.area * (s - 0.5 * own.stroke)
+    gas = own.force * (own.volume / volume) ** own.n
+    outward = 1.0 if x > s else -1.0
+    return CompensatorForces(
+        stroke=s,
+        gas=gas,
+        stop=k * (x - s) * max(1.0 + own.chi * outward * v, 0.0),
+        damper=(own.c1 + own.c2 * abs(v)) * v,
+        seal=own.seal * float(own.memory[0, 0]),
+        water=own.water * max(depth, 0.0),
+        pressure_pa=gas / own.area,
+    )
+
+
+@lowest_account(Compensator)
+def held(own: Compensator, x: float, v: float, k: float, depth: float) -> Any:
+    """Return tension, its conservative part, that of the water [N] and the stored energy [J].
+
+    Stored is ∫G ds from mid stroke, and ½·k·d² of a stop up to the penetration at which a retracted
+    unit goes slack.
+    """
+    part = forces(own, x, v, k, depth)
+    tension = max(part.pull, 0.0)
+    beyond = max(x - part.stroke, -part.gas / k)
+    ratio = (part.gas / own.force) ** (1.0 / own.n)  # V_0/V
+    logarithm = float(np.log(ratio))
+    power = own.n - 1.0
+    # ((V_0/V)^(n-1) - 1)/(n - 1), its limit at n = 1 included
+    grown = logarithm if power < DIVISOR_MIN else float(np.expm1(power * logarithm)) / power
+    work = own.force / own.area * own.volume * grown
+    water = part.water if tension > 0.0 else 0.0
+    return tension, part.gas + k * beyond, water, work + 0.5 * k * beyond * beyond

@@ -1,0 +1,225 @@
+"""Heave compensator at the hook, against closed forms and a separate integration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+from compensator_rigs import (
+    AREA,
+    EXPONENT,
+    GRAVITY,
+    LOAD_N,
+    PASSIVE,
+    RIG,
+    STOP_N,
+    STROKE,
+    UNIT_KG_PER_M,
+    UNIT_M,
+    VOLUME,
+    compensated,
+)
+from rigs import Bench, frequency, march, sine, still
+
+from rope_twin import Twin
+from rope_twin.effects.compensator import CompensatorParams, forces, of
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.accuracy.level import AccuracyLevel
+from rope_twin.twin.monitors.settings import ENERGY
+
+STOP = STOP_N / UNIT_M
+MASS = RIG.load + 0.5 * UNIT_M * UNIT_KG_PER_M  # that moves with the payload
+SPRING = EXPONENT * LOAD_N * AREA / VOLUME  # at mid stroke [N/m]
+ROPE = RIG.EA / (RIG.length - UNIT_M)  # its stiffness above the unit [N/m]
+
+
+def stroke(bench: Bench) -> float:
+    """Return the extension of the unit beyond its length retracted [m]."""
+    return float(np.linalg.norm(bench.position[:, 1] - bench.position[:, 0])) - UNIT_M
+
+
+def static_stroke(load_n: float, unit: CompensatorParams = PASSIVE) -> float:
+    """Return the stroke at which p_0·A·(V_0/V)^n is a load, in closed form [m]."""
+    volume = unit.gas_volume_m3
+    ratio = (unit.gas_pressure_pa * unit.piston_area_m2 / load_n) ** (1.0 / unit.exponent)
+    return 0.5 * unit.stroke_m + volume * (1.0 - ratio) / unit.piston_area_m2
+
+
+@pytest.mark.parametrize("share", [0.9, 1.0, 1.2])
+@pytest.mark.parametrize("exponent", [1.0, 1.4])
+def test_the_static_stroke(share: float, exponent: float) -> None:
+    """p·V^n = const: within 1e-6 of the closed form, for loads below and above that at mid stroke.
+
+    An isothermal and an adiabatic spring share the code.
+    """
+    unit = replace(PASSIVE, exponent=exponent)
+    load = share * RIG.load
+    bench = Bench(compensated(unit, replace(RIG, load=load)))
+    held = (load + 0.5 * UNIT_M * UNIT_KG_PER_M) * GRAVITY
+    assert stroke(bench) == pytest.approx(static_stroke(held, unit), abs=1e-6)
+
+
+def test_the_water_pushes_the_rod_of_a_unit_that_is_not_compensated_for_depth() -> None:
+    """ρ·g·depth·A_rod adds to the gas, so that the unit retracts with depth; the other does not."""
+    deep = replace(RIG, density=1025.0, hang_off=(0.0, 0.0, -964.0))
+    found = {}
+    for rod in (None, 0.005):
+        bench = Bench(compensated(replace(PASSIVE, rod_area_m2=rod), deep))
+        z = -bench.position[2, :2].mean()
+        assert 990.0 < z < 1000.0
+        volume = 0.25 * pi * 0.5**2 * UNIT_M
+        held = LOAD_N - 0.5 * 1025.0 * volume * GRAVITY
+        pushed = 1025.0 * GRAVITY * z * (rod or 0.0)
+        assert stroke(bench) == pytest.approx(static_stroke(held - pushed), abs=1e-6)
+        found[rod] = stroke(bench)
+    assert found[None] - found[0.005] > 1.0
+
+
+def released(scene: Scene, lift_m: float, seconds: float) -> np.ndarray:
+    """Return the strokes after the payload is let go from `lift_m` above its rest."""
+    bench = Bench(scene)
+    bench.position[2, 0] += lift_m
+    bench.find_acceleration()
+    step, found = bench.rope.model.step, []
+    for _ in range(round(seconds / step)):
+        bench.hold(1)
+        found.append(stroke(bench))
+    return np.array(found)
+
+
+def test_the_natural_period_of_small_motions() -> None:
+    """ω² = k/M with k = n·p_0·A²/V_0, in series with the rope's own stiffness."""
+    found = frequency(released(compensated(), 0.01, 60.0), RIG.step)
+    k = 1.0 / (1.0 / SPRING + 1.0 / ROPE)
+    assert found == pytest.approx(sqrt(k / MASS) / (2.0 * pi), rel=5e-4)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 3.0])
+def test_the_transmissibility_in_heave(ratio: float) -> None:
+    """A payload on a spring and a damper below a heaving rope, at three frequencies.
+
+    |X/Y|² = (k² + (c·ω)²)/((k - M·ω²)² + (c·ω)²); within 0.5 % for a heave of a centimetre.
+    """
+    omega_0 = sqrt(SPRING / MASS)
+    c, omega = 2.0 * 0.2 * sqrt(SPRING * MASS), ratio * omega_0
+    unit = replace(PASSIVE, damping_newton_seconds_per_m=c)
+    twin, period = Twin(compensated(unit, replace(RIG, step=0.02))), 2.0 * pi / omega
+    seen = [
+        (shot.stamp_ns * 1e-9, shot.payload_position_m[2], shot.heave_m)
+        for shot in march(twin, sine(0.01, period), 6.0 / 0.2 / omega_0 + 4.0 * period)
+    ]
+    t, z, heave = np.array(seen)[-round(2.0 * period / 0.02) :].T
+    base = np.stack([np.cos(omega * t), np.sin(omega * t), np.ones_like(t)], axis=1)
+    moved, lifted = (np.linalg.lstsq(base, own, rcond=None)[0][:2] for own in (z, heave))
+    found = float(np.hypot(*moved) / np.hypot(*lifted))
+    expected = sqrt(
+        (SPRING**2 + (c * omega) ** 2) / ((SPRING - MASS * omega**2) ** 2 + (c * omega) ** 2)
+    )
+    assert found == pytest.approx(expected, rel=5e-3)
+
+
+def test_seals_that_stick_hold_a_small_heave_and_slide_in_a_large_one() -> None:
+    """Below their friction the unit is rigid; above it, it works."""
+    rubbing = replace(PASSIVE, friction_n=20e3, friction_slip_m=0.001)
+    for amplitude, period, works in ((0.2, 12.0, False), (1.5, 8.0, True)):
+        twin = Twin(compensated(rubbing, replace(RIG, ramp=10.0)))
+        strokes = []
+        for shot in march(twin, sine(amplitude, period), 40.0):
+            x = shot.node_position_m[-2:, 2]
+            strokes.append(x[0] - x[1] - UNIT_M)
+        assert (np.ptp(strokes) > 0.5) == works
+        assert works or np.ptp(strokes) < 0.003
+
+
+def test_what_the_seals_hold_at_rest_does_not_vanish() -> None:
+    """A unit set down between the seals' two limits stays there for minutes."""
+    rubbing = replace(PASSIVE, friction_n=20e3, damping_newton_seconds_per_m=2e4)
+    strokes = released(compensated(rubbing), 0.8, 300.0)
+    late = strokes[-round(200.0 / RIG.step) :]
+    assert np.ptp(late) < 1e-4
+    unit = of(rubbing)
+    gas = forces(unit, float(late[-1]), 0.0, STOP, 0.0).gas
+    assert 100.0 < abs(gas - LOAD_N) < 20e3
+
+
+def test_the_energy_balance() -> None:
+    """Gas, oil, seals, rod and stops: within 1e-3 of what is dissipated, between both stops."""
+    unit = replace(
+        PASSIVE, throttling_kg_per_m=2e4, damping_newton_seconds_per_m=3e3, friction_n=5e3,
+        rod_area_m2=0.002,
+    )  # fmt: skip
+    rig = replace(RIG, step=0.0025, density=1025.0, hang_off=(0.0, 0.0, -100.0))
+    twin = Twin(compensated(unit, rig), ENERGY)
+    shots = list(march(twin, sine(3.0, 6.0), 30.0, 5))
+    strokes = [shot.node_position_m[-2, 2] - shot.node_position_m[-1, 2] - UNIT_M for shot in shots]
+    assert min(strokes) < 0.0
+    assert max(strokes) > STROKE
+    energy = shots[-1].energy
+    assert energy is not None
+    assert energy.damped_j > 1e6
+    assert abs(energy.residual_j) < 1e-3 * energy.damped_j
+    assert abs(energy.residual_pct) < 0.1
+
+
+def test_a_cut_at_the_payload_leaves_the_unit_on_the_rope() -> None:
+    """Without its load the gas drives the piston to its stop, and half of the unit hangs on it."""
+    unit = replace(PASSIVE, damping_newton_seconds_per_m=2e4)
+    twin = Twin(compensated(unit))
+    assert not twin.offer_cut(None, float("inf"))
+    *_, shot = march(twin, still, 20.0)
+    assert shot.cut is not None
+    length = shot.node_position_m[-2, 2] - shot.node_position_m[-1, 2]
+    preload = unit.tension_n(0.0)
+    half = 0.5 * UNIT_M * UNIT_KG_PER_M * GRAVITY
+    assert length - UNIT_M == pytest.approx((half - preload) / STOP, abs=1e-4)
+    weight = RIG.mass * (RIG.length - UNIT_M) * GRAVITY + 2.0 * half
+    assert shot.tension_top_n == pytest.approx(weight, rel=1e-3)
+
+
+@pytest.mark.parametrize("below_m", [20.0, 31.0])
+def test_a_cut_above_the_unit_lets_it_fall(below_m: float) -> None:
+    """Unit and payload fall freely, in the unit itself from its upper end; the rope hangs on."""
+    twin = Twin(compensated())
+    assert not twin.offer_cut(None, below_m)
+    *_, shot = march(twin, still, 2.0)
+    assert shot.cut is not None
+    below = max(RIG.length - below_m, UNIT_M)
+    assert shot.cut.lost_m == pytest.approx(below)
+    assert shot.tension_top_n < 0.05 * LOAD_N
+    assert shot.payload_velocity_m_per_s[2] == pytest.approx(-2.0 * GRAVITY, rel=0.1)
+    assert shot.compensator is not None
+    assert shot.compensator.at_stop == "retracted"
+
+
+def test_a_branch_continues_to_the_bit() -> None:
+    """What the seals hold is part of the state."""
+    twin = Twin(compensated(replace(PASSIVE, friction_n=20e3)))
+    *_, _ = march(twin, sine(1.5, 8.0), 10.0)
+    last = []
+    for one in (twin.branch(), twin):
+        one.advance(500)
+        last.append(one.snapshot())
+    first, second = (shot.compensator for shot in last)
+    assert first is not None
+    assert first == second
+    assert first.friction_n != 0.0
+
+
+def test_another_mesh_keeps_the_unit() -> None:
+    """Half as many elements, and back: its stroke goes on, and it remains one element."""
+    twin = Twin(compensated(replace(PASSIVE, friction_n=5e3), replace(RIG, elements=12)))
+    strokes = []
+    for halvings in (0, 1, 0):
+        before = twin.snapshot().compensator
+        twin.set_level(AccuracyLevel(twin.step_ns, halvings))
+        after = twin.snapshot().compensator
+        assert before is not None
+        assert after is not None
+        assert after.stroke_m == before.stroke_m
+        assert twin.rope.state.s[1] == UNIT_M
+        for shot in march(twin, sine(1.0, 8.0), 10.0):
+            assert shot.compensator is not None
+            strokes.append(shot.compensator.stroke_m)
+    assert np.abs(np.diff(strokes)).max() < 0.03
