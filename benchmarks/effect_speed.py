@@ -30,6 +30,7 @@ from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
@@ -68,6 +69,9 @@ ADDED: dict[str, Any] = {
     "decomposed_force": DecomposedForceParams(),
     "seabed": SeabedParams(depth_m=DEPTH_M),
     "bed_friction": BedFrictionParams(),
+    "payload_oscillation": PayloadOscillationParams(
+        size_m=(4.0, 3.0, 2.5), drag=((1.0, 2.0), (20.0, 1.0)), added_mass=((0.5, 0.8), (3.0, 1.2)),
+    ),
     "rigid_body": RigidBodyParams(
         size_m=(4.0, 3.0, 2.5),
         slings=tuple(

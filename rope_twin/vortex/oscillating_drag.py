@@ -85,17 +85,16 @@ def keulegan_carpenter(mean2: float, square: float, rate2: float, d: float, wind
 
 
 @jit_within
-def _more(drag: Any, number: float) -> Any:
-    """Return the factor less 1 at a Keulegan-Carpenter number; constant beyond the table."""
-    last = drag.number.shape[0] - 1
+def factor_at(known: Any, factor: Any, number: float) -> Any:
+    """Return the factor at a Keulegan-Carpenter number; constant beyond the table."""
+    last = known.shape[0] - 1
     i = 0
-    while i < last - 1 and drag.number[i + 1] < number:
+    while i < last - 1 and known[i + 1] < number:
         i += 1
     if last == 0:
-        return drag.factor[0] - 1.0
-    share = (number - drag.number[i]) / (drag.number[i + 1] - drag.number[i])
-    step = drag.factor[i + 1] - drag.factor[i]
-    return drag.factor[i] + min(max(share, 0.0), 1.0) * step - 1.0
+        return factor[0]
+    share = (number - known[i]) / (known[i + 1] - known[i])
+    return factor[i] + min(max(share, 0.0), 1.0) * (factor[i + 1] - factor[i])
 
 
 @kernel("start", OscillatingDrag)
@@ -188,7 +187,7 @@ def settle(drag: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         memory[CARRIED + LAST + 2, i] = nz
         memory[CARRIED + SQUARE, i] = square
         memory[CARRIED + RATE2, i] = rate2
-        memory[CARRIED + MORE, i] = _more(drag, number)
+        memory[CARRIED + MORE, i] = factor_at(drag.number, drag.factor, number) - 1.0
         memory[CARRIED + BEGUN, i] = 1.0
     set_trials(memory, ACTS, memory[CARRIED + MORE, upto - 1], rope)
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from effect_cases import (
     NODES,
+    OSCILLATING,
     SHEDDING,
     VARIANTS,
     acting,
@@ -37,6 +38,9 @@ Vector = effect_cases.Vector
 NAMES = [*(effect.name for effect in EFFECTS), *VARIANTS]
 # The block of a model of vortices is tested with its wake solved, in its own file.
 EXACT = [name for name in NAMES if name not in (*SHEDDING, "drag over Reynolds numbers")]
+SKEW = (
+    "payload", "rigid_body", "splash_zone", "net", "depth_profiles", "payload_oscillation",
+)  # fmt: skip
 FLOW, R, BLOCKS = slice(0, 3), slice(3, 6), slice(6, 12)  # rows of `loads`
 XX, XY, XZ, YY, YZ, ZZ = range(6)
 
@@ -166,18 +170,19 @@ def jacobian(effects: tuple[Any, ...], work: Vector, node: int) -> Vector:
 def test_blocks_are_the_derivative_of_the_residual(name: str, seed: int) -> None:
     """A = -dR/da up to its skew part, which a symmetric block cannot hold.
 
-    Only a payload whose drag differs per axis, or whose wetted share changes, a net's lift and a
-    body's drag have a skew part. The block of drag over Reynolds numbers leaves out how the factor
+    Only a payload whose drag differs per axis, or whose water changes, a net's lift and a body's
+    drag have a skew part. The block of drag over Reynolds numbers leaves out how the factor
     changes.
     """
-    effects, work = data_of(name), some_work(seed)
+    effects = acting(name)[-1:] if name in OSCILLATING else data_of(name)
+    work = some_work(seed)
     result = loads(effects, work)
     for node in range(NODES):
         exact = jacobian(effects, work, node)
         scale = max(np.abs(exact).max(), 1e-6 * np.abs(result[R, node]).max(), 1e-9)
         symmetric = 0.5 * (exact + exact.T)
         assert np.abs(matrix(result[BLOCKS, node]) - symmetric).max() < 1e-6 * scale
-        if name not in ("payload", "rigid_body", "splash_zone", "net"):
+        if name not in SKEW:
             assert np.abs(exact - symmetric).max() < 1e-6 * scale
 
 

@@ -28,6 +28,18 @@ REFUSED = [
      "the water of `fairing` has one density, and `depth_profiles` another"),
     ("depth_profiles: {density_kg_per_m3: [[0.0, 1020.0]]}\n  - splash_zone: {height_m: 4.0}",
      "1020 kg/m³ at the top of `depth_profiles`, 1025 in `splash_zone`"),
+    ("payload_oscillation: {size_m: [1.0, 1.0, 1.0]}",
+     "neither drag nor added_mass; give rows [KC, factor] of one or both"),
+    ("payload_oscillation: {size_m: [1.0, 1.0, 1.0], drag: [[3.0, 1.0], [2.0, 1.0]]}",
+     "drag: Keulegan-Carpenter numbers are not ascending; order the rows"),
+    ("payload_oscillation: {size_m: [1.0, 1.0, 1.0], added_mass: [[3.0, 1200.0]]}",
+     "added_mass: a factor above 10; give factors on the payload's own figures"),
+    ("payload_oscillation: {size_m: [1.0, 1.0, 1.0], drag: [[2.0, 1.5]]}\n"
+     "  - splash_zone: {height_m: 4.0}",
+     "`payload_oscillation` and `splash_zone` both change the figures of `payload`"),
+    ("payload_oscillation: {size_m: [1.0, 1.0, 1.0], drag: [[2.0, 1.5]]}\n"
+     "  - depth_profiles: {density_kg_per_m3: [[0.0, 1025.0]]}",
+     "`payload_oscillation` knows one density of water, `depth_profiles` another"),
     ("modal_vibration: {lock_in: next}", "unknown lock_in 'next'; give one of nearest, strongest"),
     ("decomposed_force: {lock_in: next}", "unknown lock_in 'next'; give one of nearest, strongest"),
     ("travelling_waves: {initial_phase: odd}",
@@ -40,6 +52,7 @@ REFUSED = [
 ACCEPTED = [
     "wetting: {}",
     "wetting: {}\n  - wind: {velocity_m_per_s: [10.0, 0.0]}",
+    "payload_oscillation: {size_m: [3.0, 2.0, 1.5], drag: [[2.0, 1.5], [20.0, 1.0]]}",
     "depth_profiles: {density_kg_per_m3: [[0.0, 1025.0], [-900.0, 1030.0]]}",
     "depth_profiles: {density_kg_per_m3: [[0.0, 1025.0], [-900.0, 1030.0]], "
     "drag_factor: [[0.0, 1.4], [-30.0, 1.0]]}\n  - splash_zone: {height_m: 4.0}",
@@ -69,6 +82,19 @@ def test_wetting_needs_weight(tmp_path: Path) -> None:
     path = scene_with("wetting: {}", tmp_path)
     path.write_text(path.read_text().replace("  - weight: {}\n", ""))
     with pytest.raises(SceneError, match="`wetting` corrects the buoyancy of `weight`"):
+        load_scene(str(path))
+
+
+def test_payload_oscillation_needs_a_payload_with_one_set_of_figures(tmp_path: Path) -> None:
+    own = "payload_oscillation: {size_m: [1.0, 1.0, 1.0], drag: [[2.0, 1.5]]}"
+    path = scene_with(own, tmp_path)
+    text = path.read_text()
+    path.write_text(text.replace("  - payload: {}\n", ""))
+    with pytest.raises(SceneError, match="corrects the loads of `payload`, which is not listed"):
+        load_scene(str(path))
+    rising = "    mass_kg: 20000.0\n    rising: {added_mass_kg: 9000.0, drag_area_m2: 3.0}\n"
+    path.write_text(text.replace("    mass_kg: 20000.0\n", rising))
+    with pytest.raises(SceneError, match="its figures differ in ascent"):
         load_scene(str(path))
 
 

@@ -39,6 +39,7 @@ from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
@@ -58,6 +59,7 @@ from rope_twin.twin import ropes
 Vector = NDArray[np.float64]
 NODES = 13
 SHEDDING = [effect.name for effect in EFFECTS if effect.sheds]
+OSCILLATING = ("payload_oscillation", "drag over Keulegan-Carpenter numbers")
 RESULTS = (  # flow, R; blocks; couplings; tension of the lowest element, which has no stiffness
     slice(rows.FLOW, rows.FLOW + 6), slice(rows.BLOCK, rows.BLOCK + 6),
     slice(rows.LINK, rows.LINK + 2), slice(rows.TENSION, rows.TENSION + 1),
@@ -96,6 +98,12 @@ PARAMS: dict[str, Any] = {
     ),
     "bed_friction": BedFrictionParams(axial=0.4, lateral=0.8, slip_m=0.05),
     "payload": PayloadParams(),
+    "payload_oscillation": PayloadOscillationParams(
+        size_m=(1.0, 1.0, 1.5),
+        drag=((1.0, 2.0), (10.0, 1.2), (40.0, 0.9)),
+        added_mass=((0.5, 0.6), (3.0, 1.5)),
+        window_s=8.0,
+    ),
     "rigid_body": RigidBodyParams(
         size_m=(2.0, 1.5, 1.0),
         centre_of_gravity_m=(0.2, 0.1, -0.1),
@@ -177,6 +185,13 @@ SMALL = Rig(
 )  # fmt: skip
 
 
+BESIDE = {  # what must be listed for an effect to be built, or to know its payload
+    "bed_friction": ("seabed",),
+    "depth_profiles": ("payload",),
+    "payload_oscillation": ("payload",),
+}
+
+
 def params_of(name: str) -> Any:
     """What a scene would say of the effect, or of the variant of one."""
     if name in VARIANTS:
@@ -190,18 +205,22 @@ def params_of(name: str) -> Any:
 
 def data_of(*names: str) -> tuple[Any, ...]:
     """The kernels' data of these effects, on the small rope."""
-    beds = {"seabed", "bed_friction"}
-    needed = ("seabed",) if beds.intersection(names) == {"bed_friction"} else ()
-    listed = tuple(params_of(name) for name in (*needed, *names))
-    scene = replace(SMALL.scene(), effects=listed)
-    return build_effects(scene, payload_figures(scene.payloads[0], SMALL.density))[len(needed) :]
+    needed = [own for name in names for own in BESIDE.get(name, ()) if own not in names]
+    listed = [params_of(name) for name in (*needed, *names)]
+    order = [effect.params for effect in EFFECTS]
+    listed.sort(key=lambda params: order.index(type(params)))
+    scene = replace(SMALL.scene(), effects=tuple(listed))
+    built = build_effects(scene, payload_figures(scene.payloads[0], SMALL.density))
+    unwanted = {type(params_of(name)) for name in needed}
+    return tuple(
+        own for own, params in zip(built, listed, strict=True) if type(params) not in unwanted
+    )
 
 
 def acting(name: str) -> tuple[Any, ...]:
     """The kernels' data of an effect, last, with the current that it may need; vortices shed."""
     effects = (*besides(name), *data_of(name))
-    remember = ("bed_friction", "payload_shedding", "drag over Keulegan-Carpenter numbers")
-    if name in (*SHEDDING, *remember):
+    if name in (*SHEDDING, *OSCILLATING, "bed_friction", "payload_shedding"):
         memory = effects[-1].memory
         memory[:] = np.random.default_rng(5).uniform(0.3, 1.2, memory.shape)
     return effects

@@ -18,12 +18,16 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import RopeTwinError, did_you_mean
 from rope_twin.scene.model.grid import ends_m, grading_faults
 from rope_twin.scene.schema import Fault, Rule, Scene, TwoWayShape
+from rope_twin.scene.shapes import payload_figures
 from rope_twin.scene.validation.environment import ENVIRONMENT_RULES
 from rope_twin.scene.validation.rigging import (
     RIGGING_RULES,
@@ -352,7 +356,7 @@ def _depth_profiles(scene: Scene) -> Iterator[Fault]:
 def _ramped(scene: Scene, ramp: FluidRampParams, listed: list[str]) -> Iterator[Fault]:
     """What a fluid ramp scales is there, and nothing that it cannot scale."""
     beside = [effect.name for effect in EFFECTS if effect.beside and effect.name in listed]
-    for name in (*beside, *(one for one in ("rigid_body",) if one in listed)):
+    for name in (*beside, *({"rigid_body", "payload_oscillation"} & set(listed))):
         what = f"`fluid_ramp` does not scale the forces of `{name}`"
         yield "effects", what, "remove one of them, or use `over_time` of `current`"
     if ramp.vortices and not shedding_model(scene) and "payload_shedding" not in listed:
@@ -391,6 +395,27 @@ def _compensator(scene: Scene) -> Iterator[Fault]:
         if own.sheds or own.name == "bending":
             what = f"`{own.name}` acts on the whole rope, and its lowest section is a compensator"
             yield "effects", what, f"remove `{own.name}` or `compensator`"
+
+
+def _payload_oscillation(scene: Scene) -> Iterator[Fault]:
+    """Factors on the figures of a point payload, which have no other factor."""
+    if scene.listed(PayloadOscillationParams) is None:
+        return
+    profiles = scene.listed(DepthProfilesParams)
+    if scene.listed(PayloadParams) is None:
+        what = "`payload_oscillation` corrects the loads of `payload`, which is not listed"
+        yield "effects", what, "add `- payload: {}`"
+    for name, params in (("splash_zone", SplashZoneParams), ("rigid_body", RigidBodyParams)):
+        if scene.listed(params) is not None:
+            what = f"`payload_oscillation` and `{name}` both change the figures of `payload`"
+            yield "effects", what, "keep one of them"
+    if profiles is not None and profiles.density_kg_per_m3:
+        what = "`payload_oscillation` knows one density of water, `depth_profiles` another"
+        yield "effects", what, "remove density_kg_per_m3, or one of them"
+    for number, payload in enumerate(scene.payloads):
+        if payload_figures(payload, 1.0).differs_rising:
+            what = "its figures differ in ascent, and `payload_oscillation` has others by KC"
+            yield f"payloads[{number}]", what, "remove `rising`, or `payload_oscillation`"
 
 
 def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
@@ -496,6 +521,7 @@ RULES: tuple[Rule, ...] = (
     _effects,
     _depth_profiles,
     _compensator,
+    _payload_oscillation,
     _drag_that_grows,
     body_holds,
     _two_ways,

@@ -42,11 +42,13 @@ from rope_twin.core.state import (
     new_work,
 )
 from rope_twin.core.step import advance
+from rope_twin.effects import depth_profiles, payload_oscillation
 from rope_twin.effects.compensator import Compensator
-from rope_twin.effects.depth_profiles import AT_END, DepthProfiles
+from rope_twin.effects.depth_profiles import DepthProfiles
 from rope_twin.effects.fairing import Fairing, TowedFairing
 from rope_twin.effects.net import Net
 from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.payload_oscillation import PayloadOscillation
 from rope_twin.effects.payload_shedding import PayloadShedding
 from rope_twin.effects.splash_zone import SplashZone
 from rope_twin.effects.waves import Waves
@@ -82,7 +84,8 @@ _WITHOUT: dict[type, dict[str, Any]] = {  # values that remove the load of an ef
     Net: {"along": 0.0, "facing": 0.0, "lift": 0.0},
     Fairing: {"k": 0.0},
     TowedFairing: {"force": 0.0},
-    DepthProfiles: dict.fromkeys(AT_END, 0.0),
+    DepthProfiles: dict.fromkeys(depth_profiles.AT_END, 0.0),
+    PayloadOscillation: dict.fromkeys(payload_oscillation.AT_END, 0.0),
     PayloadShedding: {"k": 0.0},
     Waves: {"Mx": 0.0, "My": 0.0, "Mz": 0.0},
 }

@@ -1,0 +1,223 @@
+"""Drag and added mass of the payload by its Keulegan-Carpenter number, from the user's own tables.
+
+Both depend on how far the payload moves through the water in proportion to its size (Keulegan and
+Carpenter 1958; DNV-RP-N103, ch. 3: mudmats, suction anchors, perforated plates). `payload` and
+`waves` load it with the scene's constants. This effect adds, along each axis, (c_D - 1) times its
+drag, -½·ρ·CdA·|u|·u_k, and (c_A - 1) times its added mass with the acceleration relative to the
+water, with factors linear between the rows of a table over
+
+    KC_k = (|⟨u⟩| + √2·σ)·T/L_k,
+
+L_k the size that the table refers to; u is the velocity relative to the water, its vertical part
+for z and its horizontal part for both x and y. σ, T and the means that fade are those of
+vortex/oscillating_drag: a regular motion has U·T/L exactly, 2π times amplitude over size. The
+factors are constant over a step. At the start, and in static equilibrium, they are those of the
+last row of drag and the first of added mass: a payload that has not moved yet.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from math import exp, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.energy import account
+from rope_twin.core.guards import SPEED2_MIN
+from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
+from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.state import (
+    ACCELERATION,
+    BLOCK,
+    FLOW,
+    FLOW_RATE,
+    RESIDUAL,
+    VELOCITY,
+    Floats,
+)
+from rope_twin.quantity import quantity
+from rope_twin.vortex.oscillating_drag import factor_at, keulegan_carpenter
+
+# Rows that are carried, of column 0 and three each: ⟨u⟩, u of the last step, ⟨u²⟩, ⟨(du/dt)²⟩, the
+# factors of drag and of added mass less 1; and whether there was a step yet.
+MEAN, LAST, SQUARE, RATE2, DRAG, ADDED, BEGUN = 0, 3, 6, 9, 12, 15, 18
+CARRIED = 19
+ACTS = 3 * CARRIED + 1  # the six factors less 1 that act in a stage
+OWN_ROWS = 6
+Rows = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PayloadOscillationParams:
+    """Tables of factors, and the size that their numbers refer to."""
+
+    size_m: tuple[float, float, float] = quantity(
+        "size L of the payload that KC = U·T/L refers to, for motion along x, y, z",
+        "m",
+        0.01,
+        200.0,
+    )
+    drag: Rows = quantity(
+        "rows of Keulegan-Carpenter number and factor on the drag area", "", 0.0, 1e6, default=()
+    )
+    added_mass: Rows = quantity(
+        "rows of Keulegan-Carpenter number and factor on the added mass", "", 0.0, 1e6, default=()
+    )
+    window_s: float = quantity(
+        "time constant of the means that the number is taken from", "s", 1.0, 3600.0, default=60.0
+    )
+
+    def check(self) -> str | None:
+        """Return a fault of the tables, or None."""
+        if not self.drag and not self.added_mass:
+            return "neither drag nor added_mass; give rows [KC, factor] of one or both"
+        for name, given in (("drag", self.drag), ("added_mass", self.added_mass)):
+            if any(b[0] <= a[0] for a, b in itertools.pairwise(given)):
+                return f"{name}: Keulegan-Carpenter numbers are not ascending; order the rows"
+            if max((factor for _, factor in given), default=1.0) > 10.0:
+                return f"{name}: a factor above 10; give factors on the payload's own figures"
+        return None
+
+
+class PayloadOscillation(NamedTuple):
+    """Kernel data; the payload's figures are those of `payload`."""
+
+    memory: Floats  # see MEAN and the rows after it; of column 0, (rows, nodes)
+    drag_number: Floats  # Keulegan-Carpenter numbers, ascending, (rows,)
+    drag_factor: Floats
+    added_number: Floats
+    added_factor: Floats
+    window: float  # τ [s]
+    Lx: float  # size [m]
+    Ly: float
+    Lz: float
+    Ax: float  # added mass [kg]
+    Ay: float
+    Az: float
+    kx: float  # ½·ρ·CdA [kg/m]
+    ky: float
+    kz: float
+
+
+AT_END = ("Ax", "Ay", "Az", "kx", "ky", "kz")
+
+
+def build(params: PayloadOscillationParams, payload: Any, around: Any) -> PayloadOscillation:
+    """Return the kernel data for the tables and the payload's added mass and drag."""
+    one = ((0.0, 1.0),)
+    drag, added = (
+        np.ascontiguousarray(np.array(given or one, dtype=float).T)
+        for given in (params.drag, params.added_mass)
+    )
+    A, k = [0.0] * 3, [0.0] * 3
+    if payload is not None and around.carries:
+        A = [float(mass) for mass in payload.added_mass_kg]
+        k = [0.5 * float(around.water_density_kg_per_m3 * area) for area in payload.drag_area_m2]
+    size = [float(L) for L in params.size_m]
+    memory = new_memory(CARRIED, OWN_ROWS, around.room)
+    return PayloadOscillation(
+        memory, drag[0], drag[1], added[0], added[1], float(params.window_s), *size, *A, *k
+    )
+
+
+remembering(PayloadOscillation, CARRIED)
+
+
+@kernel("start", PayloadOscillation)
+def start(own: Any, rope: Any, upto: int) -> None:
+    """Begin without a past."""
+    memory = own.memory
+    steady, small = own.drag_factor[own.drag_factor.shape[0] - 1] - 1.0, own.added_factor[0] - 1.0
+    for k in range(CARRIED):
+        memory[k, 0] = 0.0
+    for k in range(3):
+        memory[DRAG + k, 0] = memory[ACTS + k, 0] = steady
+        memory[ADDED + k, 0] = memory[ACTS + 3 + k, 0] = small
+
+
+@kernel("predict", PayloadOscillation)
+def predict(own: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
+    """Set the factors that act; before time 0 those of a payload that has not moved."""
+    memory = own.memory
+    steady, small = own.drag_factor[own.drag_factor.shape[0] - 1] - 1.0, own.added_factor[0] - 1.0
+    moves = stage.time > 0.0
+    for k in range(3):
+        memory[ACTS + k, 0] = memory[DRAG + k, 0] if moves else steady
+        memory[ACTS + 3 + k, 0] = memory[ADDED + k, 0] if moves else small
+
+
+@kernel("load_end", PayloadOscillation)
+def load_end(own: Any, work: Any, stage: Any) -> None:
+    """Add (c_A - 1)·A·(a_water - a) - (c_D - 1)·k·|u|·u to R_0, and the block, symmetric."""
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ax, ay, az = rows(work, ACCELERATION, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    wx, wy, wz = rows(work, FLOW_RATE, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    acts = own.memory[ACTS:, 0]
+    kx, ky, kz = acts[0] * own.kx, acts[1] * own.ky, acts[2] * own.kz
+    mx, my, mz = acts[3] * own.Ax, acts[4] * own.Ay, acts[5] * own.Az
+    x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
+    Rx[0] += mx * (wx[0] - ax[0]) - kx * speed * x
+    Ry[0] += my * (wy[0] - ay[0]) - ky * speed * y
+    Rz[0] += mz * (wz[0] - az[0]) - kz * speed * z
+    q, g = stage.q * speed, stage.q / speed
+    Axx[0] += mx + q * kx + g * kx * x * x
+    Ayy[0] += my + q * ky + g * ky * y * y
+    Azz[0] += mz + q * kz + g * kz * z * z
+    Axy[0] += 0.5 * g * (kx + ky) * x * y
+    Axz[0] += 0.5 * g * (kx + kz) * x * z
+    Ayz[0] += 0.5 * g * (ky + kz) * y * z
+
+
+@kernel("settle", PayloadOscillation)
+def settle(own: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
+    """Let the means fade and take in the motion at the end of a step; set the next factors."""
+    memory, work = own.memory, rope.work
+    if kind == TRAPEZOID:
+        for k in range(CARRIED):
+            memory[CARRIED + k, 0] = memory[k, 0]
+    if kind != BDF2:
+        return
+    h = 2.0 * stage.q / GAMMA
+    first = memory[BEGUN, 0] < 0.5
+    old = 0.0 if first else exp(-h / own.window)
+    for k in range(3):
+        u = work[VELOCITY + k, 0] - work[FLOW + k, 0]
+        rate = 0.0 if first else (u - memory[LAST + k, 0]) / h
+        memory[CARRIED + MEAN + k, 0] = old * memory[MEAN + k, 0] + (1.0 - old) * u
+        memory[CARRIED + LAST + k, 0] = u
+        memory[CARRIED + SQUARE + k, 0] = old * memory[SQUARE + k, 0] + (1.0 - old) * u * u
+        memory[CARRIED + RATE2 + k, 0] = old * memory[RATE2 + k, 0] + (1.0 - old) * rate * rate
+    mean, square = memory[CARRIED + MEAN :, 0], memory[CARRIED + SQUARE :, 0]
+    rate2 = memory[CARRIED + RATE2 :, 0]
+    for k in range(3):
+        size = own.Lx if k == 0 else (own.Ly if k == 1 else own.Lz)
+        mean2, all2, fast2 = mean[2] * mean[2], square[2], rate2[2]
+        if k < 2:
+            mean2 = mean[0] * mean[0] + mean[1] * mean[1]
+            all2, fast2 = square[0] + square[1], rate2[0] + rate2[1]
+        number = keulegan_carpenter(mean2, all2, fast2, size, own.window)
+        memory[CARRIED + DRAG + k, 0] = factor_at(own.drag_number, own.drag_factor, number) - 1.0
+        memory[CARRIED + ADDED + k, 0] = factor_at(own.added_number, own.added_factor, number) - 1.0
+    memory[CARRIED + BEGUN, 0] = 1.0
+
+
+@account("power_end", PayloadOscillation)
+def power(own: Any, place: Any) -> Any:
+    """Return the power of the loads beyond those of the constant figures [W].
+
+    The factors are the means of those of the steps before and after this border.
+    """
+    more = 0.5 * (own.memory[ACTS : ACTS + 6, :1] + own.memory[DRAG : DRAG + 6, :1])
+    k = more[:3] * np.array([[own.kx], [own.ky], [own.kz]])
+    m = more[3:] * np.array([[own.Ax], [own.Ay], [own.Az]])
+    u = place.velocity - place.flow
+    force = m * (place.flow_rate - place.acceleration) - k * np.sqrt((u * u).sum(axis=0)) * u
+    return (force * place.velocity).sum(axis=0)

@@ -1,0 +1,120 @@
+"""Payload whose drag and added mass depend on its Keulegan-Carpenter number."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigs import Rig, march, sine
+
+from rope_twin import Twin
+from rope_twin.effects.payload_oscillation import (
+    MEAN,
+    RATE2,
+    SQUARE,
+    PayloadOscillation,
+    PayloadOscillationParams,
+)
+from rope_twin.effects.waves import RegularWave, WavesParams
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.monitors.settings import Monitors
+
+RHO = 1025.0
+# A weightless rope that hardly stretches: the payload moves as the hang-off.
+STIFF = Rig(
+    length=20.0, elements=4, mass=0.02, EA=2e9, diameter=0.005, load=30e3, volume=4.0,
+    added=(8e3, 8e3, 12e3), area=(6.0, 6.0, 9.0), density=RHO, damping=1e5, step=0.01, ramp=4.0,
+)  # fmt: skip
+SIZE = 0.8
+# constant about the number of the test, 7.07
+DRAG = ((1.0, 2.0), (5.0, 1.5), (9.0, 1.5), (20.0, 1.0))
+ADDED = ((1.0, 0.6), (5.0, 1.3), (9.0, 1.3), (20.0, 1.8))
+
+
+def scene_of(rig: Rig, *more: object) -> Scene:
+    scene = rig.scene()
+    return replace(scene, effects=(*scene.effects, *more))
+
+
+def by_number(drag: object = DRAG, added: object = ADDED) -> PayloadOscillationParams:
+    return PayloadOscillationParams(
+        size_m=(SIZE,) * 3, drag=drag, added_mass=added, window_s=30.0  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def memory_of(twin: Twin) -> np.ndarray:
+    (own,) = (one for one in twin.rope.effects if isinstance(one, PayloadOscillation))
+    return np.asarray(own.memory[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "drag", "added"), [(0.9, 1.5, 1.3), (0.05, 2.0, 0.6), (3.2, 1.0, 1.8)]
+)
+def test_a_heaving_payload_has_the_factors_of_its_number(
+    amplitude: float, drag: float, added: float
+) -> None:
+    """T = W + (M + c_A·A)·a + c_D·½·ρ·CdA·|v|·v, fitted to a period; KC = 2π·a/L in all of it."""
+    period = 6.0
+    twin = Twin(scene_of(STIFF, by_number()))
+    omega = 2.0 * math.pi / period
+    rows_, pulls = [], []
+    for shot in march(twin, sine(amplitude, period), 180.0):
+        if shot.time_s > 174.0:
+            v = amplitude * omega * math.cos(omega * shot.time_s)
+            a = -amplitude * omega**2 * math.sin(omega * shot.time_s)
+            rows_.append((1.0, a, abs(v) * v))
+            pulls.append(shot.tension_top_n)
+    assert min(pulls) > 0.0, "a slack rope says nothing"
+    fit, *_ = np.linalg.lstsq(np.array(rows_), np.array(pulls), rcond=None)
+    assert fit[1] == pytest.approx(30e3 + added * 12e3, rel=2e-3)
+    assert fit[2] == pytest.approx(drag * 0.5 * RHO * 9.0, rel=5e-3)
+    m = memory_of(twin)
+    sigma = math.sqrt(m[SQUARE + 2] - m[MEAN + 2] ** 2)
+    number = (abs(m[MEAN + 2]) + math.sqrt(2.0) * sigma) * 2.0 * math.pi * sigma / SIZE
+    assert number / math.sqrt(m[RATE2 + 2]) == pytest.approx(
+        2.0 * math.pi * amplitude / SIZE, rel=0.12
+    )
+
+
+SEA = WavesParams(regular=RegularWave(height_m=3.0, period_s=7.0), ramp_s=4.0)
+SOFT = replace(STIFF, length=30.0, EA=4e7, diameter=0.05, mass=9.0, hang_off=(0.0, 0.0, 2.0))
+
+
+def test_factors_of_one_change_nothing() -> None:
+    """To the rounding, in waves."""
+    one = ((3.0, 1.0),)
+    places = []
+    for more in ((), (by_number(one, one),)):
+        twin = Twin(scene_of(SOFT, SEA, *more))
+        *_, shot = march(twin, sine(0.5, 5.0), 10.0)
+        places.append(shot.node_position_m)
+    assert np.abs(places[0] - places[1]).max() < 1e-9
+
+
+def test_constant_factors_are_other_figures() -> None:
+    """Twice the drag and 1.5 times the added mass, given by tables of one row or by the payload."""
+    more = by_number(((3.0, 2.0),), ((3.0, 1.5),))
+    other = replace(
+        SOFT, added=tuple(1.5 * a for a in SOFT.added), area=tuple(2.0 * a for a in SOFT.area)
+    )
+    places = []
+    for scene in (scene_of(SOFT, SEA, more), scene_of(other, SEA), scene_of(SOFT, SEA)):
+        *_, shot = march(Twin(scene), sine(0.5, 5.0), 10.0)
+        places.append(shot.node_position_m)
+    assert np.abs(places[0] - places[1]).max() < 1e-7
+    assert np.abs(places[0] - places[2]).max() > 0.01
+
+
+def test_energy_with_factors_that_change() -> None:
+    """A factor held over a step is late by a part of it: an error of first order, below 1e-4."""
+    shares = []
+    for step in (0.01, 0.005):
+        scene = scene_of(replace(SOFT, step=step), SEA, by_number())
+        twin = Twin(scene, Monitors(energy=True))
+        *_, shot = march(twin, sine(1.0, 5.0), 14.0)
+        assert shot.energy is not None
+        shares.append(abs(shot.energy.residual_j) / shot.energy.exchanged_j)
+    assert shares[1] < 1e-4
+    assert shares[1] < 0.6 * shares[0]
