@@ -6,18 +6,19 @@ With the velocity u of the water relative to the payload and the unit tangent t 
 
 (Blevins 1990, ch. 3, for a fixed body; its lift is normal to the flow, and here lies in the plane
 across the rope, in which a hanging load is free to swing). The phase is integrated in time, so that
-it follows a current and a swing that change. It is not locked to the motion: a body on a long rope
-swings by less than its own width at this frequency. Without flow across the rope there is no force.
+it follows a current and a swing that change; it is not locked in to the payload's motion. Without
+flow across the rope there is no force.
 
 St and C_L (amplitude, √2 times the rms) of the body, D its width and A its projected area across
 the flow. Measured: long circular cylinders St = 0.2 and rms C_L 0.3 to 0.6 below the critical
-Reynolds number (Blevins 1990; Norberg 2003); long square prisms 0.13 (Okajima 1982) and 1.3 in
-smooth, half of it in turbulent flow (Vickery 1966); spheres 0.125 to 0.2 at Re 6e3 to 3e4
-(Achenbach 1974) and 0.06 at Re 5e5 to 2e6 (Willmarth and Enlow 1969). Vortices of a short body are
-correlated less: the values of long ones are upper bounds.
+Reynolds number (Blevins 1990; Norberg 2003); long square prisms 0.13 (Okajima 1982) and about 1.3
+in smooth flow, less in turbulent (Vickery 1966); spheres 0.125 to 0.2 at Re 6e3 to 3e4 (Achenbach
+1974) and 0.06 at Re 5e5 to 2e6 (Willmarth and Enlow 1969). Vortices of a short body are correlated
+less: the values of long ones are upper bounds.
 
-φ is solved with the rope in each stage (TR-BDF2). Omitted in the block: its skew part, and the
-change of the tangent with the motion.
+With `rigid_body` the force acts on the body (core/body/shedding.py), whose projected area is that
+of its box. Of a point, φ is solved with the rope in each stage (TR-BDF2); omitted in its block: the
+skew part, and the change of the tangent with the motion.
 """
 
 from __future__ import annotations
@@ -52,7 +53,10 @@ class PayloadSheddingParams:
     strouhal: float = quantity("Strouhal number St, on the diameter", "", 0.01, 1.0)
     lift_coefficient: float = quantity("amplitude of the lift coefficient C_L", "", 0.0, 5.0)
     diameter_m: float = quantity("width D of the payload across the flow", "m", 1e-3, 200.0)
-    area_m2: float = quantity("projected area A across the flow", "m²", 1e-6, 1e5)
+    area_m2: float | None = quantity(
+        "projected area A across the flow; of a `rigid_body` that of its box", "m²", 1e-6, 1e5,
+        default=None,
+    )  # fmt: skip
     payload: str = text("multi-line scenes: the only payload that sheds; default: each", "")
 
 
@@ -65,8 +69,9 @@ class PayloadShedding(NamedTuple):
 
 
 def build(params: PayloadSheddingParams, payload: Any, around: Any) -> PayloadShedding:
-    """Return the kernel data for the body and the water."""
-    k = 0.5 * around.water_density_kg_per_m3 * params.lift_coefficient * params.area_m2
+    """Return the kernel data for the body and the water; without an area for 1 m² of it."""
+    area = 1.0 if params.area_m2 is None else params.area_m2
+    k = 0.5 * around.water_density_kg_per_m3 * params.lift_coefficient * area
     turns = 2.0 * pi * params.strouhal / params.diameter_m
     return PayloadShedding(new_memory(CARRIED, OWN_ROWS, around.room), float(k), float(turns))
 

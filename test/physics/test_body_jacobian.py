@@ -14,9 +14,11 @@ from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
 from rope_twin.core.body.balance import balance
 from rope_twin.core.body.rotation import vector
+from rope_twin.core.body.shedding import HAT, WEIGHT
 from rope_twin.core.body.state import PlaneBed, RigidBody
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import is_calm
+from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import DeckParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
@@ -36,7 +38,8 @@ def moving(seed: int) -> tuple[Any, Vector]:
     params = replace(params_of("rigid_body"), deck=deck)
     bed = SeabedParams(depth_m=500.0, slope=(0.2, -0.1), friction=0.5)
     zone = SplashZoneParams(height_m=1.0, bottom_area_m2=3.0)
-    effects = build_effects(replace(SMALL.scene(), effects=(bed, params, zone)), FIGURES)
+    sheds = PayloadSheddingParams(strouhal=0.2, lift_coefficient=2.0, diameter_m=0.5)
+    effects = build_effects(replace(SMALL.scene(), effects=(bed, params, zone, sheds)), FIGURES)
     body = next(own for own in effects if isinstance(own, RigidBody))
     work, random = some_work(seed), np.random.default_rng(seed)
     stage = body.stage
@@ -57,6 +60,7 @@ def moving(seed: int) -> tuple[Any, Vector]:
     for where, low in ((at.WET_ARM, -0.2), (at.ARM_HELD, -0.25)):
         stage[where : where + 3] = 0.05, -0.03, low
     stage[at.WET], stage[at.WET_HELD] = 0.6, 0.55
+    stage[HAT], stage[WEIGHT] = 0.7, 0.02
     parts = tuple(lifted if one is bed else one for one in body.parts)
     effects = tuple(own._replace(parts=parts) if own is body else own for own in effects)
     return effects, work

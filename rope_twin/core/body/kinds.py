@@ -13,6 +13,7 @@ import numpy as np
 
 from rope_twin.core.body import energy as body_energy
 from rope_twin.core.body import step as body_step
+from rope_twin.core.body.shedding import OWN_COLUMNS, OWN_ENTRIES, Shedding
 from rope_twin.core.body.state import (
     STIFFNESS,
     Afloat,
@@ -53,12 +54,16 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
 _WATERS = ((Immersed,), (Afloat,))
 _DECKS: tuple[tuple[type, ...], ...] = ((), (Deck,))
 _BEDS: tuple[tuple[type, ...], ...] = ((), (PlaneBed,), (GridBed,))
-_KINDS = {sum(some, ()): _make(sum(some, ())) for some in product(_WATERS, _DECKS, _BEDS)}
+_WAKES: tuple[tuple[type, ...], ...] = ((), (Shedding,))
+_KINDS = {sum(some, ()): _make(sum(some, ())) for some in product(_WATERS, _DECKS, _BEDS, _WAKES)}
 
 
 def with_parts(body: RigidBody, parts: tuple[Any, ...]) -> RigidBody:
-    """Return a body with these components: water model, then a deck, then the seabed."""
+    """Return a body with these components: water model, then deck, seabed, vortices."""
     held = float(body.legs[:, STIFFNESS].sum())
     stiffness = held + len(body.corners) * sum(getattr(one, "k", 0.0) for one in parts)
     figures = {**body._asdict(), "parts": parts, "stiffness": stiffness}
+    if any(isinstance(one, Shedding) for one in parts):
+        figures["records"] = np.pad(body.records, ((0, 0), (0, OWN_COLUMNS)))
+        figures["stage"] = np.pad(body.stage, (0, OWN_ENTRIES))
     return _KINDS[tuple(map(type, parts))](**figures)

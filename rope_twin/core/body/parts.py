@@ -7,6 +7,7 @@ Type)`:
   it subtracts q times their derivatives from the matrix (core/body/change.py). pose: position, R,
   velocity, angular velocity.
 - `foresee(part, body, rope, stage, pose)`: called before a stage is solved, at its predicted pose.
+- `keep(part, body, record)`: called with the record that a converged substep is written to.
 - `floor(part, body, place)`: the height at which the body's corners there would touch it.
 - `power(part, body, pose)`, plain Python: power into the body [W]; pose: of core/body/energy.py.
 
@@ -25,7 +26,9 @@ from rope_twin.core.body.rotation import along
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.loads.hooks import written_out
 
-_KERNELS: dict[str, dict[type, Any]] = {"act": {}, "foresee": {}, "floor": {}, "power": {}}
+_KERNELS: dict[str, dict[type, Any]] = {
+    "act": {}, "foresee": {}, "keep": {}, "floor": {}, "power": {},
+}  # fmt: skip
 
 
 def part(hook: str, *kinds: type) -> Callable[[Any], Any]:
@@ -93,6 +96,19 @@ def _compose_foresee(parts: Any, body: Any, rope: Any, stage: Any, pose: Any) ->
     calls = _calls("foresee", parts)
     lines = [f"kernel_{i}(parts[{i}], body, rope, stage, pose)" for i in calls]
     return written_out("parts, body, rope, stage, pose", [*lines, "return None"], calls)
+
+
+def keep_all(parts: Any, body: Any, record: Any) -> Any:
+    """Call `keep` of all components at the end of a substep."""
+    for one, call in _members("keep", parts):
+        call(one, body, record)
+
+
+@overload(keep_all, jit_options=LINKED, strict=False)
+def _compose_keep(parts: Any, body: Any, record: Any) -> Any:
+    calls = _calls("keep", parts)
+    lines = [f"kernel_{i}(parts[{i}], body, record)" for i in calls]
+    return written_out("parts, body, record", [*lines, "return None"], calls)
 
 
 def highest_floor(parts: Any, body: Any, place: Any, least: Any) -> Any:

@@ -14,7 +14,7 @@ from rope_twin.core.body import state as body_state
 from rope_twin.core.body.balance import left_on_hook, solve
 from rope_twin.core.body.change import NONE
 from rope_twin.core.body.loads import momenta
-from rope_twin.core.body.parts import foresee_all
+from rope_twin.core.body.parts import foresee_all, keep_all
 from rope_twin.core.body.rest import solve_body_statics
 from rope_twin.core.body.rotation import (
     along,
@@ -270,4 +270,5 @@ def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     put(record, at.GROWS, vector(s, at.FLOW_GROWS))
     put(record, at.ARM_THEN, vector(s, at.WET_ARM))
     record[at.WET_THEN] = s[at.WET]
+    keep_all(body.parts, body, record)
     body.memory[1, 0] = float(free)

@@ -12,6 +12,7 @@ from numpy.polynomial.legendre import leggauss
 from rope_twin.core import state as rows
 from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.body.kinds import with_parts
+from rope_twin.core.body.shedding import Shedding
 from rope_twin.core.body.state import Afloat, GridBed, PlaneBed, RigidBody
 from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.fibre import new_fibre
@@ -36,6 +37,7 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import Payload as PayloadEffect
 from rope_twin.effects.payload import PayloadParams, TwoWayPayload
+from rope_twin.effects.payload_shedding import PayloadShedding
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZone, SplashZoneParams
@@ -74,6 +76,10 @@ def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
             (params,) = (one for one in scene.effects if isinstance(one, SeabedParams))
             parts.append(_bed(own, params, body))
             own = _below_hook(own, params, body) if body.here else own
+        if isinstance(own, PayloadShedding):
+            a, b, c = (float(side) for side in body.size)
+            parts.append(Shedding(own.k, own.turns, b * c, a * c, a * b))
+            continue
         others.append(own)
     whole = with_parts(body, tuple(parts))
     if body.here and isinstance(parts[0], Afloat):  # it may begin in the air

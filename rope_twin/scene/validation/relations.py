@@ -32,6 +32,7 @@ from rope_twin.scene.validation.environment import ENVIRONMENT_RULES
 from rope_twin.scene.validation.rigging import (
     RIGGING_RULES,
     body_holds,
+    body_payload,
     is_joined,
     sheaves_hold,
     winch_of,
@@ -478,6 +479,22 @@ def _at_the_end(scene: Scene) -> Iterator[Fault]:
             yield f"effects.{name}.payload", what, right
 
 
+def _shedding_payload(scene: Scene) -> Iterator[Fault]:
+    """A point needs the area of the payload that sheds, a rigid body has its own."""
+    own = scene.listed(PayloadSheddingParams)
+    if own is None:
+        return
+    path, body = "effects.payload_shedding.area_m2", body_payload(scene)
+    if body is None and own.area_m2 is None:
+        yield path, "it is missing", "give the projected area of the payload across the flow"
+    elif body is not None and own.area_m2 is not None:
+        what = "the projected area of a rigid body follows from its size"
+        yield path, what, "remove it, or use `payload` instead of `rigid_body`"
+    elif body is not None and own.payload not in ("", body):
+        what = f"beside a rigid body only that sheds vortices, '{body}'"
+        yield "effects.payload_shedding.payload", what, "remove it"
+
+
 def _two_ways(scene: Scene) -> Iterator[Fault]:
     """A payload with different properties in ascent and descent."""
     if scene.listed(SplashZoneParams) is None:
@@ -528,6 +545,7 @@ RULES: tuple[Rule, ...] = (
     _at_the_end,
     _own_at_payload,
     _fairings_of_one_kind,
+    _shedding_payload,
     *ENVIRONMENT_RULES,
     _limits,
 )

@@ -9,7 +9,6 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
-from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
@@ -267,7 +266,6 @@ def _makes_differ(one: RopeLine, other: RopeLine) -> bool:
 # Effects that treat a payload as a point at the rope's end.
 OF_A_POINT = {
     PayloadParams: "payload", NetParams: "net", FairingParams: "fairing",
-    PayloadSheddingParams: "payload_shedding",
 }  # fmt: skip
 
 
