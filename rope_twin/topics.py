@@ -149,7 +149,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic("compensator/state", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 50.0, "simulation",
           "heave compensator at the hook: stroke_m beyond the retracted length; "
           "stroke_rate_m_per_s; tension_n; gas_pressure_pa; gas_force_n; damper_n, friction_n, "
-          "stop_n, water_n, the other parts of the tension, positive while the unit extends",
+          "stop_n, water_n, active_n (active cylinder), the other parts of the tension",
           only_with="compensator", in_view=False),
     Topic("winch/state", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 50.0, "simulation",
           "component states of each winch: name; target, set-point in the unit of winch/mode; "

@@ -1,4 +1,5 @@
-"""Passive heave compensator at the hook: a gas spring between the rope's end and the payload.
+"""Heave compensator at the hook: a gas spring between the rope's end and the payload, or an active
+cylinder over it.
 
 The rope's lowest section is the unit: its length is that from eye to eye with the rod retracted,
 its mass, diameter and breaking load are those of cylinder and rod, and it is one element of the
@@ -6,7 +7,7 @@ mesh, whose extension beyond that length is the stroke x. Half of its mass moves
 and half with the payload. Such units are reviewed by Woodacre et al. (2015, Ocean Eng. 104, 140).
 Its tension is
 
-    T = max(0, G(s) + N(x) + c_1·v + c_2·|v|·v + F_f + p_w·A_rod),   s = x within 0 ... S.
+    T = max(0, G(s) + N(x) + c_1·v + c_2·|v|·v + F_f + p_w·A_rod + F_a),   s = x within 0 ... S.
 
 Gas of pressure p and volume V behind a piston of area A, of an ideal gas in a polytropic process,
 p·V^n = const, with n = 1 isothermal, for slow changes, and 1.4 adiabatic, for nitrogen:
@@ -27,6 +28,18 @@ what it has; in static equilibrium at the start it is 0.
 
 The rod of a unit that is not depth-compensated enters the cylinder against the water, whose
 pressure p_w = ρ·g·depth on its area A_rod adds to the tension.
+
+An active cylinder beside the gas (active over passive) drives the stroke at the speed that a sensor
+on the unit's upper end commands, with a gain K and within its force:
+
+    F_a = K·(v - v_c), at most F_max,   τ·dv_c/dt = η·(u - m) - v_c,   τ_w·dm/dt = u - m,
+
+with the sensor's vertical speed u, of which m, what changes more slowly than τ_w, is lowering and
+not heave. v_c is within the cylinder's speed, and within √(2·a·d) at the distance d from the stop
+ahead, so that it can brake at a. The command in a stage is predicted from its start, as that of a
+controller; u and m follow in TR-BDF2. On a stiff rope the payload follows the heave by
+
+    (k + iω·(c_1 + K·(1 - η·H)))/(k - M·ω² + iω·(c_1 + K)),   H = iωτ_w/((1 + iωτ_w)·(1 + iωτ)).
 """
 
 from __future__ import annotations
@@ -39,23 +52,46 @@ import numpy as np
 
 from rope_twin.core.energy import lowest_account
 from rope_twin.core.guards import DIVISOR_MIN
-from rope_twin.core.integrator import TRAPEZOID
+from rope_twin.core.integrator import GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering
-from rope_twin.core.state import POSITION, Floats
-from rope_twin.quantity import quantity
+from rope_twin.core.state import POSITION, VELOCITY, Floats
+from rope_twin.quantity import SparingRepr, quantity, text
 
-# Rows of memory, in the column of the lower end: z carried (rows 0 to 2) and, in the effect's own,
-# z and s before the stage, s of the stage, and whether the seals act (1); not before time 0.
-CARRIED = 1
-BEFORE, PISTON, REACHED, ACTS = (3 * CARRIED + 1 + k for k in range(4))
-OWN_ROWS = 4
+# Rows of memory, in the column of the lower end: z, m and v_c, carried, and the effect's own: z and
+# s before the stage, s and u of the stage, whether the seals act (1; not before time 0), command.
+CARRIED = 3
+SEALS, MEAN, COMMANDED = range(CARRIED)
+BEFORE, PISTON, REACHED, SENSED, ACTS, COMMAND = (3 * CARRIED + 1 + k for k in range(6))
+OWN_ROWS = 6
+TO_END = 2.0 * (1.0 - GAMMA) / GAMMA  # from the middle of a step to its end, over the weight q
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompensatorParams:
-    """Passive heave compensator; the rope's lowest section gives its length, mass and stiffness."""
+class ActiveCylinder:
+    """Active cylinder beside the gas: follows the heave of the unit's upper end."""
+
+    efficiency: float = quantity("compensated fraction η of the heave velocity", "", 0.0, 1.2)
+    lag_s: float = quantity("first-order lag of measurement and drive", "s", 0.0, 10.0)
+    washout_s: float = quantity(
+        "time constant that separates heave from lowering", "s", 1.0, 1e4, default=60.0
+    )
+    gain_newton_seconds_per_m: float = quantity(
+        "force per error of the stroke's rate", "N·s/m", 0.0, 1e9
+    )
+    force_limit_n: float = quantity("maximum force in both directions", "N", 1.0, 1e8)
+    speed_limit_m_per_s: float = quantity("maximum speed in both directions", "m/s", 0.01, 10.0)
+    braking_m_per_s2: float = quantity(
+        "deceleration ahead of the end stops", "m/s²", 0.01, 50.0, default=1.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CompensatorParams(SparingRepr):
+    """Heave compensator; the rope's lowest section gives its length, mass and stiffness."""
+
+    _later = frozenset(("active",))
 
     stroke_m: float = quantity("stroke between the end stops", "m", 0.05, 30.0)
     piston_area_m2: float = quantity("area of the piston that the gas acts on", "m²", 1e-5, 10.0)
@@ -84,6 +120,9 @@ class CompensatorParams:
         "area of the rod that the water's pressure acts on; default: depth-compensated, none",
         "m²", 1e-6, 10.0, default=None,
     )  # fmt: skip
+    active: ActiveCylinder | None = text(
+        "active cylinder over the passive one; default: passive alone", None
+    )
 
     def check(self) -> str | None:
         """Return the fault and its remedy, or None."""
@@ -115,6 +154,13 @@ class Compensator(NamedTuple):
     slip: float  # z_0 [m]
     chi: float  # χ of the stops [s/m]
     water: float  # ρ·g·A_rod [N/m]
+    gain: float  # K [N·s/m]; 0: there is no active cylinder
+    force_limit: float  # F_max [N]
+    speed_limit: float  # [m/s]
+    braking: float  # a [m/s²]
+    efficiency: float  # η
+    lag: float  # τ [s]
+    washout: float  # τ_w [s]
     here: float = 1.0  # whether the lowest element is the unit; 0 above a cut
 
 
@@ -127,17 +173,18 @@ class CompensatorForces(NamedTuple):
     damper: float
     seal: float
     water: float
+    active: float
     pressure_pa: float
 
     @property
     def pull(self) -> float:
         """Return their sum, negative where the unit is slack [N]."""
-        return self.gas + self.stop + self.damper + self.seal + self.water
+        return self.gas + self.stop + self.damper + self.seal + self.water + self.active
 
 
 def of(params: CompensatorParams, weight_n_per_m3: float = 0.0, room: int = 1) -> Compensator:
     """Return the kernel data of a unit in water of this weight per volume."""
-    slip = float(params.friction_slip_m)
+    slip, active = float(params.friction_slip_m), params.active
     return Compensator(
         new_memory(CARRIED, OWN_ROWS, room),
         float(params.stroke_m),
@@ -151,6 +198,19 @@ def of(params: CompensatorParams, weight_n_per_m3: float = 0.0, room: int = 1) -
         slip,
         float(params.stop_damping_s_per_m),
         float(weight_n_per_m3 * (params.rod_area_m2 or 0.0)),
+        *(
+            (0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0)
+            if active is None
+            else (
+                float(active.gain_newton_seconds_per_m),
+                float(active.force_limit_n),
+                float(active.speed_limit_m_per_s),
+                float(active.braking_m_per_s2),
+                float(active.efficiency),
+                float(active.lag_s),
+                float(active.washout_s),
+            )
+        ),
     )
 
 
@@ -190,6 +250,22 @@ def _stop(own: Any, k: float, beyond: float, rate: float) -> Any:
     return k * beyond * factor, k * factor if beyond != 0.0 else 0.0, along_v
 
 
+@jit_within
+def _driven(own: Any, rate: float) -> Any:
+    """Return F_a [N] and its derivative to the stroke's rate."""
+    wanted = own.gain * (rate - own.memory[COMMAND, 0])
+    force = min(max(wanted, -own.force_limit), own.force_limit)
+    return force, own.gain if wanted == force else 0.0
+
+
+@jit_within
+def _within_limits(own: Any, command: float, s: float) -> float:
+    """Return a commanded rate within the cylinder's speed, from which it brakes at a stop."""
+    room = own.stroke - s if command > 0.0 else s
+    most = min(own.speed_limit, sqrt(2.0 * own.braking * max(room, 0.0)))
+    return float(min(max(command, -most), most))
+
+
 @kernel("axial", Compensator)
 def axial(own: Any, x: float, v: float, weights: Any, k: float, depth: float) -> Any:
     """Return the force of the unit before it is bounded to a pull [N], and dT/dx + (q/p)·dT/dv.
@@ -202,12 +278,13 @@ def axial(own: Any, x: float, v: float, weights: Any, k: float, depth: float) ->
     gas, k_gas = _gas(own, s)
     stop, k_stop, c_stop = _stop(own, k, x - s, v)
     z, sticks = _seals(own, s)
+    active, c_active = _driven(own, v)
     inside = 1.0 if x == s else 0.0
     k_seal = own.seal if sticks else 0.0
     pull = gas + stop + (own.c1 + own.c2 * abs(v)) * v + own.seal * z
-    pull += own.water * max(depth, 0.0)
+    pull += own.water * max(depth, 0.0) + active
     tangent = inside * (k_gas + own.memory[ACTS, 0] * k_seal) + k_stop
-    return pull, tangent + q / p * (own.c1 + 2.0 * own.c2 * abs(v) + c_stop)
+    return pull, tangent + q / p * (own.c1 + 2.0 * own.c2 * abs(v) + c_stop + c_active)
 
 
 @jit_within
@@ -222,19 +299,28 @@ def _extension(place: Any, first: int, rest: float) -> float:
 
 @kernel("start", Compensator)
 def start(own: Any, rope: Any, upto: int) -> None:
-    """Begin with seals that hold nothing: static equilibrium has no friction."""
-    own.memory[0, 0] = 0.0
+    """Begin with seals that hold nothing, as in static equilibrium, and without a command."""
+    for k in range(CARRIED):
+        own.memory[k, 0] = 0.0
     own.memory[ACTS, 0] = 0.0
+    own.memory[COMMAND, 0] = 0.0
 
 
 @kernel("prepare", Compensator)
 def prepare(own: Any, rope: Any, stage: Any, what: int) -> None:
-    """Set z and s before the stage; before time 0 the seals do not act."""
+    """Set z and s before the stage, and the command; before time 0 neither acts."""
     memory, begins = own.memory, what == TRAPEZOID
     s = _piston(own, _extension(rope.state.nodes, POSITION, rope.state.s[1] - rope.state.s[0]))
-    memory[BEFORE, 0] = memory[0, 0] if begins else memory[CARRIED, 0]
+    k = SEALS if begins else CARRIED
+    memory[BEFORE, 0] = memory[k + SEALS, 0]
     memory[PISTON, 0] = s if begins else memory[REACHED, 0]
-    memory[ACTS, 0] = 1.0 if stage.time > 0.0 else 0.0
+    acts = 1.0 if stage.time > 0.0 else 0.0
+    memory[ACTS, 0] = acts
+    seen = rope.state.nodes[VELOCITY + 2, 1] if begins else memory[SENSED, 0]
+    step = stage.q * (2.0 if begins else TO_END)
+    heave = own.efficiency * (seen - memory[k + MEAN, 0])
+    command = (own.lag * memory[k + COMMANDED, 0] + step * heave) / (own.lag + step)
+    memory[COMMAND, 0] = acts * _within_limits(own, command, memory[PISTON, 0])
 
 
 @kernel("predict", Compensator)
@@ -244,11 +330,23 @@ def predict(own: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> 
 
 @kernel("settle", Compensator)
 def settle(own: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
-    """Store z and s of the stage."""
-    memory = own.memory
+    """Store z, s, u, m and v_c of the stage."""
+    memory, q = own.memory, stage.q
     s = _piston(own, _extension(rope.work, POSITION, rope.state.s[1] - rope.state.s[0]))
-    memory[CARRIED, 0] = _seals(own, s)[0]
+    seen, before = rope.work[VELOCITY + 2, 1], rope.state.nodes[VELOCITY + 2, 1]
+    m, v = memory[MEAN, 0], memory[COMMANDED, 0]
+    if what == TRAPEZOID:
+        m_hat = own.washout * m + q * (before - m)
+        v_hat = own.lag * v + q * (own.efficiency * (before - m) - v)
+    else:
+        m_hat = own.washout * (K1 * memory[CARRIED + MEAN, 0] - K2 * m)
+        v_hat = own.lag * (K1 * memory[CARRIED + COMMANDED, 0] - K2 * v)
+    mean = (m_hat + q * seen) / (own.washout + q)
+    memory[CARRIED + MEAN, 0] = mean
+    memory[CARRIED + COMMANDED, 0] = (v_hat + q * own.efficiency * (seen - mean)) / (own.lag + q)
+    memory[CARRIED + SEALS, 0] = _seals(own, s)[0]
     memory[REACHED, 0] = s
+    memory[SENSED, 0] = seen
 
 
 remembering(Compensator, CARRIED)
@@ -268,8 +366,11 @@ def forces(own: Compensator, x: float, v: float, k: float, depth: float) -> Comp
         gas=gas,
         stop=k * (x - s) * max(1.0 + own.chi * outward * v, 0.0),
         damper=(own.c1 + own.c2 * abs(v)) * v,
-        seal=own.seal * float(own.memory[0, 0]),
+        seal=own.seal * float(own.memory[SEALS, 0]),
         water=own.water * max(depth, 0.0),
+        active=min(
+            max(own.gain * (v - float(own.memory[COMMAND, 0])), -own.force_limit), own.force_limit
+        ),
         pressure_pa=gas / own.area,
     )
 

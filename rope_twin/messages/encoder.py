@@ -36,7 +36,7 @@ _LINE_WIDTH, _SYMBOL_SIZE, _TEXT_HEIGHT = 1 / 1000, 1 / 100, 1 / 100
 _LEAST_LINE_M = 100.0
 COMPENSATOR_COLUMNS = (
     "stroke_m", "stroke_rate_m_per_s", "tension_n", "gas_pressure_pa", "gas_force_n", "damper_n",
-    "friction_n", "stop_n", "water_n",
+    "friction_n", "stop_n", "water_n", "active_n",
 )  # fmt: skip
 
 Row = dict[str, Any]  # value of each column of a table

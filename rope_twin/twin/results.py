@@ -26,7 +26,7 @@ class EnergyBalance:
     hang_off_j: float  # work of ship and winch: force times material velocity
     passing_j: float  # energy of rope paid out, less that of rope hauled in
     water_j: float  # work of the water: drag, mostly negative
-    damped_j: float  # dissipated by the axial damper
+    damped_j: float  # dissipated by the axial damper and a compensator, less what one drives
     residual_j: float  # remainder: numerical dissipation if positive
     exchanged_j: float  # energy moved between any two of these terms
 

@@ -101,7 +101,7 @@ class BodyShot:
 
 @dataclass(frozen=True)
 class CompensatorShot:
-    """State of the heave compensator at the hook."""
+    """State of the heave compensator at the hook; its forces are positive in tension."""
 
     stroke_m: float  # extension beyond the retracted length; beyond its range: a stop deforms
     stroke_limit_m: float  # stroke between the stops
@@ -109,10 +109,11 @@ class CompensatorShot:
     tension_n: float
     gas_pressure_pa: float
     gas_force_n: float
-    damper_n: float  # hydraulic damping, positive while the unit extends
-    friction_n: float  # of the seals, likewise
+    damper_n: float  # hydraulic damping
+    friction_n: float  # of the seals
     stop_n: float  # pull of the stop at the stroke's end; negative: push of the other one
     water_n: float  # of the water's pressure on the rod
+    active_n: float = 0.0  # of the active cylinder, positive against extension
 
     @property
     def at_stop(self) -> str:

@@ -241,6 +241,7 @@ def _compensator(own: Compensator, rope: Rope) -> CompensatorShot:
         friction_n=part.seal,
         stop_n=part.stop,
         water_n=part.water,
+        active_n=part.active,
     )
 
 

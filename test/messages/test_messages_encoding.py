@@ -154,7 +154,7 @@ def compensator(snapshot: Snapshot) -> object:
         ("tension_n", "<f8", [unit.tension_n]), ("gas_pressure_pa", "<f8", [unit.gas_pressure_pa]),
         ("gas_force_n", "<f8", [unit.gas_force_n]), ("damper_n", "<f8", [unit.damper_n]),
         ("friction_n", "<f8", [unit.friction_n]), ("stop_n", "<f8", [unit.stop_n]),
-        ("water_n", "<f8", [unit.water_n]),
+        ("water_n", "<f8", [unit.water_n]), ("active_n", "<f8", [unit.active_n]),
     )  # fmt: skip
 
 

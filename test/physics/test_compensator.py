@@ -24,8 +24,8 @@ from compensator_rigs import (
 from rigs import Bench, frequency, march, sine, still
 
 from rope_twin import Twin
-from rope_twin.effects.compensator import CompensatorParams, forces, of
-from rope_twin.scene.schema import Scene
+from rope_twin.effects.compensator import ActiveCylinder, CompensatorParams, forces, of
+from rope_twin.scene.schema import Scene, Winch
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.monitors.settings import ENERGY
 
@@ -223,3 +223,59 @@ def test_another_mesh_keeps_the_unit() -> None:
             assert shot.compensator is not None
             strokes.append(shot.compensator.stroke_m)
     assert np.abs(np.diff(strokes)).max() < 0.03
+
+
+def active(**changes: float) -> ActiveCylinder:
+    """Return an active cylinder strong enough for these loads, with changes."""
+    usual = ActiveCylinder(
+        efficiency=0.95, lag_s=0.1, washout_s=30.0, gain_newton_seconds_per_m=2e5,
+        force_limit_n=1e6, speed_limit_m_per_s=3.0,
+    )  # fmt: skip
+    return replace(usual, **changes)
+
+
+@pytest.mark.parametrize("period", [6.0, 12.0])
+def test_what_an_active_cylinder_leaves_of_the_heave(period: float) -> None:
+    """The closed form of the module's docstring, within 1 % of what the gas alone leaves."""
+    unit, omega, step = active(), 2.0 * pi / period, 0.01
+    twin = Twin(compensated(replace(PASSIVE, active=unit), replace(RIG, step=step)))
+    seen = [
+        (shot.time_s, shot.payload_position_m[2], shot.heave_m)
+        for shot in march(twin, sine(0.01, period), 15.0 * period)
+    ]
+    t, z, heave = np.array(seen)[-round(3.0 * period / step) :].T
+    base = np.stack([np.cos(omega * t), np.sin(omega * t), np.ones_like(t), t], axis=1)
+    moved, lifted = (complex(*np.linalg.lstsq(base, own, rcond=None)[0][:2]) for own in (z, heave))
+    s, K = 1j * omega, unit.gain_newton_seconds_per_m
+    H = s * unit.washout_s / ((1.0 + s * unit.washout_s) * (1.0 + s * unit.lag_s))
+    expected = (SPRING + s * K * (1.0 - unit.efficiency * H)) / (SPRING + MASS * s * s + s * K)
+    passive = SPRING / abs(SPRING - MASS * omega**2)
+    found = (moved / lifted).conjugate()
+    assert abs(expected) < 0.5 * passive
+    assert abs(found - expected) < 0.01 * passive
+
+
+def test_an_active_cylinder_keeps_within_force_speed_and_stroke() -> None:
+    """A heave of more than the stroke: it brakes ahead of the stops, and its force is bounded."""
+    unit = active(force_limit_n=3e4, speed_limit_m_per_s=0.8)
+    twin = Twin(compensated(replace(PASSIVE, active=unit)), ENERGY)
+    shots = list(march(twin, sine(1.5, 8.0), 60.0))
+    forces_n = [shot.compensator.active_n for shot in shots if shot.compensator is not None]
+    assert np.abs(forces_n).max() == 3e4
+    energy = shots[-1].energy
+    assert energy is not None
+    assert abs(energy.residual_pct) < 0.1
+
+
+def test_lowering_is_no_heave() -> None:
+    """Paid out at a steady speed for minutes, the unit returns to mid stroke."""
+    winch = Winch(
+        speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=0.2, least_line_out_m=20.0,
+        most_line_out_m=300.0,
+    )  # fmt: skip
+    unit = replace(PASSIVE, active=active(washout_s=10.0))
+    twin = Twin(compensated(unit, replace(RIG, winch=winch)))
+    *_, shot = march(twin, still, 120.0, speeds=[(1.0, 0.5)])
+    assert shot.compensator is not None
+    assert shot.compensator.stroke_m == pytest.approx(0.5 * STROKE, abs=0.02)
+    assert shot.payout_speed_m_per_s == 0.5

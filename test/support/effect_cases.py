@@ -29,7 +29,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
-from rope_twin.effects.compensator import CompensatorParams
+from rope_twin.effects.compensator import ActiveCylinder, CompensatorParams
 from rope_twin.effects.current import CurrentParams, Layers
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
@@ -318,8 +318,14 @@ def touching() -> Vector:
 
 
 def stroking() -> Vector:
-    """A payload below a compensator that is driven to its stops, sticks and goes slack."""
-    unit = replace(PASSIVE, friction_n=2e4, throttling_kg_per_m=1e4, rod_area_m2=0.001)
+    """A payload below a compensator at its stops, sticking, slack, and driven actively."""
+    cylinder = ActiveCylinder(
+        efficiency=0.9, lag_s=0.1, gain_newton_seconds_per_m=1e5, force_limit_n=5e4,
+        speed_limit_m_per_s=1.0,
+    )  # fmt: skip
+    unit = replace(
+        PASSIVE, friction_n=2e4, throttling_kg_per_m=1e4, rod_area_m2=0.001, active=cylinder
+    )
     return steps(compensated(unit, replace(STROKING, step=0.05, winch=SMALL.winch)), 8.0)
 
 
