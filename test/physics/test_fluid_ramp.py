@@ -109,6 +109,20 @@ def test_a_run_begins_as_in_still_water_and_ends_in_the_current() -> None:
     assert np.hypot(*steady[:2]) > 0.5
 
 
+def test_ropes_that_meet_begin_as_in_still_water() -> None:
+    """A bridle in a current hangs plumb while its forces are none, and drifts off as they grow."""
+    twin = Twin(ramped(load_scene("bridle_lift"), water=LoadCurve(ramp_s=4.0)))
+    first = twin.snapshot()
+    assert first.fluid_factors == (0.0, 0.0, 0.0)
+    twin.advance(round(6.0 / twin.step_s))
+    then = twin.snapshot()
+    assert then.fluid_factors == (1.0, 1.0, 1.0)
+    plumb = Twin(load_scene("bridle_lift")).snapshot()
+    x = [shot.payload_position_m[:2] for shot in (first, then, plumb)]
+    assert np.linalg.norm(x[1] - x[0]) > 1e-3
+    assert np.linalg.norm(x[2] - x[0]) > np.linalg.norm(x[1] - x[0])
+
+
 def test_a_constant_factor_is_that_of_the_coefficients() -> None:
     """Half of everything, to 1e-9 of the tension, after five seconds of heave."""
     half = replace(RIG, drag=(0.6, 0.005), area=(2.0,) * 3, tolerance=1e-6).scene()
