@@ -88,10 +88,8 @@ class ActiveCylinder:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class CompensatorParams(SparingRepr):
-    """Heave compensator; the rope's lowest section gives its length, mass and stiffness."""
-
-    _later = frozenset(("active",))
+class GasSpringParams(SparingRepr):
+    """Gas spring with oil damping, seals and end stops, at the hook or at the winch."""
 
     stroke_m: float = quantity("stroke between the end stops", "m", 0.05, 30.0)
     piston_area_m2: float = quantity("area of the piston that the gas acts on", "m²", 1e-5, 10.0)
@@ -116,13 +114,6 @@ class CompensatorParams(SparingRepr):
     stop_damping_s_per_m: float = quantity(
         "damping χ of the end stops, N = k·d·(1 + χ·v)", "s/m", 0.0, 10.0, default=1.0
     )
-    rod_area_m2: float | None = quantity(
-        "area of the rod that the water's pressure acts on; default: depth-compensated, none",
-        "m²", 1e-6, 10.0, default=None,
-    )  # fmt: skip
-    active: ActiveCylinder | None = text(
-        "active cylinder over the passive one; default: passive alone", None
-    )
 
     def check(self) -> str | None:
         """Return the fault and its remedy, or None."""
@@ -137,6 +128,21 @@ class CompensatorParams(SparingRepr):
     def tension_n(self, stroke_m: float) -> float:
         """Return the gas force [N] at a stroke."""
         return forces(of(self), stroke_m, 0.0, 1.0, 0.0).gas
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CompensatorParams(GasSpringParams):
+    """Heave compensator; the rope's lowest section gives its length, mass and stiffness."""
+
+    _later = frozenset(("active",))
+
+    rod_area_m2: float | None = quantity(
+        "area of the rod that the water's pressure acts on; default: depth-compensated, none",
+        "m²", 1e-6, 10.0, default=None,
+    )  # fmt: skip
+    active: ActiveCylinder | None = text(
+        "active cylinder over the passive one; default: passive alone", None
+    )
 
 
 class Compensator(NamedTuple):
@@ -182,9 +188,12 @@ class CompensatorForces(NamedTuple):
         return self.gas + self.stop + self.damper + self.seal + self.water + self.active
 
 
-def of(params: CompensatorParams, weight_n_per_m3: float = 0.0, room: int = 1) -> Compensator:
+def of(params: GasSpringParams, weight_n_per_m3: float = 0.0, room: int = 1) -> Compensator:
     """Return the kernel data of a unit in water of this weight per volume."""
-    slip, active = float(params.friction_slip_m), params.active
+    slip = float(params.friction_slip_m)
+    rod_area_m2, active = 0.0, None
+    if isinstance(params, CompensatorParams):
+        rod_area_m2, active = params.rod_area_m2 or 0.0, params.active
     return Compensator(
         new_memory(CARRIED, OWN_ROWS, room),
         float(params.stroke_m),
@@ -197,7 +206,7 @@ def of(params: CompensatorParams, weight_n_per_m3: float = 0.0, room: int = 1) -
         float(params.friction_n / slip),
         slip,
         float(params.stop_damping_s_per_m),
-        float(weight_n_per_m3 * (params.rod_area_m2 or 0.0)),
+        float(weight_n_per_m3 * rod_area_m2),
         *(
             (0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0)
             if active is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
+from rope_twin.effects.compensator import GasSpringParams
 from rope_twin.quantity import SparingRepr, quantity, text
 
 WIRE_PA = 1.96e11  # Young's modulus of a rope's steel wires
@@ -76,6 +77,22 @@ class HeaveCompensation:
     stroke_m: float = quantity("maximum stroke in both directions", "m", 0.01, 100.0)
     speed_limit_m_per_s: float = quantity("maximum speed in both directions", "m/s", 0.01, 10.0)
     acceleration_limit_m_per_s2: float = quantity("maximum acceleration", "m/s²", 0.01, 50.0)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PassiveCompensation(GasSpringParams):
+    """Passive heave compensator between ship and rope: a flying sheave on a gas spring.
+
+    The rope's tension times `falls` loads the spring; it gives `falls` times its stroke of line.
+    """
+
+    falls: int = quantity("number of falls: line per stroke", "", 1, 8, default=2)
+    sheave_mass_kg: float = quantity(
+        "moving mass: sheave, rod and piston", "kg", 1.0, 1e6, default=1000.0
+    )
+    stop_stiffness_n_per_m: float = quantity(
+        "stiffness of the end stops", "N/m", 1e4, 1e10, default=1e7
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +173,7 @@ class Winch(SparingRepr):
 
     _spared = frozenset(
         ("jerk_limit_m_per_s3", "drum", "drive", "brake", "emergency_stop", "heave_compensation",
-         "constant_tension", "sheave")
+         "passive_compensation", "constant_tension", "sheave")
     )  # fmt: skip
     _no_figures = frozenset(("when_commander_lost",))  # no effect on results
 
@@ -176,6 +193,9 @@ class Winch(SparingRepr):
     brake: Brake | None = text("brake on the drum", None)
     emergency_stop: EmergencyStop | None = text("emergency stop with its own deceleration", None)
     heave_compensation: HeaveCompensation | None = text("active heave compensation (AHC)", None)
+    passive_compensation: PassiveCompensation | None = text(
+        "passive heave compensator: a flying sheave on a gas spring", None
+    )
     constant_tension: ConstantTension | None = text("constant-tension (CT) mode", None)
     sheave: TopSheave | None = text(
         "overboarding sheave at the crane tip (bending fatigue only)", None

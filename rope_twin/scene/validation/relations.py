@@ -59,6 +59,14 @@ def _parts(scene: Scene) -> Iterator[Fault]:
             yield f"{path}.brake", what, "add `drive: {inertia_kg_m2: ..., torque_limit_n_m: ...}`"
 
 
+def _passive(scene: Scene) -> Iterator[Fault]:
+    """A passive compensator gives way ahead of a winch that holds its line."""
+    for path, winch in winches(scene):
+        if winch.passive_compensation is not None and winch.drive is not None:
+            what = "it is between the rope and a winch that holds its line, and this one renders"
+            yield f"{path}.passive_compensation", what, "remove it, or `drive` and `brake`"
+
+
 def _sheave(scene: Scene) -> Iterator[Fault]:
     """Wires are thinner than their rope, and a sheave is wider than the rope."""
     for line in scene.ropes:
@@ -531,6 +539,7 @@ RULES: tuple[Rule, ...] = (
     _line_out,
     _schedule,
     _parts,
+    _passive,
     _sheave,
     _commander,
     _rows,

@@ -321,9 +321,10 @@ def _holding(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 def _feedback(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     winch = scene.winch
-    if winch is None or (winch.drive is None and winch.constant_tension is None):
+    feeling = ("drive", "passive_compensation", "constant_tension")
+    part = next((name for name in feeling if getattr(winch, name, None) is not None), None)
+    if winch is None or part is None:
         return
-    part = "drive" if winch.drive is not None else "constant_tension"
     travel = winch.least_line_out_m / figures.axial_wave_speed_m_per_s
     if scene.time.step_s > LONGEST_STEP * travel:
         what = (

@@ -56,7 +56,9 @@ class CoarseSolution:
         self._viv_drag = None if viv_drag is None else viv_drag.coarse_copy(SAMPLING_RATIO)
         self._winches: dict[int, CoarseWinch] = {}  # by rope, winches that had tension feedback
         self._waiting = 0  # steps of the twin that it has not done yet
-        driven = any(winch.drive is not None for _, winch in winches(scene))
+        driven = any(
+            (winch.drive or winch.passive_compensation) is not None for _, winch in winches(scene)
+        )
         ropes = now.ropes
         self._ropes: Rope | System
         if isinstance(ropes, Rope):

@@ -31,8 +31,10 @@ def is_known_in_advance(scene: WinchScene | None, commands: Sequence[CommandSamp
         motions = [motion_of(row) for row in scene.schedule]
     else:
         motions = [sample.command for sample in commands]
-    return scene.drive is None and all(
-        motion is None or motion.kind not in FEEDBACK_MODES for motion in motions
+    return (
+        scene.drive is None
+        and scene.passive_compensation is None
+        and all(motion is None or motion.kind not in FEEDBACK_MODES for motion in motions)
     )
 
 

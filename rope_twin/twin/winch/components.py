@@ -33,6 +33,7 @@ from rope_twin.twin.winch.commands import (
     STOP_COMPENSATING,
 )
 from rope_twin.twin.winch.control_modes import braking_speed
+from rope_twin.twin.winch.gas_spring import FlyingSheave
 from rope_twin.twin.winch.payout import Payout, WinchStep
 
 States = dict[str, float]
@@ -101,8 +102,9 @@ class Layers:
 
 def adding_components(scene: WinchScene) -> tuple[AddingComponent, ...]:
     """Return the components that add to the motion, in their order."""
-    own = scene.heave_compensation
-    return (Compensation(own),) if own is not None else ()
+    own, passive = scene.heave_compensation, scene.passive_compensation
+    active: tuple[AddingComponent, ...] = () if own is None else (Compensation(own),)
+    return active if passive is None else (*active, FlyingSheave(passive))
 
 
 def drum_components(

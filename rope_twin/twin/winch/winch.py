@@ -101,6 +101,7 @@ class Winch:
         self._modes = () if scene is None else control_modes(scene)
         self._profile = None if scene is None else _profile_of(scene)
         self._adding = () if scene is None else adding_components(scene)
+        self._gives_way = scene is not None and scene.passive_compensation is not None
         self._reporting, self._limiting = (
             ((), ()) if scene is None else drum_components(scene, rope.diameter_m)
         )
@@ -127,7 +128,7 @@ class Winch:
 
     def needs_feedback(self, time_ns: int) -> bool:
         """Return whether its step from this time on needs tension feedback."""
-        if self._limiting:
+        if self._limiting or self._gives_way:
             return True
         due = self._commands.last_due(time_ns) if self._commands.waiting else None
         return (self._kind if due is None else due.kind) in FEEDBACK_MODES

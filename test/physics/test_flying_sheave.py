@@ -1,0 +1,112 @@
+"""Passive heave compensator at the winch: a flying sheave on a gas spring."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+from rigs import Rig, march, sine, still
+
+from rope_twin import Twin
+from rope_twin.scene.winch import PassiveCompensation, Winch
+from rope_twin.twin.winch.gas_spring import root
+
+MASS, AREA, VOLUME, EXPONENT, FALLS, SHEAVE = 50e3, 0.1, 1.2, 1.3, 2, 2000.0
+RIG = Rig(
+    length=300.0, elements=20, mass=6.4, EA=1e8, diameter=0.04, damping=1e6, load=MASS, step=0.0025,
+    tolerance=1.0,
+)  # fmt: skip
+TOP_N = RIG.top_weight
+UNIT = PassiveCompensation(
+    stroke_m=4.0, piston_area_m2=AREA, gas_pressure_pa=FALLS * TOP_N / AREA, gas_volume_m3=VOLUME,
+    exponent=EXPONENT, falls=FALLS, sheave_mass_kg=SHEAVE,
+)  # fmt: skip
+SPRING = EXPONENT * FALLS * TOP_N * AREA / VOLUME  # at mid stroke [N/m]
+
+
+def winch(unit: PassiveCompensation) -> Winch:
+    return Winch(
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=1.0, least_line_out_m=20.0,
+        most_line_out_m=300.0, passive_compensation=unit,
+    )  # fmt: skip
+
+
+def twin_of(unit: PassiveCompensation, **changes: object) -> Twin:
+    return Twin(replace(RIG, winch=winch(unit), **changes).scene())
+
+
+def states(shot: object) -> dict[str, float]:
+    (own,) = shot.winches  # type: ignore[attr-defined]
+    return dict(own.figures)
+
+
+def test_it_holds_the_static_tension() -> None:
+    """Nothing moves: the stroke of p_0·A·(V_0/V)^n = falls·tension, line out as given."""
+    soft = replace(UNIT, gas_pressure_pa=0.95 * UNIT.gas_pressure_pa)
+    *_, shot = march(twin_of(soft), still, 30.0)
+    stroke = 2.0 + VOLUME * (1.0 - 0.95 ** (1.0 / EXPONENT)) / AREA
+    assert states(shot)["passive_stroke_m"] == pytest.approx(stroke, abs=1e-3)
+    assert shot.line_out_m == pytest.approx(RIG.length, abs=1e-3)
+    assert states(shot)["passive_gas_force_n"] == pytest.approx(FALLS * TOP_N, rel=1e-4)
+
+
+@pytest.mark.parametrize("period", [6.0, 12.0, 30.0])
+def test_the_transmissibility_in_heave(period: float) -> None:
+    """Spring, damper and sheave act by 1/falls² on a rod with a mass: within 1 % of the heave."""
+    c, omega = 2.0 * 0.3 * sqrt(SPRING * MASS) * FALLS, 2.0 * pi / period
+    twin = twin_of(replace(UNIT, damping_newton_seconds_per_m=c))
+    seen = [
+        (shot.time_s, shot.payload_position_m[2], shot.heave_m)
+        for shot in march(twin, sine(0.02, period), 60.0 + 4.0 * period)
+    ]
+    t, z, heave = np.array(seen)[-round(3.0 * period / RIG.step) :].T
+    base = np.stack([np.cos(omega * t), np.sin(omega * t), np.ones_like(t), t], axis=1)
+    moved, lifted = (
+        complex(*np.linalg.lstsq(base, own, rcond=None)[0][:2]).conjugate() for own in (z, heave)
+    )
+    s = 1j * omega
+    # line is counted unstretched: a stroke moves the rope by its stretch in addition
+    flown = (SPRING + s * c + s * s * SHEAVE) / (FALLS**2 * (1.0 + TOP_N / RIG.EA))
+    # waves along the rope for a unit motion of the payload: its upper end, and the tension there
+    EA = RIG.EA + s * RIG.damping
+    k = omega * np.sqrt(RIG.mass / EA)
+    sine_part, phase = MASS * s * s / (EA * k), k * RIG.length
+    end = np.cos(phase) + sine_part * np.sin(phase)
+    pull = EA * k * (sine_part * np.cos(phase) - np.sin(phase))
+    expected = 1.0 / (end + pull / flown)
+    assert abs(moved / lifted - expected) < 0.01
+
+
+def test_it_stops_at_its_ends_and_says_so() -> None:
+    """A heave beyond falls times its stroke; it returns within it afterwards."""
+    twin, said, strokes = twin_of(replace(UNIT, stroke_m=1.0)), set(), []
+    for shot in march(twin, sine(3.0, 8.0), 40.0):
+        strokes.append(states(shot)["passive_stroke_m"])
+        said.add(shot.winch_at_limit)
+    assert {"passive heave compensator extended to its end stop",
+            "passive heave compensator retracted to its end stop"} <= said  # fmt: skip
+    assert -0.2 < min(strokes) < 0.0
+    assert 1.0 < max(strokes) < 1.2
+
+
+def test_a_branch_continues_to_the_bit() -> None:
+    """Stroke and seals are part of the state."""
+    twin = twin_of(replace(UNIT, friction_n=5e4))
+    *_, _ = march(twin, sine(1.0, 8.0), 10.0)
+    last = []
+    for one in (twin.branch(), twin):
+        one.advance(500)
+        last.append(one.snapshot())
+    assert states(last[0]) == states(last[1])
+    assert last[0].tension_top_n == last[1].tension_top_n
+
+
+def test_the_zero_of_a_kinked_function() -> None:
+    """By regula falsi, where the slope changes by seven orders."""
+
+    def kinked(x: float) -> float:
+        return x - 0.3 if x < 1.0 else 0.7 + 1e7 * (x - 1.0)
+
+    assert root(kinked, -5.0, 5.0) == pytest.approx(0.3, abs=1e-12)
