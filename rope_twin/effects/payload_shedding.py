@@ -11,10 +11,10 @@ flow across the rope there is no force.
 
 St and C_L (amplitude, √2 times the rms) of the body, D its width and A its projected area across
 the flow. Measured: long circular cylinders St = 0.2 and rms C_L 0.3 to 0.6 below the critical
-Reynolds number (Blevins 1990; Norberg 2003); long square prisms 0.13 (Okajima 1982) and about 1.3
-in smooth flow, less in turbulent (Vickery 1966); spheres 0.125 to 0.2 at Re 6e3 to 3e4 (Achenbach
-1974) and 0.06 at Re 5e5 to 2e6 (Willmarth and Enlow 1969). Vortices of a short body are correlated
-less: the values of long ones are upper bounds.
+Reynolds number (Blevins 1990; Norberg 2003); long square prisms St 0.13 (Okajima 1982) and rms C_L
+about 1.3 in smooth flow, less in turbulent (Vickery 1966); spheres St 0.125 to 0.2 at Re 6e3 to 3e4
+(Achenbach 1974). Vortices of a short body are correlated less: the values of long ones are upper
+bounds.
 
 With `rigid_body` the force acts on the body (core/body/shedding.py), whose projected area is that
 of its box. Of a point, φ is solved with the rope in each stage (TR-BDF2); omitted in its block: the
