@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigs import Rig, march, sine
+from rigs import STILL_WATER, Rig, march, sine
 from scipy.optimize import brentq
 
 from rope_twin import Twin
@@ -127,6 +127,24 @@ def test_the_same_density_all_over_is_that_water_where_ropes_meet() -> None:
     assert pulls[1] == pytest.approx(pulls[2], rel=1e-6)
     assert np.abs(places[1] - places[2]).max() < 1e-5
     assert np.abs(pulls[0] / pulls[2] - 1.0).max() > 1e-3
+
+
+def test_what_hangs_after_a_cut_weighs_as_much_as_it_did() -> None:
+    """(m·l - A·∫ρ dz)·g of the upper 100 m, without anything of the payload."""
+    rig = replace(
+        TOWED, length=300.0, elements=60, mass=9.0, load=3000.0, hang_off=(0.0, 0.0, 0.0),
+        current=STILL_WATER,
+    )  # fmt: skip
+    added = AddedMassParams(normal=1.0, tangential=0.4)
+    twin = Twin(scene_of(rig, added, density((0.0, 1025.0), (-3000.0, 1225.0))))
+    *_, _ = march(twin, sine(0.5, 5.0), 5.0)
+    twin.offer_cut(None, 100.0)
+    twin.advance(2000)
+    water = 100.0 * (1025.0 + 0.5 * 100.0 * 200.0 / 3000.0)
+    expected = (9.0 * 100.0 - AREA * water) * G
+    assert twin.snapshot().tension_top_n == pytest.approx(expected, rel=2e-4)
+    alike = (9.0 * 100.0 - AREA * 100.0 * 1025.0) * G
+    assert abs(expected - alike) > 5.0 * 2e-4 * expected
 
 
 def test_drag_over_depth_by_its_integral() -> None:

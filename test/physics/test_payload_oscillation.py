@@ -18,6 +18,7 @@ from rope_twin.effects.payload_oscillation import (
     PayloadOscillationParams,
 )
 from rope_twin.effects.waves import RegularWave, WavesParams
+from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.monitors.settings import Monitors
 
@@ -91,6 +92,19 @@ def test_factors_of_one_change_nothing() -> None:
         *_, shot = march(twin, sine(0.5, 5.0), 10.0)
         places.append(shot.node_position_m)
     assert np.abs(places[0] - places[1]).max() < 1e-9
+
+
+def test_payloads_of_ropes_that_meet_have_their_own() -> None:
+    """A bridle: with factors of one as without; with tables it moves otherwise."""
+    scene = load_scene("bridle_lift")
+    one = ((3.0, 1.0),)
+    places = []
+    for more in ((), (by_number(one, one),), (by_number(),)):
+        twin = Twin(replace(scene, effects=(*scene.effects, *more)))
+        *_, shot = march(twin, sine(1.0, 5.0), 4.0)
+        places.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
+    assert np.abs(places[0] - places[1]).max() < 1e-9
+    assert np.abs(places[0] - places[2]).max() > 1e-4
 
 
 def test_constant_factors_are_other_figures() -> None:

@@ -11,6 +11,7 @@ from rope_twin import load_scene
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.waves import Jonswap, RegularWave, WavesParams
 from rope_twin.errors import SceneError
+from rope_twin.scene.warnings.rope import sense_checks
 
 REFUSED = [
     ("wind: {velocity_m_per_s: [10.0, 0.0]}", "`wind` acts on the rope out of the water"),
@@ -96,6 +97,22 @@ def test_payload_oscillation_needs_a_payload_with_one_set_of_figures(tmp_path: P
     path.write_text(text.replace("    mass_kg: 20000.0\n", rising))
     with pytest.raises(SceneError, match="its figures differ in ascent"):
         load_scene(str(path))
+
+
+def test_profiles_that_end_early_or_fall_with_depth_are_warned_of(tmp_path: Path) -> None:
+    """One row is meant to be all over; the winch of the scene has 800 m."""
+    own = (
+        "depth_profiles: {density_kg_per_m3: [[0.0, 1025.0], [-500.0, RHO]], "
+        "drag_factor: [[0.0, 1.2]]}"
+    )
+    found = []
+    for rho in ("1028.0", "1021.0"):
+        scene = load_scene(str(scene_with(own.replace("RHO", rho), tmp_path)))
+        found.append([text for text in sense_checks(scene) if "depth_profiles" in text])
+    (early,) = found[0]
+    assert "below its row at z = -500 m the value there (1028) is used" in early
+    assert "z = -800 m; add a row there" in early
+    assert "1021 kg/m³ at z = -500 m lies below 1025 at z = 0 m" in found[1][1]
 
 
 TABLE = "{roughness: 0.0001, rows: [[2.0, 0.8], [12.0, 1.6]]}"

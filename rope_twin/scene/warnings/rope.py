@@ -30,6 +30,7 @@ from rope_twin.scene.warnings.vortices import check_vortex_inputs, check_vortex_
 from rope_twin.scene.warnings.water import (
     check_compensator,
     check_current,
+    check_depth_profiles,
     check_environment,
     check_water,
     check_winch,
@@ -461,6 +462,7 @@ CHECKS: tuple[Check, ...] = (
     check_body,
     _ship,
     check_current,
+    check_depth_profiles,
     check_vortex_resolution,
     check_vortex_inputs,
     check_environment,

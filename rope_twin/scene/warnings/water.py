@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from math import dist, hypot, pi, radians, tanh
 
 import numpy as np
 
 from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.effects.current import CurrentParams, Point, Velocity
+from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams, components_of
@@ -264,6 +266,28 @@ def _through(scene: Scene, current: CurrentParams, part: str, factor: float) -> 
             what = f"{speed:g} m/s of vertical current pass through the {side} at z = {z:g} m"
             right = f"let it end there: a row at z = {z:g} m with 0 up"
             yield phrase(f"effects current.{part}", what, right)
+
+
+def check_depth_profiles(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check that profiles of several rows reach the rope's end, and that density does not fall."""
+    params = scene.listed(DepthProfilesParams)
+    if params is None:
+        return
+    length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    fixed, top = scene.ropes[0].fixed_at_m, scene.ship.hang_off_m[2]
+    bottom = fixed[2] if fixed else top - length
+    for name in ("density_kg_per_m3", "drag_factor"):
+        given = getattr(params, name)
+        if len(given) > 1 and given[-1][0] > bottom:
+            z, value = given[-1]
+            what = f"below its row at z = {z:g} m the value there ({value:g}) is used, as far as "
+            what += f"the rope's end at z = {bottom:g} m"
+            yield phrase(f"effects depth_profiles.{name}", what, "add a row there")
+    for (above, light), (below, heavy) in pairwise(params.density_kg_per_m3):
+        if heavy < light:
+            what = f"{heavy:g} kg/m³ at z = {below:g} m lies below {light:g} at z = {above:g} m"
+            right = "check the rows: water at rest is denser below"
+            yield phrase("effects depth_profiles.density_kg_per_m3", what, right)
 
 
 def is_air(scene: Scene) -> bool:
