@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import pi, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rigs import Rig, march, sine, still
 
-from rope_twin import Twin
+from rope_twin import Twin, load_scene
+from rope_twin.errors import SceneError
 from rope_twin.scene.winch import PassiveCompensation, Winch
+from rope_twin.share import share_dir
 from rope_twin.twin.winch.gas_spring import root
 
 MASS, AREA, VOLUME, EXPONENT, FALLS, SHEAVE = 50e3, 0.1, 1.2, 1.3, 2, 2000.0
@@ -110,3 +113,16 @@ def test_the_zero_of_a_kinked_function() -> None:
         return x - 0.3 if x < 1.0 else 0.7 + 1e7 * (x - 1.0)
 
     assert root(kinked, -5.0, 5.0) == pytest.approx(0.3, abs=1e-12)
+
+
+def test_behind_a_winch_that_renders_it_is_refused(tmp_path: Path) -> None:
+    """The tension feedback is for one of the two."""
+    scene = share_dir() / "config" / "scenes" / "flying_sheave_lift.yaml"
+    drive = (
+        "winch:\n  drum: {core_radius_m: 0.8, turns_per_layer: 40}\n"
+        "  drive: {inertia_kg_m2: 3.0e+4, torque_limit_n_m: 5.0e+5}\n"
+    )
+    path = tmp_path / "scene.yaml"
+    path.write_text(scene.read_text(encoding="utf-8").replace("winch:\n", drive), encoding="utf-8")
+    with pytest.raises(SceneError, match="a winch that holds its line, and this one renders"):
+        load_scene(str(path))

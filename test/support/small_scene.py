@@ -58,7 +58,7 @@ NO_FIGURES = {
     "solver", "inputs", "winch_at_limit", "card_error", "energy", "error_interval",
     "no_error_interval", "seabed", "ropes",
     "payloads", "struts", "sheaves", "winches", "cut", "vibration", "fatigue", "lines",
-    "line_events", "body", "strength", "breaches", "touchdowns", "bends",
+    "line_events", "body", "compensator", "strength", "breaches", "touchdowns", "bends",
 }  # fmt: skip
 
 
@@ -81,6 +81,9 @@ def figures(shot: Snapshot) -> dict[str, np.ndarray]:
             field.name: getattr(shot.body, field.name) for field in dataclasses.fields(shot.body)
         }
         told |= {f"body.{name}": value for name, value in of_body.items() if value is not None}
+    if shot.compensator is not None:
+        of_unit = dataclasses.asdict(shot.compensator)
+        told |= {f"compensator.{name}": value for name, value in of_unit.items()}
     return {name: np.asarray(value, dtype=float) for name, value in told.items()}
 
 
