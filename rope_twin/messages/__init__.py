@@ -1,7 +1,7 @@
 """Snapshot <-> standard messages as CDR bytes: pure functions, used by ROS and recording alike."""
 
 from rope_twin.messages.cdr import decode
-from rope_twin.messages.diagnostics import Level, Status, encode_diagnostics, statuses
+from rope_twin.messages.diagnostics import statuses
 from rope_twin.messages.encoder import Encoder
 from rope_twin.messages.inputs import (
     encode_current,
@@ -13,6 +13,7 @@ from rope_twin.messages.inputs import (
     encode_pose,
     encode_seat,
 )
+from rope_twin.messages.status import Level, Status, encode_diagnostics
 from rope_twin.messages.templates import read_cloud
 
 __all__ = [

@@ -22,7 +22,7 @@ from rclpy.node import Node
 
 from rope_twin.errors import BagError
 from rope_twin.messages import Level, Status, encode_diagnostics
-from rope_twin.messages.diagnostics import counted
+from rope_twin.messages.status import counted
 from rope_twin.recording.bag import describe_topic, free_path
 from rope_twin.recording.recorder import BagRecorder
 from rope_twin.ros.entry import run_node

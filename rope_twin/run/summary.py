@@ -12,15 +12,13 @@ from typing import Any
 
 from rope_twin.effects import EFFECTS
 from rope_twin.messages.diagnostics import (
-    Level,
-    Status,
     bends_in_words,
     breach_words,
-    counted,
     cut_words,
     strength_words,
     touchdown_words,
 )
+from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (

@@ -11,8 +11,8 @@ import pytest
 
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
-from rope_twin.messages import Encoder, decode, read_cloud, statuses
-from rope_twin.messages.diagnostics import BreachWords, Level, Status
+from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statuses
+from rope_twin.messages.diagnostics import BreachWords
 from rope_twin.scene.card import scene_digest
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Limits, Scene

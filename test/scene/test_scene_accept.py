@@ -9,8 +9,7 @@ from scene_text import GOOD, assert_refused, spoilt, written
 
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
-from rope_twin.messages import statuses
-from rope_twin.messages.diagnostics import Level, Status
+from rope_twin.messages import Level, Status, statuses
 from rope_twin.scene.card import scene_digest
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import AcceptedWarning

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from body_rigs import aground
@@ -22,7 +22,8 @@ from table_rigs import HMPE, tabled
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.core.elements import axial_law, stretch
+from rope_twin.core.axial_law import law_of
+from rope_twin.core.elements import stretch
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import add_couplings, add_end, add_flow, add_load
 from rope_twin.effects import EFFECTS
@@ -240,6 +241,13 @@ def besides(name: str) -> tuple[Any, ...]:
     return data_of("current") if name in by_current else ()
 
 
+class Bare(NamedTuple):
+    """What `law_of` takes of a rope without a table."""
+
+    effects: Any
+    law: None
+
+
 @jit_entry
 def apply(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """All hooks of these effects for the nodes low <= i < high, and at the ends."""
@@ -248,7 +256,7 @@ def apply(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
     if low == 0:
         add_end(effects, work, stage)
         add_couplings(effects, work, stage, high - 1)
-        law = axial_law(None, effects)
+        law = law_of(Bare(effects, None))
         stretch(law, work, work[rows.GROWTH], stage.p, stage.q, low, low + 1)
 
 

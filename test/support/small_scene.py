@@ -58,7 +58,8 @@ NO_FIGURES = {
     "solver", "inputs", "winch_at_limit", "card_error", "energy", "error_interval",
     "no_error_interval", "seabed", "ropes",
     "payloads", "struts", "sheaves", "winches", "cut", "vibration", "fatigue", "lines",
-    "line_events", "body", "compensator", "strength", "breaches", "touchdowns", "bends",
+    "line_events", "body", "compensator", "fluid_factors", "strength", "breaches", "touchdowns",
+    "bends",
 }  # fmt: skip
 
 
