@@ -12,7 +12,7 @@ Three laws, chosen by type while numba compiles, so that a rope contains the cod
 
   a standard linear solid whose spring in parallel is the table (Zener 1948). Slow changes of length
   follow S; motion much faster than τ meets E_d, as ropes of polyester, nylon or HMPE do in tests
-  (DNV-RP-E305, section 4). ε_m is the strain that the rope would have after waiting. Where the rope
+  (DNVGL-RP-E305, 2015). ε_m is the strain that the rope would have after waiting. Where the rope
   is slack T is 0, and ε_m recovers towards the strain without tension. S may be a working curve
   below the highest mean tension so far (core/fibre).
 
