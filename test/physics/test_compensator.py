@@ -194,7 +194,7 @@ def test_a_cut_above_the_unit_lets_it_fall(below_m: float) -> None:
 
 
 def test_a_branch_continues_to_the_bit() -> None:
-    """What the seals hold is part of the state."""
+    """The force that the seals hold is part of the state."""
     twin = Twin(compensated(replace(PASSIVE, friction_n=20e3)))
     *_, _ = march(twin, sine(1.5, 8.0), 10.0)
     last = []

@@ -46,7 +46,7 @@ def states(shot: object) -> dict[str, float]:
 
 
 def test_it_holds_the_static_tension() -> None:
-    """Nothing moves: the stroke of p_0·A·(V_0/V)^n = falls·tension, line out as given."""
+    """At rest it has the stroke of p_0·A·(V_0/V)^n = falls·tension, line out as given."""
     soft = replace(UNIT, gas_pressure_pa=0.95 * UNIT.gas_pressure_pa)
     *_, shot = march(twin_of(soft), still, 30.0)
     stroke = 2.0 + VOLUME * (1.0 - 0.95 ** (1.0 / EXPONENT)) / AREA

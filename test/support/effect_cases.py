@@ -242,7 +242,7 @@ def besides(name: str) -> tuple[Any, ...]:
 
 
 class Bare(NamedTuple):
-    """What `law_of` takes of a rope without a table."""
+    """The part of a rope without a table that `law_of` takes."""
 
     effects: Any
     law: None

@@ -363,7 +363,7 @@ def _depth_profiles(scene: Scene) -> Iterator[Fault]:
 
 
 def _ramped(scene: Scene, ramp: FluidRampParams, listed: list[str]) -> Iterator[Fault]:
-    """What a fluid ramp scales is there, and nothing that it cannot scale."""
+    """Check that a fluid ramp finds all that it scales, and nothing that it cannot scale."""
     beside = [effect.name for effect in EFFECTS if effect.beside and effect.name in listed]
     for name in (*beside, *({"rigid_body", "payload_oscillation"} & set(listed))):
         what = f"`fluid_ramp` does not scale the forces of `{name}`"
