@@ -87,6 +87,17 @@ TOPICS: tuple[Topic, ...] = (
     Topic("current", "std_msgs/msg/Float64MultiArray", Qos.COMMAND, 0.0, "",
           "current profile: rows of z [m], east, north (, up) [m/s], from the surface down",
           of_snapshot=False, in_view=False),
+    Topic("winch/measured", "sensor_msgs/msg/JointState", Qos.SENSOR, 20.0, "",
+          "measured values of each named winch; position: line out [m]; velocity: line speed "
+          "[m/s], positive = pay out; effort: tension at the sheave (load cell) [N]; NaN or "
+          "missing: not measured; `header.stamp`: time of the measurement",
+          of_snapshot=False, in_view=False),
+    Topic("winch/motor_tension", "sensor_msgs/msg/JointState", Qos.SENSOR, 20.0, "",
+          "effort: tension at the drum by the motor's torque [N]; names and stamp as for "
+          "winch/measured", of_snapshot=False, in_view=False),
+    Topic("payload/measured_depth", "geometry_msgs/msg/PointStamped", Qos.SENSOR, 1.0, "",
+          "point.z: measured height of the payload [m, up from the mean water level]; "
+          "`header.stamp`: time of the measurement", of_snapshot=False, in_view=False),
     # for display only, not used by the rope
     Topic("sea/elevation", "geometry_msgs/msg/PointStamped", Qos.STREAM, 20.0, "sea_state",
           "sea surface elevation at the ship: point.z [m]", of_snapshot=False),
@@ -169,6 +180,12 @@ TOPICS: tuple[Topic, ...] = (
     Topic("lines/crossings", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
           "two lines around a sheave: name (nearest, crossing_1, ...); x, y, z [m]; distance_m "
           "between the lines; angle_deg; NaN: unknown", only_with="lines"),
+    Topic("residuals", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 10.0, "simulation",
+          "measured less computed values: name, a quantity (top_tension_n, line_out_m, "
+          "payload_depth_m) with winch or payload; age_s; measured; computed; residual; lower, "
+          "upper, 95 % interval of the residual; instrument, twin, standard uncertainties; mean, "
+          "rms, outside (fraction outside the interval) of the last 60 s; NaN: unknown",
+          only_with="residuals"),
     Topic("lines/events", "std_msgs/msg/String", Qos.COMMAND, 0.0, "simulation",
           "start or end of a crossing of two lines: time, depth, angle (text)",
           only_with="line_events"),
@@ -200,8 +217,11 @@ SEAT_TOPIC = "winch/seat"
 WINCH_TOPICS = (*ORDER_TOPICS.values(), SWITCH_TOPIC)
 SESSION_TOPIC, INPUT_LOG_TOPIC = "twin/session", "twin/inputs"
 MOTION_TOPICS = "ship/heave", "ship/odometry"
+WINCH_MEASURED, MOTOR_TENSION = "winch/measured", "winch/motor_tension"
+MEASURED_DEPTH = "payload/measured_depth"
+MEASURED_TOPICS = WINCH_MEASURED, MOTOR_TENSION, MEASURED_DEPTH
 # topics that the simulation subscribes to
-INPUTS = (*MOTION_TOPICS, *WINCH_TOPICS, CUT_TOPIC, "current")
+INPUTS = (*MOTION_TOPICS, *WINCH_TOPICS, CUT_TOPIC, "current", *MEASURED_TOPICS)
 
 
 @dataclass(frozen=True)

@@ -35,12 +35,13 @@ ROWS_MEAN = {
     "simulation: error interval": "95 % discretisation-error interval, in runs that compute it",
     "simulation: fatigue": "accumulated (Miner) damage, in runs that compute it",
     "simulation: fluid ramp": "factors on the forces of the water, in scenes that build them up",
-    "simulation: input ...": "one row per input (heave, winch command, current): accepted and "
-    "rejected samples, age, faults",
+    "simulation: input ...": "one row per input (heave, winch command, current, measured values): accepted "
+    "and rejected samples, age, faults",
     "simulation: limits": "limits of the scene that were exceeded",
     "simulation: messages": "messages that could not be decoded",
     "simulation: pacing": "CPU load, deadline misses, lag behind real time",
     "simulation: publishing": "whether results are published",
+    "simulation: residuals": "measured less computed values; WARN if outside for long",
     "simulation: rope": "a line that was cut",
     "simulation: run": "summary of the run so far, where nodes are separate processes",
     "simulation: accuracy level": "accuracy level in use (time step, elements) and why",

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from rope_twin.core.loads.growth import FACTORS
+from rope_twin.messages.residuals import residuals_status
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.pacing import PacingHealth
@@ -215,6 +216,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         rows.append(_seabed(snapshot.seabed))
     if snapshot.touchdowns:
         rows.append(touchdown_status(snapshot.touchdowns))
+    if snapshot.residuals:
+        rows.append(residuals_status(snapshot.residuals))
     if snapshot.bends:
         rows.append(bend_status(snapshot.bends))
     if snapshot.cut is not None:

@@ -39,6 +39,11 @@ COMPENSATOR_COLUMNS = (
     "friction_n", "stop_n", "water_n", "active_n",
 )  # fmt: skip
 
+RESIDUAL_COLUMNS = (
+    "name age_s measured computed residual lower upper instrument twin mean rms outside"
+)
+NAME_LENGTH = 32  # of a name in a table
+
 Row = dict[str, Any]  # value of each column of a table
 
 
@@ -80,6 +85,7 @@ class Encoder:
             "seabed/touchdown": self._touchdown,
             "lines/crossings": self._crossings,
             "lines/events": line_events,
+            "residuals": self._residuals,
         }
 
     @property
@@ -402,6 +408,28 @@ class Encoder:
             ]
         columns = templates.columns("name x y z distance_m angle_deg")
         return self._table("lines/crossings", snapshot, columns, rows)
+
+    def _residuals(self, snapshot: Snapshot) -> bytes:
+        """Return the newest residual of each measured quantity, and its statistics."""
+        rows = [
+            {
+                "name": f"{one.quantity} {one.name}"[:NAME_LENGTH],
+                "age_s": snapshot.time_s - one.at_s,
+                "measured": one.measured,
+                "computed": one.computed,
+                "residual": one.residual,
+                "lower": -_or_nan(one.half_width),
+                "upper": _or_nan(one.half_width),
+                "instrument": _or_nan(one.instrument),
+                "twin": _or_nan(one.twin),
+                "mean": one.mean,
+                "rms": one.rms,
+                "outside": _or_nan(one.outside),
+            }
+            for one in snapshot.residuals
+        ]
+        columns = templates.columns(RESIDUAL_COLUMNS)
+        return self._table("residuals", snapshot, columns, rows)
 
     # -- markers -------------------------------------------------------------------------------
 

@@ -19,7 +19,15 @@ from rope_twin.messages.cdr import Template, decode, new, serialise
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.scene.schema import WINCH
 from rope_twin.scene.winch import SWITCHES
-from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
+from rope_twin.topics import (
+    CUT_TOPIC,
+    MEASURED_DEPTH,
+    MOTOR_TENSION,
+    ORDER_TOPICS,
+    SWITCH_TOPIC,
+    WINCH_MEASURED,
+)
+from rope_twin.twin.measured.readings import MOTOR, PAYLOAD, WINCH_SENSORS, Measurement
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.winch.commands import (
     COMMANDER_EVENTS,
@@ -92,6 +100,32 @@ def encode_cut(stamp_ns: int, below_m: float, rope: str = "") -> tuple[str, byte
     return CUT_TOPIC, _joint(rope or "rope", "position").fill(values)
 
 
+def encode_measurement(stamp_ns: int, measurement: Measurement) -> tuple[str, bytes]:
+    """Return topic and message of a measurement, with NaN for what was not measured.
+
+    stamp_ns: ROS time; that of the measurement itself is not used.
+    """
+    rows, stamp = measurement.rows, _stamp(stamp_ns)
+    if measurement.source == PAYLOAD:
+        depth_m = _nan(rows[0][1])
+        return MEASURED_DEPTH, _elevation(False).fill({**stamp, "point": (0.0, 0.0, -depth_m)})
+    names = tuple(row[0] or WINCH for row in rows)
+    columns = {
+        "position": [_nan(row[1]) for row in rows],
+        "velocity": [_nan(row[2]) for row in rows],
+        "effort": [_nan(row[3]) for row in rows],
+    }
+    if measurement.source == MOTOR:
+        return MOTOR_TENSION, _joints(names, ("effort",)).fill(
+            {**stamp, "effort": columns["effort"]}
+        )
+    return WINCH_MEASURED, _joints(names, tuple(columns)).fill({**stamp, **columns})
+
+
+def _nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
 def encode_current(rows: Sequence[Sequence[float]]) -> bytes:
     """Return a `current` message: rows of z [m], east, north (, up) [m/s], from the surface
     down.
@@ -147,6 +181,48 @@ def _elevation(recorded: bool) -> Template:
 def _joint(names: str, field: str) -> Template:
     """Return the template of a JointState with these names (lines) and one value in `field`."""
     return Template(templates.joint_state(names.split("\n"), (field,)))
+
+
+@cache
+def _joints(names: tuple[str, ...], fields: tuple[str, ...]) -> Template:
+    """Return the template of a JointState with a value for each name in these fields."""
+    return Template(templates.joint_state(names, fields))
+
+
+def read_measurement(topic: str, data: bytes) -> Measurement:
+    """Return the measurement in a message of one of MEASURED_TOPICS, with its ROS stamp [ns].
+
+    Raises:
+        InputError: if the bytes are not such a message, its stamp is invalid, or it does not carry
+            a value for each name.
+    """
+    message = decode(topic, data)
+    stamp_ns = _stamp_ns(topic, message.header.stamp)
+    if topic == MEASURED_DEPTH:
+        return Measurement(PAYLOAD, stamp_ns, (("", _or_none(-message.point.z), None, None),))
+    names = [str(name) for name in message.name] or [""]
+    fields = ("effort",) if topic == MOTOR_TENSION else ("position", "velocity", "effort")
+    columns: dict[str, list[float | None]] = {}
+    for field in ("position", "velocity", "effort"):
+        values = getattr(message, field) if field in fields else ()
+        if len(values) not in (0, len(names)):
+            what = f"{len(values)} values of {field} for {len(names)} winches"
+            right = "give one for each name, NaN where nothing is measured, or none"
+            raise InputError(phrase(topic, what, right))
+        columns[field] = [_or_none(float(one)) for one in values] or [None] * len(names)
+    if len(names) > MOST_WINCHES or len(set(names)) < len(names):
+        what = f"{len(names)} names"
+        raise InputError(phrase(topic, what, f"give each winch once, {MOST_WINCHES} at most"))
+    source = MOTOR if topic == MOTOR_TENSION else WINCH_SENSORS
+    rows = zip(names, columns["position"], columns["velocity"], columns["effort"], strict=True)
+    return Measurement(source, stamp_ns, tuple(rows))
+
+
+MOST_WINCHES = 100  # in one message
+
+
+def _or_none(value: float) -> float | None:
+    return None if math.isnan(value) else value
 
 
 def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:

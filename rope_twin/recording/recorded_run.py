@@ -22,6 +22,7 @@ from rope_twin.messages.inputs import (
     read_current,
     read_cut,
     read_heave,
+    read_measurement,
     read_order,
     read_pose,
 )
@@ -33,11 +34,16 @@ from rope_twin.topics import (
     CUT_TOPIC,
     INPUT_LOG_TOPIC,
     INPUTS,
+    MEASURED_DEPTH,
+    MEASURED_TOPICS,
+    MOTOR_TENSION,
     ORDER_TOPICS,
     SESSION_TOPIC,
     SWITCH_TOPIC,
+    WINCH_MEASURED,
 )
 from rope_twin.twin.input_queue import Call
+from rope_twin.twin.measured.readings import MOTOR, PAYLOAD, Measurement
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.winch.commands import COMMANDER_EVENTS, WinchCommand
 
@@ -323,6 +329,9 @@ def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:
     if topic == CUT_TOPIC:
         at_ns, below_m, _ = read_cut(data)
         return at_ns, (below_m,)
+    if topic in MEASURED_TOPICS:
+        measurement = read_measurement(topic, data)
+        return measurement.stamp_ns, _measured_values(measurement)
     if topic == "current":
         return None, tuple(read_current(data).ravel().tolist())
     at_ns, order, _ = read_order(topic, data)
@@ -346,9 +355,21 @@ def _given(call: Call) -> tuple[str, int | None, Values] | None:
         return ORDER_TOPICS.get(order.kind, SWITCH_TOPIC), stamp_ns, _order_values(order)
     if call.method == "offer_cut":
         return CUT_TOPIC, call.arguments[0], (call.arguments[1],)
+    if call.method == "offer_measurement":
+        measurement = call.arguments[0]
+        assert isinstance(measurement, Measurement)
+        topic = {MOTOR: MOTOR_TENSION, PAYLOAD: MEASURED_DEPTH}.get(
+            measurement.source, WINCH_MEASURED
+        )
+        return topic, measurement.stamp_ns, _measured_values(measurement)
     if call.method == "offer_current":
         return "current", None, tuple(np.asarray(call.arguments[0]).ravel().tolist())
     return None
+
+
+def _measured_values(measurement: Measurement) -> Values:
+    """Return names and values of all rows."""
+    return tuple(one for row in measurement.rows for one in row)
 
 
 def _pose_values(pose: ShipPose) -> Values:

@@ -46,6 +46,7 @@ from rope_twin.topics import (
     CUT_TOPIC,
     INPUT_LOG_TOPIC,
     INPUTS,
+    MEASURED_TOPICS,
     MOTION_TOPICS,
     RELEASE,
     SAVE_STATE,
@@ -332,6 +333,8 @@ class SimulationNode(LifecycleNode):
                 return
             if name == CUT_TOPIC:
                 self.paced.border.take_cut(data)
+            elif name in MEASURED_TOPICS:
+                self.paced.border.take_measurement(name, data)
             else:
                 self.paced.border.take_current(data)
 

@@ -22,6 +22,7 @@ from rope_twin.messages.inputs import (
     read_current,
     read_cut,
     read_heave,
+    read_measurement,
     read_order,
     read_pose,
 )
@@ -176,6 +177,12 @@ class InputBorder:
             stamp_ns, below_m, rope = content
             at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
             self._inputs.offer_cut(at_ns, below_m, rope)
+
+    def take_measurement(self, topic: str, data: bytes) -> None:
+        """Accept or reject a message on one of MEASURED_TOPICS."""
+        content = self._read(topic, lambda: read_measurement(topic, data))
+        if content is not None and (epoch_ns := self._epoch()) is not None:
+            self._inputs.offer_measurement(content._replace(stamp_ns=content.stamp_ns - epoch_ns))
 
     def take_current(self, data: bytes) -> None:
         """Accept or reject a `current` message; it has no stamp and applies from now on."""

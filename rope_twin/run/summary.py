@@ -18,6 +18,7 @@ from rope_twin.messages.diagnostics import (
     strength_words,
     touchdown_words,
 )
+from rope_twin.messages.residuals import residual_words
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth
@@ -25,6 +26,7 @@ from rope_twin.twin.snapshot import (
     Bend,
     CutShot,
     LimitBreach,
+    Residual,
     RopeShot,
     RopeStrength,
     Snapshot,
@@ -122,6 +124,8 @@ class RunSummary:
         None  # fields of TensionInterval; None: not enabled, or
     )
     no_error_interval: str = ""  # why there is none
+    # fields of Residual and `residual`, of each measured quantity; None: unknown
+    residuals: list[dict[str, Any]] = field(default_factory=list)
     vibration: dict[str, float | str] | None = None  # at its maximum; None: not enabled
     fatigue: dict[str, float | str] | None = None  # at the maximum damage; None: not enabled
 
@@ -181,6 +185,7 @@ class RunSummary:
             lines.append(cut_words(CutShot(**self.cut)))
         lines += [self.cut_refused] if self.cut_refused else []
         lines += self._monitor_words()
+        lines += [residual_words(Residual(**_without(one, "residual"))) for one in self.residuals]
         lines += watch_words(self.vibration, self.fatigue)
         lines += self.restarts
         lines += [f"bag {self.bag}{self._missing_words()}"] if self.bag else []
@@ -277,6 +282,11 @@ class RunSummary:
             f"{self.late_steps} late  error {_at_most(self.tension_top_error_pct)}  "
             f"{_times(self.real_time_factor)} × real time"
         )
+
+
+def _without(figures: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return the figures without one of this name."""
+    return {key: value for key, value in figures.items() if key != name}
 
 
 def _is_a(value: Any, hint: Any) -> bool:
@@ -384,6 +394,9 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         if snapshot.error_interval
         else None,
         no_error_interval=snapshot.no_error_interval,
+        residuals=[
+            dataclasses.asdict(one) | {"residual": one.residual} for one in snapshot.residuals
+        ],
         vibration=vibration_figures(snapshot),
         fatigue=fatigue_figures(snapshot),
     )

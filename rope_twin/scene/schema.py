@@ -17,6 +17,7 @@ from rope_twin.effects.fairing import FairingFace
 from rope_twin.effects.net import NetPanels
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.quantity import SparingRepr, quantity, text
+from rope_twin.scene.measured import Measured
 from rope_twin.scene.stiffness import StiffnessTable
 from rope_twin.scene.winch import ScheduleRow as ScheduleRow
 from rope_twin.scene.winch import Winch as Winch
@@ -508,6 +509,7 @@ class Scene:
     time: Time = text("time step and tolerance")
     accept: tuple[AcceptedWarning, ...] = text("accepted warnings of `scene check`", ())
     limits: Limits = text("limits of ropes and payloads", Limits())
+    measured: Measured = text("instruments that measure tension, line out and depth", Measured())
 
     def listed(self, kind: type[Params]) -> Params | None:
         """Return the parameters of an effect by their class; None if the scene does not list it."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.twin.accuracy.level import AccuracyLevel
+from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.pacing import Steppable
 from rope_twin.twin.snapshot import Snapshot
@@ -25,7 +26,7 @@ from rope_twin.twin.winch.commands import WinchCommand
 WAITING_LIMIT = 1_000_000  # numbers that may wait for the next cycle, 8 MB
 SET_LEVEL = "set_level"
 _DOUBT = "invalidate_inputs"
-_PARTS = {kind.__name__: kind for kind in (ShipPose, WinchCommand, AccuracyLevel)}
+_PARTS = {kind.__name__: kind for kind in (ShipPose, WinchCommand, AccuracyLevel, Measurement)}
 
 
 class Call(NamedTuple):
@@ -123,6 +124,10 @@ class InputQueue:
         """Queue a cut; return "" or the reason for its rejection."""
         return self._put(Call("offer_cut", arguments, named))
 
+    def offer_measurement(self, measurement: Measurement) -> str:
+        """Queue measured values; return "" or the reason for their rejection."""
+        return self._put(Call("offer_measurement", (measurement,), {}))
+
     def invalidate_inputs(self) -> None:
         """Queue the invalidation of inputs that were known in advance."""
         self._put(Call(_DOUBT, (), {}))
@@ -185,7 +190,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _plain(part) for name, part in value.items()}
     if type(value).__name__ in _PARTS:
-        fields = value._asdict() if isinstance(value, WinchCommand) else vars(value)
+        fields = value._asdict() if isinstance(value, WinchCommand | Measurement) else vars(value)
         return {type(value).__name__: {name: _plain(part) for name, part in fields.items()}}
     if isinstance(value, list | tuple):
         return [_plain(part) for part in value]

@@ -1,4 +1,4 @@
-"""Inputs of a twin, accepted from any thread: motion, winch commands, current profiles, cuts."""
+"""Inputs of a twin, accepted from any thread: motion, commands, current, cuts, measurements."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from rope_twin.scene.validation.rigging import is_joined, winches_by_name
 from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
 from rope_twin.twin.current_input import CurrentInput
 from rope_twin.twin.cutting.cut_input import CutInput
+from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.measured.residuals import MeasuredInputs
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.ropes import Ropes
@@ -32,6 +34,7 @@ class InputState(NamedTuple):
     cut: CutInput
     validity: StudyValidity
     profiles: int
+    measured: MeasuredInputs
 
 
 class TwinInputs:
@@ -47,12 +50,13 @@ class TwinInputs:
         self.winch = winch_of_rope(scene, scene.ropes[0])
         self.current = CurrentInput(ropes.first.effects)
         self.cut = CutInput(scene)
+        self.measured = MeasuredInputs(scene)
         self.validity = StudyValidity(scene)
         self._digest = self.validity.digest  # a run may resume in a scene with another schedule
         self._profiles = 0  # current profiles accepted before the newest step
         self.ropes = ropes  # with the winches of the other ropes
         self._clock = clock
-        self._winch_names = tuple(winches_by_name(scene))
+        self._winch_names, self._lines = tuple(winches_by_name(scene)), scene.ropes
         alone = () if is_joined(scene) else (scene.ropes[0].name,)
         self._first_winch_names = ("", WINCH, *alone)
         self.own_motion: SceneMotion | None = None  # reference for the accepted motion
@@ -60,13 +64,13 @@ class TwinInputs:
 
     def state(self) -> InputState:
         """Return the inputs' state; its parts are the inputs themselves."""
-        return InputState(
-            self.heave, self.winch, self.current, self.cut, self.validity, self._profiles
-        )
+        own = self.heave, self.winch, self.current, self.cut, self.validity, self._profiles
+        return InputState(*own, self.measured)
 
     def restore(self, state: InputState) -> None:
         """Continue with the inputs of a state."""
-        self.heave, self.winch, self.current, self.cut, self.validity, self._profiles = state
+        self.heave, self.winch, self.current, self.cut, self.validity = state[:5]
+        self._profiles, self.measured = state[5:]
         self.validity.resume(self._digest)
 
     def expect_motion(self, own: SceneMotion | None) -> None:
@@ -148,6 +152,11 @@ class TwinInputs:
         """Return the name of the commanded winch; a single-line scene accepts its rope's too."""
         return WINCH if name in self._first_winch_names else name
 
+    def rope_of(self, winch: str) -> int:
+        """Return the number of the rope that a winch moves."""
+        names = [WINCH, *(line.from_ for line in self._lines[1:])]
+        return names.index(self.winch_called(winch))
+
     def offer_current(self, profile: ArrayLike) -> str:
         """Submit a current profile; return "" or the reason for its rejection.
 
@@ -165,11 +174,20 @@ class TwinInputs:
         with self.lock:
             return self.cut.offer(stamp_ns, below_m, self._clock.time_ns, rope)
 
+    def offer_measurement(self, measurement: Measurement) -> str:
+        """Submit measured values; return "" or the (first) reason for a rejection."""
+        with self.lock:
+            name = self.measured.names[0] if self.measured.names else ""
+            rows = tuple(
+                (name if row[0] == WINCH else row[0], *row[1:]) for row in measurement.rows
+            )
+            return self.measured.offer(measurement._replace(rows=rows), self._clock.time_ns)
+
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted sample of heave, cut and each winch [ns]."""
         counters = (self.heave.counter, self.cut.counter)
         own = {one.name: one.newest_ns for one in counters if one.newest_ns is not None}
-        return own | self.winch.newest_ns() | self.ropes.newest_ns()
+        return own | self.winch.newest_ns() | self.ropes.newest_ns() | self.measured.newest_ns()
 
     def invalidate(self) -> None:
         """Invalidate inputs that were known in advance, after a pause or a restart."""
@@ -194,4 +212,5 @@ class TwinInputs:
             **self.winch.health(now),
             "current": self.current.counter.health(now, False),
             **self.cut.health(now),
+            **self.measured.health(now),
         }

@@ -18,6 +18,7 @@ from rope_twin.core.state import (
     ACCELERATION,
     ELEMENTS,
     LINE,
+    PULL,
     PULL_COLUMNS,
     PULL_X,
     PULL_Z,
@@ -41,7 +42,7 @@ from rope_twin.twin.multi_line.system import MultiLineRopes
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import Snapshot, first_rope
-from rope_twin.twin.snapshot_builder import RopeShape, shape_from_top
+from rope_twin.twin.snapshot_builder import RopeShape, payload_depth_m, shape_from_top
 from rope_twin.twin.statics import solve_scene_statics
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.vortex.coupled import VivDragAmplification
@@ -240,6 +241,16 @@ class RopeSystem:
     def upper_pulls(self) -> Floats:
         """Force of all ropes on their upper ends [N], (ropes, PULL_COLUMNS)."""
         return self.pull[None] if self.joined is None else self.joined.pull
+
+    def computed(self, border: Boundary) -> tuple[float, ...]:
+        """Return top tension [N] and line out [m] of each rope, then the payload's depth [m].
+
+        border: boundary conditions of the first rope, the present in row 0.
+        """
+        lengths = self.ropes.border(border).value[:, LINE].tolist()
+        both = zip(self.upper_pulls[:, PULL].tolist(), lengths, strict=False)
+        depth_m = payload_depth_m(self.ropes.lowest(self.first))
+        return (*(value for rope in both for value in rope), depth_m)
 
     @property
     def is_finite(self) -> bool:

@@ -175,6 +175,30 @@ class LimitBreach:
 
 
 @dataclass(frozen=True)
+class Residual:
+    """Measured less computed value of one quantity at the time of the measurement."""
+
+    name: str  # of the winch or payload
+    quantity: str  # top_tension_n, line_out_m or payload_depth_m, in its unit
+    at_s: float  # twin time of the newest measurement compared
+    measured: float  # less the known offset of the instrument
+    computed: float
+    half_width: float | None  # the residual should lie within ± this (95 %); None: unknown
+    instrument: float | None  # standard uncertainty of the instrument; None: unknown
+    twin: float | None  # standard uncertainty of the computed value; None: unknown
+    readings: int  # number of readings of the statistics, which cover the last 60 s
+    mean: float
+    rms: float
+    outside: float | None  # fraction of the readings outside their interval; None: unknown
+    span_s: float  # time covered by the readings
+
+    @property
+    def residual(self) -> float:
+        """Measured less computed."""
+        return self.measured - self.computed
+
+
+@dataclass(frozen=True)
 class Touchdown:
     """Touchdown point of a rope (twin/touchdown.py)."""
 
@@ -319,6 +343,7 @@ class Snapshot:
     cut: CutShot | None = None  # if a rope was cut
     lines: LinesShot | None = None  # two lines around one sheave, at their last sampling
     line_events: tuple[LineEvent, ...] = ()  # line crossings that began or ended since then
+    residuals: tuple[Residual, ...] = ()  # of what is measured, once it was compared
 
     @property
     def time_s(self) -> float:

@@ -180,6 +180,14 @@ def body_of(rope: Rope) -> RigidBody | None:
     return next((body for body in bodies if body.here), None)
 
 
+def payload_depth_m(rope: Rope) -> float:
+    """Return the depth of a rope's lower end, or of the centre of the rigid body there [m]."""
+    body = body_of(rope)
+    if body is not None:
+        return -float(pose_of(body).place(body.middle)[2])
+    return -float(rope.state.nodes[rows.POSITION + 2, 0])
+
+
 def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
     """Add the rope's rigid body to the snapshot; its centre is then the payload's position."""
     body = body_of(rope)

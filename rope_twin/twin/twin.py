@@ -28,6 +28,7 @@ from rope_twin.twin.accuracy.validity import CUT_REASON
 from rope_twin.twin.cutting.cut_input import rope_number
 from rope_twin.twin.cutting.rope_cut import CutPosition
 from rope_twin.twin.inputs import TwinInputs
+from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.monitors.monitor import Chunk, Monitor, TwinView, chunk_of
 from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors, new_monitors
 from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL, BoundaryConditions, Present
@@ -109,8 +110,7 @@ class Twin:
         """
         refusal = self.inputs.offer_command(stamp_ns, command, winch)
         if self._monitors and not refusal:
-            names = [WINCH, *(line.from_ for line in self.scene.ropes[1:])]
-            rope = names.index(self.inputs.winch_called(winch))
+            rope = self.inputs.rope_of(winch)
             with self.inputs.lock:
                 for monitor in self._monitors:
                     monitor.command(self.time_ns, rope, stamp_ns, command)
@@ -131,11 +131,12 @@ class Twin:
         """
         return self.inputs.offer_cut(stamp_ns, below_m, rope)
 
-    def prescribe_motion(self) -> None:
-        """Accept heave as computed values of any form (step, pluck, stop) from now on.
+    def offer_measurement(self, measurement: Measurement) -> str:
+        """Submit measured values of a winch or the payload; return "" or the first rejection."""
+        return self.inputs.offer_measurement(measurement)
 
-        Sensor checks are then skipped: samples are checked only for order, range and finiteness.
-        """
+    def prescribe_motion(self) -> None:
+        """Accept computed heave (step, pluck, stop): only order, range, finiteness are checked."""
         self.inputs.prescribe_motion()
 
     def invalidate_inputs(self) -> None:
@@ -246,10 +247,7 @@ class Twin:
         return self._record.statistics(self._clock)
 
     def invalidate_error(self, why: str) -> None:
-        """Mark the tension error as unknown on every accuracy level from now on; why: the reason.
-
-        For callers that know the run differs from the convergence study, as in another sea.
-        """
+        """Mark the tension error as unknown on every accuracy level; why: the reason."""
         self.inputs.validity.invalidate(why)
 
     # Steps
@@ -303,6 +301,8 @@ class Twin:
             steps = min(steps, self._viv_drag.steps_to_sampling(clock.steps))
         for monitor in self._monitors:
             steps = min(steps, monitor.steps_to_observation(self.inspect()))
+        if inputs.measured.active:
+            steps = min(steps, inputs.measured.steps_to_sample(clock.steps, self.step_ns))
         with inputs.lock:
             inputs.check_profiles()
             due = inputs.cut.take(clock.time_ns, self._length_m)
@@ -317,10 +317,12 @@ class Twin:
 
         pulls: after each step just done; moved: boundary conditions of these steps.
         """
-        viv_drag, steps = self._viv_drag, self._clock.steps
+        viv_drag, steps, measured = self._viv_drag, self._clock.steps, self.inputs.measured
         if viv_drag is not None and viv_drag.steps_to_sampling(steps) == 0:
             changes = self.inputs.current.changes
             viv_drag.look(self._all_ropes, self._motion.boundary, steps, changes)
+        if measured.active and measured.is_due(steps, self.step_ns):
+            measured.record(self.time_ns, self._system.computed(self._motion.boundary))
         if self._monitors:
             now = self.inspect()
             chunk = chunk_of(now, pulls, moved)
@@ -381,6 +383,9 @@ class Twin:
         amended(taken, card_error=self.card_error)
         for monitor in self._monitors:
             taken = monitor.amend(self.inspect(), taken)
+        if inputs.measured.active:
+            with inputs.lock:
+                amended(taken, residuals=inputs.measured.residuals(taken))
         return taken
 
     # Changes of the ropes between steps
@@ -447,10 +452,9 @@ class Twin:
         return lost_m
 
     def discard_prescribed(self) -> None:
-        """Discard motion prescribed in advance; winches continue from their last paid-out length.
+        """Discard motion prescribed in advance, after a failed step; for the stepping thread.
 
-        For use after a failed step, whose inputs may be the cause; call it from the stepping
-        thread.
+        Winches continue from their last paid-out length.
         """
         with self.inputs.lock:
             self._motion.steps = 0
@@ -573,6 +577,9 @@ class Twin:
 
     def _state(self) -> TwinState:
         """Return the present state, which shares its arrays and inputs with the twin."""
+        own: dict[str, Any] = {} if self._viv_drag is None else {"viv_drag": self._viv_drag.kept()}
+        for monitor in self._monitors:
+            own |= monitor.state()
         return TwinState(
             clock=self._clock.state(),
             mesh=self._mesh.state(),
@@ -580,7 +587,7 @@ class Twin:
             motion=self._motion.state(),
             inputs=self.inputs.state(),
             record=self._record.state(),
-            monitors=self._monitor_states(),
+            monitors=own,
         )
 
     def _continue_from(self, state: TwinState) -> None:
@@ -591,10 +598,3 @@ class Twin:
         self.inputs.restore(state.inputs)
         self._record.restore(state.record)
         self._system.restore(state.ropes, self.inputs.current.effects)
-
-    def _monitor_states(self) -> dict[str, Any]:
-        """Return the states of the monitors by name."""
-        own = {} if self._viv_drag is None else {"viv_drag": self._viv_drag.kept()}
-        for monitor in self._monitors:
-            own |= monitor.state()
-        return own

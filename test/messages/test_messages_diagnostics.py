@@ -25,7 +25,7 @@ def row(part: str, snapshot: Snapshot, pacing: PacingHealth | None = GOOD) -> St
 def test_all_is_well_when_all_is_well() -> None:
     rows = statuses(hanging_rope(), GOOD)
     assert {r.level for r in rows} == {Level.OK}
-    assert len({r.name for r in rows}) == len(rows) == 12
+    assert len({r.name for r in rows}) == len(rows) == 13
 
 
 def test_a_doubtful_step_is_an_error_and_a_past_one_a_warning() -> None:

@@ -18,6 +18,7 @@ from rope_twin.messages import (
     encode_elevation,
     encode_epoch,
     encode_heave,
+    encode_measurement,
     encode_order,
     encode_pose,
     encode_seat,
@@ -28,6 +29,7 @@ from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.input_log import encode_json
 from rope_twin.topics import BY_NAME, TOPICS, Qos, Topic
+from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.winch.commands import WinchCommand
 
 ONE_OF_EACH = [
@@ -36,6 +38,11 @@ ONE_OF_EACH = [
     WinchCommand("depth", 340.0),
     WinchCommand("tension", 1e5),
     WinchCommand("set_brake"),
+]
+MEASURED = [
+    Measurement.of_winch(0, 1500.0, None, 1.2e5),
+    Measurement.of_motor(0, 1.3e5),
+    Measurement.of_depth(0, 1490.0),
 ]
 EPOCH_NS = 1_700_000_000_000_000_000
 NOTES = {"seed": "7", "source": "a test: with 'quotes', #hash and\nlines", "number": "12"}
@@ -52,6 +59,7 @@ def all_messages(stamp_ns: int) -> dict[str, bytes]:
         "sea/elevation": encode_elevation(stamp_ns, 1.5),
         **dict(encode_order(stamp_ns, order) for order in ONE_OF_EACH),
         **dict([encode_cut(stamp_ns, 1500.0)]),
+        **dict(encode_measurement(stamp_ns, one) for one in MEASURED),
         "twin/epoch": encode_epoch(EPOCH_NS),
         "winch/seat": encode_seat("winch: console"),
         "twin/session": encode_json({"session": 1}),

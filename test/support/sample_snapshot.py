@@ -15,12 +15,19 @@ from rope_twin.twin.snapshot import (
     CompensatorShot,
     InputHealth,
     PayloadShot,
+    Residual,
     RopeShot,
     Snapshot,
     SolverHealth,
     StrutShot,
 )
 from rope_twin.vortex.results import MaterialFatigue, RopeVibration
+
+RESIDUAL = Residual(
+    name="winch", quantity="top_tension_n", at_s=2.4, measured=3.21e5, computed=3.208e5,
+    half_width=1500.0, instrument=700.0, twin=None, readings=1200, mean=400.0, rms=800.0,
+    outside=0.04, span_s=60.0,
+)  # fmt: skip
 
 
 def hanging_rope(
@@ -64,6 +71,7 @@ def hanging_rope(
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
         compensator=CompensatorShot(2.1, 4.0, -0.3, 1.7e5, 8.1e6, 1.72e5, -2e3, -500.0, 0.0, 500.0),
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
+        residuals=(RESIDUAL,),
         error_interval=TensionInterval(
             float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0
         ),

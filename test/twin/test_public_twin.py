@@ -13,6 +13,7 @@ from scene_text import GOOD, written
 from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError, SceneError
 from rope_twin.twin import twin as internal
+from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.winch.commands import WinchCommand
 
@@ -23,6 +24,10 @@ REFUSED: dict[str, tuple[Callable[[Twin], str], str]] = {
     "offer_speed": (lambda twin: twin.offer_speed(None, 99.0), "99"),
     "offer_command": (lambda twin: twin.offer_command(None, WinchCommand("length", -5.0)), "-5"),
     "offer_current": (lambda twin: twin.offer_current([[0.0, 99.0, 0.0]]), "is no sea current"),
+    "offer_measurement": (
+        lambda twin: twin.offer_measurement(Measurement.of_winch(0, math.inf)),
+        "finite",
+    ),
     "offer_cut": (lambda twin: twin.offer_cut(None, 0.1), "of rope stay there"),
 }
 

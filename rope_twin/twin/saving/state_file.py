@@ -38,7 +38,8 @@ from rope_twin.whole_file import write_whole
 Arrays = dict[str, NDArray[Any]]
 
 _CONSTANT = tuple(
-    f"rope_twin.scene.{part}" for part in ("schema", "sea_state", "winch", "winch_parts", "limits")
+    f"rope_twin.scene.{part}"
+    for part in ("schema", "sea_state", "winch", "winch_parts", "limits", "measured")
 )
 # a current may have gained rows and a rope elements, as have the monitors of that rope
 _VARIABLE_LENGTH = {"effects", "tension", "vortex", "viv_drag"}

@@ -1,0 +1,289 @@
+"""Measured tension, line out and depth: what is refused, and what the residuals say."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from small_scene import SMALL_SCENE
+
+from rope_twin.errors import InputError
+from rope_twin.messages import Encoder, Level, encode_measurement, read_cloud, statuses
+from rope_twin.messages.cdr import deserialise
+from rope_twin.messages.inputs import read_measurement
+from rope_twin.messages.residuals import residuals_status
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.topics import BY_NAME, MEASURED_TOPICS
+from rope_twin.twin.input_queue import InputQueue, LogEntry, apply, calls_of, plain_calls
+from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.measured.residuals import DEPTH, LINE_OUT, SAMPLE_NS, TENSION, MeasuredInputs
+from rope_twin.twin.saving.saved_state import decode_state
+from rope_twin.twin.snapshot import Residual, Snapshot
+from rope_twin.twin.twin import Twin
+
+MEASURED = """\
+measured:
+  tension: {uncertainty_n: 200.0, uncertainty_pct: 0.1, bias_n: 500.0}
+  line_out: {uncertainty_m: 0.05}
+"""
+SLOT_NS, STEPS = 20_000_000, 2
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    path = tmp_path_factory.mktemp("scene") / "measured.yaml"
+    path.write_text(SMALL_SCENE + MEASURED)
+    return load_scene(path)
+
+
+@pytest.fixture(scope="module")
+def at_rest(scene: Scene) -> Twin:
+    return Twin(scene)
+
+
+def by_quantity(shot: Snapshot) -> dict[str, Residual]:
+    return {one.quantity: one for one in shot.residuals}
+
+
+def heaved(twin: Twin, seconds: float) -> list[Snapshot]:
+    """Advance in a swell of 1 m and 6 s while the winch pays out; snapshots at each slot."""
+    shots, omega = [], 2.0 * math.pi / 6.0
+    twin.offer_speed(None, 0.5)
+    for _ in range(round(seconds / 0.02)):
+        t = (twin.time_ns + SLOT_NS) * 1e-9
+        twin.offer_heave(twin.time_ns + SLOT_NS, math.sin(omega * t), omega * math.cos(omega * t))
+        twin.advance(STEPS)
+        shots.append(twin.snapshot())
+    return shots
+
+
+def test_a_biased_cell_that_comes_late_shows_its_bias(at_rest: Twin) -> None:
+    """Readings of the past are compared with the past: else the swell would be in the residual.
+
+    The twin's own values of a twin without measurements, 0.7 s late and 1.3 kN too large, differ
+    from it by that bias less the known offset. A straight line between samples 20 ms apart errs by
+    h²/8 of the second derivative of the tension.
+    """
+    shots = heaved(at_rest.branch(), 20.0)
+    twin = at_rest.branch()
+    twin.offer_speed(None, 0.5)
+    omega, delay = 2.0 * math.pi / 6.0, 35
+    for k in range(len(shots)):
+        t = (twin.time_ns + SLOT_NS) * 1e-9
+        twin.offer_heave(twin.time_ns + SLOT_NS, math.sin(omega * t), omega * math.cos(omega * t))
+        if k >= delay:
+            then = shots[k - delay]
+            told = Measurement.of_winch(
+                then.stamp_ns, then.line_out_m, then.payout_speed_m_per_s,
+                then.tension_top_n + 1300.0,
+            )  # fmt: skip
+            depth = Measurement.of_depth(then.stamp_ns, -float(then.payload_position_m[2]) + 3.0)
+            assert twin.offer_measurement(told) == ""
+            assert twin.offer_measurement(depth) == ""
+        twin.advance(STEPS)
+        last = twin.snapshot()
+    assert last.tension_top_n == shots[-1].tension_top_n, "measurements change nothing"
+    assert np.std([one.tension_top_n for one in shots]) > 1000.0
+    found = by_quantity(last)
+    tension, line, lower = found[TENSION], found[LINE_OUT], found[DEPTH]
+    assert tension.mean == pytest.approx(800.0, abs=1e-6)
+    assert tension.rms == pytest.approx(800.0, abs=1e-6)
+    u = math.hypot(200.0, 1e-3 * tension.measured)
+    assert tension.half_width == pytest.approx(1.96 * u, rel=1e-12)
+    assert tension.outside == 1.0
+    assert line.mean == pytest.approx(0.0, abs=1e-9)
+    assert line.outside == 0.0
+    assert lower.mean == pytest.approx(3.0, abs=1e-9)
+    assert lower.half_width is None
+    assert lower.outside is None
+    row = residuals_status(last.residuals)
+    assert row.level == Level.WARN
+    assert "top tension of 'winch'" in row.message
+    assert "line out" not in row.message, "only what is outside"
+
+
+def test_a_reading_between_two_samples_is_interpolated(scene: Scene) -> None:
+    """T = 1e5 + 100·t² at 13 ms: a line between samples 20 ms apart errs by h²/8·T'' at most."""
+    inputs = MeasuredInputs(scene)
+    for k in range(200):
+        t = k * SAMPLE_NS * 1e-9
+        inputs.record(k * SAMPLE_NS, (1e5 + 100.0 * t * t, 200.0 + 0.5 * t, 190.0))
+    shot = Twin(scene).snapshot()
+    for k in range(1, 190):
+        t_ns = k * SAMPLE_NS + 13_000_000
+        t = t_ns * 1e-9
+        tension = 1e5 + 100.0 * t * t + 500.0
+        told = Measurement.of_winch(t_ns, 200.0 + 0.5 * t, 0.5, tension)
+        assert inputs.offer(told, t_ns) == ""
+    found = {one.quantity: one for one in inputs.residuals(shot)}
+    assert 0.0 < found[TENSION].rms <= 0.02**2 / 8.0 * 200.0
+    assert found[LINE_OUT].rms < 1e-9
+
+
+def test_statistics_are_those_of_the_last_minute(scene: Scene) -> None:
+    inputs, shot = MeasuredInputs(scene), Twin(scene).snapshot()
+    for second in range(200):
+        t_ns = second * 1_000_000_000
+        inputs.record(t_ns, (1e5, 200.0, 190.0))
+        off = 5e3 if second < 100 else 0.0
+        assert inputs.offer(Measurement.of_winch(t_ns, tension_n=1e5 + 500.0 + off), t_ns) == ""
+        (one,) = inputs.residuals(shot)
+    assert one.readings == 60
+    assert (one.mean, one.rms, one.outside) == (0.0, 0.0, 0.0)
+
+
+def test_motor_tension_is_compared_only_where_the_scene_says_so(tmp_path: Path) -> None:
+    shot = None
+    for place, expected in (("sheave", None), ("motor", 2e3)):
+        path = tmp_path / f"{place}.yaml"
+        path.write_text(SMALL_SCENE + f"measured: {{tension: {{at: {place}}}}}\n")
+        scene = load_scene(path)
+        shot = shot or Twin(scene).snapshot()
+        inputs = MeasuredInputs(scene)
+        inputs.record(0, (1e5, 200.0, 190.0))
+        assert inputs.offer(Measurement.of_motor(0, 1.02e5), 0) == ""
+        found = inputs.residuals(shot)
+        assert (found[0].mean if found else None) == expected
+
+
+REFUSED = {
+    "nothing": (Measurement.of_winch(10**9), "nothing is measured"),
+    "infinite": (Measurement.of_winch(10**9, math.inf), "finite"),
+    "longer than the rope": (Measurement.of_winch(10**9, 401.0), "0 to 400 m out"),
+    "negative": (Measurement.of_winch(10**9, -34.0), "zero"),
+    "too fast": (Measurement.of_winch(10**9, 200.0, 3.0), "1.875 m/s at most"),
+    "beyond its strength": (Measurement.of_winch(10**9, tension_n=1e9), "possible for this rope"),
+    "another winch": (Measurement.of_winch(10**9, 200.0, winch="aft"), "there is no 'aft'"),
+    "above the water": (Measurement.of_depth(10**9, -80.0), "up from the mean water level"),
+    "deeper than the rope": (Measurement.of_depth(10**9, 600.0), "up from the mean water level"),
+    "another clock": (Measurement.of_winch(10**11, 200.0), "must share one clock"),
+    "too old": (Measurement.of_winch(-(10**11), 200.0), "must share one clock"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_garbage_gets_one_sentence(case: str, scene: Scene) -> None:
+    measurement, words = REFUSED[case]
+    inputs = MeasuredInputs(scene)
+    refusal = inputs.offer(measurement, 0)
+    assert words in refusal
+    assert refusal.endswith(".")
+    assert refusal.count(". ") == 0
+    assert not inputs.active
+    assert sum(one.refused for one in inputs.health(0).values()) == 1
+
+
+NUMBERS = st.one_of(st.none(), st.floats(allow_nan=False, width=64), st.floats(0.0, 400.0))
+
+
+@given(st.lists(st.tuples(st.integers(-(10**11), 10**11), NUMBERS, NUMBERS, NUMBERS), max_size=8))
+def test_no_input_breaks_it(scene: Scene, rows: list[tuple[int, float, float, float]]) -> None:
+    """Whatever comes is taken or refused in a sentence, and every figure stays finite."""
+    inputs = MeasuredInputs(scene)
+    inputs.record(0, (1e5, 200.0, 190.0))
+    inputs.record(10**9, (1e5, 200.0, 190.0))
+    for stamp_ns, *values in rows:
+        for one in (
+            Measurement.of_winch(stamp_ns, *values),
+            Measurement("motor", stamp_ns, (("", None, None, values[2]),)),
+            Measurement("payload", stamp_ns, (("", values[0], None, None),)),
+        ):
+            refusal = inputs.offer(one, 10**9)
+            assert refusal == "" or refusal.endswith(".")
+    for channel in (*inputs._tensions, *inputs._lengths, inputs._depths):
+        channel.look(inputs._history, None, None)
+        if (found := channel.result()) is not None:
+            assert math.isfinite(found.mean)
+            assert math.isfinite(found.rms)
+
+
+def test_a_jump_is_refused_and_a_hole_is_none(scene: Scene) -> None:
+    """19 s without data are missing data; what the winch cannot have done is a warning then."""
+    inputs = MeasuredInputs(scene)
+    assert inputs.offer(Measurement.of_winch(0, 200.0), 0) == ""
+    jump = inputs.offer(Measurement.of_winch(50_000_000, 201.0), 50_000_000)
+    assert "line out changes by +1.00 m in 0.05 s" in jump
+    later = 19_050_000_000
+    assert inputs.health(later)["winch_measured"].stale
+    assert inputs.offer(Measurement.of_winch(later, 220.0), later) == ""
+    assert inputs.health(later)["winch_measured"].warning == ""
+    again = later + 19_000_000_000
+    assert inputs.offer(Measurement.of_winch(again, 350.0), again) == ""
+    assert "was the sensor reset?" in inputs.health(again)["winch_measured"].warning
+
+
+def test_a_frozen_cell_is_noticed(scene: Scene) -> None:
+    """Equal readings while the twin's tension swings by 10 %; none while the twin is as quiet."""
+    for swing, frozen in ((1e4, True), (10.0, False)):
+        inputs, shot = MeasuredInputs(scene), Twin(scene).snapshot()
+        for k in range(100):
+            t_ns = k * 100_000_000
+            inputs.record(t_ns, (1e5 + swing * math.sin(0.3 * k), 200.0, 190.0))
+            inputs.offer(Measurement.of_winch(t_ns, tension_n=1.0e5), t_ns)
+        inputs.residuals(shot)
+        assert ("frozen" in inputs.health(10**10)["winch_measured"].warning) == frozen
+
+
+def test_a_run_repeats_from_its_log_and_from_a_saved_state(at_rest: Twin) -> None:
+    """Statistics included, to the bit; NaN is None in the log, since a state holds no NaN."""
+    log: list[LogEntry] = []
+    twin, repeated = at_rest.branch(), at_rest.branch()
+    queue = InputQueue(twin, twin, log.append)
+    for k in range(60):
+        told = Measurement.of_winch(twin.time_ns, 200.0 + 0.01 * (k % 3), None, 7.5e4 + 10.0 * k)
+        queue.offer_measurement(told)
+        queue.advance(STEPS)
+        last = twin.snapshot()
+    calls = {entry.time_ns: calls_of(plain_calls(entry.calls)) for entry in log}
+    for _ in range(60):
+        apply(repeated, calls.get(repeated.time_ns, ()))
+        repeated.advance(STEPS)
+        again = repeated.snapshot()
+    assert again.residuals == last.residuals
+    assert len(last.residuals) == 2
+    state = decode_state(twin.capture().encode(), "memory")
+    resumed = Twin.restore(state, twin.scene)
+    for one in (twin, resumed):
+        one.offer_measurement(Measurement.of_winch(one.time_ns, 200.0, None, 7.6e4))
+        one.advance(STEPS)
+    assert resumed.snapshot().residuals == twin.snapshot().residuals != last.residuals
+
+
+def test_messages_carry_what_was_measured_and_the_residuals(at_rest: Twin) -> None:
+    rows = (("port", 12.5, None, 3e4), ("starboard", None, -0.5, None))
+    for one in (
+        Measurement("winch", 1_500_000_000, rows),
+        Measurement("motor", 1_500_000_000, (("winch", None, None, 4e4),)),
+        Measurement.of_depth(1_500_000_000, 120.0),
+    ):
+        topic, data = encode_measurement(1_500_000_000, one)
+        assert topic in MEASURED_TOPICS
+        assert read_measurement(topic, data) == one
+    twin = at_rest.branch()
+    for _ in range(30):
+        twin.offer_measurement(Measurement.of_winch(twin.time_ns, 200.5, None, 8e4))
+        twin.advance(STEPS)
+        shot = twin.snapshot()
+    data = Encoder(0).encode("residuals", shot)
+    tension, line = read_cloud(deserialise(BY_NAME["residuals"].type_name, data))
+    assert tension["name"] == b"top_tension_n winch"
+    assert (
+        tension["residual"]
+        == tension["measured"] - tension["computed"]
+        == shot.residuals[0].residual
+    )
+    assert line["mean"] == pytest.approx(0.5)
+    assert line["upper"] == pytest.approx(1.96 * 0.05)
+    assert math.isnan(tension["twin"])
+    assert any(row.name == "simulation: residuals" for row in statuses(shot, None))
+
+
+@pytest.mark.parametrize("topic", MEASURED_TOPICS)
+def test_bytes_that_are_no_message_get_a_sentence(topic: str) -> None:
+    with pytest.raises(InputError):
+        read_measurement(topic, b"\x00\x01garbage")
