@@ -35,8 +35,8 @@ ROWS_MEAN = {
     "simulation: error interval": "95 % discretisation-error interval, in runs that compute it",
     "simulation: fatigue": "accumulated (Miner) damage, in runs that compute it",
     "simulation: fluid ramp": "factors on the forces of the water, in scenes that build them up",
-    "simulation: input ...": "one row per input (heave, winch command, current, measured values): accepted "
-    "and rejected samples, age, faults",
+    "simulation: input ...": "one row per input (heave, winch command, current, measured values): "
+    "accepted and rejected samples, age, faults",
     "simulation: limits": "limits of the scene that were exceeded",
     "simulation: messages": "messages that could not be decoded",
     "simulation: pacing": "CPU load, deadline misses, lag behind real time",

@@ -80,6 +80,7 @@ class RopeView:
             "slings/state": self._slings,
             "struts/state": self._struts,
             "winch/state": self._winch_state,
+            "residuals": self._residuals,
             "lines/crossings": self._crossings,
             "lines/events": self._line_events,
             "seabed/touchdown": self._touchdown,
@@ -292,6 +293,10 @@ class RopeView:
 
     def _shape(self, message: Any, time_ns: int) -> None:
         if self._figures.shape(time_ns, _cells(message)):
+            self._arrange()
+
+    def _residuals(self, message: Any, time_ns: int) -> None:
+        if self._figures.residuals(time_ns, read_cloud(message)):
             self._arrange()
 
     def _line_events(self, message: Any, time_ns: int) -> None:

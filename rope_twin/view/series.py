@@ -122,7 +122,7 @@ _WINCH = {
 _ORDER = {f"plots/winch/{row[0]}": k for k, row in enumerate(_WINCH.values())}
 _UNSHOWN = ("target",)  # its unit depends on the control mode; winch/mode states it
 _COLOURS = ("fde725", "6fa8ff", "35b7a0", "f2a65a", "c792ea", "e06c75")
-WINCH_TAB, LINES_TAB, SHAPE_TAB = "Winch", "Lines", "Shape"
+WINCH_TAB, LINES_TAB, SHAPE_TAB, MEASURED_TAB = "Winch", "Lines", "Shape", "Measured"
 _DEPTHS = Plot(LINES_TAB, "plots/lines/crossings", "Elevation of the crossings [m]")
 _ANGLES = Plot(LINES_TAB, "plots/lines/angles", "Crossing angle [deg]")
 # factor and plot of each quantity of touchdown and bend radius that is drawn
@@ -130,6 +130,19 @@ _SHAPE = {
     "layback_m": (1.0, Plot(SHAPE_TAB, "plots/shape/layback", "TDP layback [m]")),
     "tension_n": (1e-3, Plot(SHAPE_TAB, "plots/shape/tension", "Tension at TDP [kN]")),
     "radius_m": (1.0, Plot(SHAPE_TAB, "plots/shape/bend", "Smallest bend radius [m]")),
+}
+# factor, and plots of measured beside computed values and of their residual, by quantity
+_MEASURED = {
+    quantity: (
+        factor,
+        Plot(MEASURED_TAB, f"plots/measured/{path}", f"{title}, measured and computed [{unit}]"),
+        Plot(MEASURED_TAB, f"plots/residual/{path}", f"{title}, measured less computed [{unit}]"),
+    )
+    for quantity, factor, path, title, unit in (
+        ("top_tension_n", 1e-3, "tension", "Top tension", "kN"),
+        ("line_out_m", 1.0, "line_out", "Line out", "m"),
+        ("payload_depth_m", 1.0, "depth", "Payload depth", "m"),
+    )
 }
 _DISTANCE = Plot(LINES_TAB, "plots/lines/distance", "Minimum distance between the lines [m]")
 Cells = Iterable[tuple[str, str, float]]  # row, column and value of a table
@@ -142,6 +155,7 @@ class Figures:
         """new_series: makes a curve from entity, name, colour, and whether it is of dots."""
         self._new_series = new_series
         self._known: dict[str, Series] = {}
+        self._read_ns: dict[tuple[str, str], int] = {}  # of the newest reading drawn
         self.plots: list[Plot] = []
 
     def winch(self, time_ns: int, cells: Cells) -> bool:
@@ -177,6 +191,29 @@ class Figures:
             if figure in _SHAPE and math.isfinite(value):  # a straight rope has no finite radius
                 factor, plot = _SHAPE[figure]
                 self._add(plot, rope, rope, time_ns, factor * value)
+        return len(self.plots) > before
+
+    def residuals(self, time_ns: int, rows: NDArray[Any]) -> bool:
+        """Add rows of `residuals` at the times of the readings; return whether there is a new plot.
+
+        Measured values are dots beside the computed curve; the residual has its interval.
+        """
+        before = len(self.plots)
+        for row in rows:
+            quantity, _, name = row["name"].decode().partition(" ")
+            if quantity not in _MEASURED:
+                continue
+            factor, both, less = _MEASURED[quantity]
+            at_ns = time_ns - round(float(row["age_s"]) * 1e9)
+            if abs(self._read_ns.get((quantity, name), 0) - at_ns) < 1000:
+                continue  # no new reading since the last message
+            self._read_ns[quantity, name] = at_ns
+            curves = [(both, "computed", False), (both, "measured", True), (less, "residual", True)]
+            curves += [(less, "lower", False), (less, "upper", False)]
+            for plot, column, dots in curves:
+                if math.isfinite(value := float(row[column])):
+                    curve, words = f"{name}/{column}", f"{column}, {name}"
+                    self._add(plot, curve, words, at_ns, factor * value, dots=dots)
         return len(self.plots) > before
 
     def _add(
