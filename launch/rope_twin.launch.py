@@ -32,6 +32,7 @@ ARGUMENTS = (
     ("speed", "1.0", "twin time over real time"),
     ("sea", "true", "play the recorded sea; false: a motion sensor publishes ship/heave"),
     ("schedule", "true", "play the scene's winch schedule; false: somebody else commands"),
+    ("follow_measured", "false", "winches follow winch/measured; with it schedule:=false"),
     ("record", "false", "record every topic"),
     ("out", "", "bag directory to create; empty: rope_twin_DATE_TIME"),
     ("view", "false", "show the run in rerun"),
@@ -78,6 +79,7 @@ def generate_launch_description() -> LaunchDescription:
     named = PythonExpression(["'", value("bag"), value("poses"), "' != ''"])
     other = {"other_sea": ParameterValue(named, value_type=bool)}  # no error by the card then
     cut = {"allow_cut": ParameterValue(value("allow_cut"), value_type=bool)}
+    follow = {"follow_measured": ParameterValue(value("follow_measured"), value_type=bool)}
     bag = {"out": ParameterValue(value("out"), **text), "beside": True}
     state = ParameterValue(value("state"), **text)
     saved = {"save_state": state, "from_state": state, "save_every_s": 2.0}
@@ -120,7 +122,7 @@ def generate_launch_description() -> LaunchDescription:
             Node(
                 executable="simulation_node",
                 name="simulation",
-                parameters=[file, scene, speed, other, cut, saved],
+                parameters=[file, scene, speed, other, cut, follow, saved],
                 **common,
             ),
         ]

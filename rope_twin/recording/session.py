@@ -32,7 +32,7 @@ from rope_twin.errors import BagError, InputError, RopeTwinError, StateError, ph
 from rope_twin.recording.input_log import encode_json
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.card import OTHER_SEA, card_path
-from rope_twin.scene.change import at_setting
+from rope_twin.scene.change import at_setting, following_measured
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.ship_motion import RESPONSES_FOLDER, WAYS_FOLDER
@@ -65,6 +65,7 @@ class Setup:
     other_sea: bool = False
     sender_lead_s: float = SENDER_LEAD_S  # by how much senders of motion may publish ahead
     correct_sender_clocks: bool = False
+    follow_measured: bool = False  # every winch follows its measured line out
     feeds_itself: bool = False  # the run has the scene's sea of its own, from no topic
 
     def make(self, scene: Scene, state: SavedState | Path | None) -> Twin:
@@ -259,6 +260,7 @@ class Session:
         described = self.content["scene"]
         scene = load_scene(_path_of(described["file"], folder))
         scene = at_setting(scene, self.setup.elements, self.setup.step_s)
+        scene = following_measured(scene) if self.setup.follow_measured else scene
         if _figures(scene, folder) != described["figures"]:
             what = f"scene {described['name']}: its text gives other figures here"
             raise _refusal(what, "replay with the program that recorded the bag")

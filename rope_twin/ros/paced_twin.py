@@ -417,6 +417,7 @@ def _setup(params: SimulationParams) -> Setup:
         other_sea=params.other_sea,
         sender_lead_s=params.sender_lead_s,
         correct_sender_clocks=params.correct_sender_clocks,
+        follow_measured=params.follow_measured,
     )
 
 

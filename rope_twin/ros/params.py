@@ -88,6 +88,9 @@ class SimulationParams:
     correct_sender_clocks: bool = text(
         "correct the stamps of ship motion by the measured clock offset of the sender", False
     )
+    follow_measured: bool = text(
+        "every winch follows its line out measured on winch/measured instead of commands", False
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -38,7 +38,7 @@ from rope_twin.ros.qos import (
     unheard_publishers,
     unsuited,
 )
-from rope_twin.scene.change import at_setting
+from rope_twin.scene.change import at_setting, following_measured
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.topics import (
@@ -140,6 +140,7 @@ class SimulationNode(LifecycleNode):
                 raise InputError(phrase(where, f"'{unknown[0]}'", did_you_mean(unknown[0], known)))
             scene = load_scene(self._params.scene)
             scene = at_setting(scene, self._params.elements or None, self._params.step_s or None)
+            scene = following_measured(scene) if self._params.follow_measured else scene
             for warning in sense_checks(scene):
                 self.get_logger().warning(warning)
             self.paced = PacedTwin(scene, self._params, self._publish, self._published.copy)

@@ -19,6 +19,7 @@ from rope_twin.ros.params import WinchScheduleParams, declare
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Winch
 from rope_twin.scene.validation.rigging import winches_by_name
+from rope_twin.scene.winch import FOLLOWS_COMMANDS
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
 from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.cutting.cut_plan import PlannedCut
@@ -38,7 +39,8 @@ class WinchScheduleNode(InputNode):
     def begin(self) -> None:
         """Read the scene and wait for the simulation's epoch."""
         scene = load_scene(self._params.scene)
-        self._winches = {n: w for n, w in winches_by_name(scene).items() if w.schedule}
+        named = winches_by_name(scene).items()
+        self._winches = {n: w for n, w in named if w.schedule and w.follows == FOLLOWS_COMMANDS}
         self._cut = plan_for(scene, self._params.cut)
         if not self._winches and self._cut is None:
             if winches_by_name(scene):

@@ -21,6 +21,7 @@ from rope_twin.scene.reader import read_object
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shapes import SHAPES
 from rope_twin.scene.validation.relations import faults
+from rope_twin.scene.winch import FOLLOWS_MEASURED
 
 _STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+|\*)\]")
 _KINDS = {
@@ -75,6 +76,28 @@ def at_setting(scene: Scene, elements: int | None = None, step_s: float | None =
     return change_scene(
         scene, [Change(path, value) for path, value in given.items() if value is not None]
     )
+
+
+def following_measured(scene: Scene) -> Scene:
+    """Return the scene with winches that follow their measured line out.
+
+    Raises:
+        SceneError: there is no winch, or one cannot follow.
+    """
+    winch = scene.winch and dataclasses.replace(scene.winch, follows=FOLLOWS_MEASURED)
+    hang_offs = tuple(
+        dataclasses.replace(
+            one, winch=one.winch and dataclasses.replace(one.winch, follows=FOLLOWS_MEASURED)
+        )
+        for one in scene.hang_offs
+    )
+    if winch is None and not any(one.winch for one in hang_offs):
+        place = Place(scene.path, "winch")
+        raise place.refuse("there is no winch that could follow a measured line out", "add one")
+    scene = dataclasses.replace(scene, winch=winch, hang_offs=hang_offs)
+    for where, what, right in faults(scene):
+        raise Place(scene.path, where).refuse(what, right)
+    return scene
 
 
 def _steps(change: Change, place: Place) -> list[str | int | None]:

@@ -133,6 +133,8 @@ SWITCHES = {  # commands, and the component that each requires
 }
 
 
+FOLLOWS_COMMANDS, FOLLOWS_MEASURED = "commands", "measured"
+FOLLOWS = FOLLOWS_COMMANDS, FOLLOWS_MEASURED
 HOLD_SPEED, RAMP_TO_ZERO, SET_THE_BRAKE = "hold_speed", "ramp_to_zero", "brake"
 WHEN_COMMANDER_LOST = (HOLD_SPEED, RAMP_TO_ZERO, SET_THE_BRAKE)
 
@@ -176,6 +178,7 @@ class Winch(SparingRepr):
          "passive_compensation", "constant_tension", "sheave")
     )  # fmt: skip
     _no_figures = frozenset(("when_commander_lost",))  # no effect on results
+    _later = frozenset(("follows",))
 
     speed_limit_m_per_s: float = quantity("maximum speed in both directions", "m/s", 0.0, 5.0)
     acceleration_limit_m_per_s2: float = quantity("maximum acceleration", "m/s²", 1e-3, 10.0)
@@ -204,4 +207,8 @@ class Winch(SparingRepr):
         "action of the winch when its commanding node disappears: "
         + ", ".join(WHEN_COMMANDER_LOST),
         RAMP_TO_ZERO,
+    )
+    follows: str = text(
+        "what the line follows: `commands`, or the `measured` line out on winch/measured",
+        FOLLOWS_COMMANDS,
     )

@@ -181,7 +181,15 @@ class TwinInputs:
             rows = tuple(
                 (name if row[0] == WINCH else row[0], *row[1:]) for row in measurement.rows
             )
-            return self.measured.offer(measurement._replace(rows=rows), self._clock.time_ns)
+            told = measurement._replace(rows=rows)
+            return self.measured.offer(told, self._clock.time_ns, self._follow)
+
+    def _follow(self, winch: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
+        """Let a winch have its measured line out [m] and line speed [m/s]."""
+        if self.winch_called(winch) == WINCH:
+            self.winch.follow(stamp_ns, length_m, speed)
+        elif winch in self._winch_names:
+            self.ropes.follow(winch, stamp_ns, length_m, speed)
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted sample of heave, cut and each winch [ns]."""
@@ -195,6 +203,7 @@ class TwinInputs:
             self.heave.invalidate()
             self.winch.invalidate()
             self.ropes.invalidate()
+            self.measured.invalidate()
 
     def check_profiles(self) -> None:
         """Mark the known error as unknown after a current profile; call it under the lock."""

@@ -66,6 +66,9 @@ class Ropes(Protocol):
     def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Submit a command to another winch than the first; return "" or the rejection."""
 
+    def follow(self, name: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
+        """Let another winch than the first have a measured line out [m] and line speed [m/s]."""
+
     def invalidate(self) -> None:
         """Invalidate commands to those winches that were known in advance."""
 

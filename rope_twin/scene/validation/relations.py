@@ -40,6 +40,8 @@ from rope_twin.scene.validation.rigging import (
 )
 from rope_twin.scene.validation.vortices import model_beside, shedding_model
 from rope_twin.scene.winch import (
+    FOLLOWS,
+    FOLLOWS_MEASURED,
     RAMP_TO_ZERO,
     SET_THE_BRAKE,
     SWITCHES,
@@ -93,6 +95,17 @@ def _commander(scene: Scene) -> Iterator[Fault]:
         elif wanted == SET_THE_BRAKE and winch.brake is None:
             right = f"add `brake` to it, or use {RAMP_TO_ZERO}"
             yield key, f"'{wanted}' but this winch has no brake", right
+
+
+def _follows(scene: Scene) -> Iterator[Fault]:
+    """A winch that follows its measured line out has no motion of its own."""
+    for path, winch in winches(scene):
+        if winch.follows not in FOLLOWS:
+            right = did_you_mean(winch.follows, FOLLOWS)
+            yield f"{path}.follows", f"'{winch.follows}' is unknown", right
+        elif winch.follows == FOLLOWS_MEASURED and winch.passive_compensation is not None:
+            what = "the stroke of `passive_compensation` is not part of a measured line out"
+            yield f"{path}.follows", what, "remove the compensator, or follow commands"
 
 
 def _rows(scene: Scene) -> Iterator[Fault]:
@@ -542,6 +555,7 @@ RULES: tuple[Rule, ...] = (
     _passive,
     _sheave,
     _commander,
+    _follows,
     _rows,
     _depth,
     _effects,

@@ -77,6 +77,10 @@ class Readings:
         self._place: tuple[int, float] | None = None  # newest stamp and value of line out or depth
         self.warning = ""  # on the sensor itself, such as a frozen value
 
+    def invalidate(self) -> None:
+        """Accept readings again that were known in advance, after a pause or a restart."""
+        self._newest_ns = self._place = None
+
     def take(self, stamp_ns: int, row: Row, now_ns: int) -> str:
         """Take a row; return "" or the reason for its rejection, counted."""
         fault = self._number_fault(row) or self._stamp_fault(stamp_ns, now_ns)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections import deque
+from collections.abc import Callable
 
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.measured import MOTOR as AT_MOTOR
@@ -24,6 +25,7 @@ from rope_twin.twin.measured.readings import (
     HISTORY_NS,
     MOTOR,
     PAYLOAD,
+    WINCH_SENSORS,
     DepthReadings,
     Measurement,
     Readings,
@@ -41,6 +43,7 @@ FROZEN_SHARE, FROZEN_M = 0.02, 0.5  # by more than this share of a tension, or t
 WAITING_MOST = 5000  # readings of one sensor that may wait for their time
 
 Values = tuple[float, ...]
+Follow = Callable[[str, int, float, float | None], None]
 TENSION, LINE_OUT, DEPTH = "top_tension_n", "line_out_m", "payload_depth_m"
 
 
@@ -95,11 +98,20 @@ class Comparison:
         self._level = 0.0  # from which c counts
         self._equal = (0.0, 0, 0, 0.0, 0.0)  # value, since [ns], readings, range of the computed
 
+    @property
+    def bias(self) -> float:
+        """Known offset of the instrument."""
+        return self._sensor.bias
+
     def offer(self, stamp_ns: int, value: float) -> None:
         """Take an accepted reading; the oldest that waits is dropped if there are too many."""
         self._waiting.append((stamp_ns, value - self._sensor.bias))
         if len(self._waiting) > WAITING_MOST:
             self._waiting.popleft()
+
+    def invalidate(self) -> None:
+        """Drop the readings that wait for their time."""
+        self._waiting.clear()
 
     def look(self, history: History, twin: float | None, rms_share: float | None) -> None:
         """Compare the readings whose time has come.
@@ -219,10 +231,19 @@ class MeasuredInputs:
         self._depths = Comparison(lower, DEPTH, -1, told.payload_depth)
         self._history = History()
 
-    def offer(self, measurement: Measurement, now_ns: int) -> str:
-        """Take a measurement, row by row; return "" or the first reason for a rejection."""
+    def offer(self, measurement: Measurement, now_ns: int, follow: Follow | None = None) -> str:
+        """Take a measurement, row by row; return "" or the first reason for a rejection.
+
+        follow: is given name of the winch, stamp, line out less its offset, and line speed.
+        """
         source, stamp_ns, rows = measurement
-        refusals = [self._offer(source, stamp_ns, row, now_ns) for row in rows]
+        refusals = []
+        for row in rows:
+            refusals.append(self._offer(source, stamp_ns, row, now_ns))
+            name, line_out, speed, _ = row
+            if refusals[-1] or source != WINCH_SENSORS or line_out is None or follow is None:
+                continue
+            follow(name or self.names[0], stamp_ns, line_out - self._lengths[0].bias, speed)
         return next((words for words in refusals if words), "")
 
     def _offer(self, source: str, stamp_ns: int, row: Row, now_ns: int) -> str:
@@ -250,6 +271,13 @@ class MeasuredInputs:
         if place is not None:
             self._lengths[at].offer(stamp_ns, place)
         return ""
+
+    def invalidate(self) -> None:
+        """Drop readings that were known in advance, after a pause or a restart."""
+        for group in self._groups:
+            group.invalidate()
+        for one in (*self._tensions, *self._lengths, self._depths):
+            one.invalidate()
 
     def steps_to_sample(self, steps: int, step_ns: int) -> int:
         """Return after how many steps the next row of the history is due."""

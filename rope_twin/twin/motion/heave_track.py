@@ -174,14 +174,17 @@ class HeaveTrack:
                 self.missing_ns += time_ns - self._asked_ns
             if self._assumed_from is None:
                 self._assumed_from = self._last_known()
-            since_ns, z, v = self._assumed_from
-            left = math.exp((since_ns - time_ns) * 1e-9 / GAP_DECAY_S)
-            self._given = (z + v * GAP_DECAY_S * (1.0 - left), v * left)
+            self._given = self._extrapolated(*self._assumed_from, time_ns)
         self._note(time_ns, known)
         self._on_track = known and not self._rejoining(time_ns)
         self._asked_ns = time_ns
         self._forget(time_ns)
         return self._given
+
+    def _extrapolated(self, since_ns: int, z: float, v: float, time_ns: int) -> tuple[float, float]:
+        """Return position and velocity in a gap that began with these: the velocity decays."""
+        left = math.exp((since_ns - time_ns) * 1e-9 / GAP_DECAY_S)
+        return z + v * GAP_DECAY_S * (1.0 - left), v * left
 
     def _last_known(self) -> tuple[int, float, float]:
         """Return stamp, position and velocity at the start of a gap; zero before any sample."""
@@ -218,8 +221,11 @@ class HeaveTrack:
         z, v = self._measured(time_ns)
         self._error = (self._given[0] - z, self._given[1] - v)
         self._error_ns = time_ns
-        # the cubic's highest speed is 1.5·leap/T
-        self._rejoin_s = max(REJOIN_S, 1.5 * abs(self._error[0]) / REJOIN_SPEED_M_PER_S)
+        self._rejoin_s = self._rejoin_duration()
+
+    def _rejoin_duration(self) -> float:
+        """Return the time of the blending [s]; the cubic's highest speed is 1.5·leap/T."""
+        return max(REJOIN_S, 1.5 * abs(self._error[0]) / REJOIN_SPEED_M_PER_S)
 
     def _rejoining(self, time_ns: int) -> bool:
         return time_ns - self._error_ns < self._rejoin_s * 1e9

@@ -115,6 +115,11 @@ class MultiLineRopes:
         names = [line.from_ for line in self._scene.ropes]
         return self._winches[names.index(name)].take(stamp_ns, command, now_ns)
 
+    def follow(self, name: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
+        """Let the winch of this name have a measured line out [m] and line speed [m/s]."""
+        names = [line.from_ for line in self._scene.ropes]
+        self._winches[names.index(name)].follow(stamp_ns, length_m, speed)
+
     def invalidate(self) -> None:
         """Invalidate commands that were known in advance."""
         for winch in self._winches[1:]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.schema import ScheduleRow, Winch
-from rope_twin.scene.winch import SWITCHES
+from rope_twin.scene.winch import FOLLOWS_MEASURED, SWITCHES
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
 from rope_twin.twin.winch.payout import SpooledRope
@@ -341,7 +341,7 @@ def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[Comm
     instant; switches only at the latter. Before the first motion the speed is zero. Without a
     schedule there are none.
     """
-    if winch is None or not winch.schedule:
+    if winch is None or not winch.schedule or winch.follows == FOLLOWS_MEASURED:
         return []
     from_ns = max(0, from_ns)
     first = -(-from_ns // COMMAND_PERIOD_NS) * COMMAND_PERIOD_NS

@@ -14,7 +14,13 @@ from dataclasses import replace
 from rope_twin.errors import phrase
 from rope_twin.scene.schema import WINCH, RopeLine, Scene
 from rope_twin.scene.validation.rigging import places, winch_of
-from rope_twin.scene.winch import HOLD_SPEED, RAMP_TO_ZERO, SET_THE_BRAKE, SWITCHES
+from rope_twin.scene.winch import (
+    FOLLOWS_MEASURED,
+    HOLD_SPEED,
+    RAMP_TO_ZERO,
+    SET_THE_BRAKE,
+    SWITCHES,
+)
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.snapshot import InputHealth, WinchShot
 from rope_twin.twin.winch.commands import (
@@ -152,6 +158,9 @@ class Winch:
                 )
                 queue.counter.warn(phrase("winch command", what, right), now_ns)
         return refusal
+
+    def follow(self, stamp_ns: int, length_m: float, speed_m_per_s: float | None) -> None:
+        """Take a measured line out that was checked; a winch with commands does not use it."""
 
     def _change_commander(self, kind: str, now_ns: int) -> None:
         """Drop the former commander's plan; if it was lost, act as the scene specifies."""
@@ -369,6 +378,12 @@ class Winch:
 def winch_of_rope(scene: Scene, line: RopeLine) -> Winch:
     """Return the winch at the upper end of a rope; without one its payout is constant."""
     winch = winch_of(scene, line)
+    if winch is not None and winch.follows == FOLLOWS_MEASURED:
+        from rope_twin.twin.winch.following import FollowingWinch  # which derives from Winch
+
+        resolution_m = scene.measured.line_out.resolution_m
+        spooled = _spooled_rope(scene, line)
+        return FollowingWinch(winch, line.length_m, line.from_, spooled, resolution_m)
     return Winch(
         winch,
         line.length_m,

@@ -1,0 +1,98 @@
+"""Measured inputs over DDS: followed, compared, refused, recorded, and replayed to the bit."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ros_bench import Bench, clocks
+from small_scene import SMALL_SCENE
+
+from rope_twin.cadence import SNAPSHOT_TOPICS
+from rope_twin.messages import Level, encode_measurement, read_cloud
+from rope_twin.recording.bag import BagReader
+from rope_twin.recording.exact_replay import Outcome, verify
+from rope_twin.topics import INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC
+from rope_twin.twin.measured.readings import Measurement
+
+pytestmark = pytest.mark.ros
+LISTENED = " ".join([*(topic.name for topic in SNAPSHOT_TOPICS), SESSION_TOPIC, INPUT_LOG_TOPIC])
+SENSORS = "measured: {tension: {uncertainty_n: 500.0}, line_out: {uncertainty_m: 0.05}}\n"
+AHEAD_NS, EVERY_NS, UNTIL_NS = 400_000_000, 50_000_000, 4_000_000_000
+
+
+def line(t: float) -> tuple[float, float]:
+    """The winch pays out and back by 0.2 m, from rest."""
+    return 200.0 + 0.1 * (1.0 - math.cos(2.0 * t)), 0.2 * math.sin(2.0 * t)
+
+
+def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_path: Path) -> None:
+    scene = tmp_path / "measured.yaml"
+    scene.write_text(SMALL_SCENE + SENSORS)
+    recorder = bench.make("recorder", out=str(tmp_path / "bag"))
+    recorder.begin()
+    node = bench.make(
+        "simulation", scene=str(scene), follow_measured=True, wait_for=LISTENED, wait_for_s=60.0
+    )
+    publishers = {topic: bench.publisher(topic) for topic in MEASURED_TOPICS}
+    residuals, lengths = bench.listen("residuals"), bench.listen("ropes/length")
+    bench.until(
+        lambda: all(one.get_subscription_count() > 1 for one in publishers.values()),
+        "both listeners of every input",
+    )
+    node.begin()
+    bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
+    sent_ns = 0
+
+    def send(stamp_ns: int, *told: Measurement) -> None:
+        for one in told:
+            topic, data = encode_measurement(node.paced.epoch_ns + stamp_ns, one)
+            publishers[topic].publish(data)
+
+    while (now_ns := node.paced.last.stamp_ns) < UNTIL_NS:
+        while sent_ns < now_ns + AHEAD_NS:
+            length, speed = line(sent_ns * 1e-9)
+            send(
+                sent_ns,
+                Measurement.of_winch(0, length, speed, 9e4),
+                Measurement.of_motor(0, 9.5e4),
+                Measurement.of_depth(0, 200.0),
+            )
+            sent_ns += EVERY_NS
+        bench.executor.spin_once(timeout_sec=0.02)
+    send(sent_ns, Measurement.of_winch(0, 5000.0))
+    publishers["winch/measured"].publish(b"no message")
+
+    def rows() -> dict[str, Any]:
+        return {row.name: row for row in node.paced.rows(clocks())}
+
+    bench.until(
+        lambda: rows()["simulation: input winch measured"].values["refused"] == "1", "a refusal"
+    )
+    assert "0 to 400 m out" in rows()["simulation: input winch measured"].message
+    assert rows()["simulation: messages"].level is Level.WARN
+    table = {row["name"].decode(): row for row in read_cloud(residuals[-1])}
+    assert set(table) == {"top_tension_n winch", "line_out_m winch", "payload_depth_m tool"}
+    assert abs(table["line_out_m winch"]["mean"]) < 0.01
+    assert table["top_tension_n winch"]["mean"] == pytest.approx(9e4 - 7.4e4, abs=1e3)
+    assert math.isnan(table["payload_depth_m tool"]["upper"])
+    steps = [message.position[0] for message in lengths]
+    assert max(steps) == pytest.approx(200.2, abs=0.01)
+    node.close()
+    heard = -1
+    while recorder.received != heard:
+        heard = recorder.received
+        for _ in range(5):
+            bench.executor.spin_once(timeout_sec=0.05)
+    recorder.close()
+    with BagReader(tmp_path / "bag") as bag:
+        topics = {name.removeprefix("/") for name in bag.topics}
+    assert topics >= {*MEASURED_TOPICS, "residuals"}
+    found = verify(tmp_path / "bag")
+    assert found.difference is None, str(found.difference)
+    assert found.outcome is Outcome.EQUAL
+    assert found.compared["residuals"] > 20
+    assert found.applied["winch/measured"] > 50
+    assert not found.unrecorded
