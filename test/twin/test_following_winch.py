@@ -137,7 +137,7 @@ def test_a_hole_of_19_s_makes_no_jump(at_rest: Twin) -> None:
     assert gap.inputs["line_following"].stale
     rows = {row.name: row for row in statuses(gap, None)}
     assert rows["simulation: input line following"].level is Level.ERROR
-    assert rows["simulation: input winch measured"].level is Level.ERROR
+    assert rows["simulation: input winch measured"].level is Level.WARN
     dt = STEP_NS * 1e-9
     assert np.abs(np.diff(line) / dt).max() < 1.5 + 0.5
     assert np.abs(np.diff(speed) / dt).max() < 0.3 * 1.02
@@ -201,6 +201,21 @@ def test_commands_are_refused_and_the_study_is_not_claimed(at_rest: Twin) -> Non
     lonely.advance(400)
     health = lonely.snapshot().inputs["line_following"]
     assert health.fault == "no line out was measured yet; the line stands"
+
+
+def test_readings_that_come_too_late_are_told(at_rest: Twin) -> None:
+    """They are compared all the same; the line stands, and the row says what to do."""
+    twin = at_rest.branch()
+    for k in range(40):
+        twin.advance(20)
+        told = Measurement.of_winch(twin.time_ns - 100 * MS, MEAN_M + 0.01 * (k % 2), 0.0)
+        assert twin.offer_measurement(told) == ""
+    shot = twin.snapshot()
+    row = next(one for one in statuses(shot, None) if "line following" in one.name)
+    assert row.level is Level.ERROR
+    assert "0.10 s after it was needed" in row.message
+    assert "input_delay_s" in row.message
+    assert len(shot.residuals) == 1
 
 
 def test_a_run_resumes_from_a_saved_state_and_goes_on_after_a_pause(at_rest: Twin) -> None:

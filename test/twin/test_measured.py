@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from rope_twin.messages import Encoder, Level, encode_measurement, read_cloud, s
 from rope_twin.messages.cdr import deserialise
 from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.residuals import residuals_status
+from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME, MEASURED_TOPICS
@@ -209,7 +211,7 @@ def test_a_jump_is_refused_and_a_hole_is_none(scene: Scene) -> None:
     jump = inputs.offer(Measurement.of_winch(50_000_000, 201.0), 50_000_000)
     assert "line out changes by +1.00 m in 0.05 s" in jump
     later = 19_050_000_000
-    assert inputs.health(later)["winch_measured"].stale
+    assert "no reading for 19.1 s" in inputs.health(later)["winch_measured"].warning
     assert inputs.offer(Measurement.of_winch(later, 220.0), later) == ""
     assert inputs.health(later)["winch_measured"].warning == ""
     again = later + 19_000_000_000
@@ -281,6 +283,11 @@ def test_messages_carry_what_was_measured_and_the_residuals(at_rest: Twin) -> No
     assert line["upper"] == pytest.approx(1.96 * 0.05)
     assert math.isnan(tension["twin"])
     assert any(row.name == "simulation: residuals" for row in statuses(shot, None))
+    summary = summarise(twin, shot, None)
+    (told, _) = json.loads(summary.as_json())["residuals"]
+    assert (told["residual"], told["twin"]) == (shot.residuals[0].residual, None)
+    assert "top tension of 'winch': measured 79.50 kN" in summary.as_text()
+    assert RunSummary.from_values(summary.row().values) == summary
 
 
 @pytest.mark.parametrize("topic", MEASURED_TOPICS)

@@ -107,6 +107,25 @@ def test_the_parts_of_a_winch_are_curves_by_their_unit(session: Session) -> None
     assert not [name for name in found.entities if "target" in name]
 
 
+def test_measured_values_are_drawn_beside_computed_ones(session: Session) -> None:
+    """At the time of the reading, once, though the table is published again and again."""
+    session.epoch()
+    for k in range(3):
+        shot = hanging_rope(21, time_s=2.5 + 0.1 * k)  # with a reading of 2.4 s
+        arrived_ns = EPOCH_NS + shot.stamp_ns
+        session.show("residuals", session.encoder.encode("residuals", shot), arrived_ns)
+    found = session.finish()
+    for curve, value in (
+        ("measured/tension/winch/measured", 321.0),
+        ("measured/tension/winch/computed", 320.8),
+        ("residual/tension/winch/residual", 0.2),
+        ("residual/tension/winch/upper", 1.5),
+    ):
+        ((drawn,),) = found.column(f"plots/{curve}", "Scalars:scalars")
+        assert drawn == pytest.approx(value)
+        assert found.seconds(f"plots/{curve}") == [pytest.approx(2.4)]
+
+
 def test_two_lines_are_shown_with_their_crossings(session: Session) -> None:
     """Curves of distance, height and angle, a point in the picture, events in the log."""
     session.epoch()

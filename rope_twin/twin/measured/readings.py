@@ -97,13 +97,13 @@ class Readings:
         return ""
 
     def health(self, now_ns: int) -> InputHealth:
-        """Return counts, age and warnings."""
-        stale = self.stale(now_ns)
-        newest_ns = self._newest_ns or 0
-        missing = f"no reading for {(now_ns - newest_ns) * 1e-9:.1f} s; nothing is compared"
-        self.counter.say(missing if stale else "")
-        judged = UNJUDGED._replace(warning=self.warning) if self.warning else UNJUDGED
-        return self.counter.health(now_ns, stale, judged)
+        """Return counts, age and warnings; without readings the twin itself is not at fault."""
+        words = [self.warning] if self.warning else []
+        if self._newest_ns is not None and self.stale(now_ns):
+            gap_s = (now_ns - self._newest_ns) * 1e-9
+            words.append(f"no reading for {gap_s:.1f} s; nothing is compared")
+        judged = UNJUDGED._replace(warning="; ".join(words)) if words else UNJUDGED
+        return self.counter.health(now_ns, False, judged)
 
     def stale(self, now_ns: int) -> bool:
         """Return whether readings have been missing for longer than is usual for the sensor."""

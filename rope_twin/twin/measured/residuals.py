@@ -217,6 +217,7 @@ class MeasuredInputs:
         lines = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in hung]
         self.names = tuple(line.from_ for _, line in lines)
         self.active = False  # whether a reading was accepted
+        self._heard = False  # whether a reading came
         self._motor_tells = told.tension.at == AT_MOTOR
         self._winches = tuple(WinchReadings(scene, line, "") for _, line in lines)
         self._motors = tuple(WinchReadings(scene, line, MOTOR) for _, line in lines)
@@ -237,6 +238,7 @@ class MeasuredInputs:
         follow: is given name of the winch, stamp, line out less its offset, and line speed.
         """
         source, stamp_ns, rows = measurement
+        self._heard = True
         refusals = []
         for row in rows:
             refusals.append(self._offer(source, stamp_ns, row, now_ns))
@@ -315,6 +317,8 @@ class MeasuredInputs:
 
     def health(self, now_ns: int) -> dict[str, InputHealth]:
         """Return the health of each sensor group that has sent anything."""
+        if not self._heard:
+            return {}
         for at, one in enumerate(self._winches):
             tells = () if self._motor_tells else (self._tensions[at],)
             frozen = [part.frozen for part in (*tells, self._lengths[at])]

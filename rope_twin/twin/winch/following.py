@@ -50,7 +50,6 @@ class LineTrack(HeaveTrack):
         # it stood until now, so that a first reading that differs is led over to
         self._asked_ns, self._given, self._assumed_from = 0, (length_m, 0.0), (0, length_m, 0.0)
         self.remark = ""  # on a difference of the line from the measured one
-        self.too_late = 0  # readings that came after they were needed
 
     @property
     def newest_ns(self) -> int | None:
@@ -60,8 +59,13 @@ class LineTrack(HeaveTrack):
     def take(self, stamp_ns: int, length_m: float, speed_m_per_s: float | None) -> None:
         """Take a reading that was checked."""
         now = self._asked_ns
-        if (self._stamps and stamp_ns <= self._stamps[-1]) or (now is not None and stamp_ns < now):
-            self.too_late += 1
+        if now is not None and stamp_ns < now:
+            late_s = (now - stamp_ns) * 1e-9
+            what = f"a reading came {late_s:.2f} s after it was needed and is only compared"
+            right = "raise input_delay_s by more than that"
+            self.counter.warn(phrase("line following", what, right), now)
+            return
+        if self._stamps and stamp_ns <= self._stamps[-1]:
             return
         recent = self._recent
         if recent and stamp_ns - recent[-1][0] > HOLE_NS:
@@ -233,7 +237,7 @@ class FollowingWinch(Winch):
         track.counter.say(track.remark)
         judged = UNJUDGED
         if track.newest_ns is None:
-            if now_ns > REQUIRED_NS:
+            if now_ns > REQUIRED_NS:  # with the warning of the counter, such as: all came too late
                 judged = judged._replace(fault=track.remark)
         elif track.remark and not track.stale(now_ns):
             judged = judged._replace(warning=track.remark)
