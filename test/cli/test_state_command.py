@@ -20,7 +20,7 @@ from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.summary import RunSummary
 from rope_twin.run.unpaced import run_unpaced
-from rope_twin.topics import TOPICS, WINCH_TOPICS
+from rope_twin.topics import MEASURED_TOPICS, TOPICS, WINCH_TOPICS
 from rope_twin.twin.saving.saved_state import load_state
 
 SCENE = "shallow_lift"
@@ -31,7 +31,7 @@ OF_ONE_BAG = ("diagnostics", "twin/epoch", "winch/seat", "twin/session", "twin/i
 # by a scene of heave and speeds only, with no bed, no topic of current and no error interval
 NOT_TOLD = {
     "current", "ship/odometry", "seabed/contact", "ropes/vibration",
-    "ropes/fatigue", "ropes/cut", *WINCH_TOPICS,
+    "ropes/fatigue", "ropes/cut", *WINCH_TOPICS, *MEASURED_TOPICS,
 } - {"winch/speed_command"}  # fmt: skip
 COMPARED = [topic.name for topic in TOPICS if topic.name not in OF_ONE_BAG and not topic.only_with]
 
