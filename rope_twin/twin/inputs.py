@@ -177,10 +177,8 @@ class TwinInputs:
     def offer_measurement(self, measurement: Measurement) -> str:
         """Submit measured values; return "" or the (first) reason for a rejection."""
         with self.lock:
-            name = self.measured.names[0] if self.measured.names else ""
-            rows = tuple(
-                (name if row[0] == WINCH else row[0], *row[1:]) for row in measurement.rows
-            )
+            called = self.winch_called  # "" stays: the only winch, or a fault
+            rows = tuple((row[0] and called(row[0]), *row[1:]) for row in measurement.rows)
             told = measurement._replace(rows=rows)
             return self.measured.offer(told, self._clock.time_ns, self._follow)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +19,14 @@ from rope_twin.messages.cdr import deserialise
 from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.residuals import residuals_status
 from rope_twin.run.summary import RunSummary, summarise
+from rope_twin.scene.card import KnownError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME, MEASURED_TOPICS
 from rope_twin.twin.input_queue import InputQueue, LogEntry, apply, calls_of, plain_calls
 from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.measured.residuals import DEPTH, LINE_OUT, SAMPLE_NS, TENSION, MeasuredInputs
+from rope_twin.twin.results import TensionInterval
 from rope_twin.twin.saving.saved_state import decode_state
 from rope_twin.twin.snapshot import Residual, Snapshot
 from rope_twin.twin.twin import Twin
@@ -229,6 +232,38 @@ def test_a_frozen_cell_is_noticed(scene: Scene) -> None:
             inputs.offer(Measurement.of_winch(t_ns, tension_n=1.0e5), t_ns)
         inputs.residuals(shot)
         assert ("frozen" in inputs.health(10**10)["winch_measured"].warning) == frozen
+
+
+def test_a_frozen_counter_is_noticed_by_the_line_speed(scene: Scene) -> None:
+    """0.5 m/s for 0.5 s are 0.25 m, more than slip and resolution explain."""
+    for speed, frozen in ((0.5, True), (0.0, False)):
+        inputs = MeasuredInputs(scene)
+        for k in range(12):
+            inputs.offer(Measurement.of_winch(k * 50_000_000, 200.0, speed), k * 50_000_000)
+        warning = inputs.health(600_000_000)["winch_measured"].warning
+        assert ("frozen: line out 200 m" in warning) == frozen
+
+
+def test_the_interval_has_the_twins_own_error_where_it_is_known(scene: Scene) -> None:
+    """By the study: 2 % of the standard deviation of a sine of 1 kN; else by the error interval."""
+    shot = replace(Twin(scene).snapshot(), card_error=KnownError(2.0, 1.0, "by a study"))
+    interval = TensionInterval(1e5 - 98.0, 1e5 + 98.0, 98.0, 10.0)
+    for now, twin in (
+        (shot, 0.02 * 1e3 / math.sqrt(2.0)),
+        (replace(shot, error_interval=interval), 50.0),
+        (replace(shot, card_error=KnownError()), None),
+    ):
+        inputs = MeasuredInputs(scene)
+        for k in range(1000):
+            t_ns = k * 50_000_000
+            computed = 1e5 + 1e3 * math.sin(2.0 * math.pi * k / 100.0)
+            inputs.record(t_ns, (computed, 200.0, 190.0))
+            inputs.offer(Measurement.of_winch(t_ns, tension_n=computed), t_ns)
+            (one,) = inputs.residuals(now)
+        assert one.instrument == pytest.approx(math.hypot(200.0, 1e-3 * one.measured))
+        assert one.twin == (None if twin is None else pytest.approx(twin, rel=1e-3))
+        both = math.hypot(one.instrument or 0.0, one.twin or 0.0)
+        assert one.half_width == pytest.approx(1.96 * both)
 
 
 def test_a_run_repeats_from_its_log_and_from_a_saved_state(at_rest: Twin) -> None:

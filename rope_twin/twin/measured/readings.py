@@ -76,6 +76,8 @@ class Readings:
         self._interval_ns = 0
         self._place: tuple[int, float] | None = None  # newest stamp and value of line out or depth
         self.warning = ""  # on the sensor itself, such as a frozen value
+        # line out that repeats: since when [ns], and how far the line speed says it moved [m]
+        self._still: tuple[int, float] | None = None
 
     def invalidate(self) -> None:
         """Accept readings again that were known in advance, after a pause or a restart."""
@@ -92,9 +94,30 @@ class Readings:
             self._interval_ns = stamp_ns - self._newest_ns
         self._newest_ns = stamp_ns
         if row[1] is not None:
+            self._note_still(stamp_ns, row)
             self._place = stamp_ns, row[1]
         self.counter.accept(stamp_ns)
         return ""
+
+    def _note_still(self, stamp_ns: int, row: Row) -> None:
+        """Add up the measured speed while the measured place stays equal."""
+        _, place, speed, _ = row
+        if self._place is None or place != self._place[1] or speed is None:
+            self._still = None
+            return
+        since_ns, moved = self._still or (self._place[0], 0.0)
+        self._still = since_ns, moved + speed * (stamp_ns - self._place[0]) * 1e-9
+
+    @property
+    def stands(self) -> str:
+        """Return the warning on a place that stays equal although the line runs, or ""."""
+        if self._still is None or self._place is None or abs(self._still[1]) <= self._slip_m:
+            return ""
+        seconds = (self._place[0] - self._still[0]) * 1e-9
+        what = f"frozen: {self._quantity} {self._place[1]:g} m for {seconds:.1f} s"
+        return f"{what}, while the measured speed moves the line by {self._still[1]:+.2f} m"
+
+    _slip_m = math.inf  # by so much it may move unseen
 
     def health(self, now_ns: int) -> InputHealth:
         """Return counts, age and warnings; without readings the twin itself is not at fault."""
@@ -174,7 +197,7 @@ class WinchReadings(Readings):
         super().__init__(name + suffix, "winch/motor_tension" if motor else "winch/measured")
         winch, counter = winch_of(scene, line), scene.measured.line_out
         self._most_m = line.length_m if winch is None else winch.most_line_out_m
-        self._jump_m = JUMP_M + counter.resolution_m
+        self._jump_m = self._slip_m = JUMP_M + counter.resolution_m
         self._bias_m = counter.bias_m
         self._speed = 0.0 if winch is None else winch.speed_limit_m_per_s
         if winch is not None and winch.heave_compensation is not None:

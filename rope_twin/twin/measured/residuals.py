@@ -321,7 +321,7 @@ class MeasuredInputs:
             return {}
         for at, one in enumerate(self._winches):
             tells = () if self._motor_tells else (self._tensions[at],)
-            frozen = [part.frozen for part in (*tells, self._lengths[at])]
+            frozen = [one.stands, *(part.frozen for part in (*tells, self._lengths[at]))]
             one.warning = "; ".join(words for words in frozen if words)
         if self._motor_tells:
             for motor, part in zip(self._motors, self._tensions, strict=True):
