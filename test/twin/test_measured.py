@@ -234,14 +234,21 @@ def test_a_frozen_cell_is_noticed(scene: Scene) -> None:
         assert ("frozen" in inputs.health(10**10)["winch_measured"].warning) == frozen
 
 
-def test_a_frozen_counter_is_noticed_by_the_line_speed(scene: Scene) -> None:
-    """0.5 m/s for 0.5 s are 0.25 m, more than slip and resolution explain."""
-    for speed, frozen in ((0.5, True), (0.0, False)):
-        inputs = MeasuredInputs(scene)
-        for k in range(12):
-            inputs.offer(Measurement.of_winch(k * 50_000_000, 200.0, speed), k * 50_000_000)
-        warning = inputs.health(600_000_000)["winch_measured"].warning
-        assert ("frozen: line out 200 m" in warning) == frozen
+@pytest.mark.parametrize(
+    ("speed", "share", "doubted"),
+    [(0.5, 1.0, False), (0.5, 0.0, True), (0.5, -1.0, True), (0.0, 0.0, False), (0.5, 0.95, False)],
+    ids=["sound", "frozen", "sign", "at rest", "5 % of scale"],
+)
+def test_line_out_and_line_speed_are_compared(
+    speed: float, share: float, doubted: bool, scene: Scene
+) -> None:
+    """Of a counter that stands, or counts the other way, the speed is not used to follow."""
+    inputs, given = MeasuredInputs(scene), []
+    for k in range(200):
+        told = Measurement.of_winch(k * 50_000_000, 200.0 + share * speed * 0.05 * k, speed)
+        assert inputs.offer(told, k * 50_000_000, lambda *one: given.append(one)) == ""
+    assert (given[-1][3] is None) == doubted
+    assert ("another unit or sign" in inputs.health(10**10)["winch_measured"].warning) == doubted
 
 
 def test_the_interval_has_the_twins_own_error_where_it_is_known(scene: Scene) -> None:

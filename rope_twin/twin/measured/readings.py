@@ -9,6 +9,7 @@ not explain is reported as a warning.
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import NamedTuple, Self
 
 from rope_twin.errors import phrase
@@ -30,6 +31,8 @@ JUMP_M = 0.2  # allowed sudden change of the line out: slip and resolution of a 
 FASTEST_M_PER_S = 10.0  # line speed of a winch that can render or slip, and speed of a payload
 DEPTH_JUMP_M, DEPTH_JUMP_SIGMAS = 5.0, 6.0  # scatter of acoustic positioning
 ABOVE_WATER_M = 50.0
+WAY_NS = 5_000_000_000  # over which line out and line speed are compared
+WAY_SHARE, WAY_LAG_S = 0.1, 0.3  # allowed: scale error and delay of the line speed
 TENSION_RANGE = -0.2, 2.0  # of the MBL: an offset may make an unloaded cell negative
 
 
@@ -76,12 +79,14 @@ class Readings:
         self._interval_ns = 0
         self._place: tuple[int, float] | None = None  # newest stamp and value of line out or depth
         self.warning = ""  # on the sensor itself, such as a frozen value
-        # line out that repeats: since when [ns], and how far the line speed says it moved [m]
-        self._still: tuple[int, float] | None = None
+        self.speed_doubt = ""  # why the measured speed does not fit the measured place
+        # of the last WAY_NS: stamp, place [m], integral of the speed [m] and speed [m/s]
+        self._ways: deque[tuple[int, float, float, float]] = deque()
 
     def invalidate(self) -> None:
         """Accept readings again that were known in advance, after a pause or a restart."""
         self._newest_ns = self._place = None
+        self._ways.clear()
 
     def take(self, stamp_ns: int, row: Row, now_ns: int) -> str:
         """Take a row; return "" or the reason for its rejection, counted."""
@@ -94,30 +99,36 @@ class Readings:
             self._interval_ns = stamp_ns - self._newest_ns
         self._newest_ns = stamp_ns
         if row[1] is not None:
-            self._note_still(stamp_ns, row)
+            self._note_way(stamp_ns, row)
             self._place = stamp_ns, row[1]
         self.counter.accept(stamp_ns)
         return ""
 
-    def _note_still(self, stamp_ns: int, row: Row) -> None:
-        """Add up the measured speed while the measured place stays equal."""
+    def _note_way(self, stamp_ns: int, row: Row) -> None:
+        """Compare the change of the measured place with the integral of the measured speed."""
         _, place, speed, _ = row
-        if self._place is None or place != self._place[1] or speed is None:
-            self._still = None
+        if place is None or speed is None:
             return
-        since_ns, moved = self._still or (self._place[0], 0.0)
-        self._still = since_ns, moved + speed * (stamp_ns - self._place[0]) * 1e-9
-
-    @property
-    def stands(self) -> str:
-        """Return the warning on a place that stays equal although the line runs, or ""."""
-        if self._still is None or self._place is None or abs(self._still[1]) <= self._slip_m:
-            return ""
-        seconds = (self._place[0] - self._still[0]) * 1e-9
-        what = f"frozen: {self._quantity} {self._place[1]:g} m for {seconds:.1f} s"
-        return f"{what}, while the measured speed moves the line by {self._still[1]:+.2f} m"
-
-    _slip_m = math.inf  # by so much it may move unseen
+        ways = self._ways
+        ran = 0.0
+        if ways:
+            seconds = (stamp_ns - ways[-1][0]) * 1e-9
+            ran = ways[-1][2] + 0.5 * (ways[-1][3] + speed) * seconds
+            if seconds > HOLE_NS * 1e-9:
+                ways.clear()
+        ways.append((stamp_ns, place, ran, speed))
+        while stamp_ns - ways[0][0] > WAY_NS:
+            ways.popleft()
+        since_ns, place_before, ran_before, _ = ways[0]
+        moved, ran = place - place_before, ran - ran_before
+        speeds = [one[3] for one in ways]
+        allowed = self._slip_m + WAY_SHARE * abs(ran) + WAY_LAG_S * (max(speeds) - min(speeds))
+        self.speed_doubt = ""
+        if abs(moved - ran) > allowed:
+            self.speed_doubt = (
+                f"in {(stamp_ns - since_ns) * 1e-9:.1f} s the {self._quantity} changed by "
+                f"{moved:+.2f} m, by the line speed {ran:+.2f} m: frozen, or another unit or sign?"
+            )
 
     def health(self, now_ns: int) -> InputHealth:
         """Return counts, age and warnings; without readings the twin itself is not at fault."""
@@ -179,6 +190,7 @@ class Readings:
         return None
 
     _quantity = ""
+    _slip_m = math.inf  # by so much place and integral of the speed may differ
 
     def _allowed_m(self, seconds: float) -> float:
         raise NotImplementedError

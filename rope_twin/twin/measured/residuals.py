@@ -235,7 +235,8 @@ class MeasuredInputs:
     def offer(self, measurement: Measurement, now_ns: int, follow: Follow | None = None) -> str:
         """Take a measurement, row by row; return "" or the first reason for a rejection.
 
-        follow: is given name of the winch, stamp, line out less its offset, and line speed.
+        follow: is given name of the winch, stamp, line out less its offset, and line speed (None:
+        not measured, or in contradiction to the line out).
         """
         source, stamp_ns, rows = measurement
         self._heard = True
@@ -245,7 +246,10 @@ class MeasuredInputs:
             name, line_out, speed, _ = row
             if refusals[-1] or source != WINCH_SENSORS or line_out is None or follow is None:
                 continue
-            follow(name or self.names[0], stamp_ns, line_out - self._lengths[0].bias, speed)
+            name = name or self.names[0]
+            if self._winches[self.names.index(name)].speed_doubt:
+                speed = None
+            follow(name, stamp_ns, line_out - self._lengths[0].bias, speed)
         return next((words for words in refusals if words), "")
 
     def _offer(self, source: str, stamp_ns: int, row: Row, now_ns: int) -> str:
@@ -321,7 +325,7 @@ class MeasuredInputs:
             return {}
         for at, one in enumerate(self._winches):
             tells = () if self._motor_tells else (self._tensions[at],)
-            frozen = [one.stands, *(part.frozen for part in (*tells, self._lengths[at]))]
+            frozen = [one.speed_doubt, *(part.frozen for part in (*tells, self._lengths[at]))]
             one.warning = "; ".join(words for words in frozen if words)
         if self._motor_tells:
             for motor, part in zip(self._motors, self._tensions, strict=True):
