@@ -17,6 +17,7 @@ REQUIRES = [
     "mcap>=1.6",
     "zstandard>=0.22",
     "rosbags>=0.11,<0.12",
+    "pyserial>=3.5",  # feeds from serial lines
 ]
 # Under a sourced ROS installation rclpy is the system's; elsewhere it comes as wheels.
 ROS_WHEELS = ["ros-rclpy[fastrtps]==9.1.2", "ros-common-interfaces==5.5.1"]
@@ -92,6 +93,7 @@ setup(
             "simulation_node = rope_twin.ros.simulation_node:main",
             "sea_state_node = rope_twin.ros.sea_state_node:main",
             "winch_schedule_node = rope_twin.ros.winch_schedule_node:main",
+            "feed_node = rope_twin.ros.feed_node:main",
             "recorder_node = rope_twin.ros.recorder_node:main",
             "viewer_node = rope_twin.ros.viewer_node:main",
         ]

@@ -16,16 +16,19 @@ from rope_twin.ros import params
 from rope_twin.topics import QOS_ROWS, SERVICES, TOPICS
 
 PACKAGE = Path(rope_twin.__file__).parent
-ROW = re.compile(r"(simulation|recorder): ?[a-z -]*")
+ROW = re.compile(r"(simulation|recorder|feed): ?[a-z -]*")
 NODES = {
     "simulation": params.SimulationParams,
     "sea_state": params.SeaStateParams,
     "winch_schedule": params.WinchScheduleParams,
+    "feed": params.FeedParams,
     "recorder": params.RecorderParams,
     "viewer": params.ViewerParams,
 }
 # What a row reports, in the terms of a reader of /diagnostics; test/docs holds the list complete.
 ROWS_MEAN = {
+    "feed: ...": "one row per instrument: accepted and refused lines by reason, holes; ERROR while "
+    "it is silent or not connected",
     "recorder: bag": "progress of the recording; ERROR if the bag cannot be written",
     "simulation: accuracy": "bound of the discretisation error of the top tension, or why unknown",
     "simulation: bend": "minimum bend radius of each line; WARN below the permitted one",

@@ -35,7 +35,7 @@ from rope_twin.sea.ship_motion import (
 from rope_twin.sea.tables import Vector
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_series import HeaveSeries
-from rope_twin.twin.motion.ship_pose import Quaternion, ShipPose, Vector3, turned
+from rope_twin.twin.motion.ship_pose import ShipPose, Vector3, attitude, body_rates, turned
 
 Floats = NDArray[np.float64]
 
@@ -220,10 +220,10 @@ class ShipOnWaves(ComputedSea):
     def pose(self, stamp_ns: int) -> ShipPose:
         """Return the pose at a time, computed by itself: bit-identical in whatever interval."""
         moved, rate = (part.tolist() for part in self.freedoms(stamp_ns * 1e-9))
-        x, y, z, w = _quaternion(*moved[3:])
+        x, y, z, w = attitude(*moved[3:])
         orientation = (*self._from_bow(x, y), z, w)
         velocity = turned((-orientation[0], -orientation[1], -z, w), self._in_sea(rate[:3]))
-        spin = self._in_sea(_body_rates(moved[3], moved[4], rate[3:]))
+        spin = self._in_sea(body_rates(moved[3], moved[4], rate[3:]))
         return ShipPose(stamp_ns, self._in_sea(moved[:3]), velocity, orientation, spin)
 
     def _from_bow(self, forward: float, port: float) -> tuple[float, float]:
@@ -244,29 +244,6 @@ def wave_at(waves: Waves, x: float, y: float) -> NDArray[np.complex128]:
     """Return a·exp(-i(k·x + φ)) of each component at a position [m], (components,)."""
     along = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
     return np.asarray(waves.amplitude_m * np.exp(-1j * (along + waves.phase)))
-
-
-def _quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return the quaternion x, y, z, w of yaw, then pitch, then roll about the rotated axes."""
-    a, d = cos(0.5 * roll), sin(0.5 * roll)
-    b, e = cos(0.5 * pitch), sin(0.5 * pitch)
-    c, f = cos(0.5 * yaw), sin(0.5 * yaw)
-    return (
-        d * b * c - a * e * f, a * e * c + d * b * f, a * b * f - d * e * c, a * b * c + d * e * f,
-    )  # fmt: skip
-
-
-def _body_rates(roll: float, pitch: float, rates: Sequence[float]) -> Vector3:
-    """Return the angular velocity in body axes from the rates of roll, pitch and yaw.
-
-    Fossen (2011), Handbook of Marine Craft Hydrodynamics, eq. 2.26.
-    """
-    p, q, r = rates
-    return (
-        p - sin(pitch) * r,
-        cos(roll) * q + cos(pitch) * sin(roll) * r,
-        cos(pitch) * cos(roll) * r - sin(roll) * q,
-    )
 
 
 class WayOfHangOff:

@@ -167,6 +167,19 @@ class ViewerParams:
     )
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FeedParams:
+    """Parameters of the feed node."""
+
+    settings: str = text("settings of the instruments: name in config/feeds/ or path of a file", "")
+    feed: str = text("name of the only feed of the file to run; empty: all", "")
+    source: str = text("source in place of that in the settings; empty: that one", "")
+    speed: float = quantity("speed at which a file is replayed; 0: as fast as possible", "", 0.0,
+                            1000.0, default=1.0)  # fmt: skip
+    stop_after_s: float = quantity("real time after which to stop; 0: never", "s", 0.0, 1e7,
+                                   default=0.0)  # fmt: skip
+
+
 # Publishing nodes are shut down first, subscribing ones last.
 END_ORDER = ("simulation", "sea_state", "winch_schedule", "viewer", "recorder")
 

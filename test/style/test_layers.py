@@ -21,7 +21,7 @@ FLOORS = (
     ("effects", "vortex"),
     ("scene",),
     ("twin",),
-    ("topics", "cadence", "messages", "recording", "view"),
+    ("topics", "cadence", "messages", "recording", "view", "feeds"),
     ("run",),
     ("ros",),
     ("studies",),

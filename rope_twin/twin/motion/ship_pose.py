@@ -11,6 +11,7 @@ approximation.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rope_twin.errors import phrase
@@ -99,6 +100,29 @@ def hang_off_motion(pose: ShipPose, arm_m: Vector3) -> tuple[Vector3, Vector3]:
     tx, ty, tz = turned(pose.orientation, arm_m)
     moving = (vx + wy * rz - wz * ry, vy + wz * rx - wx * rz, vz + wx * ry - wy * rx)
     return (px + tx - rx, py + ty - ry, pz + tz - rz), turned(pose.orientation, moving)
+
+
+def attitude(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Return the quaternion x, y, z, w of yaw, then pitch, then roll about the rotated axes."""
+    a, d = math.cos(0.5 * roll), math.sin(0.5 * roll)
+    b, e = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
+    c, f = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
+    return (
+        d * b * c - a * e * f, a * e * c + d * b * f, a * b * f - d * e * c, a * b * c + d * e * f,
+    )  # fmt: skip
+
+
+def body_rates(roll: float, pitch: float, rates: Sequence[float]) -> Vector3:
+    """Return the angular velocity in body axes from the rates of roll, pitch and yaw.
+
+    Fossen (2011), Handbook of Marine Craft Hydrodynamics, eq. 2.26.
+    """
+    p, q, r = rates
+    return (
+        p - math.sin(pitch) * r,
+        math.cos(roll) * q + math.cos(pitch) * math.sin(roll) * r,
+        math.cos(pitch) * math.cos(roll) * r - math.sin(roll) * q,
+    )
 
 
 def turned(orientation: Quaternion, vector: Vector3) -> Vector3:

@@ -1,0 +1,199 @@
+"""`rope_twin feed`: read line monitors and motion sensors, publish them, or play them."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import queue
+import sys
+import time
+from typing import Any
+
+from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.errors import InputError, phrase
+from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
+from rope_twin.feeds.conversion import LineSample, Sample
+from rope_twin.feeds.instrument import Instrument
+from rope_twin.feeds.readings import clock_of
+from rope_twin.feeds.transports import open_source
+from rope_twin.run.arguments import add_command, add_duration, add_json
+from rope_twin.run.progress import StopSignal
+
+_POLL_S = 0.1
+EXAMPLES = (
+    "feed winch.log --settings lci90i_pounds --speed 0",
+    "feed udp://0.0.0.0:6224 --settings lci90i_pounds --publish",
+    "feed serial:/dev/ttyUSB0@9600 --settings tss1 --duration 1min --json",
+    "feed udp://127.0.0.1:6224 --settings lci90i_pounds --simulate",
+)
+MORE = """Reads the lines of instruments and prints what they mean in SI units, or publishes it
+for the simulation with --publish. A settings file (a name in config/feeds/ or a path) states
+format, units and signs of each instrument; none of them has a default. Lines that are cut, wrong or
+impossible are refused and counted by reason.
+
+SOURCE is a FILE, udp://HOST:PORT (a multicast group is joined), tcp://HOST:PORT or
+serial:DEVICE@BAUD; without it that of the settings. A file is replayed at the pace of the times in
+it.
+
+With --simulate winch and ship of a running simulation are sent to SOURCE as such lines."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `feed`."""
+    about = "read line monitors and motion sensors: print, publish or simulate them"
+    parser = add_command(subparsers, "feed", about, EXAMPLES, MORE)
+    parser.add_argument("source", metavar="SOURCE", nargs="?", default="", help="source of lines")
+    parser.add_argument(
+        "--settings", metavar="NAME", required=True, help="a name in config/feeds/ or a YAML file"
+    )
+    parser.add_argument(
+        "--feed", metavar="NAME", default="", help="feed of the settings, if several"
+    )
+    ways = parser.add_mutually_exclusive_group()
+    ways.add_argument("--publish", action="store_true", help="publish on ROS topics")
+    ways.add_argument(
+        "--simulate", action="store_true", help="send a running simulation as such lines"
+    )
+    parser.add_argument(
+        "--speed", type=float, default=1.0, metavar="X",
+        help="of a file over its own pace; 0: as fast as possible (default: 1)",
+    )  # fmt: skip
+    add_duration(parser, "stop after this real time")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read, publish or simulate; return the exit code. Raises RopeTwinError."""
+    if not (math.isfinite(args.speed) and 0.0 <= args.speed <= 1000.0):
+        raise InputError(phrase("--speed", f"{args.speed:g}", "it must be 0 to 1000"))
+    if args.duration is not None and not 0.0 < args.duration <= 1e7:
+        raise InputError(phrase("--duration", f"{args.duration:g} s", "it must be above 0"))
+    if args.publish or args.simulate:
+        return _run_node(args)
+    feeds = read_settings(args.settings)
+    if args.feed or args.source:
+        feeds = with_source(feeds, args.source, args.feed)
+    return _print(feeds, args)
+
+
+def _run_node(args: argparse.Namespace) -> int:
+    from rope_twin.ros.entry import run_node
+    from rope_twin.ros.feed_node import FeedNode, FeedSimulator
+    from rope_twin.ros.middleware import keep_to_loopback
+    from rope_twin.ros.params import overrides
+
+    keep_to_loopback()
+    given = {
+        "settings": args.settings,
+        "feed": args.feed,
+        "source": args.source,
+        "speed": args.speed,
+        "stop_after_s": args.duration or 0.0,
+    }
+    made: list[Any] = []
+
+    def make() -> Any:
+        kind = FeedSimulator if args.simulate else FeedNode
+        made.append(kind(parameter_overrides=overrides(given)))
+        return made[0]
+
+    code = run_node(make, ["feed"])
+    if args.json and made:
+        print_json(made[0].figures())
+    return code
+
+
+def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace) -> int:
+    """Print the samples of all feeds as they come, then the counts."""
+    pieces: queue.Queue[tuple[str, bytes, int, bool]] = queue.Queue(10_000)
+    instruments, sources = {}, []
+    for name, settings in feeds.items():
+        if not settings.source:
+            raise InputError(phrase(f"feed '{name}'", "it has no source", "name one"))
+        instruments[name] = Instrument(settings)
+
+        def take(data: bytes, arrival_ns: int, whole: bool, name: str = name) -> None:
+            pieces.put((name, data, arrival_ns, whole))
+
+        sources.append(open_source(settings, take, args.speed))
+    last: dict[str, Sample] = {}
+    stop = StopSignal()
+    end_s = math.inf if args.duration is None else time.monotonic() + args.duration
+    for source in sources:
+        source.start()
+    try:
+        while not stop.requested and time.monotonic() < end_s:
+            ended = all(source.ended for source in sources)
+            try:
+                name, data, arrival_ns, whole = pieces.get(not ended, _POLL_S)
+            except queue.Empty:
+                if ended:
+                    break
+                continue
+            for sample in instruments[name].take(data, arrival_ns, whole):
+                last[name] = sample
+                if not args.json:
+                    print(f"{clock_of(sample.stamp_ns):%H:%M:%S.%f}  {name}  {_words(sample)}")
+    finally:
+        for source in sources:
+            source.close()
+        stop.restore()
+    faults = {name: source.fault for name, source in zip(feeds, sources, strict=True)}
+    figures = {name: _figures(one, last.get(name)) for name, one in instruments.items()}
+    if args.json:
+        print_json({"feeds": figures})
+    for name, one in instruments.items():
+        if not args.json:
+            print(f"{name}: {_counts(one)}", file=sys.stderr)
+        if faults[name]:
+            print(phrase(feeds[name].source, faults[name], "check the connection"), file=sys.stderr)
+    return (
+        ExitCode.OK if all(one.counts.accepted for one in instruments.values()) else ExitCode.ERROR
+    )
+
+
+def _words(sample: Sample) -> str:
+    parts: tuple[tuple[str, float, str, str], ...]
+    if isinstance(sample, LineSample):
+        parts = (
+            ("line out", sample.payout_m, "m", ".2f"),
+            ("speed", sample.speed_m_per_s, "m/s", "+.3f"),
+            ("tension", sample.tension_n, "N", ".0f"),
+            ("motor tension", sample.motor_tension_n, "N", ".0f"),
+        )
+    else:
+        parts = (
+            ("heave", sample.heave_m, "m", "+.3f"),
+            ("rate", sample.heave_rate_m_per_s, "m/s", "+.3f"),
+            ("roll", math.degrees(sample.roll_rad), "°", "+.2f"),
+            ("pitch", math.degrees(sample.pitch_rad), "°", "+.2f"),
+            ("heading", sample.heading_deg, "°", ".2f"),
+        )
+    return "  ".join(
+        f"{what} {value + 0.0:{form}} {unit}"
+        for what, value, unit, form in parts
+        if not math.isnan(value)
+    )
+
+
+def _figures(instrument: Instrument, last: Sample | None) -> dict[str, Any]:
+    counts = instrument.counts
+    return {
+        "source": instrument.settings.source,
+        "format": instrument.settings.format,
+        **counts.figures(),
+        "last": None if last is None else vars(last),
+    }
+
+
+def _counts(instrument: Instrument) -> str:
+    counts = instrument.counts
+    words = f"{counts.lines} lines, {counts.accepted} accepted, {counts.refused_total} refused"
+    reasons = ", ".join(f"{number} {reason}" for reason, number in counts.refused.most_common())
+    words += f" ({reasons})" if reasons else ""
+    if counts.others:
+        words += f", {counts.others} of other sentences"
+    if counts.holes:
+        words += f"; {counts.holes} holes, the longest of {counts.longest_hole_s:.1f} s"
+    return words

@@ -1,0 +1,1 @@
+"""Instrument feeds: telegrams of line monitors and motion sensors as samples in SI, without ROS."""

@@ -1,0 +1,193 @@
+"""One instrument: from bytes of a transport to samples, with counts of all that is refused."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from rope_twin.feeds.configuration import ARRIVAL, FeedSettings
+from rope_twin.feeds.conversion import Converter, Sample
+from rope_twin.feeds.motion_sensors import EM3000_BYTES, em3000_starts
+from rope_twin.feeds.readings import (
+    DUPLICATE,
+    LATE,
+    LENGTH,
+    MAX_LINE_BYTES,
+    ORDER,
+    MotionReading,
+    Reading,
+    Refusal,
+)
+
+TWIN_NS = 2_000_000  # equal lines without time and counter that come so close are one line twice
+CLOCK_SET_BACK = 10  # stamps in a row before the last one: the clock was set back
+_IEC_61162_450 = b"UdPbC\0"
+
+
+class LineFramer:
+    """Cuts a stream of bytes into lines."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self.dropped = 0  # lines longer than any telegram
+
+    def cut(self, data: bytes, whole: bool = False) -> Iterator[bytes]:
+        """Yield the lines that are complete; `whole`: the last one is complete without its end."""
+        data = self._rest + data.removeprefix(_IEC_61162_450)
+        *lines, self._rest = data.replace(b"\r", b"\n").split(b"\n")
+        if whole:
+            lines.append(self._rest)
+            self._rest = b""
+        elif len(self._rest) > MAX_LINE_BYTES:
+            self._rest = b""
+            self.dropped += 1
+        yield from (line for line in lines if line.strip())
+
+
+class RecordFramer:
+    """Cuts a stream of bytes into records of EM3000, which have no checksum and no end.
+
+    A record counts once the next one begins where it ends; in a datagram it ends with it.
+    """
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self.dropped = 0  # times that the beginning was lost
+
+    def cut(self, data: bytes, whole: bool = False) -> Iterator[bytes]:
+        """Yield the records that are complete; `whole`: data end with a record."""
+        data = self._rest + data
+        at, lost = 0, False
+        while at + EM3000_BYTES <= len(data):
+            end = at + EM3000_BYTES
+            following = data[end : end + 2]
+            if not whole and len(following) < 2:
+                break
+            if em3000_starts(data[at:end]) and (not following or em3000_starts(following)):
+                yield data[at:end]
+                at = end
+            else:
+                at, lost = at + 1, True
+        self.dropped += lost
+        self._rest = b"" if whole else data[at:]
+
+
+@dataclass
+class FeedCounts:
+    """Counts of an instrument since the start."""
+
+    lines: int = 0
+    accepted: int = 0
+    others: int = 0  # lines of other sentences or instruments
+    refused: Counter[str] = field(default_factory=Counter)  # by reason
+    last_fault: str = ""  # of the last refused line
+    holes: int = 0  # times without a sample for longer than silent_after_s
+    longest_hole_s: float = 0.0
+    last_stamp_ns: int | None = None
+
+    @property
+    def refused_total(self) -> int:
+        """Return the number of refused lines."""
+        return sum(self.refused.values())
+
+    def figures(self) -> dict[str, Any]:
+        """Return the counts for an output in JSON."""
+        return {
+            "lines": self.lines,
+            "accepted": self.accepted,
+            "other_sentences": self.others,
+            "refused": dict(self.refused),
+            "last_fault": self.last_fault,
+            "holes": self.holes,
+            "longest_hole_s": self.longest_hole_s,
+        }
+
+
+class Instrument:
+    """Turns the bytes of one instrument into samples, stamps strictly increasing."""
+
+    def __init__(self, settings: FeedSettings) -> None:
+        self.settings = settings
+        self.counts = FeedCounts()
+        self._parse = settings.parser()
+        self._convert = Converter(settings).convert
+        binary = settings.format == "em3000"
+        self._framer: LineFramer | RecordFramer = RecordFramer() if binary else LineFramer()
+        self._last_line, self._last_arrival_ns = b"", 0
+        self._dropped = 0
+        self._backward = 0  # refused stamps in a row
+
+    def take(self, data: bytes, arrival_ns: int, whole: bool = False) -> list[Sample]:
+        """Return the samples in bytes that arrived at this time; `whole`: they are a datagram.
+
+        Of several readings that arrived at once, and are stamped by that, the last one counts.
+        """
+        samples: list[Sample] = []
+        for line in self._framer.cut(data, whole):
+            sample = self.take_line(line, arrival_ns)
+            if sample is None:
+                continue
+            if samples and samples[-1].stamp_ns == sample.stamp_ns:
+                self.counts.accepted -= 1
+                self._refuse(Refusal(LATE, "arrived together with a newer line"))
+                samples.pop()
+            samples.append(sample)
+        if self._framer.dropped > self._dropped:
+            self._refuse(Refusal(LENGTH, "bytes without an end of line or record"))
+            self._dropped = self._framer.dropped
+        return samples
+
+    def take_line(self, line: bytes, arrival_ns: int) -> Sample | None:
+        """Return the sample of a line or record, or None."""
+        counts = self.counts
+        counts.lines += 1
+        reading = self._parse(line)
+        if reading is None:
+            counts.others += 1
+            return None
+        sample = self._sample(reading, line, arrival_ns)
+        if isinstance(sample, Refusal):
+            self._refuse(sample)
+            return None
+        counts.accepted += 1
+        return sample
+
+    def _sample(self, reading: Reading | Refusal, line: bytes, arrival_ns: int) -> Sample | Refusal:
+        if isinstance(reading, Refusal):
+            return reading
+        if self._is_repeated(reading, line, arrival_ns):
+            return Refusal(DUPLICATE, "the last line again")
+        sample = self._convert(reading, arrival_ns)
+        return sample if isinstance(sample, Refusal) else self._in_order(sample)
+
+    def _is_repeated(self, reading: Reading, line: bytes, arrival_ns: int) -> bool:
+        """Return whether a line is the last one once more."""
+        same = line == self._last_line
+        close = arrival_ns - self._last_arrival_ns < TWIN_NS
+        self._last_line, self._last_arrival_ns = line, arrival_ns
+        numbered = reading.time_ns is not None
+        if isinstance(reading, MotionReading):
+            numbered = numbered or reading.counter is not None
+        return same and (numbered or close)
+
+    def _in_order(self, sample: Sample) -> Sample | Refusal:
+        """Refuse a stamp before the last one, unless a clock was set back, and count holes."""
+        counts, last_ns = self.counts, self.counts.last_stamp_ns
+        if last_ns is not None:
+            gap_s = (sample.stamp_ns - last_ns) * 1e-9
+            if gap_s < 0.0 or (gap_s == 0.0 and self.settings.stamp != ARRIVAL):
+                self._backward += 1
+                if self._backward < CLOCK_SET_BACK:
+                    return Refusal(ORDER, f"{-gap_s:.3f} s before the last one")
+            if gap_s > self.settings.silent_after_s:
+                counts.holes += 1
+                counts.longest_hole_s = max(counts.longest_hole_s, gap_s)
+        self._backward = 0
+        counts.last_stamp_ns = sample.stamp_ns
+        return sample
+
+    def _refuse(self, refusal: Refusal) -> None:
+        self.counts.refused[refusal.reason] += 1
+        self.counts.last_fault = f"{refusal.reason}: {refusal.fault}"

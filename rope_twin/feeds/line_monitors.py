@@ -1,0 +1,187 @@
+"""Telegrams of line monitors: LCI-90 and LCI-90i, UNOLS wire string, Rapp, and by columns.
+
+Readings keep units and signs of the telegram: no telegram states them.
+
+- LCI-90 and LCI-90i (Measurement Technology NW): `RD,TENSION,SPEED,PAYOUT,CCCC`, and
+  `nnRD,time[,NAME],TENSION,SPEED,PAYOUT,CCCC` after SOH. CCCC is the decimal sum of all characters
+  before it, the last comma included, control characters left out, the two digits nn counted.
+- UNOLS wire string: `$WIR,date,time,TENSION,SPEED,PAYOUT,WARNINGS,ALARMS,SUM`, warnings and alarms
+  as eight digits 0 or 1; archives have the sum before them.
+- Rapp: `@RCWD,winch,mode,length at the motor,tension of the motor,speed,alarm,length at the block,
+  tension of the load cell*hh`.
+- Others by columns: separated fields after a start such as `$R30C`, a column for each quantity.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from rope_twin.feeds.readings import (
+    CHECKSUM,
+    INCOMPLETE,
+    NUMBER,
+    LineReading,
+    Parsed,
+    Parser,
+    Refusal,
+    clean,
+    date_time_ns,
+    iso_time_ns,
+    numbers,
+    sentence,
+    sum_of,
+    xor_of,
+)
+
+_RD = re.compile(r"(\d\d)?RD,")
+_SUM = re.compile(r"\d{1,5}")
+_FLAGS = re.compile(r"[01]{8}")
+_MOST_STARTS = 4  # in one line: of telegrams that were cut
+SUM_KINDS = ("xor", "sum", "none")
+
+
+def lci90(channel: str = "") -> Parser:
+    """Return the parser of LCI-90 and LCI-90i; `channel`: the two digits nn, empty: all."""
+
+    def parse(line: bytes) -> Parsed:
+        text = clean(line)
+        if isinstance(text, Refusal):
+            return text
+        starts = list(_RD.finditer(text))[-_MOST_STARTS:]
+        found: list[Parsed] = [_rd(text[one.start() :], one[1] or "") for one in reversed(starts)]
+        best = next((one for one in found if isinstance(one, LineReading)), None)
+        if best is None:
+            return found[0] if found else None
+        return best if not channel or best.channel == channel else None
+
+    return parse
+
+
+def _rd(text: str, digits: str) -> LineReading | Refusal:
+    fields = text.split(",")
+    if not 5 <= len(fields) <= 7:
+        return Refusal(INCOMPLETE, f"{len(fields)} fields in RD")
+    given = fields[-1].strip()
+    if not _SUM.fullmatch(given):
+        return Refusal(INCOMPLETE, "RD without its sum")
+    covered = text[: text.rindex(",") + 1]
+    sums = {sum_of(covered)}
+    if len(fields) == 5:
+        sums.add(sum_of(covered[len(digits) :]))  # junk before the RD of protocol 1
+    if int(given) not in sums:
+        return Refusal(CHECKSUM, f"RD: {given}, computed {sum_of(covered)}")
+    time_ns = None
+    if len(fields) > 5:
+        time_ns = iso_time_ns(fields[1])
+        if time_ns is None:
+            return Refusal(NUMBER, f"'{fields[1][:30]}' is not a time")
+    values = numbers(fields[-4:-1])
+    if isinstance(values, Refusal):
+        return values
+    tension, speed, payout = values
+    return LineReading(tension, speed, payout, channel=digits, time_ns=time_ns)
+
+
+def wir(checksum: str) -> Parser:
+    """Return the parser of UNOLS wire strings; `checksum`: `sum` or `none`.
+
+    `sum` is the decimal sum of all characters before it, the last comma included.
+    """
+
+    def parse(line: bytes) -> Parsed:
+        text = clean(line)
+        if isinstance(text, Refusal):
+            return text
+        at = text.rfind("$WIR,")
+        if at < 0:
+            return None
+        text = text[at:]
+        fields = text.split(",")
+        if len(fields) != 9:
+            return Refusal(INCOMPLETE, f"{len(fields)} fields in WIR")
+        archived = not _FLAGS.fullmatch(fields[6]) and bool(_FLAGS.fullmatch(fields[8].strip()))
+        place, flags = (6, fields[7:]) if archived else (8, fields[6:8])
+        if not all(_FLAGS.fullmatch(one.strip()) for one in flags):
+            return Refusal(NUMBER, "warnings or alarms of WIR are not eight digits 0 or 1")
+        given = fields[place].strip()
+        if checksum == "sum":
+            computed = sum_of(",".join(fields[:place]) + ",")
+            if not _SUM.fullmatch(given) or int(given) != computed:
+                return Refusal(CHECKSUM, f"WIR: {given[:8]}, computed {computed}")
+        values = numbers(fields[3:6])
+        if isinstance(values, Refusal):
+            return values
+        tension, speed, payout = values
+        return LineReading(tension, speed, payout, time_ns=date_time_ns(fields[1], fields[2]))
+
+    return parse
+
+
+def rcwd(length_at: str, channel: str = "") -> Parser:
+    """Return the parser of Rapp; `length_at`: `block` or `motor`; `channel`: the winch's number."""
+
+    def parse(line: bytes) -> Parsed:
+        fields = sentence(line, ("RCWD",), "@")
+        if fields is None or isinstance(fields, Refusal):
+            return fields
+        if len(fields) != 9:
+            return Refusal(INCOMPLETE, f"{len(fields)} fields in RCWD")
+        values = numbers(fields[3:])
+        if isinstance(values, Refusal):
+            return values
+        at_motor, motor, speed, _, at_block, cell = values
+        if channel and fields[1].strip() != channel:
+            return None
+        payout = at_block if length_at == "block" else at_motor
+        return LineReading(cell, speed, payout, motor, channel=fields[1].strip())
+
+    return parse
+
+
+def columns(
+    start: str, places: Mapping[str, int], checksum: str, separator: str = ",", channel: str = ""
+) -> Parser:
+    """Return the parser of separated fields after a start.
+
+    places: number of the field (the start is 0) of `tension`, `speed`, `payout`, `motor_tension`
+    and `channel`. checksum: `xor` as in NMEA 0183 (after `*`, without the first character), `sum`
+    of all characters before it in the last field, or `none`.
+    """
+    quantities = [name for name in places if name != "channel"]
+
+    def parse(line: bytes) -> Parsed:
+        text = clean(line)
+        if isinstance(text, Refusal):
+            return text
+        at = text.rfind(start)
+        if at < 0:
+            return None
+        text = text[at:]
+        if checksum == "xor":
+            text, star, given = text.partition("*")
+            if not star:
+                return Refusal(INCOMPLETE, f"{start} without its checksum")
+            if not re.fullmatch(r"[0-9A-Fa-f]{2}", given) or int(given, 16) != xor_of(text[1:]):
+                return Refusal(CHECKSUM, f"{start}: {given[:4]}, computed {xor_of(text[1:]):02X}")
+        fields = text.split(separator)
+        if checksum == "sum":
+            given = fields.pop().strip()
+            computed = sum_of(separator.join(fields) + separator)
+            if not _SUM.fullmatch(given) or int(given) != computed:
+                return Refusal(CHECKSUM, f"{start}: {given[:8]}, computed {computed}")
+        if fields[0] != start:
+            return None
+        if len(fields) <= max(places.values()):
+            return Refusal(INCOMPLETE, f"{len(fields)} fields after {start}")
+        values = numbers([fields[places[name]] for name in quantities])
+        if isinstance(values, Refusal):
+            return values
+        found = fields[places["channel"]].strip() if "channel" in places else ""
+        if channel and found != channel:
+            return None
+        measured: dict[str, Any] = dict(zip(quantities, values, strict=True))
+        return LineReading(**measured, channel=found)
+
+    return parse

@@ -1,0 +1,318 @@
+"""Telegrams of motion sensors: Seapath, PASHR, TSS1, TSS3, EM3000, Octans and Phins, SMC, NORSUB.
+
+Readings keep the signs of the telegram, but for Octans and Phins, where letters state them: there
+roll is positive with port up, pitch with the bow up, and heave of `PHTRH` with the letter that the
+settings call up.
+
+- `$PSXN,23,roll,pitch,heading,heave`; 20 before it: quality of position, height, heading and
+  attitude (0 normal, 1 reduced, 2 invalid); 24 after it: rates of roll, pitch and yaw [°/s] and
+  vertical speed [m/s].
+- `$PASHR,time,heading,T,roll,pitch,heave,accuracy of roll, pitch, heading,GNSS flag[,INS flag]`.
+- TSS1 `:XXAAAASMHHHHQMRRRRSMPPPP`: heave in cm, roll and pitch in 0.01°; small letter Q: settling.
+- TSS3 `:R`, remote heave, heave, status, roll, pitch; the remote heave is that of the crane tip.
+- EM3000, 10 bytes: status, 0x90, roll, pitch [0.01°], heave [cm], heading [0.01°], little-endian,
+  without a checksum.
+- `$PHTRO,pitch,M or P,roll,T or B`, `$PHLIN,surge,sway,heave`, `$PHSPD`, their rates, `$HEHDT`,
+  `$PHINF`, status; `$PHTRH,pitch,M or P,roll,T or B,heave,O or U`.
+- `$PSMCE,roll,pitch,yaw,heave,surge,sway`, `$PSMCK,heave,velocity,acceleration,roll,pitch,counter`.
+- `$PNORSUB2,time,delay [µs],roll,pitch,heading,heave,velocity,status`.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import replace
+
+from rope_twin.feeds.readings import (
+    INCOMPLETE,
+    INVALID,
+    NUMBER,
+    MotionReading,
+    Parsed,
+    Parser,
+    Refusal,
+    clean,
+    day_time_ns,
+    number,
+    numbers,
+    sentence,
+)
+
+EM3000_BYTES = 10
+EM3000_RECORD = struct.Struct("<BBhhhH")
+_SECOND = 0x90
+_SIGNED = r"([ +-])(\d{4})"
+_TSS1 = re.compile(rf":([0-9A-Fa-f]{{6}}) ?{_SIGNED}([UGHFughf]) ?{_SIGNED} ?{_SIGNED}")
+_TSS3 = re.compile(rf":R ?{_SIGNED} ?{_SIGNED}([UGHFughf]) ?{_SIGNED} ?{_SIGNED}")
+_STATUS = re.compile(r"[0-9A-Fa-f]{1,8}")
+_HEADING_INVALID, _ROLL_INVALID, _PITCH_INVALID = 1, 2, 4  # bits of PHINF
+_BOW_UP, _PORT_UP = {"M": 1.0, "P": -1.0}, {"T": 1.0, "B": -1.0}
+
+
+def psxn(with_rates: bool = False) -> Parser:
+    """Return the parser of Seapath; `with_rates`: a reading is complete with its sentence 24."""
+    state: dict[str, list[float]] = {}
+
+    def parse(line: bytes) -> Parsed:
+        fields = sentence(line, ("PSXN",))
+        if fields is None or isinstance(fields, Refusal):
+            return fields
+        kind, counts = fields[1] if len(fields) > 1 else "", {"20": 4, "23": 4, "24": 4}
+        if kind not in counts:
+            return None
+        if len(fields) != 2 + counts[kind]:
+            return Refusal(INCOMPLETE, f"{len(fields)} fields in PSXN,{kind}")
+        values = numbers(fields[2:])
+        if isinstance(values, Refusal):
+            return values
+        state[kind] = values
+        if kind == "20" or (kind == "23" and with_rates):
+            return None
+        if "23" not in state:
+            return Refusal(INCOMPLETE, "PSXN,24 without PSXN,23")
+        roll, pitch, heading, heave = state.pop("23")
+        quality = state.get("20", [0.0] * 4)
+        if quality[1] >= 2 or quality[3] >= 2:
+            return Refusal(INVALID, "height or attitude by PSXN,20")
+        rate = state.pop("24")[3] if "24" in state else float("nan")
+        return MotionReading(heave, rate, roll, pitch, heading)
+
+    return parse
+
+
+def pashr() -> Parser:
+    """Return the parser of `$PASHR`."""
+
+    def parse(line: bytes) -> Parsed:
+        fields = sentence(line, ("PASHR",))
+        if fields is None or isinstance(fields, Refusal):
+            return fields
+        if len(fields) not in (11, 12):
+            return Refusal(INCOMPLETE, f"{len(fields)} fields in PASHR")
+        time_ns = day_time_ns(fields[1])
+        if time_ns is None:
+            return Refusal(NUMBER, f"'{fields[1][:20]}' is not a time")
+        if not fields[6].strip():
+            return Refusal(INCOMPLETE, "PASHR without heave")
+        values = numbers([fields[2], *fields[4:7]])
+        if isinstance(values, Refusal):
+            return values
+        heading, roll, pitch, heave = values
+        return MotionReading(
+            heave, roll=roll, pitch=pitch, heading=heading, time_ns=time_ns, in_day=True
+        )
+
+    return parse
+
+
+def _hundredths(sign: str, digits: str) -> float:
+    return (-1.0 if sign == "-" else 1.0) * int(digits) / 100.0
+
+
+def tss1() -> Parser:
+    """Return the parser of TSS1."""
+
+    def parse(line: bytes) -> Parsed:
+        text = clean(line)
+        if isinstance(text, Refusal):
+            return text
+        at = text.rfind(":")
+        if at < 0:
+            return None
+        found = _TSS1.fullmatch(text[at:])
+        if not found:
+            return Refusal(INCOMPLETE, f"'{text[at : at + 30]}' is not TSS1")
+        if found[4].islower():
+            return Refusal(INVALID, f"TSS1 is settling ({found[4]})")
+        return MotionReading(
+            _hundredths(found[2], found[3]),
+            roll=_hundredths(found[5], found[6]),
+            pitch=_hundredths(found[7], found[8]),
+        )
+
+    return parse
+
+
+def tss3(remote: bool) -> Parser:
+    """Return the parser of TSS3; `remote`: its remote heave, else the heave at the sensor."""
+
+    def parse(line: bytes) -> Parsed:
+        text = clean(line)
+        if isinstance(text, Refusal):
+            return text
+        at = text.rfind(":R")
+        if at < 0:
+            return None
+        found = _TSS3.fullmatch(text[at:])
+        if not found:
+            return Refusal(INCOMPLETE, f"'{text[at : at + 30]}' is not TSS3")
+        if found[5].islower():
+            return Refusal(INVALID, f"TSS3 is settling ({found[5]})")
+        heave = (found[1], found[2]) if remote else (found[3], found[4])
+        return MotionReading(
+            _hundredths(*heave),
+            roll=_hundredths(found[6], found[7]),
+            pitch=_hundredths(found[8], found[9]),
+        )
+
+    return parse
+
+
+def em3000_starts(data: bytes) -> bool:
+    """Return whether bytes can begin a record of EM3000."""
+    return len(data) > 1 and data[1] == _SECOND and (data[0] == 0 or 0x90 <= data[0] <= 0xAF)
+
+
+def em3000() -> Parser:
+    """Return the parser of EM3000 records of 10 bytes."""
+
+    def parse(data: bytes) -> Parsed:
+        if len(data) != EM3000_BYTES or not em3000_starts(data):
+            return Refusal(INCOMPLETE, f"{len(data)} bytes that are no record of EM3000")
+        status, _, roll, pitch, heave, heading = EM3000_RECORD.unpack(data)
+        if status >= 0x9A:
+            return Refusal(INVALID, f"EM3000 has status 0x{status:02X}")
+        return MotionReading(
+            heave / 100.0, roll=roll / 100.0, pitch=pitch / 100.0, heading=heading / 100.0
+        )
+
+    return parse
+
+
+def octans(sentences: tuple[str, ...]) -> Parser:
+    """Return the parser of Octans and Phins; the last of `sentences` completes a reading.
+
+    Each of them must have come since the last reading. `$--HDT` and `$PHINF` are used where they
+    come.
+    """
+    state: dict[str, list[float]] = {}
+    status = {"bits": 0}
+
+    def take(fields: list[str]) -> Refusal | None:
+        name = fields[0]
+        if name.endswith("HDT"):
+            heading = number(fields[1]) if len(fields) == 3 else None
+            if heading is None:
+                return Refusal(NUMBER, f"{name} without a heading")
+            state["HDT"] = [heading]
+        elif name == "PHINF":
+            if len(fields) != 2 or not _STATUS.fullmatch(fields[1]):
+                return Refusal(NUMBER, "PHINF without its status")
+            status["bits"] = int(fields[1], 16)
+        elif name == "PHTRO":
+            turned = _pitch_and_roll(fields, 5)
+            if isinstance(turned, Refusal):
+                return turned
+            state[name] = turned
+        elif len(fields) != 4:
+            return Refusal(INCOMPLETE, f"{len(fields)} fields in {name}")
+        else:
+            values = numbers(fields[1:])
+            if isinstance(values, Refusal):
+                return values
+            state[name] = values
+        return None
+
+    def parse(line: bytes) -> Parsed:
+        fields = sentence(line, ("PHTRO", "PHLIN", "PHSPD", "PHINF", "HEHDT", "HCHDT", "GPHDT"))
+        if fields is None or isinstance(fields, Refusal):
+            return fields
+        refusal = take(fields)
+        if refusal is not None or fields[0] != sentences[-1]:
+            return refusal
+        missing = [name for name in sentences if name not in state]
+        found = dict(state)
+        state.clear()
+        if missing:
+            return Refusal(INCOMPLETE, f"{sentences[-1]} without {', '.join(missing)}")
+        if status["bits"] & (_ROLL_INVALID | _PITCH_INVALID):
+            return Refusal(INVALID, f"roll or pitch by PHINF {status['bits']:08X}")
+        reading = MotionReading()
+        if "PHTRO" in found:
+            pitch, roll = found["PHTRO"]
+            reading = replace(reading, roll=roll, pitch=pitch)
+        if "PHLIN" in found:
+            reading = replace(reading, heave=found["PHLIN"][2])
+        if "PHSPD" in found:
+            reading = replace(reading, heave_rate=found["PHSPD"][2])
+        if "HDT" in found and not status["bits"] & _HEADING_INVALID:
+            reading = replace(reading, heading=found["HDT"][0])
+        return reading
+
+    return parse
+
+
+def _pitch_and_roll(fields: list[str], count: int) -> list[float] | Refusal:
+    """Return pitch, bow up, and roll, port up, of a number and a letter each [°]."""
+    if len(fields) != count:
+        return Refusal(INCOMPLETE, f"{len(fields)} fields in {fields[0]}")
+    values = numbers([fields[1], fields[3]])
+    if isinstance(values, Refusal):
+        return values
+    signs = _BOW_UP.get(fields[2]), _PORT_UP.get(fields[4])
+    if signs[0] is None or signs[1] is None or min(values) < 0.0:
+        return Refusal(NUMBER, f"{fields[0]} with {','.join(fields[1:5])[:30]}")
+    return [signs[0] * values[0], signs[1] * values[1]]
+
+
+def phtrh(up: str) -> Parser:
+    """Return the parser of `$PHTRH`; `up`: the letter, O or U, of a heave that is up."""
+
+    def parse(line: bytes) -> Parsed:
+        fields = sentence(line, ("PHTRH",))
+        if fields is None or isinstance(fields, Refusal):
+            return fields
+        turned = _pitch_and_roll(fields, 7)
+        if isinstance(turned, Refusal):
+            return turned
+        heave = number(fields[5])
+        if heave is None or heave < 0.0 or fields[6] not in ("O", "U"):
+            return Refusal(NUMBER, f"PHTRH with heave {','.join(fields[5:])[:20]}")
+        pitch, roll = turned
+        return MotionReading(heave if fields[6] == up else -heave, roll=roll, pitch=pitch)
+
+    return parse
+
+
+def smc() -> Parser:
+    """Return the parser of `$PSMCE` and `$PSMCK`, one of which a sensor is set to send."""
+
+    def parse(line: bytes) -> Parsed:
+        fields = sentence(line, ("PSMCE", "PSMCK"))
+        if fields is None or isinstance(fields, Refusal):
+            return fields
+        if len(fields) != 7:
+            return Refusal(INCOMPLETE, f"{len(fields)} fields in {fields[0]}")
+        values = numbers(fields[1:])
+        if isinstance(values, Refusal):
+            return values
+        if fields[0] == "PSMCE":
+            roll, pitch, yaw, heave, _, _ = values
+            return MotionReading(heave, roll=roll, pitch=pitch, heading=yaw)
+        heave, rate, _, roll, pitch, counter = values
+        return MotionReading(heave, rate, roll, pitch, counter=int(counter))
+
+    return parse
+
+
+def norsub() -> Parser:
+    """Return the parser of `$PNORSUB2`; its status is not judged."""
+
+    def parse(line: bytes) -> Parsed:
+        fields = sentence(line, ("PNORSUB2",))
+        if fields is None or isinstance(fields, Refusal):
+            return fields
+        if len(fields) != 9:
+            return Refusal(INCOMPLETE, f"{len(fields)} fields in PNORSUB2")
+        values = numbers(fields[1:8])
+        if isinstance(values, Refusal):
+            return values
+        time_us, delay_us, roll, pitch, heading, heave, rate = values
+        if not 0.0 <= delay_us <= 10e6:
+            return Refusal(NUMBER, f"PNORSUB2 with a delay of {delay_us:g} µs")
+        return MotionReading(
+            heave, rate, roll, pitch, heading, age_s=delay_us * 1e-6, counter=int(time_us)
+        )
+
+    return parse

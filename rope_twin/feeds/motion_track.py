@@ -1,0 +1,118 @@
+"""Motion of the ship from the samples of a sensor: rates where it gives none, poses, and holes.
+
+Rates are derived by the parabola through three samples at the middle one, so such a sample comes
+one interval later. Nothing is derived across a hole: the samples on its sides are no neighbours.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from rope_twin.feeds.configuration import CRANE_TIP, FeedSettings
+from rope_twin.feeds.conversion import MotionSample
+from rope_twin.twin.motion.ship_pose import (
+    ShipPose,
+    Vector3,
+    attitude,
+    body_rates,
+    turned,
+    with_rates,
+)
+
+Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class HeaveOutput:
+    """Heave of the crane tip."""
+
+    stamp_ns: int
+    heave_m: float
+    heave_rate_m_per_s: float
+
+
+MotionOutput = HeaveOutput | ShipPose
+
+
+class MotionTrack:
+    """Turns samples into what `ship/heave` or `ship/odometry` takes."""
+
+    def __init__(self, settings: FeedSettings) -> None:
+        self._of_crane_tip = settings.heave_of == CRANE_TIP
+        self._rest_deg = settings.rest_heading_deg or 0.0
+        self._hole_ns = round(settings.silent_after_s * 1e9)
+        self._last: list[tuple[int, Numbers, float]] = []  # stamp, values, given rate of heave
+        self._yaw_deg: float | None = None
+
+    def take(self, sample: MotionSample) -> MotionOutput | None:
+        """Return the motion that this sample completes, or None."""
+        if math.isnan(sample.heave_m):
+            return None
+        if self._of_crane_tip and not math.isnan(sample.heave_rate_m_per_s):
+            return HeaveOutput(sample.stamp_ns, sample.heave_m, sample.heave_rate_m_per_s)
+        values: Numbers = (sample.heave_m,)
+        if not self._of_crane_tip:
+            if math.isnan(sample.roll_rad) or math.isnan(sample.pitch_rad):
+                return None
+            values = (*values, sample.roll_rad, sample.pitch_rad, self._yaw(sample.heading_deg))
+        if self._last and not 0 < sample.stamp_ns - self._last[-1][0] <= self._hole_ns:
+            self._last.clear()
+        self._last.append((sample.stamp_ns, values, sample.heave_rate_m_per_s))
+        if len(self._last) < 3:
+            return None
+        output = self._middle()
+        del self._last[0]
+        return output
+
+    def _yaw(self, heading_deg: float) -> float:
+        """Return the yaw from the rest heading, counterclockwise and continuous [rad]."""
+        if math.isnan(heading_deg):
+            return 0.0 if self._yaw_deg is None else math.radians(self._yaw_deg)
+        yaw = self._rest_deg - heading_deg
+        near = 0.0 if self._yaw_deg is None else self._yaw_deg
+        self._yaw_deg = yaw - 360.0 * round((yaw - near) / 360.0)
+        return math.radians(self._yaw_deg)
+
+    def _middle(self) -> MotionOutput:
+        (first_ns, first, _), (stamp_ns, middle, given), (last_ns, last, _) = self._last
+        before_s, after_s = (stamp_ns - first_ns) * 1e-9, (last_ns - stamp_ns) * 1e-9
+        rates = [
+            ((b - a) / before_s * after_s + (c - b) / after_s * before_s) / (before_s + after_s)
+            for a, b, c in zip(first, middle, last, strict=True)
+        ]
+        if not math.isnan(given):
+            rates[0] = given
+        if self._of_crane_tip:
+            return HeaveOutput(stamp_ns, middle[0], rates[0])
+        return pose_of(stamp_ns, middle, rates, self._rest_deg)
+
+
+def pose_of(stamp_ns: int, values: Numbers, rates: list[float], heading_deg: float) -> ShipPose:
+    """Return the pose of heave [m], roll, pitch and yaw [rad] and their rates.
+
+    The rotation is by yaw, then pitch, then roll about the ship's own axes, x to the bow; a pose is
+    in the axes of `map`, to which the bow at rest has this true heading.
+    """
+    heave, roll, pitch, yaw = values
+    bow = math.radians(90.0 - heading_deg)  # from east, counterclockwise
+    x, y, z, w = attitude(roll, pitch, yaw)
+    rest = (0.0, 0.0, math.sin(0.5 * bow), math.cos(0.5 * bow))
+    orientation = (*turned(rest, (x, y, z)), w)
+    pose = ShipPose(stamp_ns, (0.0, 0.0, heave), (0.0, 0.0, 0.0), orientation)
+    own = body_rates(roll, pitch, rates[1:])
+    return with_rates(pose, (0.0, 0.0, rates[0]), turned(rest, own))
+
+
+def motion_of_pose(
+    stamp_ns: int, heave_m: float, rate: float, turn: Vector3, w: float, heading_deg: float
+) -> MotionSample:
+    """Return heave, roll, pitch and heading of a pose in the axes of `map`: `pose_of` reversed."""
+    bow = math.radians(90.0 - heading_deg)
+    c, s = math.cos(bow), math.sin(bow)
+    x, y, z = c * turn[0] + s * turn[1], c * turn[1] - s * turn[0], turn[2]
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    heading = (heading_deg - math.degrees(yaw)) % 360.0
+    return MotionSample(stamp_ns, heave_m, rate, roll, pitch, heading)

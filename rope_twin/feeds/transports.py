@@ -1,0 +1,434 @@
+"""Ways in and out: UDP and multicast, TCP, serial lines, files, and a server for several readers.
+
+A source runs in a thread of its own and hands over bytes with their time of arrival. A connection
+that fails is tried again every second; `fault` says what is wrong meanwhile.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+import socket
+import struct
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.feeds.configuration import FeedSettings
+from rope_twin.feeds.motion_sensors import EM3000_BYTES
+from rope_twin.feeds.readings import iso_time_ns
+
+Take = Callable[[bytes, int, bool], None]  # bytes, time of arrival [ns], whether they are whole
+
+_POLL_S = 0.2  # until a stop request is noticed
+_RETRY_S = 1.0
+_BYTES = 65536
+_SECOND_NS = 1_000_000_000
+UDP, TCP, TCP_SERVER, SERIAL, FILE = "udp", "tcp", "tcp-server", "serial", "file"
+ADDRESSES = "FILE, udp://HOST:PORT, tcp://HOST:PORT, tcp-server://HOST:PORT or serial:DEVICE@BAUD"
+_NETWORK = re.compile(r"(udp|tcp|tcp-server)://(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})/?")
+_SERIAL = re.compile(r"serial:(?://)?([^@]+)@(\d{2,7})")
+_LOGGED = re.compile(rb"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?Z?)[ \t,]+")
+_INSIDE = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?")
+
+
+@dataclass(frozen=True)
+class Address:
+    """Kind of a transport and its end: host or path, and port or baud rate."""
+
+    kind: str
+    name: str
+    number: int = 0
+
+    def __str__(self) -> str:
+        if self.kind == FILE:
+            return self.name
+        if self.kind == SERIAL:
+            return f"serial:{self.name}@{self.number}"
+        return f"{self.kind}://{self.name}:{self.number}"
+
+
+def read_address(words: str) -> Address:
+    """Return the address in words such as `udp://239.192.0.2:60002`.
+
+    Raises:
+        InputError: it is none, or a port that cannot be.
+    """
+    if found := _NETWORK.fullmatch(words):
+        port = int(found[3])
+        if not 1 <= port <= 65535:
+            raise InputError(phrase(words, f"port {port}", "it must be 1 to 65535"))
+        return Address(found[1], found[2].strip("[]"), port)
+    if found := _SERIAL.fullmatch(words):
+        return Address(SERIAL, found[1], int(found[2]))
+    if "://" in words or words.startswith("serial:") or not words.strip():
+        raise InputError(phrase(f"source '{words}'", "it is no address", f"give {ADDRESSES}"))
+    return Address(FILE, words)
+
+
+class Source(ABC):
+    """Thread that reads bytes until it is closed or its source has ended."""
+
+    def __init__(self, take: Take) -> None:
+        self._take = take
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="feed source", daemon=True)
+        self.fault = ""  # why nothing can be read at present
+        self.ended = False
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop and wait for the thread; may be called twice."""
+        self._stop.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(5.0)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                self._read()
+            except OSError as error:
+                self.fault = error.strerror or str(error)
+                self._stop.wait(_RETRY_S)
+            if self.ended:
+                return
+
+    @abstractmethod
+    def _read(self) -> None:
+        """Read until the connection ends or a stop is requested. Raises OSError."""
+
+
+class UdpSource(Source):
+    """Datagrams of a port; of a multicast address the group is joined."""
+
+    def __init__(self, address: Address, take: Take) -> None:
+        super().__init__(take)
+        self._address = address
+
+    def _read(self) -> None:
+        with _bound(self._address) as link:
+            self.fault = ""
+            link.settimeout(_POLL_S)
+            while not self._stop.is_set():
+                try:
+                    data = link.recv(_BYTES)
+                except TimeoutError:
+                    continue
+                self._take(data, time.time_ns(), True)
+
+
+def _bound(address: Address) -> socket.socket:
+    host = address.name or "0.0.0.0"
+    link = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
+    link.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        link.bind((host, address.number))
+        if is_multicast(host):
+            group = socket.inet_aton(host) + socket.inet_aton("0.0.0.0")
+            link.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
+    except OSError:
+        link.close()
+        raise
+    return link
+
+
+def is_multicast(host: str) -> bool:
+    """Return whether a host is an IPv4 multicast address."""
+    try:
+        return ipaddress.IPv4Address(host).is_multicast
+    except ValueError:
+        return False
+
+
+class TcpSource(Source):
+    """Stream of a TCP server."""
+
+    def __init__(self, address: Address, take: Take) -> None:
+        super().__init__(take)
+        self._address = address
+
+    def _read(self) -> None:
+        end = self._address.name or "127.0.0.1", self._address.number
+        with socket.create_connection(end, timeout=_RETRY_S) as link:
+            self.fault = ""
+            link.settimeout(_POLL_S)
+            while not self._stop.is_set():
+                try:
+                    data = link.recv(_BYTES)
+                except TimeoutError:
+                    continue
+                if not data:
+                    raise OSError(None, "the server has closed the connection")
+                self._take(data, time.time_ns(), False)
+
+
+class SerialSource(Source):
+    """Bytes of a serial line, 8 data bits, no parity, one stop bit."""
+
+    def __init__(self, address: Address, take: Take) -> None:
+        super().__init__(take)
+        self._address = address
+
+    def _read(self) -> None:
+        with open_serial(self._address) as line:
+            self.fault = ""
+            while not self._stop.is_set():
+                data = line.read(1)
+                if data:
+                    arrival_ns = time.time_ns()
+                    self._take(data + line.read(line.in_waiting), arrival_ns, False)
+
+
+def open_serial(address: Address) -> Any:
+    """Return an open serial line. Raises OSError."""
+    import serial  # only where one is used
+
+    try:
+        return serial.Serial(address.name, address.number, timeout=_POLL_S)
+    except ValueError as error:  # a baud rate that the device does not have
+        raise OSError(None, str(error)) from error
+
+
+class FileSource(Source):
+    """Lines of a file at the pace of their times, or as fast as possible where speed is 0.
+
+    A line begins with the time of a logger, or has one inside. Stamps keep the spacing of the file
+    at every speed: they begin at `start_ns`, or are those of the file where it is None.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        take: Take,
+        speed: float,
+        start_ns: int | None,
+        rate_hz: float = 0.0,
+        binary: bool = False,
+    ) -> None:
+        super().__init__(take)
+        self._path, self._speed, self._start_ns = path, speed, start_ns
+        self._period_ns = round(_SECOND_NS / rate_hz) if rate_hz else 0
+        self._binary = binary
+        if not path.is_file():
+            what, right = "there is no such file", f"give {ADDRESSES}"
+            raise InputError(phrase(f"source '{path}'", what, right))
+        if binary and not rate_hz:
+            what = "records of this format have no time"
+            raise InputError(phrase(f"source '{path}'", what, "set replay_rate_hz"))
+
+    def _read(self) -> None:
+        began_s, first_ns, time_ns = time.monotonic(), None, 0
+        with self._path.open("rb") as file:
+            while not self._stop.is_set():
+                line = file.read(EM3000_BYTES) if self._binary else file.readline(4096)
+                if not line:
+                    break
+                own_ns, line = (None, line) if self._period_ns else _logged(line)
+                if own_ns is not None:
+                    time_ns = own_ns
+                elif first_ns is not None:
+                    time_ns += self._period_ns
+                if first_ns is None:
+                    first_ns = time_ns
+                since_ns = time_ns - first_ns
+                if self._speed > 0.0:
+                    due_s = began_s + since_ns * 1e-9 / self._speed
+                    if self._stop.wait(max(0.0, due_s - time.monotonic())):
+                        break
+                stamp_ns = time_ns if self._start_ns is None else self._start_ns + since_ns
+                self._take(line, stamp_ns, not self._binary)
+        self.ended = True
+
+
+def _logged(line: bytes) -> tuple[int | None, bytes]:
+    """Return the time of a line, of the logger or of the instrument, and the line without it."""
+    if found := _LOGGED.match(line):
+        return iso_time_ns(found[1].decode("ascii")), line[found.end() :]
+    inside = _INSIDE.search(line)
+    return (iso_time_ns(inside[0].decode("ascii")) if inside else None), line
+
+
+def open_source(
+    settings: FeedSettings, take: Take, speed: float = 1.0, start_ns: int | None = None
+) -> Source:
+    """Return the source of a feed, not yet started; speed and start count for files only.
+
+    Raises:
+        InputError: the address or the file cannot be used.
+    """
+    address = read_address(settings.source)
+    if address.kind == UDP:
+        return UdpSource(address, take)
+    if address.kind == TCP:
+        return TcpSource(address, take)
+    if address.kind == SERIAL:
+        return SerialSource(address, take)
+    if address.kind == FILE:
+        binary, rate_hz = settings.format == "em3000", settings.replay_rate_hz
+        return FileSource(Path(address.name), take, speed, start_ns, rate_hz, binary)
+    right = f"give {ADDRESSES.replace(', tcp-server://HOST:PORT', '')}"
+    raise InputError(phrase(settings.source, "a server is a way out, not in", right))
+
+
+class Sink(ABC):
+    """Way out for lines."""
+
+    @abstractmethod
+    def send(self, data: bytes) -> None:
+        """Send a line; one that cannot be delivered now is dropped."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release what is held; may be called twice."""
+
+
+class UdpSink(Sink):
+    """Datagrams to a host or a multicast group, a line each."""
+
+    def __init__(self, address: Address) -> None:
+        host = address.name or "127.0.0.1"
+        self._link = socket.socket(
+            socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM
+        )
+        if is_multicast(host):
+            self._link.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, struct.pack("b", 1))
+        self._end = host, address.number
+
+    def send(self, data: bytes) -> None:
+        """Send a line as a datagram."""
+        try:
+            self._link.sendto(data, self._end)
+        except OSError:
+            return  # nobody listens: the next one may arrive
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._link.close()
+
+
+class SerialSink(Sink):
+    """A serial line or pseudo-terminal."""
+
+    def __init__(self, address: Address) -> None:
+        try:
+            self._line = open_serial(address)
+            self._line.write_timeout = _POLL_S
+        except OSError as error:
+            raise InputError(
+                phrase(str(address), error.strerror or str(error), "name a serial device")
+            ) from error
+
+    def send(self, data: bytes) -> None:
+        """Write a line; dropped while nobody reads."""
+        try:
+            self._line.write(data)
+        except OSError:  # includes the time-out of pyserial
+            return
+
+    def close(self) -> None:
+        """Close the device."""
+        self._line.close()
+
+
+class TcpServer(Sink):
+    """Server that sends every line to all of its readers; one that is too slow is disconnected."""
+
+    def __init__(self, address: Address) -> None:
+        end = address.name or "127.0.0.1", address.number
+        try:
+            self._server = socket.create_server(end, family=_family(end[0]))
+        except OSError as error:
+            raise InputError(
+                phrase(str(address), error.strerror or str(error), "name a free port")
+            ) from error
+        self._server.settimeout(_POLL_S)
+        self.port: int = self._server.getsockname()[1]
+        self._readers: list[socket.socket] = []
+        self._lock, self._stop = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._accept, name="feed server", daemon=True)
+        self._thread.start()
+
+    @property
+    def readers(self) -> int:
+        """Return the number of connected readers."""
+        with self._lock:
+            return len(self._readers)
+
+    def _accept(self) -> None:
+        while not self._stop.is_set():
+            try:
+                reader, _ = self._server.accept()
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+            reader.setblocking(False)
+            with self._lock:
+                self._readers.append(reader)
+
+    def send(self, data: bytes) -> None:
+        """Send a line to every reader."""
+        with self._lock:
+            for reader in list(self._readers):
+                try:
+                    sent = reader.send(data)
+                except OSError:
+                    sent = -1
+                if sent != len(data):
+                    self._readers.remove(reader)
+                    reader.close()
+
+    def close(self) -> None:
+        """Disconnect all readers."""
+        self._stop.set()
+        self._server.close()
+        self._thread.join(2.0)
+        with self._lock:
+            for reader in self._readers:
+                reader.close()
+            self._readers.clear()
+
+
+def _family(host: str) -> socket.AddressFamily:
+    return socket.AF_INET6 if ":" in host else socket.AF_INET
+
+
+class FileSink(Sink):
+    """File that lines are appended to."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("ab")
+
+    def send(self, data: bytes) -> None:
+        """Write a line."""
+        self._file.write(data)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def open_sink(words: str) -> Sink:
+    """Return the way out of an address.
+
+    Raises:
+        InputError: the address cannot be used.
+    """
+    address = read_address(words)
+    if address.kind == UDP:
+        return UdpSink(address)
+    if address.kind == TCP_SERVER:
+        return TcpServer(address)
+    if address.kind == SERIAL:
+        return SerialSink(address)
+    if address.kind == FILE:
+        return FileSink(Path(address.name))
+    raise InputError(phrase(words, "lines are not sent to a server", "give tcp-server://HOST:PORT"))

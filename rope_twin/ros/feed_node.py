@@ -1,0 +1,343 @@
+"""Feed node: publishes what instruments send, and reports in diagnostics what it refused.
+
+Each instrument is read by a thread of its own, which stamps bytes at their arrival; the node turns
+them into messages within `_POLL_S`. FeedSimulator does the reverse: it sends the winch and the ship
+of a running simulation as lines of the same instruments.
+"""
+
+from __future__ import annotations
+
+import math
+import queue
+import sys
+import time
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
+from rope_twin.feeds.conversion import LineSample, MotionSample, Sample
+from rope_twin.feeds.instrument import FeedCounts, Instrument
+from rope_twin.feeds.motion_track import MotionTrack, motion_of_pose
+from rope_twin.feeds.publication import (
+    MEASURED_TOPIC,
+    MOTOR_TENSION_TOPIC,
+    encode_line,
+    encode_output,
+)
+from rope_twin.feeds.transports import Sink, Source, open_sink, open_source
+from rope_twin.feeds.writers import writer
+from rope_twin.messages import Level, Status, decode, encode_diagnostics
+from rope_twin.messages.status import counted
+from rope_twin.ros.entry import run_node
+from rope_twin.ros.params import FeedParams, declare
+from rope_twin.ros.qos import listen, publish
+from rope_twin.topics import BY_NAME, MOTION_TOPICS
+
+_POLL_S = 0.005
+_DIAGNOSTICS_S = 1.0
+_SECOND_NS = 1_000_000_000
+_WAITING = 10_000  # pieces of bytes that may wait for the node
+_RECENT_S = 60.0  # for so long after a refused line the row is WARN
+
+
+class _Channel:
+    """One instrument with its source, and the pieces of bytes that wait for the node."""
+
+    def __init__(self, name: str, settings: FeedSettings, speed: float, start_ns: int) -> None:
+        self.name, self.settings = name, settings
+        self.instrument = Instrument(settings)
+        self.track = MotionTrack(settings)
+        self.source: Source = open_source(settings, self._put, speed, start_ns)
+        self.sink: Sink | None = open_sink(settings.forward) if settings.forward else None
+        self._pieces: queue.Queue[tuple[bytes, int, bool]] = queue.Queue(_WAITING)
+        self.lost = 0
+        self.began_s = self.heard_s = time.monotonic()
+        self.refused_s, self._refused = -math.inf, 0
+
+    def _put(self, data: bytes, arrival_ns: int, whole: bool) -> None:
+        if self.sink is not None:
+            self.sink.send(data)
+        try:
+            self._pieces.put_nowait((data, arrival_ns, whole))
+        except queue.Full:
+            self.lost += 1
+
+    @property
+    def ended(self) -> bool:
+        """Return whether a file has come to its end, with nothing left to be published."""
+        return self.source.ended and self._pieces.empty()
+
+    def samples(self) -> list[Sample]:
+        """Return the samples of everything that has arrived."""
+        samples: list[Sample] = []
+        while True:
+            try:
+                piece = self._pieces.get_nowait()
+            except queue.Empty:
+                break
+            samples += self.instrument.take(*piece)
+        now_s = time.monotonic()
+        if samples:
+            self.heard_s = now_s
+        if self.instrument.counts.refused_total > self._refused:
+            self._refused, self.refused_s = self.instrument.counts.refused_total, now_s
+        return samples
+
+    def close(self) -> None:
+        """Stop reading; may be called twice."""
+        self.source.close()
+        if self.sink is not None:
+            self.sink.close()
+
+
+def feed_status(
+    name: str, counts: FeedCounts, fault: str, silent_s: float, limit_s: float, recent: bool
+) -> Status:
+    """Return the diagnostics row of a feed.
+
+    fault: of its connection; silent_s: time since the last sample; limit_s: time after which data
+    are missing; recent: whether a line was refused lately.
+    """
+    title = "feed: " + name
+    values = {
+        "lines": str(counts.lines),
+        "accepted": str(counts.accepted),
+        "of other sentences": str(counts.others),
+        "refused": str(counts.refused_total),
+        **{f"refused: {reason}": str(number) for reason, number in counts.refused.most_common()},
+        "holes": str(counts.holes),
+        "longest hole [s]": f"{counts.longest_hole_s:.1f}",
+    }
+    if fault:
+        return Status(title, Level.ERROR, f"no connection: {fault}", values)
+    if silent_s > limit_s:
+        words = "no valid line yet" if not counts.accepted else f"silent for {silent_s:.0f} s"
+        if counts.last_fault and not counts.accepted:
+            words += f"; last one refused: {counts.last_fault}"
+        return Status(title, Level.ERROR, words, values)
+    accepted = f"{counted(counts.accepted, 'line')} accepted"
+    if recent:
+        words = f"{counts.refused_total} refused, the last one: {counts.last_fault}"
+        return Status(title, Level.WARN, f"{accepted}; {words}", values)
+    return Status(title, Level.OK, accepted, values)
+
+
+class FeedNode(Node):
+    """Publishes the measurements of all instruments of a settings file."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("feed", **node_options)
+        self._params = declare(self, FeedParams)
+        self._channels: list[_Channel] = []
+        self._own_publishers: dict[str, Any] = {}
+        self._diagnostics = publish(self, BY_NAME["diagnostics"])
+        self._logged: dict[str, str] = {}
+        self._began_s = time.monotonic()
+
+    @property
+    def finished(self) -> bool:
+        """Return whether all files have ended, or the time is over."""
+        stop_s = self._params.stop_after_s
+        if stop_s and time.monotonic() - self._began_s > stop_s:
+            return True
+        return bool(self._channels) and all(one.ended for one in self._channels)
+
+    def begin(self) -> None:
+        """Open all sources.
+
+        Raises:
+            RopeTwinError: settings or a source cannot be used; one sentence.
+        """
+        feeds = chosen_feeds(self._params.settings, self._params.feed, self._params.source)
+        start_ns = self.get_clock().now().nanoseconds
+        for name, settings in feeds.items():
+            self._channels.append(_Channel(name, settings, self._params.speed, start_ns))
+            self.get_logger().info(f"{name}: {settings.format} from {settings.source}")
+        for topic in (MEASURED_TOPIC, MOTOR_TENSION_TOPIC, *MOTION_TOPICS):
+            if self._needs(topic):
+                self._own_publishers[topic] = publish(self, BY_NAME[topic])
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_POLL_S, self._publish_arrived, clock=steady)
+        self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
+        self._began_s = time.monotonic()
+        for one in self._channels:
+            one.source.start()
+
+    def _needs(self, topic: str) -> bool:
+        lines = any(one.settings.is_line_monitor for one in self._channels)
+        motion = {
+            "ship/heave" if one.settings.heave_of == "crane_tip" else "ship/odometry"
+            for one in self._channels
+            if not one.settings.is_line_monitor
+        }
+        return topic in motion or (lines and topic not in MOTION_TOPICS)
+
+    def close(self) -> None:
+        """Stop all sources and report; may be called twice."""
+        for one in self._channels:
+            one.close()
+
+    def figures(self) -> dict[str, Any]:
+        """Return the counts of all feeds for an output in JSON."""
+        return {"feeds": {one.name: one.instrument.counts.figures() for one in self._channels}}
+
+    def statuses(self) -> list[Status]:
+        """Return a diagnostics row for each instrument."""
+        now_s = time.monotonic()
+        return [
+            feed_status(
+                one.name,
+                one.instrument.counts,
+                one.source.fault,
+                now_s - one.heard_s,
+                one.settings.silent_after_s,
+                now_s - one.refused_s < _RECENT_S,
+            )
+            for one in self._channels
+        ]
+
+    def _publish_arrived(self) -> None:
+        for channel in self._channels:
+            for sample in channel.samples():
+                for topic, data in _messages(channel, sample):
+                    self._own_publishers[topic].publish(data)
+
+    def _publish_diagnostics(self) -> None:
+        rows = self.statuses()
+        self._diagnostics.publish(encode_diagnostics(self.get_clock().now().nanoseconds, rows))
+        for row in rows:
+            kind = row.message.partition(":")[0]
+            if row.level != Level.OK and self._logged.get(row.name) != kind:
+                self.get_logger().warning(f"{row.name}: {row.message}")
+            self._logged[row.name] = kind if row.level != Level.OK else ""
+
+
+def _messages(channel: _Channel, sample: Sample) -> list[tuple[str, bytes]]:
+    if isinstance(sample, LineSample):
+        return encode_line(sample, channel.settings.winch)
+    output = channel.track.take(sample)
+    return [] if output is None else [encode_output(output)]
+
+
+def chosen_feeds(settings: str, feed: str, source: str) -> dict[str, FeedSettings]:
+    """Return the feeds to run: all of a settings file, or one, with another source if given.
+
+    Raises:
+        RopeTwinError: the settings are invalid, or a feed has no source.
+    """
+    if not settings:
+        raise InputError(phrase("settings", "none", "name a file or one of config/feeds/"))
+    feeds = read_settings(settings)
+    if feed or source:
+        feeds = with_source(feeds, source, feed)
+    for name, one in feeds.items():
+        if not one.source:
+            raise InputError(phrase(f"feed '{name}'", "it has no source", "give one"))
+    return feeds
+
+
+class FeedSimulator(Node):
+    """Sends winch and ship of a running simulation as lines of instruments."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("feed_simulator", **node_options)
+        self._params = declare(self, FeedParams)
+        self._writers: list[tuple[FeedSettings, Any, Sink]] = []
+        self._tension_n: dict[str, float] = {}
+        self._began_s = time.monotonic()
+        self.sent = 0
+
+    @property
+    def finished(self) -> bool:
+        """Return whether the time is over."""
+        stop_s = self._params.stop_after_s
+        return bool(stop_s) and time.monotonic() - self._began_s > stop_s
+
+    def begin(self) -> None:
+        """Open the ways out and listen to the simulation.
+
+        Raises:
+            RopeTwinError: settings or an address cannot be used; one sentence.
+        """
+        params = self._params
+        feeds = chosen_feeds(params.settings, params.feed, params.source)
+        for settings in feeds.values():
+            out = settings.source.replace("tcp://", "tcp-server://")
+            self._writers.append((settings, writer(settings), open_sink(out)))
+        for topic, take in (
+            ("ropes/tension_top", self._take_tension),
+            ("ropes/length", self._take_length),
+            ("ship/heave", self._take_heave),
+            ("ship/odometry", self._take_pose),
+        ):
+            listen(self, BY_NAME[topic], take)
+
+    def close(self) -> None:
+        """Close the ways out; may be called twice."""
+        for *_, sink in self._writers:
+            sink.close()
+
+    def figures(self) -> dict[str, Any]:
+        """Return the number of lines sent for an output in JSON."""
+        return {"sent": self.sent}
+
+    def _send(self, sample: Sample, wanted: Any) -> None:
+        for settings, write, sink in self._writers:
+            if wanted(settings):
+                sink.send(write(sample))
+                self.sent += 1
+
+    def _take_tension(self, data: bytes) -> None:
+        message = decode("ropes/tension_top", data)
+        self._tension_n = dict(zip(message.name, message.effort.tolist(), strict=True))
+
+    def _take_length(self, data: bytes) -> None:
+        message = decode("ropes/length", data)
+        for k, rope in enumerate(message.name):
+            tension_n = self._tension_n.get(rope, math.nan)
+            sample = LineSample(
+                _stamp_ns(message), tension_n, float(message.velocity[k]),
+                float(message.position[k]), tension_n,
+            )  # fmt: skip
+            self._send(
+                sample,
+                lambda one, rope=rope, k=k: (
+                    one.is_line_monitor and (one.winch == rope or (k == 0 and one.winch == "winch"))
+                ),
+            )
+
+    def _take_heave(self, data: bytes) -> None:
+        message = decode("ship/heave", data)
+        heave, rate = message.pose.pose.position.z, message.twist.twist.linear.z
+        sample = MotionSample(_stamp_ns(message), heave, rate, 0.0, 0.0, math.nan)
+        self._send(sample, lambda one: not one.is_line_monitor)
+
+    def _take_pose(self, data: bytes) -> None:
+        message = decode("ship/odometry", data)
+        pose, twist = message.pose.pose, message.twist.twist
+        turn = pose.orientation.x, pose.orientation.y, pose.orientation.z
+        for settings, write, sink in self._writers:
+            if settings.is_line_monitor:
+                continue
+            sample = motion_of_pose(
+                _stamp_ns(message), pose.position.z, twist.linear.z, turn, pose.orientation.w,
+                settings.rest_heading_deg or 0.0,
+            )  # fmt: skip
+            sink.send(write(sample))
+            self.sent += 1
+
+
+def _stamp_ns(message: Any) -> int:
+    return int(message.header.stamp.sec) * _SECOND_NS + int(message.header.stamp.nanosec)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node (console entry); return the exit code."""
+    return run_node(FeedNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

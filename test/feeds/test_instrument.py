@@ -1,0 +1,232 @@
+"""From bytes to samples: repeated, late and cut lines, holes, and the rates of a motion."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from feed_samples import DATA, SAMPLES, settings
+
+from rope_twin.feeds.conversion import LineSample, MotionSample
+from rope_twin.feeds.instrument import Instrument
+from rope_twin.feeds.motion_track import HeaveOutput, MotionTrack, motion_of_pose
+from rope_twin.feeds.readings import DUPLICATE, LATE, LENGTH, ORDER, nmea, xor_of
+from rope_twin.feeds.writers import writer
+from rope_twin.twin.motion.ship_pose import (
+    ShipPose,
+    pose_fault,
+    sea_velocity,
+    turn_between,
+    turned,
+)
+
+S = 1_000_000_000
+NAN = math.nan
+
+
+def lines_of(count: int, period_ns: int = S // 20, **more: object) -> list[tuple[bytes, int]]:
+    """Lines of an LCI-90i at 20 Hz, and the times of their arrival."""
+    write = writer(settings("lci90", **more))
+    return [
+        (write(LineSample(k * period_ns, 1e4, 0.5, 0.025 * k, NAN)), k * period_ns)
+        for k in range(1, count + 1)
+    ]
+
+
+def test_a_repeated_line_counts_once() -> None:
+    instrument = Instrument(settings("lci90"))
+    for line, at_ns in lines_of(10):
+        assert len(instrument.take(line, at_ns, whole=True)) == 1
+        assert not instrument.take(line, at_ns + 30_000_000, whole=True)
+    assert instrument.counts.refused == {DUPLICATE: 10}
+
+
+def test_a_sensor_at_rest_is_no_duplicate() -> None:
+    """Equal lines without a time count, but not within two milliseconds, as by two routes."""
+    instrument = Instrument(settings("tss1"))
+    for k in range(10):
+        assert instrument.take(SAMPLES["tss1"], k * S // 10, whole=True)
+        assert not instrument.take(SAMPLES["tss1"], k * S // 10 + 1_000_000, whole=True)
+    assert instrument.counts.refused == {DUPLICATE: 10}
+
+
+def test_a_late_line_is_refused_by_the_instrument_s_time() -> None:
+    instrument = Instrument(settings("lci90", stamp="instrument"))
+    lines = lines_of(20)
+    lines[5], lines[6] = lines[6], lines[5]
+    found = [one for line, at_ns in lines for one in instrument.take(line, at_ns)]
+    assert instrument.counts.refused == {ORDER: 1}
+    assert np.all(np.diff([one.stamp_ns for one in found]) > 0)
+
+
+def test_a_clock_that_was_set_back_is_followed_after_ten_lines() -> None:
+    instrument = Instrument(settings("lci90"))
+    lines = lines_of(100)
+    for k, (line, at_ns) in enumerate(lines):
+        instrument.take(line, at_ns if k < 50 else at_ns - 3600 * S)
+    assert instrument.counts.refused == {ORDER: 9}
+    assert instrument.counts.accepted == 91
+
+
+def test_of_lines_that_arrive_at_once_the_last_counts() -> None:
+    instrument = Instrument(settings("lci90"))
+    lines = lines_of(3)
+    (found,) = instrument.take(b"".join(line for line, _ in lines), S)
+    assert isinstance(found, LineSample)
+    assert found.payout_m == pytest.approx(0.075, abs=1e-3)
+    assert instrument.counts.refused == {LATE: 2}
+    assert instrument.counts.accepted == 1
+    own = Instrument(settings("lci90", stamp="instrument"))
+    assert len(own.take(b"".join(line for line, _ in lines), S)) == 3
+
+
+@pytest.mark.parametrize("size", [1, 7, 64])
+def test_a_stream_is_cut_at_any_byte(size: int) -> None:
+    instrument = Instrument(settings("lci90", stamp="instrument"))
+    stream = b"".join(line for line, _ in lines_of(50))
+    found = []
+    for at in range(0, len(stream), size):
+        found += instrument.take(stream[at : at + size], S)
+    assert len(found) == 50
+
+
+def test_noise_without_an_end_of_line_is_dropped() -> None:
+    instrument = Instrument(settings("lci90"))
+    instrument.take(b"\x80" * 100_000, S)
+    (line, at_ns), *_ = lines_of(1)
+    assert not instrument.counts.accepted
+    assert instrument.counts.refused == {LENGTH: 1}
+    assert instrument.take(b"\n" + line, at_ns)
+
+
+def test_a_tag_block_is_checked_and_left_out() -> None:
+    body = "s:YY0001,n:12"
+    instrument = Instrument(settings("psxn"))
+    tagged = f"UdPbC\0\\{body}*{xor_of(body):02X}\\".encode() + SAMPLES["psxn"]
+    assert instrument.take(tagged, S, whole=True)
+    assert not instrument.take(tagged.replace(b"n:12", b"n:13"), 2 * S, whole=True)
+    assert instrument.counts.refused == {"checksum": 1}
+
+
+def test_a_hole_in_a_record_is_missing_data() -> None:
+    """19 s of a real record: nothing is made up inside, and it is counted."""
+    made = settings("lci90")
+    instrument = Instrument(made)
+    stamps = []
+    for line in (DATA / "cwnc.txt").read_bytes().splitlines():
+        stamp, _, telegram = line.partition(b" ")
+        at_ns = int(np.datetime64(stamp.rstrip(b"Z").decode(), "ns").astype(np.int64))
+        stamps += [one.stamp_ns for one in instrument.take(telegram, at_ns, whole=True)]
+    assert len(stamps) == 300
+    assert instrument.counts.holes == 1
+    assert instrument.counts.longest_hole_s == pytest.approx(18.973, abs=1e-3)
+
+
+OMEGA, HEAVE_M = 2.0 * math.pi / 8.0, 1.5
+
+
+def motion(time_s: float, rate: bool = False) -> MotionSample:
+    """A regular motion of a ship that turns about all axes, bow at 30° at rest."""
+    phase = OMEGA * time_s
+    heave, own = HEAVE_M * math.sin(phase), HEAVE_M * OMEGA * math.cos(phase)
+    return MotionSample(
+        round(time_s * 1e9), heave, own if rate else NAN, 0.1 * math.sin(phase + 1.0),
+        0.05 * math.cos(phase), (30.0 + 4.0 * math.sin(phase)) % 360.0,
+    )  # fmt: skip
+
+
+def test_a_rate_that_the_sensor_gives_is_passed_on_at_once() -> None:
+    track = MotionTrack(settings("smc"))
+    given = motion(1.0, rate=True)
+    assert track.take(given) == HeaveOutput(S, given.heave_m, given.heave_rate_m_per_s)
+
+
+def test_a_derived_rate_is_of_second_order() -> None:
+    """Its error is that of the parabola, ω³·h²/6 of the amplitude, and falls by four with h/2."""
+    errors = []
+    for period_s in (0.1, 0.05):
+        track, worst = MotionTrack(settings("tss1")), 0.0
+        for k in range(round(8.0 / period_s)):
+            found = track.take(motion(k * period_s))
+            if found is not None:
+                assert isinstance(found, HeaveOutput)
+                wanted = motion(found.stamp_ns * 1e-9, rate=True)
+                assert found.heave_m == pytest.approx(wanted.heave_m, abs=1e-12)
+                worst = max(worst, abs(found.heave_rate_m_per_s - wanted.heave_rate_m_per_s))
+        assert worst == pytest.approx(HEAVE_M * OMEGA**3 * period_s**2 / 6.0, rel=0.01)
+        errors.append(worst)
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.01)
+
+
+def test_no_rate_is_derived_across_a_hole() -> None:
+    track = MotionTrack(settings("tss1"))
+    times = [*np.arange(0.0, 2.0, 0.1), *np.arange(21.0, 23.0, 0.1)]
+    found = [one for one in (track.take(motion(float(t))) for t in times) if one is not None]
+    stamps = np.array([one.stamp_ns for one in found]) * 1e-9
+    assert len(found) == 2 * (20 - 2), "the samples on both sides of the hole have no neighbours"
+    assert not np.any((stamps > 1.85) & (stamps < 21.05))
+    for one in found:
+        assert isinstance(one, HeaveOutput)
+        wanted = motion(one.stamp_ns * 1e-9, rate=True).heave_rate_m_per_s
+        assert one.heave_rate_m_per_s == pytest.approx(wanted, abs=0.002)
+
+
+def poses() -> list[ShipPose]:
+    track = MotionTrack(settings("tss1", heave_of="reference", rest_heading_deg=30.0))
+    found = [track.take(motion(k * 0.02)) for k in range(200)]
+    return [one for one in found if isinstance(one, ShipPose)]
+
+
+def test_poses_have_twists_that_agree_with_them() -> None:
+    """As the input check of the simulation asks: the change of attitude is the integral of ω."""
+    found = poses()
+    assert len(found) == 198
+    for before, after in pairwise(found):
+        assert pose_fault(after) == ""
+        turn = np.array(turn_between(before.orientation, after.orientation))
+        mean = 0.5 * (np.array(before.rate_rad_per_s) + np.array(after.rate_rad_per_s))
+        assert turn == pytest.approx(0.02 * mean, abs=2e-6)
+        step_m = after.position_m[2] - before.position_m[2]
+        mean_v = 0.5 * (sea_velocity(before)[2] + sea_velocity(after)[2])
+        assert step_m == pytest.approx(0.02 * mean_v, abs=2e-5)
+
+
+def test_a_pose_is_turned_back_into_the_sensor_s_angles() -> None:
+    for pose in poses()[::20]:
+        x, y, z, w = pose.orientation
+        back = motion_of_pose(pose.stamp_ns, pose.position_m[2], 0.0, (x, y, z), w, 30.0)
+        wanted = motion(pose.stamp_ns * 1e-9)
+        assert back.heave_m == pytest.approx(wanted.heave_m, abs=1e-12)
+        assert (back.roll_rad, back.pitch_rad) == pytest.approx(
+            (wanted.roll_rad, wanted.pitch_rad), abs=1e-12
+        )
+        assert back.heading_deg == pytest.approx(wanted.heading_deg, abs=1e-9)
+
+
+def test_port_up_lifts_a_point_to_port() -> None:
+    """Bow to the north: port is west. Bow down lowers a point ahead."""
+    track = MotionTrack(settings("tss1", heave_of="reference", rest_heading_deg=0.0))
+    rolled = [MotionSample(k * S // 10, 0.0, NAN, 0.1, 0.0, NAN) for k in range(3)]
+    pitched = [MotionSample(S + k * S // 10, 0.0, NAN, 0.0, 0.1, NAN) for k in range(3)]
+    found = [one for one in map(track.take, rolled) if isinstance(one, ShipPose)]
+    assert turned(found[0].orientation, (-1.0, 0.0, 0.0))[2] == pytest.approx(math.sin(0.1))
+    track = MotionTrack(settings("tss1", heave_of="reference", rest_heading_deg=0.0))
+    found = [one for one in map(track.take, pitched) if isinstance(one, ShipPose)]
+    assert turned(found[0].orientation, (0.0, 1.0, 0.0))[2] == pytest.approx(-math.sin(0.1))
+
+
+def test_heading_passes_north_without_a_turn() -> None:
+    track = MotionTrack(settings("tss1", heave_of="reference", rest_heading_deg=0.0))
+    outputs = []
+    for k in range(40):
+        outputs.append(
+            track.take(MotionSample(k * S // 10, 0.0, NAN, 0.0, 0.0, (358.0 + 0.1 * k) % 360))
+        )
+    rates = [one.rate_rad_per_s[2] for one in outputs if isinstance(one, ShipPose)]
+    assert rates == pytest.approx([-math.radians(1.0)] * 38, abs=1e-9), "clockwise is negative"
+
+
+def test_nmea_makes_the_checksum_of_a_printed_line() -> None:
+    assert nmea("PSXN,23,1.24,-2.35,218.66,0.15") == SAMPLES["psxn"]

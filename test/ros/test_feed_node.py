@@ -1,0 +1,190 @@
+"""The feed node over DDS: values and signs of instruments, refused lines, and the way back."""
+
+from __future__ import annotations
+
+import math
+import os
+import pty
+import socket
+import time
+import tty
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from feed_samples import DATA, SETTINGS
+from ros_bench import Bench
+
+from rope_twin.errors import InputError, SceneError
+from rope_twin.feeds.configuration import FeedSettings
+from rope_twin.feeds.conversion import LineSample, MotionSample
+from rope_twin.feeds.transports import Address, UdpSink
+from rope_twin.feeds.writers import writer
+from rope_twin.messages import encode_heave
+
+pytestmark = pytest.mark.ros
+S = 1_000_000_000
+NAN = math.nan
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+def settings_file(folder: Path, **feeds: dict[str, Any]) -> str:
+    path = folder / "feeds.yaml"
+    path.write_text(yaml.safe_dump({"feeds": feeds}), "utf-8")
+    return str(path)
+
+
+def rows(diagnostics: list[Any], name: str) -> list[Any]:
+    """Rows of the diagnostics of this name, oldest first."""
+    return [row for message in diagnostics for row in message.status if row.name == name]
+
+
+def values(row: Any) -> dict[str, str]:
+    return {pair.key: pair.value for pair in row.values}
+
+
+def stamp_ns(message: Any) -> int:
+    return int(message.header.stamp.sec) * S + int(message.header.stamp.nanosec)
+
+
+def test_a_winch_by_udp_and_a_motion_sensor_by_a_serial_line(bench: Bench, tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    tty.setraw(ours)
+    tty.setraw(theirs)
+    port = free_port()
+    winch = {"format": "lci90", **SETTINGS["lci90"], "source": f"udp://127.0.0.1:{port}",
+             "winch": "trawl"}  # fmt: skip
+    ship = {"format": "smc", **SETTINGS["smc"], "source": f"serial:{os.ttyname(theirs)}@115200"}
+    node = bench.make("feed", settings=settings_file(tmp_path, winch=winch, mru=ship))
+    measured, heave = bench.listen("winch/measured"), bench.listen("ship/heave")
+    diagnostics = bench.listen("diagnostics")
+    node.begin()
+    sink = UdpSink(Address("udp", "127.0.0.1", port))
+    write_winch = writer(FeedSettings(**winch))
+    write_ship = writer(FeedSettings(**ship))
+    before_ns = time.time_ns()
+
+    def both() -> bool:
+        now_ns = time.time_ns()
+        sink.send(write_winch(LineSample(now_ns, 50e3, 0.5, 1234.5, NAN)))
+        os.write(ours, write_ship(MotionSample(now_ns, 1.0, -0.25, 0.02, 0.01, NAN)))
+        return len(measured) > 3 and len(heave) > 3
+
+    bench.until(both, "both are published")
+    message = measured[-1]
+    assert list(message.name) == ["trawl"]
+    assert message.position[0] == pytest.approx(1234.5, abs=0.06)
+    assert message.velocity[0] == pytest.approx(0.5, abs=1e-3)
+    assert message.effort[0] == pytest.approx(50e3, abs=5.0)
+    assert before_ns <= stamp_ns(measured[0]) <= time.time_ns()
+    assert heave[-1].pose.pose.position.z == 1.0
+    assert heave[-1].twist.twist.linear.z == -0.25
+    sink.send(b"\x0101RD,2014-08-01T00:28:38.351,000\r\n")
+    bench.until(
+        lambda: (
+            (found := rows(diagnostics, "feed: winch"))
+            and values(found[-1]).get("refused: incomplete") == "1"
+        ),
+        "the cut line is counted",
+    )
+    bench.until(
+        lambda: "silent for" in rows(diagnostics, "feed: winch")[-1].message, "silence is reported"
+    )
+    assert int(rows(diagnostics, "feed: winch")[-1].level) == 2
+    sink.close()
+    node.close()
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_a_record_is_published_with_its_spacing_and_its_end(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "winch.txt"
+    path.write_bytes(b"".join((DATA / "twnc.txt").read_bytes().splitlines(keepends=True)[:40]))
+    winch = {"format": "lci90", **SETTINGS["lci90"], "tension_of": "motor"}
+    node = bench.make("feed", settings=settings_file(tmp_path, winch=winch), source=str(path),
+                      speed=4.0)  # fmt: skip
+    measured, motor = bench.listen("winch/measured"), bench.listen("winch/motor_tension")
+    node.begin()
+    bench.until(lambda: node.finished and len(measured) == len(motor) == 40, "all of it")
+    assert measured[0].position[0] == 34.0
+    assert math.isnan(measured[0].effort[0])
+    assert motor[0].effort[0] == pytest.approx(61 * 4.4482216152605)
+    steps = [(stamp_ns(b) - stamp_ns(a)) * 1e-9 for a, b in pairwise(measured)]
+    assert steps == pytest.approx([0.05] * 39, abs=0.004)
+
+
+def test_a_simulator_sends_what_a_feed_reads(bench: Bench, tmp_path: Path) -> None:
+    """Winch and ship of a simulation, out as lines and back, over UDP and DDS."""
+
+    from rope_twin.messages import templates
+    from rope_twin.messages.cdr import Template
+    from rope_twin.ros.feed_node import FeedSimulator
+    from rope_twin.ros.params import overrides
+
+    feeds = {
+        "winch": {"format": "rcwd", **SETTINGS["rcwd"], "source": f"udp://127.0.0.1:{free_port()}"},
+        "mru": {"format": "psxn", **SETTINGS["psxn"], "sentences": "23 24",
+                "source": f"udp://127.0.0.1:{free_port()}"},
+    }  # fmt: skip
+    given = {"settings": settings_file(tmp_path, **feeds)}
+    measured, heave = bench.listen("winch/measured"), bench.listen("ship/heave")
+    node = bench.make("feed", **given)
+    node.begin()
+    simulator = bench.add(FeedSimulator(parameter_overrides=overrides(given)))
+    simulator.begin()
+    length, tension = bench.publisher("ropes/length"), bench.publisher("ropes/tension_top")
+    ship = bench.publisher("ship/heave")
+    forms = {
+        "tension": Template(templates.joint_state(["rope"], ("effort",))),
+        "length": Template(templates.joint_state(["rope"], ("position", "velocity"))),
+    }
+
+    def returned() -> bool:
+        now_ns = time.time_ns()
+        stamp = dict(
+            zip(("header.stamp.sec", "header.stamp.nanosec"), divmod(now_ns, S), strict=True)
+        )
+        tension.publish(forms["tension"].fill({**stamp, "effort": [120e3]}))
+        length.publish(forms["length"].fill({**stamp, "position": [850.25], "velocity": [-0.5]}))
+        own = len([one for one in heave if one.pose.pose.position.z == 0.75])
+        if own < 2:
+            ship.publish(encode_heave(now_ns, 0.75, 0.125))
+        return bool(measured) and len(measured) > 2 and own >= 2
+
+    bench.until(returned, "lines come back")
+    message = measured[-1]
+    assert (message.position[0], message.velocity[0]) == pytest.approx((850.25, -0.5), abs=1e-3)
+    assert message.effort[0] == pytest.approx(120e3, abs=1.0)
+    simulator.close()
+    node.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"settings": ""}, InputError, "name a file or one of config/feeds/"),
+        ({"source": "/no/such/file"}, InputError, "no such file"),
+        ({"feed": "crane"}, InputError, "feed 'crane'"),
+        ({"settings": "/no/such.yaml"}, InputError, "no such file or name"),
+    ],
+)
+def test_what_cannot_be_read_is_refused(
+    bench: Bench, tmp_path: Path, change: dict[str, str], error: type[Exception], words: str
+) -> None:
+    winch = {"format": "lci90", **SETTINGS["lci90"], "source": "udp://127.0.0.1:6224"}
+    given = {"settings": settings_file(tmp_path, winch=winch), **change}
+    with pytest.raises(error, match=words):
+        bench.make("feed", **given).begin()
+
+
+def test_settings_without_a_unit_are_refused(bench: Bench, tmp_path: Path) -> None:
+    winch = {"format": "lci90", **SETTINGS["lci90"], "units": {"payout": "m", "speed": "m/min"}}
+    with pytest.raises(SceneError, match="units has no tension; there is no default"):
+        bench.make("feed", settings=settings_file(tmp_path, winch=winch)).begin()
