@@ -31,6 +31,7 @@ ARGUMENTS = (
     ("sea_offset", "0.0", "offset into the recording [s]"),
     ("speed", "1.0", "twin time over real time"),
     ("sea", "true", "play the recorded sea; false: a motion sensor publishes ship/heave"),
+    ("feed", "", "settings of instruments to read, in config/feeds or a path; empty: none"),
     ("schedule", "true", "play the scene's winch schedule; false: somebody else commands"),
     ("follow_measured", "false", "winches follow winch/measured; with it schedule:=false"),
     ("record", "false", "record every topic"),
@@ -83,6 +84,8 @@ def generate_launch_description() -> LaunchDescription:
     bag = {"out": ParameterValue(value("out"), **text), "beside": True}
     state = ParameterValue(value("state"), **text)
     saved = {"save_state": state, "from_state": state, "save_every_s": 2.0}
+    read = PythonExpression(["'", value("feed"), "' != ''"])
+    instruments = {"settings": ParameterValue(value("feed"), **text)}
     picture = {"file": ParameterValue(value("view_file"), **text)}
     return LaunchDescription(
         [
@@ -110,6 +113,13 @@ def generate_launch_description() -> LaunchDescription:
                 name="sea_state",
                 parameters=[file, scene, speed, sea],
                 condition=IfCondition(value("sea")),
+                **common,
+            ),
+            Node(
+                executable="feed_node",
+                name="feed",
+                parameters=[file, instruments],
+                condition=IfCondition(read),
                 **common,
             ),
             Node(

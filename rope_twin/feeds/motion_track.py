@@ -13,9 +13,9 @@ from rope_twin.feeds.configuration import CRANE_TIP, FeedSettings
 from rope_twin.feeds.conversion import MotionSample
 from rope_twin.twin.motion.ship_pose import (
     ShipPose,
-    Vector3,
     attitude,
     body_rates,
+    sea_velocity,
     turned,
     with_rates,
 )
@@ -104,15 +104,15 @@ def pose_of(stamp_ns: int, values: Numbers, rates: list[float], heading_deg: flo
     return with_rates(pose, (0.0, 0.0, rates[0]), turned(rest, own))
 
 
-def motion_of_pose(
-    stamp_ns: int, heave_m: float, rate: float, turn: Vector3, w: float, heading_deg: float
-) -> MotionSample:
+def motion_of_pose(pose: ShipPose, heading_deg: float) -> MotionSample:
     """Return heave, roll, pitch and heading of a pose in the axes of `map`: `pose_of` reversed."""
     bow = math.radians(90.0 - heading_deg)
-    c, s = math.cos(bow), math.sin(bow)
-    x, y, z = c * turn[0] + s * turn[1], c * turn[1] - s * turn[0], turn[2]
+    east, north, up, w = pose.orientation
+    back = (0.0, 0.0, -math.sin(0.5 * bow), math.cos(0.5 * bow))
+    x, y, z = turned(back, (east, north, up))
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     heading = (heading_deg - math.degrees(yaw)) % 360.0
-    return MotionSample(stamp_ns, heave_m, rate, roll, pitch, heading)
+    rate = sea_velocity(pose)[2]
+    return MotionSample(pose.stamp_ns, pose.position_m[2], rate, roll, pitch, heading)

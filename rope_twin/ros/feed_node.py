@@ -7,6 +7,7 @@ of a running simulation as lines of the same instruments.
 
 from __future__ import annotations
 
+import heapq
 import math
 import queue
 import sys
@@ -35,6 +36,7 @@ from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import FeedParams, declare
 from rope_twin.ros.qos import listen, publish
 from rope_twin.topics import BY_NAME, MOTION_TOPICS
+from rope_twin.twin.motion.ship_pose import ShipPose, pose_fault
 
 _POLL_S = 0.005
 _DIAGNOSTICS_S = 1.0
@@ -134,7 +136,7 @@ class FeedNode(Node):
         self._channels: list[_Channel] = []
         self._own_publishers: dict[str, Any] = {}
         self._diagnostics = publish(self, BY_NAME["diagnostics"])
-        self._logged: dict[str, str] = {}
+        self._logged: dict[str, tuple[Level, str, str]] = {}  # of the last warnings
         self._began_s = time.monotonic()
 
     @property
@@ -208,11 +210,12 @@ class FeedNode(Node):
     def _publish_diagnostics(self) -> None:
         rows = self.statuses()
         self._diagnostics.publish(encode_diagnostics(self.get_clock().now().nanoseconds, rows))
-        for row in rows:
-            kind = row.message.partition(":")[0]
+        for row, channel in zip(rows, self._channels, strict=True):
+            counts = channel.instrument.counts
+            kind = (row.level, channel.source.fault, counts.last_fault.partition(":")[0])
             if row.level != Level.OK and self._logged.get(row.name) != kind:
                 self.get_logger().warning(f"{row.name}: {row.message}")
-            self._logged[row.name] = kind if row.level != Level.OK else ""
+            self._logged[row.name] = kind
 
 
 def _messages(channel: _Channel, sample: Sample) -> list[tuple[str, bytes]]:
@@ -247,6 +250,8 @@ class FeedSimulator(Node):
         self._params = declare(self, FeedParams)
         self._writers: list[tuple[FeedSettings, Any, Sink]] = []
         self._tension_n: dict[str, float] = {}
+        self._ahead: list[tuple[int, int, MotionSample | ShipPose]] = []  # stamp, number, motion
+        self._number = 0
         self._began_s = time.monotonic()
         self.sent = 0
 
@@ -274,6 +279,7 @@ class FeedSimulator(Node):
             ("ship/odometry", self._take_pose),
         ):
             listen(self, BY_NAME[topic], take)
+        self.create_timer(_POLL_S, self._send_due, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
         """Close the ways out; may be called twice."""
@@ -312,22 +318,35 @@ class FeedSimulator(Node):
     def _take_heave(self, data: bytes) -> None:
         message = decode("ship/heave", data)
         heave, rate = message.pose.pose.position.z, message.twist.twist.linear.z
-        sample = MotionSample(_stamp_ns(message), heave, rate, 0.0, 0.0, math.nan)
-        self._send(sample, lambda one: not one.is_line_monitor)
+        self._hold(MotionSample(_stamp_ns(message), heave, rate, 0.0, 0.0, math.nan))
 
     def _take_pose(self, data: bytes) -> None:
         message = decode("ship/odometry", data)
         pose, twist = message.pose.pose, message.twist.twist
-        turn = pose.orientation.x, pose.orientation.y, pose.orientation.z
-        for settings, write, sink in self._writers:
-            if settings.is_line_monitor:
-                continue
-            sample = motion_of_pose(
-                _stamp_ns(message), pose.position.z, twist.linear.z, turn, pose.orientation.w,
-                settings.rest_heading_deg or 0.0,
-            )  # fmt: skip
-            sink.send(write(sample))
-            self.sent += 1
+        place, turn, velocity = pose.position, pose.orientation, twist.linear
+        orientation, own = (turn.x, turn.y, turn.z, turn.w), (velocity.x, velocity.y, velocity.z)
+        moved = ShipPose(_stamp_ns(message), (place.x, place.y, place.z), own, orientation)
+        if not pose_fault(moved):
+            self._hold(moved)
+
+    def _hold(self, motion: MotionSample | ShipPose) -> None:
+        """Keep a motion until its time: a replay publishes it in advance."""
+        self._number += 1
+        if len(self._ahead) < _WAITING:
+            heapq.heappush(self._ahead, (motion.stamp_ns, self._number, motion))
+
+    def _send_due(self) -> None:
+        now_ns = self.get_clock().now().nanoseconds
+        while self._ahead and self._ahead[0][0] <= now_ns:
+            _, _, motion = heapq.heappop(self._ahead)
+            for settings, write, sink in self._writers:
+                if settings.is_line_monitor:
+                    continue
+                sample = motion
+                if isinstance(sample, ShipPose):
+                    sample = motion_of_pose(sample, settings.rest_heading_deg or 0.0)
+                sink.send(write(sample))
+                self.sent += 1
 
 
 def _stamp_ns(message: Any) -> int:

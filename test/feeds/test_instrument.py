@@ -195,9 +195,8 @@ def test_poses_have_twists_that_agree_with_them() -> None:
 
 def test_a_pose_is_turned_back_into_the_sensor_s_angles() -> None:
     for pose in poses()[::20]:
-        x, y, z, w = pose.orientation
-        back = motion_of_pose(pose.stamp_ns, pose.position_m[2], 0.0, (x, y, z), w, 30.0)
-        wanted = motion(pose.stamp_ns * 1e-9)
+        back, wanted = motion_of_pose(pose, 30.0), motion(pose.stamp_ns * 1e-9, rate=True)
+        assert back.heave_rate_m_per_s == pytest.approx(wanted.heave_rate_m_per_s, abs=1e-3)
         assert back.heave_m == pytest.approx(wanted.heave_m, abs=1e-12)
         assert (back.roll_rad, back.pitch_rad) == pytest.approx(
             (wanted.roll_rad, wanted.pitch_rad), abs=1e-12

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import pty
+import select
 import socket
 import time
 import tty
@@ -121,23 +122,30 @@ def test_a_record_is_published_with_its_spacing_and_its_end(bench: Bench, tmp_pa
 
 
 def test_a_simulator_sends_what_a_feed_reads(bench: Bench, tmp_path: Path) -> None:
-    """Winch and ship of a simulation, out as lines and back, over UDP and DDS."""
+    """Winch and ship of a simulation, out as lines by UDP and a serial line, and back over DDS."""
 
     from rope_twin.messages import templates
     from rope_twin.messages.cdr import Template
     from rope_twin.ros.feed_node import FeedSimulator
     from rope_twin.ros.params import overrides
 
+    ends = [pty.openpty() for _ in range(2)]  # two lines, joined by this test like by a cable
+    for end in (one for pair in ends for one in pair):
+        tty.setraw(end)
+    (out, out_line), (back, back_line) = ends
     feeds = {
         "winch": {"format": "rcwd", **SETTINGS["rcwd"], "source": f"udp://127.0.0.1:{free_port()}"},
         "mru": {"format": "psxn", **SETTINGS["psxn"], "sentences": "23 24",
-                "source": f"udp://127.0.0.1:{free_port()}"},
+                "source": f"serial:{os.ttyname(back_line)}@38400"},
     }  # fmt: skip
     given = {"settings": settings_file(tmp_path, **feeds)}
+    (tmp_path / "ship").mkdir()
+    feeds["mru"]["source"] = f"serial:{os.ttyname(out_line)}@38400"
+    sent = {"settings": settings_file(tmp_path / "ship", **feeds)}
     measured, heave = bench.listen("winch/measured"), bench.listen("ship/heave")
     node = bench.make("feed", **given)
     node.begin()
-    simulator = bench.add(FeedSimulator(parameter_overrides=overrides(given)))
+    simulator = bench.add(FeedSimulator(parameter_overrides=overrides(sent)))
     simulator.begin()
     length, tension = bench.publisher("ropes/length"), bench.publisher("ropes/tension_top")
     ship = bench.publisher("ship/heave")
@@ -153,6 +161,8 @@ def test_a_simulator_sends_what_a_feed_reads(bench: Bench, tmp_path: Path) -> No
         )
         tension.publish(forms["tension"].fill({**stamp, "effort": [120e3]}))
         length.publish(forms["length"].fill({**stamp, "position": [850.25], "velocity": [-0.5]}))
+        if select.select([out], [], [], 0.0)[0]:
+            os.write(back, os.read(out, 4096))
         own = len([one for one in heave if one.pose.pose.position.z == 0.75])
         if own < 2:
             ship.publish(encode_heave(now_ns, 0.75, 0.125))
@@ -162,8 +172,31 @@ def test_a_simulator_sends_what_a_feed_reads(bench: Bench, tmp_path: Path) -> No
     message = measured[-1]
     assert (message.position[0], message.velocity[0]) == pytest.approx((850.25, -0.5), abs=1e-3)
     assert message.effort[0] == pytest.approx(120e3, abs=1.0)
+    (sample,) = {(one.pose.pose.position.z, one.twist.twist.linear.z) for one in heave}
+    assert sample == (0.75, 0.125)
     simulator.close()
     node.close()
+    for end in (out, out_line, back, back_line):
+        os.close(end)
+
+
+def test_a_simulator_sends_motion_at_its_time(bench: Bench, tmp_path: Path) -> None:
+    """A replay publishes it in advance; a sensor does not know the future."""
+    from rope_twin.ros.feed_node import FeedSimulator
+    from rope_twin.ros.params import overrides
+
+    mru = {"format": "psxn", **SETTINGS["psxn"], "source": str(tmp_path / "lines.txt")}
+    given = {"settings": settings_file(tmp_path, mru=mru)}
+    node = bench.add(FeedSimulator(parameter_overrides=overrides(given)))
+    node.begin()
+    ship = bench.publisher("ship/heave")
+    bench.until(ship.get_subscription_count, "somebody listens")
+    at_ns = time.time_ns() + S
+    ship.publish(encode_heave(at_ns, 0.75, 0.125))
+    bench.until(lambda: node.sent, "it is sent")
+    assert time.time_ns() >= at_ns
+    node.close()
+    assert b"$PSXN,23,0.00,0.00,0.00,-0.750*" in (tmp_path / "lines.txt").read_bytes()
 
 
 @pytest.mark.parametrize(
