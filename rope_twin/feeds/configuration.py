@@ -46,6 +46,10 @@ LOAD_PIN, MOTOR = "load_pin", "motor"
 CRANE_TIP, REFERENCE = "crane_tip", "reference"
 ARRIVAL, INSTRUMENT = "arrival", "instrument"
 _QUANTITIES = ("tension", "speed", "payout")
+_SPECIAL = (  # keys of some formats only
+    "tension_of", "channel", "length_at", "checksum", "start", "columns", "sentences", "heave_of",
+    "rest_heading_deg",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,11 +113,28 @@ class FeedSettings:
             return f"stamp is instrument, but {self.format} has no time; give arrival"
         if self.heave_of == REFERENCE and self.rest_heading_deg is None:
             return "rest_heading_deg is missing; give the true heading of the bow at rest [°]"
-        if self.format == "columns" and (fault := self._columns_fault()):
+        fault = self._columns_fault() if self.format == "columns" else None
+        if fault := fault or self._idle_key():
             return fault
         return _table_fault("units", self.units, form.units_of(self), UNITS) or _table_fault(
             "positive", self.positive, form.signs_of(self), SIGNS
         )
+
+    def _idle_key(self) -> str | None:
+        """Return the complaint about a key that this format does not take, or None."""
+        form, taken = FORMATS[self.format], set(FORMATS[self.format].keys)
+        if form.kind == MOTION:
+            taken |= {"heave_of", *(["rest_heading_deg"] if self.heave_of == REFERENCE else [])}
+        elif self.format != "wir":
+            taken.add("channel")
+        if form.kind == LINE and self.format != "rcwd":
+            taken.add("tension_of")
+        if self.format == "columns":
+            taken |= {"start", "columns"}
+        for one in _SPECIAL:
+            if getattr(self, one) not in ("", None, {}) and one not in taken:
+                return f"{one} has no effect with {self.format}; remove it"
+        return None
 
     def _columns_fault(self) -> str | None:
         if not self.start:

@@ -12,6 +12,7 @@ from rope_twin.feeds.conversion import Converter, Sample
 from rope_twin.feeds.motion_sensors import EM3000_BYTES, em3000_starts
 from rope_twin.feeds.readings import (
     DUPLICATE,
+    INCOMPLETE,
     LATE,
     LENGTH,
     MAX_LINE_BYTES,
@@ -28,6 +29,8 @@ _IEC_61162_450 = b"UdPbC\0"
 
 class LineFramer:
     """Cuts a stream of bytes into lines."""
+
+    refusal = Refusal(LENGTH, "bytes without an end of line")
 
     def __init__(self) -> None:
         self._rest = b""
@@ -51,6 +54,8 @@ class RecordFramer:
 
     A record counts once the next one begins where it ends; in a datagram it ends with it.
     """
+
+    refusal = Refusal(INCOMPLETE, "bytes that are no record")
 
     def __init__(self) -> None:
         self._rest = b""
@@ -135,7 +140,7 @@ class Instrument:
                 samples.pop()
             samples.append(sample)
         if self._framer.dropped > self._dropped:
-            self._refuse(Refusal(LENGTH, "bytes without an end of line or record"))
+            self._refuse(self._framer.refusal)
             self._dropped = self._framer.dropped
         return samples
 

@@ -2,11 +2,16 @@
 
 Rates are derived by the parabola through three samples at the middle one, so such a sample comes
 one interval later. Nothing is derived across a hole: the samples on its sides are no neighbours.
+
+Of two samples that arrive closer together than a fifth of the usual interval the first was held up
+on its way, and its stamp by arrival is wrong: the second replaces it. So nothing is derived from a
+sample that comes late before its successor is there.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 from rope_twin.feeds.configuration import CRANE_TIP, FeedSettings
@@ -21,6 +26,10 @@ from rope_twin.twin.motion.ship_pose import (
 )
 
 Numbers = tuple[float, ...]
+INTERVALS = 20  # whose median is the usual interval
+SHORT_INTERVAL = 0.2  # of the usual one
+LONG_INTERVAL = 1.5  # of it: one sample was lost or held up, as the next one shows
+LEAST_INTERVAL_NS = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -44,26 +53,49 @@ class MotionTrack:
         self._hole_ns = round(settings.silent_after_s * 1e9)
         self._last: list[tuple[int, Numbers, float]] = []  # stamp, values, given rate of heave
         self._yaw_deg: float | None = None
+        self._intervals_ns: deque[int] = deque(maxlen=INTERVALS)
+        self.replaced = 0  # samples that were held up on their way
 
-    def take(self, sample: MotionSample) -> MotionOutput | None:
-        """Return the motion that this sample completes, or None."""
+    def take(self, sample: MotionSample) -> list[MotionOutput]:
+        """Return the motions that this sample completes, in order."""
         if math.isnan(sample.heave_m):
-            return None
+            return []
         if self._of_crane_tip and not math.isnan(sample.heave_rate_m_per_s):
-            return HeaveOutput(sample.stamp_ns, sample.heave_m, sample.heave_rate_m_per_s)
+            return [HeaveOutput(sample.stamp_ns, sample.heave_m, sample.heave_rate_m_per_s)]
         values: Numbers = (sample.heave_m,)
         if not self._of_crane_tip:
             if math.isnan(sample.roll_rad) or math.isnan(sample.pitch_rad):
-                return None
+                return []
             values = (*values, sample.roll_rad, sample.pitch_rad, self._yaw(sample.heading_deg))
-        if self._last and not 0 < sample.stamp_ns - self._last[-1][0] <= self._hole_ns:
-            self._last.clear()
-        self._last.append((sample.stamp_ns, values, sample.heave_rate_m_per_s))
-        if len(self._last) < 3:
-            return None
-        output = self._middle()
-        del self._last[0]
-        return output
+        return self._derived((sample.stamp_ns, values, sample.heave_rate_m_per_s))
+
+    def _derived(self, sample: tuple[int, Numbers, float]) -> list[MotionOutput]:
+        """Return the motions whose rates can be derived with a further sample."""
+        outputs: list[MotionOutput] = []
+        usual_ns, late = self._usual_ns(), False
+        if self._last:
+            interval_ns = sample[0] - self._last[-1][0]
+            late = 0 < interval_ns < max(LEAST_INTERVAL_NS, SHORT_INTERVAL * usual_ns)
+            if late:
+                del self._last[-1]
+                self.replaced += 1
+            elif len(self._last) == 3:
+                outputs.append(self._middle())
+            if not 0 < interval_ns <= self._hole_ns:
+                self._last.clear()
+            self._intervals_ns.append(interval_ns)
+        self._last.append(sample)
+        if len(self._last) == 3:
+            newest_ns = sample[0] - self._last[1][0]
+            if late or not usual_ns or newest_ns < LONG_INTERVAL * usual_ns:
+                outputs.append(self._middle())
+        return outputs
+
+    def _usual_ns(self) -> float:
+        """Return the usual interval of samples; 0: not known yet."""
+        if len(self._intervals_ns) < INTERVALS // 4:
+            return 0.0
+        return float(sorted(self._intervals_ns)[len(self._intervals_ns) // 2])
 
     def _yaw(self, heading_deg: float) -> float:
         """Return the yaw from the rest heading, counterclockwise and continuous [rad]."""
@@ -75,7 +107,9 @@ class MotionTrack:
         return math.radians(self._yaw_deg)
 
     def _middle(self) -> MotionOutput:
+        """Return the motion at the second of three samples, and drop the first."""
         (first_ns, first, _), (stamp_ns, middle, given), (last_ns, last, _) = self._last
+        del self._last[0]
         before_s, after_s = (stamp_ns - first_ns) * 1e-9, (last_ns - stamp_ns) * 1e-9
         rates = [
             ((b - a) / before_s * after_s + (c - b) / after_s * before_s) / (before_s + after_s)

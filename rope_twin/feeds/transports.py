@@ -128,8 +128,11 @@ class UdpSource(Source):
 def _bound(address: Address) -> socket.socket:
     host = address.name or "0.0.0.0"
     link = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
-    link.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
+        if is_multicast(
+            host
+        ):  # other programs may be members too; datagrams to a host have one reader
+            link.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         link.bind((host, address.number))
         if is_multicast(host):
             group = socket.inet_aton(host) + socket.inet_aton("0.0.0.0")

@@ -96,12 +96,20 @@ class _Channel:
 
 
 def feed_status(
-    name: str, counts: FeedCounts, fault: str, silent_s: float, limit_s: float, recent: bool
+    name: str,
+    counts: FeedCounts,
+    fault: str,
+    silent_s: float,
+    limit_s: float,
+    recent: bool,
+    lost: int = 0,
+    held_up: int = 0,
 ) -> Status:
     """Return the diagnostics row of a feed.
 
     fault: of its connection; silent_s: time since the last sample; limit_s: time after which data
-    are missing; recent: whether a line was refused lately.
+    are missing; recent: whether a line was refused lately; lost: pieces of bytes that this node was
+    too late for; held_up: samples of motion that came with their successor, which replaced them.
     """
     title = "feed: " + name
     values = {
@@ -110,6 +118,8 @@ def feed_status(
         "of other sentences": str(counts.others),
         "refused": str(counts.refused_total),
         **{f"refused: {reason}": str(number) for reason, number in counts.refused.most_common()},
+        "lost by this node": str(lost),
+        "held up on the way": str(held_up),
         "holes": str(counts.holes),
         "longest hole [s]": f"{counts.longest_hole_s:.1f}",
     }
@@ -197,6 +207,8 @@ class FeedNode(Node):
                 now_s - one.heard_s,
                 one.settings.silent_after_s,
                 now_s - one.refused_s < _RECENT_S,
+                one.lost,
+                one.track.replaced,
             )
             for one in self._channels
         ]
@@ -221,8 +233,7 @@ class FeedNode(Node):
 def _messages(channel: _Channel, sample: Sample) -> list[tuple[str, bytes]]:
     if isinstance(sample, LineSample):
         return encode_line(sample, channel.settings.winch)
-    output = channel.track.take(sample)
-    return [] if output is None else [encode_output(output)]
+    return [encode_output(output) for output in channel.track.take(sample)]
 
 
 def chosen_feeds(settings: str, feed: str, source: str) -> dict[str, FeedSettings]:

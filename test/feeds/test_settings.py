@@ -60,6 +60,10 @@ def test_every_unit_and_sign_must_be_given(name: str) -> None:
         ("columns", {"start": ""}, "start is missing"),
         ("columns", {"columns": {"tensoin": 1}}, "did you mean 'tension'?"),
         ("columns", {"columns": {"tension": 0}}, "give a number from 1 to 99"),
+        ("lci90", {"checksum": "sum"}, "checksum has no effect with lci90; remove it"),
+        ("lci90", {"heave_of": "crane_tip"}, "heave_of has no effect"),
+        ("tss1", {"rest_heading_deg": 10.0}, "rest_heading_deg has no effect"),
+        ("rcwd", {"tension_of": "motor"}, "tension_of has no effect"),
         ("octans", {"sentences": "PHTRO"}, "sentences is 'PHTRO'"),
     ],
 )  # fmt: skip

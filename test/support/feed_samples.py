@@ -39,7 +39,8 @@ SETTINGS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 LINES = ("lci90", "wir", "rcwd", "columns")
 MOTIONS = tuple(name for name in FORMATS if name not in LINES)
-# A telegram of each format as its maker's manual or a recording has it; `made`: ours, see the name.
+# A telegram of each format: lci90 as recorded; rcwd, psxn, pashr, tss1, tss3, octans, phtrh and
+# smc as printed in manuals and cruise reports; wir, columns, em3000 and norsub are ours.
 SAMPLES: dict[str, bytes] = {
     "lci90": b"\x0102RD,2014-08-01T00:28:38.351,STBD TRAWL,00000061,000000.0,-00034.0,3596\r\n",
     "wir": b"$WIR,2024-05-01,12:00:00.500,001234.0,-00030.0,-00100.5,00000000,00000000,3647\r\n",
