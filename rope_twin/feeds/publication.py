@@ -3,29 +3,11 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 
 from rope_twin.feeds.conversion import LineSample
 from rope_twin.feeds.motion_track import HeaveOutput, MotionOutput
-from rope_twin.messages import encode_heave, encode_pose, templates
-from rope_twin.messages.cdr import Template
-
-MEASURED_TOPIC, MOTOR_TENSION_TOPIC = "winch/measured", "winch/motor_tension"
-
-
-@cache
-def _measured(winch: str) -> Template:
-    return Template(templates.joint_state([winch], ("position", "velocity", "effort")))
-
-
-@cache
-def _motor_tension(winch: str) -> Template:
-    return Template(templates.joint_state([winch], ("effort",)))
-
-
-def _stamp(stamp_ns: int) -> dict[str, int]:
-    sec, nanosec = templates.split(stamp_ns)
-    return {"header.stamp.sec": sec, "header.stamp.nanosec": nanosec}
+from rope_twin.messages import encode_heave, encode_measurement, encode_pose
+from rope_twin.twin.measured.readings import Measurement
 
 
 def encode_line(sample: LineSample, winch: str) -> list[tuple[str, bytes]]:
@@ -33,17 +15,17 @@ def encode_line(sample: LineSample, winch: str) -> list[tuple[str, bytes]]:
 
     Tension of the motor has a topic of its own, since losses of sheaves and gear are in it.
     """
-    messages = []
-    values = sample.payout_m, sample.speed_m_per_s, sample.tension_n
-    if not all(math.isnan(value) for value in values):
-        payout, speed, tension = ([value] for value in values)
-        own = {"position": payout, "velocity": speed, "effort": tension}
-        messages.append((MEASURED_TOPIC, _measured(winch).fill({**_stamp(sample.stamp_ns), **own})))
+    measured = []
+    values = [_known(x) for x in (sample.payout_m, sample.speed_m_per_s, sample.tension_n)]
+    if any(value is not None for value in values):
+        measured.append(Measurement.of_winch(sample.stamp_ns, *values, winch))
     if not math.isnan(sample.motor_tension_n):
-        own = {"effort": [sample.motor_tension_n]}
-        data = _motor_tension(winch).fill({**_stamp(sample.stamp_ns), **own})
-        messages.append((MOTOR_TENSION_TOPIC, data))
-    return messages
+        measured.append(Measurement.of_motor(sample.stamp_ns, sample.motor_tension_n, winch))
+    return [encode_measurement(sample.stamp_ns, one) for one in measured]
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value
 
 
 def encode_output(output: MotionOutput) -> tuple[str, bytes]:

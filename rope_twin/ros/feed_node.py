@@ -22,12 +22,7 @@ from rope_twin.feeds.configuration import FeedSettings, read_settings, with_sour
 from rope_twin.feeds.conversion import LineSample, MotionSample, Sample
 from rope_twin.feeds.instrument import FeedCounts, Instrument
 from rope_twin.feeds.motion_track import MotionTrack, motion_of_pose
-from rope_twin.feeds.publication import (
-    MEASURED_TOPIC,
-    MOTOR_TENSION_TOPIC,
-    encode_line,
-    encode_output,
-)
+from rope_twin.feeds.publication import encode_line, encode_output
 from rope_twin.feeds.transports import Sink, Source, open_sink, open_source
 from rope_twin.feeds.writers import writer
 from rope_twin.messages import Level, Status, decode, encode_diagnostics
@@ -35,7 +30,7 @@ from rope_twin.messages.status import counted
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import FeedParams, declare
 from rope_twin.ros.qos import listen, publish
-from rope_twin.topics import BY_NAME, MOTION_TOPICS
+from rope_twin.topics import BY_NAME, MOTION_TOPICS, MOTOR_TENSION, WINCH_MEASURED
 from rope_twin.twin.motion.ship_pose import ShipPose, pose_fault
 
 _POLL_S = 0.005
@@ -168,7 +163,7 @@ class FeedNode(Node):
         for name, settings in feeds.items():
             self._channels.append(_Channel(name, settings, self._params.speed, start_ns))
             self.get_logger().info(f"{name}: {settings.format} from {settings.source}")
-        for topic in (MEASURED_TOPIC, MOTOR_TENSION_TOPIC, *MOTION_TOPICS):
+        for topic in (WINCH_MEASURED, MOTOR_TENSION, *MOTION_TOPICS):
             if self._needs(topic):
                 self._own_publishers[topic] = publish(self, BY_NAME[topic])
         steady = Clock(clock_type=ClockType.STEADY_TIME)
