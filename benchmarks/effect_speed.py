@@ -29,6 +29,7 @@ from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
@@ -81,6 +82,9 @@ ADDED: dict[str, Any] = {
     ),
     "splash_zone": SplashZoneParams(height_m=3.0),
     "net": NetParams(width_m=12.0, height_m=8.0, twine_m=0.003, bar_m=0.03, panels=2),
+    "net_curtain": NetCurtainParams(
+        from_m=50.0, to_m=250.0, width_m=6.0, twine_m=0.003, bar_m=0.03, heading_deg=90.0
+    ),
     "fairing": FairingParams(face_m2=4.0),
     "payload_shedding": PayloadSheddingParams(
         strouhal=0.2, lift_coefficient=0.4, diameter_m=3.0, area_m2=9.0

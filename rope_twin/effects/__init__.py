@@ -23,6 +23,7 @@ from rope_twin.effects import (
     fluid_ramp,
     modal_vibration,
     net,
+    net_curtain,
     payload,
     payload_oscillation,
     payload_shedding,
@@ -125,6 +126,7 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("rigid_body", rigid_body.RigidBodyParams, rigid_body.build),
     Effect("splash_zone", splash_zone.SplashZoneParams, splash_zone.build),
     Effect("net", net.NetParams, net.build),
+    Effect("net_curtain", net_curtain.NetCurtainParams, net_curtain.build),
     Effect("fairing", fairing.FairingParams, fairing.build),
     Effect(
         "payload_shedding",

@@ -13,6 +13,7 @@ import effect_cases
 import numpy as np
 import pytest
 from effect_cases import (
+    CURTAINS,
     NODES,
     OSCILLATING,
     SHEDDING,
@@ -40,6 +41,7 @@ NAMES = [*(effect.name for effect in EFFECTS), *VARIANTS]
 EXACT = [name for name in NAMES if name not in (*SHEDDING, "drag over Reynolds numbers")]
 SKEW = (
     "payload", "rigid_body", "splash_zone", "net", "depth_profiles", "payload_oscillation",
+    *CURTAINS,
 )  # fmt: skip
 FLOW, R, BLOCKS = slice(0, 3), slice(3, 6), slice(6, 12)  # rows of `loads`
 XX, XY, XZ, YY, YZ, ZZ = range(6)
@@ -174,7 +176,7 @@ def test_blocks_are_the_derivative_of_the_residual(name: str, seed: int) -> None
     drag have a skew part. The block of drag over Reynolds numbers leaves out how the factor
     changes.
     """
-    effects = acting(name)[-1:] if name in OSCILLATING else data_of(name)
+    effects = acting(name)[-1:] if name in (*OSCILLATING, *CURTAINS) else data_of(name)
     work = some_work(seed)
     result = loads(effects, work)
     for node in range(NODES):

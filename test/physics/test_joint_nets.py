@@ -69,6 +69,25 @@ def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
     assert (np.abs(cut - whole).max(axis=0) < 1e-8 * scale).all()
 
 
+def test_nets_along_ropes_that_meet_are_that_of_the_whole_rope(tmp_path: Path) -> None:
+    """Up to 16 m on each of the two ropes, which is all of the lower one: 32 m of the whole.
+
+    1e-4 of what the lower net does: at the ring each rope's half node has a tangent of its own.
+    """
+    listed = LIFT[LIFT.index("  - net:") : LIFT.index("time:")]
+    net = "width_m: 2.0, twine_m: 0.003, bar_m: 0.03, heading_deg: 120.0"
+    cut, whole, upper = (
+        heaved(ropes + LIFT.replace(listed, f"  - net_curtain: {{{net}, {own}}}\n"),
+               tmp_path / "scene.yaml", 4.0)
+        for ropes, own in ((CUT, "to_m: 16.0"), (WHOLE, "to_m: 32.0"),
+                           (CUT, "to_m: 16.0, rope: hoist"))
+    )  # fmt: skip
+    matters = np.abs(upper - whole).max(axis=0)
+    assert matters[0] > 100.0
+    assert matters[1:].max() > 0.5
+    assert (np.abs(cut - whole).max(axis=0) < 1e-4 * matters).all()
+
+
 BRIDLE = f"""about: two payloads under a bar, a third below one of them, in an even current
 source: made up for a test
 look_at: nothing

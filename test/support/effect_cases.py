@@ -39,6 +39,7 @@ from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
@@ -61,6 +62,7 @@ Vector = NDArray[np.float64]
 NODES = 13
 SHEDDING = [effect.name for effect in EFFECTS if effect.sheds]
 OSCILLATING = ("payload_oscillation", "drag over Keulegan-Carpenter numbers")
+CURTAINS = ("net_curtain", "net_curtain that trails")
 RESULTS = (  # flow, R; blocks; couplings; tension of the lowest element, which has no stiffness
     slice(rows.FLOW, rows.FLOW + 6), slice(rows.BLOCK, rows.BLOCK + 6),
     slice(rows.LINK, rows.LINK + 2), slice(rows.TENSION, rows.TENSION + 1),
@@ -123,6 +125,9 @@ PARAMS: dict[str, Any] = {
     ),
     "splash_zone": SplashZoneParams(height_m=200.0, bottom_area_m2=6.0, slamming=5.0),
     "net": NetParams(width_m=2.0, height_m=1.5, solidity=0.2, facing_deg=40.0, panels=2),
+    "net_curtain": NetCurtainParams(
+        from_m=2.0, to_m=9.0, width_m=3.0, twine_m=0.003, bar_m=0.03, heading_deg=25.0, panels=2
+    ),
     "fairing": FairingParams(face_m2=1.2, drag=0.9, axis=(0.3, -0.2, 1.0)),
     "payload_shedding": PayloadSheddingParams(
         strouhal=0.18, lift_coefficient=0.4, diameter_m=1.2, area_m2=1.5
@@ -173,6 +178,9 @@ VARIANTS: dict[str, Any] = {  # other kernels of the same effects, each with its
         ),
     ),
     "drag by the current alone": DragParams(normal=1.2, tangential=0.02, relative=False),
+    "net_curtain that trails": NetCurtainParams(
+        to_m=6.0, width_m=3.0, twine_m=0.002, bar_m=0.03, law="aarsnes"
+    ),
     "fairing that is towed": FairingParams(face_m2=1.2, tow_speed_m_per_s=-0.8, ramp_s=9.0),
 }
 SMALL = Rig(
@@ -221,7 +229,7 @@ def data_of(*names: str) -> tuple[Any, ...]:
 def acting(name: str) -> tuple[Any, ...]:
     """The kernels' data of an effect, last, with the current that it may need; vortices shed."""
     effects = (*besides(name), *data_of(name))
-    if name in (*SHEDDING, *OSCILLATING, "bed_friction", "payload_shedding"):
+    if name in (*SHEDDING, *OSCILLATING, *CURTAINS, "bed_friction", "payload_shedding"):
         memory = effects[-1].memory
         memory[:] = np.random.default_rng(5).uniform(0.3, 1.2, memory.shape)
     return effects

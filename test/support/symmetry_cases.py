@@ -76,6 +76,7 @@ TURNED: dict[str, Turned] = {
     "seabed": lambda p, turn: replace(p, slope=turn.flat(p.slope)),
     "rigid_body": _body,
     "net": lambda p, turn: replace(p, facing_deg=turn.heading(p.facing_deg)),
+    "net_curtain": lambda p, turn: replace(p, heading_deg=turn.heading(p.heading_deg)),
     "fairing": lambda p, turn: replace(p, axis=turn.point(p.axis)),
 }
 LIFTLESS: dict[str, Callable[[Any], Any]] = {

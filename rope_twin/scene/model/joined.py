@@ -21,6 +21,7 @@ from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.splash_zone import SplashZoneParams
@@ -252,6 +253,8 @@ def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> 
     if isinstance(params, NetParams):
         net = carried.net if carried else None
         return _of_payload(params, net, carried) or replace(params, panels=0)
+    if isinstance(params, NetCurtainParams):
+        return params if params.rope in ("", line.name) else replace(params, panels=0)
     if isinstance(params, FairingParams):
         fairing = carried.fairing if carried else None
         return _of_payload(params, fairing, carried) or replace(params, face_m2=0.0)

@@ -33,6 +33,7 @@ from rope_twin.scene.validation.rigging import (
     RIGGING_RULES,
     body_holds,
     body_payload,
+    curtain_hangs,
     is_joined,
     sheaves_hold,
     winch_of,
@@ -363,7 +364,7 @@ def _depth_profiles(scene: Scene) -> Iterator[Fault]:
     if "weight" not in listed:
         what = "`depth_profiles` corrects the buoyancy of `weight`, which is not listed"
         yield where, what, "add `- weight: {}`, or remove density_kg_per_m3"
-    for name in ("rigid_body", "net", "fairing"):
+    for name in ("rigid_body", "net", "net_curtain", "fairing"):
         if name in listed:
             what = f"the water of `{name}` has one density, and `depth_profiles` another"
             yield where, what, f"remove density_kg_per_m3 or `{name}`"
@@ -564,6 +565,7 @@ RULES: tuple[Rule, ...] = (
     _payload_oscillation,
     _drag_that_grows,
     body_holds,
+    curtain_hangs,
     _two_ways,
     _at_the_end,
     _own_at_payload,

@@ -6,8 +6,10 @@ from collections import Counter
 from collections.abc import Iterator
 
 from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.splash_zone import SplashZoneParams
@@ -338,3 +340,31 @@ def _only_body(scene: Scene, own: RigidBodyParams, name: str) -> Iterator[Fault]
     if holding.from_ not in places(scene):
         what = f"it heaves with the ship, and '{holding.name}' does not come from there"
         yield "effects.rigid_body.deck.with_ship", what, "let the deck rest, or heave by itself"
+
+
+def curtain_hangs(scene: Scene) -> Iterator[Fault]:
+    """Check that each rope with a net along it is long enough, at the least line out too."""
+    own = scene.listed(NetCurtainParams)
+    if own is None:
+        return
+    names = [line.name for line in scene.ropes]
+    if own.rope and own.rope not in names:
+        right = did_you_mean(own.rope, names)
+        yield "effects.net_curtain.rope", f"there is no rope '{own.rope}'", right
+        return
+    for line in scene.ropes:
+        if own.rope not in ("", line.name):
+            continue
+        if any(line.to == sheave.name for sheave in scene.sheaves):
+            what = f"'{line.name}' runs over a sheave, which no net passes"
+            yield "effects.net_curtain.rope", what, "name another rope"
+        winch = winch_of(scene, line)
+        least_m = winch.least_line_out_m if winch is not None else line.length_m
+        if own.to_m > least_m:
+            what = f"the net would reach {own.to_m:g} m up '{line.name}', of which {least_m:g} m"
+            right = "give a smaller one, or raise the winch's least_line_out_m"
+            yield "effects.net_curtain.to_m", f"{what} may be all that is out", right
+    unit_m = scene.ropes[0].made_of[0].length_m or 0.0
+    if scene.listed(CompensatorParams) is not None and own.from_m < unit_m:
+        what = f"the lowest {unit_m:g} m of the rope are the compensator"
+        yield "effects.net_curtain.from_m", what, f"give at least {unit_m:g} m"

@@ -1,0 +1,289 @@
+"""Net along a stretch of the rope: a row of panels that bends with the rope's nodes.
+
+Each node carries the panel of its part of the stretch, whose edges are the rope's tangent and a
+direction across it, with the force of core/loads/panel (Aarsnes, Rudi, Løland 1990; Løland 1991).
+The far edge is held towards a horizontal heading c (by spreaders, a second rope, a shore), so that
+the normal is n = t × c/|t × c|; or without a heading it is free and trails with the flow, which
+then is in the panel's plane: C_D = 0.04, no lift. The net follows the rope's motion; its resultant
+acts on the rope, the moment about the rope is the spreaders'.
+
+Twine of diameter d in square meshes with bars l has the length 2/l per area of the net, and from it
+mass and displaced volume. Twines move water only across themselves. Half of them lies along each of
+two directions at right angles in the panel's plane, which sums to the added mass ½·ρ·V·(I + n·nᵀ)
+(derived; Ca = 1 of a circular cylinder), whatever these directions are; the mean over all normals
+around the rope, ½·ρ·V·(3/2·I - 1/2·t·tᵀ), is that of a free net. The acceleration a of waves adds
+ρ·V·a and the added mass times a (Morison et al. 1950).
+
+A node's share of net follows from its place on the rope's material, which it remembers; so the net
+stays where it is when the winch runs, and with its part of a rope that is cut. Omitted in the
+block: the changes of the normal and of the water. All of the net is taken to be in the water.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, pi, radians, sin, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.energy import account
+from rope_twin.core.guards import DIVISOR_MIN, TANGENT2_MIN
+from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.loads.growth import grows
+from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.panel import (
+    SOLIDITY_MOST,
+    mesh_fault,
+    meshed_solidity,
+    panel_coefficients,
+    panel_forces,
+    panel_load,
+    seen_by,
+)
+from rope_twin.core.payout import set_trials
+from rope_twin.core.state import (
+    ACCELERATION,
+    BLOCK,
+    ELEMENTS,
+    FLOW,
+    FLOW_RATE,
+    LENGTH,
+    RESIDUAL,
+    TANGENT,
+    VELOCITY,
+    Floats,
+)
+from rope_twin.quantity import quantity, text
+
+CARRIED = 1  # material coordinate of the node in the rope as it was built [m]
+PLACE, PLACE_NEXT = 0, CARRIED
+SHARE = 3 * CARRIED + 1  # of the node's length that carries net
+OWN_ROWS = SHARE - 3 * CARRIED
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetCurtainParams:
+    """Stretch of the rope, size and meshes of the net, and the heading of its far edge."""
+
+    to_m: float = quantity("upper end of the net, from the rope's lower end", "m", 0.1, 1.5e4)
+    from_m: float = quantity(
+        "lower end of the net, from the rope's lower end", "m", 0.0, 1.5e4, default=0.0
+    )
+    width_m: float = quantity("width of the net across the rope, both sides", "m", 0.01, 500.0)
+    twine_m: float = quantity("diameter of the twine", "m", 1e-4, 0.05)
+    bar_m: float = quantity("half-mesh (bar) length, knot to knot", "m", 1e-3, 2.0)
+    solidity: float | None = quantity(
+        "solidity ratio: twine area over panel area; default: from twine_m and bar_m", "", 0.005,
+        SOLIDITY_MOST, default=None,
+    )  # fmt: skip
+    twine_kg_per_m3: float = quantity(
+        "density of the twine: polyamide 1140, polyethylene 950, polyester 1380", "kg/m³", 500.0,
+        8000.0, default=1140.0,
+    )  # fmt: skip
+    heading_deg: float | None = quantity(
+        "direction from the rope to the far edge, 0 east, 90 north; default: trails with the flow",
+        "°", -360.0, 360.0, default=None,
+    )  # fmt: skip
+    panels: int = quantity("number of nets in a row, each behind the other", "", 1, 20, default=1)
+    law: str = text("force law: aarsnes or loeland", "loeland")
+    rope: str = text("multi-line scenes: the only rope with this net; default: each", "")
+
+    def check(self) -> str | None:
+        """Return a fault of the stretch, meshes, solidity or force law, or None."""
+        if self.from_m >= self.to_m:
+            return f"a net from {self.from_m:g} m up to {self.to_m:g} m; give from_m below to_m"
+        return mesh_fault(self.law, self.known_solidity(), self.twine_m, self.bar_m)
+
+    def known_solidity(self) -> float:
+        """Return the solidity as given, or that of knotless square meshes."""
+        if self.solidity is None:
+            return meshed_solidity(self.twine_m, self.bar_m)
+        return self.solidity
+
+    def twine_m3_per_m(self) -> float:
+        """Return the volume of twine per metre of rope [m²]."""
+        per_area = 2.0 / self.bar_m * 0.25 * pi * self.twine_m**2
+        return self.panels * self.width_m * per_area
+
+
+class NetCurtain(NamedTuple):
+    """Kernel data, per metre of rope."""
+
+    memory: Floats  # see PLACE and SHARE, (rows, nodes)
+    along: float  # ½·ρ·width times the constant term of C_D [kg/m²]
+    facing: float  # ½·ρ·width times the cos α term of C_D [kg/m²]
+    lift: float  # ρ·width times the sin 2α term of C_L [kg/m²]
+    mass: float  # of twine [kg/m]
+    weight: float  # of twine in water [N/m]
+    displaced: float  # mass of displaced water [kg/m]
+    pushed: float  # the same, for the inertia of waves [kg/m]
+    even: float  # share of I in the added mass, of `displaced`
+    odd: float  # likewise of n·nᵀ
+    low: float  # coordinates of its ends in the rope as it was built [m]
+    high: float
+    cx: float  # horizontal direction to the far edge; 0 of a free one
+    cy: float
+    trails: float  # 1: a free edge, with the tangent in place of the normal; else 0
+
+
+grows(NetCurtain, "along", "facing", "lift", "pushed")
+remembering(NetCurtain, CARRIED)
+
+
+class _Part(NamedTuple):
+    """Coefficients of one node's panel [kg/m], as `panel_load` takes them."""
+
+    along: float
+    facing: float
+    lift: float
+
+
+def build(params: NetCurtainParams, payload: Any, around: Any) -> NetCurtain:
+    """Return the kernel data for meshes and water; `panels` 0 is a rope without net."""
+    density, solidity = around.water_density_kg_per_m3, params.known_solidity()
+    along, facing, lift = panel_coefficients(params.law, solidity)
+    scale = 0.5 * density * params.width_m * seen_by(params.panels, params.law, solidity)
+    volume = params.twine_m3_per_m()
+    mass, displaced = params.twine_kg_per_m3 * volume, float(density * volume)
+    free, angle = params.heading_deg is None, radians(params.heading_deg or 0.0)
+    return NetCurtain(
+        memory=new_memory(CARRIED, OWN_ROWS, around.room),
+        along=float(scale * along),
+        facing=0.0 if free else float(scale * facing),
+        lift=0.0 if free else float(2.0 * scale * lift),
+        mass=float(mass),
+        weight=float(around.gravity_m_per_s2 * (mass - displaced)),
+        displaced=displaced,
+        pushed=displaced,
+        even=0.75 if free else 0.5,
+        odd=-0.25 if free else 0.5,
+        low=float(params.from_m),
+        high=float(params.to_m),
+        cx=0.0 if free else cos(angle),
+        cy=0.0 if free else sin(angle),
+        trails=1.0 if free else 0.0,
+    )
+
+
+@jit_within
+def _covered(low: float, high: float, below: float, above: float) -> float:
+    """Return the share of a length of rope from `below` to `above` that carries net."""
+    overlap = max(min(high, above) - max(low, below), 0.0)
+    return overlap / (above - below + DIVISOR_MIN)
+
+
+@jit
+def _set_shares(net: Any, state: Any, low: int, high: int) -> None:
+    """Set the shares of the nodes low <= i < high: of the half elements on either side."""
+    n, s, base = state.counts[ELEMENTS], state.s, net.memory[PLACE, 0]
+    for i in range(low, high):
+        below = base + 0.5 * (s[max(i - 1, 0)] + s[i])
+        above = base + 0.5 * (s[i] + s[min(i + 1, n)])
+        net.memory[SHARE, i] = _covered(net.low, net.high, below, above)
+
+
+@jit_within
+def _normal(net: Any, tx: float, ty: float, tz: float) -> Any:
+    """Return t × c/|t × c|, 0 where they are parallel; the tangent t of a free net."""
+    x, y, z = -tz * net.cy, tz * net.cx, tx * net.cy - ty * net.cx
+    inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
+    free = net.trails
+    return x * inverse + free * tx, y * inverse + free * ty, z * inverse + free * tz
+
+
+@kernel("start", NetCurtain)
+def start(net: Any, rope: Any, upto: int) -> None:
+    """Note the nodes' places on the rope."""
+    base = net.memory[PLACE, 0]
+    for i in range(upto):
+        net.memory[PLACE, i] = base + rope.state.s[i]
+
+
+@kernel("predict", NetCurtain)
+def predict(net: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
+    """Set the nodes' shares of net, which the winch changes."""
+    _set_shares(net, rope.state, low, high)
+
+
+@kernel("load_nodes", NetCurtain)
+def load_nodes(net: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add the forces of flow, weight and inertia; the block: q·dF/dw + m·I + added mass."""
+    share, length = net.memory[SHARE, low:], row(work, LENGTH, low)
+    vx, vy, vz = rows(work, VELOCITY, low)
+    ax, ay, az = rows(work, ACCELERATION, low)
+    ux, uy, uz = rows(work, FLOW, low)
+    wx, wy, wz = rows(work, FLOW_RATE, low)
+    tx, ty, tz = rows(work, TANGENT, low)
+    Rx, Ry, Rz = rows(work, RESIDUAL, low)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
+    for i in range(high - low):
+        size = share[i] * length[i]
+        if size == 0.0:
+            continue
+        w = ux[i] - vx[i], uy[i] - vy[i], uz[i] - vz[i]
+        n = _normal(net, tx[i], ty[i], tz[i])
+        nx, ny, nz = n
+        part = _Part(size * net.along, size * net.facing, size * net.lift)
+        load = panel_load(part, w, n, stage.q)
+        added, wave = size * net.displaced, size * net.pushed
+        x, y, z = ax[i], ay[i], az[i]
+        odd = net.odd * added
+        across = odd * (x * nx + y * ny + z * nz)
+        across -= net.odd * wave * (wx[i] * nx + wy[i] * ny + wz[i] * nz)
+        own, wave = size * net.mass + net.even * added, (1.0 + net.even) * wave
+        Rx[i] += load.x - own * x + wave * wx[i] - across * nx
+        Ry[i] += load.y - own * y + wave * wy[i] - across * ny
+        Rz[i] += load.z - own * z + wave * wz[i] - across * nz - size * net.weight
+        Axx[i] += load.xx + own + odd * nx * nx
+        Axy[i] += load.xy + odd * nx * ny
+        Axz[i] += load.xz + odd * nx * nz
+        Ayy[i] += load.yy + own + odd * ny * ny
+        Ayz[i] += load.yz + odd * ny * nz
+        Azz[i] += load.zz + own + odd * nz * nz
+
+
+@kernel("settle", NetCurtain)
+def settle(net: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
+    """Carry the places over; the ghost nodes take net where the hang-off is in the stretch."""
+    memory, state = net.memory, rope.state
+    n, base = state.counts[ELEMENTS], net.memory[PLACE, 0]
+    for i in range(upto):
+        memory[PLACE_NEXT, i] = base + state.s[i]
+    _set_shares(net, state, upto, n + 1)
+    top = base + state.s[n]
+    set_trials(memory, SHARE, 1.0 if net.low < top <= net.high else 0.0, rope)
+
+
+@account("kinetic", NetCurtain)
+def kinetic(net: Any, place: Any) -> Any:
+    """Return the kinetic energy of the twine, ½·m·v² [J]; added mass is in `power`."""
+    v = place.velocity
+    return 0.5 * net.mass * _sizes(net, place) * (v * v).sum(axis=0)
+
+
+@account("potential", NetCurtain)
+def potential(net: Any, place: Any) -> Any:
+    """Return the twine's weight in water times z [J]."""
+    return net.weight * _sizes(net, place) * place.position[2]
+
+
+@account("power", NetCurtain)
+def power(net: Any, place: Any) -> Any:
+    """Return the power of the flow's force and of the water's inertia [W]."""
+    t = place.tangent
+    n = np.stack([-t[2] * net.cy, t[2] * net.cx, t[0] * net.cy - t[1] * net.cx])
+    n = n / np.sqrt((n * n).sum(axis=0) + TANGENT2_MIN) + net.trails * t
+    force = panel_forces(net, place.flow - place.velocity, n) + net.pushed * place.flow_rate
+    for size, a in ((net.pushed, place.flow_rate), (-net.displaced, place.acceleration)):
+        force = force + size * (net.even * a + net.odd * (a * n).sum(axis=0) * n)
+    return _sizes(net, place) * (force * place.velocity).sum(axis=0)
+
+
+def _sizes(net: Any, place: Any) -> Floats:
+    """Return the length of rope with net at each node [m]; a place alone is at the sheave."""
+    count = place.position.shape[1]
+    shares = net.memory[SHARE, -2:-1] if count == 1 else net.memory[SHARE, :count]
+    return np.asarray(shares * place.length)
