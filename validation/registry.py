@@ -13,6 +13,7 @@ from validation import (
     energy,
     modal_lines,
     moorpy_lines,
+    nets,
     resonance,
     snap,
     statics,
@@ -28,7 +29,7 @@ from validation.case import Case
 from validation.hard_cases import borders, compensator, cut, inputs, long, start, vortices, winch
 from validation.hard_cases import snap as hard_snap
 
-FAMILIES = "PLQGUS"  # of ids, in the order of the page
+FAMILIES = "PLQGUNS"  # of ids, in the order of the page
 
 
 def order_of_ids(name: str) -> tuple[int, int]:
@@ -55,6 +56,7 @@ CASES: tuple[Case, ...] = tuple(
             *wake_cylinder.CASES,
             *decomposed_riser.CASES,
             *two_line_loop.CASES,
+            *nets.CASES,
             *stepping.CASES,
         ),
         key=lambda case: order_of_ids(case.id),
