@@ -34,6 +34,7 @@ from rope_twin.core.joined.ropes import (
     by_kind,
     count_loaded,
     count_ropes,
+    face_others,
     health_of,
     length_at,
     rope_at,
@@ -345,6 +346,8 @@ def _advance(
         for r in range(count_ropes(held)):
             rope = rope_at(held, r)
             begin_step(rope.effects, rope, now, count_loaded(held, r))
+        for r in range(count_ropes(held)):
+            face_others(held, rope_at(held, r))
         if not _advance_substeps(held, (held_boundary, row, now)):
             _recall_tension(held, held_boundary, row, now)
             return row

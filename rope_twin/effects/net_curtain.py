@@ -1,4 +1,4 @@
-"""Net along a stretch of the rope: a row of panels that bends with the rope's nodes.
+"""Net along a stretch of the rope, or between two: panels that bend with the ropes' nodes.
 
 Each node carries the panel of its part of the stretch, whose edges are the rope's tangent and a
 direction across it, with the force of core/loads/panel (Aarsnes, Rudi, Løland 1990; Løland 1991).
@@ -6,6 +6,12 @@ The far edge is held towards a horizontal heading c (by spreaders, a second rope
 the normal is n = t × c/|t × c|; or without a heading it is free and trails with the flow, which
 then is in the panel's plane: C_D = 0.04, no lift. The net follows the rope's motion; its resultant
 acts on the rope, the moment about the rope is the spreaders'.
+
+Between two ropes (`between`) c points to the place on the other rope that is as high in the net,
+so that each rope carries half of the width with the normal of its own slope and of both ropes'
+distance, in space. A rope in the middle of a row of ropes has a half on either side. c is that of
+the step's middle, extrapolated from its start. The net transmits no tension from rope to rope:
+that is the part of ropes across (headline, footrope, spreaders), which the scene has.
 
 Twine of diameter d in square meshes with bars l has the length 2/l per area of the net, and from it
 mass and displaced volume. Twines move water only across themselves. Half of them lies along each of
@@ -21,6 +27,7 @@ block: the changes of the normal and of the water. All of the net is taken to be
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, pi, radians, sin, sqrt
 from typing import Any, NamedTuple
@@ -28,12 +35,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import DIVISOR_MIN, TANGENT2_MIN
+from rope_twin.core.guards import DIVISOR_MIN, LINK2_MIN, TANGENT2_MIN
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.loads.balance import Load
 from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.loads.panel import (
     SOLIDITY_MOST,
     mesh_fault,
@@ -61,7 +69,9 @@ from rope_twin.quantity import quantity, text
 CARRIED = 1  # material coordinate of the node in the rope as it was built [m]
 PLACE, PLACE_NEXT = 0, CARRIED
 SHARE = 3 * CARRIED + 1  # of the node's length that carries net
-OWN_ROWS = SHARE - 3 * CARRIED
+TOWARDS = SHARE + 1  # direction to a neighbour, three rows; those of the other neighbour follow
+OWN_ROWS = TOWARDS + 5 - 3 * CARRIED
+ALONE = -1.0  # in place of a neighbour's number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,11 +100,16 @@ class NetCurtainParams:
     panels: int = quantity("number of nets in a row, each behind the other", "", 1, 20, default=1)
     law: str = text("force law: aarsnes or loeland", "loeland")
     rope: str = text("multi-line scenes: the only rope with this net; default: each", "")
+    between: tuple[tuple[str, str], ...] = text(
+        "multi-line scenes: pairs of ropes that have the net between them, instead of a heading", ()
+    )
 
     def check(self) -> str | None:
         """Return a fault of the stretch, meshes, solidity or force law, or None."""
         if self.from_m >= self.to_m:
             return f"a net from {self.from_m:g} m up to {self.to_m:g} m; give from_m below to_m"
+        if self.between and (self.heading_deg is not None or self.rope):
+            return "between two ropes it has no heading_deg or rope of its own; remove these"
         return mesh_fault(self.law, self.known_solidity(), self.twine_m, self.bar_m)
 
     def known_solidity(self) -> float:
@@ -127,6 +142,10 @@ class NetCurtain(NamedTuple):
     cx: float  # horizontal direction to the far edge; 0 of a free one
     cy: float
     trails: float  # 1: a free edge, with the tangent in place of the normal; else 0
+    near: float  # share of the width at its first far edge, and at the second
+    far: float
+    left: float  # number of the rope at its first far edge, and at the second; ALONE: none
+    right: float
 
 
 grows(NetCurtain, "along", "facing", "lift", "pushed")
@@ -148,7 +167,8 @@ def build(params: NetCurtainParams, payload: Any, around: Any) -> NetCurtain:
     scale = 0.5 * density * params.width_m * seen_by(params.panels, params.law, solidity)
     volume = params.twine_m3_per_m()
     mass, displaced = params.twine_kg_per_m3 * volume, float(density * volume)
-    free, angle = params.heading_deg is None, radians(params.heading_deg or 0.0)
+    spanned, angle = bool(params.between), radians(params.heading_deg or 0.0)
+    free = params.heading_deg is None and not spanned
     return NetCurtain(
         memory=new_memory(CARRIED, OWN_ROWS, around.room),
         along=float(scale * along),
@@ -162,9 +182,21 @@ def build(params: NetCurtainParams, payload: Any, around: Any) -> NetCurtain:
         odd=-0.25 if free else 0.5,
         low=float(params.from_m),
         high=float(params.to_m),
-        cx=0.0 if free else cos(angle),
-        cy=0.0 if free else sin(angle),
+        cx=0.0 if free or spanned else cos(angle),
+        cy=0.0 if free or spanned else sin(angle),
         trails=1.0 if free else 0.0,
+        near=0.0 if spanned else 1.0,
+        far=0.0,
+        left=ALONE,
+        right=ALONE,
+    )
+
+
+def facing(net: NetCurtain, neighbours: Sequence[int]) -> NetCurtain:
+    """Return the kernel data of a rope with half a net towards each of these ropes, 2 at most."""
+    left, right = (*map(float, neighbours), ALONE, ALONE)[:2]
+    return net._replace(
+        near=0.5 * (left != ALONE), far=0.5 * (right != ALONE), left=left, right=right
     )
 
 
@@ -186,12 +218,74 @@ def _set_shares(net: Any, state: Any, low: int, high: int) -> None:
 
 
 @jit_within
-def _normal(net: Any, tx: float, ty: float, tz: float) -> Any:
+def _normal(net: Any, t: Any, c: Any) -> Any:
     """Return t × c/|t × c|, 0 where they are parallel; the tangent t of a free net."""
-    x, y, z = -tz * net.cy, tz * net.cx, tx * net.cy - ty * net.cx
+    x, y, z = t[1] * c[2] - t[2] * c[1], t[2] * c[0] - t[0] * c[2], t[0] * c[1] - t[1] * c[0]
     inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
     free = net.trails
-    return x * inverse + free * tx, y * inverse + free * ty, z * inverse + free * tz
+    return x * inverse + free * t[0], y * inverse + free * t[1], z * inverse + free * t[2]
+
+
+@jit_within
+def _panel(net: Any, size: float, vectors: Any, q: float) -> Any:
+    """Return the load of `size` metres of net; vectors: t, c, relative velocity, accelerations."""
+    t, c, w, (x, y, z), (wx, wy, wz) = vectors
+    n = _normal(net, t, c)
+    nx, ny, nz = n
+    part = _Part(size * net.along, size * net.facing, size * net.lift)
+    load = panel_load(part, w, n, q)
+    added, wave = size * net.displaced, size * net.pushed
+    odd = net.odd * added
+    across = odd * (x * nx + y * ny + z * nz)
+    across -= net.odd * wave * (wx * nx + wy * ny + wz * nz)
+    own, wave = size * net.mass + net.even * added, (1.0 + net.even) * wave
+    return Load(
+        load.x - own * x + wave * wx - across * nx,
+        load.y - own * y + wave * wy - across * ny,
+        load.z - own * z + wave * wz - across * nz - size * net.weight,
+        load.xx + own + odd * nx * nx,
+        load.xy + odd * nx * ny,
+        load.xz + odd * nx * nz,
+        load.yy + own + odd * ny * ny,
+        load.yz + odd * ny * nz,
+        load.zz + own + odd * nz * nz,
+    )
+
+
+@jit
+def _face(net: Any, rope: Any, other: Any, base: float, row: int) -> None:
+    """Set the directions from a rope's nodes to another rope in the rows from `row` on.
+
+    other: its nodes, coordinates and number of elements; base: coordinate of its lowest node.
+    """
+    memory, nodes, s = net.memory, rope.state.nodes, rope.state.s
+    theirs, there, last = other
+    n, half, j = rope.state.counts[ELEMENTS], 0.5 * rope.model.step, 0
+    for i in range(n + 1):
+        at = min(max(memory[PLACE, 0] + s[i] - base, 0.0), there[last])
+        while j < last - 1 and there[j + 1] < at:
+            j += 1
+        share = (at - there[j]) / (there[j + 1] - there[j])
+        square = LINK2_MIN
+        for k in range(3):
+            x = (1.0 - share) * theirs[k, j] + share * theirs[k, j + 1] - nodes[k, i]
+            v = (1.0 - share) * theirs[3 + k, j] + share * theirs[3 + k, j + 1] - nodes[3 + k, i]
+            memory[row + k, i] = x + half * v
+            square += memory[row + k, i] ** 2
+        for k in range(3):
+            memory[row + k, i] *= 1.0 / sqrt(square)
+    for k in range(3):
+        set_trials(memory, row + k, memory[row + k, n], rope)
+
+
+@kernel("face", NetCurtain)
+def face(net: Any, rope: Any, stack: Any, memories: Any) -> None:
+    """Set the directions to the ropes at the net's far edges."""
+    for side in range(2):
+        p = int(net.left if side == 0 else net.right)
+        if p >= 0:
+            other = stack.nodes[p], stack.s[p], stack.counts[p, ELEMENTS]
+            _face(net, rope, other, memories[p, PLACE, 0], TOWARDS + 3 * side)
 
 
 @kernel("start", NetCurtain)
@@ -211,7 +305,8 @@ def predict(net: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> 
 @kernel("load_nodes", NetCurtain)
 def load_nodes(net: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Add the forces of flow, weight and inertia; the block: q·dF/dw + m·I + added mass."""
-    share, length = net.memory[SHARE, low:], row(work, LENGTH, low)
+    memory = net.memory
+    share, length = memory[SHARE, low:], row(work, LENGTH, low)
     vx, vy, vz = rows(work, VELOCITY, low)
     ax, ay, az = rows(work, ACCELERATION, low)
     ux, uy, uz = rows(work, FLOW, low)
@@ -220,29 +315,29 @@ def load_nodes(net: Any, work: Any, stage: Any, low: int, high: int) -> None:
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
-        size = share[i] * length[i]
-        if size == 0.0:
-            continue
-        w = ux[i] - vx[i], uy[i] - vy[i], uz[i] - vz[i]
-        n = _normal(net, tx[i], ty[i], tz[i])
-        nx, ny, nz = n
-        part = _Part(size * net.along, size * net.facing, size * net.lift)
-        load = panel_load(part, w, n, stage.q)
-        added, wave = size * net.displaced, size * net.pushed
-        x, y, z = ax[i], ay[i], az[i]
-        odd = net.odd * added
-        across = odd * (x * nx + y * ny + z * nz)
-        across -= net.odd * wave * (wx[i] * nx + wy[i] * ny + wz[i] * nz)
-        own, wave = size * net.mass + net.even * added, (1.0 + net.even) * wave
-        Rx[i] += load.x - own * x + wave * wx[i] - across * nx
-        Ry[i] += load.y - own * y + wave * wy[i] - across * ny
-        Rz[i] += load.z - own * z + wave * wz[i] - across * nz - size * net.weight
-        Axx[i] += load.xx + own + odd * nx * nx
-        Axy[i] += load.xy + odd * nx * ny
-        Axz[i] += load.xz + odd * nx * nz
-        Ayy[i] += load.yy + own + odd * ny * ny
-        Ayz[i] += load.yz + odd * ny * nz
-        Azz[i] += load.zz + own + odd * nz * nz
+        for side in range(2):
+            size = share[i] * length[i] * (net.near if side == 0 else net.far)
+            if size == 0.0:
+                continue
+            at = TOWARDS + 3 * side
+            dx, dy, dz = memory[at, low + i], memory[at + 1, low + i], memory[at + 2, low + i]
+            vectors = (
+                (tx[i], ty[i], tz[i]),
+                (net.cx + dx, net.cy + dy, dz),
+                (ux[i] - vx[i], uy[i] - vy[i], uz[i] - vz[i]),
+                (ax[i], ay[i], az[i]),
+                (wx[i], wy[i], wz[i]),
+            )
+            load = _panel(net, size, vectors, stage.q)
+            Rx[i] += load.x
+            Ry[i] += load.y
+            Rz[i] += load.z
+            Axx[i] += load.xx
+            Axy[i] += load.xy
+            Axz[i] += load.xz
+            Ayy[i] += load.yy
+            Ayz[i] += load.yz
+            Azz[i] += load.zz
 
 
 @kernel("settle", NetCurtain)
@@ -273,17 +368,36 @@ def potential(net: Any, place: Any) -> Any:
 @account("power", NetCurtain)
 def power(net: Any, place: Any) -> Any:
     """Return the power of the flow's force and of the water's inertia [W]."""
-    t = place.tangent
-    n = np.stack([-t[2] * net.cy, t[2] * net.cx, t[0] * net.cy - t[1] * net.cx])
-    n = n / np.sqrt((n * n).sum(axis=0) + TANGENT2_MIN) + net.trails * t
-    force = panel_forces(net, place.flow - place.velocity, n) + net.pushed * place.flow_rate
-    for size, a in ((net.pushed, place.flow_rate), (-net.displaced, place.acceleration)):
-        force = force + size * (net.even * a + net.odd * (a * n).sum(axis=0) * n)
-    return _sizes(net, place) * (force * place.velocity).sum(axis=0)
+    t, w, total = place.tangent, place.flow - place.velocity, 0.0
+    count, still = t.shape[1], np.array([[net.cx], [net.cy], [0.0]])
+    nodes = slice(-2, -1) if count == 1 else slice(count)
+    for at, width in ((TOWARDS, net.near), (TOWARDS + 3, net.far)):
+        n = np.cross(t, still + net.memory[at : at + 3, nodes], axis=0)
+        n = n / np.sqrt((n * n).sum(axis=0) + TANGENT2_MIN) + net.trails * t
+        force = panel_forces(net, w, n) + net.pushed * place.flow_rate
+        for size, a in ((net.pushed, place.flow_rate), (-net.displaced, place.acceleration)):
+            force = force + size * (net.even * a + net.odd * (a * n).sum(axis=0) * n)
+        total = total + width * force
+    return _lengths(net, place) * (total * place.velocity).sum(axis=0)
+
+
+def _lengths(net: Any, place: Any) -> Floats:
+    """Return the length of rope with net at each node [m]; a place alone is at the sheave.
+
+    Before the first step the nodes do not know their shares yet.
+    """
+    count = place.position.shape[1]
+    if count_known(net) > 0:
+        shares = net.memory[SHARE, -2:-1] if count == 1 else net.memory[SHARE, :count]
+        return np.asarray(shares * place.length)
+    s = place.arc
+    if count == 1:
+        return np.asarray(((net.low < s) & (s <= net.high)) * place.length)
+    edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
+    shares = np.diff(np.clip(edges, net.low, net.high)) / np.diff(edges)
+    return np.asarray(shares * place.length)
 
 
 def _sizes(net: Any, place: Any) -> Floats:
-    """Return the length of rope with net at each node [m]; a place alone is at the sheave."""
-    count = place.position.shape[1]
-    shares = net.memory[SHARE, -2:-1] if count == 1 else net.memory[SHARE, :count]
-    return np.asarray(shares * place.length)
+    """Return the length of rope with a net of full width, at each node [m]."""
+    return (net.near + net.far) * _lengths(net, place)

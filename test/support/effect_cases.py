@@ -232,6 +232,8 @@ def acting(name: str) -> tuple[Any, ...]:
     if name in (*SHEDDING, *OSCILLATING, *CURTAINS, "bed_friction", "payload_shedding"):
         memory = effects[-1].memory
         memory[:] = np.random.default_rng(5).uniform(0.3, 1.2, memory.shape)
+    if name in CURTAINS:
+        effects[-1].memory[3, -1] = NODES  # whose shares are known
     return effects
 
 

@@ -14,7 +14,7 @@ from numba.extending import overload
 from rope_twin.core.jit.decorators import LINKED
 from rope_twin.core.jit.rows import HeldType
 from rope_twin.core.joined.joints import LOOSE, STEP, TOLERANCE
-from rope_twin.core.joined.stack import rope_of
+from rope_twin.core.joined.stack import face_ropes, rope_of
 from rope_twin.core.state import ELEMENTS, LINE, Boundary, Rope, Stage
 
 _WITHIN = {**LINKED, "forceinline": True}  # inlined in the caller
@@ -62,6 +62,10 @@ def _boundary_of(system: Any, boundary: Any, r: Any) -> Any:
     return Boundary(boundary.value[r], boundary.rate[r])
 
 
+def _face_others(system: Any, rope: Any) -> Any:
+    face_ropes(rope.effects, rope, system.stack)
+
+
 def _free_nodes(system: Any, r: Any) -> Any:
     return system.state.counts[ELEMENTS]
 
@@ -86,6 +90,8 @@ count_ropes = by_kind(lambda system: 1, lambda system: system.stack.counts.shape
 rope_at = by_kind(_same_rope, _rope_at)
 stage_of = by_kind(_same_stage, _stage_of)
 boundary_of = by_kind(_same_boundary, _boundary_of)
+# What the effects of rope r depend on of other ropes, once a step.
+face_others = by_kind(lambda system, rope: None, _face_others)
 # Number of its nodes that carry loads: all except a hang-off.
 count_loaded = by_kind(_free_nodes, _loaded_nodes)
 # Its unstretched length at a step boundary [m].

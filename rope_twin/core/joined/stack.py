@@ -17,6 +17,7 @@ from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit, jit_within
 from rope_twin.core.joined.condensation import chain_rows
+from rope_twin.core.loads.hooks import kernels_by_place, members, written_out
 from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.state import (
     COUNTS,
@@ -245,6 +246,20 @@ def _compose_effects(effects: Any, r: Any) -> Any:
         scope[f"pick_{i}"] = picker
     exec(f"def at(effects, r):\n    return ({' '.join(part + ',' for part in parts)})", scope)
     return scope["at"]
+
+
+def face_ropes(effects: Any, rope: Any, stack: Any) -> Any:
+    """Let the effects of a rope of the stack read of other ropes what they depend on there."""
+    for i, effect in enumerate(effects):
+        for own, call in members("face", (effect,)):
+            call(own, rope, stack, stack.effects[i].memory)
+
+
+@overload(face_ropes, jit_options=LINKED, strict=False)
+def _compose_faces(effects: Any, rope: Any, stack: Any) -> Any:
+    calls = kernels_by_place("face", effects)
+    lines = [f"kernel_{i}(effects[{i}], rope, stack, stack.effects[{i}].memory)" for i in calls]
+    return written_out("effects, rope, stack", [*lines, "return None"], calls)
 
 
 def _law_at(law: Any, r: Any) -> Any:

@@ -28,6 +28,8 @@ same tuple.
   with the strain rate included (core/elements.py), as long as the effect's field `here` is not 0.
 - `prepare(effect, rope, stage, kind)`, of such an effect with internal variables: once a stage,
   before the elements of the predicted motion.
+- `face(effect, rope, stack, memory)`, of an effect with internal variables: once a step, where
+  ropes meet: what it reads of other ropes of the stack; memory: its internal variables of each.
 - `start`, `predict`, `load_nodes` and `settle` belong to effects with internal variables
   (core/loads/memory.py).
 
@@ -48,7 +50,7 @@ from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 HOOKS = (
     "flow", "soak", "load", "load_end", "couple", "pull", "calm", "share", "start", "predict",
-    "load_nodes", "settle", "axial", "prepare",
+    "load_nodes", "settle", "axial", "prepare", "face",
 )  # fmt: skip
 WITHIN = ("soak", "load", "share", "axial")  # put into the loop that calls them
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}

@@ -21,7 +21,7 @@ from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
-from rope_twin.effects.net_curtain import NetCurtainParams
+from rope_twin.effects.net_curtain import NetCurtain, NetCurtainParams, facing
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.splash_zone import SplashZoneParams
@@ -239,7 +239,18 @@ def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
     carries = own is not NOTHING and line.to == body_payload(scene)
     two_way = any(figures.differs_rising for figures in point_figures(scene).values())
     built = build_effects(replace(single, effects=effects), own, carries, two_way)
+    net = scene.listed(NetCurtainParams)
+    if net is not None and net.between:
+        beside = _neighbours(scene, net, line.name)
+        built = tuple(facing(e, beside) if isinstance(e, NetCurtain) else e for e in built)
     return rope._replace(effects=built)
+
+
+def _neighbours(scene: Scene, net: NetCurtainParams, name: str) -> list[int]:
+    """Return the numbers of the ropes that have a net between them and this one."""
+    numbers = {line.name: number for number, line in enumerate(scene.ropes)}
+    pairs = [pair for pair in net.between if name in pair]
+    return [numbers[pair[pair[0] == name]] for pair in pairs]
 
 
 def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> Any:

@@ -352,8 +352,10 @@ def curtain_hangs(scene: Scene) -> Iterator[Fault]:
         right = did_you_mean(own.rope, names)
         yield "effects.net_curtain.rope", f"there is no rope '{own.rope}'", right
         return
+    yield from _curtain_between(own.between, names)
+    among = {own.rope or name for name in names} if not own.between else {*sum(own.between, ())}
     for line in scene.ropes:
-        if own.rope not in ("", line.name):
+        if line.name not in among:
             continue
         if any(line.to == sheave.name for sheave in scene.sheaves):
             what = f"'{line.name}' runs over a sheave, which no net passes"
@@ -368,3 +370,17 @@ def curtain_hangs(scene: Scene) -> Iterator[Fault]:
     if scene.listed(CompensatorParams) is not None and own.from_m < unit_m:
         what = f"the lowest {unit_m:g} m of the rope are the compensator"
         yield "effects.net_curtain.from_m", what, f"give at least {unit_m:g} m"
+
+
+def _curtain_between(pairs: tuple[tuple[str, str], ...], names: list[str]) -> Iterator[Fault]:
+    """Check the pairs of ropes that have a net between them."""
+    path = "effects.net_curtain.between"
+    ends = [name for pair in pairs for name in pair]
+    for name in dict.fromkeys(ends):
+        if name not in names:
+            yield path, f"there is no rope '{name}'", did_you_mean(name, names)
+        elif ends.count(name) > 2:
+            what = f"'{name}' is in {ends.count(name)} pairs, and a rope has two sides"
+            yield path, what, "give each rope in two pairs at most"
+    if any(one == other for one, other in pairs):
+        yield path, "a rope is paired with itself", "give two different ropes"
