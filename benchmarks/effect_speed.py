@@ -27,6 +27,7 @@ from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
+from rope_twin.effects.hull_contact import HullBox, HullContactParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.net_curtain import NetCurtainParams
@@ -70,6 +71,9 @@ ADDED: dict[str, Any] = {
     "decomposed_force": DecomposedForceParams(),
     "seabed": SeabedParams(depth_m=DEPTH_M),
     "bed_friction": BedFrictionParams(),
+    "hull_contact": HullContactParams(
+        boxes=(HullBox(centre_m=(0.0, 0.0, -12.0), size_m=(3.0, 3.0, 9.0), opening=True),)
+    ),
     "payload_oscillation": PayloadOscillationParams(
         size_m=(4.0, 3.0, 2.5), drag=((1.0, 2.0), (20.0, 1.0)), added_mass=((0.5, 0.8), (3.0, 1.2)),
     ),

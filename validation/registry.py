@@ -26,7 +26,17 @@ from validation import (
     waves_over_current,
 )
 from validation.case import Case
-from validation.hard_cases import borders, compensator, cut, inputs, long, start, vortices, winch
+from validation.hard_cases import (
+    borders,
+    compensator,
+    contact,
+    cut,
+    inputs,
+    long,
+    start,
+    vortices,
+    winch,
+)
 from validation.hard_cases import snap as hard_snap
 
 FAMILIES = "PLQGUNS"  # of ids, in the order of the page
@@ -73,5 +83,6 @@ HARD_CASES: tuple[Case, ...] = (
     *long.CASES,
     *borders.CASES,
     *compensator.CASES,
+    *contact.CASES,
     *vortices.CASES,
 )

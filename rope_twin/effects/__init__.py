@@ -21,6 +21,7 @@ from rope_twin.effects import (
     drag,
     fairing,
     fluid_ramp,
+    hull_contact,
     modal_vibration,
     net,
     net_curtain,
@@ -117,6 +118,7 @@ EFFECTS: tuple[Effect, ...] = (
     ),
     Effect("seabed", seabed.SeabedParams, seabed.build),
     Effect("bed_friction", bed_friction.BedFrictionParams, bed_friction.build),
+    Effect("hull_contact", hull_contact.HullContactParams, hull_contact.build),
     Effect("payload", payload.PayloadParams, payload.build),
     Effect(
         "payload_oscillation",

@@ -16,6 +16,14 @@ from rope_twin.scene.warnings.rope import sense_checks
 REFUSED = [
     ("wind: {velocity_m_per_s: [10.0, 0.0]}", "`wind` acts on the rope out of the water"),
     ("bed_friction: {}", "`bed_friction` acts on the seabed, which is not listed"),
+    ("hull_contact: {boxes: []}", "boxes is empty; give one box at least"),
+    ("hull_contact: {boxes: [{centre_m: [1.0, 0.0, -3.0], size_m: [4.0, 4.0, 8.0]}]}",
+     "boxes[0] holds the hang-off; move its centre_m"),
+    ("hull_contact: {boxes: [{centre_m: [9, 0, -9], size_m: [4, 4, 8], opening: true}]}",
+     "boxes[0] is an opening beside the hang-off"),
+    ("hull_contact: {payload_radius_m: 2.5, "
+     "boxes: [{centre_m: [0.0, 0.0, -9.0], size_m: [4.0, 4.0, 8.0], opening: true}]}",
+     "boxes[0] is an opening that the payload does not fit through"),
     ("depth_profiles: {}", "neither density_kg_per_m3 nor drag_factor; give one or both"),
     ("depth_profiles: {density_kg_per_m3: [[-9.0, 1025.0], [0.0, 1025.0]]}",
      "z = 0 m follows z = -9 m; order rows from the surface down"),
@@ -58,6 +66,8 @@ ACCEPTED = [
     "depth_profiles: {density_kg_per_m3: [[0.0, 1025.0], [-900.0, 1030.0]], "
     "drag_factor: [[0.0, 1.4], [-30.0, 1.0]]}\n  - splash_zone: {height_m: 4.0}",
     "seabed: {depth_m: 2000.0}\n  - bed_friction: {axial: 0.3, lateral: 0.6, slip_m: 0.05}",
+    "hull_contact: {boxes: [{centre_m: [0.0, 0.0, -9.0], size_m: [4.0, 4.0, 8.0], opening: true}, "
+    "{centre_m: [30.0, 0.0, -9.0], size_m: [40.0, 20.0, 8.0]}], heading_deg: 40.0}",
     "modal_vibration: {lock_in: strongest, lift_factor: 0.5}",
     "strouhal_forcing: {fixed_lift: true}",
     "waves: {jonswap: {significant_height_m: 1.0, peak_period_s: 7.0}, stretching: linear, "

@@ -37,6 +37,14 @@ from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams, KeuleganCarpenter, RoughTable
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
+from rope_twin.effects.hull_contact import (
+    BEFORE,
+    FRICTION,
+    KNOWN,
+    REACHED,
+    HullBox,
+    HullContactParams,
+)
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.net_curtain import NetCurtainParams
@@ -100,6 +108,17 @@ PARAMS: dict[str, Any] = {
         depth_m=50.0, slope=(0.1, -0.05), stiffness_n_per_m3=1e4, damping_s_per_m=0.2, friction=0.0
     ),
     "bed_friction": BedFrictionParams(axial=0.4, lateral=0.8, slip_m=0.05),
+    "hull_contact": HullContactParams(
+        boxes=(
+            HullBox(centre_m=(0.4, 0.3, -20.0), size_m=(1.8, 1.6, 25.0), opening=True),
+            HullBox(centre_m=(-12.0, 3.0, -60.0), size_m=(20.0, 16.0, 50.0)),
+        ),
+        heading_deg=25.0,
+        payload_radius_m=0.3,
+        stiffness_n_per_m2=2e3,
+        payload_stiffness_n_per_m=2e4,
+        friction=0.3,
+    ),
     "payload": PayloadParams(),
     "payload_oscillation": PayloadOscillationParams(
         size_m=(1.0, 1.0, 1.5),
@@ -234,6 +253,11 @@ def acting(name: str) -> tuple[Any, ...]:
         memory[:] = np.random.default_rng(5).uniform(0.3, 1.2, memory.shape)
     if name in CURTAINS:
         effects[-1].memory[3, -1] = NODES  # whose shares are known
+    if name == "hull_contact":  # a rope of these nodes, with friction
+        memory = effects[-1].memory
+        shape = memory[BEFORE:REACHED].shape
+        memory[BEFORE:REACHED] = np.random.default_rng(5).uniform(-0.1, 0.1, shape)
+        memory[KNOWN, -1], memory[FRICTION, -1] = NODES - 1, 1.0
     return effects
 
 

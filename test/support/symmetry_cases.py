@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rigs import march, sine
 
 from rope_twin import Snapshot, Twin
+from rope_twin.effects.hull_contact import HullContactParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.scene.schema import Scene
 
@@ -65,6 +66,15 @@ def _body(params: RigidBodyParams, turn: Turn) -> RigidBodyParams:
     )
 
 
+def _hull(params: HullContactParams, turn: Turn) -> HullContactParams:
+    """Its boxes turn with it; what is mirrored has port on the other side."""
+    boxes = tuple(
+        replace(box, centre_m=(box.centre_m[0], turn.side * box.centre_m[1], box.centre_m[2]))
+        for box in params.boxes
+    )
+    return replace(params, boxes=boxes, heading_deg=turn.heading(params.heading_deg))
+
+
 # What has a direction. Lift begins on one hand, the same in a mirror: there is none where one is.
 TURNED: dict[str, Turned] = {
     "current": lambda p, turn: replace(
@@ -74,6 +84,7 @@ TURNED: dict[str, Turned] = {
     "waves": lambda p, turn: replace(p, heading_deg=turn.heading(p.heading_deg)),
     "bending": lambda p, turn: replace(p, clamped_along=turn.point(p.clamped_along)),
     "seabed": lambda p, turn: replace(p, slope=turn.flat(p.slope)),
+    "hull_contact": _hull,
     "rigid_body": _body,
     "net": lambda p, turn: replace(p, facing_deg=turn.heading(p.facing_deg)),
     "net_curtain": lambda p, turn: replace(p, heading_deg=turn.heading(p.heading_deg)),

@@ -17,6 +17,7 @@ from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams
+from rope_twin.effects.hull_contact import HullContactParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
@@ -420,6 +421,13 @@ def _compensator(scene: Scene) -> Iterator[Fault]:
             yield "effects", what, f"remove `{own.name}` or `compensator`"
 
 
+def _hull_contact(scene: Scene) -> Iterator[Fault]:
+    """Boxes that move with the hang-off are for a rope that begins there."""
+    if scene.listed(HullContactParams) is not None and is_joined(scene):
+        what = "`hull_contact` moves with the hang-off of a single rope, and this scene has more"
+        yield "effects", what, "remove it, or the other ropes and connections"
+
+
 def _payload_oscillation(scene: Scene) -> Iterator[Fault]:
     """Factors on the figures of a point payload, which have no other factor."""
     if scene.listed(PayloadOscillationParams) is None:
@@ -562,6 +570,7 @@ RULES: tuple[Rule, ...] = (
     _effects,
     _depth_profiles,
     _compensator,
+    _hull_contact,
     _payload_oscillation,
     _drag_that_grows,
     body_holds,

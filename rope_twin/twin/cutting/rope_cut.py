@@ -46,6 +46,7 @@ from rope_twin.effects import depth_profiles, payload_oscillation
 from rope_twin.effects.compensator import Compensator
 from rope_twin.effects.depth_profiles import DepthProfiles
 from rope_twin.effects.fairing import Fairing, TowedFairing
+from rope_twin.effects.hull_contact import HullContact
 from rope_twin.effects.net import Net
 from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.effects.payload_oscillation import PayloadOscillation
@@ -68,12 +69,18 @@ def is_viv_model(effect: Any) -> bool:
     return at_nodes and not isinstance(effect, DragGrowth | OscillatingDrag)
 
 
-def reset_drag_amplification(effects: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Reset the drag amplification of a falling part: slack rope has no modes."""
+def of_falling(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the effects of a falling part: slack rope has no modes, and no ship holds it.
+
+    Drag amplification is reset; the hull, which moves with the uppermost node, is left behind.
+    """
     for own in effects:
         if isinstance(own, DragGrowth):
             own.memory[GROWTH] = 0.0
-    return effects
+    return tuple(
+        own._replace(k=0.0, k_payload=0.0) if isinstance(own, HullContact) else own
+        for own in effects
+    )
 
 
 _NOTHING = (0.0, 0.0, 0.0)
@@ -83,6 +90,7 @@ _WITHOUT: dict[type, dict[str, Any]] = {  # values that remove the load of an ef
     SplashZone: {"lift": 0.0, "slam": 0.0, "wet": _NOTHING, "added": _NOTHING, "k": _NOTHING},
     Net: {"along": 0.0, "facing": 0.0, "lift": 0.0},
     Fairing: {"k": 0.0},
+    HullContact: {"k_payload": 0.0},
     TowedFairing: {"force": 0.0},
     DepthProfiles: dict.fromkeys(depth_profiles.AT_END, 0.0),
     PayloadOscillation: dict.fromkeys(payload_oscillation.AT_END, 0.0),
@@ -93,7 +101,7 @@ _WITHOUT: dict[type, dict[str, Any]] = {  # values that remove the load of an ef
 
 def is_at_end(effect: Any) -> bool:
     """Return whether the effect loads the lower end of the rope."""
-    return "load_end" in hooks_of(type(effect))
+    return "load_end" in hooks_of(type(effect)) or isinstance(effect, HullContact)
 
 
 def without_load(effects: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -290,7 +298,7 @@ def falling_part(rope: Rope, nodes: Nodes, k: int) -> Rope:
     part = Nodes(motion, s, nodes.offset[:k], nodes.tension[:k])
     state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
-    effects = reset_drag_amplification(on_nodes(rope.effects, s, state.s.shape[0]))
+    effects = of_falling(on_nodes(rope.effects, s, state.s.shape[0]))
     lower = rope._replace(model=model, sections=rope.sections.copy(), effects=effects)
     return _filled(lower, state, part)
 
@@ -311,7 +319,7 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
     state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
     law = None if rope.law is None else _with_nothing(rope.law)
-    effects = reset_drag_amplification(on_nodes(rope.effects, nodes.s[: k + 1], state.s.shape[0]))
+    effects = of_falling(on_nodes(rope.effects, nodes.s[: k + 1], state.s.shape[0]))
     lower = rope._replace(model=model, sections=sections, law=law, effects=effects)
     return _filled(lower, state, part)
 

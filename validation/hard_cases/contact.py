@@ -1,0 +1,165 @@
+"""A hard case of contact with the hull: a payload, then a whole rope, that meet it at 5 m/s."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from rope_twin.core import state as rows
+from rope_twin.effects.hull_contact import HullBox, HullContact, HullContactParams, contact_forces
+from rope_twin.studies.driven_twin import march, still
+from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.twin import Twin
+from validation.case import Finding, limited
+from validation.hard_cases.limits import all_converged, hard_case, off, rms_off
+from validation.rigs import Rig
+from validation.state_bench import Vector
+
+SPEED = 5.0  # m/s
+K, K_PAYLOAD = 2e4, 1e6  # N/m², N/m
+# A payload that flies: no weight, and a rope that weighs and holds nothing.
+FLYING = Rig(
+    length=1000.0, elements=4, mass=1e-4, EA=10.0, load=1e4, gravity=1e-9, step=0.002, tolerance=1.0
+)
+BESIDE = HullBox(centre_m=(151.0, 0.0, -1400.01), size_m=(200.0, 800.0, 800.0))  # not at the rope
+# A wire with a payload beside a wall 1 m away, higher and deeper than all of it.
+HANGING = Rig(
+    length=100.0, elements=20, mass=10.0, EA=5e7, damping=1e6, load=5e3, step=0.001, tolerance=1.0
+)
+WALL_M = 1.0
+WALL = HullBox(centre_m=(WALL_M + 150.0, 0.0, -100.0), size_m=(300.0, 600.0, 600.0))
+SECONDS = 0.8
+
+
+def _twin(rig: Rig, box: HullBox, radius: float) -> Twin:
+    hull = HullContactParams(
+        boxes=(box,), stiffness_n_per_m2=K, payload_stiffness_n_per_m=K_PAYLOAD, friction=0.0,
+        damping_s_per_m=0.0, payload_radius_m=radius,
+    )  # fmt: skip
+    scene = rig.scene()
+    return Twin(replace(scene, effects=(*scene.effects, hull)), Monitors(energy=True))
+
+
+def _pushed(twin: Twin) -> float:
+    """Return the force of the hull along x [N]."""
+    state = twin.rope.state
+    n = int(state.counts[rows.ELEMENTS]) + 1
+    (hull,) = (own for own in twin.rope.effects if isinstance(own, HullContact))
+    nodes = state.nodes
+    return float(contact_forces(hull, nodes[:3, :n], nodes[3:6, :n], state.s[:n])[0].sum())
+
+
+def _payload() -> list[Finding]:
+    """Limit the errors of a mass that a linear spring returns."""
+    twin = _twin(FLYING, BESIDE, 50.0)
+    nodes = twin.rope.state.nodes
+    nodes[rows.VELOCITY, 0] = SPEED
+    shots, x, v, force = [], [], [], []
+    for shot in march(twin, still, SECONDS):
+        shots.append(shot)
+        x.append(float(nodes[0, 0]))
+        v.append(float(nodes[rows.VELOCITY, 0]))
+        force.append(_pushed(twin))
+    energy = shots[-1].energy
+    assert energy is not None
+    slow, motion = sqrt(FLYING.load / K_PAYLOAD), 0.5 * FLYING.load * SPEED**2
+    pushed = np.array(force)
+    share = pushed[pushed < 0.0]
+    inside = FLYING.step * len(share)
+    impulse, gained = FLYING.step * float(pushed.sum()), FLYING.load * (v[-1] - SPEED)
+    return [
+        off("deepest penetration of 10 t against v·√(m/k)", max(x) - WALL_M, SPEED * slow, 0.1),
+        off("speed after it", -v[-1], SPEED, 0.1),
+        limited("time in contact against π·√(m/k), in steps",
+                abs(inside - pi * slow) / FLYING.step, 2.0, ""),
+        off("impulse of the hull against the momentum", impulse, gained, 0.1),
+        limited("energy balance, of the energy of motion",
+                100.0 * abs(energy.residual_j + motion) / motion, 0.1),
+    ]  # fmt: skip
+
+
+def _by_scipy(place: Vector, speed: Vector, times: Vector) -> Vector:
+    """Return x of all free nodes at these times, (nodes, times), by DOP853.
+
+    The same chain in the plane of x and z; the wall's force on an element is the integral of its
+    piecewise linear penetration over the length, in closed form.
+    """
+    rig, n = HANGING, HANGING.elements
+    rest = rig.length / n
+    mass = np.full(n, rig.mass * rest)
+    mass[0] = 0.5 * rig.mass * rest + rig.load
+    hang_off = np.zeros((2, 1))
+
+    def change(_: float, state: Vector) -> Vector:
+        x, v = state.reshape(2, 2, n)
+        x, v = np.hstack([x, hang_off]), np.hstack([v, hang_off])
+        span, rate = np.diff(x), np.diff(v)
+        length = np.hypot(*span)
+        along = span / length
+        pull = rig.EA * (length / rest - 1.0) + rig.damping / rest * (along * rate).sum(axis=0)
+        force = np.zeros((2, n + 1))
+        force[:, :-1] += np.maximum(pull, 0.0) * along
+        force[:, 1:] -= np.maximum(pull, 0.0) * along
+        force[1, :n] -= mass * rig.gravity
+        depth = x[0] - WALL_M
+        low, up = _shares(depth[:-1], depth[1:])
+        force[0, :-1] -= K * rest * low
+        force[0, 1:] -= K * rest * up
+        force[0, 0] -= K_PAYLOAD * max(depth[0], 0.0)
+        return np.concatenate([v[:, :n].ravel(), (force[:, :n] / mass).ravel()])
+
+    began = np.concatenate([place.ravel(), speed.ravel()])
+    found = solve_ivp(
+        change, (0.0, times[-1]), began, "DOP853", times, rtol=1e-9, atol=1e-9, max_step=0.001
+    )
+    return np.asarray(found.y[:n])
+
+
+def _shares(a: Vector, b: Vector) -> tuple[Vector, Vector]:
+    """Return ∫(1 - t)·d⁺ dt and ∫t·d⁺ dt over 0 <= t <= 1 of d = a + t·(b - a)."""
+    cut = np.clip(a / np.where(a == b, 1.0, a - b), 0.0, 1.0)
+    start, end = np.where(a > 0.0, 0.0, cut), np.where(b > 0.0, 1.0, cut)
+    end = np.where((a <= 0.0) & (b <= 0.0), start, end)
+    slope = b - a
+    zeroth = a * (end - start) + slope * (end**2 - start**2) / 2.0
+    first = a * (end**2 - start**2) / 2.0 + slope * (end**3 - start**3) / 3.0
+    return zeroth - first, first
+
+
+def _rope() -> list[Finding]:
+    """Limit the errors of a rope with its payload that swings against a wall."""
+    twin = _twin(HANGING, WALL, 0.0)
+    nodes, n = twin.rope.state.nodes, HANGING.elements
+    nodes[rows.VELOCITY, :n] = SPEED
+    place, speed = nodes[[0, 2], :n].copy(), nodes[[3, 5], :n].copy()
+    shots, x = [], []
+    for shot in march(twin, still, SECONDS):
+        shots.append(shot)
+        x.append(nodes[0, :n].copy())
+    energy, times = shots[-1].energy, [shot.time_s for shot in shots]
+    assert energy is not None
+    ours, theirs = np.array(x).T, _by_scipy(place, speed, np.array(times))
+    motion = 0.5 * SPEED**2 * (HANGING.load + HANGING.mass * HANGING.length)
+    return [
+        off("deepest penetration of the payload on a rope", ours[0].max() - WALL_M,
+            theirs[0].max() - WALL_M, 0.2),
+        off("deepest penetration of the rope", ours.max() - WALL_M, theirs.max() - WALL_M, 1.0),
+        rms_off("place of all nodes over 0.8 s", ours, theirs, 0.5),
+        limited("energy from nowhere, of the energy of motion",
+                100.0 * max(-energy.residual_j - motion, 0.0) / motion, 0.1),
+        all_converged(shots[-1].solver.unconverged_substeps),
+    ]  # fmt: skip
+
+
+def contact() -> list[Finding]:
+    """Meet a wall at 5 m/s, a payload alone and a rope along its length."""
+    return [*_payload(), *_rope()]
+
+
+CASES = (
+    hard_case("contact_5_m_per_s", "a payload and a whole rope that meet the hull at 5 m/s",
+              "v·√(m/k), π·√(m/k), momentum; the chain of masses by scipy (DOP853)", contact, 20.0),
+)  # fmt: skip
