@@ -99,6 +99,7 @@ ADDED: dict[str, Any] = {
         damping_newton_seconds_per_m=2e3, throttling_kg_per_m=4e3, friction_n=500.0,
     ),
 }  # fmt: skip
+BETWEEN = ("line_contact",)  # what acts between ropes, of which the base has one
 NEEDS = {"wind": "wetting", "bed_friction": "seabed"}  # what acts only beside another
 TOGETHER = ("waves", "seabed")  # beside the base's own: the sea that a lift usually has
 TOGETHER_NAME = "with waves and seabed"
@@ -141,8 +142,8 @@ def effect_speeds(elements: int, names: Sequence[str], listen: Listener) -> Iter
 
 
 def all_names() -> tuple[str, ...]:
-    """Return the names of all effects."""
-    return tuple(effect.name for effect in EFFECTS)
+    """Return the names of all effects that act on a single rope."""
+    return tuple(effect.name for effect in EFFECTS if effect.name not in BETWEEN)
 
 
 def choose_names(wanted: Sequence[str]) -> tuple[str, ...]:

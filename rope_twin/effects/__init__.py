@@ -22,6 +22,7 @@ from rope_twin.effects import (
     fairing,
     fluid_ramp,
     hull_contact,
+    line_contact,
     modal_vibration,
     net,
     net_curtain,
@@ -57,6 +58,7 @@ class Surroundings(NamedTuple):
     added_mass_along: float = 0.0  # added mass coefficient along the rope
     carries: bool = True  # whether the scene lists `payload`
     wets: bool = False  # whether the scene lists `wetting`
+    diameter: float = 0.0  # largest diameter of the scene's ropes [m]
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,7 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("seabed", seabed.SeabedParams, seabed.build),
     Effect("bed_friction", bed_friction.BedFrictionParams, bed_friction.build),
     Effect("hull_contact", hull_contact.HullContactParams, hull_contact.build),
+    Effect("line_contact", line_contact.LineContactParams, line_contact.build),
     Effect("payload", payload.PayloadParams, payload.build),
     Effect(
         "payload_oscillation",

@@ -16,6 +16,7 @@ from rope_twin.scene.warnings.rope import sense_checks
 REFUSED = [
     ("wind: {velocity_m_per_s: [10.0, 0.0]}", "`wind` acts on the rope out of the water"),
     ("bed_friction: {}", "`bed_friction` acts on the seabed, which is not listed"),
+    ("line_contact: {}", "`line_contact` acts between ropes, and this scene has one"),
     ("hull_contact: {boxes: []}", "boxes is empty; give one box at least"),
     ("hull_contact: {boxes: [{centre_m: [1.0, 0.0, -3.0], size_m: [4.0, 4.0, 8.0]}]}",
      "boxes[0] holds the hang-off; move its centre_m"),

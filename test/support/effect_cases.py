@@ -25,7 +25,9 @@ from rope_twin.core import state as rows
 from rope_twin.core.axial_law import law_of
 from rope_twin.core.elements import stretch
 from rope_twin.core.jit.decorators import jit_entry
+from rope_twin.core.joined.contact import add_among
 from rope_twin.core.loads.balance import add_couplings, add_end, add_flow, add_load
+from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bed_friction import BedFrictionParams
@@ -45,6 +47,7 @@ from rope_twin.effects.hull_contact import (
     HullBox,
     HullContactParams,
 )
+from rope_twin.effects.line_contact import LineContactParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.net_curtain import NetCurtainParams
@@ -118,6 +121,9 @@ PARAMS: dict[str, Any] = {
         stiffness_n_per_m2=2e3,
         payload_stiffness_n_per_m=2e4,
         friction=0.3,
+    ),
+    "line_contact": LineContactParams(
+        distance_m=0.5, stiffness_n_per_m=2e3, damping_s_per_m=0.2, friction=0.3
     ),
     "payload": PayloadParams(),
     "payload_oscillation": PayloadOscillationParams(
@@ -320,10 +326,39 @@ def some_work(seed: int = 1) -> Vector:
     return work
 
 
+class Beside(NamedTuple):
+    """The part of a stack that acts between ropes."""
+
+    work: Vector
+    nodes: Vector
+    counts: Any
+
+
+class Two(NamedTuple):
+    """A system of two ropes."""
+
+    stack: Beside
+
+
+@jit_entry
+def apply_among(effects: Any, system: Any, stage: Any) -> None:
+    """The hook of these effects between ropes."""
+    add_among(effects, system, stage)
+
+
 def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODES) -> Vector:
-    """Flow, residual, blocks and couplings that the hooks leave on a copy, (15, NODES)."""
+    """Flow, residual, blocks and couplings that the hooks leave on a copy, (15, NODES).
+
+    Where an effect acts between ropes there is the same rope once more, 0.3 m aside.
+    """
     work = work.copy()
     apply(effects, work, some_stage(), low, high)
+    if any("among" in hooks_of(type(effect)) for effect in effects):
+        both = np.stack([work, work])
+        both[1, rows.POSITION] += 0.3
+        counts = np.array([[NODES - 1, 0], [NODES - 1, 0]])
+        apply_among(effects, Two(Beside(both, both.copy(), counts)), some_stage())
+        work = both[0]
     return np.concatenate([work[part] for part in RESULTS])
 
 

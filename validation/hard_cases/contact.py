@@ -1,7 +1,8 @@
-"""A hard case of contact with the hull: a payload, then a whole rope, that meet it at 5 m/s."""
+"""A hard case of contact: payload and rope that meet the hull, and two ropes, all at 5 m/s."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import pi, sqrt
 
@@ -9,7 +10,14 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from rope_twin.core import state as rows
+from rope_twin.core.joined.contact import touch_of
+from rope_twin.core.joined.energy import measure_system
+from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.state import Boundary
+from rope_twin.core.step import advance_joined
 from rope_twin.effects.hull_contact import HullBox, HullContact, HullContactParams, contact_forces
+from rope_twin.effects.line_contact import LineContactParams
+from rope_twin.scene.model.rope import build
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.twin import Twin
@@ -32,6 +40,8 @@ HANGING = Rig(
 WALL_M = 1.0
 WALL = HullBox(centre_m=(WALL_M + 150.0, 0.0, -100.0), size_m=(300.0, 600.0, 600.0))
 SECONDS = 0.8
+SPAN_M = 40.0  # of two strings
+TAUT = Rig(length=39.9, mass=10.0, EA=2e6, diameter=0.1, load=0.0, gravity=1e-9, tolerance=1.0)
 
 
 def _twin(rig: Rig, box: HullBox, radius: float) -> Twin:
@@ -146,7 +156,8 @@ def _rope() -> list[Finding]:
     return [
         off("deepest penetration of the payload on a rope", ours[0].max() - WALL_M,
             theirs[0].max() - WALL_M, 0.2),
-        off("deepest penetration of the rope", ours.max() - WALL_M, theirs.max() - WALL_M, 1.0),
+        off("deepest penetration of the rope", ours[1:].max() - WALL_M,
+            theirs[1:].max() - WALL_M, 1.0),
         rms_off("place of all nodes over 0.8 s", ours, theirs, 0.5),
         limited("energy from nowhere, of the energy of motion",
                 100.0 * max(-energy.residual_j - motion, 0.0) / motion, 0.1),
@@ -154,12 +165,67 @@ def _rope() -> list[Finding]:
     ]  # fmt: skip
 
 
+def _strings(speed: float, step: float, elements: int) -> tuple[System, Callable[[], float]]:
+    """Return two taut strings across each other, of which the upper one comes down at `speed`.
+
+    And the step that returns their normal force [N].
+    """
+    rig = replace(TAUT, step=step, elements=elements)
+    half, contact = 0.5 * SPAN_M, LineContactParams(
+        distance_m=TAUT.diameter, stiffness_n_per_m=5e5, friction=0.0, damping_s_per_m=0.0
+    )  # fmt: skip
+    ends = (((-half, 0.03, 0.11), (half, 0.03, 0.11)), ((0.04, -half, 0.0), (0.04, half, 0.0)))
+    ropes, value = [], np.zeros((2, 2, rows.MOTIONS))
+    for r, (low, high) in enumerate(np.array(ends)):
+        scene = rig.scene()
+        rope = build(replace(scene, effects=(*scene.effects, contact)))
+        share = rope.state.s[: elements + 1] / rope.state.s[elements]
+        rope.state.nodes[:3, : elements + 1] = low[:, None] + (high - low)[:, None] * share
+        ropes.append(rope._replace(model=rope.model._replace(first_free=1)))
+        value[r, :, :3], value[r, :, rows.LINE] = high, rig.length
+    system = new_system(tuple(ropes), [LOOSE, LOOSE], [LOOSE, LOOSE])
+    system.ropes[0].state.nodes[rows.VELOCITY + 2, 1:elements] = -speed
+    boundary, pull, time = Boundary(value, np.zeros_like(value)), np.zeros((2, 1, 5)), [0.0]
+
+    def advance() -> float:
+        advance_joined(system, boundary, pull, time[0], 1)
+        time[0] += step
+        touch = touch_of(system.stack)
+        assert touch is not None, "the scene lists it"
+        return touch.push
+
+    return system, advance
+
+
+def _ropes() -> list[Finding]:
+    """Limit the errors of two ropes that collide: force by impedance, energy, side."""
+    still = np.zeros((2, 5)), np.zeros(2), 0.0
+    _, advance = _strings(0.2, 0.005, 80)
+    pushes = np.array([advance() for _ in range(160)])[60:]
+    tension = TAUT.EA * (SPAN_M / TAUT.length - 1.0)
+    system, advance = _strings(SPEED, 0.002, 10)
+    start, motion = measure_system(system, *still).store.total, 0.5 * TAUT.mass * SPAN_M * SPEED**2
+    for _ in range(250):
+        advance()
+    gained = measure_system(system, *still).store.total - start
+    heights = [rope.state.nodes[2, 5] for rope in system.ropes]
+    unconverged = int(system.ropes[0].state.health[rows.SUBSTEPS_UNCONVERGED])
+    return [
+        off("force of two strings against V·√(T·m)", float(pushes.mean()),
+            0.2 * sqrt(tension * TAUT.mass), 2.0),
+        limited("energy of two ropes after they met", 100.0 * abs(gained) / motion, 0.1),
+        limited("height of the lower over the upper rope", heights[1] - heights[0], 0.0, "m"),
+        all_converged(unconverged),
+    ]  # fmt: skip
+
+
 def contact() -> list[Finding]:
-    """Meet a wall at 5 m/s, a payload alone and a rope along its length."""
-    return [*_payload(), *_rope()]
+    """Meet a wall at 5 m/s, a payload alone and a rope along its length; then rope on rope."""
+    return [*_payload(), *_rope(), *_ropes()]
 
 
 CASES = (
-    hard_case("contact_5_m_per_s", "a payload and a whole rope that meet the hull at 5 m/s",
-              "v·√(m/k), π·√(m/k), momentum; the chain of masses by scipy (DOP853)", contact, 20.0),
+    hard_case("contact_5_m_per_s", "payload and rope that meet the hull, and two ropes, at 5 m/s",
+              "v·√(m/k), π·√(m/k), momentum; the chain of masses by scipy (DOP853); V·√(T·m)",
+              contact, 40.0),
 )  # fmt: skip

@@ -8,7 +8,8 @@ and that of the material stream's m·V²·(q + q') sum up to V/2·(difference of
 T - T'), with T the last elements' tensions: that of half an element. Left over for a sheave are its
 kinetic energy, that of its wheel, its potential energy, and the friction of the rope on it.
 
-A link stores the work of its force without damping, and none where it is slack.
+A link stores the work of its force without damping, and none where it is slack. So does a contact
+between ropes, whose damping and friction dissipate.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 from rope_twin.core.energy import Border, Elements, Power, Store, damped, measure
 from rope_twin.core.guards import LINK2_MIN
 from rope_twin.core.joined import ties
+from rope_twin.core.joined.contact import touch_of
 from rope_twin.core.joined.joints import LOOSE, Joints, System
 from rope_twin.core.joined.sheaves import (
     CREEP,
@@ -44,7 +46,7 @@ class SystemBorder(NamedTuple):
     store: Store
     power: Power
     elements: tuple[Elements, ...]  # of each rope, and of the links as one more
-    rubbed: float  # what friction on sheaves dissipates [W]
+    rubbed: float  # what friction on sheaves and contact between ropes dissipate [W]
 
 
 def of_one(border: Border) -> SystemBorder:
@@ -76,6 +78,9 @@ def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -
         borders.append(border)
     held, stored = _tied(joints)
     elements = tuple(border.elements for border in borders)
+    touch = touch_of(system.stack)
+    if touch is not None:
+        stored += touch.stored
     still = _of_sheaves(joints, sheaves) + np.array([0.0, stored, 0.0])
     store = np.sum([border.store for border in borders], axis=0) + still
     power = np.sum([border.power for border in borders], axis=0)
@@ -83,7 +88,7 @@ def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -
         Store(*store.tolist()),
         Power(*power.tolist()),
         (*elements, held),
-        _rubbed(joints, sheaves, elements, pulls[:, PULL]),
+        _rubbed(joints, sheaves, elements, pulls[:, PULL]) + (touch.lost if touch else 0.0),
     )
 
 

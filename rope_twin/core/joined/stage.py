@@ -20,6 +20,7 @@ from rope_twin.core.integrator import (
 )
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import column, copy
+from rope_twin.core.joined.contact import add_among
 from rope_twin.core.joined.joints import (
     LOOSE,
     TOLERANCE,
@@ -81,13 +82,14 @@ move_connections = by_kind(lambda system, stage, kind, factor: None, _move_all)
 
 
 def _gather(system: Any, stage: Any) -> Any:
+    add_among(system.stack.effects, system, stage)
     clear(system.joints)
     gather_ends(system)
     add_ties(system.joints.ties, system.joints.work, system.joints.matrix)
     add_sheaves(system.sheaves, system, stage)
 
 
-# Assemble residual and matrix of the connections, without the condensed chains.
+# Add forces between ropes; assemble residual and matrix of the connections, without the chains.
 gather_connections = by_kind(lambda system, stage: None, _gather)
 
 

@@ -30,6 +30,8 @@ same tuple.
   before the elements of the predicted motion.
 - `face(effect, rope, stack, memory)`, of an effect with internal variables: once a step, where
   ropes meet: what it reads of other ropes of the stack; memory: its internal variables of each.
+- `among(effect, system, stage)` adds forces between the ropes of a system (core/joined) to
+  residuals and blocks of their nodes, after the loads of every rope.
 - `start`, `predict`, `load_nodes` and `settle` belong to effects with internal variables
   (core/loads/memory.py).
 
@@ -50,7 +52,7 @@ from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 HOOKS = (
     "flow", "soak", "load", "load_end", "couple", "pull", "calm", "share", "start", "predict",
-    "load_nodes", "settle", "axial", "prepare", "face",
+    "load_nodes", "settle", "axial", "prepare", "face", "among",
 )  # fmt: skip
 WITHIN = ("soak", "load", "share", "axial")  # put into the loop that calls them
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}

@@ -203,6 +203,7 @@ def build_effects(
         added_mass_along=along,
         carries=scene.listed(PayloadParams) is not None,
         wets=scene.listed(WettingParams) is not None,
+        diameter=max(part.rope.diameter_m for one in scene.ropes for part in one.made_of),
     )  # fmt: skip
     apart = scene.listed(RigidBodyParams) is not None
     built = []

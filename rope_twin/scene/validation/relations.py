@@ -18,6 +18,7 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.hull_contact import HullContactParams
+from rope_twin.effects.line_contact import LineContactParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
@@ -428,6 +429,15 @@ def _hull_contact(scene: Scene) -> Iterator[Fault]:
         yield "effects", what, "remove it, or the other ropes and connections"
 
 
+def _line_contact(scene: Scene) -> Iterator[Fault]:
+    """Ropes that touch are several, each with elements between those at its ends."""
+    if scene.listed(LineContactParams) is None:
+        return
+    if len(scene.ropes) < 2:
+        what = "`line_contact` acts between ropes, and this scene has one"
+        yield "effects", what, "remove it, or add ropes"
+
+
 def _payload_oscillation(scene: Scene) -> Iterator[Fault]:
     """Factors on the figures of a point payload, which have no other factor."""
     if scene.listed(PayloadOscillationParams) is None:
@@ -571,6 +581,7 @@ RULES: tuple[Rule, ...] = (
     _depth_profiles,
     _compensator,
     _hull_contact,
+    _line_contact,
     _payload_oscillation,
     _drag_that_grows,
     body_holds,

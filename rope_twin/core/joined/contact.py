@@ -1,0 +1,301 @@
+"""Contact between the ropes of a system: a penalty between their elements, with friction.
+
+Two elements touch where their closest points P and Q (Ericson 2005, ch. 5.1.9) come nearer than
+`reach`, the sum of both radii. With n the unit vector from Q to P and the penetration
+e = reach - n·(P - Q), at the relative speed v_n away from each other,
+
+    N = k·e·max(1 - χ·v_n, 0)    (Hunt and Crossley 1975),
+
+and friction μ·N against the sliding velocity v_t, regularised to μ·N·v_t/√(|v_t|² + v_0²) (Oden and
+Martins 1985). n keeps to the side on which the ropes were at the start of the step, so that ropes
+whose centre lines pass each other within a step are pushed back.
+
+A contact at a node belongs to the element above it, and only if it is nearest for both elements
+there; of two contacts on both sides of a node within 2·reach the nearer one counts. The lowest and
+the uppermost element of each rope, whose ends are payloads, connections and hang-offs, do not
+touch: ropes that meet at a connection come together there by design. Nor does any in static
+equilibrium, which is that of ropes that do not feel each other.
+
+The block of a node with the weight w (1 - t, t of one element, s of the other) in the relative
+displacement is 2·|w|·dF/d(P - Q), which bounds the coupled stiffness w·wᵀ of all four nodes from
+above (derived: Σ|w| = 2), so that Newton's method converges without coupling ropes in its matrix.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from rope_twin.core.guards import DIVISOR_MIN
+from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_within
+from rope_twin.core.loads.hooks import kernel, kernels_by_place, members, switching, written_out
+from rope_twin.core.state import BLOCK, ELEMENTS, POSITION, RESIDUAL, VELOCITY, Floats
+
+BUNCH = 8  # elements per group whose surrounding boxes are compared first
+BEGIN_S = 1e-9  # time from which on ropes touch: static solutions are before
+CREEP = 0.01  # v_0 [m/s]
+PARALLEL = 1e-9  # sine² of the angle below which two elements are parallel
+
+
+class LineContact(NamedTuple):
+    """Kernel data of contact between ropes."""
+
+    k: float  # stiffness of a contact [N/m]
+    chi: float  # χ [s/m]
+    mu: float  # μ
+    reach: float  # distance of the centre lines at contact [m]
+
+
+@jit_within
+def _vector(table: Any, first: int, i: int) -> Any:
+    return table[first, i], table[first + 1, i], table[first + 2, i]
+
+
+@jit_within
+def _dot(a: Any, b: Any) -> float:
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+@jit_within
+def _less(a: Any, b: Any) -> Any:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@jit_within
+def _mixed(a: Any, b: Any, t: float) -> Any:
+    low = 1.0 - t
+    return low * a[0] + t * b[0], low * a[1] + t * b[1], low * a[2] + t * b[2]
+
+
+@jit
+def _closest(one: Any, i: int, other: Any, j: int) -> Any:
+    """Return the shares s, t of the closest points of two elements, and the vector between them."""
+    a, b = _vector(one, POSITION, i), _vector(other, POSITION, j)
+    u, w = _less(_vector(one, POSITION, i + 1), a), _less(_vector(other, POSITION, j + 1), b)
+    r = _less(a, b)
+    uu, ww, uw = _dot(u, u) + DIVISOR_MIN, _dot(w, w) + DIVISOR_MIN, _dot(u, w)
+    ur, wr = _dot(u, r), _dot(w, r)
+    square = uu * ww - uw * uw
+    s = 0.5
+    if square > PARALLEL * uu * ww:
+        s = min(max((uw * wr - ur * ww) / square, 0.0), 1.0)
+    t = (uw * s + wr) / ww
+    if t < 0.0:
+        t, s = 0.0, min(max(-ur / uu, 0.0), 1.0)
+    elif t > 1.0:
+        t, s = 1.0, min(max((uw - ur) / uu, 0.0), 1.0)
+    gap = (r[0] + s * u[0] - t * w[0], r[1] + s * u[1] - t * w[1], r[2] + s * u[2] - t * w[2])
+    return s, t, gap
+
+
+@jit
+def _is_nearest(contact: Any, pair: Any, s: float, t: float, gap: Any, last: Any) -> bool:
+    """Return whether a pair's closest points are those of the ropes there, counted once.
+
+    On the hollow side of a bend the elements on either side of its node are both near: the nearer
+    one counts.
+    """
+    one, i, other, j = pair
+    if (s >= 1.0 and i < last[0]) or (t >= 1.0 and j < last[1]):
+        return False  # it belongs to the element above
+    if s <= 0.0 and i > 1 and _closest(one, i - 1, other, j)[0] < 1.0:
+        return False
+    if t <= 0.0 and j > 1 and _closest(one, i, other, j - 1)[1] < 1.0:
+        return False
+    here, own = _mixed(_vector(one, POSITION, i), _vector(one, POSITION, i + 1), s), _dot(gap, gap)
+    for e in range(max(i - 1, 1), min(i + 1, last[0]) + 1):
+        for f in range(max(j - 1, 1), min(j + 1, last[1]) + 1):
+            if e == i and f == j:
+                continue
+            u, _, between = _closest(one, e, other, f)
+            there = _mixed(_vector(one, POSITION, e), _vector(one, POSITION, e + 1), u)
+            way, size = _less(there, here), _dot(between, between)
+            first = e < i or (e == i and f < j)
+            if _dot(way, way) < 4.0 * contact.reach * contact.reach and (
+                size < own or (size == own and first and 0.0 < u < 1.0)
+            ):
+                return False
+    return True
+
+
+@jit
+def _side(gap: Any, before: Any) -> Any:
+    """Return the unit vector n from the other rope, and n·(P - Q); before: P - Q at the start."""
+    size, was = sqrt(_dot(gap, gap)), sqrt(_dot(before, before))
+    if size > 1e-6 * was:
+        sign = 1.0 if _dot(gap, before) >= 0.0 else -1.0
+        inverse = sign / (size + DIVISOR_MIN)
+        return (gap[0] * inverse, gap[1] * inverse, gap[2] * inverse), sign * size
+    inverse = 1.0 / (was + DIVISOR_MIN)
+    return (before[0] * inverse, before[1] * inverse, before[2] * inverse), 0.0
+
+
+@jit_within
+def _forces(contact: Any, deep: float, n: Any, v: Any) -> Any:
+    """Return N, its gain 1 - χ·v_n, v_n, v_t, and friction per sliding velocity [N·s/m]."""
+    out = _dot(v, n)
+    gain = max(1.0 - contact.chi * out, 0.0)
+    N = contact.k * deep * gain
+    slid = (v[0] - out * n[0], v[1] - out * n[1], v[2] - out * n[2])
+    return N, gain, out, slid, contact.mu * N / sqrt(_dot(slid, slid) + CREEP * CREEP)
+
+
+@jit_within
+def _relative(one: Any, i: int, s: float, other: Any, j: int, t: float) -> Any:
+    """Return the velocity of P relative to Q."""
+    here = _mixed(_vector(one, VELOCITY, i), _vector(one, VELOCITY, i + 1), s)
+    return _less(here, _mixed(_vector(other, VELOCITY, j), _vector(other, VELOCITY, j + 1), t))
+
+
+@jit
+def _add(work: Any, i: int, weight: float, force: Any, block: Any) -> None:
+    """Add a share of force and block to a node."""
+    for k in range(3):
+        work[RESIDUAL + k, i] += weight * force[k]
+    for k in range(6):
+        work[BLOCK + k, i] += 2.0 * abs(weight) * block[k]
+
+
+@jit
+def _touch(contact: Any, pair: Any, stage: Any) -> None:
+    """Add the forces of a pair of elements that is near."""
+    one, i, other, j, starts, last = pair
+    s, t, gap = _closest(one, i, other, j)
+    n, apart = _side(gap, _closest(starts[0], i, starts[1], j)[2])
+    deep = contact.reach - apart
+    if deep <= 0.0 or not _is_nearest(contact, (one, i, other, j), s, t, gap, last):
+        return
+    N, gain, _, slid, rub = _forces(contact, deep, n, _relative(one, i, s, other, j, t))
+    if N == 0.0:
+        return
+    across = stage.q * rub
+    along = stage.p * contact.k * gain + stage.q * contact.chi * contact.k * deep - across
+    force = (N * n[0] - rub * slid[0], N * n[1] - rub * slid[1], N * n[2] - rub * slid[2])
+    block = (
+        across + along * n[0] * n[0], along * n[0] * n[1], along * n[0] * n[2],
+        across + along * n[1] * n[1], along * n[1] * n[2], across + along * n[2] * n[2],
+    )  # fmt: skip
+    _add(one, i, 1.0 - s, force, block)
+    _add(one, i + 1, s, force, block)
+    _add(other, j, t - 1.0, force, block)
+    _add(other, j + 1, -t, force, block)
+
+
+@jit
+def _surround(table: Any, start: Any, low: int, high: int) -> Any:
+    """Return the corners of the box around the elements low <= e < high, now and at the start."""
+    ax, ay, az = _vector(table, POSITION, low)
+    bx, by, bz = ax, ay, az
+    for i in range(low, high + 1):
+        x, y, z = _vector(table, POSITION, i)
+        u, v, w = _vector(start, POSITION, i)
+        ax, ay, az = min(ax, x, u), min(ay, y, v), min(az, z, w)
+        bx, by, bz = max(bx, x, u), max(by, y, v), max(bz, z, w)
+    return ax, ay, az, bx, by, bz
+
+
+@jit_within
+def _apart(a: Any, b: Any, reach: float) -> bool:
+    """Return whether two boxes are farther apart than `reach`."""
+    return bool(
+        a[0] - reach > b[3] or b[0] - reach > a[3] or a[1] - reach > b[4] or b[1] - reach > a[4]
+        or a[2] - reach > b[5] or b[2] - reach > a[5]
+    )  # fmt: skip
+
+
+@jit
+def _meet(contact: Any, works: Any, starts: Any, counts: Any, stage: Any) -> None:
+    """Add the forces between two ropes; counts: their elements."""
+    (one, other), (n, m), reach = works, counts, contact.reach
+    last = (n - 2, m - 2)
+    for low in range(1, n - 1, BUNCH):
+        high = min(low + BUNCH, n - 1)
+        around = _surround(one, starts[0], low, high)
+        for under in range(1, m - 1, BUNCH):
+            over = min(under + BUNCH, m - 1)
+            if _apart(around, _surround(other, starts[1], under, over), reach):
+                continue
+            for i in range(low, high):
+                own = _surround(one, starts[0], i, i + 1)
+                for j in range(under, over):
+                    if not _apart(own, _surround(other, starts[1], j, j + 1), reach):
+                        _touch(contact, (one, i, other, j, starts, last), stage)
+
+
+@kernel("among", LineContact)
+def among(contact: Any, system: Any, stage: Any) -> None:
+    """Add the forces between all ropes of a system."""
+    if stage.time < BEGIN_S:
+        return
+    stack = system.stack
+    for r in range(stack.counts.shape[0]):
+        for o in range(r + 1, stack.counts.shape[0]):
+            works, starts = (stack.work[r], stack.work[o]), (stack.nodes[r], stack.nodes[o])
+            counts = (stack.counts[r, ELEMENTS], stack.counts[o, ELEMENTS])
+            _meet(contact, works, starts, counts, stage)
+
+
+switching(LineContact)
+
+
+def add_among(effects: Any, system: Any, stage: Any) -> Any:
+    """Add the forces of effects that act between ropes."""
+    for effect, call in members("among", effects):
+        call(effect, system, stage)
+
+
+@overload(add_among, jit_options=LINKED, strict=False)
+def _compose_among(effects: Any, system: Any, stage: Any) -> Any:
+    calls = kernels_by_place("among", effects)
+    lines = [f"kernel_{i}(effects[{i}], system, stage)" for i in calls]
+    return written_out("effects, system, stage", [*lines, "return None"], calls)
+
+
+class Touch(NamedTuple):
+    """Contact between ropes at a step boundary."""
+
+    stored: float  # elastic energy [J]
+    lost: float  # dissipated [W]
+    push: float  # sum of all normal forces [N]
+    deepest: float  # largest penetration [m]
+    contacts: int
+
+
+@jit_entry
+def _measure(contact: Any, nodes: Any, counts: Any, found: Any) -> None:
+    for r in range(counts.shape[0]):
+        for o in range(r + 1, counts.shape[0]):
+            one, other, n, m = nodes[r], nodes[o], counts[r, ELEMENTS], counts[o, ELEMENTS]
+            for i in range(1, n - 1):
+                own = _surround(one, one, i, i + 1)
+                for j in range(1, m - 1):
+                    if _apart(own, _surround(other, other, j, j + 1), contact.reach):
+                        continue
+                    s, t, gap = _closest(one, i, other, j)
+                    n_vector, apart = _side(gap, gap)
+                    deep = contact.reach - apart
+                    if deep <= 0.0 or not _is_nearest(
+                        contact, (one, i, other, j), s, t, gap, (n - 2, m - 2)
+                    ):
+                        continue
+                    v = _relative(one, i, s, other, j, t)
+                    N, _, out, slid, rub = _forces(contact, deep, n_vector, v)
+                    found[0] += 0.5 * contact.k * deep * deep
+                    found[1] += (contact.k * deep - N) * out + rub * _dot(slid, slid)
+                    found[2] += N
+                    found[3] = max(found[3], deep)
+                    found[4] += 1.0
+
+
+def touch_of(stack: Any) -> Touch | None:
+    """Return the contact between the ropes of a stack now; None: the scene does not list it."""
+    contact = next((own for own in stack.effects if isinstance(own, LineContact)), None)
+    if contact is None:
+        return None
+    found: Floats = np.zeros(5)
+    _measure(contact, stack.nodes, stack.counts, found)
+    stored, lost, push, deepest, contacts = found.tolist()
+    return Touch(stored, lost, push, deepest, int(contacts))

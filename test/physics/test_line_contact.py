@@ -1,0 +1,138 @@
+"""Contact between ropes, against strings that collide: impedance, friction, energy, order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import sqrt
+
+import numpy as np
+import pytest
+from joint_rigs import JointBench, Line
+from numpy.typing import NDArray
+from rigs import Rig
+
+from rope_twin.core import state as rows
+from rope_twin.core.joined.contact import Touch, touch_of
+from rope_twin.core.joined.energy import measure_system
+from rope_twin.effects.line_contact import LineContactParams
+
+Vector = NDArray[np.float64]
+SPAN, REACH = 40.0, 0.1
+RIG = Rig(
+    length=39.9, elements=80, mass=10.0, EA=2e6, diameter=REACH, damping=1e3, load=0.0,
+    gravity=1e-9, step=0.005, tolerance=1.0,
+)  # fmt: skip
+TENSION = RIG.EA * (SPAN / RIG.length - 1.0)
+PLATEAU = sqrt(TENSION * RIG.mass)  # N·s/m: half the impedance 2·√(T·m) of a string
+CONTACT = LineContactParams(distance_m=REACH, friction=0.0, damping_s_per_m=0.0)
+
+
+def crossed(
+    velocity: tuple[float, float, float], contact: LineContactParams = CONTACT, rig: Rig = RIG,
+    gap: float = 0.01, swap: bool = False,
+) -> JointBench:  # fmt: skip
+    """Two taut strings, one along x that moves, above one along y; at each other's middles."""
+    high, half = REACH + gap, 0.5 * SPAN
+    upper = Line(
+        rig=rig, low=(-half, 0.03, high), high=(half, 0.03, high), held=True, more=(contact,)
+    )
+    lower = Line(
+        rig=rig, low=(0.04, -half, 0.0), high=(0.04, half, 0.0), held=True, more=(contact,)
+    )
+    bench = JointBench([lower, upper] if swap else [upper, lower])
+    moving = bench.nodes(1 if swap else 0, rows.VELOCITY)
+    moving[:, 1:-1] = np.array(velocity)[:, None]
+    return bench
+
+
+def touch(bench: JointBench) -> Touch:
+    found = touch_of(bench.system.stack)
+    assert found is not None
+    return found
+
+
+def pressed(bench: JointBench, seconds: float) -> Vector:
+    """The normal force after each step [N]."""
+    pushes = []
+    for _ in range(round(seconds / bench.step)):
+        bench.hold(1)
+        pushes.append(touch(bench).push)
+    return np.array(pushes)
+
+
+def gap_of(bench: JointBench) -> float:
+    """Height of the upper string over the lower one where they cross."""
+    above, below = bench.nodes(0), bench.nodes(1)
+    return float(np.interp(0.04, above[0], above[2]) - np.interp(0.03, below[1], below[2]))
+
+
+def test_strings_that_collide_press_by_their_impedance() -> None:
+    """F·(1/Z + 1/Z') = V with Z = 2·√(T·m), until the waves are back from the ends."""
+    speed = 0.2
+    bench = crossed((0.0, 0.0, -speed))
+    pushes = pressed(bench, 0.8)
+    assert pushes[60:].mean() == pytest.approx(speed * PLATEAU, rel=0.02)
+    assert bench.health[rows.SUBSTEPS_UNCONVERGED] == 0
+
+
+def test_friction_slows_the_string_that_slides() -> None:
+    """A string that slides across the other at U loses μ·N/Z there: U - μ·V/2."""
+    mu, U = 0.4, 0.2
+    bench = crossed((0.0, U, -U), replace(CONTACT, friction=mu))
+    pressed(bench, 0.7)
+    x, v = bench.nodes(0)[0], bench.nodes(0, rows.VELOCITY)[1]
+    assert float(np.interp(0.04, x, v)) == pytest.approx(U - 0.5 * mu * U, rel=0.02)
+
+
+def met(step: float, damping: float) -> tuple[float, float]:
+    """At 5 m/s: the least height of the upper string, the energy gained of that of motion."""
+    rig, speed = replace(RIG, elements=10, step=step, damping=0.0), 5.0
+    contact = replace(CONTACT, damping_s_per_m=damping)
+    bench = crossed((0.0, 0.0, -speed), contact, rig=rig)
+    still = np.zeros((2, 5)), np.zeros(2), 0.0
+    start, least = measure_system(bench.system, *still).store.total, np.inf
+    for _ in range(round(0.5 / step)):
+        bench.hold(1)
+        least = min(least, gap_of(bench))
+    end = measure_system(bench.system, *still).store.total
+    return least, (end - start) / (0.5 * rig.mass * SPAN * speed**2)
+
+
+def test_a_rope_that_meets_another_at_5_m_per_s_keeps_its_energy() -> None:
+    """Within 1e-3, at a step that resolves the contact of 20 ms."""
+    least, gained = met(0.002, 0.0)
+    assert 0.03 < least < 0.07
+    assert abs(gained) < 1e-3
+
+
+def test_a_step_that_moves_a_rope_through_another_does_not_pass_it() -> None:
+    """5 m/s at 40 ms: twice the diameter a step."""
+    least, gained = met(0.04, 0.5)
+    assert least > 0.0
+    assert gained < 1e-3
+
+
+def test_damping_and_friction_are_what_the_balance_says() -> None:
+    """Stored energy falls by what damping and friction dissipate, within 1e-3."""
+    rig = replace(RIG, elements=10, step=0.0005, damping=0.0)
+    bench = crossed((0.0, 1.0, -1.0), replace(CONTACT, friction=0.5, damping_s_per_m=2.0), rig=rig)
+    still = np.zeros((2, 5)), np.zeros(2)
+    borders = [measure_system(bench.system, *still, 0.0)]
+    for k in range(800):
+        bench.hold(1)
+        borders.append(measure_system(bench.system, *still, 0.0005 * (k + 1)))
+    rubbed = np.array([border.rubbed for border in borders])
+    lost = 0.0005 * (rubbed[:-1] + rubbed[1:]).sum() / 2.0
+    start, end = borders[0].store.total, borders[-1].store.total
+    motion = 0.5 * rig.mass * SPAN * 2.0
+    assert lost > 0.05 * motion
+    assert start - end == pytest.approx(lost, abs=1e-3 * motion)
+
+
+def test_the_order_of_the_ropes_does_not_matter() -> None:
+    """And with two ropes that touch all along: as many contacts, and a force on each."""
+    one, other = (crossed((0.0, 0.5, -1.0), swap=swap) for swap in (False, True))
+    for bench in (one, other):
+        bench.hold(60)
+    assert touch(one).push == pytest.approx(touch(other).push, rel=1e-6)
+    assert np.abs(one.nodes(0) - other.nodes(1)).max() < 1e-8
