@@ -56,9 +56,12 @@ def quantity(
     )
 
 
-def text(about: str, default: Any = _NO_DEFAULT) -> Any:
-    """A dataclass field for words or a nested part; `metadata['about']` says what it is."""
-    return dataclasses.field(default=default, metadata={"about": about})
+def text(about: str, default: Any = _NO_DEFAULT, *, only_judges: bool = False) -> Any:
+    """A dataclass field for words or a nested part; `metadata['about']` says what it is.
+
+    only_judges: as for `quantity`.
+    """
+    return dataclasses.field(default=default, repr=not only_judges, metadata={"about": about})
 
 
 class SparingRepr:

@@ -135,7 +135,9 @@ TOPICS: tuple[Topic, ...] = (
           "model outside the time step; 32-bit", only_with="vibration"),
     Topic("ropes/fatigue", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "simulation",
           "accumulated fatigue damage (Miner) per metre of rope, from the lower end up: "
-          "from_lower_end_m, from_hang_off_m (negative: aboard), damage and rope; if enabled",
+          "from_lower_end_m, from_hang_off_m (negative: aboard), damage, rope; bends over sheaves "
+          "and drum, their bend_damage, and discard_fraction, bends over the maker's discard value "
+          "(NaN: unknown); if enabled",
           only_with="fatigue"),
     Topic("ropes/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
           "ropes coloured by tension, payloads, hang-off, for display", in_view=False),

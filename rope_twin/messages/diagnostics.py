@@ -451,6 +451,26 @@ def _vibration(snapshot: Snapshot, shaking: RopeVibration) -> Status:
     return Status(name, level, "; ".join(filter(None, (message, *notes))), values)
 
 
+def _most_bent(wear: MaterialFatigue) -> tuple[str, bool, dict[str, str]]:
+    """Return what the most bent metre has had: message, whether it is worn, values."""
+    if wear.bent is None:
+        return "", False, {}
+    at = wear.most_bent
+    bends, damage, discard = (
+        float(part[at]) for part in (wear.bent.bends, wear.bent.damage, wear.bent.discard)
+    )
+    place = f"{wear.from_lower_end_m[at]:.1f}"
+    values = {"most bent metre, from the lower end [m]": place, "its bends": f"{bends:g}"}
+    if not math.isnan(damage):
+        values["its bending damage (failure at 1)"] = f"{damage:.3e}"
+    if not math.isnan(discard):
+        values["its bends over the discard value"] = f"{discard:.3g}"
+    if wear.bent.source:
+        values["source of its bending data"] = wear.bent.source
+    message = f"; most bent metre: {bends:g} bends, {place} m from the lower end"
+    return message, damage >= 1.0 or discard >= 1.0, values
+
+
 def _fatigue(name: str, wear: MaterialFatigue) -> Status:
     """Return the row of the rope with the largest damage; name: "" in a scene of one rope."""
     at = wear.worst
@@ -469,8 +489,9 @@ def _fatigue(name: str, wear: MaterialFatigue) -> Status:
         f"maximum accumulated damage {damage:.2e} (failure at 1), "
         f"{wear.from_lower_end_m[at]:.0f} m from the lower end, currently {where}"
     )
-    level = Level.WARN if damage >= 1.0 else Level.OK
-    return Status("simulation: fatigue", level, message, values)
+    bent, worn, more = _most_bent(wear)
+    level = Level.WARN if damage >= 1.0 or worn else Level.OK
+    return Status("simulation: fatigue", level, message + bent, values | more)
 
 
 def _pacing(pacing: PacingHealth) -> Status:

@@ -26,6 +26,7 @@ from rope_twin.twin.snapshot import (
     first_rope,
 )
 from rope_twin.twin.winch.commands import CONTROL_MODES
+from rope_twin.vortex.bends import BendResult
 from rope_twin.vortex.results import RopeVibration
 
 MAP = "map"  # REP 105: the fixed frame; x east, y north, z up, z = 0 at mean water level
@@ -251,12 +252,19 @@ class Encoder:
             wear = rope.fatigue if number else snapshot.fatigue
             if wear is not None:
                 of_rope = np.full(len(wear.used), float(number))
-                columns = wear.from_lower_end_m, wear.from_hang_off_m, wear.used, of_rope
+                unknown = np.full(len(wear.used), np.nan)
+                bent = wear.bent or BendResult(unknown, unknown, unknown, "")
+                columns = (
+                    wear.from_lower_end_m, wear.from_hang_off_m, wear.used, of_rope,
+                    bent.bends, bent.damage, bent.discard,
+                )  # fmt: skip
                 tables.append(np.column_stack(columns))
         if not tables:
             raise InputError(phrase("encode", "the snapshot has no fatigue", "ask for it"))
         kind = templates.point_type(
-            templates.columns("from_lower_end_m from_hang_off_m damage rope")
+            templates.columns(
+                "from_lower_end_m from_hang_off_m damage rope bends bend_damage discard_fraction"
+            )
         )
         points = np.concatenate(tables).view(kind).ravel()
         return self._cloud("ropes/fatigue", snapshot, points)

@@ -18,7 +18,7 @@ from rope_twin.twin.cutting.cut_plan import read_plan
 from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.saving.state_file import check_place
 from rope_twin.view.sinks import has_screen
-from rope_twin.vortex.fatigue import CURVES
+from rope_twin.vortex.fatigue import CURVES, OWN
 from rope_twin.vortex.settings import MonitorSettings
 
 if TYPE_CHECKING:
@@ -198,8 +198,8 @@ def _add_monitors(group: argparse._ArgumentGroup) -> None:
         "--fatigue",
         default="",
         metavar="CURVE",
-        help="publish accumulated fatigue damage per metre of rope, by an S-N curve: "
-        + ", ".join(CURVES),
+        help="publish accumulated fatigue damage per metre of rope, and its bends over sheaves and "
+        f"drum, by an S-N curve: {', '.join(CURVES)}, or {OWN} (the rope's, in the scene)",
     )
     add(
         "--cut",

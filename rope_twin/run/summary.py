@@ -34,6 +34,8 @@ from rope_twin.twin.snapshot import (
     most_damaged,
 )
 from rope_twin.twin.twin import Twin
+from rope_twin.vortex.bends import BendResult
+from rope_twin.vortex.results import MaterialFatigue
 
 RUN_ROW = "simulation: run"
 
@@ -449,6 +451,8 @@ def fatigue_figures(snapshot: Snapshot) -> Figures | None:
     name, wear = damaged
     at = wear.worst
     figures: Figures = {"rope": name} if name else {}
+    if wear.bent is not None:
+        figures |= _bend_count(wear, wear.bent)
     return figures | {
         "curve": wear.curve,
         "counted_s": wear.counted_s,
@@ -456,6 +460,18 @@ def fatigue_figures(snapshot: Snapshot) -> Figures | None:
         "from_lower_end_m": float(wear.from_lower_end_m[at]),
         "from_hang_off_m": float(wear.from_hang_off_m[at]),
     }
+
+
+def _bend_count(wear: MaterialFatigue, bent: BendResult) -> Figures:
+    """Return the bends of the most bent metre; what is unknown is left out."""
+    at = wear.most_bent
+    figures: Figures = {
+        "bends": float(bent.bends[at]),
+        "bends_from_lower_end_m": float(wear.from_lower_end_m[at]),
+    }
+    known = {"bend_damage": bent.damage[at], "discard_fraction": bent.discard[at]}
+    figures |= {name: float(value) for name, value in known.items() if not math.isnan(value)}
+    return figures | ({"bend_source": bent.source} if bent.source else {})
 
 
 def watch_words(vibration: Figures | None, fatigue: Figures | None) -> list[str]:
@@ -479,4 +495,17 @@ def watch_words(vibration: Figures | None, fatigue: Figures | None) -> list[str]
             f"fatigue ({fatigue['curve']}): maximum damage {fatigue['used']:.3g} (failure at 1), "
             f"{fatigue['from_lower_end_m']:.4g} m from {end}, in {fatigue['counted_s']:g} s"
         )
+        if "bends" in fatigue:
+            lines.append(_bend_words(fatigue, end))
     return lines
+
+
+def _bend_words(fatigue: Figures, end: str) -> str:
+    """Return a line of text on the most bent metre."""
+    words = f"most bent metre: {fatigue['bends']:g} bends over sheaves and drum"
+    if "discard_fraction" in fatigue:
+        words += f", {fatigue['discard_fraction']:.3g} of the discard value"
+    if "bend_damage" in fatigue:
+        words += f", bending damage {fatigue['bend_damage']:.3g} (failure at 1)"
+    words += f", {fatigue['bends_from_lower_end_m']:.4g} m from {end}"
+    return words + (f" (data: {fatigue['bend_source']})" if "bend_source" in fatigue else "")

@@ -17,6 +17,7 @@ from rope_twin.effects.fairing import FairingFace
 from rope_twin.effects.net import NetPanels
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.quantity import SparingRepr, quantity, text
+from rope_twin.scene.fatigue import FatigueData
 from rope_twin.scene.measured import Measured
 from rope_twin.scene.stiffness import StiffnessTable
 from rope_twin.scene.winch import ScheduleRow as ScheduleRow
@@ -285,6 +286,9 @@ class RopeSection:
     length_m: float | None = quantity(
         "unstretched length; optional for the topmost section", "m", 0.5, 2e4, default=None
     )
+    fatigue: FatigueData | None = text(
+        "fatigue data of the section, instead of the rope's", None, only_judges=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -339,6 +343,9 @@ class RopeLine:
     grading: Grading | None = text("graded mesh near the lower end; default: equal elements", None)
     bending: BendingParams | None = text(
         "multi-line scenes: its own bending stiffness, instead of the effect's", None
+    )
+    fatigue: FatigueData | None = text(
+        "fatigue data of the rope, used by `--fatigue` alone", None, only_judges=True
     )
 
     @property

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, radians
 
 from rope_twin.effects.compensator import GasSpringParams
 from rope_twin.quantity import SparingRepr, quantity, text
+from rope_twin.vortex.bends import BendPlace
 
 WIRE_PA = 1.96e11  # Young's modulus of a rope's steel wires
 LAYER_RISE = 0.9  # radial spacing of layers in rope diameters (nested in grooves)
@@ -18,6 +19,10 @@ class Drum:
 
     core_radius_m: float = quantity("radius of the bare drum, r_0", "m", 0.05, 10.0)
     turns_per_layer: float = quantity("turns per layer", "", 1.0, 1e3)
+    inboard_m: float = quantity(
+        "distance inboard of the hang-off", "m", 0.0, 1e3,
+        default=0.0, only_judges=True,
+    )  # fmt: skip
 
     def radius_m(self, layer: int, diameter_m: float) -> float:
         """Return the radius from the axis to the middle of the rope in layer 1, 2, ... [m]."""
@@ -96,18 +101,50 @@ class PassiveCompensation(GasSpringParams):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TopSheave:
-    """Overboarding sheave at the crane tip, for bending fatigue of the rope that passes it.
-
-    It does not influence the motion.
-    """
+class BendingSheave:
+    """A sheave, for the bends of the rope that passes it; it does not influence the motion."""
 
     diameter_m: float = quantity("groove diameter", "m", 0.01, 20.0)
-    outer_wire_m: float = quantity("diameter of the rope's outer wires", "m", 1e-4, 0.05)
+    wrap_deg: float = quantity(
+        "angle of wrap, which gives the arc of contact", "°", 1.0, 360.0, default=90.0,
+        only_judges=True,
+    )  # fmt: skip
+    bends: float = quantity(
+        "cycles of bending that a passage counts as; more than 1 for a reverse bend", "",
+        0.1, 100.0, default=1.0, only_judges=True,
+    )  # fmt: skip
+
+    def places(self, inboard_m: float) -> tuple[BendPlace, BendPlace]:
+        """Return where the arc of contact begins and ends, from this distance inboard on [m]."""
+        arc_m = 0.5 * radians(self.wrap_deg) * self.diameter_m
+        first = BendPlace(inboard_m, self.diameter_m, self.bends)
+        return first, first._replace(inboard_m=inboard_m + arc_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopSheave(BendingSheave):
+    """Overboarding sheave at the crane tip; the rope leaves it at the hang-off."""
+
+    outer_wire_m: float | None = quantity(
+        "diameter of a wire rope's outer wires: their bending stress counts by a stress curve",
+        "m", 1e-4, 0.05, default=None,
+    )  # fmt: skip
 
     def bending_stress_pa(self, rope_diameter_m: float) -> float:
-        """Return E·δ/(D + d) of an outer wire (Reuleaux 1861; E as in Feyrer 2015, Wire Ropes)."""
-        return WIRE_PA * self.outer_wire_m / (self.diameter_m + rope_diameter_m)
+        """Return E·δ/(D + d) of an outer wire (Reuleaux 1861; E as in Feyrer 2015, Wire Ropes).
+
+        0 if no wire is given.
+        """
+        return WIRE_PA * (self.outer_wire_m or 0.0) / (self.diameter_m + rope_diameter_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InboardSheave(BendingSheave):
+    """A sheave between the hang-off and the drum."""
+
+    inboard_m: float = quantity(
+        "distance along the rope from the hang-off to the sheave", "m", 0.0, 1e3
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +214,7 @@ class Winch(SparingRepr):
         ("jerk_limit_m_per_s3", "drum", "drive", "brake", "emergency_stop", "heave_compensation",
          "passive_compensation", "constant_tension", "sheave")
     )  # fmt: skip
-    _no_figures = frozenset(("when_commander_lost",))  # no effect on results
+    _no_figures = frozenset(("when_commander_lost", "inboard_sheaves"))  # no effect on results
     _later = frozenset(("follows",))
 
     speed_limit_m_per_s: float = quantity("maximum speed in both directions", "m/s", 0.0, 5.0)
@@ -203,6 +240,9 @@ class Winch(SparingRepr):
     sheave: TopSheave | None = text(
         "overboarding sheave at the crane tip (bending fatigue only)", None
     )
+    inboard_sheaves: tuple[InboardSheave, ...] = text(
+        "sheaves between hang-off and drum (bending fatigue only)", ()
+    )
     when_commander_lost: str = text(
         "action of the winch when its commanding node disappears: "
         + ", ".join(WHEN_COMMANDER_LOST),
@@ -212,3 +252,13 @@ class Winch(SparingRepr):
         "what the line follows: `commands`, or the `measured` line out on winch/measured",
         FOLLOWS_COMMANDS,
     )
+
+    def bend_path(self) -> tuple[BendPlace, ...]:
+        """Return the places inboard of the hang-off where the rope is bent or straightened."""
+        path = list(self.sheave.places(0.0)) if self.sheave else []
+        for sheave in self.inboard_sheaves:
+            path += sheave.places(sheave.inboard_m)
+        if self.drum is not None:
+            bare_m = 2.0 * self.drum.core_radius_m
+            path.append(BendPlace(self.drum.inboard_m, bare_m, 1.0, self.drum))
+        return tuple(path)

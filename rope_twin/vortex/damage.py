@@ -6,8 +6,9 @@ as it does below a cut.
 
 If the winch has a sheave, a metre that runs over it in either direction is bent and straightened:
 one cycle of the outer wires' E·δ/(D + d) on top of the tension there, by a stress curve. Every wire
-comes to the outside within a lay of the strands, so the cycle applies all around the rope. Bending
-on the drum is not counted.
+comes to the outside within a lay of the strands, so the cycle applies all around the rope. Inboard
+sheaves and the drum do not count there; `bends.py` counts the bends over all of them, with a life
+of their own.
 
 Stress curve: tension over the metal area and, if the rope has a bending stiffness, E·d/2 times its
 curvature, at eight points around the circumference, of which the worst counts. For a stranded rope,
@@ -19,15 +20,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
+from rope_twin.vortex.bends import BendCount, BendPlace, Endurance, reach_m
 from rope_twin.vortex.fatigue import (
+    Curve,
     RainflowCount,
     RopeLine,
     StressCurve,
+    TensionCurve,
     check_all_steel,
     find_curve,
     metal_area,
@@ -46,6 +51,9 @@ class DamageSettings:
     curve: str  # name of a fatigue curve
     bends: bool  # whether curvature is given in addition to tension
     over_sheave_pa: float = 0.0  # bending stress over the sheave; 0: not counted
+    own: TensionCurve | None = None  # the rope's own curve, instead of the named one
+    path: tuple[BendPlace, ...] = ()  # where the rope is bent and straightened
+    endurance: tuple[Endurance, ...] = ()  # of each section, with a path
 
 
 def tension_along(s: Floats, tension: Floats, upper_n: float) -> tuple[Floats, Floats]:
@@ -78,14 +86,20 @@ class RopeDamage:
         settings: DamageSettings,
         EI: float,
     ) -> None:
-        """Start without damage; ends_m: upper ends of the sections, from the lower end up [m]."""
+        """Start without damage; ends_m: upper ends of the sections, from the lower end up [m].
+
+        What lies on the path when all is paid out counts beside the maximum payout.
+        """
         pieces = max(1, round(most_line_out_m / SEGMENT_M))
-        self.middles = (np.arange(pieces) + 0.5) * most_line_out_m / pieces
-        self.name, self._curve = settings.curve, find_curve("fatigue", settings.curve)
+        metre_m = most_line_out_m / pieces
+        pieces += ceil(reach_m(settings.path) / metre_m)
+        self.middles: Floats = (np.arange(pieces) + np.float64(0.5)) * metre_m
+        self.name = settings.curve
+        self._curve: Curve = settings.own or find_curve("fatigue", settings.curve)
         by_stress = isinstance(self._curve, StressCurve)
         if by_stress:
             check_all_steel(line, EI)
-        which = np.searchsorted(ends_m, self.middles, side="right")
+        which = np.searchsorted(ends_m, self.middles, side="right").astype(np.int64)
         made = [section.rope for section in line.made_of]
         area = np.array([metal_area(rope, EI) for rope in made])
         strength = area if by_stress else np.array([rope.breaking_load_n for rope in made])
@@ -99,6 +113,11 @@ class RopeDamage:
         self._around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         self._count = RainflowCount(len(angle) * pieces)
         self._lost_m = 0.0
+        self._over: BendCount | None = None
+        if settings.path:
+            self._over = BendCount(
+                settings.path, settings.endurance, which, metre_m, most_line_out_m
+            )
 
     @property
     def bends(self) -> bool:
@@ -120,6 +139,8 @@ class RopeDamage:
         places, values = tension_along(s, tension, pull_n)
         load = np.interp(self.middles, places, values, np.nan, np.nan) * self._per_tension
         self._run_over_sheave(s[-1], pull_n)
+        if self._over is not None:
+            self._over.take(float(s[-1]), pull_n)
         if bent is None:
             loads = np.tile(load, len(self._around))
         else:
@@ -147,4 +168,5 @@ class RopeDamage:
             from_hang_off_m=line_out_m + self._lost_m - self.middles,
             used=self._count.total(self._curve.used).reshape(shape).max(axis=0),
             bending=self.bends,
+            bent=None if self._over is None else self._over.result(),
         )

@@ -15,6 +15,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import log10
 from typing import Protocol
 
 import numpy as np
@@ -125,7 +126,12 @@ CURVES: dict[str, Curve] = {
     "stranded_wire": StressCurve(3.4e14, 4.0),  # DNV-OS-E301, six strands
     "spiral_wire": StressCurve(1.7e17, 4.8),  # DNV-OS-E301, spiral strand
     "six_strand_tension": TensionCurve(3.20, -2.79, 4.09),  # API RP 2SK
+    # DNV-OS-E301 (2010): N = 0.259·R^-13.46, R over the characteristic strength of 0.95 MBL
+    "polyester_tension": TensionCurve(log10(0.259) + 13.46 * log10(0.95), 0.0, 13.46),
 }
+FIBRE = "polyester_tension"
+NOT_STEEL = "not all of steel"
+OWN = "own"  # the rope's own curve of tension, by keys of the scene
 STRESS_CURVES = {name: one for name, one in CURVES.items() if isinstance(one, StressCurve)}
 
 
@@ -185,19 +191,24 @@ def other_material(rope: Rope, EI: float) -> str:
     if pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) > 0.0:
         return "a pipe"
     if np.isnan(strength_of(rope).metal_area_m2):
-        return "not all of steel"
+        return NOT_STEEL
     return "chain" if rope.hydrodynamic_diameter_m > rope.diameter_m else ""
 
 
 def wire_curve_warning(line: RopeLine, name: str, EI: float) -> str:
-    """Return a warning on sections that a wire rope curve does not cover; "" if there are none."""
+    """Return a warning on sections that a curve does not cover; "" if there are none."""
+    if name == OWN:
+        return ""
     kinds = [
         (number, other_material(one.rope, EI)) for number, one in enumerate(line.made_of, start=1)
     ]
+    of = "polyester" if name == FIBRE else "wire"
+    if name == FIBRE:
+        kinds = [(number, "" if kind == NOT_STEEL else kind or "steel") for number, kind in kinds]
     others = [f"section {number} is {kind}" for number, kind in kinds if kind]
     if not others:
         return ""
-    what = f"{name} is a curve of wire rope, and of rope '{line.name}' {', '.join(others)}"
+    what = f"{name} is a curve of {of} rope, and of rope '{line.name}' {', '.join(others)}"
     return phrase("fatigue", what, "what it tells of those metres compares them and is no life")
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.vortex.bends import BendResult
+
 Vector = NDArray[np.float64]
 
 
@@ -55,8 +57,16 @@ class MaterialFatigue:
     from_hang_off_m: Vector  # its present distance below the hang-off; negative: aboard
     used: Vector  # Miner damage D; 1: failure
     bending: bool  # whether bending stress is included
+    bent: BendResult | None = None  # bends over sheaves and drum; None: the rope has none
 
     @property
     def worst(self) -> int:
         """Index of the metre with the largest damage."""
         return int(self.used.argmax())
+
+    @property
+    def most_bent(self) -> int:
+        """Index of the metre with the largest bending damage, else with the most bends."""
+        assert self.bent is not None
+        known = np.nan_to_num(self.bent.damage)
+        return int((known if known.any() else self.bent.bends).argmax())

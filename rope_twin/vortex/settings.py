@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.vortex.fatigue import find_curve
+from rope_twin.vortex.fatigue import OWN, find_curve
 
 TIME_DOMAIN = "time-domain"  # the scene's own VIV model
 FREQUENCY_DOMAIN = "frequency-domain"  # natural modes of the line, without feedback on it
@@ -22,13 +22,13 @@ class MonitorSettings:
     """
 
     vibration: str = ""  # one of MODELS, or "" for none
-    fatigue: str = ""  # name of an S-N curve, or "" for none
+    fatigue: str = ""  # name of an S-N curve, OWN for those of the ropes, or "" for none
 
     def __post_init__(self) -> None:
         if self.vibration and self.vibration not in MODELS:
             what = f"no model '{self.vibration}'"
             raise InputError(phrase("vibration", what, did_you_mean(self.vibration, MODELS)))
-        if self.fatigue:
+        if self.fatigue and self.fatigue != OWN:
             find_curve("fatigue", self.fatigue)
 
     def __bool__(self) -> bool:

@@ -161,10 +161,12 @@ def compensator(snapshot: Snapshot) -> object:
 def fatigue(snapshot: Snapshot) -> object:
     wear = snapshot.fatigue
     assert wear is not None
+    assert wear.bent is not None
     return cloud(
         snapshot, ("from_lower_end_m", "<f8", wear.from_lower_end_m),
         ("from_hang_off_m", "<f8", wear.from_hang_off_m), ("damage", "<f8", wear.used),
-        ("rope", "<f8", np.zeros(len(wear.used))),
+        ("rope", "<f8", np.zeros(len(wear.used))), ("bends", "<f8", wear.bent.bends),
+        ("bend_damage", "<f8", wear.bent.damage), ("discard_fraction", "<f8", wear.bent.discard),
     )  # fmt: skip
 
 

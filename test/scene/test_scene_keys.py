@@ -73,7 +73,7 @@ def test_a_part_of_them_is_shown(
         lines[1]
         == "winch.drum.core_radius_m: radius of the bare drum, r_0 (number, 0.05 to 10 m, needed)"
     )
-    assert len(lines) == 3
+    assert len(lines) == 4
 
 
 def test_a_part_that_is_not_there_is_told(capsys: pytest.CaptureFixture[str]) -> None:

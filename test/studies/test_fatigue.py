@@ -158,7 +158,7 @@ def test_what_cannot_be_counted_is_refused() -> None:
         RopeFatigue(replace(LINE, rope=None, sections=parts), 1e2, 1.0, CURVES["spiral_wire"])
     assert str(refused.value) == (
         "rope 'hoist', section 1: it is not all of steel: no stress is known; take a curve of "
-        "tension (six_strand_tension), if it holds for this rope."
+        "tension (six_strand_tension, polyester_tension), if it holds for this rope."
     )
     with pytest.raises(InputError, match="no curve 'six_strand'; did you mean 'six_strand_tens"):
         find_curve("fatigue", "six_strand")

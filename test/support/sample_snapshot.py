@@ -21,6 +21,7 @@ from rope_twin.twin.snapshot import (
     SolverHealth,
     StrutShot,
 )
+from rope_twin.vortex.bends import BendResult
 from rope_twin.vortex.results import MaterialFatigue, RopeVibration
 
 RESIDUAL = Residual(
@@ -88,7 +89,15 @@ def hanging_rope(
             1.5,
         ),
         fatigue=MaterialFatigue(
-            "stranded_wire", 2.0, length_m - arc, arc, 1e-9 * np.arange(nodes), False
+            "stranded_wire",
+            2.0,
+            length_m - arc,
+            arc,
+            1e-9 * np.arange(nodes),
+            False,
+            BendResult(
+                0.5 * np.arange(nodes), 1e-6 * np.arange(nodes), 1e-3 * np.arange(nodes), "a test"
+            ),
         ),
     )
 

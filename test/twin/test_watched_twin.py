@@ -135,7 +135,8 @@ def test_a_metre_that_runs_over_the_sheave_is_bent_once_each_time() -> None:
     assert once < used(shot)[105] < 1.15 * once
     assert used(shot)[40] < 0.01 * once
     assert used(shot)[125] == 0.0
-    assert used(shot) == pytest.approx(other.damage().damage, rel=1e-9)
+    assert used(shot)[130:] == pytest.approx(0.0)  # on the sheave when all is out
+    assert used(shot)[:130] == pytest.approx(other.damage().damage, rel=1e-9)
 
 
 def test_the_run_is_the_same_to_the_bit_and_a_saved_one_goes_on_to_the_bit() -> None:

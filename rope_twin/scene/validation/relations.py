@@ -49,6 +49,7 @@ from rope_twin.scene.winch import (
     SET_THE_BRAKE,
     SWITCHES,
     WHEN_COMMANDER_LOST,
+    BendingSheave,
     ScheduleRow,
     Winch,
 )
@@ -76,15 +77,19 @@ def _sheave(scene: Scene) -> Iterator[Fault]:
     """Wires are thinner than their rope, and a sheave is wider than the rope."""
     for line in scene.ropes:
         winch = winch_of(scene, line)
-        sheave = winch.sheave if winch is not None else None
-        if winch is None or sheave is None:
+        if winch is None:
             continue
         path = next(path for path, own in winches(scene) if own is winch)
         thick = max(section.rope.diameter_m for section in line.made_of)
-        if sheave.diameter_m <= thick:
-            what = f"{sheave.diameter_m:g} m is not wider than the rope's {thick:g} m"
-            yield f"{path}.sheave.diameter_m", what, "give about 20 times the rope's diameter"
-        if sheave.outer_wire_m > 0.5 * thick:
+        sheaves: dict[str, BendingSheave | None] = {"sheave": winch.sheave}
+        for number, one in enumerate(winch.inboard_sheaves):
+            sheaves[f"inboard_sheaves[{number}]"] = one
+        for name, own in sheaves.items():
+            if own is not None and own.diameter_m <= thick:
+                what = f"{own.diameter_m:g} m is not wider than the rope's {thick:g} m"
+                yield f"{path}.{name}.diameter_m", what, "give about 20 times the rope's diameter"
+        sheave = winch.sheave
+        if sheave is not None and (sheave.outer_wire_m or 0.0) > 0.5 * thick:
             what = f"wires of {sheave.outer_wire_m:g} m do not fit a rope of {thick:g} m"
             yield f"{path}.sheave.outer_wire_m", what, "give the diameter of one outer wire"
 

@@ -16,6 +16,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, StateError, phrase
+from rope_twin.scene.fatigue import endurance, own_curve
 from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.model.joined import runs_over_sheave
 from rope_twin.scene.schema import RopeLine, Scene
@@ -27,7 +28,7 @@ from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.vortex.chain import lines_of, one_rope
 from rope_twin.vortex.damage import DamageSettings, RopeDamage
-from rope_twin.vortex.fatigue import wire_curve_warning
+from rope_twin.vortex.fatigue import OWN, wire_curve_warning
 from rope_twin.vortex.monitor import (
     RopeMonitor,
     RopeSample,
@@ -251,5 +252,9 @@ def _new_damage(scene: Scene, line: RopeLine, asked: MonitorSettings) -> RopeDam
     vibrates = model_beside(scene) is not None or asked.vibration == FREQUENCY_DOMAIN
     sheave = winch.sheave if winch else None
     bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
-    settings = DamageSettings(asked.fatigue, EI > 0.0 or vibrates, bent_pa)
+    settings = DamageSettings(
+        asked.fatigue, EI > 0.0 or vibrates, bent_pa,
+        own_curve(line) if asked.fatigue == OWN else None,
+        winch.bend_path() if winch else (), endurance(line),
+    )  # fmt: skip
     return RopeDamage(line, ends_m(line), most, settings, EI)
