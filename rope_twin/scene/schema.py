@@ -20,6 +20,7 @@ from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.scene.fatigue import FatigueData
 from rope_twin.scene.measured import Measured
 from rope_twin.scene.stiffness import StiffnessTable
+from rope_twin.scene.winch import BendingSheave
 from rope_twin.scene.winch import ScheduleRow as ScheduleRow
 from rope_twin.scene.winch import Winch as Winch
 from rope_twin.sea.ship_motion import BoxHull
@@ -102,6 +103,9 @@ class Sheave:
         default=0.0,
     )  # fmt: skip
     tether: Tether | None = text("tether that holds it", None)
+    groove: BendingSheave | None = text(
+        "its groove, for bends of the rope (`--fatigue` alone)", None, only_judges=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -105,6 +105,10 @@ class BendingSheave:
     """A sheave, for the bends of the rope that passes it; it does not influence the motion."""
 
     diameter_m: float = quantity("groove diameter", "m", 0.01, 20.0)
+    outer_wire_m: float | None = quantity(
+        "diameter of a wire rope's outer wires: their bending stress counts by a stress curve",
+        "m", 1e-4, 0.05, default=None,
+    )  # fmt: skip
     wrap_deg: float = quantity(
         "angle of wrap, which gives the arc of contact", "°", 1.0, 360.0, default=90.0,
         only_judges=True,
@@ -114,21 +118,15 @@ class BendingSheave:
         0.1, 100.0, default=1.0, only_judges=True,
     )  # fmt: skip
 
+    @property
+    def arc_m(self) -> float:
+        """Return the length of the arc of contact [m]."""
+        return 0.5 * radians(self.wrap_deg) * self.diameter_m
+
     def places(self, inboard_m: float) -> tuple[BendPlace, BendPlace]:
         """Return where the arc of contact begins and ends, from this distance inboard on [m]."""
-        arc_m = 0.5 * radians(self.wrap_deg) * self.diameter_m
         first = BendPlace(inboard_m, self.diameter_m, self.bends)
-        return first, first._replace(inboard_m=inboard_m + arc_m)
-
-
-@dataclass(frozen=True, kw_only=True)
-class TopSheave(BendingSheave):
-    """Overboarding sheave at the crane tip; the rope leaves it at the hang-off."""
-
-    outer_wire_m: float | None = quantity(
-        "diameter of a wire rope's outer wires: their bending stress counts by a stress curve",
-        "m", 1e-4, 0.05, default=None,
-    )  # fmt: skip
+        return first, first._replace(inboard_m=inboard_m + self.arc_m)
 
     def bending_stress_pa(self, rope_diameter_m: float) -> float:
         """Return E·δ/(D + d) of an outer wire (Reuleaux 1861; E as in Feyrer 2015, Wire Ropes).
@@ -136,6 +134,11 @@ class TopSheave(BendingSheave):
         0 if no wire is given.
         """
         return WIRE_PA * (self.outer_wire_m or 0.0) / (self.diameter_m + rope_diameter_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopSheave(BendingSheave):
+    """Overboarding sheave at the crane tip; the rope leaves it at the hang-off."""
 
 
 @dataclass(frozen=True, kw_only=True)

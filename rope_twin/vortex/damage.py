@@ -4,11 +4,10 @@ A metre belongs to the material: it keeps its distance from the lower end, and i
 winch hauls it in and pays it out again. Aboard it sees no load of the sea, so its history pauses,
 as it does below a cut.
 
-If the winch has a sheave, a metre that runs over it in either direction is bent and straightened:
-one cycle of the outer wires' E·δ/(D + d) on top of the tension there, by a stress curve. Every wire
-comes to the outside within a lay of the strands, so the cycle applies all around the rope. Inboard
-sheaves and the drum do not count there; `bends.py` counts the bends over all of them, with a life
-of their own.
+A metre that runs over a sheave in either direction is bent and straightened: one cycle of the outer
+wires' E·δ/(D + d) on top of the tension there, by a stress curve. Every wire comes to the outside
+within a lay of the strands, so the cycle applies all around the rope. `bends.py` counts the bends,
+over the drum too, with a life of their own.
 
 Stress curve: tension over the metal area and, if the rope has a bending stiffness, E·d/2 times its
 curvature, at eight points around the circumference, of which the worst counts. For a stranded rope,
@@ -26,7 +25,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
-from rope_twin.vortex.bends import BendCount, BendPlace, Endurance, reach_m
+from rope_twin.vortex.bends import BendCount, BendPlace, Endurance
 from rope_twin.vortex.fatigue import (
     Curve,
     RainflowCount,
@@ -50,10 +49,12 @@ class DamageSettings:
 
     curve: str  # name of a fatigue curve
     bends: bool  # whether curvature is given in addition to tension
-    over_sheave_pa: float = 0.0  # bending stress over the sheave; 0: not counted
+    wires: tuple[tuple[float, float], ...] = ()  # sheaves: distance inboard, stress of the wires
     own: TensionCurve | None = None  # the rope's own curve, instead of the named one
     path: tuple[BendPlace, ...] = ()  # where the rope is bent and straightened
     endurance: tuple[Endurance, ...] = ()  # of each section, with a path
+    reach_m: float = 0.0  # rope inboard of the maximum payout that counts too
+    piece_m: float = SEGMENT_M  # length of a piece of the count
 
 
 def tension_along(s: Floats, tension: Floats, upper_n: float) -> tuple[Floats, Floats]:
@@ -86,14 +87,11 @@ class RopeDamage:
         settings: DamageSettings,
         EI: float,
     ) -> None:
-        """Start without damage; ends_m: upper ends of the sections, from the lower end up [m].
-
-        What lies on the path when all is paid out counts beside the maximum payout.
-        """
-        pieces = max(1, round(most_line_out_m / SEGMENT_M))
-        metre_m = most_line_out_m / pieces
-        pieces += ceil(reach_m(settings.path) / metre_m)
-        self.middles: Floats = (np.arange(pieces) + np.float64(0.5)) * metre_m
+        """Start without damage; ends_m: upper ends of the sections, from the lower end up [m]."""
+        pieces = max(1, round(most_line_out_m / settings.piece_m))
+        length_m = most_line_out_m / pieces
+        pieces += ceil(settings.reach_m / length_m)
+        self.middles: Floats = (np.arange(pieces) + np.float64(0.5)) * length_m
         self.name = settings.curve
         self._curve: Curve = settings.own or find_curve("fatigue", settings.curve)
         by_stress = isinstance(self._curve, StressCurve)
@@ -106,8 +104,8 @@ class RopeDamage:
         fibre = np.array([0.5 * rope.tangent_n(0.0) * rope.diameter_m for rope in made]) / area
         self._per_tension = 1.0 / strength[which]
         self._per_curvature = fibre[which] if by_stress and settings.bends else np.zeros(pieces)
-        self._over_sheave_pa = settings.over_sheave_pa if by_stress else 0.0
-        self._aboard = np.full(pieces, UNKNOWN)
+        self._wires = settings.wires if by_stress else ()
+        self._aboard = np.full((len(self._wires), pieces), UNKNOWN)
         points = np.arange(CIRCUMFERENCE_POINTS if self.bends else 1)
         angle = 2.0 * np.pi / CIRCUMFERENCE_POINTS * points
         self._around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -116,7 +114,7 @@ class RopeDamage:
         self._over: BendCount | None = None
         if settings.path:
             self._over = BendCount(
-                settings.path, settings.endurance, which, metre_m, most_line_out_m
+                settings.path, settings.endurance, which, length_m, most_line_out_m
             )
 
     @property
@@ -134,29 +132,56 @@ class RopeDamage:
         pull_n: tension at the hang-off [N]; bent: curvature of each metre across the rope, in the
         components of `turned` [1/m], (2, metres).
         """
-        n = int(rope.state.counts[rows.ELEMENTS])
-        s, tension = self._lost_m + rope.state.s[: n + 1], rope.work[rows.TENSION, :n]
-        places, values = tension_along(s, tension, pull_n)
-        load = np.interp(self.middles, places, values, np.nan, np.nan) * self._per_tension
-        self._run_over_sheave(s[-1], pull_n)
+        s, tension = _tensions(rope)
+        self.take_tensions(self._lost_m + s, tension, pull_n, bent)
+
+    def take_tensions(
+        self, from_lower_m: Floats, tension_n: Floats, upper_n: float, bent: Floats | None = None
+    ) -> None:
+        """Take one instant of a rope: nodes from its lower end up, (n + 1,), and elements, (n,)."""
+        along = tension_along(from_lower_m, tension_n, upper_n)
+        self._take(along, float(from_lower_m[-1]), upper_n, bent)
+
+    def take_over_sheave(self, first: Rope, other: Rope, pulls_n: tuple[float, float]) -> None:
+        """Take one instant of two ropes that run as one over the sheave at their upper ends.
+
+        The material is that of the first from its lower end, then that of the other to its lower
+        end; pulls_n: tension of each at the sheave [N].
+        """
+        places, values = tension_along(*_tensions(first), pulls_n[0])
+        beyond, others = tension_along(*_tensions(other), pulls_n[1])
+        whole_m = places[-1] + beyond[-1]
+        along = (
+            np.concatenate((places, whole_m - beyond[::-1])),
+            np.concatenate((values, others[::-1])),
+        )
+        self._take(along, float(places[-1]), max(pulls_n), None)
+
+    def _take(
+        self, along: tuple[Floats, Floats], top_m: float, pull_n: float, bent: Floats | None
+    ) -> None:
+        """Take tensions [N] along the material [m], of which that at `top_m` is on the sheave."""
+        load = np.interp(self.middles, *along, np.nan, np.nan) * self._per_tension
+        self._bend_wires(top_m, pull_n)
         if self._over is not None:
-            self._over.take(float(s[-1]), pull_n)
+            self._over.take(top_m, pull_n)
         if bent is None:
             loads = np.tile(load, len(self._around))
         else:
             loads = (load + self._around @ (bent * self._per_curvature)).ravel()
         self._count.take(loads, self._curve.used)
 
-    def _run_over_sheave(self, top_m: float, pull_n: float) -> None:
-        """Count a bending cycle for material that passed the hang-off since the last sample."""
-        aboard = np.where(self.middles > top_m, ABOARD, OUT)
-        passed = (aboard != self._aboard) & (self._aboard != UNKNOWN)
-        self._aboard = aboard
-        if self._over_sheave_pa == 0.0 or not passed.any():
-            return
-        straight = np.where(passed, pull_n * self._per_tension, np.nan)
-        for load in (straight, straight + self._over_sheave_pa, straight):
-            self._count.take(np.tile(load, len(self._around)), self._curve.used)
+    def _bend_wires(self, top_m: float, pull_n: float) -> None:
+        """Count a bending cycle for material that passed a sheave since the last sample."""
+        for number, (inboard_m, stress_pa) in enumerate(self._wires):
+            aboard = np.where(self.middles > top_m + inboard_m, ABOARD, OUT)
+            passed = (aboard != self._aboard[number]) & (self._aboard[number] != UNKNOWN)
+            self._aboard[number] = aboard
+            if not passed.any():
+                continue
+            straight = np.where(passed, pull_n * self._per_tension, np.nan)
+            for load in (straight, straight + stress_pa, straight):
+                self._count.take(np.tile(load, len(self._around)), self._curve.used)
 
     def shot(self, line_out_m: float, counted_s: float) -> MaterialFatigue:
         """Return the accumulated damage; open cycles count half."""
@@ -170,3 +195,9 @@ class RopeDamage:
             bending=self.bends,
             bent=None if self._over is None else self._over.result(),
         )
+
+
+def _tensions(rope: Rope) -> tuple[Floats, Floats]:
+    """Return nodes from the lower end up [m], and the tension of the elements [N]."""
+    n = int(rope.state.counts[rows.ELEMENTS])
+    return rope.state.s[: n + 1], rope.work[rows.TENSION, :n]

@@ -44,6 +44,7 @@ class RopeSample(NamedTuple):
     top_tension_n: float
     line_out_m: float
     lost_m: float  # length of a part that was cut off
+    beyond: RopeSample | None = None  # rope that it runs into over a sheave at its upper end
 
 
 class Sample(NamedTuple):
@@ -160,6 +161,10 @@ class RopeMonitor:
         """Count the damage of each rope; the line's coordinate at its lower end grows upward."""
         low_m = 0.0
         for damage, one in zip(self.damages, seen.ropes, strict=True):
+            if one.beyond is not None:
+                pulls = one.top_tension_n, one.beyond.top_tension_n
+                damage.take_over_sheave(one.rope, one.beyond.rope, pulls)
+                continue
             if one.lost_m > 0.0:
                 damage.cut_off(one.lost_m)
             bent = None

@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import pairwise
 from math import log10, pi
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,17 +15,19 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rope_twin.core import state as rows
 from rope_twin.errors import InputError, StateError
 from rope_twin.messages import diagnostics
 from rope_twin.run.summary import fatigue_figures, watch_words
 from rope_twin.scene.fatigue import BendingLife, FatigueData, TensionLife, endurance, own_curve
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene, Winch
-from rope_twin.scene.winch import Drum, InboardSheave, TopSheave
+from rope_twin.scene.winch import BendingSheave, Drum, InboardSheave, TopSheave
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.bends import BendCount, BendPlace, Endurance
+from rope_twin.vortex.damage import DamageSettings, RopeDamage
 from rope_twin.vortex.fatigue import CURVES, Cycles, wire_curve_warning
 from rope_twin.vortex.settings import MonitorSettings
 from validation.rigs import Rig
@@ -204,6 +207,86 @@ def test_a_lift_is_counted_and_goes_on_from_a_state_to_the_bit(scene: Scene) -> 
             replace(scene, winch=other_winch),
             Monitors(vortex=MonitorSettings(fatigue="own")),
         )
+
+
+def half(first_n: float, per_metre: float, length_m: float, elements: int) -> Any:
+    """Return a rope as the count sees it, its tension linear from the lower end up."""
+    s = np.linspace(0.0, length_m, elements + 1)
+    work = np.zeros((rows.TENSION + 1, elements))
+    work[rows.TENSION] = first_n + per_metre * 0.5 * (s[1:] + s[:-1])
+    counts = np.zeros(rows.ELEMENTS + 1, int)
+    counts[rows.ELEMENTS] = elements
+    return SimpleNamespace(state=SimpleNamespace(s=s, counts=counts), work=work)
+
+
+def test_material_keeps_its_place_over_a_sheave_between_two_ropes() -> None:
+    """Tension 10 kN + 50 N/m up to the sheave and down again, before and after 3 m have run.
+
+    Each metre has the tension of where it is, on whichever side.
+    """
+    line = HMPE.scene().ropes[0]
+    groove = BendingSheave(diameter_m=0.8, wrap_deg=180.0)
+    assert groove.arc_m == pytest.approx(0.4 * pi)
+    path = groove.places(-0.5 * groove.arc_m)
+    settings = DamageSettings("six_strand_tension", False, path=path, endurance=endurance(line))
+    count = RopeDamage(line, [np.inf], 60.0, settings, 0.0)
+    for first_m in (20.0, 23.0):
+        other_m = 60.0 - first_m
+        pulls = 1e4 + 50.0 * first_m, 1e4 + 50.0 * other_m
+        ropes = half(1e4, 50.0, first_m, 7), half(1e4, 50.0, other_m, 9)
+        count.take_over_sheave(*ropes, pulls)
+        place = np.where(count.middles < first_m, count.middles, 60.0 - count.middles)
+        loads = count._count._last * line.breaking_load_n
+        assert loads == pytest.approx(1e4 + 50.0 * place, rel=1e-9)
+    bent = count.shot(23.0, 1.0).bent
+    assert bent is not None
+    assert [bent.bends[k] for k in (18, 21, 24)] == [0.0, 1.0, 0.0]
+    assert len(count.middles) == 60
+    assert count.shot(23.0, 1.0).from_hang_off_m[22] == pytest.approx(0.5)
+
+
+def test_rope_that_runs_between_two_ropes_is_counted_once() -> None:
+    """The loop: what ran over the lower sheave has a bend a metre, published by the first rope."""
+    scene = load_scene("two_line_loop")
+    groove = BendingSheave(diameter_m=0.7, wrap_deg=180.0)
+    (sheave,) = scene.sheaves
+    ropes = tuple(replace(line, fatigue=DATA) if line.name == "below_ascending" else line
+                  for line in scene.ropes)  # fmt: skip
+    scene = replace(scene, sheaves=(replace(sheave, groove=groove),), ropes=ropes)
+    twin = watched(scene, "polyester_tension")
+    states = []
+    for at, speed in ((0, 1.0), (1, 0.0), (2, -1.0)):
+        twin.offer_speed(None, speed)
+        twin.offer_speed(None, -speed, "haulback_sheave")
+        twin.advance(400)
+        states.append((at, twin.capture(), twin.snapshot()))
+    shot = states[-1][2]
+    by_name = {rope.name: rope for rope in shot.ropes}
+    assert by_name["below_ascending"].fatigue is None
+    wear = by_name["below_descending"].fatigue
+    assert wear is not None
+    assert wear.bent is not None
+    assert len(wear.used) == 1500
+    first_m = by_name["below_descending"].line_out_m
+    assert wear.from_lower_end_m + wear.from_hang_off_m == pytest.approx(first_m)
+    assert wear.bent.source == "test report 7"
+    bent = np.flatnonzero(wear.bent.bends)
+    assert 1 < len(bent) < 20
+    assert np.abs(wear.from_hang_off_m[bent]).max() < 20.0  # those beside the sheave
+    ends = [one.sheaves[0].passed_m for _, _, one in states]
+    swept = max(ends) - min(ends)
+    assert len(bent) == pytest.approx(swept + groove.arc_m, abs=3.0)
+    assert (wear.bent.damage[bent] > 0.0).all()
+    again = Twin.restore(
+        states[1][1], scene, Monitors(vortex=MonitorSettings(fatigue="polyester_tension"))
+    )
+    again.offer_speed(None, -1.0)
+    again.offer_speed(None, 1.0, "haulback_sheave")
+    again.advance(400)
+    same = {rope.name: rope for rope in again.snapshot().ropes}["below_descending"].fatigue
+    assert np.array_equal(same.bent.bends, wear.bent.bends)
+    assert np.array_equal(same.bent.damage, wear.bent.damage)
+    assert np.array_equal(same.used, wear.used)
 
 
 def test_keys_that_judge_are_in_no_digest(scene: Scene) -> None:

@@ -83,12 +83,20 @@ def room_for(scene: Scene, line: RopeLine) -> Winch:
     )
 
 
+def over_sheaves(scene: Scene) -> list[tuple[int, int]]:
+    """Return the numbers of the two ropes that end at each sheave, in the order of the scene."""
+    ends = [
+        [number for number, line in enumerate(scene.ropes) if line.to == sheave.name]
+        for sheave in scene.sheaves
+    ]
+    return [(into, out) for into, out in ends]
+
+
 def wheels(scene: Scene, joint_of: dict[str, int]) -> list[Wheel]:
     """Return the sheaves as wheels; a positive flow enters the first rope listed."""
     made = []
     water = scene.environment
-    for sheave in scene.sheaves:
-        into, out = (n for n, line in enumerate(scene.ropes) if line.to == sheave.name)
+    for sheave, (into, out) in zip(scene.sheaves, over_sheaves(scene), strict=True):
         sunk = sheave.mass_kg * (1.0 - water.water_density_kg_per_m3 / STEEL_KG_PER_M3)
         made.append(
             Wheel(

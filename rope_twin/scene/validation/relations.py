@@ -28,7 +28,7 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import RopeTwinError, did_you_mean
 from rope_twin.scene.model.grid import ends_m, grading_faults
-from rope_twin.scene.schema import Fault, Rule, Scene, TwoWayShape
+from rope_twin.scene.schema import Fault, RopeLine, Rule, Scene, TwoWayShape
 from rope_twin.scene.shapes import payload_figures
 from rope_twin.scene.validation.environment import ENVIRONMENT_RULES
 from rope_twin.scene.validation.rigging import (
@@ -76,22 +76,29 @@ def _passive(scene: Scene) -> Iterator[Fault]:
 def _sheave(scene: Scene) -> Iterator[Fault]:
     """Wires are thinner than their rope, and a sheave is wider than the rope."""
     for line in scene.ropes:
-        winch = winch_of(scene, line)
-        if winch is None:
-            continue
-        path = next(path for path, own in winches(scene) if own is winch)
         thick = max(section.rope.diameter_m for section in line.made_of)
-        sheaves: dict[str, BendingSheave | None] = {"sheave": winch.sheave}
-        for number, one in enumerate(winch.inboard_sheaves):
-            sheaves[f"inboard_sheaves[{number}]"] = one
-        for name, own in sheaves.items():
-            if own is not None and own.diameter_m <= thick:
-                what = f"{own.diameter_m:g} m is not wider than the rope's {thick:g} m"
-                yield f"{path}.{name}.diameter_m", what, "give about 20 times the rope's diameter"
-        sheave = winch.sheave
-        if sheave is not None and (sheave.outer_wire_m or 0.0) > 0.5 * thick:
-            what = f"wires of {sheave.outer_wire_m:g} m do not fit a rope of {thick:g} m"
-            yield f"{path}.sheave.outer_wire_m", what, "give the diameter of one outer wire"
+        for path, sheave in _passed(scene, line):
+            if sheave.diameter_m <= thick:
+                what = f"{sheave.diameter_m:g} m is not wider than the rope's {thick:g} m"
+                yield f"{path}.diameter_m", what, "give about 20 times the rope's diameter"
+            if (sheave.outer_wire_m or 0.0) > 0.5 * thick:
+                what = f"wires of {sheave.outer_wire_m:g} m do not fit a rope of {thick:g} m"
+                yield f"{path}.outer_wire_m", what, "give the diameter of one outer wire"
+
+
+def _passed(scene: Scene, line: RopeLine) -> Iterator[tuple[str, BendingSheave]]:
+    """Yield the sheaves that a rope runs over, each with its path in the file."""
+    for number, wheel in enumerate(scene.sheaves):
+        if wheel.groove is not None and line.to == wheel.name:
+            yield f"sheaves[{number}].groove", wheel.groove
+    winch = winch_of(scene, line)
+    if winch is None:
+        return
+    path = next(path for path, own in winches(scene) if own is winch)
+    if winch.sheave is not None:
+        yield f"{path}.sheave", winch.sheave
+    for number, sheave in enumerate(winch.inboard_sheaves):
+        yield f"{path}.inboard_sheaves[{number}]", sheave
 
 
 def _commander(scene: Scene) -> Iterator[Fault]:

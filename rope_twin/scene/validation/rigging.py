@@ -258,6 +258,9 @@ def _stretches(scene: Scene, ends: list[int]) -> Iterator[Fault]:
     if _makes_differ(one, other):
         what = f"'{one.name}' and '{other.name}' are one rope and differ in material"
         yield f"ropes[{ends[1]}]", what, "give both the same `rope` and `damping`"
+    if one.fatigue is not None and other.fatigue not in (None, one.fatigue):
+        what = f"'{one.name}' and '{other.name}' are one rope with different fatigue data"
+        yield f"ropes[{ends[1]}].fatigue", what, f"give them once, at '{one.name}'"
 
 
 def _makes_differ(one: RopeLine, other: RopeLine) -> bool:

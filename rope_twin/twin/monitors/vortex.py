@@ -14,21 +14,19 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
-from rope_twin.effects.bending import BendingParams
-from rope_twin.errors import InputError, StateError, phrase
-from rope_twin.scene.fatigue import endurance, own_curve
-from rope_twin.scene.model.grid import ends_m
-from rope_twin.scene.model.joined import runs_over_sheave
-from rope_twin.scene.schema import RopeLine, Scene
-from rope_twin.scene.validation.rigging import is_joined, winch_of
+from rope_twin.errors import StateError, phrase
+from rope_twin.scene.model.joined import over_sheaves, runs_over_sheave
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.scene.validation.vortices import coupled_settings, model_beside, shedding_model
+from rope_twin.twin.monitors.damage import bending_stiffness_of, damage_of
 from rope_twin.twin.monitors.monitor import Chunk, Monitor, TwinView
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.vortex.chain import lines_of, one_rope
-from rope_twin.vortex.damage import DamageSettings, RopeDamage
-from rope_twin.vortex.fatigue import OWN, wire_curve_warning
+from rope_twin.vortex.damage import RopeDamage
+from rope_twin.vortex.fatigue import wire_curve_warning
 from rope_twin.vortex.monitor import (
     RopeMonitor,
     RopeSample,
@@ -56,14 +54,13 @@ class VortexMonitor(Monitor):
 
     def __init__(self, scene: Scene, asked: MonitorSettings) -> None:
         check_monitors(asked, shedding_model(scene), model_beside(scene) is not None)
-        if asked.fatigue and scene.sheaves:
-            what = f"rope runs over '{scene.sheaves[0].name}' from one rope of the scene into "
-            what += "another, so that no metre of it keeps its place"
-            raise InputError(phrase(f"fatigue {asked.fatigue}", what, "leave it out"))
         self._asked = asked
-        self._damages = tuple(
-            _new_damage(scene, line, asked) for line in scene.ropes if asked.fatigue
-        )
+        self._damages: dict[int, RopeDamage] = {}  # by rope
+        vibrates = model_beside(scene) is not None or asked.vibration == FREQUENCY_DOMAIN
+        for number, line in enumerate(scene.ropes if asked.fatigue else ()):
+            bends = vibrates or bending_stiffness_of(scene, line) > 0.0
+            if (damage := damage_of(scene, number, asked.fatigue, bends)) is not None:
+                self._damages[number] = damage
         self._due: dict[Numbers, int] = {}  # step of the next sampling
 
     def start(self, now: TwinView, present: Chunk) -> None:
@@ -77,7 +74,10 @@ class VortexMonitor(Monitor):
         texts = [one.told if now.viv_drag is None else "" for one in self.lines.values()]
         if self._asked.fatigue:
             curve = self._asked.fatigue
-            texts += [wire_curve_warning(line, curve, _EI(scene, line)) for line in scene.ropes]
+            texts += [
+                wire_curve_warning(line, curve, bending_stiffness_of(scene, line))
+                for line in scene.ropes
+            ]
         self.told = "\n".join(text for text in texts if text)
 
     def restart(self, now: TwinView, present: Chunk) -> None:
@@ -187,7 +187,7 @@ class VortexMonitor(Monitor):
     def _new_monitor(self, now: TwinView, numbers: Numbers, asked: MonitorSettings) -> RopeMonitor:
         vortices = coupled_settings(now.scene)
         interval = now.step_s, steps_in_slot(now.step_s)
-        damages = tuple(self._damages[r] for r in numbers if self._damages)
+        damages = tuple(self._damages[r] for r in numbers if r in self._damages)
         rope = one_rope([_ropes(now)[r] for r in numbers])
         return RopeMonitor(asked, vortices, rope, interval, damages, now.viv_drag, numbers[-1])
 
@@ -207,12 +207,20 @@ def _sample(now: TwinView, numbers: Numbers) -> Sample:
     """Return the present state of a line."""
     ropes, joined = _ropes(now), now.joined
     lost_m, cut = (now.cut.lost_m, _cut_rope(now)) if now.cut is not None else (0.0, 0)
-    samples = []
-    for r in numbers:
+    beyond = dict(over_sheaves(now.scene)) if joined is not None else {}
+
+    def sample(r: int) -> RopeSample:
         pull = now.pull if joined is None else joined.pull[r]
         length_m = now.line[0] if r == 0 or joined is None else joined.length_m(r)
-        top_n = float(pull[rows.PULL])
-        samples.append(RopeSample(ropes[r], top_n, length_m, lost_m if r == cut else 0.0))
+        return RopeSample(
+            ropes[r],
+            float(pull[rows.PULL]),
+            length_m,
+            lost_m if r == cut else 0.0,
+            sample(beyond[r]) if r in beyond else None,
+        )
+
+    samples = [sample(r) for r in numbers]
     line = one_rope([one.rope for one in samples])
     profiles = now.inputs.current.counter.accepted
     return Sample(line, tuple(samples), now.boundary, now.time_ns, profiles)
@@ -238,23 +246,3 @@ def _between(found: RopeVibration, some: slice) -> RopeVibration:
         name: value[some] for name, value in vars(found).items() if isinstance(value, np.ndarray)
     }
     return replace(found, **own)
-
-
-def _EI(scene: Scene, line: RopeLine) -> float:
-    """Return the bending stiffness of a rope [N·m²]; 0: none."""
-    listed = [own for own in scene.effects if isinstance(own, BendingParams)]
-    return sum((line.bending or own).stiffness_n_m2 for own in listed)
-
-
-def _new_damage(scene: Scene, line: RopeLine, asked: MonitorSettings) -> RopeDamage:
-    winch, EI = winch_of(scene, line), _EI(scene, line)
-    most = winch.most_line_out_m if winch else line.length_m
-    vibrates = model_beside(scene) is not None or asked.vibration == FREQUENCY_DOMAIN
-    sheave = winch.sheave if winch else None
-    bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
-    settings = DamageSettings(
-        asked.fatigue, EI > 0.0 or vibrates, bent_pa,
-        own_curve(line) if asked.fatigue == OWN else None,
-        winch.bend_path() if winch else (), endurance(line),
-    )  # fmt: skip
-    return RopeDamage(line, ends_m(line), most, settings, EI)
