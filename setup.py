@@ -12,7 +12,6 @@ REQUIRES = [
     "numpy>=2.0",
     "numba>=0.66,<0.69",  # versions that .ci/numba has tested: core/jit uses private parts
     "scipy>=1.11",
-    "rainflow>=3.2,<4",  # cycles of ASTM E1049, for fatigue
     "pyyaml>=6.0",
     "mcap>=1.6",
     "zstandard>=0.22",
@@ -41,6 +40,7 @@ TEST = [
     "hypothesis>=6.100",
     "jsonschema>=4.20",  # scenes are checked against `rope_twin scene schema`
     "psutil>=5.9",
+    "rainflow>=3.2,<4",  # the count of cycles is checked against it
     "cyclonedds==11.0.1",
     "ruff==0.15.*",
     "mypy>=1.10",

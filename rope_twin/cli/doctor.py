@@ -23,7 +23,7 @@ from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.run.arguments import add_command, add_json
 
 DISTRIBUTIONS = {"7": "jazzy", "9": "kilted"}  # of ROS 2, by the first number of rclpy's version
-REQUIRED = ("numpy", "numba", "llvmlite", "scipy", "rainflow", "PyYAML", "mcap", "zstandard",
+REQUIRED = ("numpy", "numba", "llvmlite", "scipy", "PyYAML", "mcap", "zstandard",
             "rosbags")  # fmt: skip
 OPTIONAL = {"rerun-sdk": "viz", "matplotlib": "plot", "pyarrow": "plot", "dask": "study"}
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
-POINTS = 10  # in a metre
+SPACING_M = 0.1  # of the points of material
 HALF = 0.5  # cycle at each change of curvature
 
 
@@ -91,17 +91,18 @@ class BendCount:
         path: Sequence[BendPlace],
         sections: Sequence[Endurance],
         section_of: NDArray[np.int64],
-        metre_m: float,
+        piece_m: float,
         whole_m: float,
     ) -> None:
         """Start without bends.
 
-        section_of: section of each metre, from the lower end up, (metres,); metre_m: length of a
-        metre of the count; whole_m: rope out when the drum is empty.
+        section_of: section of each piece of the count, from the lower end up, (pieces,); piece_m:
+        its length; whole_m: rope out when the drum is empty.
         """
         self.path, self.sections = tuple(path), tuple(sections)
-        self._section = np.repeat(section_of, POINTS)
-        self._spacing, self._whole_m = metre_m / POINTS, whole_m
+        self._points = max(1, round(piece_m / SPACING_M))  # in a piece
+        self._section = np.repeat(section_of, self._points)
+        self._spacing, self._whole_m = piece_m / self._points, whole_m
         self.bends, self.damage = np.zeros((2, len(self._section)))
         self._at = np.full(len(self.path), -1)  # points below each place; -1: not known yet
 
@@ -130,11 +131,13 @@ class BendCount:
         return 2.0 * place.drum.radius_m(layer, diameter_m) - diameter_m
 
     def result(self) -> BendResult:
-        """Return the bends of each metre, which are those of its most bent point."""
-        first = self._section[::POINTS]
+        """Return the bends of each piece, which are those of its most bent point."""
+        first = self._section[:: self._points]
         known = np.array([own.log10_a is not None for own in self.sections])
         discard = np.array([own.discard_bends or np.nan for own in self.sections])
-        bends, damage = (part.reshape(-1, POINTS).max(axis=1) for part in (self.bends, self.damage))
+        bends, damage = (
+            part.reshape(-1, self._points).max(axis=1) for part in (self.bends, self.damage)
+        )
         sources = dict.fromkeys(own.source for own in self.sections if own.source)
         return BendResult(
             bends, np.where(known[first], damage, np.nan), bends / discard[first],

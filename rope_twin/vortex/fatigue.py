@@ -296,3 +296,11 @@ class RainflowCount:
             cycles = Cycles(np.abs(other - one), 0.5 * (one + other), counts)
             self.used[which] += cost(cycles)
             self.cycles[which] += counts
+
+
+def damage_of_series(values: Vector, used: Damage) -> Vector:
+    """Return Miner's sum of each of several series, (series,); values: (samples, series)."""
+    count = RainflowCount(values.shape[1])
+    for row in values:
+        count.take(row, used)
+    return count.total(used)

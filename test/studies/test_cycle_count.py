@@ -7,8 +7,8 @@ import copy
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from whole_history import count_cycles
 
-from rope_twin.studies.fatigue import count_cycles
 from rope_twin.vortex.fatigue import Cycles, RainflowCount, Vector
 
 

@@ -9,23 +9,25 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sample_snapshot import hanging_rope
+from whole_history import count_cycles
 
 from rope_twin import load_scene
 from rope_twin.errors import InputError
 from rope_twin.scene.load import rope_preset
+from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.schema import Damping, RopeLine, RopeSection
 from rope_twin.studies.ensemble import Plan, variations
-from rope_twin.studies.fatigue import (
-    SAMPLES_KEPT,
-    RopeFatigue,
-    count_cycles,
-    stress_damage,
-    turning_points,
-)
 from rope_twin.twin.ensemble.ensemble import Ensemble
-from rope_twin.twin.snapshot import Snapshot
-from rope_twin.vortex.fatigue import CURVES, Cycles, StressCurve, find_curve, strength_of
+from rope_twin.vortex.damage import DamageSettings, RopeDamage
+from rope_twin.vortex.fatigue import (
+    CURVES,
+    Cycles,
+    StressCurve,
+    Vector,
+    damage_of_series,
+    find_curve,
+    strength_of,
+)
 
 STEEL = rope_preset("steel_wire_40mm")
 FIBRE = rope_preset("hmpe_25mm")
@@ -57,13 +59,6 @@ def test_short_series() -> None:
 numbers = st.lists(st.integers(-5, 5).map(float), max_size=40)
 
 
-@given(numbers, numbers)
-def test_turning_points_come_in_pieces(first: list[float], second: list[float]) -> None:
-    a, b = np.array(first), np.array(second)
-    whole = turning_points(np.concatenate([a, b]))
-    assert np.array_equal(turning_points(np.concatenate([turning_points(a), b])), whole)
-
-
 @given(numbers)
 def test_no_range_is_lost(values: list[float]) -> None:
     """The sum of count times range is half the way that the series goes."""
@@ -92,20 +87,24 @@ def test_damage_of_stress_at_many_places() -> None:
     t = np.linspace(0.0, 10.0, 1001)[:, None]
     stress = 1e6 * np.array([10.0, 20.0, 0.0]) * np.cos(2.0 * np.pi * t)
     expected = 10.0 * np.array([20.0, 40.0, 0.0]) ** 3 / 1e12
-    assert stress_damage(stress, StressCurve(1e12, 3.0)) == pytest.approx(expected)
+    assert damage_of_series(stress, StressCurve(1e12, 3.0).used) == pytest.approx(expected)
 
 
-def hanging(line_out_m: float, low_n: float, per_metre: float) -> Snapshot:
-    """A rope of 10 elements whose tension grows upwards."""
-    arc = np.linspace(0.0, line_out_m, 11)
-    middles = 0.5 * (arc[1:] + arc[:-1])
-    return replace(
-        hanging_rope(),
-        arc_length_m=arc,
-        element_tension_n=low_n + per_metre * (line_out_m - middles),
-        tension_payload_n=low_n,
-        tension_top_n=low_n + per_metre * line_out_m,
+def counted(line: RopeLine, most_m: float, piece_m: float, curve: str) -> RopeDamage:
+    return RopeDamage(
+        line, ends_m(line), most_m, DamageSettings(curve, False, piece_m=piece_m), 0.0
     )
+
+
+def used(count: RopeDamage) -> Vector:
+    return count.shot(0.0, 0.0).used
+
+
+def take(count: RopeDamage, line_out_m: float, low_n: float, per_metre: float) -> None:
+    """Let a count see a rope of 10 elements whose tension grows upwards."""
+    s = np.linspace(0.0, line_out_m, 11)
+    tension = low_n + per_metre * 0.5 * (s[1:] + s[:-1])
+    count.take_tensions(s, tension, low_n + per_metre * line_out_m)
 
 
 def test_material_keeps_its_history_on_its_way_through_the_winch() -> None:
@@ -114,38 +113,34 @@ def test_material_keeps_its_history_on_its_way_through_the_winch() -> None:
     The load swings by 2·5 kN at all times; a piece counts the swings while it is out. Another
     length of the line out moves no piece and makes no cycle, although every element changes.
     """
-    fatigue = RopeFatigue(LINE, 100.0, 10.0, CURVES["stranded_wire"])
-    swings = SAMPLES_KEPT // 4  # a swing is sampled at four instants; longer than one buffer
+    count = counted(LINE, 100.0, 10.0, "stranded_wire")
+    swings = 512  # a swing is sampled at four instants
     for k in range(4 * 2 * swings):
         line_out = 100.0 if k < 4 * swings else 43.0
-        load = 50e3 + 5e3 * (0.0, 1.0, 0.0, -1.0)[k % 4]
-        fatigue.take(hanging(line_out, load, 30.0))
-    found = fatigue.damage()
-    assert found.from_lower_end_m == pytest.approx(np.arange(5.0, 100.0, 10.0))
-    always, half = found.cycles[:4], found.cycles[4:]
-    assert always == pytest.approx(2.0 * swings, abs=1.0)
-    assert half == pytest.approx(1.0 * swings, abs=1.0)
-    assert found.largest_range_n == pytest.approx(10e3)
-    each = found.damage / found.cycles
+        take(count, line_out, 50e3 + 5e3 * (0.0, 1.0, 0.0, -1.0)[k % 4], 30.0)
+    assert count.middles == pytest.approx(np.arange(5.0, 100.0, 10.0))
     stress_mpa = 10e3 / strength_of(STEEL).metal_area_m2 * 1e-6
-    assert each == pytest.approx(stress_mpa**4 / 3.4e14, rel=1e-2)
+    swung = used(count) / (stress_mpa**4 / 3.4e14)
+    assert swung[:4] == pytest.approx(2.0 * swings, abs=1.0)
+    assert swung[4:] == pytest.approx(1.0 * swings, abs=1.0)
 
 
 def test_a_rope_that_runs_past_its_elements() -> None:
     """A rope that travels under a still load: each piece sees its own steady tension."""
-    fatigue = RopeFatigue(LINE, 100.0, 5.0, CURVES["stranded_wire"])
+    count = counted(LINE, 100.0, 5.0, "stranded_wire")
     for line_out in np.concatenate([np.linspace(100.0, 30.0, 300), np.linspace(30.0, 100.0, 300)]):
-        fatigue.take(hanging(float(line_out), 50e3, 30.0))
-    assert fatigue.damage().largest_range_n == pytest.approx(0.0, abs=1e-6)
+        take(count, float(line_out), 50e3, 30.0)
+    hardly_mpa = 1e-6 / strength_of(STEEL).metal_area_m2 * 1e-6  # of a millionth of a newton
+    assert used(count) == pytest.approx(0.0, abs=600.0 * hardly_mpa**4 / 3.4e14)
 
 
 def test_sections_have_strengths_of_their_own() -> None:
     parts = (RopeSection(rope=rope_preset("chain_42mm"), length_m=40.0), RopeSection(rope=STEEL))
     line = replace(LINE, rope=None, sections=parts)
-    fatigue = RopeFatigue(line, 100.0, 20.0, CURVES["stranded_wire"])
+    count = counted(line, 100.0, 20.0, "stranded_wire")
     for load in (50e3, 60e3, 50e3, 60e3):
-        fatigue.take(hanging(100.0, load, 0.0))
-    damage = fatigue.damage().damage
+        take(count, 100.0, load, 0.0)
+    damage = used(count)
     areas = [strength_of(part.rope).metal_area_m2 for part in parts]
     assert damage[0] / damage[-1] == pytest.approx((areas[1] / areas[0]) ** 4)
     assert np.all(damage[:2] == damage[0])
@@ -155,7 +150,7 @@ def test_sections_have_strengths_of_their_own() -> None:
 def test_what_cannot_be_counted_is_refused() -> None:
     parts = (RopeSection(rope=FIBRE, length_m=40.0), RopeSection(rope=STEEL))
     with pytest.raises(InputError) as refused:
-        RopeFatigue(replace(LINE, rope=None, sections=parts), 1e2, 1.0, CURVES["spiral_wire"])
+        counted(replace(LINE, rope=None, sections=parts), 1e2, 1.0, "spiral_wire")
     assert str(refused.value) == (
         "rope 'hoist', section 1: it is not all of steel: no stress is known; take a curve of "
         "tension (six_strand_tension, polyester_tension), if it holds for this rope."
@@ -168,15 +163,15 @@ def test_a_rope_in_a_regular_heave() -> None:
     """The piece that hangs at the sheave meets the cycles of the top tension."""
     scene = load_scene("smooth_2km")
     ensemble = Ensemble(scene, variations(scene, Plan((), 1, ((),), 1), 40.0))
-    fatigue = RopeFatigue(scene.ropes[0], 2000.0, 10.0, CURVES["six_strand_tension"])
+    count = counted(scene.ropes[0], 2000.0, 10.0, "six_strand_tension")
     top = []
     for _ in range(400):
         ensemble.advance(0.1)
         seen = ensemble.snapshot(0)
-        fatigue.take(seen)
+        from_lower_m = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
+        count.take_tensions(from_lower_m, seen.element_tension_n[::-1], seen.tension_top_n)
         top.append(seen.tension_top_n)
-    found = fatigue.damage()
     strength = strength_of(scene.ropes[0].made_of[0].rope)
     expected = CURVES["six_strand_tension"].damage(count_cycles(np.array(top)), strength)
-    assert found.damage[-1] == pytest.approx(expected, rel=0.01)
-    assert np.all(found.damage > 0.0)
+    assert used(count)[-1] == pytest.approx(expected, rel=0.01)
+    assert np.all(used(count) > 0.0)

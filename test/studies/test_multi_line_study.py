@@ -13,11 +13,10 @@ import pytest
 import yaml
 
 from rope_twin.cli import main
-from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from rope_twin.share import share_dir
-from rope_twin.studies.parameter_study.design import read_study
-from rope_twin.studies.parameter_study.run import run_parameter_study
+from rope_twin.studies.parameter_study.design import FatigueWish, Made
+from rope_twin.studies.parameter_study.multi_line import new_counts, run_system
 
 Row = dict[str, Any]
 STUDY = """\
@@ -128,16 +127,17 @@ vary:
     assert more == pytest.approx(6000.0 * 9.80665, rel=2e-3)
 
 
-def test_no_fatigue_of_rope_that_runs_over_a_sheave(tmp_path: Path) -> None:
-    path = tmp_path / "loop.yaml"
-    path.write_text(
-        "about: a\nscene: two_line_loop\nseconds: 1.0\nvary:\n"
-        "  - {path: effects.drag.normal, values: [1.2]}\nfatigue: {curve: stranded_wire}\n",
-        encoding="utf-8",
-    )
-    study, scene = read_study(path)
-    with pytest.raises(InputError, match=r"fatigue: rope runs over '.*' from one rope"):
-        run_parameter_study(study, scene, tmp_path / "rows", lambda done, total: None)
+def test_ropes_over_a_sheave_are_one_material_in_a_row() -> None:
+    """The loop: 1,500 m of the two ropes on its lower sheave are counted with the first of them."""
+    scene = load_scene("two_line_loop")
+    wish = FatigueWish(curve="six_strand_tension", piece_m=20.0)
+    counts = new_counts(scene, wish)
+    assert [len(count.middles) for count in counts.values()] == [65, 75, 65]
+    row = run_system(scene, Made(scene, (), 0.0), 0.5, 0.1, wish)
+    assert len(row["below_descending.damage"]) == 75
+    assert "below_ascending.damage" not in row
+    lists = [row[f"{scene.ropes[number].name}.damage"] for number in counts]
+    assert row["damage_worst"] == max(map(max, lists)) > 0.0
 
 
 def test_a_run_without_a_start_is_a_row(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from whole_history import WholeHistory
 
 from rope_twin.core import state as rows
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
@@ -21,13 +22,12 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import RopeSection, Scene, Winch
 from rope_twin.scene.winch import TopSheave
 from rope_twin.studies.driven_twin import march, still
-from rope_twin.studies.fatigue import RopeFatigue
 from rope_twin.twin import twin as twin_module
 from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.monitors.vortex import VortexMonitor
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.fatigue import CURVES, wire_curve_warning
+from rope_twin.vortex.fatigue import STRESS_CURVES, wire_curve_warning
 from rope_twin.vortex.measured import MeasuredVibration
 from rope_twin.vortex.monitor import RopeMonitor
 from rope_twin.vortex.sampling import diameters, turned
@@ -36,6 +36,7 @@ from validation.rigs import Rig, sine
 
 STEEL = Rig(length=100.0, elements=20, mass=6.4, EA=6.5e7, diameter=0.032, damping=5e4, load=5e3)
 AREA = 6.4 / 7850.0  # of metal
+STRANDED = STRESS_CURVES["stranded_wire"]
 WINCH = Winch(
     speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=1.0, least_line_out_m=10.0,
     most_line_out_m=130.0,
@@ -94,7 +95,7 @@ def test_a_metre_keeps_its_damage_through_the_winch() -> None:
     """
     scene = replace(STEEL, winch=WINCH).scene()
     twin = watched(scene)
-    other = RopeFatigue(scene.ropes[0], 130.0, 1.0, CURVES["stranded_wire"])
+    other = WholeHistory(130.0, AREA)
     shots, marked = [], 84  # hauled aboard and paid out again
     for shot in lifted(twin):
         other.take(shot)
@@ -111,7 +112,7 @@ def test_a_metre_keeps_its_damage_through_the_winch() -> None:
     assert len(set(history[first : last + 1])) == 1  # kept to the bit
     assert history[-1] > history[last]
     assert (np.diff(history) >= 0.0).all()
-    assert used(shots[-1]) == pytest.approx(other.damage().damage, rel=1e-9)
+    assert used(shots[-1]) == pytest.approx(other.damage(STRANDED), rel=1e-9)
     assert used(shots[-1])[:60].min() > used(shots[-1])[105] > 0.0 == used(shots[-1])[115]
 
 
@@ -124,7 +125,7 @@ def test_a_metre_that_runs_over_the_sheave_is_bent_once_each_time() -> None:
     scene = replace(STEEL, winch=replace(WINCH, sheave=sheave)).scene()
     stress_pa = sheave.bending_stress_pa(0.032)
     assert stress_pa == pytest.approx(1.96e11 * 0.0015 / 0.832)
-    other = RopeFatigue(scene.ropes[0], 130.0, 1.0, CURVES["stranded_wire"], stress_pa)
+    other = WholeHistory(130.0, AREA, stress_pa)
     speeds = [(2.0, -2.0), (17.0, 0.0), (19.0, 2.0), (39.0, 0.0)]
     for shot in march(watched(scene), still, 42.0, 2, speeds):
         other.take(shot)
@@ -136,7 +137,7 @@ def test_a_metre_that_runs_over_the_sheave_is_bent_once_each_time() -> None:
     assert used(shot)[40] < 0.01 * once
     assert used(shot)[125] == 0.0
     assert used(shot)[130:] == pytest.approx(0.0)  # on the sheave when all is out
-    assert used(shot)[:130] == pytest.approx(other.damage().damage, rel=1e-9)
+    assert used(shot)[:130] == pytest.approx(other.damage(STRANDED), rel=1e-9)
 
 
 def test_the_run_is_the_same_to_the_bit_and_a_saved_one_goes_on_to_the_bit() -> None:

@@ -22,7 +22,7 @@ from rope_twin.scene.load import load_scene, rope_preset
 from rope_twin.scene.reader import read_object
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.validation.relations import faults
-from rope_twin.vortex.fatigue import CURVES
+from rope_twin.vortex.fatigue import CURVES, OWN
 
 SEA_OFFSET_S = "sea_offset_s"  # the path of a variable that moves a run along the recorded sea
 RUNS_MOST = 100_000
@@ -98,14 +98,16 @@ class LatinHypercube:
 class FatigueWish:
     """Damage along the rope, counted in every run."""
 
-    curve: str = text("one of " + ", ".join(CURVES))
+    curve: str = text(f"one of {', '.join(CURVES)}, or {OWN}, that of the rope in the scene")
     piece_m: float = quantity("length of a piece of rope", "m", 0.5, 1e4, default=20.0)
     sample_s: float = quantity("how often its tension is looked at", "s", 1e-3, 10.0, default=0.1)
 
     def check(self) -> str | None:
         """Check that the S-N curve is known."""
-        known = ", ".join(CURVES)
-        return None if self.curve in CURVES else f"there is no curve '{self.curve}'; known: {known}"
+        known = (*CURVES, OWN)
+        if self.curve in known:
+            return None
+        return f"there is no curve '{self.curve}'; known: {', '.join(known)}"
 
 
 @dataclass(frozen=True, kw_only=True)

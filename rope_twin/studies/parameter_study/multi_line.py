@@ -13,32 +13,36 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.errors import InputError, SceneError, SolverError, phrase
+from rope_twin.errors import SceneError, SolverError
 from rope_twin.scene.change import change_scene
+from rope_twin.scene.model.joined import over_sheaves
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import feed
-from rope_twin.studies.fatigue import RopeFatigue, fatigue_of
-from rope_twin.studies.parameter_study.design import FatigueWish, Made, Study
+from rope_twin.studies.parameter_study.design import FatigueWish, Made
 from rope_twin.twin.ensemble.ensemble import whole_steps
 from rope_twin.twin.ensemble.member import MemberResults
+from rope_twin.twin.monitors.damage import damage_of
 from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.monitors.tension import TensionMonitor
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.twin import Twin
+from rope_twin.vortex.damage import RopeDamage
+from rope_twin.vortex.results import MaterialFatigue
 
 Row = dict[str, Any]
+Counts = dict[int, RopeDamage]  # by the number of the rope
 
 
-def check_system(study: Study, scene: Scene) -> None:
-    """Check that a study of a multi-line scene can be made.
+def new_counts(scene: Scene, wish: FatigueWish) -> Counts:
+    """Return the fatigue counts of a scene's ropes.
 
     Raises:
-        InputError: fatigue is to be counted of rope that runs over a sheave.
+        InputError: the curve does not fit a rope.
     """
-    if study.fatigue is not None and scene.sheaves:
-        what = f"rope runs over '{scene.sheaves[0].name}' from one rope of the scene into another, "
-        what += "so that no piece of it keeps its place"
-        raise InputError(phrase(f"{study.path}: fatigue", what, "leave it out"))
+    found = (
+        (r, damage_of(scene, r, wish.curve, piece_m=wish.piece_m)) for r in range(len(scene.ropes))
+    )
+    return {r: count for r, count in found if count is not None}
 
 
 def run_system(scene: Scene, made: Made, seconds: float, look_s: float, wish: FatigueWish | None
@@ -51,9 +55,7 @@ def run_system(scene: Scene, made: Made, seconds: float, look_s: float, wish: Fa
     own = change_scene(scene, made.changes)
     sea = replace(own.sea_state, start_s=own.sea_state.start_s + made.sea_offset_s)
     own = replace(own, sea_state=sea)
-    counts = []
-    if wish is not None:
-        counts = [fatigue_of(own, line, wish.curve, wish.piece_m) for line in own.ropes]
+    counts = new_counts(own, wish) if wish is not None else {}
     fixed = {
         "seconds": 0.0,
         "elements": sum(line.elements for line in own.ropes),
@@ -81,7 +83,7 @@ def run_system(scene: Scene, made: Made, seconds: float, look_s: float, wish: Fa
     return {**fixed, **_top(results), **_by_rope(own, seen), **_damage(own, counts)}
 
 
-def _step(twin: Twin, seconds: float, counts: list[RopeFatigue], wish: FatigueWish | None) -> None:
+def _step(twin: Twin, seconds: float, counts: Counts, wish: FatigueWish | None) -> None:
     """Step the twin to the end; its ropes are sampled for fatigue at the intervals wished for."""
     slot = steps_in_slot(twin.step_s)
     every = round(wish.sample_s / twin.step_s) if wish is not None else slot
@@ -90,13 +92,16 @@ def _step(twin: Twin, seconds: float, counts: list[RopeFatigue], wish: FatigueWi
             _sample(twin, counts)
 
 
-def _sample(twin: Twin, counts: list[RopeFatigue]) -> None:
+def _sample(twin: Twin, counts: Counts) -> None:
     system = twin.joined
     assert system is not None
-    for rope, pull, count in zip(system.system(twin.rope).ropes, system.pull, counts, strict=True):
-        n = int(rope.state.counts[rows.ELEMENTS])
-        tension = rope.work[rows.TENSION, :n]
-        count.take_tensions(rope.state.s[: n + 1], tension, float(pull[rows.PULL]))
+    ropes, beyond = system.system(twin.rope).ropes, dict(over_sheaves(twin.scene))
+    pulls = [float(pull[rows.PULL]) for pull in system.pull]
+    for r, count in counts.items():
+        if (other := beyond.get(r)) is not None:
+            count.take_over_sheave(ropes[r], ropes[other], (pulls[r], pulls[other]))
+        else:
+            count.take(ropes[r], pulls[r])
 
 
 def _top(results: MemberResults) -> Row:
@@ -124,19 +129,34 @@ def _by_rope(scene: Scene, seen: TensionMonitor | None) -> Row:
     return {"highest_over_breaking_load": known(float(np.max(shares))), **found}
 
 
-def _damage(scene: Scene, counts: list[RopeFatigue]) -> Row:
+def _damage(scene: Scene, counts: Counts) -> Row:
     """Return the damage of each rope's pieces, and the worst piece of all; empty: not counted."""
     if not counts:
         return {}
-    all_found = [count.damage() for count in counts]
-    worst = int(np.argmax([found.damage[found.worst] for found in all_found]))
+    all_found = {r: count.shot(0.0, 0.0) for r, count in counts.items()}
+    worst = max(all_found, key=lambda r: float(all_found[r].used.max()))
     there = all_found[worst]
     row: Row = {
-        "damage_worst": float(there.damage[there.worst]),
+        "damage_worst": float(there.used[there.worst]),
         "damage_worst_rope": scene.ropes[worst].name,
         "damage_worst_from_lower_end_m": float(there.from_lower_end_m[there.worst]),
     }
-    for line, found in zip(scene.ropes, all_found, strict=True):
-        row[f"{line.name}.damage"] = found.damage.tolist()
-        row[f"{line.name}.damage_from_lower_end_m"] = found.from_lower_end_m.tolist()
+    for r, found in all_found.items():
+        name = scene.ropes[r].name
+        row[f"{name}.damage"] = found.used.tolist()
+        row[f"{name}.damage_from_lower_end_m"] = found.from_lower_end_m.tolist()
+        row |= {f"{name}.{key}": value for key, value in most_bent(found).items()}
     return row
+
+
+def most_bent(found: MaterialFatigue) -> Row:
+    """Return what the most bent metre of a rope has had; empty: it runs over nothing."""
+    if found.bent is None:
+        return {}
+    at = found.most_bent
+    return {
+        "bends": float(found.bent.bends[at]),
+        "bends_from_lower_end_m": float(found.from_lower_end_m[at]),
+        "bend_damage": known(float(found.bent.damage[at])),
+        "discard_fraction": known(float(found.bent.discard[at])),
+    }

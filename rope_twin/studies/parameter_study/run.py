@@ -22,7 +22,6 @@ from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.studies.ensemble import AFTER_NS, Seas
-from rope_twin.studies.fatigue import RopeFatigue, fatigue_of
 from rope_twin.studies.parameter_study.design import (
     FatigueWish,
     Made,
@@ -31,8 +30,15 @@ from rope_twin.studies.parameter_study.design import (
     design_runs,
     made_of,
 )
-from rope_twin.studies.parameter_study.multi_line import Row, check_system, known, run_system
+from rope_twin.studies.parameter_study.multi_line import (
+    Row,
+    known,
+    most_bent,
+    new_counts,
+    run_system,
+)
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation, cores, whole_steps
+from rope_twin.vortex.damage import RopeDamage
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -124,7 +130,7 @@ def _variations(batch: Batch) -> Iterator[Variation]:
         yield Variation(made.changes, heave)
 
 
-def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeFatigue]:
+def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeDamage]:
     """Step all runs to the end, with an eye on each piece of rope where that is wished."""
     wish = batch.fatigue
     if wish is None:
@@ -135,12 +141,15 @@ def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeFatigue]:
             left -= some
         return []
     scenes = [ensemble.scene_of(number) for number in range(len(ensemble))]
-    counts = [fatigue_of(own, own.ropes[0], wish.curve, wish.piece_m) for own in scenes]
+    counts = [new_counts(own, wish)[0] for own in scenes]
     for _ in range(round(batch.seconds / wish.sample_s)):
         ensemble.advance(wish.sample_s)
         going = (k for k, one in enumerate(ensemble.figures()) if not one.failure)
         for number in going:
-            counts[number].take(ensemble.snapshot(number))
+            seen = ensemble.snapshot(number)
+            from_lower_m = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
+            tension_n = seen.element_tension_n[::-1]
+            counts[number].take_tensions(from_lower_m, tension_n, seen.tension_top_n)
     return counts
 
 
@@ -164,13 +173,14 @@ def _card(known: KnownError, changed: bool) -> Row:
     }
 
 
-def _damage(counted: RopeFatigue) -> Row:
-    found = counted.damage()
+def _damage(counted: RopeDamage) -> Row:
+    found = counted.shot(0.0, 0.0)
     return {
-        "damage_worst": float(found.damage[found.worst]),
+        "damage_worst": float(found.used[found.worst]),
         "damage_worst_from_lower_end_m": float(found.from_lower_end_m[found.worst]),
-        "damage": found.damage.tolist(),
+        "damage": found.used.tolist(),
         "damage_from_lower_end_m": found.from_lower_end_m.tolist(),
+        **most_bent(found),
     }
 
 
@@ -326,7 +336,6 @@ def run_parameter_study(
     Raises:
         RopeTwinError: one sentence; rows that were finished stay.
     """
-    check_system(study, scene)
     runs = [(run, made_of(study, scene, run)) for run in design_runs(study)]
     _check_times(study, {made.scene.time.step_s for _, made in runs})
     with StudyFolder(into, study, study_stamp(study, scene)) as folder:

@@ -33,7 +33,6 @@ from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined, refuse_body
-from rope_twin.studies.fatigue import stress_damage
 from rope_twin.studies.modes.equilibrium import (
     bring_system_to_rest,
     bring_to_rest,
@@ -41,7 +40,7 @@ from rope_twin.studies.modes.equilibrium import (
 )
 from rope_twin.vortex.chain import lines_of, one_rope
 from rope_twin.vortex.drag_amplification import amplified_drag
-from rope_twin.vortex.fatigue import StressCurve, metal_area
+from rope_twin.vortex.fatigue import StressCurve, damage_of_series, metal_area
 from rope_twin.vortex.line_model import Span, line_model
 from rope_twin.vortex.modal_response import ModalResponse
 from rope_twin.vortex.shedding import Shedding
@@ -177,7 +176,7 @@ def count_fatigue(run: FrequencyDomainRun, scene: Scene, curve: StressCurve) -> 
     stress = curvature * per_curvature
     known = np.isfinite(per_curvature)
     damage = np.full(len(some), np.nan)
-    damage[known] = stress_damage(stress[:, known], curve)
+    damage[known] = damage_of_series(stress[:, known], curve.used)
     lasted = float(run.time_s[-1] - run.time_s[run.first])
     rms = np.where(known, stress.std(axis=0), np.nan)
     strain = radius * curvature.std(axis=0)
