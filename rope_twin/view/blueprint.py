@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rope_twin.view import depth_chart, overview, surface
-from rope_twin.view.depth_chart import FATIGUE, VIBRATION
+from rope_twin.view.depth_chart import BENDS, FATIGUE, VIBRATION
 from rope_twin.view.profile import HEIGHT, RANGE_S, WIDTH
 from rope_twin.view.series import TWIN_TIME, Plot
 
@@ -41,6 +41,7 @@ _PLOTS = (
 _CHARTS = {
     VIBRATION: (VIBRATION, "VIV response vs length below the hang-off [m]", 3),
     FATIGUE: (FATIGUE, "Fatigue damage vs length below the hang-off [m]", 1),
+    BENDS: (BENDS, "Bends vs length from the upper end of all rope [m]", 2),
 }
 LIVE_S = 120.0  # time span of the plots of a live window
 Ranges = Mapping[str, tuple[float, float]]
@@ -56,7 +57,7 @@ class Shown:
     upper: Camera | None = None  # of hang-off and sea surface
     plots: tuple[Plot, ...] = ()  # in addition to those that every run has
     ranges: Ranges = field(default_factory=dict)  # axis range by entity; others fit their data
-    charts: tuple[str, ...] = ()  # which of VIBRATION and FATIGUE have data
+    charts: tuple[str, ...] = ()  # which of VIBRATION, FATIGUE and BENDS have data
 
 
 def layout(shown: Shown, live: bool) -> Any:

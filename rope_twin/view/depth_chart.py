@@ -79,13 +79,13 @@ class DepthChart:
         canvas.labels("title", [[middle, _HEAD]], [f"{self._title}: {names}"])
 
 
-VIBRATION, FATIGUE = "vibration", "fatigue"
+VIBRATION, FATIGUE, BENDS = "vibration", "fatigue", "bends"
 CROSS_FLOW_RGB, IN_LINE_RGB = (253, 231, 37), (53, 183, 160)
 DRAG_RGB, USED_RGB = (111, 168, 255), (242, 106, 90)
 
 
 class WatchedCharts:
-    """Draws both charts; `shown` are those that have data."""
+    """Draws the charts; `shown` are those that have data."""
 
     def __init__(self, stream: Any) -> None:
         self.shown: tuple[str, ...] = ()
@@ -93,6 +93,8 @@ class WatchedCharts:
         self._frequency = DepthChart(stream, f"{VIBRATION}/frequency", "frequency [Hz]", 1)
         self._drag = DepthChart(stream, f"{VIBRATION}/drag", "drag [-]", 2)
         self._used = DepthChart(stream, FATIGUE, "damage [-]", 0)
+        self._bends = DepthChart(stream, f"{BENDS}/count", "bends [-]", 0)
+        self._bent = DepthChart(stream, f"{BENDS}/damage", "bending [-]", 1)
 
     def show_vibration(self, columns: dict[str, NDArray[np.float64]]) -> bool:
         """Draw the columns of `ropes/vibration` of the first rope; return whether it is new."""
@@ -117,6 +119,23 @@ class WatchedCharts:
         """Draw the damage of each metre of rope; return whether it is the first."""
         self._used.show(from_hang_off_m, [Curve("per metre of rope", damage, USED_RGB)])
         return self._is_first(FATIGUE)
+
+    def show_bends(self, columns: dict[str, NDArray[np.float64]]) -> bool:
+        """Draw the bends of the first rope from the upper end of its material down.
+
+        Nothing is drawn of a rope that runs over nothing. Return whether it is the first.
+        """
+        if not np.isfinite(columns["bends"]).any():
+            return False
+        material = columns["from_lower_end_m"]
+        down = material.max() - material
+        self._bends.show(down, [Curve("per metre of rope", columns["bends"], USED_RGB)])
+        worn = [
+            Curve("damage", columns["bend_damage"], USED_RGB),
+            Curve("of discard value", columns["discard_fraction"], DRAG_RGB),
+        ]
+        self._bent.show(down, worn)
+        return self._is_first(BENDS)
 
     def _is_first(self, name: str) -> bool:
         first = name not in self.shown

@@ -238,9 +238,12 @@ class RopeView:
     def _fatigue(self, message: Any, time_ns: int) -> None:
         table = read_cloud(message)
         table = table[table["rope"] == 0.0]  # the first rope
-        if self._is_time("fatigue", time_ns) and self._watched.show_fatigue(
-            table["from_hang_off_m"], table["damage"]
-        ):
+        if not self._is_time("fatigue", time_ns):
+            return
+        new = self._watched.show_fatigue(table["from_hang_off_m"], table["damage"])
+        if "bends" in (table.dtype.names or ()):  # bags of earlier versions have none
+            new |= self._watched.show_bends({name: table[name] for name in table.dtype.names})
+        if new:
             self._arrange()
 
     def _payloads(self, message: Any, time_ns: int) -> None:

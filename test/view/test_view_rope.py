@@ -257,6 +257,13 @@ def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Sessi
     assert across == pytest.approx(across.max() * shot.vibration.drag_amplification / 2.0, abs=1e-3)
     for entity in ("vibration/frequency/in-line", "vibration/amplitude/title", "fatigue/grid"):
         assert entity in found.entities
+    assert shot.fatigue is not None
+    assert shot.fatigue.bent is not None
+    (strip,) = found.column("bends/count/per_metre_of_rope", "LineStrips2D:strips")[0]
+    across = np.array(strip)[:, 0]
+    bends = shot.fatigue.bent.bends
+    assert across == pytest.approx(across.max() * bends / bends.max(), abs=1e-3)
+    assert {"bends/damage/damage", "bends/damage/of_discard_value"} <= set(found.entities)
 
 
 def test_without_a_band_nothing_of_it_is_drawn(session: Session) -> None:
