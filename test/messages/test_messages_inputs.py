@@ -6,6 +6,7 @@ import contextlib
 import math
 from functools import partial
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,7 +14,14 @@ from ros_messages import joint, multi_array
 
 from rope_twin.errors import InputError
 from rope_twin.messages import encode_current, encode_cut, encode_heave, encode_order
-from rope_twin.messages.inputs import read_current, read_cut, read_heave, read_order
+from rope_twin.messages.cdr import new, serialise
+from rope_twin.messages.inputs import (
+    read_current,
+    read_cut,
+    read_heave,
+    read_measurement,
+    read_order,
+)
 from rope_twin.topics import CUT_TOPIC, WINCH_TOPICS
 from rope_twin.twin.winch.commands import WinchCommand
 
@@ -126,3 +134,33 @@ def test_random_bytes_never_raise_anything_else(data: bytes) -> None:
     for read in (read_heave, *orders, read_current):
         with contextlib.suppress(InputError):
             read(data)
+
+
+def measured(names: list[str], **values: list[float]) -> bytes:
+    """A winch/measured message with these names and columns."""
+    arrays = {name: np.array(column) for name, column in values.items()}
+    return serialise(new("sensor_msgs/msg/JointState", name=names, **arrays))
+
+
+def test_what_is_not_measured_is_nan_or_left_out() -> None:
+    data = measured(["fore", "aft"], position=[12.0, math.nan], effort=[math.nan, 3e4])
+    found = read_measurement("winch/measured", data)
+    assert found.rows == (("fore", 12.0, None, None), ("aft", None, None, 3e4))
+    assert read_measurement("winch/measured", measured([], position=[9.0])).rows == (
+        ("", 9.0, None, None),
+    )
+    of_motor = measured(["winch"], position=[12.0], effort=[4e4])
+    assert read_measurement("winch/motor_tension", of_motor).rows == (("winch", None, None, 4e4),)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (measured(["fore", "aft"], position=[1.0]), "1 values of position for 2 winches"),
+        (measured(["fore", "fore"], effort=[1.0, 2.0]), "give each winch once"),
+        (measured([], velocity=[1.0, 2.0]), "2 values of velocity for 1 winches"),
+    ],
+)
+def test_columns_that_do_not_fit_their_names_get_one_sentence(data: bytes, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        read_measurement("winch/measured", data)
