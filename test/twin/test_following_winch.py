@@ -203,19 +203,46 @@ def test_commands_are_refused_and_the_study_is_not_claimed(at_rest: Twin) -> Non
     assert health.fault == "no line out was measured yet; the line stands"
 
 
-def test_readings_that_come_too_late_are_told(at_rest: Twin) -> None:
-    """They are compared all the same; the line stands, and the row says what to do."""
+def test_an_input_delay_that_is_too_short_is_told(at_rest: Twin) -> None:
+    """One reading a second, each 0.2 s before it is needed: in between the line is extrapolated."""
     twin = at_rest.branch()
-    for k in range(40):
-        twin.advance(20)
-        told = Measurement.of_winch(twin.time_ns - 100 * MS, MEAN_M + 0.01 * (k % 2), 0.0)
-        assert twin.offer_measurement(told) == ""
-    shot = twin.snapshot()
-    row = next(one for one in statuses(shot, None) if "line following" in one.name)
-    assert row.level is Level.ERROR
-    assert "0.10 s after it was needed" in row.message
-    assert "input_delay_s" in row.message
-    assert len(shot.residuals) == 1
+    shots = followed(twin, 30.0, swing, 1000 * MS)
+    shot = shots[-1]
+    warning = shot.inputs["line_following"].warning
+    assert "with one every 1.000 s set input_delay_s to 1.02 s or more" in warning
+    errors = np.abs(off(shots[500:], swing))
+    assert errors.max() < 0.2, "it follows all the same: half of 0.2 m/s² · (1 s)² and the leading"
+
+
+def test_readings_that_come_too_late_are_followed_by_extrapolation(at_rest: Twin) -> None:
+    """Each comes 0.3 s after it was needed, one every 0.1 s: they are extrapolated by 0.4 s.
+
+    With an acceleration a and τ = 0.3 to 0.4 s that errs by a·τ²/2 in length and a·τ in speed. As
+    the line is led over again and again, z'' = -6·e/T² - 4·e'/T with T = 0.5 s, it lags by
+    a·(T²/6 + 2·T·τ/3) besides (derived). The row asks for the delay that is missing: interval,
+    lateness and a slot.
+    """
+    twin, shots, omega = at_rest.branch(), [], OMEGA / 3.0
+
+    def slow(t: float) -> tuple[float, float]:
+        swung = SWING_M * (1.0 - math.cos(omega * t))
+        return MEAN_M + swung, SWING_M * omega * math.sin(omega * t)
+
+    for k in range(400):
+        twin.advance(10)
+        if k >= 3:
+            late_ns = twin.time_ns - 300 * MS
+            told = Measurement.of_winch(late_ns, *slow(late_ns * 1e-9))
+            assert twin.offer_measurement(told) == ""
+        shots.append(twin.snapshot())
+    errors = np.abs(off(shots[100:], slow))
+    low, high = (t**2 / 2.0 + 0.5**2 / 6.0 + 2.0 * 0.5 * t / 3.0 for t in (0.3, 0.4))
+    assert SWING_M * omega**2 * low < errors.max() < SWING_M * omega**2 * high
+    rows = {row.name: row for row in statuses(shots[-1], None)}
+    row = rows["simulation: input line following"]
+    assert row.level is Level.WARN
+    assert "set input_delay_s to 0.42 s or more" in row.message
+    assert rows["simulation: input winch measured"].level is Level.OK
 
 
 def test_a_run_resumes_from_a_saved_state_and_goes_on_after_a_pause(at_rest: Twin) -> None:

@@ -174,17 +174,14 @@ class HeaveTrack:
                 self.missing_ns += time_ns - self._asked_ns
             if self._assumed_from is None:
                 self._assumed_from = self._last_known()
-            self._given = self._extrapolated(*self._assumed_from, time_ns)
+            since_ns, z, v = self._assumed_from
+            left = math.exp((since_ns - time_ns) * 1e-9 / GAP_DECAY_S)
+            self._given = (z + v * GAP_DECAY_S * (1.0 - left), v * left)
         self._note(time_ns, known)
         self._on_track = known and not self._rejoining(time_ns)
         self._asked_ns = time_ns
         self._forget(time_ns)
         return self._given
-
-    def _extrapolated(self, since_ns: int, z: float, v: float, time_ns: int) -> tuple[float, float]:
-        """Return position and velocity in a gap that began with these: the velocity decays."""
-        left = math.exp((since_ns - time_ns) * 1e-9 / GAP_DECAY_S)
-        return z + v * GAP_DECAY_S * (1.0 - left), v * left
 
     def _last_known(self) -> tuple[int, float, float]:
         """Return stamp, position and velocity at the start of a gap; zero before any sample."""

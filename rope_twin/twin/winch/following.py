@@ -1,10 +1,11 @@
 """A winch that follows its measured line out instead of commands.
 
 Between readings the cubic Hermite polynomial through line out and line speed holds, as for heave
-(`HeaveTrack`). In a gap the last speed is kept for HOLD_S and then ramped to rest at the winch's
-acceleration limit. When readings come back, the line is led over to them by a cubic whose speed and
-acceleration stay within the winch's limits; so it is at the start, where the scene's length differs
-from the measured one. What is measured is followed beyond the winch's limits too, and reported.
+(`HeaveTrack`). After the last reading its speed is kept for HOLD_S and then ramped to rest at the
+winch's acceleration limit. When readings come back, or come late, the line is led over to them by a
+cubic whose speed and acceleration stay within the winch's limits; so it is at the start, where the
+scene's length differs from the measured one. What is measured is followed beyond the winch's limits
+too, and reported.
 
 A counter of resolution r says that the line out is within r/2 of its reading. There the length
 predicted from the last one and the line speed is kept, and at the edge otherwise: rounding makes no
@@ -21,18 +22,21 @@ from rope_twin.scene.schema import WINCH
 from rope_twin.scene.winch import FOLLOWS_MEASURED
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.health import UNJUDGED
-from rope_twin.twin.motion.heave_track import REJOIN_S, HeaveTrack
-from rope_twin.twin.motion.plausibility import end_slope
+from rope_twin.twin.motion.heave_track import NO_SEGMENT, STALE_NS, HeaveTrack
+from rope_twin.twin.motion.plausibility import SampleTiming, end_slope
 from rope_twin.twin.snapshot import InputHealth, WinchShot
 from rope_twin.twin.winch.commands import COMMANDER_EVENTS, WinchCommand
 from rope_twin.twin.winch.payout import UNKNOWN_ROPE, Payout, SpooledRope, TensionFeedback
 from rope_twin.twin.winch.winch import END_FRACTION, Winch
 
 HOLD_S = 1.0
+LEAD_S = 0.5  # least time in which the line is led over to the readings
 SLOPE_NS = 1_000_000_000  # readings of a counter with a resolution from which a speed is derived
 SLOPE_READINGS = 3  # of one without
 HOLE_NS = 2_000_000_000  # after a longer gap nothing is predicted
 REQUIRED_NS = 3_000_000_000  # time by which the first reading must have come
+STALE_INTERVALS = 2.0
+OFF_M = 0.1  # a larger difference from the measured line out is a warning
 UNLIMITED = 1e6
 
 
@@ -42,14 +46,17 @@ class LineTrack(HeaveTrack):
     def __init__(self, length_m: float, scene: WinchScene, resolution_m: float, name: str) -> None:
         super().__init__(UNLIMITED, UNLIMITED)
         self.counter.name = name
-        self._rest = length_m
         self._speed = max(scene.speed_limit_m_per_s, 1e-3)
         self._acceleration = scene.acceleration_limit_m_per_s2
         self._resolution = resolution_m
         self._recent: deque[tuple[int, float]] = deque()
-        # it stood until now, so that a first reading that differs is led over to
-        self._asked_ns, self._given, self._assumed_from = 0, (length_m, 0.0), (0, length_m, 0.0)
+        self._given = (length_m, 0.0)
+        self._anchor = (0, length_m, 0.0)  # from which the line runs on without readings
+        self._is_fresh = False  # whether a reading came while the line was extrapolated
         self.remark = ""  # on a difference of the line from the measured one
+        self.off_m = 0.0  # that difference while it is led over
+        self._timing = SampleTiming(math.inf)
+        self._late_s = 0.0  # by so much the newest reading came after it was needed
 
     @property
     def newest_ns(self) -> int | None:
@@ -58,15 +65,10 @@ class LineTrack(HeaveTrack):
 
     def take(self, stamp_ns: int, length_m: float, speed_m_per_s: float | None) -> None:
         """Take a reading that was checked."""
-        now = self._asked_ns
-        if now is not None and stamp_ns < now:
-            late_s = (now - stamp_ns) * 1e-9
-            what = f"a reading came {late_s:.2f} s after it was needed and is only compared"
-            right = "raise input_delay_s by more than that"
-            self.counter.warn(phrase("line following", what, right), now)
-            return
+        now = self._asked_ns or 0
         if self._stamps and stamp_ns <= self._stamps[-1]:
             return
+        self._late_s = max(0.0, (now - stamp_ns) * 1e-9)
         recent = self._recent
         if recent and stamp_ns - recent[-1][0] > HOLE_NS:
             recent.clear()
@@ -75,8 +77,22 @@ class LineTrack(HeaveTrack):
             self._resolution == 0.0 or stamp_ns - recent[1][0] > SLOPE_NS
         ):
             recent.popleft()
+        self._timing.take(stamp_ns, now, self.missing_ns)
+        if not self._stamps or self._stamps[-1] < now:
+            self._is_fresh = True
         speed = self._slope() if speed_m_per_s is None else speed_m_per_s
         self._append(stamp_ns, self._within(stamp_ns, length_m, speed), speed)
+
+    def warning(self) -> str:
+        """Return the warning on a line that differs from the measured one, or on late readings."""
+        off = self.remark if abs(self.off_m) > OFF_M else ""
+        return "; ".join(words for words in (off, self._timing.fault(self._late_s)) if words)
+
+    def stale(self, time_ns: int) -> bool:
+        """Return whether readings have been missing for longer than is usual for the counter."""
+        interval_s = self._timing.interval_s  # NaN: not known yet
+        usual_ns = 0 if math.isnan(interval_s) else round(STALE_INTERVALS * interval_s * 1e9)
+        return bool(self._stamps) and time_ns - self._stamps[-1] > max(STALE_NS, usual_ns)
 
     def _slope(self) -> float:
         """Return the speed at the newest of the recent readings."""
@@ -96,28 +112,50 @@ class LineTrack(HeaveTrack):
         half = 0.5 * self._resolution
         return min(max(predicted, length_m - half), length_m + half)
 
+    def drop(self) -> None:
+        """Drop all readings: the line goes on from its present motion."""
+        self._stamps.clear()
+        self._samples.clear()
+        self._recent.clear()
+        self._segment, self._on_track, self._is_fresh = NO_SEGMENT, False, False
+        self._anchor = (self._asked_ns or 0, *self._given)
+        self._error_ns = -(10**18)
+
     def continue_from(self, line: Payout) -> None:
         """Continue from this line, and lead it over to the readings."""
         self._given, self._on_track = (line.length_m, line.speed_m_per_s), False
-        if self._asked_ns is None:
-            self._rest = line.length_m
-        elif self._assumed_from is None:
-            self._open_rejoin(self._asked_ns)
+        self._open_rejoin(self._asked_ns or 0)
+
+    def at(self, time_ns: int) -> tuple[float, float]:
+        """Return line out [m] and speed [m/s] at a time not before the previous call's."""
+        if time_ns == self._asked_ns:
+            return self._given
+        asked_ns = self._asked_ns or 0
+        if not (self._on_track and self._segment[0] < time_ns <= self._segment[1]):
+            known = bool(self._stamps) and time_ns <= self._stamps[-1]
+            if self._is_fresh:  # a reading has changed what was extrapolated
+                self._open_rejoin(asked_ns)
+                self._is_fresh = False
+            if self._stamps and not known:
+                self.missing_ns += time_ns - asked_ns
+            z, v = self._measured(time_ns)
+            dz, dv = self._rejoin(time_ns)
+            self._given = z + dz, v + dv
+            self._note(time_ns, known)
+            self._on_track = known and not self._rejoining(time_ns)
+            self._forget(time_ns)
         else:
-            self._assumed_from = (self._asked_ns, *self._given)
+            self._given = self._between(time_ns)
+        self._asked_ns = time_ns
+        return self._given
 
-    def shift(self, by_m: float) -> None:
-        """Count from another zero: all lengths are larger by this."""
-        z, v = self._given
-        self._given, self._rest = (z + by_m, v), self._rest + by_m
-
-    def _last_known(self) -> tuple[int, float, float]:
-        if not self._stamps or self._asked_ns is None:
-            return 0, self._rest, 0.0
-        return super()._last_known()
-
-    def _extrapolated(self, since_ns: int, z: float, v: float, time_ns: int) -> tuple[float, float]:
-        """Return the line at a time in a gap: the speed is held, then ramped to rest."""
+    def _measured(self, time_ns: int) -> tuple[float, float]:
+        """Return the line by the readings: interpolated, or in a gap extrapolated from the last."""
+        if self._stamps and time_ns <= self._stamps[-1]:
+            return super()._measured(time_ns)
+        since_ns, z, v = self._anchor
+        if self._stamps:
+            since_ns, (z, v) = self._stamps[-1], self._samples[-1]
         after = (time_ns - since_ns) * 1e-9
         if after <= HOLD_S:
             return z + v * after, v
@@ -134,16 +172,16 @@ class LineTrack(HeaveTrack):
         e, d = abs(self._error[0]), abs(self._error[1])
         a = self._acceleration
         gentle = (2.0 * d + math.sqrt(4.0 * d * d + 6.0 * e * a)) / a
-        return max(REJOIN_S, 1.5 * e / self._speed, gentle)
+        return max(LEAD_S, 1.5 * e / self._speed, gentle)
 
     def _note(self, time_ns: int, known: bool) -> None:
         """Report how the line differs from the measured one."""
+        self.off_m = 0.0
         if known and self._rejoining(time_ns):
             left_s = self._rejoin_s - (time_ns - self._error_ns) * 1e-9
-            off = self._rejoin(time_ns)[0]
-            self.remark = (
-                f"{off:+.2f} m from the measured line out, led over to it in {left_s:.0f} s"
-            )
+            self.off_m = self._rejoin(time_ns)[0]
+            off = f"{self.off_m:+.2f} m from the measured line out"
+            self.remark = f"{off}, led over to it in {left_s:.0f} s"
         elif known:
             self.remark = ""
         elif not self._stamps:
@@ -237,10 +275,10 @@ class FollowingWinch(Winch):
         track.counter.say(track.remark)
         judged = UNJUDGED
         if track.newest_ns is None:
-            if now_ns > REQUIRED_NS:  # with the warning of the counter, such as: all came too late
+            if now_ns > REQUIRED_NS:
                 judged = judged._replace(fault=track.remark)
-        elif track.remark and not track.stale(now_ns):
-            judged = judged._replace(warning=track.remark)
+        else:
+            judged = judged._replace(warning=track.warning())
         own = track.counter.health(now_ns, track.stale(now_ns), judged)
         return super().health(now_ns) | {track.counter.name: own}
 
