@@ -15,7 +15,8 @@ from rope_twin.feeds.configuration import FeedSettings, read_settings, with_sour
 from rope_twin.feeds.conversion import LineSample, Sample
 from rope_twin.feeds.instrument import Instrument
 from rope_twin.feeds.readings import clock_of
-from rope_twin.feeds.transports import open_source
+from rope_twin.feeds.transports import Source, hand_over, open_source
+from rope_twin.messages.status import counted
 from rope_twin.run.arguments import add_command, add_duration, add_json
 from rope_twin.run.progress import StopSignal
 
@@ -99,32 +100,35 @@ def _run_node(args: argparse.Namespace) -> int:
         return made[0]
 
     code = run_node(make, ["feed"])
+    figures = made[0].figures() if made else {}
     if args.json and made:
-        print_json(made[0].figures())
-    return code
+        print_json(figures)
+    heard = all(one["accepted"] for one in figures.get("feeds", {}).values())
+    return code if heard else ExitCode.ERROR
 
 
 def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace) -> int:
     """Print the samples of all feeds as they come, then the counts."""
     pieces: queue.Queue[tuple[str, bytes, int, bool]] = queue.Queue(10_000)
-    instruments, sources = {}, []
+    instruments: dict[str, Instrument] = {}
+    sources: dict[str, Source] = {}
     for name, settings in feeds.items():
         if not settings.source:
             raise InputError(phrase(f"feed '{name}'", "it has no source", "name one"))
         instruments[name] = Instrument(settings)
 
         def take(data: bytes, arrival_ns: int, whole: bool, name: str = name) -> None:
-            pieces.put((name, data, arrival_ns, whole))
+            hand_over(pieces, (name, data, arrival_ns, whole), sources[name])
 
-        sources.append(open_source(settings, take, args.speed))
+        sources[name] = open_source(settings, take, args.speed)
     last: dict[str, Sample] = {}
     stop = StopSignal()
     end_s = math.inf if args.duration is None else time.monotonic() + args.duration
-    for source in sources:
+    for source in sources.values():
         source.start()
     try:
         while not stop.requested and time.monotonic() < end_s:
-            ended = all(source.ended for source in sources)
+            ended = all(source.ended for source in sources.values())
             try:
                 name, data, arrival_ns, whole = pieces.get(not ended, _POLL_S)
             except queue.Empty:
@@ -136,18 +140,17 @@ def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace) -> int:
                 if not args.json:
                     print(f"{clock_of(sample.stamp_ns):%H:%M:%S.%f}  {name}  {_words(sample)}")
     finally:
-        for source in sources:
+        for source in sources.values():
             source.close()
         stop.restore()
-    faults = {name: source.fault for name, source in zip(feeds, sources, strict=True)}
     figures = {name: _figures(one, last.get(name)) for name, one in instruments.items()}
     if args.json:
         print_json({"feeds": figures})
     for name, one in instruments.items():
         if not args.json:
             print(f"{name}: {_counts(one)}", file=sys.stderr)
-        if faults[name]:
-            print(phrase(feeds[name].source, faults[name], "check the connection"), file=sys.stderr)
+        if fault := sources[name].fault:
+            print(phrase(feeds[name].source, fault, "check the connection"), file=sys.stderr)
     return (
         ExitCode.OK if all(one.counts.accepted for one in instruments.values()) else ExitCode.ERROR
     )
@@ -195,5 +198,5 @@ def _counts(instrument: Instrument) -> str:
     if counts.others:
         words += f", {counts.others} of other sentences"
     if counts.holes:
-        words += f"; {counts.holes} holes, the longest of {counts.longest_hole_s:.1f} s"
+        words += f"; {counted(counts.holes, 'hole')}, the longest of {counts.longest_hole_s:.1f} s"
     return words

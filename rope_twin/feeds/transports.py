@@ -7,6 +7,7 @@ that fails is tried again every second; `fault` says what is wrong meanwhile.
 from __future__ import annotations
 
 import ipaddress
+import queue
 import re
 import socket
 import struct
@@ -81,6 +82,11 @@ class Source(ABC):
         self.fault = ""  # why nothing can be read at present
         self.ended = False
 
+    @property
+    def closing(self) -> bool:
+        """Return whether a stop was requested."""
+        return self._stop.is_set()
+
     def start(self) -> None:
         """Begin to read."""
         self._thread.start()
@@ -104,6 +110,22 @@ class Source(ABC):
     @abstractmethod
     def _read(self) -> None:
         """Read until the connection ends or a stop is requested. Raises OSError."""
+
+
+def hand_over(pieces: queue.Queue[Any], piece: Any, source: Source) -> bool:
+    """Put a piece into a queue; a file waits for room, what is live does not.
+
+    Returns:
+        Whether it is in the queue.
+    """
+    while not source.closing:
+        try:
+            pieces.put(piece, timeout=_POLL_S if isinstance(source, FileSource) else 0.0)
+            return True
+        except queue.Full:
+            if not isinstance(source, FileSource):
+                return False
+    return False
 
 
 class UdpSource(Source):

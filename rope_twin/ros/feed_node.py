@@ -23,7 +23,7 @@ from rope_twin.feeds.conversion import LineSample, MotionSample, Sample
 from rope_twin.feeds.instrument import FeedCounts, Instrument
 from rope_twin.feeds.motion_track import MotionTrack, motion_of_pose
 from rope_twin.feeds.publication import encode_line, encode_output
-from rope_twin.feeds.transports import Sink, Source, open_sink, open_source
+from rope_twin.feeds.transports import Sink, Source, hand_over, open_sink, open_source
 from rope_twin.feeds.writers import writer
 from rope_twin.messages import Level, Status, decode, encode_diagnostics
 from rope_twin.messages.status import counted
@@ -37,6 +37,7 @@ _POLL_S = 0.005
 _DIAGNOSTICS_S = 1.0
 _SECOND_NS = 1_000_000_000
 _WAITING = 10_000  # pieces of bytes that may wait for the node
+_STALE_NS = 100_000_000
 _RECENT_S = 60.0  # for so long after a refused line the row is WARN
 
 
@@ -51,16 +52,14 @@ class _Channel:
         self.sink: Sink | None = open_sink(settings.forward) if settings.forward else None
         self._pieces: queue.Queue[tuple[bytes, int, bool]] = queue.Queue(_WAITING)
         self.lost = 0
-        self.began_s = self.heard_s = time.monotonic()
+        self.heard_s = time.monotonic()
         self.refused_s, self._refused = -math.inf, 0
 
     def _put(self, data: bytes, arrival_ns: int, whole: bool) -> None:
         if self.sink is not None:
             self.sink.send(data)
-        try:
-            self._pieces.put_nowait((data, arrival_ns, whole))
-        except queue.Full:
-            self.lost += 1
+        if not hand_over(self._pieces, (data, arrival_ns, whole), self.source):
+            self.lost += not self.source.closing
 
     @property
     def ended(self) -> bool:
@@ -344,7 +343,9 @@ class FeedSimulator(Node):
     def _send_due(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
         while self._ahead and self._ahead[0][0] <= now_ns:
-            _, _, motion = heapq.heappop(self._ahead)
+            stamp_ns, _, motion = heapq.heappop(self._ahead)
+            if now_ns - stamp_ns > _STALE_NS:
+                continue  # what waited while this process was held up: a sensor sends no bursts
             for settings, write, sink in self._writers:
                 if settings.is_line_monitor:
                     continue

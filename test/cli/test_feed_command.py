@@ -21,7 +21,7 @@ def test_a_recorded_winch_is_printed_in_si(capsys: pytest.CaptureFixture[str]) -
         "20:04:03.313000  winch  line out 0.00 m  speed +0.000 m/s  tension -10369 N"
     )
     assert told.err.splitlines()[-1] == (
-        "winch: 300 lines, 300 accepted, 0 refused; 1 holes, the longest of 19.0 s"
+        "winch: 300 lines, 300 accepted, 0 refused; 1 hole, the longest of 19.0 s"
     )
 
 

@@ -121,6 +121,23 @@ def test_a_record_is_published_with_its_spacing_and_its_end(bench: Bench, tmp_pa
     assert steps == pytest.approx([0.05] * 39, abs=0.004)
 
 
+def test_a_file_as_fast_as_possible_loses_nothing(bench: Bench, tmp_path: Path) -> None:
+    """More lines than the node lets wait."""
+    winch = {"format": "lci90", **SETTINGS["lci90"], "stamp": "instrument"}
+    write = writer(FeedSettings(**winch))
+    count = 12_000
+    lines = (write(LineSample(k * S // 20, 1e4, 0.5, 0.1 * k, NAN)) for k in range(1, count + 1))
+    path = tmp_path / "winch.txt"
+    path.write_bytes(b"".join(lines))
+    node = bench.make("feed", settings=settings_file(tmp_path, winch=winch), source=str(path),
+                      speed=0.0)  # fmt: skip
+    node.begin()
+    bench.until(lambda: node.finished, "its end")
+    assert node.figures()["feeds"]["winch"]["accepted"] == count
+    assert node.statuses()[0].values["lost by this node"] == "0"
+    node.close()
+
+
 def test_a_simulator_sends_what_a_feed_reads(bench: Bench, tmp_path: Path) -> None:
     """Winch and ship of a simulation, out as lines by UDP and a serial line, and back over DDS."""
 
