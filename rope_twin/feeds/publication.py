@@ -15,13 +15,14 @@ def encode_line(sample: LineSample, winch: str) -> list[tuple[str, bytes]]:
 
     Tension of the motor has a topic of its own, since losses of sheaves and gear are in it.
     """
-    measured = []
-    values = [_known(x) for x in (sample.payout_m, sample.speed_m_per_s, sample.tension_n)]
-    if any(value is not None for value in values):
-        measured.append(Measurement.of_winch(sample.stamp_ns, *values, winch))
+    at, measured = sample.stamp_ns, []
+    payout, speed = _known(sample.payout_m), _known(sample.speed_m_per_s)
+    tension = _known(sample.tension_n)
+    if (payout, speed, tension) != (None, None, None):
+        measured.append(Measurement.of_winch(at, payout, speed, tension, winch))
     if not math.isnan(sample.motor_tension_n):
-        measured.append(Measurement.of_motor(sample.stamp_ns, sample.motor_tension_n, winch))
-    return [encode_measurement(sample.stamp_ns, one) for one in measured]
+        measured.append(Measurement.of_motor(at, sample.motor_tension_n, winch))
+    return [encode_measurement(at, one) for one in measured]
 
 
 def _known(value: float) -> float | None:
