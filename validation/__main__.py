@@ -203,8 +203,9 @@ def _hard_json(row: Row) -> dict[str, Any]:
 
 def _limit_json(finding: Finding) -> dict[str, Any]:
     figure = finding.ours if isfinite(finding.ours) else None
+    limit = finding.high if finding.judged else None
     return {
-        "ok": finding.ok, "figure": figure, "limit": finding.high, "unit": finding.unit,
+        "ok": finding.ok, "figure": figure, "limit": limit, "unit": finding.unit,
         "what": finding.quantity,
     }  # fmt: skip
 

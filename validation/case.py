@@ -135,10 +135,11 @@ class Row:
 
     @property
     def worst(self) -> Finding:
-        """Return the value closest to its limit, or farthest beyond it."""
+        """Return the judged value closest to its limit, or farthest beyond it."""
         if self.refusal:
             return limited(self.refusal, nan, 0.0, "")
-        return max(self.found.findings, key=lambda finding: finding.strain)
+        judged = [finding for finding in self.found.findings if finding.judged]
+        return max(judged, key=lambda finding: finding.strain)
 
 
 def announced(items: Sequence[T], listen: Listener, words: Callable[[T], str]) -> Iterator[T]:

@@ -34,6 +34,7 @@ from validation.hard_cases import (
     inputs,
     long,
     start,
+    thrown,
     vortices,
     winch,
 )
@@ -79,6 +80,7 @@ HARD_CASES: tuple[Case, ...] = (
     *winch.CASES,
     *cut.CASES,
     *start.CASES,
+    *thrown.CASES,
     *inputs.CASES,
     *long.CASES,
     *borders.CASES,
