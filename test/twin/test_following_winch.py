@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from small_scene import SMALL_SCENE, not_finite
 
 from rope_twin.errors import SceneError
 from rope_twin.messages import Level, statuses
+from rope_twin.scene.change import following_measured
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.measured.readings import Measurement
@@ -20,6 +22,7 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.following import HOLD_S, LineTrack
+from rope_twin.twin.winch.payout import Payout
 
 FOLLOWING = SMALL_SCENE.replace("winch:\n", "winch:\n  follows: measured\n")
 STEP_NS, MS = 10_000_000, 1_000_000
@@ -243,6 +246,62 @@ def test_readings_that_come_too_late_are_followed_by_extrapolation(at_rest: Twin
     assert row.level is Level.WARN
     assert "set input_delay_s to 0.42 s or more" in row.message
     assert rows["simulation: input winch measured"].level is Level.OK
+
+
+def test_a_line_set_back_is_led_over_again(scene: Scene) -> None:
+    """After a failed step the rope is in an earlier state: the line goes on from there."""
+    assert scene.winch is not None
+    track = LineTrack(MEAN_M, scene.winch, 0.0, "line_following")
+    for k in range(400):
+        track.take(k * 50 * MS, *steady(k * 0.05))
+    for k in range(1000):
+        track.at(k * STEP_NS)
+    behind = Payout(steady(10.0)[0] - 0.5, 0.2)
+    track.continue_from(behind)
+    line = np.array([track.at((1000 + k) * STEP_NS) for k in range(1, 800)])
+    assert line[0] == pytest.approx(behind, abs=0.01)
+    rate = np.diff(line[:, 1]) / (STEP_NS * 1e-9)
+    assert np.abs(rate).max() < 0.3 * 1.02
+    assert line[-1] == pytest.approx(steady(1799 * STEP_NS * 1e-9), abs=1e-9)
+
+
+def test_after_a_cut_the_counter_goes_on_from_the_rope_that_is_left(at_rest: Twin) -> None:
+    twin = at_rest.branch()
+    followed(twin, 4.0, steady)
+    assert twin.offer_cut(None, 120.0) == ""
+    shots = followed(twin, 4.0, steady)
+    assert twin.cut is not None
+    left_m, counted_m = twin.cut.left_m, steady(4.0)[0]
+    assert shots[-1].line_out_m == pytest.approx(left_m + steady(8.0)[0] - counted_m, abs=1e-6)
+    speeds = np.array([one.payout_speed_m_per_s for one in shots])
+    assert np.abs(speeds - 0.5).max() < 1e-6
+
+
+def test_each_winch_of_two_follows_its_own_counter() -> None:
+    scene = following_measured(load_scene("load_transfer"))
+    twin = Twin(scene)
+    names, out_m = ("winch", "recovery_sheave"), (118.0, 110.0)
+    for k in range(30):
+        t = k * 0.1
+        rows = [
+            (name, length + sign * 0.05 * t * t, sign * 0.1 * t, None)
+            for name, length, sign in zip(names, out_m, (1.0, -1.0), strict=True)
+        ]
+        assert twin.offer_measurement(Measurement("winch", k * 100 * MS, tuple(rows))) == ""
+    while twin.time_ns < 2_000_000_000:
+        twin.advance(1)
+    lengths = {rope.name: rope.line_out_m for rope in twin.snapshot().ropes}
+    moved = [lengths[line.name] - line.length_m for line in scene.ropes if line.from_ in names]
+    assert moved == pytest.approx([0.2, -0.2], abs=1e-6)
+    nameless = twin.offer_measurement(Measurement.of_winch(4_000_000_000, 118.0))
+    assert "no name is given; name one of winch, recovery_sheave" in nameless
+
+
+def test_a_scene_without_a_winch_cannot_follow(tmp_path: Path) -> None:
+    path = tmp_path / "fixed.yaml"
+    path.write_text(re.sub(r"winch:\n(  .*\n)+", "", SMALL_SCENE))
+    with pytest.raises(SceneError, match="no winch that could follow"):
+        following_measured(load_scene(path))
 
 
 def test_a_run_resumes_from_a_saved_state_and_goes_on_after_a_pause(at_rest: Twin) -> None:
