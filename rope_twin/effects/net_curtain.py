@@ -400,4 +400,4 @@ def _lengths(net: Any, place: Any) -> Floats:
 
 def _sizes(net: Any, place: Any) -> Floats:
     """Return the length of rope with a net of full width, at each node [m]."""
-    return (net.near + net.far) * _lengths(net, place)
+    return np.asarray((net.near + net.far) * _lengths(net, place))

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from rope_twin import Twin, load_scene
+from rope_twin.core import state as rows
 from rope_twin.core.loads.panel import panel_coefficients
 from rope_twin.core.state import Floats
+from rope_twin.effects.net_curtain import SHARE, NetCurtain
 from rope_twin.scene.validation.relations import faults
 from rope_twin.twin.monitors.settings import ENERGY
 
@@ -88,6 +90,14 @@ def test_lines_side_by_side_have_the_net_that_a_heading_would_hold(tmp_path: Pat
     assert np.abs(between - held).max() < 1e-7
 
 
+def net_m(rope: rows.Rope) -> float:
+    """Length of rope that carries net, as the nodes have it."""
+    n = int(rope.state.counts[rows.ELEMENTS])
+    (net,) = (own for own in rope.effects if isinstance(own, NetCurtain))
+    half = 0.5 * np.diff(rope.state.s[: n + 1])
+    return float(net.memory[SHARE, : n + 1] @ (np.append(half, 0.0) + np.append(0.0, half)))
+
+
 def shape_force(lines: list[Floats], pairs: list[tuple[int, int]]) -> Floats:
     """Drag and lift of all panels, from where the nodes are: half elements, half widths [N]."""
     along, facing, lift = panel_coefficients("loeland", 0.2)
@@ -140,6 +150,23 @@ def test_the_energy_of_a_net_between_lines_closes(tmp_path: Path) -> None:
     assert energy is not None
     assert abs(energy.water_j) > 1e3
     assert abs(energy.residual_j) < 2e-5 * energy.exchanged_j
+
+
+def test_a_cut_line_keeps_its_part_of_the_net(tmp_path: Path) -> None:
+    """9 m stay on the upper part and 11 m go down; saved and restored it runs on to the bit."""
+    text = spread("width_m: 6.0, between: [[line_0, line_1]]", (900.0, 900.0))
+    twin = twin_of(text, tmp_path)
+    assert not twin.offer_cut(500_000_000, 11.0, "line_0")
+    twin.advance(100)
+    assert twin.joined is not None
+    shares = [net_m(rope) for rope in twin.joined.system(twin.rope).ropes]
+    assert shares == pytest.approx([9.0, 20.0, 11.0])
+    twin.save(tmp_path / "state")
+    other = Twin.restore(tmp_path / "state", load_scene(str(tmp_path / "scene.yaml")))
+    for one in (twin, other):
+        one.advance(100)
+    for own, restored in zip(twin.snapshot().ropes, other.snapshot().ropes, strict=True):
+        assert np.array_equal(own.node_position_m, restored.node_position_m)
 
 
 @pytest.mark.parametrize(
