@@ -64,7 +64,10 @@ from rope_twin.vortex.oscillating_drag import OscillatingDrag
 
 
 def is_viv_model(effect: Any) -> bool:
-    """Return whether an effect is a VIV model at the nodes inside the step."""
+    """Return whether an effect is a VIV model at the nodes inside the step, or like one.
+
+    The sticking bed and nets along the rope are: a long massless section would count as theirs.
+    """
     at_nodes = has_state(effect) and "load_nodes" in hooks_of(type(effect))
     return at_nodes and not isinstance(effect, DragGrowth | OscillatingDrag)
 
