@@ -84,6 +84,7 @@ class Encoder:
             "winch/mode": winch_mode,
             "seabed/contact": self._seabed_contact,
             "seabed/touchdown": self._touchdown,
+            "ropes/contact": self._contact,
             "lines/crossings": self._crossings,
             "lines/events": line_events,
             "residuals": self._residuals,
@@ -394,6 +395,16 @@ class Encoder:
         ]
         columns = templates.columns("name x y z line_out_m layback_m tension_n angle_deg")
         return self._table("seabed/touchdown", snapshot, columns, rows)
+
+    def _contact(self, snapshot: Snapshot) -> bytes:
+        """Return contact with the hull and between ropes, as far as the scene lists it."""
+        rows = [
+            {"name": one.name, **_place(one.position_m), "normal_force_n": one.normal_n}
+            for one in snapshot.contacts
+        ]
+        return self._table(
+            "ropes/contact", snapshot, templates.columns("name x y z normal_force_n"), rows
+        )
 
     def _crossings(self, snapshot: Snapshot) -> bytes:
         """Return the crossings of two lines and, in the first row, where they are nearest."""

@@ -41,6 +41,8 @@ CLEARANCE_M = 10.0
 
 def suggested(effect: Effect, scene: Scene) -> Any:
     """Return parameters for an effect that the scene does not list, or what is missing."""
+    if effect.name == "line_contact" and len(scene.ropes) < 2:
+        return "it acts between ropes, and the scene has one"
     given = _usual(effect.name, scene)
     missing = [
         field

@@ -11,9 +11,11 @@ from typing import Any, NamedTuple
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
+from rope_twin.effects.hull_contact import HullContactParams
 from rope_twin.scene.model.grid import is_compensated
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.bend_radius import BendMonitor, watches_bends
+from rope_twin.twin.contacts import hull_contacts
 from rope_twin.twin.limits import LoadRecord, LoadRules
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import Snapshot, amended
@@ -56,6 +58,7 @@ class RunRecord:
         self._loads = LoadRecord(self._rules, start_n)
         self._has_bed = seabed_of(ropes.first) is not None
         self._has_compensator = is_compensated(scene)
+        self._has_hull = scene.listed(HullContactParams) is not None
         self._has_body = body_of(ropes.lowest(ropes.first)) is not None
         self._bends = BendMonitor(scene) if watches_bends(scene) else None
 
@@ -97,11 +100,13 @@ class RunRecord:
         return unconverged > self._unconverged
 
     def add_contact(self, shot: Snapshot, rope: Rope, ropes: Ropes) -> Snapshot:
-        """Add the payload's body, the compensator and seabed contact, if the scene has them."""
+        """Add body, compensator, and contact with hull and seabed, if the scene has them."""
         if self._has_body:
             shot = with_body(shot, ropes.lowest(rope))
         if self._has_compensator:
             shot = with_compensator(shot, ropes.lowest(rope))
+        if self._has_hull:
+            shot = amended(shot, contacts=hull_contacts(rope))
         contact = seabed_contact(rope) if self._has_bed else None
         return shot if contact is None else amended(shot, seabed=contact)
 

@@ -63,6 +63,15 @@ class InputHealth(NamedTuple):
 
 
 @dataclass(frozen=True)
+class PressedPlace:
+    """Contact with the hull or between ropes."""
+
+    name: str  # hull or ropes
+    normal_n: float  # sum of all normal forces
+    position_m: tuple[float, float, float]  # where the largest of them acts; NaN: nothing touches
+
+
+@dataclass(frozen=True)
 class BedContact:
     """Contact of payload and rope with the seabed."""
 
@@ -327,6 +336,7 @@ class Snapshot:
     breaches: tuple[LimitBreach, ...] = ()  # limits of the scene exceeded since the start
     seabed: BedContact | None = None  # only of a scene with a seabed
     touchdowns: tuple[Touchdown, ...] = ()  # of the ropes that touch it
+    contacts: tuple[PressedPlace, ...] = ()  # of a scene with `hull_contact` or `line_contact`
     bends: tuple[RopeBend, ...] = ()  # of ropes with bending stiffness or a minimum bend radius
     body: BodyShot | None = None  # only of a scene whose payload is a rigid body
     compensator: CompensatorShot | None = None  # only of a scene with one

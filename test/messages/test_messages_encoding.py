@@ -145,6 +145,15 @@ def contact(snapshot: Snapshot) -> object:
     )  # fmt: skip
 
 
+def pressed(snapshot: Snapshot) -> object:
+    (one,) = snapshot.contacts
+    x, y, z = one.position_m
+    return cloud(
+        snapshot, ("name", "S32", [one.name.encode()]), ("x", "<f8", [x]), ("y", "<f8", [y]),
+        ("z", "<f8", [z]), ("normal_force_n", "<f8", [one.normal_n]),
+    )  # fmt: skip
+
+
 def compensator(snapshot: Snapshot) -> object:
     unit = snapshot.compensator
     assert unit is not None
@@ -174,6 +183,7 @@ BY_OBJECTS = {
     "ropes/fatigue": fatigue,
     "compensator/state": compensator,
     "seabed/contact": contact,
+    "ropes/contact": pressed,
     "ropes/tension_top_error": interval,
     "ropes/tension_top": lambda s: joint(s, effort=s.tension_top_n),
     "ropes/tension_bottom": lambda s: joint(s, effort=float(s.node_tension_n[-1])),

@@ -214,7 +214,11 @@ def test_a_moonpool_holds_the_rope(lowered: tuple[list[Any], Twin]) -> None:
         for axis in (0, 1):
             assert np.abs(np.interp(depth, place[:, 2], place[:, axis])).max() < 2.2
     assert shots[-1].payload_position_m[0] > 8.0
-    assert forces_of(twin)[3].sum() > 5e3
+    normal = forces_of(twin)[3]
+    assert normal.sum() > 5e3
+    (place,) = shots[-1].contacts
+    assert (place.name, place.normal_n) == ("hull", pytest.approx(normal.sum(), rel=1e-12))
+    assert -25.0 < place.position_m[2] < -8.0
 
 
 def test_energy_of_contact_with_heave_and_payout(lowered: tuple[list[Any], Twin]) -> None:

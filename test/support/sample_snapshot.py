@@ -15,6 +15,7 @@ from rope_twin.twin.snapshot import (
     CompensatorShot,
     InputHealth,
     PayloadShot,
+    PressedPlace,
     Residual,
     RopeShot,
     Snapshot,
@@ -73,6 +74,7 @@ def hanging_rope(
         compensator=CompensatorShot(2.1, 4.0, -0.3, 1.7e5, 8.1e6, 1.72e5, -2e3, -500.0, 0.0, 500.0),
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
         residuals=(RESIDUAL,),
+        contacts=(PressedPlace("hull", 1.3e4, (0.5, -1.0, -16.0)),),
         error_interval=TensionInterval(
             float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0
         ),

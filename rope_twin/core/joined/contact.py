@@ -262,6 +262,7 @@ class Touch(NamedTuple):
     push: float  # sum of all normal forces [N]
     deepest: float  # largest penetration [m]
     contacts: int
+    at: tuple[float, float, float]  # where the largest normal force acts [m]
 
 
 @jit_entry
@@ -288,6 +289,10 @@ def _measure(contact: Any, nodes: Any, counts: Any, found: Any) -> None:
                     found[2] += N
                     found[3] = max(found[3], deep)
                     found[4] += 1.0
+                    if found[5] < N:
+                        found[5] = N
+                        place = _mixed(_vector(one, POSITION, i), _vector(one, POSITION, i + 1), s)
+                        found[6], found[7], found[8] = place
 
 
 def touch_of(stack: Any) -> Touch | None:
@@ -295,7 +300,7 @@ def touch_of(stack: Any) -> Touch | None:
     contact = next((own for own in stack.effects if isinstance(own, LineContact)), None)
     if contact is None:
         return None
-    found: Floats = np.zeros(5)
+    found: Floats = np.zeros(9)
     _measure(contact, stack.nodes, stack.counts, found)
-    stored, lost, push, deepest, contacts = found.tolist()
-    return Touch(stored, lost, push, deepest, int(contacts))
+    stored, lost, push, deepest, contacts, _, x, y, z = found.tolist()
+    return Touch(stored, lost, push, deepest, int(contacts), (x, y, z))

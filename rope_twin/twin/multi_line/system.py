@@ -24,6 +24,7 @@ from rope_twin.scene.model.joined import build_joined, runs_over_sheave
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import winch_of
 from rope_twin.twin.accuracy.regrid import joined_as
+from rope_twin.twin.contacts import rope_contacts
 from rope_twin.twin.cutting.rope_cut import CutPosition
 from rope_twin.twin.cutting.system_cut import advance_in_substeps, cut_system, scene_of_parts
 from rope_twin.twin.internal_variables import state_arrays
@@ -310,6 +311,7 @@ class MultiLineRopes:
             inputs=inputs,
             solver=solver,
             seabed=contact(now),
+            contacts=rope_contacts(now.system),
             strength=tuple(strength),
         )
         return taken if self._lines is None else self._lines.complete(taken)
