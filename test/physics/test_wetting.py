@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 import pytest
 from effect_cases import apply
-from rigs import Rig, march, sine
+from rigs import Rig, march, sine, with_nothing_below
 from scipy.optimize import brentq
 
 from rope_twin import Twin
@@ -27,11 +27,21 @@ WIRE = Rig(
     density=1025.0, drag=(1.2, 0.01), added_mass=1.0, step=0.01,
 )  # fmt: skip
 AREA = 0.25 * pi * 0.08**2
+NO_AIR = WindParams(velocity_m_per_s=(0.0, 0.0), normal=0.0)
 
 
 def scene_of(rig: Rig, *more: object) -> Scene:
+    """A rig's scene with further effects.
+
+    A rope through the surface always has a wind, be it without a force, and a payload, be it of no
+    mass: so all these scenes are compiled once, and once more with waves.
+    """
     scene = rig.scene()
-    return replace(scene, effects=(*scene.effects, *more))
+    if not more:
+        return scene
+    air = () if any(isinstance(own, WindParams) for own in more) else (NO_AIR,)
+    scene = replace(scene, effects=(*scene.effects, *more, *air))
+    return scene if rig.fixed_at is None else with_nothing_below(scene)
 
 
 def nodes_of(twin: Twin) -> tuple[np.ndarray, np.ndarray]:
