@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,14 +31,28 @@ SHEDS = PayloadSheddingParams(strouhal=0.2, lift_coefficient=0.003, diameter_m=W
 PENDULUM = Rig(  # on a rope without mass and drag; the payload has no drag along the current
     length=LENGTH, elements=2, mass=1e-3, EA=1e9, diameter=1e-4, damping=1e5, load=MASS,
     volume=0.25, density=1025.0, added=(ADDED,) * 3, area=(0.0, AREA, 0.0), step=0.02,
-    tolerance=1e-7, current=((0.0, (SPEED, 0.0)),),
+    tolerance=1e-7, current=((0.0, (SPEED, 0.0, 0.0)),),
 )  # fmt: skip
+STEADY = ((0.0, 1.0), (1.0, 1.0))  # factors over time
 
 
-def shedding(rig: Rig = PENDULUM, *others: Any, **changes: float) -> Scene:
-    """The rig's scene, whose payload sheds vortices."""
+def shedding(
+    rig: Rig = PENDULUM,
+    over_time: tuple[tuple[float, float], ...] = STEADY,
+    factor: float = 1.0,
+    **changes: float,
+) -> Scene:
+    """The rig's scene, whose payload sheds vortices, with a factor on the current and on these.
+
+    Both are there where they are 1, and every current has a vertical part, so that all these scenes
+    are compiled once.
+    """
     scene = rig.scene()
-    return replace(scene, effects=(*scene.effects, replace(SHEDS, **changes), *others))
+    (current, *others) = scene.effects
+    assert isinstance(current, CurrentParams)
+    current = replace(current, over_time=over_time)
+    ramp = FluidRampParams(vortices=LoadCurve(over_time=((0.0, factor),)))
+    return replace(scene, effects=(current, *others, replace(SHEDS, **changes), ramp))
 
 
 def of_payload(twin: Twin) -> PayloadShedding:
@@ -77,11 +90,8 @@ def test_a_pendulum_is_driven_at_the_strouhal_frequency() -> None:
 
 def test_the_phase_follows_a_current_that_changes() -> None:
     """It is 2π·St/D times the way of the water past the payload, 0.1 %."""
-    scene = shedding(lift_coefficient=1e-3)
-    (current, *others) = scene.effects
-    assert isinstance(current, CurrentParams)
-    slower = replace(current, over_time=((0.0, 1.0), (10.0, 0.2), (20.0, 0.2)))
-    twin = Twin(replace(scene, effects=(slower, *others)))
+    slower = ((0.0, 1.0), (10.0, 0.2), (20.0, 0.2))
+    twin = Twin(shedding(over_time=slower, lift_coefficient=1e-3))
     twin.advance(1000)
     way = SPEED * (10.0 * 0.6 + 10.0 * 0.2)
     assert of_payload(twin).memory[0, 0] == pytest.approx(2.0 * math.pi * 0.2 * way, rel=1e-3)
@@ -98,7 +108,7 @@ def test_flow_along_the_rope_does_not_push_it() -> None:
 def test_the_force_is_across_flow_and_rope() -> None:
     """With the current to the north-east the swing is to the north-west and back."""
     part = SPEED * math.sqrt(0.5)
-    rig = replace(PENDULUM, current=((0.0, (part, part)),), area=(0.0, 0.0, 0.0))
+    rig = replace(PENDULUM, current=((0.0, (part, part, 0.0)),), area=(0.0, 0.0, 0.0))
     shots = march(Twin(shedding(rig)), still, 20.0, every=10)
     x, y, _ = np.array([shot.payload_position_m for shot in shots]).T
     assert np.abs(x + y).max() < 2e-2 * np.abs(x - y).max()
@@ -116,10 +126,9 @@ def test_energy_is_that_of_the_force() -> None:
 
 def test_a_fluid_ramp_scales_it() -> None:
     """Half the factor is half the swing."""
-    half = FluidRampParams(vortices=LoadCurve(over_time=((0.0, 0.5),)))
     swings = []
-    for others in ((), (half,)):
-        shots = march(Twin(shedding(PENDULUM, *others)), still, 30.0, every=10)
+    for factor in (1.0, 0.5):
+        shots = march(Twin(shedding(factor=factor)), still, 30.0, every=10)
         swings.append(max(abs(shot.payload_position_m[1]) for shot in shots))
     assert swings[1] == pytest.approx(0.5 * swings[0], rel=2e-3)
 
