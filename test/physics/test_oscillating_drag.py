@@ -125,8 +125,7 @@ def test_the_force_has_the_factor_of_number_and_roughness(
 
 def test_a_steady_flow_has_the_last_row_from_the_start() -> None:
     """At rest and later: half of ½·ρ·d·C_d·U²·L with the factor 0.7, and nothing begins to move."""
-    steady = CurrentParams(profile=((0.0, (0.8, 0.0)),))
-    twin = Twin(scene_of(PIPE, steady, drag_of(SMOOTH)))
+    twin = Twin(scene_of(PIPE, tide(lambda t: 0.8, 0.1), drag_of(SMOOTH)))
     expected = 0.25 * 1025.0 * D * 0.8**2 * 0.7 * PIPE.length
     assert twin.snapshot().hang_off_force_n[0] == pytest.approx(expected, rel=2e-3)
     *_, shot = march(twin, still, 5.0)
