@@ -56,26 +56,22 @@ def _flip_a_bit(path: Path) -> None:
     path.write_bytes(content)
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
+def test_damaged_code_is_told_and_compiled_again(tmp_path: Path) -> None:
+    """Empty, cut short, another file, a bit: one after the other, each time from whole code."""
+    damages: list[Callable[[Path], object]] = [
         lambda path: path.write_bytes(b""),
         lambda path: path.write_bytes(path.read_bytes()[:-1]),
         lambda path: path.write_bytes(b"no code at all"),
         _flip_a_bit,
-    ],
-    ids=["empty", "cut short", "another file", "a bit"],
-)
-def test_damaged_code_is_told_and_compiled_again(
-    tmp_path: Path, damage: Callable[[Path], None]
-) -> None:
+    ]
     assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "0"], "")
-    assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "1"], "")
-    (kept,) = tmp_path.rglob("*.nbc")
-    damage(kept)
-    words, complaint = _said(_start(tmp_path, CHAIN))
-    assert words == [CHAINED, "0"]
-    assert complaint.strip() == f"compiled code is damaged, it is compiled again: {kept}"
+    for damage in damages:
+        assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "1"], "")
+        (kept,) = tmp_path.rglob("*.nbc")
+        damage(kept)
+        words, complaint = _said(_start(tmp_path, CHAIN))
+        assert words == [CHAINED, "0"]
+        assert complaint.strip() == f"compiled code is damaged, it is compiled again: {kept}"
     assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "1"], "")
 
 
