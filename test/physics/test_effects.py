@@ -207,21 +207,23 @@ def test_no_effect_divides_by_what_may_vanish(name: str) -> None:
     parallel[rows.TANGENT : rows.TANGENT + 3] = flow / np.sqrt((flow * flow).sum(axis=0))
     for axis, case in enumerate(straight):
         case[rows.TANGENT : rows.TANGENT + 3] = np.eye(3)[:, axis : axis + 1]
-    # a body feels the water at the lower end alone, and its step is dear to compile once more
-    flows = besides(name) or name.startswith("current") or name == "rigid_body"
+    effects, current = acting(name), data_of("current")
     for case in cases:
-        assert np.isfinite(loads(acting(name), case)).all()
         for speed in (1.0, 0.0):
             case[rows.VELOCITY : rows.VELOCITY + 3] *= speed
-            effects = acting(name) if flows else (*data_of("current"), *acting(name))
             assert np.isfinite(loads(effects, case)).all()
+            flowing = case.copy()  # as beside a current: with it listed, all is compiled once more
+            flowing[rows.FLOW : rows.FLOW + 3] = loads(current, case)[FLOW]
+            assert np.isfinite(loads(effects, flowing)).all()
 
 
-POINT = [effect.name for effect in EFFECTS if effect.name != "rigid_body"]
+# As `together`, `stroking` and `swung` of effect_cases, so that no other step is compiled.
+POINT = [effect.name for effect in EFFECTS if effect.name not in ("rigid_body", "compensator")]
+UNIT = ["current", "weight", "drag", "added_mass", "payload", "compensator"]
 BODY = ["current", "weight", "drag", "added_mass", "rigid_body"]
 
 
-@pytest.mark.parametrize("names", [POINT, BODY], ids=["point", "rigid body"])
+@pytest.mark.parametrize("names", [POINT, UNIT, BODY], ids=["point", "compensator", "rigid body"])
 @pytest.mark.parametrize(
     "turn", [Turn(211.3, False), Turn(130.0, True)], ids=["turned", "turned and mirrored"]
 )
