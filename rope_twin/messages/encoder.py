@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates, new, serialise
-from rope_twin.messages.templates import scale_above, tension_colours
+from rope_twin.messages.markers import RopeMarkers
 from rope_twin.twin.snapshot import (
     BodyShot,
     RopeShot,
@@ -32,9 +32,6 @@ from rope_twin.vortex.results import RopeVibration
 MAP = "map"  # REP 105: the fixed frame; x east, y north, z up, z = 0 at mean water level
 HANG_OFF, PAYLOAD = "hang_off", "payload"  # frames of the first hang-off and of a single payload
 ROPE = "rope"  # name of a rope whose name the snapshot does not have
-# Marker sizes: a 40 mm rope on 3,000 m cannot be seen, so symbols grow with the line out.
-_LINE_WIDTH, _SYMBOL_SIZE, _TEXT_HEIGHT = 1 / 1000, 1 / 100, 1 / 100
-_LEAST_LINE_M = 100.0
 COMPENSATOR_COLUMNS = (
     "stroke_m", "stroke_rate_m_per_s", "tension_n", "gas_pressure_pa", "gas_force_n", "damper_n",
     "friction_n", "stop_n", "water_n", "active_n",
@@ -57,10 +54,7 @@ class Encoder:
         self._wrench = Template(new("geometry_msgs/msg/WrenchStamped", header=header))
         self._hang_off = Template(templates.odometry(MAP, HANG_OFF))
         self._sized = Templates()
-        self._rope_template: tuple[int, Template, Template] | None = (
-            None  # elements, of one, of all
-        )
-        self._scale_n = 0.0
+        self._rope_markers = RopeMarkers(MAP, self._stamp)
         self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
             "ropes/tension_top": self._tension_top,
             "ropes/tension_bottom": self._tension_bottom,
@@ -450,49 +444,9 @@ class Encoder:
         columns = templates.columns(RESIDUAL_COLUMNS)
         return self._table("residuals", snapshot, columns, rows)
 
-    # -- markers -------------------------------------------------------------------------------
-
     def _markers(self, snapshot: Snapshot) -> bytes:
         ends, tension = all_elements(snapshot)
-        peak_n = float(tension.max())
-        if peak_n > self._scale_n:
-            self._scale_n = scale_above(peak_n)
-        line_m = max(snapshot.line_out_m, _LEAST_LINE_M)
-        values = {
-            "markers.0.points": ends,
-            "markers.0.colors": np.repeat(tension_colours(tension, self._scale_n), 2, axis=0),
-            "markers.0.scale": (_LINE_WIDTH * line_m, 0.0, 0.0),
-            **_symbols(snapshot, line_m),
-        }
-        last = 4 + len(snapshot.payloads)
-        if snapshot.struts:
-            values[f"markers.{last}.points"] = np.concatenate([s.ends_m for s in snapshot.struts])
-            values[f"markers.{last}.scale"] = (2.0 * _LINE_WIDTH * line_m, 0.0, 0.0)
-            last += 1
-        if snapshot.body is not None:
-            values |= _body_markers(snapshot, snapshot.body, last, line_m)
-            last += len(snapshot.body.leg_end_m) > 0
-        for index in range(last):
-            values |= self._stamp(snapshot, f"markers.{index}.header.stamp")
-        return self._markers_template(snapshot, len(tension)).fill(values)
-
-    def _markers_template(self, snapshot: Snapshot, count: int) -> Template:
-        """Return the template for this number of elements, which the winch changes, from one of
-        one.
-        """
-        scale_n, words = self._scale_n, scale_words(self._scale_n)
-        further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
-        slings = 0 if snapshot.body is None else len(snapshot.body.leg_end_m)
-        form = self._sized.get(
-            "ropes/markers of one element",
-            (scale_n, further, bars, slings),
-            lambda: templates.rope_markers(MAP, 1, words, further, bars, slings),
-        )
-        if self._rope_template is None or self._rope_template[:2] != (count, form):
-            # the winch changes the count every second or so; a point as an object takes 30 µs
-            ends_of = {"markers.0.points": 2 * count, "markers.0.colors": 2 * count}
-            self._rope_template = count, form, form.stretched(ends_of)
-        return self._rope_template[2]
+        return self._rope_markers.encode(snapshot, ends, tension)
 
 
 def ropes_of(snapshot: Snapshot) -> tuple[RopeShot, ...]:
@@ -570,38 +524,3 @@ def _place(position_m: Sequence[float] | NDArray[np.float64], prefix: str = "") 
 
 def _or_nan(value: float | None) -> float:
     return math.nan if value is None else value
-
-
-def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:
-    """Return the values of payload, hang-off and text markers, scaled with the line out."""
-    size = (_SYMBOL_SIZE * line_m,) * 3
-    values: dict[str, Any] = {
-        "markers.1.pose.position": snapshot.payload_position_m,
-        "markers.1.scale": size,
-        "markers.2.pose.position": snapshot.hang_off_position_m,
-        "markers.2.scale": size,
-        "markers.3.pose.position": snapshot.hang_off_position_m
-        + np.array([0.0, 0.0, 2.0 * _SYMBOL_SIZE * line_m]),
-        "markers.3.scale": (0.0, 0.0, _TEXT_HEIGHT * line_m),
-    }
-    for index, payload in enumerate(snapshot.payloads, start=4):
-        values[f"markers.{index}.pose.position"] = payload.position_m
-        values[f"markers.{index}.scale"] = size
-    return values
-
-
-def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float) -> dict[str, Any]:
-    """Return the values of a 6-DOF payload's box, not below the symbol's size, and slings."""
-    hook = np.broadcast_to(body.hook_m, body.leg_end_m.shape)
-    larger = max(1.0, _SYMBOL_SIZE * line_m / float(body.size_m.max()))
-    return {
-        "markers.1.pose.orientation": body.quaternion,
-        "markers.1.scale": larger * body.size_m,
-        f"markers.{slings}.points": np.stack([hook, body.leg_end_m], axis=1).reshape(-1, 3),
-        f"markers.{slings}.scale": (0.5 * _LINE_WIDTH * line_m, 0.0, 0.0),
-    }
-
-
-def scale_words(scale_n: float) -> str:
-    """Return the meaning of the rope's colours, as a text marker."""
-    return f"violet 0 kN, yellow {scale_n / 1000.0:g} kN, red slack"
