@@ -12,6 +12,7 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
+from rope_twin.effects.wetting import WettingParams
 from rope_twin.errors import phrase
 from rope_twin.scene.model.grid import Bar, tension_at_length
 from rope_twin.scene.model.joined import alone
@@ -419,7 +420,7 @@ def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 def _dry_rope(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check rope above the water, which is computed with the water's buoyancy and current."""
     height = min(scene.ship.hang_off_m[2], scene.ropes[0].length_m)
-    if height <= 0.0 or is_air(scene):
+    if height <= 0.0 or is_air(scene) or scene.listed(WettingParams) is not None:
         return
     rope, environment = figures.bars[-1].rope, scene.environment
     density = environment.water_density_kg_per_m3
