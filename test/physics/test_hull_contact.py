@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import log, log1p, pi, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -195,10 +196,13 @@ LOWERED = replace(
 )  # fmt: skip
 
 
+HELD = scene_of(LOWERED, MOONPOOL, friction=MU, slip_m=SLIP)
+
+
 @pytest.fixture(scope="module")
 def lowered() -> tuple[list[Any], Twin]:
     """A lift through a moonpool in a current: heave, payout, haul; snapshots and the twin."""
-    twin = Twin(scene_of(LOWERED, MOONPOOL, friction=MU, slip_m=SLIP), Monitors(energy=True))
+    twin = Twin(HELD, Monitors(energy=True))
     speeds = [(5.0, 1.0), (15.0, -1.0), (22.0, 0.0)]
     return list(march(twin, sine(1.5, 7.0), 25.0, speeds=speeds)), twin
 
@@ -227,14 +231,18 @@ def test_energy_of_contact_with_heave_and_payout(lowered: tuple[list[Any], Twin]
     assert abs(energy.residual_j) < 1e-3 * energy.exchanged_j
 
 
-def test_a_branch_of_a_rubbing_rope_goes_on_as_the_whole(lowered: tuple[list[Any], Twin]) -> None:
-    """Friction remembers its displacement, and a branch takes it along."""
-    _, twin = lowered
+def test_a_rubbing_rope_goes_on_as_the_whole(
+    lowered: tuple[list[Any], Twin], tmp_path: Path
+) -> None:
+    """Friction remembers its displacement; a branch and a saved state take it along, to the bit."""
+    twin = lowered[1]
     assert np.abs(hull_of(twin).memory[:3]).max() > 0.1 * SLIP
-    other = twin.branch()
-    for one in (twin, other):
+    twin.save(tmp_path / "saved")
+    others = (twin.branch(), Twin.restore(tmp_path / "saved", HELD))
+    for one in (twin, *others):
         one.advance(100)
-    assert np.array_equal(twin.rope.state.nodes, other.rope.state.nodes)
+    for other in others:
+        assert np.array_equal(twin.rope.state.nodes, other.rope.state.nodes)
 
 
 def test_a_rope_cut_below_the_hull_leaves_it(lowered: tuple[list[Any], Twin]) -> None:
