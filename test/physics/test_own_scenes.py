@@ -49,7 +49,10 @@ def test_a_buoy_floats_on_what_its_chain_leaves_it(tmp_path: Path) -> None:
 
 
 def test_each_crane_carries_its_end(tmp_path: Path) -> None:
-    shot = at_rest(CRANES, tmp_path)
+    """In a current of none besides: its step is then that of bridle_lift, compiled already."""
+    still = "effects:\n  - current: {profile: [[0.0, [0.0, 0.0]]]}\n"
+    assert CRANES.count("effects:\n") == 1
+    shot = at_rest(CRANES.replace("effects:\n", still), tmp_path)
     beam = 20000.0 * (1.0 - RHO / 7850.0)
     wire = 100.0 * in_water(rope_preset("steel_wire_76mm"))
     for rope, load in zip(shot.ropes, (120000.0 - 15.0 * RHO, 60000.0 - 7.5 * RHO), strict=True):

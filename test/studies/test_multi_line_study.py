@@ -95,7 +95,8 @@ def test_legs_of_a_bridle_share_the_load(
     """In still water each leg carries what hangs below it over twice the cosine of its slope."""
     scene = shipped("bridle_lift")
     del scene["sea_state"], scene["winch"]["schedule"], scene["winch"]["schedule_repeats_every_s"]
-    scene["effects"] = [one for one in scene["effects"] if "current" not in one]
+    still = {"current": {"profile": [[0.0, [0.0, 0.0]]]}}  # listed, so that nothing is compiled
+    scene["effects"] = [still if "current" in one else one for one in scene["effects"]]
     study = """\
 about: both halves
 scene: {scene}.yaml
