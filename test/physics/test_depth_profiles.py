@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigs import STILL_WATER, Rig, march, sine
+from rigs import STILL_WATER, Rig, march, sine, with_nothing_below
 from scipy.optimize import brentq
 
 from rope_twin import Twin
@@ -15,6 +15,7 @@ from rope_twin.core import state as rows
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.effects.wetting import WettingParams
@@ -31,6 +32,10 @@ FIBRE = Rig(
     density=RHO, hang_off=(0.0, 0.0, 0.0),
 )  # fmt: skip
 AREA = 0.25 * math.pi * 0.06**2
+# What the scenes in still water have besides, so that they are compiled once: added mass along the
+# rope, which does not move, and a bed far below it.
+ALONG = AddedMassParams(normal=0.0, tangential=0.2)
+DEEP = SeabedParams(depth_m=9000.0)
 STRATIFIED = ((0.0, 1022.0), (-2000.0, 1037.0))
 PYCNOCLINE = ((-40.0, 1004.0), (-60.0, 1026.0), (-1500.0, 1034.0))
 
@@ -54,7 +59,7 @@ def test_a_rope_at_rest_in_stratified_water(profile: tuple[tuple[float, float], 
     The rope is a little lighter than the deep water. Between two nodes a bend of the profile is
     seen at the nodes only.
     """
-    twin = Twin(scene_of(FIBRE, density(*profile)))
+    twin = Twin(scene_of(FIBRE, density(*profile), ALONG, DEEP))
     z, rho = np.array(profile[::-1]).T
     fine = np.linspace(-2000.0, 0.0, 400_001)
     water = np.interp(fine, z, rho)
@@ -78,6 +83,7 @@ TOWED = Rig(
     ramp=2.0,
 )  # fmt: skip
 HEAVIER = 1060.0
+RAMPED = FluidRampParams(water=LoadCurve(over_time=((0.0, 1.0),)))
 SEA = WavesParams(regular=RegularWave(height_m=3.0, period_s=7.0), ramp_s=2.0)
 
 
@@ -111,14 +117,15 @@ def test_the_same_density_all_over_is_that_water_where_ropes_meet() -> None:
     """A bridle below the surface: payloads by shape, joints and bars of steel.
 
     The shapes' added mass is that of the scene's water. Damping is given as a number: a fraction of
-    critical would be of the scene's water too.
+    critical would be of the scene's water too. The one step with a profile that is compiled where
+    ropes meet is that of test_fluid_ramp, hence the ramp, which is over.
     """
     scene = load_scene("bridle_lift")
     damped = Damping(newton_seconds=5e5)
     scene = replace(scene, ropes=tuple(replace(line, damping=damped) for line in scene.ropes))
     kept = tuple(own for own in scene.effects if not isinstance(own, WavesParams))
     pulls, places = [], []
-    for rho, profile in ((RHO, ()), (RHO, (density((0.0, HEAVIER)),)), (HEAVIER, ())):
+    for rho, profile in ((RHO, ()), (RHO, (density((0.0, HEAVIER)), RAMPED)), (HEAVIER, ())):
         water = replace(scene.environment, water_density_kg_per_m3=rho)
         twin = Twin(replace(scene, environment=water, effects=(*kept, *profile)))
         *_, shot = march(twin, sine(1.0, 5.0), 3.0)
@@ -136,7 +143,7 @@ def test_what_hangs_after_a_cut_weighs_as_much_as_it_did() -> None:
         current=STILL_WATER,
     )  # fmt: skip
     added = AddedMassParams(normal=1.0, tangential=0.4)
-    twin = Twin(scene_of(rig, added, density((0.0, 1025.0), (-3000.0, 1225.0))))
+    twin = Twin(scene_of(rig, added, density((0.0, 1025.0), (-3000.0, 1225.0)), DEEP))
     *_, _ = march(twin, sine(0.5, 5.0), 5.0)
     twin.offer_cut(None, 100.0)
     twin.advance(2000)
@@ -157,11 +164,11 @@ def test_drag_over_depth_by_its_integral() -> None:
         current=((0.0, (0.0, 1.5)),),
     )  # fmt: skip
     profile = DepthProfilesParams(drag_factor=((0.0, 0.0), (-200.0, 2.6)))
-    shot = Twin(scene_of(rig, profile)).snapshot()
+    shot = Twin(scene_of(rig, profile, ALONG, DEEP)).snapshot()
     expected = 0.5 * RHO * 0.06 * 1.2 * 1.5**2 * 1.3 * 200.0
     assert shot.hang_off_force_n[1] == pytest.approx(expected, rel=1e-4)
     both = replace(profile, density_kg_per_m3=((0.0, 1.04 * RHO),))
-    shot = Twin(scene_of(rig, both)).snapshot()
+    shot = Twin(scene_of(rig, both, ALONG, DEEP)).snapshot()
     assert shot.hang_off_force_n[1] == pytest.approx(1.04 * expected, rel=1e-4)
 
 
@@ -169,7 +176,7 @@ def test_drag_along_the_rope_follows_the_factor() -> None:
     """Power of a rope in a vertical motion that all of it shares: ½·ρ·π·d·C_t·w³·∫f dz."""
     profile = DepthProfilesParams(drag_factor=((0.0, 3.0), (-2000.0, 1.0)))
     rig = replace(FIBRE, load=3e3, drag=(1.2, 0.02))
-    twins = [Twin(scene_of(rig, *own)) for own in ((), (profile,))]
+    twins = [Twin(scene_of(rig, *own)) for own in ((), (profile, ALONG, DEEP))]
     pulls = []
     for twin in twins:
         *_, shot = march(twin, lambda t: (-1.0 * t, -1.0), 12.0)
@@ -188,7 +195,7 @@ def test_the_bed_carries_what_lies_on_it_as_before() -> None:
         fixed_at=(0.0, 0.0, -49.99), EA=4e7, load=0.0,
     )  # fmt: skip
     bed = SeabedParams(depth_m=50.0, stiffness_n_per_m3=1e5, friction=0.0)
-    twin = Twin(scene_of(rig, bed, density((0.0, 1150.0))))
+    twin = Twin(with_nothing_below(scene_of(rig, bed, density((0.0, 1150.0)), ALONG)))
     n = int(twin.rope.state.counts[rows.ELEMENTS])
     sunk = -50.0 - twin.rope.state.nodes[2, n // 2]
     assert sunk == pytest.approx((20.0 - 1150.0 * AREA) * G / (1e5 * 0.06), rel=1e-4)
@@ -210,7 +217,8 @@ def test_axial_period_with_added_mass_along_the_rope(along: float) -> None:
     ratio = per_metre * CHAIN.length / 30e3
     x = brentq(lambda x: x * math.tan(x) - ratio, 1e-9, 0.5 * math.pi - 1e-9)
     omega = x * math.sqrt(CHAIN.EA / per_metre) / CHAIN.length
-    scene = scene_of(CHAIN, AddedMassParams(normal=1.0, tangential=along))
+    added = AddedMassParams(normal=1.0, tangential=along)
+    scene = scene_of(CHAIN, added, *((density((0.0, RHO)), DEEP) if along else ()))
     modes = find_modes(scene, 1).axial
     assert modes[0].frequency_hz == pytest.approx(omega / (2.0 * math.pi), rel=1e-5)
     twin = Twin(scene)

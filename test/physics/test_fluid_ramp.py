@@ -16,6 +16,7 @@ from small_scene import SMALL_SCENE
 from rope_twin import load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.loads.growth import WATER, Growth, factors_at, grows
+from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import Drag
 from rope_twin.effects.fluid_ramp import Curve, FluidRampParams, LoadCurve
 from rope_twin.effects.fluid_ramp import build as build_ramp
@@ -110,8 +111,14 @@ def test_a_run_begins_as_in_still_water_and_ends_in_the_current() -> None:
 
 
 def test_ropes_that_meet_begin_as_in_still_water() -> None:
-    """A bridle in a current hangs plumb while its forces are none, and drifts off as they grow."""
-    twin = Twin(ramped(load_scene("bridle_lift"), water=LoadCurve(ramp_s=4.0)))
+    """A bridle in a current hangs plumb while its forces are none, and drifts off as they grow.
+
+    A profile of the scene's own density changes nothing: test_depth_profiles has this step too.
+    """
+    scene = ramped(load_scene("bridle_lift"), water=LoadCurve(ramp_s=4.0))
+    density = scene.environment.water_density_kg_per_m3
+    alike = DepthProfilesParams(density_kg_per_m3=((0.0, density),))
+    twin = Twin(replace(scene, effects=(*scene.effects, alike)))
     first = twin.snapshot()
     assert first.fluid_factors == (0.0, 0.0, 0.0)
     twin.advance(round(6.0 / twin.step_s))
