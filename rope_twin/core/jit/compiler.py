@@ -43,22 +43,26 @@ from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import register_pass
 from numba.core.datamodel import default_manager
 from numba.core.datamodel.models import TupleModel, UniTupleModel
+from numba.core.registry import cpu_target
+from numba.core.targetconfig import TargetConfig
 from numba.core.types import containers
 
 _PACKAGE = "rope_twin"
 _UNIFORM = (containers.UniTuple, containers.NamedUniTuple)
 _TUPLES = (containers.Tuple, containers.NamedTuple, *_UNIFORM)
-# What numba writes for two numbers of double precision.
+# What numba writes for two numbers of double precision, and for two whole ones.
 _ARITHMETIC = {
-    operator.add: IRBuilder.fadd,
-    operator.iadd: IRBuilder.fadd,
-    operator.sub: IRBuilder.fsub,
-    operator.isub: IRBuilder.fsub,
-    operator.mul: IRBuilder.fmul,
-    operator.imul: IRBuilder.fmul,
+    operator.add: (IRBuilder.fadd, IRBuilder.add),
+    operator.iadd: (IRBuilder.fadd, IRBuilder.add),
+    operator.sub: (IRBuilder.fsub, IRBuilder.sub),
+    operator.isub: (IRBuilder.fsub, IRBuilder.sub),
+    operator.mul: (IRBuilder.fmul, IRBuilder.mul),
+    operator.imul: (IRBuilder.fmul, IRBuilder.mul),
 }
 _DOUBLES = (types.float64, types.float64)
-_COMPARED = {operator.lt: "<", operator.le: "<=", operator.gt: ">", operator.ge: ">="}
+_WHOLES = (types.int64, types.int64)
+_ORDERS = {operator.lt: "<", operator.le: "<=", operator.gt: ">", operator.ge: ">="}
+_EQUALS = {operator.eq: "==", operator.ne: "!="}  # whole numbers only: NaN differs from itself
 
 
 def _is_ours(kind: Any) -> bool:
@@ -124,19 +128,23 @@ class _Lower(lowering.Lower):  # type: ignore[misc]
     def lower_binop(self, resty: Any, expr: Any, op: Any) -> Any:
         """Sum, product or order of two numbers; numba looks their code up among all operators'."""
         asked = self.fndesc.calltypes[expr]
-        if tuple(asked.args) != _DOUBLES or not (op in _ARITHMETIC or op in _COMPARED):
+        kinds = tuple(asked.args)
+        whole = kinds == _WHOLES
+        sign = _ORDERS.get(op) or (_EQUALS.get(op) if whole else None)
+        if not (whole or kinds == _DOUBLES) or not (sign or op in _ARITHMETIC):
             return super().lower_binop(resty, expr, op)
-        names = expr.lhs.name, expr.rhs.name
+        builder, names = self.builder, (expr.lhs.name, expr.rhs.name)
         values = [self.loadvar(name) for name in names]
         values = [
-            self.context.cast(self.builder, value, self.typeof(name), types.float64)
-            for name, value in zip(names, values, strict=True)
+            self.context.cast(builder, value, self.typeof(name), kind)
+            for name, value, kind in zip(names, values, kinds, strict=True)
         ]
-        if op in _COMPARED:
-            found = self.builder.fcmp_ordered(_COMPARED[op], *values)
+        if sign:
+            found = (builder.icmp_signed if whole else builder.fcmp_ordered)(sign, *values)
         else:
-            found = _ARITHMETIC[op](self.builder, *values)
-        return self.context.cast(self.builder, found, asked.return_type, resty)
+            flags = ["nsw"] if whole else ()
+            found = _ARITHMETIC[op][whole](builder, *values, flags=flags)
+        return self.context.cast(builder, found, asked.return_type, resty)
 
     def lower_getitem(self, resty: Any, expr: Any, value: Any, index: Any, signature: Any) -> Any:
         """A number of a table, or (numba) whatever else is asked for."""
@@ -188,6 +196,28 @@ class _Lower(lowering.Lower):  # type: ignore[misc]
         place = self.context.cast(builder, number, kind, whole)
         below = builder.icmp_signed("<", place, place.type(0))
         return builder.select(below, builder.add(place, size), place)
+
+
+# Options of a kernel are compared at each call that it makes: numba lists all forty of them, twice.
+_equal_options = TargetConfig.__eq__
+_HASHES: dict[Any, int] = {}
+
+
+def _have_equal_options(one: Any, other: Any) -> Any:
+    alike = isinstance(other, TargetConfig) and one._values == other._values
+    return alike or _equal_options(one, other)
+
+
+def _hash_of_options(one: Any) -> int:
+    """numba's: that of the options' names."""
+    kind = type(one)
+    if kind not in _HASHES:
+        _HASHES[kind] = hash(tuple(sorted(one.options)))
+    return _HASHES[kind]
+
+
+TargetConfig.__eq__ = _have_equal_options
+TargetConfig.__hash__ = _hash_of_options
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -394,20 +424,31 @@ class LinkedCompiler(Compiler):  # type: ignore[misc]
         return [passes]
 
 
+def _take_in_news() -> None:
+    """Install what was registered since, all modules that register being loaded."""
+    target = cpu_target.target_context
+    for registry in tuple(target._registries):
+        target.install_registry(registry)
+
+
 @contextmanager
 def _in_one_go() -> Iterator[None]:
-    """Without two things that take a tenth of the time and serve nobody until all is compiled.
+    """Without three things that take over a tenth of the time and serve nobody until the end.
 
     Garbage is collected afterwards: what is made of a kernel stays until then, and is looked
-    through again and again. And of each of thirty thousand calls of LLVM numba tells a stopwatch of
-    every kernel that waits for this one, a dozen.
+    through again and again. Of each of thirty thousand calls of LLVM numba tells a stopwatch of
+    every kernel that waits for this one, a dozen. And for each kernel that it does not know yet it
+    imports once more all modules that may have code for it.
     """
-    collects, calls = gc.isenabled(), llvm.ffi.lib._lock
+    collects, calls, target = gc.isenabled(), llvm.ffi.lib._lock, cpu_target.target_context
+    target.refresh()
     told, calls._cblist = calls._cblist, []
     gc.disable()
+    target.load_additional_registries = _take_in_news
     try:
         yield
     finally:
+        target.__dict__.pop("load_additional_registries", None)
         calls._cblist = told
         if collects:
             gc.enable()
