@@ -17,6 +17,7 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
+from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering
@@ -96,10 +97,14 @@ def predict(growth: Any, rope: Any, stage: Any, kind: int, low: int, high: int) 
     """Do nothing: g is constant over a step."""
 
 
-@kernel("load_nodes", DragGrowth)
-def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add F = -c·n, c = kn·frontal area·g·|n|; A = q·c·(I - ττᵀ + nnᵀ/|n|²), like drag."""
-    grown, frontal = growth.memory[GROWTH, low:], row(work, FRONTAL, low)
+@jit
+def add_more_drag(kn: float, more: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add the share `more` of the drag across the rope to the nodes low <= i < high.
+
+    F = -c·n, c = kn·frontal area·more·|n|; A = q·c·(I - ττᵀ + nnᵀ/|n|²), as the effect `drag` has
+    them. kn: ½·ρ·C_dn [kg/m³]; more: of the nodes from `low` on.
+    """
+    frontal = row(work, FRONTAL, low)
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
     tx, ty, tz = rows(work, TANGENT, low)
@@ -111,7 +116,7 @@ def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
         along = nx * x + ny * y + nz * z
         nx, ny, nz = nx - along * x, ny - along * y, nz - along * z
         speed = sqrt(nx * nx + ny * ny + nz * nz + SPEED2_MIN)
-        k = growth.kn * frontal[i] * grown[i]
+        k = kn * frontal[i] * more[i]
         c = k * speed
         Rx[i] -= c * nx
         Ry[i] -= c * ny
@@ -123,6 +128,12 @@ def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
         Ayy[i] += c * (1.0 - y * y) + g * ny * ny
         Ayz[i] += g * ny * nz - c * y * z
         Azz[i] += c * (1.0 - z * z) + g * nz * nz
+
+
+@kernel("load_nodes", DragGrowth)
+def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add g times the drag across the rope, and its block."""
+    add_more_drag(growth.kn, growth.memory[GROWTH, low:], work, stage, low, high)
 
 
 @kernel("settle", DragGrowth)

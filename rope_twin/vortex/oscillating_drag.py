@@ -26,24 +26,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import DIVISOR_MIN, SPEED2_MIN
+from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
-from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
-    BLOCK,
     FLOW,
-    FRONTAL,
     LENGTH,
-    RESIDUAL,
     TANGENT,
     VELOCITY,
     VOLUME,
     Floats,
 )
+from rope_twin.vortex.drag_amplification import add_more_drag
 
 # Rows that are carried: ⟨n⟩, n of the last step (x, y, z each), ⟨|n|²⟩, ⟨|dn/dt|²⟩, the factor
 # less 1, and whether there was a step yet.
@@ -120,30 +118,7 @@ def predict(drag: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
 @kernel("load_nodes", OscillatingDrag)
 def load_nodes(drag: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Add (factor - 1) times the drag across the rope, and its block."""
-    acts, frontal = drag.memory[ACTS, low:], row(work, FRONTAL, low)
-    vx, vy, vz = rows(work, VELOCITY, low)
-    ux, uy, uz = rows(work, FLOW, low)
-    tx, ty, tz = rows(work, TANGENT, low)
-    Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
-    for i in range(high - low):
-        x, y, z = tx[i], ty[i], tz[i]
-        nx, ny, nz = vx[i] - ux[i], vy[i] - uy[i], vz[i] - uz[i]
-        along = nx * x + ny * y + nz * z
-        nx, ny, nz = nx - along * x, ny - along * y, nz - along * z
-        speed = sqrt(nx * nx + ny * ny + nz * nz + SPEED2_MIN)
-        k = drag.kn * frontal[i] * acts[i]
-        c = k * speed
-        Rx[i] -= c * nx
-        Ry[i] -= c * ny
-        Rz[i] -= c * nz
-        c, g = stage.q * c, stage.q * k / speed
-        Axx[i] += c * (1.0 - x * x) + g * nx * nx
-        Axy[i] += g * nx * ny - c * x * y
-        Axz[i] += g * nx * nz - c * x * z
-        Ayy[i] += c * (1.0 - y * y) + g * ny * ny
-        Ayz[i] += g * ny * nz - c * y * z
-        Azz[i] += c * (1.0 - z * z) + g * nz * nz
+    add_more_drag(drag.kn, drag.memory[ACTS, low:], work, stage, low, high)
 
 
 @kernel("settle", OscillatingDrag)
