@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_cases import NODES, data_of, loads, some_work
-from rigs import Bench, Vector, march, sine
+from rigs import Bench, Vector, march, sine, with_nothing_below
 from scipy.integrate import solve_ivp
 from shedding_rigs import DENSITY, DIAMETER, HAULED, HAULING, Cylinder
 from test_effects import BLOCKS, R, jacobian, matrix
@@ -182,7 +182,7 @@ def at_start(speeds: tuple[float, float], **given: Any) -> tuple[Vector, Vector,
     """Phase, ω and own Strouhal ω of the nodes of a cable at rest; speeds: at bottom and top."""
     own = rig(LCD_CABLE, CABLE_EA, 300, 0.01)
     profile = ((0.0, (speeds[1], 0.0)), (-300.0, (speeds[0], 0.0)))
-    scene = replace(own, current=profile).scene()
+    scene = with_nothing_below(replace(own, current=profile).scene())
     params = TravellingWavesParams(**given)
     bench = Bench(replace(scene, effects=(*scene.effects, params)))
     bench.hold(1)
