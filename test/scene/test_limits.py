@@ -170,9 +170,13 @@ def test_speed_and_depth_of_the_payload_and_slack() -> None:
 
 
 def test_a_landing_faster_than_allowed(tmp_path: Path) -> None:
-    """Lowered onto a bed just below it: the payload meets it at the winch's speed."""
+    """Lowered onto a bed just below it: the payload meets it at the winch's speed.
+
+    With a current of none the step is that of abandonment_and_recovery, compiled already.
+    """
+    more = "  - seabed: {depth_m: 1007.0}\n  - current: {profile: [[0.0, [0.0, 0.0]]]}"
     text = STILL.path.read_text(encoding="utf-8").replace(
-        "effects:", "limits: {landing_speed_m_per_s: 0.3}\neffects:\n  - seabed: {depth_m: 1007.0}"
+        "effects:", f"limits: {{landing_speed_m_per_s: 0.3}}\neffects:\n{more}"
     )
     path = tmp_path / "bed.yaml"
     path.write_text(text.replace("elements: 50", "elements: 20"), encoding="utf-8")
