@@ -119,7 +119,7 @@ EFFECTS: tuple[Effect, ...] = (
         version=2,
     ),
     Effect("seabed", seabed.SeabedParams, seabed.build),
-    Effect("bed_friction", bed_friction.BedFrictionParams, bed_friction.build),
+    Effect("bed_friction", bed_friction.BedFrictionParams, bed_friction.build, version=2),
     Effect("hull_contact", hull_contact.HullContactParams, hull_contact.build),
     Effect("line_contact", line_contact.LineContactParams, line_contact.build),
     Effect("payload", payload.PayloadParams, payload.build),

@@ -124,14 +124,16 @@ def test_across_the_rope_a_current_moves_it_by_its_share_of_the_slip() -> None:
     assert moved[1] > 10.0 * slip
 
 
-def test_energy_of_stick_and_slip() -> None:
+@pytest.mark.parametrize(("step_s", "share"), [(0.01, 1e-4), (0.005, 1e-5)])
+def test_energy_of_stick_and_slip(step_s: float, share: float) -> None:
     """Pulled, held and let go: what friction takes and gives back closes the balance."""
-    twin = Twin(scene_of(FLAT, BedFrictionParams(slip_m=0.05)), Monitors(energy=True))
+    scene = scene_of(FLAT, BedFrictionParams(slip_m=0.05), rig=replace(CHAIN, step=step_s))
+    twin = Twin(scene, Monitors(energy=True))
     speeds = [(0.0, -0.1), (5.0, 0.0), (10.0, 0.1), (15.0, 0.0)]
     *_, shot = march(twin, still, 20.0, speeds=speeds)
     assert shot.energy is not None
     assert shot.energy.water_j < -0.05 * shot.energy.exchanged_j
-    assert abs(shot.energy.residual_j) < 1e-4 * shot.energy.exchanged_j
+    assert abs(shot.energy.residual_j) < share * shot.energy.exchanged_j
 
 
 def test_a_branch_goes_on_as_the_whole() -> None:
@@ -144,8 +146,9 @@ def test_a_branch_goes_on_as_the_whole() -> None:
 
 
 def test_an_anchored_line_at_rest_keeps_its_tension_for_an_hour() -> None:
-    """Within 0.1 % of the pull, everywhere."""
+    """Within 0.1 % of the pull, everywhere, at every look."""
     twin = pulled(scene_of(FLAT, BedFrictionParams()), 10.0)
     first = tensions(twin)
-    twin.advance(round(3600.0 / twin.step_s))
-    assert np.abs(tensions(twin) - first).max() < 1e-3 * first[-1]
+    for _ in range(12):
+        twin.advance(round(300.0 / twin.step_s))
+        assert np.abs(tensions(twin) - first).max() < 1e-3 * first[-1]

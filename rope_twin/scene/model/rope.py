@@ -32,7 +32,7 @@ from rope_twin.core.state import (
 from rope_twin.core.state import Rope as CoreRope
 from rope_twin.effects import EFFECTS, Surroundings
 from rope_twin.effects.added_mass import AddedMassParams
-from rope_twin.effects.bed_friction import BedFrictionParams
+from rope_twin.effects.bed_friction import BedFrictionParams, GridFriction, PlaneFriction
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import Payload as PayloadEffect
@@ -126,6 +126,9 @@ SPLIT_ABOVE, MERGE_BELOW = 1.5, 0.4  # times the element length; leaves a hyster
 ABSORB_S = 1.0
 SPARE_NODES = 4  # the hang-off, a top element not yet merged, and one to spare
 TOLERANCE_SHARE, TOLERANCE_LEAST_N, TOLERANCE_MOST_N = 0.003, 1.0, 500.0
+# of the friction that holds an element: mismatches near all of it would push elements on, and a
+# rope that sticks would never come to rest
+TOLERANCE_STUCK_SHARE = 0.01
 
 
 def build(scene: Scene) -> CoreRope:
@@ -151,7 +154,7 @@ def build(scene: Scene) -> CoreRope:
         absorb=ABSORB_S,
         first_free=1 if line.fixed_at_m is not None else 0,
         step=scene.time.step_s,
-        tolerance=scene.time.newton_tolerance_n or _tolerance(float(tension[-1])),
+        tolerance=scene.time.newton_tolerance_n or _tolerance(tension, effects),
     )
     elements = len(s) - 1
     state = new_state(_room(scene, line, s))
@@ -312,10 +315,18 @@ def _static_tension(effects: tuple[Any, ...], sections: Floats, s: Floats) -> Fl
     return tension
 
 
-def _tolerance(top_tension: float) -> float:
-    """Return the largest tension mismatch of an accepted stage [N]."""
-    share = TOLERANCE_SHARE * abs(top_tension)
-    return min(max(share, TOLERANCE_LEAST_N), TOLERANCE_MOST_N)
+def _tolerance(tension: Floats, effects: tuple[Any, ...]) -> float:
+    """Return the largest tension mismatch of an accepted stage [N].
+
+    tension: of the straight hanging rope at its nodes, so it grows by the weight of each element.
+    """
+    own = min(TOLERANCE_SHARE * abs(float(tension[-1])), TOLERANCE_MOST_N)
+    for effect in effects:
+        if isinstance(effect, PlaneFriction | GridFriction):
+            weight = float(np.median(np.diff(tension)))
+            held = min(effect.axial, effect.lateral) * effect.slip * weight
+            own = min(own, TOLERANCE_STUCK_SHARE * held)
+    return max(own, TOLERANCE_LEAST_N)
 
 
 def _place(state: State, scene: Scene, line: RopeLine, tension: Floats) -> None:
