@@ -192,6 +192,11 @@ TOPICS: tuple[Topic, ...] = (
           "upper, 95 % interval of the residual; instrument, twin, standard uncertainties; mean, "
           "rms, outside (fraction outside the interval) of the last 60 s; NaN: unknown",
           only_with="residuals"),
+    Topic("twin/quality", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
+          "quality index of each functional element: name (top_tension, payload_depth, slack, "
+          "fatigue); index, 0 to 1; cause, number of the component that limits it; input, "
+          "numerics, discretisation, validity, residual, history, the components; NaN: unknown",
+          only_with="quality"),
     Topic("lines/events", "std_msgs/msg/String", Qos.COMMAND, 0.0, "simulation",
           "start or end of a crossing of two lines: time, depth, angle (text)",
           only_with="line_events"),

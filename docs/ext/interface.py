@@ -44,6 +44,8 @@ ROWS_MEAN = {
     "simulation: messages": "messages that could not be decoded",
     "simulation: pacing": "CPU load, deadline misses, lag behind real time",
     "simulation: publishing": "whether results are published",
+    "simulation: quality": "lowest quality index of the functional elements and its reason; WARN "
+    "below 0.7, ERROR below 0.5",
     "simulation: residuals": "measured less computed values; WARN if outside for long",
     "simulation: rope": "a line that was cut",
     "simulation: run": "summary of the run so far, where nodes are separate processes",

@@ -14,7 +14,15 @@ from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.run.arguments import add_command, add_json, add_scene
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.faults.campaign import OFF_PCT, PATIENCE_S, Finding, plan, run_campaign
+from rope_twin.studies.faults.campaign import (
+    DROP,
+    DROP_WITHIN_S,
+    OFF_PCT,
+    PATIENCE_S,
+    Finding,
+    plan,
+    run_campaign,
+)
 from rope_twin.studies.faults.injection import INPUTS
 from rope_twin.twin.ensemble.ensemble import cores
 
@@ -81,23 +89,32 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _figures(scene: str, findings: list[Finding]) -> dict[str, Any]:
-    rows = [{**asdict(one), "met": one.met} for one in findings]
+    rows = [{**asdict(one), "met": one.met, "dropped": one.dropped} for one in findings]
     missed = sum(not one.met for one in findings)
-    return {"scene": scene, "runs": len(rows), "missed": missed, "findings": rows}
+    seen, dropped = _drops(findings)
+    counts = {"runs": len(rows), "missed": missed, "detectable": seen, "quality_dropped": dropped}
+    return {"scene": scene, **counts, "findings": rows}
+
+
+def _drops(findings: list[Finding]) -> tuple[int, int]:
+    """Return how many faults can be detected, and for how many of them the index fell in time."""
+    seen = [one for one in findings if not one.hidden]
+    return len(seen), sum(one.dropped for one in seen)
 
 
 def _as_text(findings: list[Finding]) -> str:
     head = (
         f"{'input':22} {'fault':44} {'flagged':>8} {'level':6} {'error %':>9} {'OK error %':>10} "
-        f"{'off, OK':>8}"
+        f"{'off, OK':>8} {'quality':>8}"
     )
     lines = [head]
     for one in sorted(findings, key=lambda one: (one.met, bool(one.hidden))):
         flagged = "never" if one.flagged_after_s is None else f"{one.flagged_after_s:.2f} s"
+        fell = "never" if one.quality_after_s is None else f"{one.quality_after_s:.2f} s"
         verdict = "" if one.met else "  MISSED" if one.survived else "  ABORTED"
         lines.append(
             f"{one.input:22} {one.fault:44} {flagged:>8} {one.level:6} {one.worst_error_pct:9.1f} "
-            f"{one.worst_error_pct_while_ok:10.1f} {one.off_while_ok_s:6.2f} s"
+            f"{one.worst_error_pct_while_ok:10.1f} {one.off_while_ok_s:6.2f} s {fell:>8}"
             + (f"  undetectable: {one.hidden}" if one.hidden else "") + verdict
         )  # fmt: skip
     hidden = sum(bool(one.hidden) for one in findings)
@@ -106,5 +123,10 @@ def _as_text(findings: list[Finding]) -> str:
         f"{len(findings)} runs: {missed} with an error above {OFF_PCT:g} % of the standard "
         f"deviation for longer than {PATIENCE_S:g} s without a flag, or aborted; {hidden} "
         "undetectable faults listed with the error that they cause"
+    )
+    seen, dropped = _drops(findings)
+    lines.append(
+        f"quality index: lower by {DROP:g} within {DROP_WITHIN_S:g} s in {dropped} of {seen} "
+        "detectable faults"
     )
     return "\n".join(lines)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from rope_twin.core.loads.growth import FACTORS
+from rope_twin.messages.quality import quality_status
 from rope_twin.messages.residuals import residuals_status
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
@@ -191,7 +192,7 @@ LATE_FOR_S = 60.0  # how long a missed deadline is reported as a warning
 
 
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
-    """Return one row each for solver, accuracy, winch, build-up, pacing, strength and limits.
+    """Return one row each for solver, accuracy, winch, build-up, pacing, strength, limits, quality.
 
     Rows for compensator, seabed, touchdown, bend radius and a cut follow where they apply; rows for
     energy balance, error interval, vibration and fatigue where the run monitors them; then one row
@@ -218,6 +219,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         rows.append(touchdown_status(snapshot.touchdowns))
     if snapshot.residuals:
         rows.append(residuals_status(snapshot.residuals))
+    if snapshot.quality:
+        rows.append(quality_status(snapshot.quality))
     if snapshot.bends:
         rows.append(bend_status(snapshot.bends))
     if snapshot.cut is not None:

@@ -18,6 +18,7 @@ from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates, new, serialise
 from rope_twin.messages.markers import RopeMarkers
+from rope_twin.messages.quality import quality_table
 from rope_twin.twin.snapshot import (
     BodyShot,
     RopeShot,
@@ -82,6 +83,7 @@ class Encoder:
             "lines/crossings": self._crossings,
             "lines/events": line_events,
             "residuals": self._residuals,
+            "twin/quality": lambda shot: self._table("twin/quality", shot, *quality_table(shot)),
         }
 
     @property

@@ -18,6 +18,7 @@ from rope_twin.messages.diagnostics import (
     strength_words,
     touchdown_words,
 )
+from rope_twin.messages.quality import lowest_words
 from rope_twin.messages.residuals import residual_words
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import told_bound
@@ -128,6 +129,7 @@ class RunSummary:
     no_error_interval: str = ""  # why there is none
     # fields of Residual and `residual`, of each measured quantity; None: unknown
     residuals: list[dict[str, Any]] = field(default_factory=list)
+    quality: list[dict[str, Any]] = field(default_factory=list)  # fields of Quality, per element
     vibration: dict[str, float | str] | None = None  # at its maximum; None: not enabled
     fatigue: dict[str, float | str] | None = None  # at the maximum damage; None: not enabled
 
@@ -188,6 +190,7 @@ class RunSummary:
         lines += [self.cut_refused] if self.cut_refused else []
         lines += self._monitor_words()
         lines += [residual_words(Residual(**_without(one, "residual"))) for one in self.residuals]
+        lines += [lowest_words(self.quality)] if self.quality else []
         lines += watch_words(self.vibration, self.fatigue)
         lines += self.restarts
         lines += [f"bag {self.bag}{self._missing_words()}"] if self.bag else []
@@ -399,6 +402,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         residuals=[
             dataclasses.asdict(one) | {"residual": one.residual} for one in snapshot.residuals
         ],
+        quality=[dataclasses.asdict(one) for one in snapshot.quality],
         vibration=vibration_figures(snapshot),
         fatigue=fatigue_figures(snapshot),
     )

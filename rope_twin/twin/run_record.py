@@ -17,6 +17,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.bend_radius import BendMonitor, watches_bends
 from rope_twin.twin.contacts import hull_contacts
 from rope_twin.twin.limits import LoadRecord, LoadRules
+from rope_twin.twin.quality import QualityIndex
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.snapshot_builder import (
@@ -38,6 +39,7 @@ class RecordState(NamedTuple):
     unconverged: int
     loads: LoadRecord
     bends: BendMonitor | None
+    quality: QualityIndex
 
 
 class RunRecord:
@@ -61,14 +63,17 @@ class RunRecord:
         self._has_hull = scene.listed(HullContactParams) is not None
         self._has_body = body_of(ropes.lowest(ropes.first)) is not None
         self._bends = BendMonitor(scene) if watches_bends(scene) else None
+        self.quality = QualityIndex()
 
     def state(self) -> RecordState:
         """Return its state; the parts are its own."""
-        return RecordState(self.run, self.recent, self._unconverged, self._loads, self._bends)
+        own = self.run, self.recent, self._unconverged, self._loads, self._bends
+        return RecordState(*own, self.quality)
 
     def restore(self, state: RecordState) -> None:
         """Continue with this state."""
-        self.run, self.recent, self._unconverged, self._loads, self._bends = state
+        self.run, self.recent, self._unconverged, self._loads, self._bends = state[:5]
+        self.quality = state.quality
 
     def take(self, tensions_n: list[float]) -> None:
         """Add the top tensions after each of the steps just done [N]."""

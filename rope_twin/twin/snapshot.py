@@ -208,6 +208,20 @@ class Residual:
 
 
 @dataclass(frozen=True)
+class Quality:
+    """Quality index of one functional element (twin/quality.py)."""
+
+    element: str  # top_tension, payload_depth, slack or fatigue
+    index: float  # 0 to 1
+    cause: str  # the component that limits it, or from which it still rises
+    reason: str  # in words; "": nothing limits it
+    components: tuple[float | None, ...]  # in the order of quality.CAUSES; None: unknown
+    lowest: float  # since the end of the start-up
+    lowest_at_s: float  # twin time
+    lowest_reason: str
+
+
+@dataclass(frozen=True)
 class Touchdown:
     """Touchdown point of a rope (twin/touchdown.py)."""
 
@@ -354,6 +368,7 @@ class Snapshot:
     lines: LinesShot | None = None  # two lines around one sheave, at their last sampling
     line_events: tuple[LineEvent, ...] = ()  # line crossings that began or ended since then
     residuals: tuple[Residual, ...] = ()  # of what is measured, once it was compared
+    quality: tuple[Quality, ...] = ()  # index of each functional element
 
     @property
     def time_s(self) -> float:

@@ -386,7 +386,7 @@ class Twin:
         if inputs.measured.active:
             with inputs.lock:
                 amended(taken, residuals=inputs.measured.residuals(taken))
-        return taken
+        return record.quality.judge(taken)
 
     # Changes of the ropes between steps
 
@@ -458,9 +458,9 @@ class Twin:
         """
         with self.inputs.lock:
             self._motion.steps = 0
-            value, rate = self._motion.boundary
-            line = Payout(float(value[0, rows.LINE]), float(rate[0, rows.LINE]))
-            self.inputs.winch.continue_from(line)
+            self._record.quality.fail(self.time_ns)
+            value, rate = (float(one[0, rows.LINE]) for one in self._motion.boundary)
+            self.inputs.winch.continue_from(Payout(value, rate))
             self._system.ropes.discard_prescribed()
 
     def checkpoint(self) -> Checkpoint:

@@ -81,6 +81,7 @@ class RopeView:
             "struts/state": self._struts,
             "winch/state": self._winch_state,
             "residuals": self._residuals,
+            "twin/quality": self._quality,
             "lines/crossings": self._crossings,
             "lines/events": self._line_events,
             "seabed/touchdown": self._touchdown,
@@ -300,6 +301,10 @@ class RopeView:
 
     def _residuals(self, message: Any, time_ns: int) -> None:
         if self._figures.residuals(time_ns, read_cloud(message)):
+            self._arrange()
+
+    def _quality(self, message: Any, time_ns: int) -> None:
+        if self._figures.quality(time_ns, _cells(message)):
             self._arrange()
 
     def _line_events(self, message: Any, time_ns: int) -> None:

@@ -123,6 +123,7 @@ _ORDER = {f"plots/winch/{row[0]}": k for k, row in enumerate(_WINCH.values())}
 _UNSHOWN = ("target",)  # its unit depends on the control mode; winch/mode states it
 _COLOURS = ("fde725", "6fa8ff", "35b7a0", "f2a65a", "c792ea", "e06c75")
 WINCH_TAB, LINES_TAB, SHAPE_TAB, MEASURED_TAB = "Winch", "Lines", "Shape", "Measured"
+QUALITY_TAB = "Quality"
 _DEPTHS = Plot(LINES_TAB, "plots/lines/crossings", "Elevation of the crossings [m]")
 _ANGLES = Plot(LINES_TAB, "plots/lines/angles", "Crossing angle [deg]")
 # factor and plot of each quantity of touchdown and bend radius that is drawn
@@ -144,6 +145,7 @@ _MEASURED = {
         ("payload_depth_m", 1.0, "depth", "Payload depth", "m"),
     )
 }
+_QUALITY = Plot(QUALITY_TAB, "plots/quality", "Quality index [-]")
 _DISTANCE = Plot(LINES_TAB, "plots/lines/distance", "Minimum distance between the lines [m]")
 Cells = Iterable[tuple[str, str, float]]  # row, column and value of a table
 
@@ -214,6 +216,14 @@ class Figures:
                 if math.isfinite(value := float(row[column])):
                     curve, words = f"{name}/{column}", f"{column}, {name}"
                     self._add(plot, curve, words, at_ns, factor * value, dots=dots)
+        return len(self.plots) > before
+
+    def quality(self, time_ns: int, cells: Cells) -> bool:
+        """Add the quality index of each element; return whether there is a new plot."""
+        before = len(self.plots)
+        for element, figure, value in cells:
+            if figure == "index":
+                self._add(_QUALITY, element, element.replace("_", " "), time_ns, value)
         return len(self.plots) > before
 
     def _add(

@@ -16,6 +16,7 @@ from rope_twin.twin.snapshot import (
     InputHealth,
     PayloadShot,
     PressedPlace,
+    Quality,
     Residual,
     RopeShot,
     Snapshot,
@@ -29,6 +30,13 @@ RESIDUAL = Residual(
     name="winch", quantity="top_tension_n", at_s=2.4, measured=3.21e5, computed=3.208e5,
     half_width=1500.0, instrument=700.0, twin=None, readings=1200, mean=400.0, rms=800.0,
     outside=0.04, span_s=60.0,
+)  # fmt: skip
+
+
+QUALITY = Quality(
+    element="top_tension", index=0.8, cause="discretisation", reason="error 7 %, tolerance 5 %",
+    components=(1.0, 1.0, 0.8, 1.0, 1.0, None), lowest=0.4, lowest_at_s=1.2,
+    lowest_reason="heave: late",
 )  # fmt: skip
 
 
@@ -75,6 +83,7 @@ def hanging_rope(
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
         residuals=(RESIDUAL,),
         contacts=(PressedPlace("hull", 1.3e4, (0.5, -1.0, -16.0)),),
+        quality=(QUALITY,),
         error_interval=TensionInterval(
             float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0
         ),

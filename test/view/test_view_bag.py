@@ -74,7 +74,7 @@ def test_a_bag_is_played_in_order(bag: Path) -> None:
         "ropes/element_tension": 200, "ropes/vibration": 200, "ropes/fatigue": 200,
         "ropes/bend_radius": 200, "payloads/state": 200, "struts/state": 200, "winch/state": 200,
         "seabed/touchdown": 200, "lines/crossings": 200, "lines/events": 200,
-        "residuals": 200,
+        "residuals": 200, "twin/quality": 200,
     }  # fmt: skip
     times = [time_ns for _, time_ns in watcher.seen]
     assert times == sorted(times)

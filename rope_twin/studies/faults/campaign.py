@@ -120,6 +120,7 @@ SEED = 1
 FROM_S, UNTIL_S = 20.0, 50.0
 PATIENCE_S = 2.0
 OFF_PCT = 15.0
+DROP, DROP_WITHIN_S = 0.05, 10.0  # of the quality index below that of the sound run, and in time
 # Rows on the machine and on the lift's own state, which a sound run raises as well as a faulted one
 _NOT_OF_INPUTS = ("simulation: pacing", "simulation: start-up")
 
@@ -187,11 +188,18 @@ class Finding:
     off_while_ok_s: float  # longest time without a flag and with an error above OFF_PCT
     survived: bool  # it ran to its end, and all that it published was finite
     hidden: str = ""  # why the input alone cannot show it
+    quality_after_s: float | None = None  # until the quality index drops; None: never
+    quality_reason: str = ""  # why it dropped
 
     @property
     def met(self) -> bool:
         """Return whether the run survived and was flagged in time, or need not be flagged."""
         return self.survived and (bool(self.hidden) or self.off_while_ok_s <= PATIENCE_S)
+
+    @property
+    def dropped(self) -> bool:
+        """Return whether the quality index dropped within DROP_WITHIN_S."""
+        return self.quality_after_s is not None and self.quality_after_s <= DROP_WITHIN_S
 
 
 @dataclass
@@ -201,6 +209,7 @@ class Course:
     time_s: list[float] = field(default_factory=list)
     tension_n: list[float] = field(default_factory=list)
     rows: list[dict[str, tuple[Level, str]]] = field(default_factory=list)
+    quality: list[tuple[float, str]] = field(default_factory=list)  # lowest index and reason
     ended: str = ""  # why it did not come to its end
 
 
@@ -220,6 +229,8 @@ def follow(scene: Scene, messages: Iterable[Message]) -> Course:
             break
         course.time_s.append(shot.time_s)
         course.tension_n.append(shot.tension_top_n)
+        lowest = min(shot.quality, key=lambda one: one.index)
+        course.quality.append((lowest.index, f"{lowest.cause}: {lowest.reason}"))
         course.rows.append({row.name: (row.level, row.message) for row in twin.rows()
                             if row.name not in _NOT_OF_INPUTS})  # fmt: skip
     return course
@@ -241,6 +252,7 @@ def judge(topic: str, fault: Fault, sound: Course, faulted: Course) -> Finding:
         name, (level, message) = next(iter(raised[first].items()))
     worst = max((one[0] for rows in raised for one in rows.values()), default=level)
     finite = bool(np.isfinite(seen_n).all())
+    fell = _fall(sound, faulted)
     return Finding(
         input=topic,
         fault=fault.name,
@@ -252,7 +264,17 @@ def judge(topic: str, fault: Fault, sound: Course, faulted: Course) -> Finding:
         off_while_ok_s=_longest_s(time_s, quiet & (error_pct > OFF_PCT)),
         survived=finite and not faulted.ended,
         hidden=fault.hidden,
+        quality_after_s=None if fell is None else round(fell[0] - FROM_S, 3),
+        quality_reason="" if fell is None else fell[1],
     )
+
+
+def _fall(sound: Course, faulted: Course) -> tuple[float, str] | None:
+    """Return time [s] and reason of the first drop of the quality index; None: it never fell."""
+    both = zip(sound.time_s, sound.quality, faulted.quality, strict=False)
+    fell = ((time_s, seen[1]) for time_s, true, seen in both
+            if time_s > FROM_S and seen[0] < true[0] - DROP)  # fmt: skip
+    return next(fell, None)
 
 
 def _raised(sound: Course, faulted: Course, count: int) -> Iterator[dict[str, tuple[Level, str]]]:

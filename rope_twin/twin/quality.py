@@ -1,0 +1,316 @@
+"""Quality index of the twin: how far each of its results may be relied on now, and why not.
+
+After the assurance of digital twins by functional element (DNV-RP-A204): each element (top tension,
+payload depth, slack, fatigue) supports a decision, and has an index of 0 to 1, the smallest of six
+components: input, numerics, discretisation, validity, residual and history. It is never a mean: one
+broken part is not healed by five good ones. The index falls at once and rises to its components
+over RISE_S. Without a measurement to compare with, or without a known discretisation error, it is
+UNPROVEN at most.
+
+It is evaluated in snapshots, every EVALUATED_NS of twin time, from what the snapshot tells; it acts
+on nothing. The thresholds are those of the project, and are listed in docs/reference/quality_index.
+The pace of a real-time run is left out (`simulation: pacing` has it), as the index must be the same
+in a replay.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from rope_twin.twin.snapshot import InputHealth, Quality, Residual, Snapshot, amended
+
+INPUT, NUMERICS, DISCRETISATION, VALIDITY, RESIDUAL, HISTORY = CAUSES = (
+    "input", "numerics", "discretisation", "validity", "residual", "history",
+)  # fmt: skip
+TENSION, DEPTH, SLACK, FATIGUE = ELEMENTS = "top_tension", "payload_depth", "slack", "fatigue"
+
+RISE_S = 60.0  # from 0 to 1
+EVALUATED_NS = 200_000_000  # of twin time between two evaluations
+UNPROVEN = 0.7  # at most, without a measurement or with an unknown discretisation error
+WARNED = 0.6  # at most, while an input or a measurement has a warning
+REFUSED_ALL = 0.5  # share of refused samples in 60 s at which an input is worth nothing
+RECENT_S = 60.0  # period of the counts of refused samples
+FAILED_NS = 60_000_000_000  # after a failed step numerics are 0 for so long
+BUILDING_UP = 0.5  # while the ship's motion or the forces of the water build up
+TOO_LARGE = 3.0  # a discretisation error of so many tolerances makes 0
+# tolerances of the discretisation error: RMS bound of the top tension [% of its standard deviation]
+# by the convergence study, and half the error interval [% of the static tension]
+TOLERANCES_PCT = {TENSION: (5.0, 2.0), DEPTH: (10.0, 4.0), SLACK: (5.0, 2.0), FATIGUE: (3.0, 1.0)}
+RMS_GOOD, BIAS_GOOD, WORTHLESS = 1.5, 1.96, 5.0  # residual over its standard uncertainty
+COMPARED_LEAST, COMPARED_S = 10, 10.0  # readings compared, and the newest one's age at most
+OUTSIDE_SHARE, OUTSIDE_SPAN_S = 0.25, 10.0  # of readings outside: `simulation: residuals` warns
+DISAGREED = 0.5  # at most, while it does
+HISTORY_HOURS, HISTORY_LEAST_S = 24, 600.0  # of comparisons, and before which they tell nothing
+HISTORY_GOOD, HISTORY_BAD = 0.95, 0.8  # share of the time in agreement
+
+# input groups of measurements: they judge the twin and do not drive it
+_TENSIONS, _DEPTHS, _LENGTHS = "top_tension_n", "payload_depth_m", "line_out_m"
+_SENSORS = "winch_measured", "motor_tension", "payload_depth"
+_JUDGED_BY = {
+    TENSION: (_TENSIONS, _SENSORS[:2]), SLACK: (_TENSIONS, _SENSORS[:2]),
+    FATIGUE: (_TENSIONS, _SENSORS[:2]), DEPTH: (_DEPTHS, _SENSORS[2:]),
+}  # fmt: skip
+_COMMANDS_ONLY = ("cut",)  # a refused cut leaves the twin as good as it was
+
+
+class Component(NamedTuple):
+    """A component's value, 0 to 1, and what limits it in words; None: unknown."""
+
+    value: float | None
+    reason: str = ""
+
+
+_GOOD = Component(1.0)
+
+
+def falling(value: float, good: float, bad: float) -> float:
+    """Return 1 up to `good`, 0 from `bad` on, and linear between them."""
+    return min(1.0, max(0.0, (bad - value) / (bad - good)))
+
+
+class ElementIndex:
+    """Index of one element over time."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.used = False  # whether it was evaluated yet
+        self.index, self.cause, self.reason = 0.0, VALIDITY, ""
+        self.components: tuple[float | None, ...] = (None,) * len(CAUSES)
+        self._settled = False  # whether the start-up is over
+        self.lowest, self.lowest_at_s, self.lowest_reason = 1.0, -1.0, ""
+
+    def take(
+        self, parts: tuple[Component, ...], past_s: float, now_s: float, building: bool
+    ) -> None:
+        """Take the components, in the order of CAUSES; past_s: since the last evaluation [s]."""
+        values = [_ceiling(cause, part) for cause, part in zip(CAUSES, parts, strict=True)]
+        number = min(range(len(values)), key=values.__getitem__)
+        target, why = values[number], parts[number].reason
+        if not self.used or target <= self.index:
+            self.index, self.cause, self.reason = target, CAUSES[number], why
+        else:
+            self.index = min(target, self.index + past_s / RISE_S)
+            if self.index == target:
+                self.cause, self.reason = CAUSES[number], why
+        self.used, self.components = True, tuple(part.value for part in parts)
+        self._settled = self._settled or (self.index == target and not building)
+        if self._settled and (self.lowest_at_s < 0.0 or self.index < self.lowest):
+            self.lowest, self.lowest_at_s, self.lowest_reason = self.index, now_s, self.reason
+
+    @property
+    def result(self) -> Quality:
+        """Return it for a snapshot; before the end of the start-up the lowest is the present."""
+        known = self.lowest_at_s >= 0.0
+        lowest = (self.lowest, self.lowest_at_s, self.lowest_reason)
+        return Quality(
+            self.name, self.index, self.cause, self.reason, self.components,
+            *(lowest if known else (self.index, 0.0, self.reason)),
+        )  # fmt: skip
+
+
+def _ceiling(cause: str, part: Component) -> float:
+    """Return what the index is at most by one component."""
+    if part.value is not None:
+        return part.value
+    return UNPROVEN if cause in (RESIDUAL, DISCRETISATION) else 1.0
+
+
+class QualityIndex:
+    """Quality index of all elements; its state belongs to a saved state."""
+
+    def __init__(self) -> None:
+        self._elements = tuple(ElementIndex(name) for name in ELEMENTS)
+        self._at_ns = -1  # last evaluation
+        self._failed_ns = -FAILED_NS
+        self._unconverged = 0  # substeps at the last evaluation
+        self._agreed = np.zeros((2, HISTORY_HOURS, 3))  # hour, seconds compared, seconds in accord
+
+    def fail(self, now_ns: int) -> None:
+        """Record a failed step from which the run goes on."""
+        self._failed_ns = now_ns
+        self._at_ns -= EVALUATED_NS  # the next snapshot evaluates it
+
+    def judge(self, shot: Snapshot) -> Snapshot:
+        """Return the snapshot with the index of each element, evaluated if that is due."""
+        if self._at_ns < 0 or shot.stamp_ns - self._at_ns >= EVALUATED_NS:
+            past_s = 0.0 if self._at_ns < 0 else (shot.stamp_ns - self._at_ns) * 1e-9
+            self._at_ns = shot.stamp_ns
+            self._evaluate(shot, past_s)
+        return amended(shot, quality=tuple(one.result for one in self._elements if one.used))
+
+    def _evaluate(self, shot: Snapshot, past_s: float) -> None:
+        heard, solved, valid = inputs_of(shot), self._numerics(shot), validity_of(shot)
+        counted = shot.fatigue is not None or any(one.fatigue is not None for one in shot.ropes)
+        building = shot.motion_ramp < 1.0
+        histories = {
+            quantity: self._history(number, quantity, shot, past_s)
+            for number, quantity in enumerate((_TENSIONS, _DEPTHS))
+        }
+        for element in self._elements:
+            name = element.name
+            if name == FATIGUE and not counted:
+                continue
+            parts = (
+                heard, solved, discretisation_of(name, shot), valid, residual_of(name, shot),
+                histories[_JUDGED_BY[name][0]],
+            )  # fmt: skip
+            element.take(parts, past_s, shot.time_s, building)
+
+    def _numerics(self, shot: Snapshot) -> Component:
+        """Return the component of convergence and failed steps."""
+        count = shot.solver.unconverged_substeps
+        fresh, self._unconverged = count > self._unconverged, count
+        if shot.stamp_ns - self._failed_ns < FAILED_NS:
+            return Component(0.0, f"a step failed at {self._failed_ns * 1e-9:.2f} s")
+        if fresh or shot.doubtful:
+            return Component(0.0, "a step did not converge")
+        return _GOOD
+
+    def _history(self, number: int, quantity: str, shot: Snapshot, past_s: float) -> Component:
+        """Count the time in agreement with measurements, and return its component."""
+        now = [one for one in shot.residuals if one.quantity == quantity and _compares(one, shot)]
+        bins, hour = self._agreed[number], int(shot.time_s // 3600.0)
+        if now and past_s > 0.0:
+            row = bins[hour % HISTORY_HOURS]
+            if row[0] != hour:
+                row[:] = hour, 0.0, 0.0
+            row[1] += past_s
+            row[2] += past_s if not any(map(_disagrees, now)) else 0.0
+        recent = bins[bins[:, 0] > hour - HISTORY_HOURS]
+        compared_s = float(recent[:, 1].sum())
+        if compared_s < HISTORY_LEAST_S:
+            return Component(None, "too little was compared with measurements")
+        share = float(recent[:, 2].sum()) / compared_s
+        value = 1.0 - falling(share, HISTORY_BAD, HISTORY_GOOD)
+        words = f"{quantity} agreed with its measurement for {share:.0%} of the last 24 h"
+        return Component(value, words)
+
+
+def inputs_of(shot: Snapshot) -> Component:
+    """Return the component of the inputs that drive the twin: the worst of them."""
+    return _worst(_inputs(shot))
+
+
+def _inputs(shot: Snapshot) -> Iterator[Component]:
+    for name, health in shot.inputs.items():
+        if name.startswith(_SENSORS) or name in _COMMANDS_ONLY:
+            continue
+        yield input_of(name.replace("_", " "), health)
+    if shot.winch_at_limit:
+        yield Component(WARNED, f"winch: {shot.winch_at_limit}")
+
+
+def input_of(name: str, health: InputHealth) -> Component:
+    """Return the component of one input, in accord with its row of the diagnostics.
+
+    0: it has a fault or is stale (ERROR); WARNED at most: it has a warning, or samples were refused
+    in the last 60 s (WARN), less the larger their share.
+    """
+    if health.fault or health.stale:
+        return Component(0.0, f"{name}: {health.fault or health.note or 'no sample is fresh'}")
+    if name == "current" and health.note and health.note != health.refusal:
+        return Component(WARNED, f"{name}: {health.note}")
+    if not health.recently_refused:
+        return Component(WARNED, f"{name}: {health.warning}") if health.warning else _GOOD
+    refused, taken = health.recently_refused, float(health.accepted)
+    if health.interval_s:
+        taken = min(taken, RECENT_S / health.interval_s)
+    share = refused / (refused + taken)
+    words = f"{name}: samples refused in the last 60 s; last: {health.refusal.removesuffix('.')}"
+    return Component(WARNED * falling(share, 0.0, REFUSED_ALL), words)
+
+
+def discretisation_of(element: str, shot: Snapshot) -> Component:
+    """Return the component of the discretisation error: its bound against the tolerance.
+
+    The bound is that of the error interval where a run has one, else of the convergence study; both
+    are of the top tension, and the dynamic motion of the payload is as far off as its tension.
+    """
+    by_study, by_interval = TOLERANCES_PCT[element]
+    static_n = shot.strength[0].static_n if shot.strength else None
+    static_n = static_n or shot.tension_top_n
+    if shot.error_interval is not None and static_n > 0.0:
+        error_pct, tolerance = 100.0 * shot.error_interval.bound_n / static_n, by_interval
+        words = f"discretisation error ±{error_pct:.2g} % of the static tension"
+    elif not math.isnan(shot.card_error.rms_pct):
+        error_pct, tolerance = shot.card_error.rms_pct, by_study
+        words = f"discretisation error {error_pct:.2g} % of the standard deviation"
+    else:
+        return Component(None, f"discretisation error {shot.card_error.words}")
+    value = falling(error_pct, tolerance, TOO_LARGE * tolerance)
+    return Component(value, f"{words}, tolerance {tolerance:g} %")
+
+
+def validity_of(shot: Snapshot) -> Component:
+    """Return the component of the model's validity now."""
+    return _worst(_validity(shot))
+
+
+def _validity(shot: Snapshot) -> Iterator[Component]:
+    for rope in shot.strength:
+        if rope.utilisation >= 1.0:
+            yield Component(0.0, f"MBL of '{rope.name}' exceeded: a real rope would have parted")
+    if shot.motion_ramp < 1.0:
+        yield Component(BUILDING_UP, f"build-up: {shot.motion_ramp:.0%} of the ship motion applied")
+    if any(factor != 1.0 for factor in shot.fluid_factors):
+        yield Component(BUILDING_UP, "the forces of the water are not applied in full")
+
+
+def residual_of(element: str, shot: Snapshot) -> Component:
+    """Return the component of measured less computed values; None: nothing to compare with."""
+    quantity, sensors = _JUDGED_BY[element]
+    parts = [_residual(one) for one in shot.residuals
+             if one.quantity == quantity and _compares(one, shot)]  # fmt: skip
+    known = [one for one in parts if one.value is not None]
+    if element == DEPTH:  # the line out alone proves no depth, but a wrong one makes it wrong
+        lengths = [one for one in shot.residuals if one.quantity == _LENGTHS]
+        length = _worst(_residual(one) for one in lengths if _compares(one, shot))
+        if length.value is not None and length.value < UNPROVEN:
+            known.append(length)
+    for name, health in shot.inputs.items():
+        if not name.startswith(sensors) or not (known or parts):
+            continue
+        heard = input_of(name.replace("_", " "), health)
+        if heard.value == 0.0:
+            return Component(None, heard.reason)  # nothing that can be relied on to compare with
+        if heard is not _GOOD:
+            known.append(heard)
+    if known:
+        return _worst(known)
+    return parts[0] if parts else Component(None, f"no measurement of {quantity} to compare with")
+
+
+def _compares(one: Residual, shot: Snapshot) -> bool:
+    """Return whether a comparison has readings enough, and a fresh one."""
+    wait_s = max(COMPARED_S, 3.0 * one.span_s / one.readings)
+    return one.readings >= COMPARED_LEAST and shot.time_s - one.at_s <= wait_s
+
+
+def _disagrees(one: Residual) -> bool:
+    """Return whether so many readings lie outside that the diagnostics warn."""
+    outside = one.outside is not None and one.outside > OUTSIDE_SHARE
+    return outside and one.span_s >= OUTSIDE_SPAN_S
+
+
+def _residual(one: Residual) -> Component:
+    """Return the component of one comparison, by RMS and mean over their standard uncertainty."""
+    label = f"{one.quantity} of '{one.name}'"
+    if one.half_width is None or one.half_width <= 0.0:
+        return Component(None, f"the uncertainty of the measured {label} is not known")
+    sigma = one.half_width / 1.96
+    rms, bias = one.rms / sigma, abs(one.mean) / sigma
+    value = min(falling(rms, RMS_GOOD, WORTHLESS), falling(bias, BIAS_GOOD, WORTHLESS))
+    if _disagrees(one):
+        value = min(value, DISAGREED)
+    words = f"{label}: residual of 60 s {rms:.2g} times its standard uncertainty"
+    return Component(value, f"{words}, mean {bias:.2g} times")
+
+
+def _worst(parts: Iterable[Component]) -> Component:
+    """Return the smallest of known components; 1 without any."""
+    return min((one for one in parts if one.value is not None),
+               key=lambda one: one.value, default=_GOOD)  # type: ignore[arg-type, return-value]  # fmt: skip
