@@ -14,6 +14,7 @@ from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.run.arguments import add_command, add_json, add_scene
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
 from rope_twin.studies.faults.campaign import (
     DROP,
     DROP_WITHIN_S,
@@ -24,12 +25,15 @@ from rope_twin.studies.faults.campaign import (
     run_campaign,
 )
 from rope_twin.studies.faults.injection import INPUTS
+from rope_twin.studies.faults.sound import sound_run
 from rope_twin.twin.ensemble.ensemble import cores
 
 EXAMPLES = (
     "faults deep_lift --input ship/heave",
     "faults ahc_lift --single --json",
+    "faults deep_lift --sound 10",
 )
+MOST_HOURS = 1000.0
 MORE = """Runs a scene once with sound inputs and once with each fault of each input, and compares
 the top tension."""
 
@@ -47,6 +51,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add("--single", action="store_true", help="no pairs of faults")
     add("--jobs", type=int, default=cores(), metavar="N",
         help="runs in parallel (default: %(default)s)")  # fmt: skip
+    add("--sound", type=float, default=None, metavar="HOURS",
+        help="no faults: so many hours of twin time; lists drops of the quality index")  # fmt: skip
     add_json(parser)
     parser.set_defaults(run=run)
 
@@ -62,6 +68,8 @@ def run(args: argparse.Namespace) -> int:
         if name not in INPUTS:
             where = f"--input {name}"
             raise InputError(phrase(where, "there is no such input", did_you_mean(name, INPUTS)))
+    if args.sound is not None:
+        return _run_sound(scene, args.sound, args.json)
     runs = plan(scene, args.input or INPUTS, pairs=not args.single)
     if args.fault:
         known = sorted({fault.name for _, fault in runs})
@@ -86,6 +94,29 @@ def run(args: argparse.Namespace) -> int:
     else:
         print(_as_text(findings))
     return ExitCode.OK if all(one.met for one in findings) else ExitCode.NEGATIVE
+
+
+def _run_sound(scene: Scene, hours: float, as_json: bool) -> int:
+    """Run without a fault, and print each drop of the quality index."""
+    if not 0.0 < hours <= MOST_HOURS:
+        what = f"{hours:g} h is no duration of a run"
+        raise InputError(phrase("--sound", what, f"give more than 0 and at most {MOST_HOURS:g}"))
+    progress = FigureProgress()
+
+    def report(now_s: float) -> None:
+        if progress.due:
+            progress.show(f"{now_s / 3600.0:.2f} of {hours:g} h")
+
+    drops = sound_run(scene, 3600.0 * hours, report)
+    progress.finish()
+    if as_json:
+        rows = [asdict(one) for one in drops]
+        print_json({"scene": scene.name, "hours": hours, "drops": len(rows), "findings": rows})
+    else:
+        for one in drops:
+            print(f"{one.at_s:10.1f} s  {one.element} falls to {one.index:.2f} by {one.reason}")
+        print(f"{len(drops)} false drops of the quality index in {hours:g} h")
+    return ExitCode.OK if len(drops) <= max(1.0, hours / 10.0) else ExitCode.NEGATIVE
 
 
 def _figures(scene: str, findings: list[Finding]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.results import EnergyBalance, TensionInterval
 from rope_twin.twin.snapshot import (
+    BORDER,
     BedContact,
     Bend,
     CompensatorShot,
@@ -238,7 +239,7 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     damaged = most_damaged(snapshot)
     if damaged is not None:
         rows.append(_fatigue(*damaged))
-    rows += [_input(name, health) for name, health in snapshot.inputs.items()]
+    rows += [_input(name, one) for name, one in snapshot.inputs.items() if name != BORDER]
     return rows
 
 

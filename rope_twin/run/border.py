@@ -27,7 +27,7 @@ from rope_twin.messages.inputs import (
     read_pose,
 )
 from rope_twin.run.seat import Command, Seats
-from rope_twin.topics import CUT_TOPIC, INPUTS, MOTION_TOPICS
+from rope_twin.topics import CUT_TOPIC, INPUTS, MEASURED_TOPICS, MOTION_TOPICS
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.twin import Twin
@@ -35,6 +35,7 @@ from rope_twin.twin.winch.commands import WinchCommand
 
 SILENT_S = 0.5  # silence of the sender of motion after which another one is accepted
 REPORTED_S = 60.0  # how long a rejection keeps its row above OK
+REMARK_S = 5.0  # between two remarks to the twin
 MESSAGES_ROW, SENDERS_ROW = "simulation: messages", "simulation: senders"
 
 Content = TypeVar("Content")
@@ -105,6 +106,7 @@ class InputBorder:
         self._strangers = {name: Refusals() for name in MOTION_TOPICS}
         self._senders = {name: MotionSender() for name in MOTION_TOPICS}
         self._ignored = 0
+        self._remarked_s = -math.inf
         self.seats = Seats(
             twin.scene,
             priority,
@@ -133,6 +135,7 @@ class InputBorder:
                 right = "stop one of the two senders"
                 note = phrase(topic, "a second sender publishes it too and is ignored", right)
                 self._strangers[topic].add(note, now_s)
+                self._remark(note, now_s)
                 return
         arrival_ns = None if received_ns is None else received_ns - epoch_ns
         stamp_ns, sample = content
@@ -157,6 +160,9 @@ class InputBorder:
         at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
         winch, now_ns = self._twin.inputs.winch_called(name), self._twin.time_ns
         command = self.seats.admit(winch, Command(order, at_ns, sender, publisher), now_ns)
+        if doubt := self.seats.doubt(winch):
+            with self._lock:
+                self._remark(f"winch {winch}: {doubt}", self._now_s())
         if command is not None:
             self._inputs.offer_command(command.stamp_ns, order, name)
 
@@ -213,8 +219,17 @@ class InputBorder:
             return read()
         except InputError as error:
             with self._lock:
-                self._malformed[topic].add(str(error), self._now_s())
+                now_s = self._now_s()
+                self._malformed[topic].add(str(error), now_s)
+                if topic not in MEASURED_TOPICS:
+                    self._remark(str(error), now_s)
             return None
+
+    def _remark(self, note: str, now_s: float) -> None:
+        """Tell the twin's quality index of inputs that do not reach it; call it under the lock."""
+        if self.epoch_ns is not None and now_s - self._remarked_s >= REMARK_S:
+            self._remarked_s = now_s
+            self._inputs.offer_remark(note.removesuffix("."))
 
     def _epoch(self) -> int | None:
         """Return the epoch; if there is none, count the input as ignored and return None."""

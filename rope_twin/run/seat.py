@@ -336,6 +336,12 @@ class Seats:
         """Return the commander of each winch, for the topic winch/seat."""
         return "; ".join(seat.words() for seat in self._by_winch.values())
 
+    def doubt(self, winch: str) -> str:
+        """Return the warning on the seat of a winch; "": there is none."""
+        seat = self._by_winch.get(winch)
+        row = None if seat is None else seat.row(self._now_s())
+        return row.message if row is not None and row.level is Level.WARN else ""
+
     def rows(self) -> list[Status]:
         """Return a diagnostics row for each seat."""
         now_s = self._now_s()

@@ -128,6 +128,10 @@ class InputQueue:
         """Queue measured values; return "" or the reason for their rejection."""
         return self._put(Call("offer_measurement", (measurement,), {}))
 
+    def offer_remark(self, words: str) -> str:
+        """Queue a remark on inputs that were kept from the twin; return "" or its rejection."""
+        return self._put(Call("offer_remark", (words,), {}))
+
     def invalidate_inputs(self) -> None:
         """Queue the invalidation of inputs that were known in advance."""
         self._put(Call(_DOUBT, (), {}))

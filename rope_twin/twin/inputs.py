@@ -14,12 +14,13 @@ from rope_twin.scene.validation.rigging import is_joined, winches_by_name
 from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
 from rope_twin.twin.current_input import CurrentInput
 from rope_twin.twin.cutting.cut_input import CutInput
+from rope_twin.twin.health import InputCounter
 from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.measured.residuals import MeasuredInputs
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.ropes import Ropes
-from rope_twin.twin.snapshot import InputHealth
+from rope_twin.twin.snapshot import BORDER, InputHealth
 from rope_twin.twin.state import Clock
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
 from rope_twin.twin.winch.winch import Winch, winch_of_rope
@@ -35,6 +36,7 @@ class InputState(NamedTuple):
     validity: StudyValidity
     profiles: int
     measured: MeasuredInputs
+    border: InputCounter
 
 
 class TwinInputs:
@@ -51,6 +53,7 @@ class TwinInputs:
         self.current = CurrentInput(ropes.first.effects)
         self.cut = CutInput(scene)
         self.measured = MeasuredInputs(scene)
+        self.border = InputCounter(BORDER)  # what was kept from the twin, in words
         self.validity = StudyValidity(scene)
         self._digest = self.validity.digest  # a run may resume in a scene with another schedule
         self._profiles = 0  # current profiles accepted before the newest step
@@ -65,12 +68,12 @@ class TwinInputs:
     def state(self) -> InputState:
         """Return the inputs' state; its parts are the inputs themselves."""
         own = self.heave, self.winch, self.current, self.cut, self.validity, self._profiles
-        return InputState(*own, self.measured)
+        return InputState(*own, self.measured, self.border)
 
     def restore(self, state: InputState) -> None:
         """Continue with the inputs of a state."""
         self.heave, self.winch, self.current, self.cut, self.validity = state[:5]
-        self._profiles, self.measured = state[5:]
+        self._profiles, self.measured, self.border = state[5:]
         self.validity.resume(self._digest)
 
     def expect_motion(self, own: SceneMotion | None) -> None:
@@ -182,6 +185,12 @@ class TwinInputs:
             told = measurement._replace(rows=rows)
             return self.measured.offer(told, self._clock.time_ns, self._follow)
 
+    def offer_remark(self, words: str) -> str:
+        """Report inputs that were kept from the twin, as WARN for a minute; return ""."""
+        with self.lock:
+            self.border.warn(words, self._clock.time_ns)
+        return ""
+
     def _follow(self, winch: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
         """Let a winch have its measured line out [m] and line speed [m/s]."""
         if self.winch_called(winch) == WINCH:
@@ -214,10 +223,12 @@ class TwinInputs:
     def health(self) -> dict[str, InputHealth]:
         """Return the health of each input; call it under the lock."""
         now = self._clock.time_ns
+        kept_out = self.border.health(now, False)
         return {
             "heave": self.heave.health(now),
             **self.winch.health(now),
             "current": self.current.counter.health(now, False),
             **self.cut.health(now),
             **self.measured.health(now),
+            **({BORDER: kept_out} if kept_out.warning else {}),
         }

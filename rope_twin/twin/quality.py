@@ -8,9 +8,8 @@ over RISE_S. Without a measurement to compare with, or without a known discretis
 UNPROVEN at most.
 
 It is evaluated in snapshots, every EVALUATED_NS of twin time, from what the snapshot tells; it acts
-on nothing. The thresholds are those of the project, and are listed in docs/reference/quality_index.
-The pace of a real-time run is left out (`simulation: pacing` has it), as the index must be the same
-in a replay.
+on nothing. The thresholds are those of the project (docs/reference/quality_index.md). The pace of a
+real-time run is left out (`simulation: pacing` has it), as a replay must find the same index.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.twin.snapshot import InputHealth, Quality, Residual, Snapshot, amended
+from rope_twin.twin.snapshot import BORDER, InputHealth, Quality, Residual, Snapshot, amended
 
 INPUT, NUMERICS, DISCRETISATION, VALIDITY, RESIDUAL, HISTORY = CAUSES = (
     "input", "numerics", "discretisation", "validity", "residual", "history",
@@ -49,6 +48,7 @@ HISTORY_GOOD, HISTORY_BAD = 0.95, 0.8  # share of the time in agreement
 
 # input groups of measurements: they judge the twin and do not drive it
 _TENSIONS, _DEPTHS, _LENGTHS = "top_tension_n", "payload_depth_m", "line_out_m"
+_WORDS = {_TENSIONS: "top tension", _DEPTHS: "payload depth", _LENGTHS: "line out"}
 _SENSORS = "winch_measured", "motor_tension", "payload_depth"
 _JUDGED_BY = {
     TENSION: (_TENSIONS, _SENSORS[:2]), SLACK: (_TENSIONS, _SENSORS[:2]),
@@ -186,7 +186,7 @@ class QualityIndex:
             return Component(None, "too little was compared with measurements")
         share = float(recent[:, 2].sum()) / compared_s
         value = 1.0 - falling(share, HISTORY_BAD, HISTORY_GOOD)
-        words = f"{quantity} agreed with its measurement for {share:.0%} of the last 24 h"
+        words = f"{_WORDS[quantity]} agreed with its measurement for {share:.0%} of the last 24 h"
         return Component(value, words)
 
 
@@ -199,7 +199,7 @@ def _inputs(shot: Snapshot) -> Iterator[Component]:
     for name, health in shot.inputs.items():
         if name.startswith(_SENSORS) or name in _COMMANDS_ONLY:
             continue
-        yield input_of(name.replace("_", " "), health)
+        yield input_of("inputs" if name == BORDER else name.replace("_", " "), health)
     if shot.winch_at_limit:
         yield Component(WARNED, f"winch: {shot.winch_at_limit}")
 
@@ -281,7 +281,7 @@ def residual_of(element: str, shot: Snapshot) -> Component:
             known.append(heard)
     if known:
         return _worst(known)
-    return parts[0] if parts else Component(None, f"no measurement of {quantity} to compare with")
+    return parts[0] if parts else Component(None, f"no measured {_WORDS[quantity]} to compare with")
 
 
 def _compares(one: Residual, shot: Snapshot) -> bool:
@@ -298,7 +298,7 @@ def _disagrees(one: Residual) -> bool:
 
 def _residual(one: Residual) -> Component:
     """Return the component of one comparison, by RMS and mean over their standard uncertainty."""
-    label = f"{one.quantity} of '{one.name}'"
+    label = f"{_WORDS[one.quantity]} of '{one.name}'"
     if one.half_width is None or one.half_width <= 0.0:
         return Component(None, f"the uncertainty of the measured {label} is not known")
     sigma = one.half_width / 1.96

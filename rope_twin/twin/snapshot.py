@@ -34,6 +34,9 @@ class SolverHealth(NamedTuple):
     recovery: str = ""  # reason of the newest recovery and the action taken
 
 
+BORDER = "border"  # among the inputs: a warning on inputs that were kept from the twin
+
+
 class InputHealth(NamedTuple):
     """Counts and faults of one input (heave, winch command or current)."""
 

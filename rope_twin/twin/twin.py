@@ -1,8 +1,7 @@
 """Simulation of one scene (`Twin`): inputs, motion, ropes and monitors, advanced in time.
 
-Inputs carry a time stamp and are accepted from any thread; `advance`, `snapshot` and the methods
-that save a state belong to one thread. Time is counted in whole nanoseconds since the start, so
-that a real-time and an offline run with the same inputs see the same numbers and are bit-identical.
+Inputs carry a time stamp. Time is counted in whole nanoseconds since the start, so that a real-time
+and an offline run with the same inputs see the same numbers and are bit-identical.
 """
 
 from __future__ import annotations
@@ -110,10 +109,9 @@ class Twin:
         """
         refusal = self.inputs.offer_command(stamp_ns, command, winch)
         if self._monitors and not refusal:
-            rope = self.inputs.rope_of(winch)
             with self.inputs.lock:
                 for monitor in self._monitors:
-                    monitor.command(self.time_ns, rope, stamp_ns, command)
+                    monitor.command(self.time_ns, self.inputs.rope_of(winch), stamp_ns, command)
         return refusal
 
     def offer_current(self, profile: ArrayLike) -> str:
@@ -134,6 +132,10 @@ class Twin:
     def offer_measurement(self, measurement: Measurement) -> str:
         """Submit measured values of a winch or the payload; return "" or the first rejection."""
         return self.inputs.offer_measurement(measurement)
+
+    def offer_remark(self, words: str) -> str:
+        """Report inputs that were kept from the twin, for its quality index; return ""."""
+        return self.inputs.offer_remark(words)
 
     def prescribe_motion(self) -> None:
         """Accept computed heave (step, pluck, stop): only order, range, finiteness are checked."""
@@ -376,8 +378,7 @@ class Twin:
         taken = record.add_contact(taken, first, ropes)
         taken = ropes.complete(taken, self.time_ns, effects)
         if self._viv_drag is not None:
-            vibrations = self._viv_drag.shots(self._all_ropes)
-            taken = with_vibration(self.scene, taken, vibrations)
+            taken = with_vibration(self.scene, taken, self._viv_drag.shots(self._all_ropes))
         inputs.validity.look(taken, inputs.motion_judged)
         taken = record.add_loads(taken, first, ropes)
         amended(taken, card_error=self.card_error)
@@ -416,9 +417,8 @@ class Twin:
 
     def _length_m(self, rope: int) -> float:
         """Return the present unstretched length of a rope [m]."""
-        if rope > 0:
-            return self._system.ropes.length_m(rope)
-        return float(self._motion.boundary.value[0, rows.LINE])
+        first = self._motion.boundary.value[0, rows.LINE]
+        return self._system.ropes.length_m(rope) if rope > 0 else float(first)
 
     def _cut_here(self, lost_m: float, rope: int) -> None:
         """Cut a rope now at this height above its lower end [m], or at a node close by."""
@@ -552,8 +552,8 @@ class Twin:
         state = saved if isinstance(saved, SavedState) else saved_state.load_state(saved)
         saved_state.check_scene(state, scene)
         twin = cls(scene, monitors)
-        if (level := state.level) != twin.level:
-            twin.set_level(level)
+        if state.level != twin.level:
+            twin.set_level(state.level)
         if (lost_m := state.about.cut_lost_m) > 0.0:  # anywhere: arrays are restored below
             rope = rope_number(scene, state.about.cut_rope)
             twin.split(0.5 * twin._length_m(rope), rope)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from sample_snapshot import hanging_rope
+from sample_snapshot import QUALITY, hanging_rope
 
 from rope_twin import messages
-from rope_twin.messages import Level, Status, statuses
+from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statuses
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.pacing import PacingHealth
+from rope_twin.twin.quality import CAUSES
 from rope_twin.twin.results import EnergyBalance
 from rope_twin.twin.snapshot import BedContact, InputHealth, RopeStrength, Snapshot, SolverHealth
 
@@ -25,7 +27,7 @@ def row(part: str, snapshot: Snapshot, pacing: PacingHealth | None = GOOD) -> St
 def test_all_is_well_when_all_is_well() -> None:
     rows = statuses(hanging_rope(), GOOD)
     assert {r.level for r in rows} == {Level.OK}
-    assert len({r.name for r in rows}) == len(rows) == 13
+    assert len({r.name for r in rows}) == len(rows) == 14
 
 
 def test_a_doubtful_step_is_an_error_and_a_past_one_a_warning() -> None:
@@ -261,3 +263,33 @@ def test_the_seabed_is_told_of() -> None:
     row = next(r for r in statuses(above, GOOD) if "seabed" in r.name)
     assert "3.21 m above the seabed" in row.message
     assert not [r for r in statuses(replace(above, seabed=None), GOOD) if "seabed" in r.name]
+
+
+@pytest.mark.parametrize(
+    ("index", "level", "words"),
+    [
+        (0.95, Level.OK, "0.9"), (0.7, Level.OK, "0.7"), (0.69, Level.WARN, "0.6"),
+        (0.5, Level.WARN, "0.5"), (0.49, Level.ERROR, "0.4"), (0.0, Level.ERROR, "0.0"),
+    ],
+)  # fmt: skip
+def test_the_quality_row_has_the_lowest_index_and_its_reason(
+    index: float, level: Level, words: str
+) -> None:
+    other = replace(QUALITY, element="slack", index=1.0)
+    worst = replace(QUALITY, index=index, cause="input", reason="heave: late")
+    found = row("quality", replace(hanging_rope(), quality=(other, worst)))
+    assert found.level is level
+    assert found.message == f"top tension {words} by input: heave: late"
+    assert found.values["slack: index"] == "1.000"
+    assert found.values["top tension: history"] == "unknown"
+
+
+def test_the_quality_table_has_every_component_and_nan_where_unknown() -> None:
+    shot = hanging_rope()
+    rows = read_cloud(decode("twin/quality", Encoder(0).encode("twin/quality", shot)))
+    assert rows.dtype.names == ("name", "index", "cause", *CAUSES)
+    (one,) = rows
+    assert one["name"].decode() == "top_tension"
+    assert (one["index"], one["cause"]) == (0.8, CAUSES.index("discretisation"))
+    assert (one["discretisation"], one["residual"]) == (0.8, 1.0)
+    assert np.isnan(one["history"])

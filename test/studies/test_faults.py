@@ -87,6 +87,7 @@ def course(errors_n: float, from_s: float, level: Level = Level.OK, level_s: flo
         swing = 100.0 if k % 2 else -100.0
         made.tension_n.append(1000.0 + swing + (errors_n if time_s > from_s else 0.0))
         raised = level if level_s and time_s > level_s else Level.OK
+        made.quality.append((0.6, "input: words") if raised else (0.7, "residual: unknown"))
         made.rows.append({"simulation: input heave": (raised, "words")})
     return made
 
@@ -110,8 +111,12 @@ def test_the_verdict_follows_from_error_and_flag(
     if flagged_s:
         assert found.flagged_after_s == pytest.approx(flagged_s - FROM_S, abs=0.03)
         assert found.level == "WARN"
+        assert found.quality_after_s == found.flagged_after_s
+        assert (found.dropped, found.quality_reason) == (True, "input: words")
     else:
         assert found.flagged_after_s is None
+        assert found.quality_after_s is None
+        assert not found.dropped
         assert (found.off_while_ok_s > PATIENCE_S) == (error_n > 15.0)
 
 
@@ -129,6 +134,18 @@ def test_the_command_prints_one_object(capsys: pytest.CaptureFixture[str]) -> No
     assert all(row["survived"] and row["met"] for row in found["findings"])
     flagged = {row["fault"]: row["flagged_after_s"] for row in found["findings"]}
     assert all(seconds is not None for seconds in flagged.values()), flagged
+    assert found["quality_dropped"] == found["detectable"] == len(SPARSE)
+    assert all(row["quality_after_s"] <= 10.0 for row in found["findings"])
+
+
+def test_without_a_fault_the_quality_index_does_not_fall(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["faults", "deep_lift", "--sound", "0.06", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (found["hours"], found["drops"], found["findings"]) == (0.06, 0, [])
+    assert main(["faults", "deep_lift", "--sound", "-1"]) == 1
+    assert "no duration" in capsys.readouterr().err
 
 
 def test_an_unknown_fault_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:

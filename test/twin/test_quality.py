@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.sample_snapshot import RESIDUAL, hanging_rope
-from support.small_scene import small_scene
+from sample_snapshot import RESIDUAL, hanging_rope
+from small_scene import small_scene
 
 from rope_twin.messages import Level, statuses
 from rope_twin.scene.card import KnownError
@@ -70,7 +70,7 @@ def test_a_sound_twin_with_a_measurement_is_at_one() -> None:
 def test_without_a_measurement_or_a_known_error_it_is_capped_and_says_why() -> None:
     one = of(QualityIndex().judge(UNMEASURED))
     assert (one.index, one.cause) == (UNPROVEN, "residual")
-    assert "no measurement of top_tension_n" in one.reason
+    assert "no measured top tension" in one.reason
     unknown = replace(SOUND, residuals=(MEASURED,), card_error=KnownError(words="unknown: why"))
     one = of(QualityIndex().judge(unknown))
     assert (one.index, one.cause) == (UNPROVEN, "discretisation")
@@ -306,3 +306,11 @@ def test_a_twin_whose_heave_drops_out_and_returns(tmp_path: Path) -> None:
     assert 0.0 < of(back).index < 0.4
     again = Twin.restore(tmp_path / "gone.state", twin.scene)
     assert dataclasses.asdict(of(again.snapshot())) == dataclasses.asdict(of(gone))
+    twin = again
+    assert twin.offer_remark("ship/heave: malformed") == ""
+    kept_out = twin.inputs.health()["border"]
+    assert kept_out.warning == "ship/heave: malformed"
+    shot = replace(UNMEASURED, inputs={"border": kept_out})
+    assert inputs_of(shot).value == WARNED
+    names = [row.name for row in statuses(shot, None)]
+    assert "simulation: input border" not in names, "rows of the border tell it"

@@ -19,7 +19,7 @@ from rope_twin.view.view_bag import play
 
 EPOCH_NS = 1_763_700_000_000_000_000
 SECONDS = 20
-ALL = 1 + 16 * 200  # the epoch, and each shown topic 10 times a second
+ALL = 1 + 17 * 200  # the epoch, and each shown topic 10 times a second
 OF_A_BODY = ("slings/state", "payloads/body")
 
 

@@ -126,6 +126,16 @@ def test_measured_values_are_drawn_beside_computed_ones(session: Session) -> Non
         assert found.seconds(f"plots/{curve}") == [pytest.approx(2.4)]
 
 
+def test_the_quality_index_is_a_curve_for_each_element(session: Session) -> None:
+    session.epoch()
+    shot = hanging_rope(21, time_s=1.0)
+    topic = "twin/quality"
+    session.show(topic, session.encoder.encode(topic, shot), EPOCH_NS + 10**9)
+    found = session.finish()
+    ((drawn,),) = found.column("plots/quality/top_tension", "Scalars:scalars")
+    assert drawn == pytest.approx(0.8)
+
+
 def test_two_lines_are_shown_with_their_crossings(session: Session) -> None:
     """Curves of distance, height and angle, a point in the picture, events in the log."""
     session.epoch()

@@ -40,6 +40,8 @@ from rope_twin.studies.faults.injection import (
 )
 from rope_twin.studies.faults.injection import WINCH as WINCH_TOPIC
 from rope_twin.twin.input_queue import InputQueue
+from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.recovery import Recovery
@@ -128,13 +130,14 @@ _NOT_OF_INPUTS = ("simulation: pacing", "simulation: start-up")
 class LoneTwin:
     """A twin behind its border on a clock that nobody waits for: as paced, and faster."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, monitors: Monitors = NO_MONITORS) -> None:
         """Make the twin of a run.
 
         Raises:
             SceneError: the scene cannot be built.
         """
-        self._twin = Twin(scene)
+        self.scene = scene
+        self._twin = Twin(scene, monitors)
         self._inputs = InputQueue(self._twin, Recovery(self._twin))
         self._border = InputBorder(self._twin, self._inputs, PRIORITY, lambda: self.now_ns * 1e-9)
         self._border.epoch_ns = EPOCH_NS
@@ -160,14 +163,31 @@ class LoneTwin:
             self._senders.add(message.sender)
             self._border.take_order(message.topic, data, message.sender)
 
+    def measure(self, measurement: Measurement) -> None:
+        """Take a measurement that has arrived, stamped in simulation time."""
+        self._inputs.offer_measurement(measurement)
+
+    @property
+    def time_ns(self) -> int:
+        """Twin time [ns]."""
+        return self._twin.time_ns
+
     def advance_slot(self) -> Snapshot:
         """Step on by one publish period. Raises SolverError where a run would end."""
+        self.step_slot()
+        return self.look()
+
+    def look(self) -> Snapshot:
+        """Return a snapshot of the present."""
+        self._last = self._inputs.snapshot()
+        return self._last
+
+    def step_slot(self) -> None:
+        """Step on by one publish period without a snapshot; raises as `advance_slot`."""
         if self._twin.time_ns >= self._looked_ns + LOOK_NS:
             self._looked_ns = self._twin.time_ns
             self._border.seats.look(self._senders, self._twin.time_ns)
         self._inputs.advance(self._steps)
-        self._last = self._inputs.snapshot()
-        return self._last
 
     def rows(self) -> list[Status]:
         """Return the diagnostics rows as they would be published now."""

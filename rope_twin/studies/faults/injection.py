@@ -67,7 +67,8 @@ class Fault:
 
 def faults_of(topic: str) -> list[Fault]:
     """Return every fault of one input, and pairs of faults that can occur together."""
-    single = [*_ANY, *_OF[topic]]
+    single = [replace(one, hidden=_HIDDEN.get((topic, one.name), one.hidden))
+              for one in (*_ANY, *_OF[topic])]  # fmt: skip
     if topic in (HEAVE, ODOMETRY):
         paired = [fault for fault in single if fault.name in _PAIRED]
         single += [_both(one, other) for one, other in combinations(paired, 2)]
@@ -317,6 +318,7 @@ _OF = {
         Fault("plus 1 m/s", _leap(1.0)),
     ],
 }
+_HIDDEN = {(CURRENT, "off"): "a profile holds until the next one comes"}
 _PAIRED = {
     "stuck", "slow, 2 Hz", "intermittent", "half lost", "repeated", "out of order", "delayed 0.5 s",
     "clock +1.5 s", "position times 10", "rate times 10", "rate of opposite sign", "another sender",
