@@ -221,7 +221,7 @@ class InputBorder:
             with self._lock:
                 now_s = self._now_s()
                 self._malformed[topic].add(str(error), now_s)
-                if topic not in MEASURED_TOPICS:
+                if topic not in (CUT_TOPIC, *MEASURED_TOPICS):
                     self._remark(str(error), now_s)
             return None
 

@@ -402,7 +402,10 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         residuals=[
             dataclasses.asdict(one) | {"residual": one.residual} for one in snapshot.residuals
         ],
-        quality=[dataclasses.asdict(one) for one in snapshot.quality],
+        quality=[
+            dataclasses.asdict(one) | {"components": list(one.components)}
+            for one in snapshot.quality
+        ],
         vibration=vibration_figures(snapshot),
         fatigue=fatigue_figures(snapshot),
     )

@@ -332,7 +332,8 @@ def test_the_log_skips_what_was_not_published(bag: Path, tmp_path: Path) -> None
     every = {"ropes/tension_top", "ropes/tension_top_error", "ropes/tension_bottom", *stamps}
     slots = {
         **dict.fromkeys(every, 1), "ropes/element_tension": 2, "ropes/nodes": 2, "ropes/markers": 2,
-        "winch/mode": 5, "ropes/utilisation": 10, "seabed/contact": 1, "seabed/touchdown": 2,
+        "winch/mode": 5, "ropes/utilisation": 10, "twin/quality": 10,
+        "seabed/contact": 1, "seabed/touchdown": 2,
     }  # fmt: skip
     numbers: dict[str, int] = {}
 

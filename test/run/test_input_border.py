@@ -38,8 +38,15 @@ class Rig:
         return found
 
     def calls(self) -> list[tuple[str, tuple[object, ...]]]:
+        """Inputs that reached the twin."""
         self.inputs.advance(2)
-        return [(call.method, call.arguments) for entry in self.applied for call in entry.calls]
+        made = [(call.method, call.arguments) for entry in self.applied for call in entry.calls]
+        return [one for one in made if one[0] != "offer_remark"]
+
+    def remarks(self) -> list[str]:
+        """What the twin's quality index was told of inputs that did not reach it."""
+        made = [call for entry in self.applied for call in entry.calls]
+        return [str(call.arguments[0]) for call in made if call.method == "offer_remark"]
 
 
 @pytest.fixture
@@ -64,6 +71,8 @@ def test_of_two_senders_of_motion_the_first_is_heard(rig: Rig) -> None:
     assert row.level == Level.ERROR
     assert "a second sender publishes it too" in row.message
     assert row.values["ship/heave: of others"] == "4"
+    (remark,) = rig.remarks()
+    assert "a second sender publishes it too" in remark
     assert rig.border.mixed.startswith("ship/heave")
     rig.now_s += 61.0
     assert rig.row(SENDERS_ROW).level == Level.OK, "a minute later it has healed"
@@ -93,6 +102,9 @@ def test_a_sender_that_takes_over_is_followed() -> None:
 def test_garbage_is_counted_and_heals(rig: Rig, take: Callable[[InputBorder], None]) -> None:
     take(rig.border)
     assert rig.calls() == []
+    kept_out = rig.inputs.snapshot().inputs.get("border")
+    assert ([kept_out.warning] if kept_out else []) == rig.remarks()
+    assert len(rig.remarks()) == (0 if "cut" in rig.row(MESSAGES_ROW).message else 1)
     row = rig.row(MESSAGES_ROW)
     assert row.level == Level.WARN
     assert "1 malformed" in row.message
