@@ -8,7 +8,7 @@ from typing import Any
 
 from rope_twin.messages import templates
 from rope_twin.messages.status import Level, Status
-from rope_twin.twin.quality import CAUSES, UNPROVEN
+from rope_twin.twin.quality import CAUSES, DISCRETISATION, RESIDUAL, UNPROVEN
 from rope_twin.twin.snapshot import Quality, Snapshot
 
 DOUBTFUL = 0.5  # below it a result supports no decision
@@ -44,10 +44,19 @@ def quality_status(elements: Sequence[Quality]) -> Status:
 
 
 def quality_words(one: Quality) -> str:
-    """Return an element's index in words, in tenths as it rises, with its reason."""
+    """Return the lowest index in words, in tenths as it rises, with its reason."""
     tenths = math.floor(10.0 * one.index + 10.0 * _ROUND_OFF) / 10.0
-    words = f"{one.element.replace('_', ' ')} {tenths:.1f}"
-    return f"{words} by {one.cause}: {one.reason}" if one.reason else words
+    words = f"lowest index {tenths:.1f} ({one.element.replace('_', ' ')})"
+    how = "rising after" if is_rising(one) else "limited by"
+    return f"{words}, {how} {one.cause}: {one.reason}" if one.reason else words
+
+
+def is_rising(one: Quality) -> bool:
+    """Return whether the index is below all that limits it now, after a fall."""
+    parts = dict(zip(CAUSES, one.components, strict=True))
+    limits = [value for value in one.components if value is not None]
+    unproven = parts[RESIDUAL] is None or parts[DISCRETISATION] is None
+    return one.index < min([*limits, UNPROVEN if unproven else 1.0]) - _ROUND_OFF
 
 
 def lowest_words(elements: Sequence[dict[str, Any]]) -> str:

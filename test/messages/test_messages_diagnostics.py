@@ -276,10 +276,15 @@ def test_the_quality_row_has_the_lowest_index_and_its_reason(
     index: float, level: Level, words: str
 ) -> None:
     other = replace(QUALITY, element="slack", index=1.0)
-    worst = replace(QUALITY, index=index, cause="input", reason="heave: late")
+    parts = (index, 1.0, 1.0, 1.0, 1.0, None)
+    worst = replace(QUALITY, index=index, cause="input", reason="heave: late", components=parts)
     found = row("quality", replace(hanging_rope(), quality=(other, worst)))
     assert found.level is level
-    assert found.message == f"top tension {words} by input: heave: late"
+    said = f"lowest index {words} (top tension)"
+    assert found.message == f"{said}, limited by input: heave: late"
+    sound = replace(worst, components=(1.0, 1.0, 1.0, 1.0, 1.0, None))
+    rising = row("quality", replace(hanging_rope(), quality=(other, sound)))
+    assert rising.message == f"{said}, rising after input: heave: late"
     assert found.values["slack: index"] == "1.000"
     assert found.values["top tension: history"] == "unknown"
 
