@@ -20,7 +20,8 @@ The payload is a point with a radius, and a stiffness of its own.
 Friction sticks: each element has the displacement e that the rope, where it is pressed, has made
 along the hull since it came into contact, at most the slip distance s (elastic, perfectly plastic,
 with a radial return: Simo and Hughes 1998, ch. 1), and the force -μ·N·e/s. e is solved in the
-stage, with the position; it is 0 in static equilibrium, and is forgotten at lift-off. Payout moves
+stage, with the position; it is 0 in static equilibrium, and is forgotten at lift-off; elements that
+merge keep that of the lower one. Payout moves
 the rope along the hull too.
 
 Blocks: a point's stiffness goes to each node with the share of its force, which is no less than the
@@ -122,8 +123,7 @@ class HullContactParams:
             if self.boxes[number].opening:
                 if min(half[0], half[1]) <= self.payload_radius_m:
                     return f"boxes[{number}] is an opening that the payload does not fit through"
-                grown = half * (1.0, 1.0, 0.0)  # the hang-off may be above, or in it
-                if (np.abs(centre[:2]) > half[:2]).any():
+                if (np.abs(centre[:2]) > half[:2]).any():  # the hang-off may be above, or in it
                     return f"boxes[{number}] is an opening beside the hang-off; move its centre_m"
             elif (np.abs(centre) < grown).all():
                 return f"boxes[{number}] holds the hang-off; move its centre_m, or make it smaller"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rope_twin.messages.status import Level, Status
+from rope_twin.twin.quality import disagrees
 from rope_twin.twin.snapshot import Residual
 
-OUTSIDE_SHARE, OUTSIDE_SPAN_S = 0.25, 10.0  # of readings; 5 % are expected outside
 _QUANTITIES = {  # name, scale, unit and number format of what is measured
     "top_tension_n": ("top tension", 1e-3, "kN", ".2f"),
     "line_out_m": ("line out", 1.0, "m", ".2f"),
@@ -30,7 +30,7 @@ def residuals_status(residuals: Sequence[Residual]) -> Status:
         }
         if one.outside is not None:
             values[f"{label}, outside its interval [%]"] = f"{100.0 * one.outside:.0f}"
-            if one.outside > OUTSIDE_SHARE and one.span_s >= OUTSIDE_SPAN_S:
+            if disagrees(one):
                 outside.append(one)
     if outside:
         words = "; ".join(residual_words(one) for one in outside)

@@ -66,5 +66,6 @@ def _memory_of(effect: Any, s: Floats, capacity: int, start_m: float) -> Floats:
         new[r, n:] = new[r, n - 1]  # of ghost nodes, and of a node where an element splits
     nearest = np.abs(s[:, None] - marks).argmin(axis=1)
     new[3 * k + 1 :, :n] = memory[3 * k + 1 :, nearest]
+    new[3 * k + 1 :, -1] = memory[3 * k + 1 :, -1]  # what an effect has once for the rope
     new[3 * k, :n], new[3 * k, -1] = s - start_m, n
     return new

@@ -20,6 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rope_twin.twin.measured.readings import MOTOR_TENSION, PAYLOAD_DEPTH, WINCH_MEASURED
+from rope_twin.twin.measured.residuals import COVERAGE
 from rope_twin.twin.snapshot import BORDER, InputHealth, Quality, Residual, Snapshot, amended
 
 INPUT, NUMERICS, DISCRETISATION, VALIDITY, RESIDUAL, HISTORY = CAUSES = (
@@ -41,7 +43,7 @@ TOO_LARGE = 3.0  # a discretisation error of so many tolerances makes 0
 TOLERANCES_PCT = {TENSION: (5.0, 2.0), DEPTH: (10.0, 4.0), SLACK: (5.0, 2.0), FATIGUE: (3.0, 1.0)}
 RMS_GOOD, BIAS_GOOD, WORTHLESS = 1.5, 1.96, 5.0  # residual over its standard uncertainty
 COMPARED_LEAST, COMPARED_S = 10, 10.0  # readings compared, and the newest one's age at most
-OUTSIDE_SHARE, OUTSIDE_SPAN_S = 0.25, 10.0  # of readings outside: `simulation: residuals` warns
+OUTSIDE_SHARE, OUTSIDE_SPAN_S = 0.25, 10.0  # of readings; 5 % are expected outside
 DISAGREED = 0.5  # at most, while it does
 HISTORY_HOURS, HISTORY_LEAST_S = 24, 600.0  # of comparisons, and before which they tell nothing
 HISTORY_GOOD, HISTORY_BAD = 0.95, 0.8  # share of the time in agreement
@@ -49,11 +51,9 @@ HISTORY_GOOD, HISTORY_BAD = 0.95, 0.8  # share of the time in agreement
 # input groups of measurements: they judge the twin and do not drive it
 _TENSIONS, _DEPTHS, _LENGTHS = "top_tension_n", "payload_depth_m", "line_out_m"
 _WORDS = {_TENSIONS: "top tension", _DEPTHS: "payload depth", _LENGTHS: "line out"}
-_SENSORS = "winch_measured", "motor_tension", "payload_depth"
-_JUDGED_BY = {
-    TENSION: (_TENSIONS, _SENSORS[:2]), SLACK: (_TENSIONS, _SENSORS[:2]),
-    FATIGUE: (_TENSIONS, _SENSORS[:2]), DEPTH: (_DEPTHS, _SENSORS[2:]),
-}  # fmt: skip
+_SENSORS = WINCH_MEASURED, MOTOR_TENSION, PAYLOAD_DEPTH
+_JUDGED_BY = {TENSION: _TENSIONS, SLACK: _TENSIONS, FATIGUE: _TENSIONS, DEPTH: _DEPTHS}
+LINE_FOLLOWING = "line_following"  # input of a winch that follows its measured line
 _COMMANDS_ONLY = ("cut",)  # a refused cut leaves the twin as good as it was
 
 
@@ -156,7 +156,7 @@ class QualityIndex:
                 continue
             parts = (
                 heard, solved, discretisation_of(name, shot), valid, residual_of(name, shot),
-                histories[_JUDGED_BY[name][0]],
+                histories[_JUDGED_BY[name]],
             )  # fmt: skip
             element.take(parts, past_s, shot.time_s, building)
 
@@ -179,7 +179,7 @@ class QualityIndex:
             if row[0] != hour:
                 row[:] = hour, 0.0, 0.0
             row[1] += past_s
-            row[2] += past_s if not any(map(_disagrees, now)) else 0.0
+            row[2] += past_s if not any(map(disagrees, now)) else 0.0
         recent = bins[bins[:, 0] > hour - HISTORY_HOURS]
         compared_s = float(recent[:, 1].sum())
         if compared_s < HISTORY_LEAST_S:
@@ -196,8 +196,10 @@ def inputs_of(shot: Snapshot) -> Component:
 
 
 def _inputs(shot: Snapshot) -> Iterator[Component]:
+    follows = any(name.startswith(LINE_FOLLOWING) for name in shot.inputs)
+    judging = _SENSORS[1:] if follows else _SENSORS  # a line that is followed drives the twin
     for name, health in shot.inputs.items():
-        if name.startswith(_SENSORS) or name in _COMMANDS_ONLY:
+        if name.startswith(judging) or name in _COMMANDS_ONLY:
             continue
         yield input_of("inputs" if name == BORDER else name.replace("_", " "), health)
     if shot.winch_at_limit:
@@ -262,9 +264,10 @@ def _validity(shot: Snapshot) -> Iterator[Component]:
 
 def residual_of(element: str, shot: Snapshot) -> Component:
     """Return the component of measured less computed values; None: nothing to compare with."""
-    quantity, sensors = _JUDGED_BY[element]
-    parts = [_residual(one) for one in shot.residuals
-             if one.quantity == quantity and _compares(one, shot)]  # fmt: skip
+    quantity = _JUDGED_BY[element]
+    compared = [one for one in shot.residuals if one.quantity == quantity]
+    parts = [_residual(one) for one in compared if _compares(one, shot)]
+    sensors = tuple({one.sensors for one in compared})
     known = [one for one in parts if one.value is not None]
     if element == DEPTH:  # the line out alone proves no depth, but a wrong one makes it wrong
         lengths = [one for one in shot.residuals if one.quantity == _LENGTHS]
@@ -290,8 +293,8 @@ def _compares(one: Residual, shot: Snapshot) -> bool:
     return one.readings >= COMPARED_LEAST and shot.time_s - one.at_s <= wait_s
 
 
-def _disagrees(one: Residual) -> bool:
-    """Return whether so many readings lie outside that the diagnostics warn."""
+def disagrees(one: Residual) -> bool:
+    """Return whether so many readings lie outside that `simulation: residuals` warns."""
     outside = one.outside is not None and one.outside > OUTSIDE_SHARE
     return outside and one.span_s >= OUTSIDE_SPAN_S
 
@@ -301,10 +304,10 @@ def _residual(one: Residual) -> Component:
     label = f"{_WORDS[one.quantity]} of '{one.name}'"
     if one.half_width is None or one.half_width <= 0.0:
         return Component(None, f"the uncertainty of the measured {label} is not known")
-    sigma = one.half_width / 1.96
+    sigma = one.half_width / COVERAGE
     rms, bias = one.rms / sigma, abs(one.mean) / sigma
     value = min(falling(rms, RMS_GOOD, WORTHLESS), falling(bias, BIAS_GOOD, WORTHLESS))
-    if _disagrees(one):
+    if disagrees(one):
         value = min(value, DISAGREED)
     words = f"{label}: residual of 60 s {rms:.2g} times its standard uncertainty"
     return Component(value, f"{words}, mean {bias:.2g} times")

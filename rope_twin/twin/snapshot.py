@@ -71,7 +71,8 @@ class PressedPlace:
 
     name: str  # hull or ropes
     normal_n: float  # sum of all normal forces
-    position_m: tuple[float, float, float]  # where the largest of them acts; NaN: nothing touches
+    # of the largest of them (hull: middle of its element); NaN: nothing touches
+    position_m: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -203,6 +204,7 @@ class Residual:
     rms: float
     outside: float | None  # fraction of the readings outside their interval; None: unknown
     span_s: float  # time covered by the readings
+    sensors: str = ""  # their group in Snapshot.inputs
 
     @property
     def residual(self) -> float:

@@ -9,8 +9,8 @@ Life (Miner 1945, each half cycle uses 1/(2·N)): N = 10^a·(T/MBL)^-m·((D/d)/(
 line of log N over log T that cyclic bend-over-sheave tests are reported by, all constants from the
 rope's maker. T is the tension at the hang-off, on all sheaves.
 
-Material is followed at points 0.1 m apart; a metre has the count of its most bent point, since
-heave compensation runs lengths below a metre to and fro.
+Material is followed at points 0.1 m apart; a piece (a metre in runs) has the count of its most bent
+point, since heave compensation runs lengths below a metre to and fro.
 """
 
 from __future__ import annotations

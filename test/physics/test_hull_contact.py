@@ -130,7 +130,7 @@ def test_hauling_over_a_wall_costs_the_friction_of_what_presses() -> None:
 
 
 def test_a_rope_that_slips_less_than_the_slip_distance_is_held_elastically() -> None:
-    """A payload on a wall below nothing: half the slip, half of μ·N."""
+    """An element on a wall: moved by half the slip it has half of μ·N, from the slip on all."""
     hull = build(
         HullContactParams(boxes=(WALL,), friction=MU, slip_m=SLIP, stiffness_n_per_m2=1e4),
         None,

@@ -134,7 +134,7 @@ def test_damping_and_friction_are_what_the_balance_says() -> None:
 
 
 def test_the_order_of_the_ropes_does_not_matter() -> None:
-    """And with two ropes that touch all along: as many contacts, and a force on each."""
+    """Two strings that cross, listed in either order, press and move alike."""
     one, other = (crossed((0.0, 0.5, -1.0), swap=swap) for swap in (False, True))
     for bench in (one, other):
         bench.hold(60)

@@ -106,7 +106,7 @@ def thrown_ropes(throws: int = THROWS) -> list[Finding]:
             small.append(throw(rig, random, size, PARTS))
 
     def rise(group: list[Throw]) -> float:
-        return 100.0 * max(0.0, *(one.rise for one in group))
+        return 100.0 * max((max(one.rise, 0.0) for one in group), default=0.0)
 
     gained = sum(one.rise > 1e-9 for one in short)
     return [

@@ -1,8 +1,8 @@
 """Contact between the ropes of a system: a penalty between their elements, with friction.
 
 Two elements touch where their closest points P and Q (Ericson 2005, ch. 5.1.9) come nearer than
-`reach`, the sum of both radii. With n the unit vector from Q to P and the penetration
-e = reach - n·(P - Q), at the relative speed v_n away from each other,
+`reach`, one distance for all ropes (default: the largest diameter). With n the unit vector from Q
+to P and the penetration e = reach - n·(P - Q), at the relative speed v_n away from each other,
 
     N = k·e·max(1 - χ·v_n, 0)    (Hunt and Crossley 1975),
 
@@ -271,9 +271,12 @@ def _measure(contact: Any, nodes: Any, counts: Any, found: Any) -> None:
         for o in range(r + 1, counts.shape[0]):
             one, other, n, m = nodes[r], nodes[o], counts[r, ELEMENTS], counts[o, ELEMENTS]
             for i in range(1, n - 1):
-                own = _surround(one, one, i, i + 1)
+                own, far = _surround(one, one, i, i + 1), False
                 for j in range(1, m - 1):
-                    if _apart(own, _surround(other, other, j, j + 1), contact.reach):
+                    if (j - 1) % BUNCH == 0:
+                        bunch = _surround(other, other, j, min(j + BUNCH, m - 1))
+                        far = _apart(own, bunch, contact.reach)
+                    if far or _apart(own, _surround(other, other, j, j + 1), contact.reach):
                         continue
                     s, t, gap = _closest(one, i, other, j)
                     n_vector, apart = _side(gap, gap)

@@ -28,8 +28,9 @@ same tuple.
   with the strain rate included (core/elements.py), as long as the effect's field `here` is not 0.
 - `prepare(effect, rope, stage, kind)`, of such an effect with internal variables: once a stage,
   before the elements of the predicted motion.
-- `face(effect, rope, stack, memory)`, of an effect with internal variables: once a step, where
-  ropes meet: what it reads of other ropes of the stack; memory: its internal variables of each.
+- `face(effect, rope, stack, memory)`, of an effect with internal variables: once a step of a
+  multi-line system, copies from the other ropes of `stack` what the effect depends on; memory: its
+  internal variables of all ropes, (ropes, rows, nodes + 1).
 - `among(effect, system, stage)` adds forces between the ropes of a system (core/joined) to
   residuals and blocks of their nodes, after the loads of every rope.
 - `start`, `predict`, `load_nodes` and `settle` belong to effects with internal variables

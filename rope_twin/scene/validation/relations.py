@@ -284,7 +284,7 @@ def _hull_contact(scene: Scene) -> Iterator[Fault]:
 
 
 def _line_contact(scene: Scene) -> Iterator[Fault]:
-    """Ropes that touch are several, each with elements between those at its ends."""
+    """Yield contact between ropes in a scene with one."""
     if scene.listed(LineContactParams) is None:
         return
     if len(scene.ropes) < 2:

@@ -385,5 +385,7 @@ def _curtain_between(pairs: tuple[tuple[str, str], ...], names: list[str]) -> It
         elif ends.count(name) > 2:
             what = f"'{name}' is in {ends.count(name)} pairs, and a rope has two sides"
             yield path, what, "give each rope in two pairs at most"
+    if len({frozenset(pair) for pair in pairs}) < len(pairs):
+        yield path, "a pair of ropes is listed twice", "list each pair once"
     if any(one == other for one, other in pairs):
         yield path, "a rope is paired with itself", "give two different ropes"

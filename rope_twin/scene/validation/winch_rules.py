@@ -97,6 +97,16 @@ def _sheave(scene: Scene) -> Iterator[Fault]:
                 yield f"{path}.outer_wire_m", what, "give the diameter of one outer wire"
 
 
+def _bend_order(scene: Scene) -> Iterator[Fault]:
+    """Yield a drum that is not further inboard than the sheaves before it."""
+    for path, winch in winches(scene):
+        ends = [one.inboard_m + one.arc_m for one in winch.inboard_sheaves]
+        if winch.drum is not None and ends and winch.drum.inboard_m < max(ends):
+            what = f"the drum at {winch.drum.inboard_m:g} m is outboard of a sheave, which ends at "
+            right = "give its distance from the hang-off along the rope"
+            yield f"{path}.drum.inboard_m", f"{what}{max(ends):g} m", right
+
+
 def _passed(scene: Scene, line: RopeLine) -> Iterator[tuple[str, BendingSheave]]:
     """Yield the sheaves that a rope runs over, each with its path in the file."""
     for number, wheel in enumerate(scene.sheaves):
@@ -175,6 +185,7 @@ WINCH_RULES: tuple[Rule, ...] = (
     _parts,
     _passive,
     _sheave,
+    _bend_order,
     _commander,
     _follows,
     _rows,

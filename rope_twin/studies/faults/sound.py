@@ -57,6 +57,7 @@ def sound_run(
     Raises:
         InputError: the scene's ship lies still.
         SceneError: the scene cannot be built.
+        SolverError: the run would end; the twin cannot go on.
     """
     twin = LoneTwin(instrumented(scene), ERROR_INTERVAL)
     rng, traffic, found = random.Random(SEED), _traffic(scene), []

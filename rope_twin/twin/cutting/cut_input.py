@@ -8,7 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.schema import Scene
@@ -150,6 +152,10 @@ def _reason_not_possible(scene: Scene) -> str:
     in_step = model and model_beside(scene) is None
     if in_step and scene.listed(BendingParams) is not None:
         return f"`{model}` beside `bending` cannot tell the free end of a rope that is cut"
+    if scene.listed(BendingParams) is not None and not is_joined(scene):
+        for name, kind in (("net_curtain", NetCurtainParams), ("bed_friction", BedFrictionParams)):
+            if scene.listed(kind) is not None:
+                return f"`{name}` beside `bending` cannot tell the free end of a rope that is cut"
     body = scene.listed(RigidBodyParams)
     if body is not None and body.deck is not None and body.deck.with_ship:
         return "the body stands on a deck that heaves with the ship, which what falls cannot follow"

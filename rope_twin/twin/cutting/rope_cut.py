@@ -64,12 +64,13 @@ from rope_twin.vortex.oscillating_drag import OscillatingDrag
 
 
 def is_viv_model(effect: Any) -> bool:
-    """Return whether an effect is a VIV model at the nodes inside the step, or like one.
+    """Return whether an effect loads nodes by their length, so that a massless section counts.
 
-    The sticking bed and nets along the rope are: a long massless section would count as theirs.
+    These are the VIV models inside the step, the sticking bed and nets along the rope. Contact with
+    the hull does not act on what falls.
     """
     at_nodes = has_state(effect) and "load_nodes" in hooks_of(type(effect))
-    return at_nodes and not isinstance(effect, DragGrowth | OscillatingDrag)
+    return at_nodes and not isinstance(effect, DragGrowth | OscillatingDrag | HullContact)
 
 
 def of_falling(effects: tuple[Any, ...]) -> tuple[Any, ...]:

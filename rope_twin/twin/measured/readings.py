@@ -13,12 +13,14 @@ from collections import deque
 from typing import NamedTuple, Self
 
 from rope_twin.errors import phrase
-from rope_twin.scene.schema import RopeLine, Scene
+from rope_twin.scene.schema import RopeLine, Scene, Winch
 from rope_twin.scene.validation.rigging import places, winch_of
 from rope_twin.twin.health import AHEAD_NS, UNJUDGED, InputCounter, too_far_ahead, too_late
 from rope_twin.twin.snapshot import InputHealth
 
 WINCH_SENSORS, MOTOR, PAYLOAD = "winch", "motor", "payload"  # sources of a measurement
+# groups of sensors, as `Snapshot.inputs` names them
+WINCH_MEASURED, MOTOR_TENSION, PAYLOAD_DEPTH = "winch_measured", "motor_tension", "payload_depth"
 Row = tuple[str, float | None, float | None, float | None]
 Refusal = tuple[str, str, str]  # kind, fault and remedy
 
@@ -108,6 +110,7 @@ class Readings:
         """Compare the change of the measured place with the integral of the measured speed."""
         _, place, speed, _ = row
         if place is None or speed is None:
+            self.speed_doubt = ""
             return
         ways = self._ways
         ran = 0.0
@@ -151,8 +154,10 @@ class Readings:
         told = [value for value in row[1:] if value is not None]
         if not told:
             return "non_finite", "nothing is measured", "give at least one value that is not NaN"
-        if not all(math.isfinite(value) for value in told):
-            return "non_finite", f"a value of {told[0]}", "give a finite number, or NaN for none"
+        bad = next((value for value in told if not math.isfinite(value)), None)
+        if bad is not None:
+            right = "give a finite number, or None (NaN in a message) for none"
+            return "non_finite", f"a value of {bad}", right
         return self._range_fault(row)
 
     def _range_fault(self, row: Row) -> Refusal | None:
@@ -196,6 +201,17 @@ class Readings:
         raise NotImplementedError
 
 
+def fastest_m_per_s(winch: Winch | None) -> float:
+    """Return the line speed up to which a reading is believed [m/s]; 0 without a winch."""
+    if winch is None:
+        return 0.0
+    if winch.drive or winch.passive_compensation:
+        return FASTEST_M_PER_S
+    heave = winch.heave_compensation
+    most = winch.speed_limit_m_per_s + (heave.speed_limit_m_per_s if heave else 0.0)
+    return SPEED_MARGIN * most
+
+
 class WinchReadings(Readings):
     """Readings of the sensors of one winch, or of its motor."""
 
@@ -205,17 +221,13 @@ class WinchReadings(Readings):
         """Make the checks for the winch at the upper end of a rope."""
         suffix = "" if line.from_ == scene.ropes[0].from_ else f" {line.from_}"
         motor = source == MOTOR
-        name = "motor_tension" if motor else "winch_measured"
+        name = MOTOR_TENSION if motor else WINCH_MEASURED
         super().__init__(name + suffix, "winch/motor_tension" if motor else "winch/measured")
         winch, counter = winch_of(scene, line), scene.measured.line_out
         self._most_m = line.length_m if winch is None else winch.most_line_out_m
         self._jump_m = self._slip_m = JUMP_M + counter.resolution_m
         self._bias_m = counter.bias_m
-        self._speed = 0.0 if winch is None else winch.speed_limit_m_per_s
-        if winch is not None and winch.heave_compensation is not None:
-            self._speed += winch.heave_compensation.speed_limit_m_per_s
-        free = winch is not None and (winch.drive or winch.passive_compensation)
-        self._speed = FASTEST_M_PER_S if free else SPEED_MARGIN * self._speed
+        self._speed = fastest_m_per_s(winch)
         self._loads = tuple(share * line.breaking_load_n for share in TENSION_RANGE)
 
     def _range_fault(self, row: Row) -> Refusal | None:

@@ -24,7 +24,10 @@ from rope_twin.scene.validation.rigging import places
 from rope_twin.twin.measured.readings import (
     HISTORY_NS,
     MOTOR,
+    MOTOR_TENSION,
     PAYLOAD,
+    PAYLOAD_DEPTH,
+    WINCH_MEASURED,
     WINCH_SENSORS,
     DepthReadings,
     Measurement,
@@ -85,10 +88,11 @@ class Comparison:
     """Residuals of one quantity, and their statistics over WINDOW_S in bins of a second."""
 
     def __init__(
-        self, name: str, quantity: str, column: int, sensor: MeasuredTension | MeasuredLength
-    ) -> None:
-        """Compare readings with a column of the history (-1: the last one)."""
-        self.name, self.quantity, self.column = name, quantity, column
+        self, name: str, quantity: str, column: int, sensor: MeasuredTension | MeasuredLength,
+        group: str,
+    ) -> None:  # fmt: skip
+        """Compare readings of a group of sensors with a column of the history (-1: the last)."""
+        self.name, self.quantity, self.column, self.group = name, quantity, column, group
         self._sensor = sensor
         self._waiting: deque[tuple[int, float]] = deque()
         # newest one compared: stamp, measured, computed, instrument's and twin's uncertainty
@@ -200,6 +204,7 @@ class Comparison:
             rms=math.sqrt(sum_rr / n),
             outside=out / known if known else None,
             span_s=float(self._bins[-1][0] - self._bins[0][0] + 1),
+            sensors=self.group,
         )
 
 
@@ -222,14 +227,16 @@ class MeasuredInputs:
         self._winches = tuple(WinchReadings(scene, line, "") for _, line in lines)
         self._motors = tuple(WinchReadings(scene, line, MOTOR) for _, line in lines)
         self._depth = DepthReadings(scene)
+        tells = MOTOR_TENSION if self._motor_tells else WINCH_MEASURED
         self._tensions = tuple(
-            Comparison(line.from_, TENSION, 2 * r, told.tension) for r, line in lines
+            Comparison(line.from_, TENSION, 2 * r, told.tension, tells) for r, line in lines
         )
         self._lengths = tuple(
-            Comparison(line.from_, LINE_OUT, 2 * r + 1, told.line_out) for r, line in lines
+            Comparison(line.from_, LINE_OUT, 2 * r + 1, told.line_out, WINCH_MEASURED)
+            for r, line in lines
         )
         lower = scene.payloads[0].name if len(scene.payloads) == 1 else "payload"
-        self._depths = Comparison(lower, DEPTH, -1, told.payload_depth)
+        self._depths = Comparison(lower, DEPTH, -1, told.payload_depth, PAYLOAD_DEPTH)
         self._history = History()
 
     def offer(self, measurement: Measurement, now_ns: int, follow: Follow | None = None) -> str:

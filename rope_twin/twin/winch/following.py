@@ -9,7 +9,8 @@ too, and reported.
 
 A counter of resolution r says that the line out is within r/2 of its reading. There the length
 predicted from the last one and the line speed is kept, and at the edge otherwise: rounding makes no
-steps of the line. Where no line speed is measured, it is the slope of the readings.
+steps of the line. Where no line speed is measured, it is the slope of the readings; if two of them
+lie so close that it exceeds what the winch can do, the last speed is kept, and that is reported.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from rope_twin.scene.schema import WINCH
 from rope_twin.scene.winch import FOLLOWS_MEASURED
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.health import UNJUDGED
+from rope_twin.twin.measured.readings import fastest_m_per_s
 from rope_twin.twin.motion.heave_track import NO_SEGMENT, STALE_NS, HeaveTrack
 from rope_twin.twin.motion.plausibility import SampleTiming, end_slope
 from rope_twin.twin.snapshot import InputHealth, WinchShot
@@ -56,6 +58,8 @@ class LineTrack(HeaveTrack):
         self.remark = ""  # on a difference of the line from the measured one
         self.off_m = 0.0  # that difference while it is led over
         self._timing = SampleTiming(math.inf)
+        self._fastest = fastest_m_per_s(scene)
+        self._doubt = ""  # about a speed derived from the readings
         self._late_s = 0.0  # by so much the newest reading came after it was needed
 
     @property
@@ -80,19 +84,28 @@ class LineTrack(HeaveTrack):
         self._timing.take(stamp_ns, now, self.missing_ns)
         if not self._stamps or self._stamps[-1] < now:
             self._is_fresh = True
-        speed = self._slope() if speed_m_per_s is None else speed_m_per_s
+        speed = self._derived() if speed_m_per_s is None else speed_m_per_s
         self._append(stamp_ns, self._within(stamp_ns, length_m, speed), speed)
 
     def warning(self) -> str:
-        """Return the warning on a line that differs from the measured one, or on late readings."""
+        """Return the warnings on a line that differs from the measured one and on its readings."""
         off = self.remark if abs(self.off_m) > OFF_M else ""
-        return "; ".join(words for words in (off, self._timing.fault(self._late_s)) if words)
+        told = off, self._doubt, self._timing.fault(self._late_s)
+        return "; ".join(words for words in told if words)
 
     def stale(self, time_ns: int) -> bool:
         """Return whether readings have been missing for longer than is usual for the counter."""
         interval_s = self._timing.interval_s  # NaN: not known yet
         usual_ns = 0 if math.isnan(interval_s) else round(STALE_INTERVALS * interval_s * 1e9)
         return bool(self._stamps) and time_ns - self._stamps[-1] > max(STALE_NS, usual_ns)
+
+    def _derived(self) -> float:
+        """Return the speed by the readings, or the last one where they lie too close for it."""
+        speed, self._doubt = self._slope(), ""
+        if abs(speed) <= self._fastest:
+            return speed
+        self._doubt = f"{speed:+.3g} m/s by the readings is not possible, the last speed is kept"
+        return self._samples[-1][1] if self._samples else 0.0
 
     def _slope(self) -> float:
         """Return the speed at the newest of the recent readings."""
