@@ -285,3 +285,31 @@ def test_blocks_bound_the_stiffness_of_an_element_on_a_wall() -> None:
     lumped = loads((hull,), work, 1, 3)[6, 1:3]
     assert np.linalg.eigvalsh(np.diag(lumped) - exact[:, 1:3]).min() > 0.0
     assert exact.sum(axis=1) == pytest.approx(lumped, rel=1e-3)
+
+
+@pytest.mark.parametrize("slips", [0.5, 3.0])
+def test_blocks_bound_the_stiffness_of_friction(slips: float) -> None:
+    """Likewise along the wall, where an element sticks and where it slides on."""
+    params = HullContactParams(boxes=(WALL,), stiffness_n_per_m2=1e4, damping_s_per_m=0.0)
+    hull = build(params, None, type("Around", (), {"room": 8}))
+    hull.memory[KNOWN, -1], hull.memory[FRICTION, -1] = 3, 1.0
+    work = rows.new_work(4, rows.COUPLED_ROWS)
+    work[rows.POSITION, :4] = 0.9, 1.05, 1.02, 0.9
+    work[rows.POSITION + 2, :4] = -40.0 + 2.0 * np.arange(4)
+    work[rows.REST, :4] = 2.0
+    hull.memory[PLACE : PLACE + 3, :4] = work[rows.POSITION : rows.POSITION + 3, :4]
+    hull.memory[PLACE + 1, :4] -= slips * params.slip_m
+    stage, step = some_stage(), 1e-4
+    exact = np.zeros((2, 4))
+    for k in range(4):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = work.copy()
+            moved[rows.POSITION + 1, k] += sign * step * stage.p
+            ends.append(loads((hull,), moved, 1, 3)[4, 1:3])
+        exact[:, k] = (ends[1] - ends[0]) / (2.0 * step)
+    at_rest = loads((hull,), work, 1, 3)
+    assert np.abs(at_rest[4, 1:3]).min() > 0.0
+    bounded = np.diag(at_rest[9, 1:3]) - exact[:, 1:3]
+    assert np.linalg.eigvalsh(bounded).min() > -1e-6 * at_rest[9, 1:3].max()
+    assert at_rest[9, 1:3].min() > 0.0
