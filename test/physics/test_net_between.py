@@ -174,6 +174,7 @@ def test_a_cut_line_keeps_its_part_of_the_net(tmp_path: Path) -> None:
     [
         ("between: [[line_0, line_9]]", "there is no rope 'line_9'"),
         ("between: [[line_0, line_0]]", "a rope is paired with itself"),
+        ("between: [[line_0, line_1], [line_1, line_0]]", "is listed twice"),
         ("between: [[line_0, line_1], [line_0, line_1], [line_1, line_0]]", "has two sides"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -12,6 +13,7 @@ import pytest
 from small_scene import SMALL_SCENE, digest, not_finite, small_scene
 
 from rope_twin import Snapshot, load_scene
+from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, StateError
 from rope_twin.messages import Level, statuses
 from rope_twin.recording.bag import BagReader
@@ -243,6 +245,9 @@ def test_where_no_rope_can_be_cut_a_sentence_says_why() -> None:
         ("curved_pipe", "`wake_oscillator` beside `bending`"),
     ):
         assert words in CutInput(load_scene(name)).offer(None, 20.0, 0)
+    chain = load_scene("chain_on_bottom")
+    stiff = replace(chain, effects=(*chain.effects, BendingParams(stiffness_n_m2=100.0)))
+    assert "`bed_friction` beside `bending`" in CutInput(stiff).offer(None, 20.0, 0)
 
 
 def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> None:
