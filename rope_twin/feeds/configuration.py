@@ -113,6 +113,11 @@ class FeedSettings:
             return f"stamp is instrument, but {self.format} has no time; give arrival"
         if self.heave_of == REFERENCE and self.rest_heading_deg is None:
             return "rest_heading_deg is missing; give the true heading of the bow at rest [°]"
+        if self.heave_of == REFERENCE and self.sentences.startswith("PHLIN"):
+            what = f"sentences is '{self.sentences}', without roll and pitch"
+            return f"{what}; give PHTRO {self.sentences}"
+        if self.forward and not self.forward.startswith("tcp-server://"):
+            return f"forward is '{self.forward}'; give tcp-server://HOST:PORT"
         fault = self._columns_fault() if self.format == "columns" else None
         if fault := fault or self._idle_key():
             return fault
@@ -139,12 +144,18 @@ class FeedSettings:
     def _columns_fault(self) -> str | None:
         if not self.start:
             return "start is missing; give the beginning of a line, such as $R30C"
+        if "," in self.start:
+            return f"start is '{self.start}'; give what is before the first comma"
         known = (*_QUANTITIES, "motor_tension", "channel")
+        names: dict[int, str] = {}
         for name, place in self.columns.items():
             if name not in known:
                 return f"columns has '{name}'; {did_you_mean(name, known)}"
             if not 1 <= place <= 99:
                 return f"column of {name} is {place}; give a number from 1 to 99"
+            if place in names:
+                return f"column of {name} is {place}, that of {names[place]}; give its own"
+            names[place] = name
         if not set(self.columns) & set(_QUANTITIES):
             return "columns has no quantity; give tension, speed or payout"
         return None

@@ -16,6 +16,7 @@ from rope_twin.feeds.configuration import (
     FeedSettings,
 )
 from rope_twin.feeds.readings import (
+    NANOSECONDS,
     RANGE,
     TIME,
     LineReading,
@@ -28,6 +29,7 @@ from rope_twin.feeds.readings import (
 # Beyond these a number is a fault of the line, whatever the ship.
 MAX_TENSION_N, MAX_PAYOUT_M, MAX_SPEED_M_PER_S = 1e8, 20_000.0, 100.0
 MAX_HEAVE_M, MAX_RATE_M_PER_S, MAX_TILT_DEG = 50.0, 50.0, 90.0
+END_OF_TIME_NS = 2**31 * NANOSECONDS  # seconds of a ROS stamp are an int32
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,8 @@ class Converter:
         stamp_ns = self._stamp(reading, arrival_ns)
         if stamp_ns is None:
             return Refusal(TIME, "the line has no time")
+        if not 0 <= stamp_ns < END_OF_TIME_NS:
+            return Refusal(TIME, "its time is not one of 1970 to 2037")
         if isinstance(reading, LineReading):
             return self._line(reading, stamp_ns)
         return self._motion(reading, stamp_ns)

@@ -25,12 +25,14 @@ from rope_twin.feeds.readings import (
 TWIN_NS = 2_000_000  # equal lines without time and counter that come so close are one line twice
 CLOCK_SET_BACK = 10  # stamps in a row before the last one: the clock was set back
 _IEC_61162_450 = b"UdPbC\0"
+_SUPERSEDED = Refusal(LATE, "arrived together with a newer line")
 
 
 class LineFramer:
     """Cuts a stream of bytes into lines."""
 
     refusal = Refusal(LENGTH, "bytes without an end of line")
+    waiting = b""  # a line is complete with its end: none waits for the next one
 
     def __init__(self) -> None:
         self._rest = b""
@@ -59,7 +61,13 @@ class RecordFramer:
 
     def __init__(self) -> None:
         self._rest = b""
-        self.dropped = 0  # times that the beginning was lost
+        self.dropped = 0  # times that the beginning, or the end of a datagram, was lost
+
+    @property
+    def waiting(self) -> bytes:
+        """Return the record that is complete but for the beginning of the next one, or b""."""
+        record = self._rest[:EM3000_BYTES]
+        return record if len(record) == EM3000_BYTES and em3000_starts(record) else b""
 
     def cut(self, data: bytes, whole: bool = False) -> Iterator[bytes]:
         """Yield the records that are complete; `whole`: data end with a record."""
@@ -75,7 +83,7 @@ class RecordFramer:
                 at = end
             else:
                 at, lost = at + 1, True
-        self.dropped += lost
+        self.dropped += lost or (whole and at < len(data))
         self._rest = b"" if whole else data[at:]
 
 
@@ -111,7 +119,11 @@ class FeedCounts:
 
 
 class Instrument:
-    """Turns the bytes of one instrument into samples, stamps strictly increasing."""
+    """Turns the bytes of one instrument into samples, in the order of their stamps.
+
+    A stamp goes back only where the clock was set back. Only lines stamped by their arrival, and
+    handed over separately, can have equal ones.
+    """
 
     def __init__(self, settings: FeedSettings) -> None:
         self.settings = settings
@@ -122,21 +134,33 @@ class Instrument:
         self._framer: LineFramer | RecordFramer = RecordFramer() if binary else LineFramer()
         self._last_line, self._last_arrival_ns = b"", 0
         self._dropped = 0
+        self._waiting_ns = 0  # arrival of the record that waits for the next one
         self._backward = 0  # refused stamps in a row
 
     def take(self, data: bytes, arrival_ns: int, whole: bool = False) -> list[Sample]:
         """Return the samples in bytes that arrived at this time; `whole`: they are a datagram.
 
-        Of several readings that arrived at once, and are stamped by that, the last one counts.
+        Of several readings that arrived at once, and are stamped by that, the last one counts; it
+        may still wait for the next bytes, and keeps its time of arrival.
         """
         samples: list[Sample] = []
-        for line in self._framer.cut(data, whole):
-            sample = self.take_line(line, arrival_ns)
+        waited, waited_ns = self._framer.waiting, self._waiting_ns
+        lines = list(self._framer.cut(data, whole))
+        waiting = self._framer.waiting
+        if waiting and (lines or waiting != waited):
+            self._waiting_ns = arrival_ns
+        for k, line in enumerate(lines):
+            earlier = k == 0 and line == waited
+            if waiting and not earlier:
+                self.counts.lines += 1
+                self._refuse(_SUPERSEDED)
+                continue
+            sample = self.take_line(line, waited_ns if earlier else arrival_ns)
             if sample is None:
                 continue
             if samples and samples[-1].stamp_ns == sample.stamp_ns:
                 self.counts.accepted -= 1
-                self._refuse(Refusal(LATE, "arrived together with a newer line"))
+                self._refuse(_SUPERSEDED)
                 samples.pop()
             samples.append(sample)
         if self._framer.dropped > self._dropped:
@@ -182,7 +206,9 @@ class Instrument:
         counts, last_ns = self.counts, self.counts.last_stamp_ns
         if last_ns is not None:
             gap_s = (sample.stamp_ns - last_ns) * 1e-9
-            if gap_s < 0.0 or (gap_s == 0.0 and self.settings.stamp != ARRIVAL):
+            if gap_s == 0.0 and self.settings.stamp != ARRIVAL:
+                return Refusal(ORDER, "the stamp of the last one again")
+            if gap_s < 0.0:
                 self._backward += 1
                 if self._backward < CLOCK_SET_BACK:
                     return Refusal(ORDER, f"{-gap_s:.3f} s before the last one")

@@ -7,7 +7,8 @@ settings call up.
 - `$PSXN,23,roll,pitch,heading,heave`; 20 before it: quality of position, height, heading and
   attitude (0 normal, 1 reduced, 2 invalid); 24 after it: rates of roll, pitch and yaw [°/s] and
   vertical speed [m/s].
-- `$PASHR,time,heading,T,roll,pitch,heave,accuracy of roll, pitch, heading,GNSS flag[,INS flag]`.
+- `$PASHR,time,heading,T,roll,pitch,heave,accuracy of roll, pitch, heading,GNSS flag[,INS flag]`;
+  its flags are not judged.
 - TSS1 `:XXAAAASMHHHHQMRRRRSMPPPP`: heave in cm, roll and pitch in 0.01°; small letter Q: settling.
 - TSS3 `:R`, remote heave, heave, status, roll, pitch; the remote heave is that of the crane tip.
 - EM3000, 10 bytes: status, 0x90, roll, pitch [0.01°], heave [cm], heading [0.01°], little-endian,
@@ -27,6 +28,7 @@ from dataclasses import replace
 from rope_twin.feeds.readings import (
     INCOMPLETE,
     INVALID,
+    NAN,
     NUMBER,
     MotionReading,
     Parsed,
@@ -47,11 +49,16 @@ _TSS1 = re.compile(rf":([0-9A-Fa-f]{{6}}) ?{_SIGNED}([UGHFughf]) ?{_SIGNED} ?{_S
 _TSS3 = re.compile(rf":R ?{_SIGNED} ?{_SIGNED}([UGHFughf]) ?{_SIGNED} ?{_SIGNED}")
 _STATUS = re.compile(r"[0-9A-Fa-f]{1,8}")
 _HEADING_INVALID, _ROLL_INVALID, _PITCH_INVALID = 1, 2, 4  # bits of PHINF
+_HEADINGS = ("HEHDT", "HCHDT", "GPHDT", "GNHDT", "INHDT")  # gyro, compass, GNSS, integrated
+_OCTANS = ("PHTRO", "PHLIN", "PHSPD", "PHINF", *_HEADINGS)
 _BOW_UP, _PORT_UP = {"M": 1.0, "P": -1.0}, {"T": 1.0, "B": -1.0}
 
 
 def psxn(with_rates: bool = False) -> Parser:
-    """Return the parser of Seapath; `with_rates`: a reading is complete with its sentence 24."""
+    """Return the parser of Seapath; `with_rates`: a reading is complete with its sentence 24.
+
+    Without it sentence 24 is left out. A heading that sentence 20 calls invalid is not measured.
+    """
     state: dict[str, list[float]] = {}
 
     def parse(line: bytes) -> Parsed:
@@ -59,7 +66,7 @@ def psxn(with_rates: bool = False) -> Parser:
         if fields is None or isinstance(fields, Refusal):
             return fields
         kind, counts = fields[1] if len(fields) > 1 else "", {"20": 4, "23": 4, "24": 4}
-        if kind not in counts:
+        if kind not in counts or (kind == "24" and not with_rates):
             return None
         if len(fields) != 2 + counts[kind]:
             return Refusal(INCOMPLETE, f"{len(fields)} fields in PSXN,{kind}")
@@ -75,14 +82,16 @@ def psxn(with_rates: bool = False) -> Parser:
         quality = state.get("20", [0.0] * 4)
         if quality[1] >= 2 or quality[3] >= 2:
             return Refusal(INVALID, "height or attitude by PSXN,20")
-        rate = state.pop("24")[3] if "24" in state else float("nan")
+        if quality[2] >= 2:
+            heading = NAN
+        rate = state.pop("24")[3] if with_rates else NAN
         return MotionReading(heave, rate, roll, pitch, heading)
 
     return parse
 
 
 def pashr() -> Parser:
-    """Return the parser of `$PASHR`."""
+    """Return the parser of `$PASHR`; its flags are not judged."""
 
     def parse(line: bytes) -> Parsed:
         fields = sentence(line, ("PASHR",))
@@ -215,7 +224,7 @@ def octans(sentences: tuple[str, ...]) -> Parser:
         return None
 
     def parse(line: bytes) -> Parsed:
-        fields = sentence(line, ("PHTRO", "PHLIN", "PHSPD", "PHINF", "HEHDT", "HCHDT", "GPHDT"))
+        fields = sentence(line, _OCTANS)
         if fields is None or isinstance(fields, Refusal):
             return fields
         refusal = take(fields)

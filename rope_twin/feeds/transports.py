@@ -14,7 +14,7 @@ import struct
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,13 +22,15 @@ from typing import Any
 from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings
 from rope_twin.feeds.motion_sensors import EM3000_BYTES
-from rope_twin.feeds.readings import iso_time_ns
+from rope_twin.feeds.readings import DAY_NS, iso_time_ns
 
 Take = Callable[[bytes, int, bool], None]  # bytes, time of arrival [ns], whether they are whole
 
 _POLL_S = 0.2  # until a stop request is noticed
 _RETRY_S = 1.0
 _BYTES = 65536
+# A link whose other end has vanished without a word fails after 11 s of silence.
+_KEEP_ALIVE = {"TCP_KEEPIDLE": 5, "TCP_KEEPINTVL": 2, "TCP_KEEPCNT": 3}
 _SECOND_NS = 1_000_000_000
 UDP, TCP, TCP_SERVER, SERIAL, FILE = "udp", "tcp", "tcp-server", "serial", "file"
 ADDRESSES = "FILE, udp://HOST:PORT, tcp://HOST:PORT, tcp-server://HOST:PORT or serial:DEVICE@BAUD"
@@ -181,18 +183,30 @@ class TcpSource(Source):
         self._address = address
 
     def _read(self) -> None:
-        end = self._address.name or "127.0.0.1", self._address.number
-        with socket.create_connection(end, timeout=_RETRY_S) as link:
+        with connected(self._address) as link:
             self.fault = ""
             link.settimeout(_POLL_S)
             while not self._stop.is_set():
                 try:
                     data = link.recv(_BYTES)
-                except TimeoutError:
+                except TimeoutError as error:
+                    if error.errno is not None:  # of the link, not of the poll
+                        raise
                     continue
                 if not data:
                     raise OSError(None, "the server has closed the connection")
                 self._take(data, time.time_ns(), False)
+
+
+def connected(address: Address) -> socket.socket:
+    """Return a link to a TCP server that is probed while it is silent. Raises OSError."""
+    end = address.name or "127.0.0.1", address.number
+    link = socket.create_connection(end, timeout=_RETRY_S)
+    link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in _KEEP_ALIVE.items():
+        if hasattr(socket, name):  # not on every system
+            link.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+    return link
 
 
 class SerialSource(Source):
@@ -226,7 +240,9 @@ class FileSource(Source):
     """Lines of a file at the pace of their times, or as fast as possible where speed is 0.
 
     A line begins with the time of a logger, or has one inside. Stamps keep the spacing of the file
-    at every speed: they begin at `start_ns`, or are those of the file where it is None.
+    at every speed: they begin at `start_ns`, or are those of the file where it is None. Lines
+    before the first time are left out. A leap of more than a day is no time unless the next time
+    confirms it; such a hole is not waited for.
     """
 
     def __init__(
@@ -248,29 +264,69 @@ class FileSource(Source):
         if binary and not rate_hz:
             what = "records of this format have no time"
             raise InputError(phrase(f"source '{path}'", what, "set replay_rate_hz"))
+        if not rate_hz and not _has_time(path):
+            raise InputError(
+                phrase(f"source '{path}'", "no line of it has a time", "set replay_rate_hz")
+            )
 
     def _read(self) -> None:
-        began_s, first_ns, time_ns = time.monotonic(), None, 0
+        try:
+            self._replay()
+        finally:
+            self.ended = True  # not read again from its beginning
+
+    def _replay(self) -> None:
+        began_s = time.monotonic()
+        for line, time_ns, since_ns in self._timed():
+            if self._speed > 0.0:
+                due_s = began_s + since_ns * 1e-9 / self._speed - time.monotonic()
+                if self._stop.wait(min(max(0.0, due_s), threading.TIMEOUT_MAX)):
+                    return
+            stamp_ns = time_ns if self._start_ns is None else self._start_ns + since_ns
+            self._take(line, stamp_ns, not self._binary)
+
+    def _timed(self) -> Iterator[tuple[bytes, int, int]]:
+        """Yield each line with its time and the time since the first one [ns]."""
+        first_ns: int | None = None
+        leapt_ns: int | None = None
+        time_ns = DAY_NS  # of lines without a time, so that a delay can be subtracted
         with self._path.open("rb") as file:
             while not self._stop.is_set():
                 line = file.read(EM3000_BYTES) if self._binary else file.readline(4096)
                 if not line:
-                    break
-                own_ns, line = (None, line) if self._period_ns else _logged(line)
-                if own_ns is not None:
-                    time_ns = own_ns
-                elif first_ns is not None:
-                    time_ns += self._period_ns
-                if first_ns is None:
-                    first_ns = time_ns
-                since_ns = time_ns - first_ns
-                if self._speed > 0.0:
-                    due_s = began_s + since_ns * 1e-9 / self._speed
-                    if self._stop.wait(max(0.0, due_s - time.monotonic())):
-                        break
-                stamp_ns = time_ns if self._start_ns is None else self._start_ns + since_ns
-                self._take(line, stamp_ns, not self._binary)
-        self.ended = True
+                    return
+                if self._period_ns:
+                    time_ns += 0 if first_ns is None else self._period_ns
+                    first_ns = first_ns or time_ns
+                else:
+                    own_ns, line = _logged(line)
+                    if own_ns is not None and first_ns is None:
+                        first_ns = time_ns = own_ns
+                    elif own_ns is not None and abs(own_ns - time_ns) <= DAY_NS:
+                        time_ns, leapt_ns = own_ns, None
+                    elif own_ns is not None and first_ns is not None:
+                        if leapt_ns is not None and abs(own_ns - leapt_ns) <= DAY_NS:
+                            first_ns += own_ns - time_ns
+                            time_ns, leapt_ns = own_ns, None
+                        else:
+                            leapt_ns = own_ns
+                if first_ns is not None:
+                    yield line, time_ns, time_ns - first_ns
+
+
+def _has_time(path: Path) -> bool:
+    """Return whether a line of a file has a time.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            lines = iter(lambda: file.readline(4096), b"")
+            return any(_logged(line)[0] is not None for line in lines)
+    except OSError as error:
+        what, right = error.strerror or str(error), "name a file that can be read"
+        raise InputError(phrase(f"source '{path}'", what, right)) from error
 
 
 def _logged(line: bytes) -> tuple[int | None, bytes]:

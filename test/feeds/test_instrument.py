@@ -13,7 +13,7 @@ from feed_samples import DATA, SAMPLES, settings
 from rope_twin.feeds.conversion import LineSample, MotionSample
 from rope_twin.feeds.instrument import Instrument
 from rope_twin.feeds.motion_track import HeaveOutput, MotionTrack, motion_of_pose
-from rope_twin.feeds.readings import DUPLICATE, LATE, LENGTH, ORDER, nmea, xor_of
+from rope_twin.feeds.readings import DUPLICATE, LATE, LENGTH, ORDER, TIME, nmea, xor_of
 from rope_twin.feeds.writers import writer
 from rope_twin.twin.motion.ship_pose import (
     ShipPose,
@@ -66,9 +66,27 @@ def test_a_clock_that_was_set_back_is_followed_after_ten_lines() -> None:
     instrument = Instrument(settings("lci90"))
     lines = lines_of(100)
     for k, (line, at_ns) in enumerate(lines):
-        instrument.take(line, at_ns if k < 50 else at_ns - 3600 * S)
+        instrument.take(line, at_ns + 7200 * S if k < 50 else at_ns + 3600 * S)
     assert instrument.counts.refused == {ORDER: 9}
     assert instrument.counts.accepted == 91
+
+
+def test_a_clock_that_stands_still_gives_one_reading() -> None:
+    instrument = Instrument(settings("lci90", stamp="instrument"))
+    write = writer(instrument.settings)
+    for k in range(30):
+        instrument.take(write(LineSample(S, 1e4, 0.5, float(k), NAN)), k * S // 20)
+    assert instrument.counts.accepted == 1
+    assert instrument.counts.refused == {ORDER: 29}
+
+
+@pytest.mark.parametrize("year", [1969, 2038])
+def test_a_time_that_no_ros_stamp_can_have_is_refused(year: int) -> None:
+    instrument = Instrument(settings("wir", stamp="instrument", checksum="none"))
+    line = SAMPLES["wir"].replace(b"2024-05-01", f"{year}-05-01".encode())
+    assert not instrument.take(line, S)
+    assert instrument.counts.refused == {TIME: 1}
+    assert instrument.take(SAMPLES["wir"], S)
 
 
 def test_of_lines_that_arrive_at_once_the_last_counts() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rope_twin.feeds.configuration import FeedSettings
 from rope_twin.feeds.conversion import MotionSample
 from rope_twin.feeds.instrument import Instrument
-from rope_twin.feeds.readings import CHECKSUM, INCOMPLETE, INVALID, NUMBER, nmea
+from rope_twin.feeds.readings import CHECKSUM, INCOMPLETE, INVALID, LATE, NUMBER, nmea
 from rope_twin.feeds.writers import writer
 
 S = 1_000_000_000
@@ -149,6 +149,30 @@ def test_rates_of_the_next_sentence_belong_to_the_reading() -> None:
     assert (found.heave_m, found.heave_rate_m_per_s, found.heading_deg) == (0.542, 0.3, 12.5)
 
 
+def test_rates_that_are_not_asked_for_are_left_out() -> None:
+    instrument = Instrument(settings("psxn"))
+    for k, heave in enumerate((0.5, 0.6)):
+        (found,) = instrument.take(nmea(f"PSXN,23,1.0,2.0,3.0,{heave}"), NOW_NS + k * S)
+        assert isinstance(found, MotionSample)
+        assert math.isnan(found.heave_rate_m_per_s), "of the sentence 24 before it"
+        assert not instrument.take(nmea("PSXN,24,0.1,0.2,0.3,-0.40"), NOW_NS + k * S + 1)
+    assert (instrument.counts.others, instrument.counts.refused_total) == (2, 0)
+
+
+def test_a_heading_that_is_invalid_is_not_measured() -> None:
+    found, _ = read(nmea("PSXN,20,0,0,2,0") + SAMPLES["psxn"], settings("psxn"))
+    assert found is not None
+    assert math.isnan(found.heading_deg)
+    assert found.heave_m == -0.15
+
+
+@pytest.mark.parametrize("name", ["GPHDT", "GNHDT", "INHDT"])
+def test_the_heading_of_another_sentence_is_used(name: str) -> None:
+    found, _ = read(nmea(f"{name},12.5,T") + SAMPLES["octans"], settings("octans"))
+    assert found is not None
+    assert found.heading_deg == 12.5
+
+
 @pytest.mark.parametrize(
     ("name", "data", "reason"),
     [
@@ -162,6 +186,7 @@ def test_rates_of_the_next_sentence_belong_to_the_reading() -> None:
         ("tss1", SAMPLES["tss1"][:20], INCOMPLETE),
         ("em3000", b"\x9a" + SAMPLES["em3000"][1:], INVALID),
         ("em3000", b"\xa0" + SAMPLES["em3000"][1:], INVALID),
+        ("em3000", SAMPLES["em3000"][:9], INCOMPLETE),
         ("octans", nmea("PHINF,00000002") + SAMPLES["octans"], INVALID),
         ("octans", SAMPLES["octans"].split(b"\n")[1], INCOMPLETE),
         ("octans", nmea("PHTRO,1.72,X,0.34,T"), NUMBER),
@@ -194,6 +219,20 @@ def test_records_of_em3000_are_found_in_a_stream() -> None:
         found += instrument.take(stream[at : at + 7], NOW_NS + at * S)
     # The first is cut; the last waits for its successor.
     assert [one.heave_m for one in found] == pytest.approx(heaves[1:-1])  # type: ignore[union-attr]
+
+
+def test_a_record_in_a_stream_has_the_time_of_its_own_arrival() -> None:
+    """Not that of the next one, which shows that it is complete."""
+    write = writer(settings("em3000"))
+    records = [write(MotionSample(0, 0.1 * k, NAN, 0.0, 0.0, 10.0)) for k in range(6)]
+    instrument, found = Instrument(settings("em3000")), []
+    for k, data in enumerate((records[0][:4], records[0][4:], records[1] + records[2][:1],
+                              records[2][1:], records[3] + records[4], records[5])):  # fmt: skip
+        found += instrument.take(data, NOW_NS + k * S)
+    stamps = {round(one.heave_m, 2): (one.stamp_ns - NOW_NS) // S for one in found}  # type: ignore[union-attr]
+    assert stamps == {0.0: 1, 0.1: 2, 0.2: 3, 0.4: 4}, "3 arrived together with 4"
+    assert instrument.counts.refused == {LATE: 1}
+    assert (instrument.counts.lines, instrument.counts.accepted) == (5, 4)
 
 
 ANGLE = st.floats(-30.0, 30.0)

@@ -65,6 +65,11 @@ def test_every_unit_and_sign_must_be_given(name: str) -> None:
         ("tss1", {"rest_heading_deg": 10.0}, "rest_heading_deg has no effect"),
         ("rcwd", {"tension_of": "motor"}, "tension_of has no effect"),
         ("octans", {"sentences": "PHTRO"}, "sentences is 'PHTRO'"),
+        ("octans", {"sentences": "PHLIN PHSPD", "heave_of": "reference", "rest_heading_deg": 0.0},
+         "without roll and pitch; give PHTRO PHLIN PHSPD"),
+        ("tss1", {"forward": "tcp://:4001"}, "give tcp-server://HOST:PORT"),
+        ("columns", {"start": "$R30C,1"}, "before the first comma"),
+        ("columns", {"columns": {"tension": 2, "payout": 2}}, "that of tension; give its own"),
     ],
 )  # fmt: skip
 def test_wrong_settings_are_refused_in_one_sentence(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import pty
 import socket
@@ -15,6 +16,7 @@ import pytest
 from feed_samples import DATA, SAMPLES, settings
 
 from rope_twin.errors import InputError
+from rope_twin.feeds import transports
 from rope_twin.feeds.instrument import Instrument
 from rope_twin.feeds.transports import (
     Address,
@@ -22,6 +24,7 @@ from rope_twin.feeds.transports import (
     Source,
     TcpServer,
     UdpSink,
+    connected,
     open_sink,
     open_source,
     read_address,
@@ -182,7 +185,44 @@ def test_a_file_without_times_needs_a_rate(tmp_path: Path) -> None:
         until(lambda: source.ended, "its end")
     instrument = Instrument(made)
     found = [one for piece in heard.pieces for one in instrument.take(*piece)]
-    assert [one.stamp_ns - found[0].stamp_ns for one in found] == [k * S // 100 for k in range(4)]
+    assert [one.stamp_ns for one in found] == [S + k * S // 100 for k in range(4)]
+    path.write_bytes(SAMPLES["tss1"])
+    with pytest.raises(InputError, match="no line of it has a time; set replay_rate_hz"):
+        open_source(settings("tss1", source=str(path)), Heard().take)
+
+
+@pytest.mark.parametrize("speed", [0.0, 100.0])
+def test_a_line_without_a_sound_time_does_not_stop_a_replay(tmp_path: Path, speed: float) -> None:
+    """A header, a time that was cut, a year that was garbled; and a hole of a week is no wait."""
+    path = tmp_path / "winch.txt"
+    path.write_text(
+        "# winch\n\n2024-05-01T12:00:00Z a\n4-05-01T12:00:00Z b\n9024-05-01T12:00:00Z c\n"
+        "2024-05-01T12:00:01Z d\n2024-05-08T12:00:00Z e\n2024-05-08T12:00:01Z f\n"
+    )
+    heard, _ = replayed(path, speed, 5 * S)
+    assert [(data.split()[-1], (at_ns - 5 * S) // S) for data, at_ns, _ in heard.pieces] == [
+        (b"a", 0), (b"b", 0), (b"c", 0), (b"d", 1), (b"e", 1), (b"f", 1),
+    ]  # fmt: skip
+
+
+def test_a_silent_link_is_probed() -> None:
+    server = TcpServer(Address("tcp-server", "127.0.0.1", free_port(socket.SOCK_STREAM)))
+    with closing(server), connected(Address("tcp", "127.0.0.1", server.port)) as link:
+        assert link.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        assert link.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) == 5
+
+
+def test_a_link_that_fails_is_no_poll(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the probes find is a TimeoutError too, but with a number."""
+
+    class Dead(socket.socket):
+        def recv(self, *_: object) -> bytes:
+            raise OSError(errno.ETIMEDOUT, "Connection timed out")
+
+    monkeypatch.setattr(transports, "connected", lambda _: Dead())
+    with running(open_source(settings("lci90", source="tcp://:4001"), Heard().take)) as source:
+        until(lambda: source.fault, "it is reported")
+    assert source.fault == "Connection timed out"
 
 
 @pytest.mark.parametrize(

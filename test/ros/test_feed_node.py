@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 import yaml
-from feed_samples import DATA, SETTINGS
+from feed_samples import DATA, SAMPLES, SETTINGS
 from ros_bench import Bench
 
 from rope_twin.errors import InputError, SceneError
@@ -24,6 +24,7 @@ from rope_twin.feeds.conversion import LineSample, MotionSample
 from rope_twin.feeds.transports import Address, UdpSink
 from rope_twin.feeds.writers import writer
 from rope_twin.messages import encode_heave
+from rope_twin.ros.feed_node import _Channel
 
 pytestmark = pytest.mark.ros
 S = 1_000_000_000
@@ -136,6 +137,24 @@ def test_a_file_as_fast_as_possible_loses_nothing(bench: Bench, tmp_path: Path) 
     assert node.figures()["feeds"]["winch"]["accepted"] == count
     assert node.statuses()[0].values["lost by this node"] == "0"
     node.close()
+
+
+def test_one_turn_takes_what_had_arrived_when_it_began(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file as fast as possible refills the queue meanwhile."""
+    winch = FeedSettings(**{"format": "lci90", **SETTINGS["lci90"], "source": "udp://:6224"})
+    channel, taken = _Channel("winch", winch, 1.0, 0), []
+
+    def take(*piece: Any) -> list[Any]:
+        taken.append(piece)
+        if len(taken) < 9:
+            channel._put(*piece)
+        return []
+
+    monkeypatch.setattr(channel.instrument, "take", take)
+    channel._put(SAMPLES["lci90"], S, True)
+    assert channel.samples() == []
+    assert len(taken) == 1
+    channel.close()
 
 
 def test_a_simulator_sends_what_a_feed_reads(bench: Bench, tmp_path: Path) -> None:
