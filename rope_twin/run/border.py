@@ -229,7 +229,7 @@ class InputBorder:
         """Tell the twin's quality index of inputs that do not reach it; call it under the lock."""
         if self.epoch_ns is not None and now_s - self._remarked_s >= REMARK_S:
             self._remarked_s = now_s
-            self._inputs.offer_remark(note.removesuffix("."))
+            self._inputs.take_remark(note.removesuffix("."))
 
     def _epoch(self) -> int | None:
         """Return the epoch; if there is none, count the input as ignored and return None."""

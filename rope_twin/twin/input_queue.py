@@ -128,9 +128,9 @@ class InputQueue:
         """Queue measured values; return "" or the reason for their rejection."""
         return self._put(Call("offer_measurement", (measurement,), {}))
 
-    def offer_remark(self, words: str) -> str:
+    def take_remark(self, words: str) -> str:
         """Queue a remark on inputs that were kept from the twin; return "" or its rejection."""
-        return self._put(Call("offer_remark", (words,), {}))
+        return self._put(Call("take_remark", (words,), {}))
 
     def invalidate_inputs(self) -> None:
         """Queue the invalidation of inputs that were known in advance."""

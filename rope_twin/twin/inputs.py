@@ -185,7 +185,7 @@ class TwinInputs:
             told = measurement._replace(rows=rows)
             return self.measured.offer(told, self._clock.time_ns, self._follow)
 
-    def offer_remark(self, words: str) -> str:
+    def take_remark(self, words: str) -> str:
         """Report inputs that were kept from the twin, as WARN for a minute; return ""."""
         with self.lock:
             self.border.warn(words, self._clock.time_ns)

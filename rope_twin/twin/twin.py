@@ -133,9 +133,9 @@ class Twin:
         """Submit measured values of a winch or the payload; return "" or the first rejection."""
         return self.inputs.offer_measurement(measurement)
 
-    def offer_remark(self, words: str) -> str:
+    def take_remark(self, words: str) -> str:
         """Report inputs that were kept from the twin, for its quality index; return ""."""
-        return self.inputs.offer_remark(words)
+        return self.inputs.take_remark(words)
 
     def prescribe_motion(self) -> None:
         """Accept computed heave (step, pluck, stop): only order, range, finiteness are checked."""

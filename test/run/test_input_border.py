@@ -41,12 +41,12 @@ class Rig:
         """Inputs that reached the twin."""
         self.inputs.advance(2)
         made = [(call.method, call.arguments) for entry in self.applied for call in entry.calls]
-        return [one for one in made if one[0] != "offer_remark"]
+        return [one for one in made if one[0] != "take_remark"]
 
     def remarks(self) -> list[str]:
         """What the twin's quality index was told of inputs that did not reach it."""
         made = [call for entry in self.applied for call in entry.calls]
-        return [str(call.arguments[0]) for call in made if call.method == "offer_remark"]
+        return [str(call.arguments[0]) for call in made if call.method == "take_remark"]
 
 
 @pytest.fixture

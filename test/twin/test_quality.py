@@ -307,7 +307,7 @@ def test_a_twin_whose_heave_drops_out_and_returns(tmp_path: Path) -> None:
     again = Twin.restore(tmp_path / "gone.state", twin.scene)
     assert dataclasses.asdict(of(again.snapshot())) == dataclasses.asdict(of(gone))
     twin = again
-    assert twin.offer_remark("ship/heave: malformed") == ""
+    assert twin.take_remark("ship/heave: malformed") == ""
     kept_out = twin.inputs.health()["border"]
     assert kept_out.warning == "ship/heave: malformed"
     shot = replace(UNMEASURED, inputs={"border": kept_out})
