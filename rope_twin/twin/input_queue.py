@@ -26,6 +26,7 @@ from rope_twin.twin.winch.commands import WinchCommand
 WAITING_LIMIT = 1_000_000  # numbers that may wait for the next cycle, 8 MB
 SET_LEVEL = "set_level"
 _DOUBT = "invalidate_inputs"
+_REMARK = "take_remark"
 _PARTS = {kind.__name__: kind for kind in (ShipPose, WinchCommand, AccuracyLevel, Measurement)}
 
 
@@ -130,7 +131,7 @@ class InputQueue:
 
     def take_remark(self, words: str) -> str:
         """Queue a remark on inputs that were kept from the twin; return "" or its rejection."""
-        return self._put(Call("take_remark", (words,), {}))
+        return self._put(Call(_REMARK, (words,), {}))
 
     def invalidate_inputs(self) -> None:
         """Queue the invalidation of inputs that were known in advance."""
@@ -179,7 +180,7 @@ def calls_of(plain: Any) -> tuple[Call, ...]:
 
 
 def _call(method: str, arguments: Any, named: Any) -> Call:
-    if not (method.startswith("offer_") or method in (_DOUBT, SET_LEVEL)):
+    if not (method.startswith("offer_") or method in (_DOUBT, _REMARK, SET_LEVEL)):
         raise ValueError(f"'{method}' is no input")
     given = {str(name): _value(value) for name, value in named.items()}
     return Call(method, tuple(_value(value) for value in arguments), given)
