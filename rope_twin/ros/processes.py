@@ -368,7 +368,7 @@ class _Supervisor:
             summary,
             error=error,
             bag=bag,
-            view=options.view,
+            view=options.shown,
             state=summary.state if options.save else None,
             not_kept=not_kept,
             restarts=self._restarts,

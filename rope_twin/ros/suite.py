@@ -98,7 +98,7 @@ class Suite:
         return replace(
             self.simulation.paced.summary(),
             bag=str(options.record) if options.record else None,
-            view=options.view if "viewer" in self._nodes else None,
+            view=options.shown if "viewer" in self._nodes else None,
         )
 
     def close(self) -> None:

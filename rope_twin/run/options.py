@@ -94,6 +94,12 @@ class RunOptions:
         return "window" if self.screen else str(self.view_file) if self.view_file else None
 
     @property
+    def shown(self) -> str | None:
+        """Return where the run was shown; None if the file of its view was not written."""
+        written = self.screen or self.view_file is None or self.view_file.exists()
+        return self.view if written else None
+
+    @property
     def announcement(self) -> str:
         """Return in words what is recorded and shown where, and what comes first."""
         parts = [f"recording to {self.record}" if self.record else "not recording"]

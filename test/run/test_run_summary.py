@@ -5,12 +5,14 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_snapshot import lifted
 
 from rope_twin.cli.console import CaseProgress
+from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress
 from rope_twin.run.summary import RunSummary, summarise
 from validation.rigs import Rig
@@ -25,6 +27,15 @@ def test_of_one_rope_it_is_its_lower_end() -> None:
     assert lines[4] == "line out 100.0 m, payload at 100.3 m depth"
     twin.scene = replace(twin.scene, payloads=())
     assert "m, lower end at 100.3 m depth" in summarise(twin, shot, None).as_text()
+
+
+def test_a_view_that_was_not_written_is_not_named(tmp_path: Path) -> None:
+    """Such as without rerun; the file is there as soon as the viewer has opened it."""
+    options = RunOptions(headless=True, record=tmp_path / "lift")
+    assert options.view_file is not None
+    assert options.shown is None
+    options.view_file.touch()
+    assert options.shown == str(tmp_path / "lift.rrd")
 
 
 def test_where_ropes_meet_it_is_every_rope_and_payload() -> None:
