@@ -70,8 +70,8 @@ class MeasuredLength:
 
         A resolution r adds r/√12, the standard deviation of rounding (GUM, JCGM 100:2008, F.2.2.1).
         """
-        told = _combined(self.uncertainty_m, self.uncertainty_pct, reading)
-        return told if told is None else hypot(told, self.resolution_m / 12.0**0.5)
+        combined = _combined(self.uncertainty_m, self.uncertainty_pct, reading)
+        return combined if combined is None else hypot(combined, self.resolution_m / 12.0**0.5)
 
     @property
     def bias(self) -> float:

@@ -182,8 +182,8 @@ class TwinInputs:
         with self.lock:
             called = self.winch_called  # "" stays: the only winch, or a fault
             rows = tuple((row[0] and called(row[0]), *row[1:]) for row in measurement.rows)
-            told = measurement._replace(rows=rows)
-            return self.measured.offer(told, self._clock.time_ns, self._follow)
+            named = measurement._replace(rows=rows)
+            return self.measured.offer(named, self._clock.time_ns, self._follow)
 
     def take_remark(self, words: str) -> str:
         """Report inputs that were kept from the twin, as WARN for a minute; return ""."""

@@ -214,7 +214,7 @@ def poses() -> list[ShipPose]:
 
 
 def test_poses_have_twists_that_agree_with_them() -> None:
-    """As the input check of the simulation asks: the change of attitude is the integral of ω."""
+    """The change of attitude is the integral of ω, within the input check of the simulation."""
     found = poses()
     assert len(found) == 198
     for before, after in pairwise(found):

@@ -35,7 +35,7 @@ S = 1_000_000_000
 
 
 class Heard:
-    """What a source has handed over."""
+    """Pieces that a source has handed over."""
 
     def __init__(self) -> None:
         self.pieces: list[tuple[bytes, int, bool]] = []
@@ -213,7 +213,7 @@ def test_a_silent_link_is_probed() -> None:
 
 
 def test_a_link_that_fails_is_no_poll(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the probes find is a TimeoutError too, but with a number."""
+    """A link that keepalive finds dead ends with a TimeoutError that has a number."""
 
     class Dead(socket.socket):
         def recv(self, *_: object) -> bytes:

@@ -289,7 +289,7 @@ def test_blocks_bound_the_stiffness_of_an_element_on_a_wall() -> None:
 
 @pytest.mark.parametrize("slips", [0.5, 3.0])
 def test_blocks_bound_the_stiffness_of_friction(slips: float) -> None:
-    """Likewise along the wall, where an element sticks and where it slides on."""
+    """Blocks along the wall bound it where an element sticks and where it slides on."""
     params = HullContactParams(boxes=(WALL,), stiffness_n_per_m2=1e4, damping_s_per_m=0.0)
     hull = build(params, None, type("Around", (), {"room": 8}))
     hull.memory[KNOWN, -1], hull.memory[FRICTION, -1] = 3, 1.0

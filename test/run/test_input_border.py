@@ -44,7 +44,7 @@ class Rig:
         return [one for one in made if one[0] != "take_remark"]
 
     def remarks(self) -> list[str]:
-        """What the twin's quality index was told of inputs that did not reach it."""
+        """Remarks to the quality index on inputs that did not reach the twin."""
         made = [call for entry in self.applied for call in entry.calls]
         return [str(call.arguments[0]) for call in made if call.method == "take_remark"]
 

@@ -242,7 +242,7 @@ def test_a_frozen_cell_is_noticed(scene: Scene) -> None:
 def test_line_out_and_line_speed_are_compared(
     speed: float, share: float, doubted: bool, scene: Scene
 ) -> None:
-    """Of a counter that stands, or counts the other way, the speed is not used to follow."""
+    """The speed of a counter that stands or counts the other way is not used to follow."""
     inputs, given = MeasuredInputs(scene), []
     for k in range(200):
         told = Measurement.of_winch(k * 50_000_000, 200.0 + share * speed * 0.05 * k, speed)

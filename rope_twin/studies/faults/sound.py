@@ -96,8 +96,8 @@ def instrumented(scene: Scene) -> Scene:
     own = scene.measured
     tension = own.tension if own.tension.uncertainty(1.0) is not None else TENSION
     depth = own.payload_depth if own.payload_depth.uncertainty(1.0) is not None else DEPTH
-    told = Measured(tension=tension, line_out=own.line_out, payload_depth=depth)
-    return replace(scene, measured=told)
+    measured = Measured(tension=tension, line_out=own.line_out, payload_depth=depth)
+    return replace(scene, measured=measured)
 
 
 def _traffic(scene: Scene) -> Iterator[Message]:

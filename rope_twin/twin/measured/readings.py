@@ -151,10 +151,10 @@ class Readings:
 
     def _number_fault(self, row: Row) -> Refusal | None:
         """Return why the numbers are rejected, or None."""
-        told = [value for value in row[1:] if value is not None]
-        if not told:
+        given = [value for value in row[1:] if value is not None]
+        if not given:
             return "non_finite", "nothing is measured", "give at least one value that is not NaN"
-        bad = next((value for value in told if not math.isfinite(value)), None)
+        bad = next((value for value in given if not math.isfinite(value)), None)
         if bad is not None:
             right = "give a finite number, or None (NaN in a message) for none"
             return "non_finite", f"a value of {bad}", right

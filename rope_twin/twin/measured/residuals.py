@@ -218,25 +218,25 @@ class MeasuredInputs:
 
     def __init__(self, scene: Scene) -> None:
         """Make the checks and comparisons of a scene."""
-        told, hung = scene.measured, places(scene)
+        sensors, hung = scene.measured, places(scene)
         lines = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in hung]
         self.names = tuple(line.from_ for _, line in lines)
         self.active = False  # whether a reading was accepted
         self._heard = False  # whether a reading came
-        self._motor_tells = told.tension.at == AT_MOTOR
+        self._motor_tells = sensors.tension.at == AT_MOTOR
         self._winches = tuple(WinchReadings(scene, line, "") for _, line in lines)
         self._motors = tuple(WinchReadings(scene, line, MOTOR) for _, line in lines)
         self._depth = DepthReadings(scene)
         tells = MOTOR_TENSION if self._motor_tells else WINCH_MEASURED
         self._tensions = tuple(
-            Comparison(line.from_, TENSION, 2 * r, told.tension, tells) for r, line in lines
+            Comparison(line.from_, TENSION, 2 * r, sensors.tension, tells) for r, line in lines
         )
         self._lengths = tuple(
-            Comparison(line.from_, LINE_OUT, 2 * r + 1, told.line_out, WINCH_MEASURED)
+            Comparison(line.from_, LINE_OUT, 2 * r + 1, sensors.line_out, WINCH_MEASURED)
             for r, line in lines
         )
         lower = scene.payloads[0].name if len(scene.payloads) == 1 else "payload"
-        self._depths = Comparison(lower, DEPTH, -1, told.payload_depth, PAYLOAD_DEPTH)
+        self._depths = Comparison(lower, DEPTH, -1, sensors.payload_depth, PAYLOAD_DEPTH)
         self._history = History()
 
     def offer(self, measurement: Measurement, now_ns: int, follow: Follow | None = None) -> str:

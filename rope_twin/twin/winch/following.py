@@ -90,8 +90,8 @@ class LineTrack(HeaveTrack):
     def warning(self) -> str:
         """Return the warnings on a line that differs from the measured one and on its readings."""
         off = self.remark if abs(self.off_m) > OFF_M else ""
-        told = off, self._doubt, self._timing.fault(self._late_s)
-        return "; ".join(words for words in told if words)
+        notes = off, self._doubt, self._timing.fault(self._late_s)
+        return "; ".join(words for words in notes if words)
 
     def stale(self, time_ns: int) -> bool:
         """Return whether readings have been missing for longer than is usual for the counter."""
