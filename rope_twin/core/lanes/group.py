@@ -11,7 +11,7 @@ from numba import config
 from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.jit.decorators import compiled
 from rope_twin.core.jit.wide import ALIGNMENT, ALL, LANES
-from rope_twin.core.lanes.step import TALLIES, Run, advance_lanes_steps
+from rope_twin.core.lanes.step import FOLDS, LEAST, TALLIES, Run, advance_lanes_steps
 from rope_twin.core.loads import hooks
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
@@ -104,8 +104,12 @@ def aligned(*shape: int) -> Floats:
 class Group:
     """Batch of up to LANES ropes of one kind."""
 
-    def __init__(self, kind: Kind, steps: int) -> None:
-        """Allocate arrays for ropes of this kind and for this many steps."""
+    def __init__(self, kind: Kind, steps: int, looks: int = 0) -> None:
+        """Allocate arrays for ropes of this kind and for this many steps.
+
+        looks: rows of `folds`, the result of a fleet, which then takes the place of slack samples;
+        0: none.
+        """
         self.kind, self.steps = kind, steps
         columns = kind.elements + 1 + TRIALS
         figures: Any = {name: aligned(LANES) for name in _OWN_FIGURES}
@@ -133,6 +137,7 @@ class Group:
         borders = steps + 1
         self.boundary = Boundary(aligned(borders, MOTIONS, LANES), aligned(borders, MOTIONS, LANES))
         self.pulls = aligned(steps, PULL_COLUMNS, LANES)
+        self.folds = aligned(looks, FOLDS, LANES)
 
     def begin(self, ropes: list[Rope], boundaries: list[Boundary]) -> None:
         """Copy in ropes of the group's kind, and their motion at the step boundaries.
@@ -145,6 +150,45 @@ class Group:
             self._put(lane, ropes[of])
             for table, own in zip(self.boundary, boundaries[of], strict=True):
                 table[: len(own), :, lane] = own
+
+    def begin_stacked(self, ropes: Rope, of: Ints) -> None:
+        """Copy in the ropes `of` of a stack, all of the group's kind, and clear the folds.
+
+        ropes: arrays of state and sections, and the fields of its effects that differ from rope to
+        rope, have all ropes of the stack as their first axis. Unused lanes get a copy of the first.
+        """
+        own, theirs, n, count = self._rope, ropes.state, self.kind.elements, len(of)
+        self._tally[:] = 0.0
+        self.folds[:] = 0.0
+        self.folds[:, LEAST] = np.inf
+        for name in _OWN_FIGURES:
+            getattr(own.model, name)[:] = getattr(ropes.model, name)
+        _fill(own.sections, ropes.sections[of], count)
+        for effect, given in zip(own.effects, ropes.effects, strict=True):
+            for field, value in zip(effect, given, strict=True):
+                if np.ndim(value) == field.ndim:
+                    _fill(field, value[of], count)
+                else:
+                    field[...] = np.asarray(value)[..., None]
+        nodes = theirs.nodes[of, :, : n + 1].transpose(0, 2, 1)
+        _fill(own.state.nodes[: n + 1], nodes, count)
+        _fill(own.state.s[: n + 1], theirs.s[of, : n + 1], count)
+        _fill(own.state.offset[:n], theirs.offset[of, :n], count)
+        _fill(self._lowest, theirs.counts[of, LOWEST_OFFSET], count)
+
+    def take_stacked(self, states: State, of: Ints, lanes: Ints) -> None:
+        """Copy the states of these lanes back to the ropes `of` of a stack, with solver counts."""
+        own, n = self._rope.state, self.kind.elements
+        states.nodes[of, :, : n + 1] = own.nodes[: n + 1, :, lanes].transpose(2, 1, 0)
+        states.s[of, : n + 1] = own.s[: n + 1, lanes].T
+        states.offset[of, :n] = own.offset[:n, lanes].T
+        states.counts[of, LOWEST_OFFSET] = self._lowest[lanes]
+        solves, most, steps, _ = self._tally[:, lanes].astype(np.int64)
+        states.health[of, STEPS] += steps
+        states.health[of, SUBSTEPS] += steps
+        states.health[of, SOLVES] += solves
+        for column, value in ((SUBSTEPS_MAX, np.minimum(steps, 1)), (SOLVES_MAX, most)):
+            states.health[of, column] = np.maximum(states.health[of, column], value)
 
     def _put(self, lane: int, rope: Rope) -> None:
         """Copy in a rope with all of its properties."""
@@ -179,7 +223,14 @@ class Group:
         It stops before the last step if there are such lanes.
         """
         code = _advance(
-            self._rope, self._place, self._lowest, self._tally, self.boundary, self.pulls, run
+            self._rope,
+            self._place,
+            self._lowest,
+            self._tally,
+            self.boundary,
+            self.pulls,
+            self.folds,
+            run,
         )
         left = code & ALL
         return code // (ALL + 1), [lane for lane in range(LANES) if left >> lane & 1]
@@ -197,6 +248,12 @@ class Group:
         health[SOLVES] += solves
         health[SOLVES_MAX] = max(health[SOLVES_MAX], most)
         return slack
+
+
+def _fill(lanes: Any, ropes: Any, count: int) -> None:
+    """Copy an array with the ropes as its first axis to lanes, the last axis."""
+    lanes[..., :count] = np.moveaxis(ropes, 0, -1)
+    lanes[..., count:] = lanes[..., :1]
 
 
 _COMPILED: dict[tuple[type, ...], Any] = {}

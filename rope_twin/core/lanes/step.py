@@ -51,6 +51,9 @@ from rope_twin.core.state import (
 )
 
 SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)  # rows of a lane's counters
+# Columns of `folds`, one row per look: least element tension over the look [N]; at its end the
+# lower end's depth [m], its speed downward [m/s] and the tension of the lowest element [N]
+LEAST, DEPTH, SINKING, LOWEST, FOLDS = range(5)
 
 
 class Run(NamedTuple):
@@ -232,24 +235,39 @@ def _slack(rope: Any) -> Any:
     return slack
 
 
+@jit
+def _fold(rope: Any, folds: Any, look: int, kept: Any) -> None:
+    """Fold a step's result into the row of its look, in the lanes `kept`."""
+    tension, nodes = row(rope.work, TENSION, 0), rope.state.nodes
+    least = tension[0]
+    for e in range(1, rope.state.counts[ELEMENTS]):
+        least = min(least, tension[e])
+    _, _, z = node_rows(nodes, POSITION, 0)
+    _, _, vz = node_rows(nodes, VELOCITY, 0)
+    folds[look, LEAST] = choose(kept, min(folds[look, LEAST], least), folds[look, LEAST])
+    folds[look, DEPTH] = choose(kept, -z[0], folds[look, DEPTH])
+    folds[look, SINKING] = choose(kept, -vz[0], folds[look, SINKING])
+    folds[look, LOWEST] = choose(kept, tension[0], folds[look, LOWEST])
+
+
 @jit_entry
 def advance_lanes_steps(
-    arrays: Any, place: Any, lowest: Any, tally: Any, boundary: Any, pull: Any, run: Any
+    arrays: Any, place: Any, lowest: Any, tally: Any, boundary: Any, pull: Any, fold: Any, run: Any
 ) -> int:
     """Entry point of the compiled code behind `Group.advance`."""
     was = flush()
-    done = _advance(arrays, place, lowest, tally, boundary, pull, run)
+    done = _advance(arrays, place, lowest, tally, boundary, pull, fold, run)
     restore(was)
     return int(done)
 
 
 @jit
 def _advance(
-    arrays: Any, place: Any, lowest: Any, tally: Any, boundary: Any, pull: Any, run: Any
+    arrays: Any, place: Any, lowest: Any, tally: Any, boundary: Any, pull: Any, fold: Any, run: Any
 ) -> int:
     rope = _wide_rope(arrays)
     borders = Boundary(table(boundary.value), table(boundary.rate))
-    pulls, tallies = table(pull), table(tally)
+    pulls, tallies, folds = table(pull), table(tally), table(fold)
     first, steps, wanted, time, h = run.first, run.steps, run.wanted, run.time, rope.model.step
     sections = arrays.sections.shape[1]
     _set_lengths(rope, place, borders.value[first, LINE])
@@ -272,7 +290,9 @@ def _advance(
         tallies[SOLVES_DONE] = tallies[SOLVES_DONE] + choose(mask, solves, 0.0)
         tallies[SOLVES_MOST] = max(tallies[SOLVES_MOST], choose(mask, most, 0.0))
         tallies[STEPS_DONE] = tallies[STEPS_DONE] + choose(mask, 1.0, 0.0)
-        if (run.before + step + 1) % run.look == 0:
+        if fold.shape[0] > 0:  # a fleet looks at every step, an ensemble now and then
+            _fold(rope, folds, (run.before + step) // run.look - run.before // run.look, mask)
+        elif (run.before + step + 1) % run.look == 0:
             slack = mask_of(_slack(rope) & kept)
             tallies[SLACK_LOOKS] = tallies[SLACK_LOOKS] + choose(slack, 1.0, 0.0)
         if kept != wanted:

@@ -1,0 +1,205 @@
+"""State of a live twin for members that begin from it, and its transfer to their own mesh.
+
+The copy is cheap enough to be taken between two paced steps. On the members' mesh a node has the
+position, velocity and acceleration of the live rope's material there; an element has the mean
+tension of what it replaces, the uppermost one that which keeps the force on the hang-off. Where a
+chord is shorter than the curve that it replaces, a length offset gives it its tension and decays,
+as at the sheave (`core.payout`). Paid-out length and payload are kept exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.elements import SAME_PLACE
+from rope_twin.core.payout import SMALLEST_REST
+from rope_twin.core.state import Floats, Ints, Model, Rope, State, new_state
+from rope_twin.errors import InputError, StateError, phrase
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.twin.elements import Elements, elements_of, offsets_for
+from rope_twin.twin.internal_variables import on_nodes, own_copies
+from rope_twin.twin.twin import Twin
+
+_X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
+
+
+@dataclass(frozen=True)
+class LiveState:
+    """Copy of a twin's rope between two steps."""
+
+    scene: Scene
+    time_ns: int
+    rope: Rope  # state of the nodes in use and own effects; `work` is the tension, (elements,)
+    pull_n: Floats  # force of the rope on the hang-off, (3,) x, y, z
+    payout_m_per_s: float
+
+    @property
+    def line_out_m(self) -> float:
+        """Paid-out length [m]."""
+        return float(self.rope.state.s[self.rope.state.counts[rows.ELEMENTS]])
+
+
+def live_state(twin: Twin) -> LiveState:
+    """Return a copy of the twin's rope; call it in the stepping thread, between two steps.
+
+    Raises:
+        InputError: ropes that meet.
+        StateError: the rope was cut.
+    """
+    if is_joined(twin.scene):
+        what = "members of a fleet have one rope, this scene's ropes meet"
+        raise InputError(phrase(twin.scene.name, what, "take a scene of one rope"))
+    if twin.cut is not None:
+        raise StateError(phrase("live state", "the rope was cut", "a fleet's rope is whole"))
+    view = twin.inspect()
+    rope, state = view.rope, view.rope.state
+    n = int(state.counts[rows.ELEMENTS])
+    copied = State(
+        state.nodes[:, : n + 1].copy(),
+        state.s[: n + 1].copy(),
+        state.offset[:n].copy(),
+        state.counts.copy(),
+        state.health.copy(),
+    )
+    own = rope._replace(
+        state=copied, effects=own_copies(rope.effects), work=rope.work[rows.TENSION, :n].copy()
+    )
+    pull = view.pull[rows.PULL_X : rows.PULL_Z + 1].copy()
+    return LiveState(twin.scene, twin.time_ns, own, pull, float(view.boundary.rate[0, rows.LINE]))
+
+
+def on_mesh(live: LiveState, rope: Rope, marks_m: Floats) -> tuple[State, tuple[Any, ...]]:
+    """Return the live state and its effects on the mesh of another rope of the same scene.
+
+    rope: with the capacity and the model of the mesh; marks: coordinates of its nodes at the
+    scene's paid-out length [m], (nodes,). On the same mesh every number is kept.
+
+    Raises:
+        InputError: the live state is that of another scene.
+    """
+    own, room = live.rope, rope.state.s.shape[0]
+    n = int(own.state.counts[rows.ELEMENTS])
+    if not _is_alike(own, rope):
+        what = f"the live state is that of a twin of '{live.scene.name}', with other parts"
+        raise InputError(phrase("fleet", what, "begin from a twin of the fleet's scene"))
+    state = new_state(room)
+    if _same_mesh(own.model, rope.model) and n + 1 <= room:
+        state.nodes[:, : n + 1] = own.state.nodes
+        state.s[: n + 1] = own.state.s
+        state.offset[:n] = own.state.offset
+        state.counts[:] = own.state.counts
+        state.health[:] = own.state.health
+        if _same_shapes(own.effects, rope.effects):
+            return state, own_copies(own.effects)
+        return state, on_nodes(own.effects, own.state.s[:n], room)
+    coordinates = mesh_at(rope, marks_m, live.line_out_m)
+    m = len(coordinates) - 1
+    state.counts[rows.ELEMENTS] = m
+    state.s[: m + 1] = coordinates
+    old = elements_of(own.state, own.sections, live.payout_m_per_s)
+    _interpolate(live, old, coordinates, state)
+    new = elements_of(state, rope.sections, live.payout_m_per_s)
+    wanted = _wanted_tensions(live, old, new, coordinates)
+    state.offset[:m] = offsets_for(rope, new, wanted)
+    return state, on_nodes(own.effects, coordinates[:m], room)
+
+
+def mesh_at(rope: Rope, marks_m: Floats, line_out_m: float) -> Floats:
+    """Return the node coordinates of a mesh at a paid-out length [m], (nodes,).
+
+    Nodes are added and removed below the hang-off by the rule of payout (`core.payout`): marks at
+    the scene's length are kept, ends of sections become nodes.
+    """
+    model, ends = rope.model, rope.sections[rows.END]
+    nodes = list(marks_m[:-1])
+    while len(nodes) > 2 and line_out_m - nodes[-1] < model.merge_below:
+        nodes.pop()
+    while True:
+        rest = line_out_m - nodes[-1]
+        beyond = ends[ends > nodes[-1] + SAME_PLACE]
+        end = float(beyond[0])
+        if line_out_m - end > 2.0 * SMALLEST_REST and end - nodes[-1] <= model.split_above:
+            nodes.append(end)
+        elif rest > model.split_above:
+            nodes.append(nodes[-1] + model.element_length)
+        else:
+            return np.array([*nodes, line_out_m])
+
+
+def _is_alike(own: Rope, other: Rope) -> bool:
+    """Return whether two ropes have the same sections and kinds of effects."""
+    return (
+        own.sections.shape == other.sections.shape
+        and np.array_equal(own.sections[rows.END], other.sections[rows.END])
+        and list(map(type, own.effects)) == list(map(type, other.effects))
+    )
+
+
+def _same_mesh(own: Model, other: Model) -> bool:
+    return own.element_length == other.element_length and own.split_above == other.split_above
+
+
+def _same_shapes(own: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+    """Return whether arrays of effects have the same shapes."""
+    return all(
+        getattr(a, "shape", ()) == getattr(b, "shape", ())
+        for one, two in zip(own, other, strict=True)
+        for a, b in zip(one, two, strict=True)
+    )
+
+
+def _interpolate(live: LiveState, old: Elements, coordinates: Floats, state: State) -> None:
+    """Set position, velocity and acceleration of the nodes; those of both ends are the live ones.
+
+    The rope passes the hang-off: below it the velocity of its material is v - V·q and the
+    acceleration a - 2·V·dq/dt, with q the top element's vector over its unstretched length.
+    """
+    s, nodes = live.rope.state.s, live.rope.state.nodes.copy()
+    n, m, V = len(old.rest), len(coordinates) - 1, live.payout_m_per_s
+    state.nodes[:, m] = nodes[:, n]
+    q = old.length[-1] / old.rest[-1] * old.direction[:, -1]
+    q_rate = (nodes[_V, n] - nodes[_V, n - 1] - V * q) / old.rest[-1]
+    nodes[_V, n] -= V * q
+    nodes[_A, n] -= 2.0 * V * q_rate
+    for row, values in enumerate(nodes):
+        state.nodes[row, :m] = np.interp(coordinates[:m], s, values)
+
+
+def _wanted_tensions(live: LiveState, old: Elements, new: Elements, coordinates: Floats) -> Floats:
+    """Return the tension that each new element begins with [N]; NaN: slack, by its length alone.
+
+    It is the mean force of the material that the element spans, along the element; that of the
+    uppermost one keeps the force on the hang-off.
+    """
+    s, tension = live.rope.state.s, live.rope.work
+    force = np.where(tension > 0.0, tension, np.nan) * old.direction
+    total = np.concatenate([np.zeros((3, 1)), np.cumsum(force * old.rest, axis=1)], axis=1)
+    if np.isnan(total).any():
+        mean = _means_between_slack(force, old.rest, s, coordinates)
+    else:
+        at = np.stack([np.interp(coordinates, s, row) for row in total])
+        mean = np.diff(at, axis=1) / new.rest
+    wanted: Floats = (mean * new.direction).sum(axis=0)
+    if wanted[-1] > 0.0:
+        load = (live.pull_n + tension[-1] * old.direction[:, -1]) / (0.5 * old.rest[-1])
+        top = new.direction[:, -1]
+        wanted[-1] = max(float((0.5 * new.rest[-1] * load - live.pull_n) @ top), 0.0)
+    return np.where(wanted >= 0.0, wanted, np.nan)
+
+
+def _means_between_slack(force: Floats, rest: Floats, s: Floats, coordinates: Floats) -> Floats:
+    """Return the mean force of each span of coordinates, (3, spans); NaN: it has slack in it."""
+    slack = np.isnan(force[0])
+    whole = np.where(slack, 0.0, force) * rest
+    total = np.concatenate([np.zeros((3, 1)), np.cumsum(whole, axis=1)], axis=1)
+    length = np.concatenate([[0.0], np.cumsum(np.where(slack, rest, 0.0))])
+    spans: Ints = np.arange(3)
+    at = np.stack([np.interp(coordinates, s, total[k]) for k in spans])
+    lost = np.diff(np.interp(coordinates, s, length))
+    mean: Floats = np.diff(at, axis=1) / np.diff(coordinates)
+    return np.where(lost > SAME_PLACE, np.nan, mean)
