@@ -22,6 +22,7 @@ FLOORS = (
     ("scene",),
     ("twin",),
     ("topics", "cadence", "messages", "recording", "view", "feeds"),
+    ("forecast",),
     ("run",),
     ("ros",),
     ("studies",),

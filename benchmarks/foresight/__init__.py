@@ -1,0 +1,1 @@
+"""Campaigns that judge forecasts, on seas drawn by seed and sensors with errors of known size."""
