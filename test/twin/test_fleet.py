@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from fleet_inputs import Driven, cut, driven
-from small_scene import small_scene
+from small_scene import SMALL_SCENE, small_scene
 
 from rope_twin.core import state as rows
 from rope_twin.errors import InputError
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
+from rope_twin.twin.ensemble.fleet import FIGURES, Fleet, FleetInputs
 
 STEPS, LIVE, LOOK = 700, 350, 10
 
@@ -134,3 +138,99 @@ def test_a_scene_of_ropes_that_meet_is_refused() -> None:
     """With the way out."""
     with pytest.raises(InputError, match=r"the ropes of .* meet"):
         Fleet(Path("config/scenes") / "two_line_lift.yaml", 4)
+
+
+FIGURES_SCENE = (
+    SMALL_SCENE.replace("{fraction_of_first_axial_mode: 0.02}", "{newton_seconds: 400000.0}")
+    .replace(
+        "displaced_volume_m3: 1.5",
+        "displaced_volume_m3: 2.0\n    added_mass_kg: [3000.0, 2000.0, 4000.0]\n"
+        "    drag_area_m2: [2.0, 2.0, 4.0]",
+    )
+    .replace("{step_s: 0.01}", "{step_s: 0.01, newton_tolerance_n: 20.0}")
+    + "environment: {water_density_kg_per_m3: 1000.0}\n"
+)
+# the same as a change of the scene; by powers of two, so that every product is exact
+DOUBLED = {
+    "submerged_weight": Change("payloads[0].displaced_volume_m3", 5.0),
+    "oscillating_mass": Change("payloads[0].added_mass_kg[2]", 16000.0),
+    "payload_drag": Change("payloads[0].drag_area_m2[*]", 2.0, multiply=True),
+    "axial_stiffness": Change("ropes[0].rope.axial_stiffness_n", 2.0, multiply=True),
+    "axial_damping": Change("ropes[0].damping.newton_seconds", 2.0, multiply=True),
+    "tangential_drag": Change("effects.drag.tangential", 2.0, multiply=True),
+    "current": Change("effects.current.profile[*][1][*]", 2.0, multiply=True),
+}
+
+
+@pytest.fixture(scope="module")
+def figured(tmp_path_factory: pytest.TempPathFactory) -> Fleet:
+    """A fleet of the scene with every number given."""
+    path = tmp_path_factory.mktemp("scene") / "figures.yaml"
+    path.write_text(FIGURES_SCENE)
+    return Fleet(path, 5, elements=20, step_s=0.01)
+
+
+@pytest.mark.parametrize("figure", FIGURES)
+def test_a_figure_is_a_change_of_the_scene(figured: Fleet, figure: str) -> None:
+    """Those of one member, against a twin of the changed scene, from the state of that twin."""
+    factor = 0.5 if figure == "submerged_weight" else 2.0
+    expected = driven(change_scene(figured.scene, [DOUBLED[figure]]), 160, (2.0, 5.0), live_at=60)
+    figured.set_figures(dict.fromkeys(FIGURES, 1.0) | {figure: [1.0, factor, 1.0, factor, 1.0]})
+    assert expected.live is not None
+    own = expected.live.rope._replace(effects=build(figured.scene).effects)  # the scene's current
+    figured.begin_from(replace(expected.live, rope=own))
+    record = figured.advance(cut(expected.inputs, 60), 10)
+    for k in (1, 3):
+        assert np.array_equal(record.top_tension_n[:, k], expected.top_n[60:])
+    assert not np.array_equal(record.top_tension_n[:, 0], expected.top_n[60:])
+
+
+def test_all_figures_are_those_of_the_scene(figured: Fleet, tmp_path: Path) -> None:
+    """Named, so that an estimator knows what there is to learn."""
+    assert figured.figures == FIGURES
+    path = tmp_path / "still.yaml"
+    path.write_text(re.sub(r"  - current: .*\n", "", SMALL_SCENE))
+    still = Fleet(path, 4, elements=20, step_s=0.01)
+    assert still.figures == FIGURES[:-1]
+    with pytest.raises(InputError, match="current: the scene has no such number"):
+        still.set_figures({"current": 1.1})
+
+
+def test_states_are_given_back_one_by_one(figured: Fleet) -> None:
+    """Each member goes on from its own, and again with the same bits."""
+    figured.set_figures({"submerged_weight": [1.0, 1.1, 0.9, 1.0, 1.2]})
+    still = FleetInputs(np.zeros(41), np.zeros(41), np.full(41, 200.0), np.zeros(41))
+    figured.restore(figured.state(0))
+    figured.advance(still)
+    states = [figured.state(k) for k in range(len(figured))]
+    first = figured.advance(still).top_tension_n
+    figured.restore(states)
+    assert np.array_equal(figured.advance(still).top_tension_n, first)
+    assert len({float(top) for top in first[-1]}) == 4  # 0 and 3 are equal
+    with pytest.raises(InputError, match="3 states for 5 members"):
+        figured.restore(states[:3])
+    with pytest.raises(InputError, match="different times"):
+        figured.restore([*states[:4], figured.state(4)])
+    with pytest.raises(InputError, match="a state with space for"):
+        figured.restore(replace(states[0], rope=states[0].rope._replace(nodes=np.zeros((9, 7)))))
+
+
+def test_a_member_that_fails_leaves_the_others_alone(figured: Fleet) -> None:
+    """Its values are NaN from then on, theirs are those of a fleet without it."""
+    figured.set_figures(dict.fromkeys(FIGURES, 1.0))
+    still = FleetInputs(np.zeros(61), np.zeros(61), np.full(61, 200.0), np.zeros(61))
+    start = figured.state(0)
+    whole = figured.advance(still, 20)
+    broken = replace(start, rope=start.rope.copy())
+    broken.rope.nodes[rows.VELOCITY, 5] = np.inf
+    figured.restore([start, start, broken, start, start])
+    record = figured.advance(still, 20)
+    assert list(record.failures) == [2]
+    assert "the rope's next state is not finite" in record.failures[2]
+    assert np.isnan(record.top_tension_n[:, 2]).all()
+    assert np.isnan(record.least_tension_n[:, 2]).all()
+    others = [0, 1, 3, 4]
+    assert np.array_equal(record.top_tension_n[:, others], whole.top_tension_n[:, others])
+    figured.advance(still)
+    figured.restore(start)
+    assert not figured.advance(still).failures

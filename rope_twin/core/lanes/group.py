@@ -252,8 +252,9 @@ class Group:
 
 def _fill(lanes: Any, ropes: Any, count: int) -> None:
     """Copy an array with the ropes as its first axis to lanes, the last axis."""
-    lanes[..., :count] = np.moveaxis(ropes, 0, -1)
-    lanes[..., count:] = lanes[..., :1]
+    lanes[..., :count] = ropes.transpose((*range(1, ropes.ndim), 0))
+    if count < LANES:
+        lanes[..., count:] = lanes[..., :1]
 
 
 _COMPILED: dict[tuple[type, ...], Any] = {}

@@ -24,6 +24,7 @@ from rope_twin.effects.current import (
 )
 from rope_twin.effects.drag import CurrentDrag, Drag, ReynoldsDrag
 from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.splash_zone import SplashZone
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.twin.internal_variables import has_state
 from rope_twin.vortex.oscillating_drag import OscillatingDrag
@@ -54,6 +55,7 @@ _FIELDS: dict[type, dict[str, tuple[str, ...]]] = {
         "oscillating_mass": ("Mz", "dM"),
         "payload_drag": ("kx", "ky", "kz", "dk"),
     },
+    SplashZone: {"payload_drag": ("k",)},  # of which it takes off what is in the air
     Drag: {"tangential_drag": ("kt",)},
     OscillatingDrag: {"tangential_drag": ("kt",)},
     Current: _CURRENT,
@@ -151,6 +153,12 @@ def _scaled(effect: Any, factors: Mapping[str, Any], times: Any) -> Any:
     changed = {}
     for figure, names in _FIELDS.get(type(effect), {}).items():
         for name in names:
-            value = times(factors[figure], getattr(effect, name))
-            changed[name] = value if np.ndim(value) else float(value)
+            changed[name] = _times(factors[figure], getattr(effect, name), times)
     return effect._replace(**changed)
+
+
+def _times(factor: Any, field: Any, times: Any) -> Any:
+    if isinstance(field, tuple):
+        return tuple(_times(factor, one, times) for one in field)
+    value = times(factor, field)
+    return value if np.ndim(value) else float(value)

@@ -16,13 +16,14 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.elements import SAME_PLACE
-from rope_twin.core.payout import SMALLEST_REST
+from rope_twin.core.payout import SMALLEST_REST, TRIALS
 from rope_twin.core.state import Floats, Ints, Model, Rope, State, new_state
+from rope_twin.effects.current import profile_of, with_profile
 from rope_twin.errors import InputError, StateError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.twin.elements import Elements, elements_of, offsets_for
-from rope_twin.twin.internal_variables import on_nodes, own_copies
+from rope_twin.twin.internal_variables import has_state, on_nodes, own_copies
 from rope_twin.twin.twin import Twin
 
 _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
@@ -74,10 +75,15 @@ def live_state(twin: Twin) -> LiveState:
 
 
 def on_mesh(live: LiveState, rope: Rope, marks_m: Floats) -> tuple[State, tuple[Any, ...]]:
-    """Return the live state and its effects on the mesh of another rope of the same scene.
+    """Return the live state on the mesh of another rope of the same scene, and that rope's effects.
 
-    rope: with the capacity and the model of the mesh; marks: coordinates of its nodes at the
-    scene's paid-out length [m], (nodes,). On the same mesh every number is kept.
+    Its effects take the current in force and internal variables from the live rope; figures stay
+    those of the other rope. On the same mesh every number of the state is kept.
+
+    Args:
+        live: the live state.
+        rope: with the capacity and the model of the mesh.
+        marks_m: coordinates of its nodes at the scene's paid-out length [m], (nodes,).
 
     Raises:
         InputError: the live state is that of another scene.
@@ -88,25 +94,37 @@ def on_mesh(live: LiveState, rope: Rope, marks_m: Floats) -> tuple[State, tuple[
         what = f"the live state is that of a twin of '{live.scene.name}', with other parts"
         raise InputError(phrase("fleet", what, "begin from a twin of the fleet's scene"))
     state = new_state(room)
-    if _same_mesh(own.model, rope.model) and n + 1 <= room:
+    same = _same_mesh(own.model, rope.model) and n + 1 <= room - TRIALS
+    if same:
         state.nodes[:, : n + 1] = own.state.nodes
         state.s[: n + 1] = own.state.s
         state.offset[:n] = own.state.offset
         state.counts[:] = own.state.counts
         state.health[:] = own.state.health
-        if _same_shapes(own.effects, rope.effects):
-            return state, own_copies(own.effects)
-        return state, on_nodes(own.effects, own.state.s[:n], room)
-    coordinates = mesh_at(rope, marks_m, live.line_out_m)
-    m = len(coordinates) - 1
-    state.counts[rows.ELEMENTS] = m
-    state.s[: m + 1] = coordinates
-    old = elements_of(own.state, own.sections, live.payout_m_per_s)
-    _interpolate(live, old, coordinates, state)
-    new = elements_of(state, rope.sections, live.payout_m_per_s)
-    wanted = _wanted_tensions(live, old, new, coordinates)
-    state.offset[:m] = offsets_for(rope, new, wanted)
-    return state, on_nodes(own.effects, coordinates[:m], room)
+        marks = own.state.s[:n]
+    else:
+        coordinates = mesh_at(rope, marks_m, live.line_out_m)
+        marks = coordinates[:-1]
+        state.counts[rows.ELEMENTS] = len(marks)
+        state.s[: len(coordinates)] = coordinates
+        old = elements_of(own.state, own.sections, live.payout_m_per_s)
+        _interpolate(live, old, coordinates, state)
+        new = elements_of(state, rope.sections, live.payout_m_per_s)
+        wanted = _wanted_tensions(live, old, new, coordinates)
+        state.offset[: len(marks)] = offsets_for(rope, new, wanted)
+    if not (same and _same_shapes(own.effects, rope.effects)):
+        own = own._replace(effects=on_nodes(own.effects, marks, room))
+    pairs = zip(rope.effects, own.effects, strict=True)
+    return state, tuple(_taken_over(mine, theirs) for mine, theirs in pairs)
+
+
+def _taken_over(mine: Any, live: Any) -> Any:
+    """Return an effect with the current or the internal variables of a live one."""
+    if has_state(live):
+        arrays = {k: v for k, v in live._asdict().items() if isinstance(v, np.ndarray)}
+        return mine._replace(**arrays)
+    profile = profile_of((live,))
+    return mine if profile is None else with_profile(mine, profile)
 
 
 def mesh_at(rope: Rope, marks_m: Floats, line_out_m: float) -> Floats:

@@ -1,0 +1,260 @@
+"""Stretch of time over which all members of a fleet are stepped, and its results.
+
+Members of one kind share the lanes, where their states stay for the whole stretch; the compiled
+code is called for a millisecond or two at a time, without the interpreter's lock. A step that a
+lane cannot do (core/lanes/step) is done by the member alone. When elements are added or removed the
+member leaves its group and goes on in one of its new kind; members with the same line out do so at
+the same step. A member that needs many steps alone steps alone to the end of the stretch.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.body.energy import pose_of
+from rope_twin.core.lanes.group import Group, Kind
+from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING, Run
+from rope_twin.core.state import Boundary, Floats, Ints, Rope, columns_for, new_work
+from rope_twin.core.step import advance
+from rope_twin.twin.ensemble.fleet_members import FleetMembers
+from rope_twin.twin.recovery import step_failure
+from rope_twin.twin.snapshot_builder import body_of
+
+STRETCH_STEPS = 1200  # at most: a minute of 50 ms
+CALL_NODES = 16_000  # nodes times steps of a call of the lanes, 1 to 2 ms
+OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave a group
+KINDS_KEPT = 8  # element counts that a thread keeps arrays for
+
+
+class Course(NamedTuple):
+    """Boundary conditions at the step borders, (steps + 1,) or (steps + 1, members) each."""
+
+    z_m: Floats  # height of the hang-off
+    z_rate: Floats
+    line_out_m: Floats
+    line_speed: Floats
+    look_steps: int  # number of steps of a look
+
+    def fill(self, borders: Boundary, members: Ints, first: int) -> None:
+        """Set heave and line out of lanes from border `first` on, (borders, MOTIONS, lanes)."""
+        (value, rate), count = borders, len(members)
+        part = slice(first, first + len(value))
+        columns = (value, rows.Z), (rate, rows.Z), (value, rows.LINE), (rate, rows.LINE)
+        for (table, column), given in zip(columns, self[:4], strict=True):
+            own = given[part]
+            table[:, column, :count] = own[:, members] if own.ndim > 1 else own[:, None]
+            if count < table.shape[2]:
+                table[:, column, count:] = table[:, column, :1]
+
+    def set_border(self, borders: Boundary, member: int, first: int) -> None:
+        """Set heave and line out of one member over the step from border `first`, (2, MOTIONS)."""
+        (value, rate), part = borders, slice(first, first + 2)
+        columns = (value, rows.Z), (rate, rows.Z), (value, rows.LINE), (rate, rows.LINE)
+        for (table, column), given in zip(columns, self[:4], strict=True):
+            table[:, column] = given[part, member] if given.ndim > 1 else given[part]
+
+
+class Record:
+    """Results of a call: top tension of each step, and the folds of each look."""
+
+    def __init__(self, steps: int, looks: int, members: int) -> None:
+        self.top: Floats = np.full((steps, members), np.nan)
+        self.folds: Floats = np.full((looks, FOLDS, members), np.nan)
+        self.folds[:, LEAST] = np.inf
+        self._failed: list[tuple[int, int, int]] = []
+
+    def fail(self, step: int, look: int, member: int) -> None:
+        """Note the step and the look that a member failed to do."""
+        self._failed.append((step, look, member))
+
+    def close(self) -> None:
+        """Make the values of members NaN from the step on that they failed to do."""
+        for step, look, member in self._failed:
+            self.top[step:, member] = np.nan
+            self.folds[look:, :, member] = np.nan
+        least = self.folds[:, LEAST]
+        least[np.isinf(least)] = np.nan
+
+
+class Scratch:
+    """Scratch arrays of a thread."""
+
+    def __init__(self, rope: Rope) -> None:
+        self.work = new_work(columns_for(rope.state.s.shape[0]), rope.work.shape[0])
+        self.borders = Boundary(np.zeros((2, rows.MOTIONS)), np.zeros((2, rows.MOTIONS)))
+        self.pull: Floats = np.zeros((1, rows.PULL_COLUMNS))
+        self._groups: dict[Kind, Group] = {}
+
+    def group(self, kind: Kind, steps: int, looks: int) -> Group:
+        """Return arrays for members of this kind in lanes."""
+        found = self._groups.get(kind)
+        if found is None or found.steps < steps or len(found.folds) < looks:
+            if len(self._groups) >= KINDS_KEPT:
+                self._groups.clear()
+            found = self._groups[kind] = Group(kind, steps, looks)
+        return found
+
+
+class Stretch:
+    """Steps of all members that have not failed."""
+
+    def __init__(
+        self,
+        members: FleetMembers,
+        course: Course,
+        record: Record,
+        first: int,
+        steps: int,
+        time_ns: int,
+    ) -> None:
+        """Take the first of the steps, their number, and the time before them [ns]."""
+        self._members, self._course, self._record = members, course, record
+        self._first, self._steps = first, steps
+        self._step_ns = round(members.rope.model.step * 1e9)
+        self._steps_before = time_ns // self._step_ns
+        self._time_s = time_ns * 1e-9
+        self._first_look = first // course.look_steps
+
+    def groups(self) -> list[Ints]:
+        """Return the members that have not failed, in groups to be stepped one after another.
+
+        Members with the same line out at the end are neighbours: they pay out and haul in alike, so
+        that elements are added and removed in all lanes of a group at once.
+        """
+        members = np.array(self._members.going, dtype=np.int64)
+        line = self._course.line_out_m[self._first + self._steps]
+        if line.ndim:
+            members = members[np.argsort(line[members], kind="stable")]
+        return list(self._members.alike(members))
+
+    def run(self, members: Ints, own: Scratch) -> None:
+        """Do all steps of members of one kind."""
+        waiting = [(members, 0)]
+        while waiting:
+            some, done = waiting.pop()
+            kind = self._members.kind_of(int(some[0]))
+            if kind is None:
+                self._alone(int(some[0]), done, own)
+                continue
+            for left, at in self._in_lanes(some, kind, done, own):
+                waiting += [(part, at) for part in self._members.alike(left)]
+
+    def _in_lanes(
+        self, members: Ints, kind: Kind, done: int, own: Scratch
+    ) -> list[tuple[Ints, int]]:
+        """Step members in lanes after `done` steps.
+
+        Returns members whose elements changed, and after how many steps.
+        """
+        all_, look, began = self._members, self._course.look_steps, done
+        group = self._loaded(members, kind, done, own)
+        going = dict(enumerate(members.tolist()))
+        alone = dict.fromkeys(going, 0)
+        changed: dict[int, list[int]] = {}
+        often: list[tuple[int, int]] = []
+        some = max(1, CALL_NODES // (kind.elements * len(group.folds.T)))
+        while going and done < self._steps:
+            wanted = sum(1 << lane for lane in going)
+            end = min(done + some, self._steps)
+            run = Run(self._time_s, done, end, wanted, self._first, look)
+            done, left = group.advance(run)
+            for lane in left:
+                member = going[lane]
+                state = all_.state_of(member)
+                group.take(lane, state)
+                if self._step_lane(group, lane, member, done - 1, own):
+                    alone[lane] += 1
+                    if state.counts[rows.ELEMENTS] != kind.elements:
+                        changed.setdefault(done, []).append(member)
+                    elif alone[lane] > OFTEN_LEAST + OFTEN * (done - began):
+                        often.append((member, done))
+                    else:
+                        group.put(lane, state)
+                        continue
+                group.account(lane, state.health)
+                del going[lane]
+        self._harvest(group, members, began)
+        if going:
+            lanes = np.array(list(going), dtype=np.int64)
+            group.take_stacked(all_.states, members[lanes], lanes)
+        for member, at in often:
+            self._alone(member, at, own)
+        return [(np.array(left, dtype=np.int64), at) for at, left in changed.items()]
+
+    def _loaded(self, members: Ints, kind: Kind, done: int, own: Scratch) -> Group:
+        """Return the arrays of a group with its members, and their motion after `done` steps."""
+        looks = (self._first + self._steps - 1) // self._course.look_steps - self._first_look + 1
+        group = own.group(kind, self._steps, looks)
+        group.begin_stacked(self._members.stack, members)
+        ahead = Boundary(*(table[done : self._steps + 1] for table in group.boundary))
+        self._course.fill(ahead, members, self._first + done)
+        nodes = self._members.states.nodes[members, : rows.Z, kind.elements].T  # stays aside there
+        ahead.value[:, : rows.Z, : len(members)] = nodes
+        ahead.value[:, : rows.Z, len(members) :] = nodes[:, :1]
+        return group
+
+    def _step_lane(self, group: Group, lane: int, member: int, step: int, own: Scratch) -> bool:
+        """Do a step for one lane alone; return whether it went."""
+        look = (self._first + step) // self._course.look_steps - self._first_look
+        now = self._step(member, step, own)
+        if now is None:
+            return False
+        group.pulls[step, :, lane] = own.pull[0]
+        now[LEAST] = min(now[LEAST], group.folds[look, LEAST, lane])
+        group.folds[look, :, lane] = now
+        return True
+
+    def _harvest(self, group: Group, members: Ints, began: int) -> None:
+        """Record the results of the lanes, after `began` steps of the stretch.
+
+        Those of lanes that left are overwritten later.
+        """
+        record, look, count = self._record, self._course.look_steps, len(members)
+        first, end = self._first + began, self._first + self._steps
+        low, high = first // look, (end - 1) // look + 1
+        own = group.folds[low - self._first_look : high - self._first_look, :, :count]
+        record.top[first:end, members] = group.pulls[began : self._steps, rows.PULL, :count]
+        least = np.minimum(record.folds[low:high, LEAST, members], own[:, LEAST])
+        record.folds[low:high, :, members] = own
+        record.folds[low:high, LEAST, members] = least
+
+    def _alone(self, member: int, done: int, own: Scratch) -> None:
+        """Step a member by itself to the end of the stretch."""
+        record = self._record
+        for step in range(done, self._steps):
+            now, at = self._step(member, step, own), self._first + step
+            if now is None:
+                return
+            look = at // self._course.look_steps
+            record.top[at, member] = own.pull[0, rows.PULL]
+            now[LEAST] = min(now[LEAST], record.folds[look, LEAST, member])
+            record.folds[look, :, member] = now
+
+    def _step(self, member: int, step: int, own: Scratch) -> Floats | None:
+        """Do a step of one member by itself; return what a look folds, (FOLDS,), None: it failed.
+
+        The force on the hang-off is in `own.pull`.
+        """
+        rope, borders = self._members.alone(member)._replace(work=own.work), own.borders
+        state, at = rope.state, self._first + step
+        n = int(state.counts[rows.ELEMENTS])
+        self._course.set_border(borders, member, at)
+        borders.value[:, : rows.Z] = state.nodes[: rows.Z, n]
+        time_s = self._time_s + step * rope.model.step
+        if advance(rope, borders, own.pull, time_s, 1) < 1:
+            self._members.failures[member] = step_failure(self._steps_before + step + 1, time_s)
+            self._record.fail(at, at // self._course.look_steps, member)
+            return None
+        tension = own.work[rows.TENSION, : int(state.counts[rows.ELEMENTS])]
+        now = np.empty(FOLDS)
+        now[LEAST], now[LOWEST] = tension.min(), tension[0]
+        now[DEPTH] = -state.nodes[rows.POSITION + 2, 0]
+        now[SINKING] = -state.nodes[rows.VELOCITY + 2, 0]
+        body = body_of(rope)
+        if body is not None:
+            pose = pose_of(body)
+            now[DEPTH], now[SINKING] = -pose.place(body.middle)[2], -pose.speed(body.middle)[2]
+        return now
