@@ -198,7 +198,8 @@ def test_all_figures_are_those_of_the_scene(figured: Fleet, tmp_path: Path) -> N
 
 def test_states_are_given_back_one_by_one(figured: Fleet) -> None:
     """Each member goes on from its own, and again with the same bits."""
-    figured.set_figures({"submerged_weight": [1.0, 1.1, 0.9, 1.0, 1.2]})
+    weights = {"submerged_weight": [1.0, 1.1, 0.9, 1.0, 1.2]}
+    figured.set_figures(dict.fromkeys(FIGURES, 1.0) | weights)
     still = FleetInputs(np.zeros(41), np.zeros(41), np.full(41, 200.0), np.zeros(41))
     figured.restore(figured.state(0))
     figured.advance(still)
@@ -220,6 +221,7 @@ def test_a_member_that_fails_leaves_the_others_alone(figured: Fleet) -> None:
     figured.set_figures(dict.fromkeys(FIGURES, 1.0))
     still = FleetInputs(np.zeros(61), np.zeros(61), np.full(61, 200.0), np.zeros(61))
     start = figured.state(0)
+    figured.restore(start)
     whole = figured.advance(still, 20)
     broken = replace(start, rope=start.rope.copy())
     broken.rope.nodes[rows.VELOCITY, 5] = np.inf
