@@ -18,6 +18,7 @@ from rope_twin.effects.net import NetPanels
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.scene.fatigue import FatigueData
+from rope_twin.scene.learning import Learning
 from rope_twin.scene.measured import Measured
 from rope_twin.scene.stiffness import StiffnessTable
 from rope_twin.scene.winch import BendingSheave
@@ -521,6 +522,9 @@ class Scene:
     accept: tuple[AcceptedWarning, ...] = text("accepted warnings of `scene check`", ())
     limits: Limits = text("limits of ropes and payloads", Limits())
     measured: Measured = text("instruments that measure tension, line out and depth", Measured())
+    learning: Learning = text(
+        "standard uncertainties from which a lift is learned", Learning(), only_judges=True
+    )
 
     def listed(self, kind: type[Params]) -> Params | None:
         """Return the parameters of an effect by their class; None if the scene does not list it."""

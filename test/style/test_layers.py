@@ -22,6 +22,7 @@ FLOORS = (
     ("scene",),
     ("twin",),
     ("topics", "cadence", "messages", "recording", "view", "feeds"),
+    ("estimation",),
     ("forecast",),
     ("run",),
     ("ros",),

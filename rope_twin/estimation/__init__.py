@@ -1,0 +1,1 @@
+"""Estimation of a lift's figures (weight, mass, drag, stiffness) from the measured tension."""

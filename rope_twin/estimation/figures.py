@@ -1,0 +1,152 @@
+"""Figures that are learned, their units, and what is known of them before the lift.
+
+The vector θ has the natural logarithm of a factor on each figure of the scene (0: the scene's
+value), then the parameters of the instruments:
+
+    y = (1 + g)·T·(1 - μ·ξ) + b,   heave(t) = exp(-h)·measured(t + δ),
+
+with the load pin's gain error g, bias b [N] and sheave friction μ (ξ of Dahl 1968, -1 to 1), and
+the motion sensor's gain error h (logarithm) and delay δ [s].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from rope_twin.core.state import Floats
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.scene.learning import Learning
+
+ROPE_FIGURES = (
+    "submerged_weight", "oscillating_mass", "payload_drag", "axial_stiffness", "axial_damping",
+    "tangential_drag", "current",
+)  # fmt: skip
+BIAS, GAIN, HEAVE_GAIN, HEAVE_DELAY, FRICTION = (
+    "tension_bias", "tension_gain", "heave_gain", "heave_delay", "sheave_friction",
+)  # fmt: skip
+SENSOR_FIGURES = (BIAS, GAIN, HEAVE_GAIN, HEAVE_DELAY, FRICTION)
+NAMES = (*ROPE_FIGURES, *SENSOR_FIGURES)
+COUNT = len(NAMES)
+INDEX: Mapping[str, int] = {name: k for k, name in enumerate(NAMES)}
+UNITS: Mapping[str, str] = {
+    **dict.fromkeys(ROPE_FIGURES, "-"), BIAS: "N", GAIN: "-", HEAVE_GAIN: "-", HEAVE_DELAY: "s",
+    FRICTION: "-",
+}  # fmt: skip
+# perturbation of each figure that a lane of its own carries, in units of θ
+LANE_STEPS: Mapping[str, float] = {
+    "submerged_weight": 0.02, "oscillating_mass": 0.03, "payload_drag": 0.08,
+    "axial_stiffness": 0.015, "axial_damping": 0.15, "tangential_drag": 0.10, "current": 0.20,
+    HEAVE_GAIN: 0.02, HEAVE_DELAY: 0.04,
+}  # fmt: skip
+RANGE_OVER_TENSION = 1.5  # full scale of a load pin over the static tension, if it is not given
+MOST_SDS = 4.0  # a figure stays within so many prior standard deviations
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """Mean and covariance of θ, in the order of NAMES."""
+
+    mean: Floats  # (COUNT,)
+    covariance: Floats  # (COUNT, COUNT)
+
+    @property
+    def sd(self) -> Floats:
+        """Return the standard deviations, (COUNT,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Floats:
+        """Return the correlations, (COUNT, COUNT)."""
+        return np.asarray(self.covariance / np.outer(self.sd, self.sd))
+
+    def with_figure(self, name: str, mean: float, sd: float) -> Self:
+        """Return the Gaussian with one figure replaced by an independent one.
+
+        Raises:
+            InputError: there is no such figure, or a number is not finite or not positive.
+        """
+        if name not in INDEX:
+            raise InputError(phrase(name, "there is no such figure", did_you_mean(name, NAMES)))
+        if not (np.isfinite(mean) and np.isfinite(sd) and sd > 0.0):
+            what = f"a mean of {mean:g} with a standard deviation of {sd:g} is not possible"
+            raise InputError(phrase(name, what, "give finite numbers, and a positive deviation"))
+        k = INDEX[name]
+        new_mean, covariance = self.mean.copy(), self.covariance.copy()
+        new_mean[k] = mean
+        covariance[k, :] = covariance[:, k] = 0.0
+        covariance[k, k] = sd * sd
+        return replace(self, mean=new_mean, covariance=covariance)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Knowledge before the lift, and the properties of the instruments."""
+
+    gaussian: Gaussian
+    pin_noise_n: float  # standard deviation of one sample
+    pin_bias_tared_n: float  # standard uncertainty of the zero after a tare
+    learning: Learning
+
+    @property
+    def mean(self) -> Floats:
+        """Return the mean of θ, (COUNT,)."""
+        return self.gaussian.mean
+
+    @property
+    def sd(self) -> Floats:
+        """Return the standard deviation of θ, (COUNT,)."""
+        return self.gaussian.sd
+
+    def tared(self) -> Self:
+        """Return the prior after a tare: no bias, within the uncertainty of a tared zero."""
+        return replace(self, gaussian=self.gaussian.with_figure(BIAS, 0.0, self.pin_bias_tared_n))
+
+    def within(self, theta: Floats) -> Floats:
+        """Return θ held within MOST_SDS of the prior and within what is possible.
+
+        Friction is not negative. A figure that is held is reported by `held`.
+        """
+        reach = MOST_SDS * self.sd
+        kept = np.clip(theta, self.mean - reach, self.mean + reach)
+        kept[INDEX[FRICTION]] = max(kept[INDEX[FRICTION]], 0.0)
+        return kept
+
+    def held(self, theta: Floats) -> tuple[str, ...]:
+        """Return the names of figures at the limits of `within`."""
+        reach = MOST_SDS * self.sd * (1.0 - 1e-9)
+        far = np.abs(theta - self.mean) >= reach
+        return tuple(name for name, one in zip(NAMES, far, strict=True) if one)
+
+
+def prior_of(learning: Learning, static_tension_n: float) -> Prior:
+    """Return the prior of a scene's section `learning`; static_tension_n: at the hang-off [N]."""
+    full_scale = learning.pin_range_n or RANGE_OVER_TENSION * abs(static_tension_n)
+    pct = np.array([getattr(learning, f"{name}_pct") for name in ROPE_FIGURES])
+    sd = np.concatenate([
+        0.01 * pct,
+        [
+            0.01 * learning.pin_bias_pct * full_scale,
+            0.01 * learning.pin_gain_pct,
+            0.01 * learning.heave_gain_pct,
+            learning.heave_delay_uncertainty_s,
+            0.01 * learning.friction_uncertainty_pct,
+        ],
+    ])  # fmt: skip
+    mean = np.zeros(COUNT)
+    mean[INDEX[HEAVE_DELAY]] = learning.heave_delay_s
+    mean[INDEX[FRICTION]] = 0.01 * learning.friction_pct
+    return Prior(
+        Gaussian(mean, np.diag(sd**2)),
+        pin_noise_n=0.01 * learning.pin_noise_pct * full_scale,
+        pin_bias_tared_n=0.01 * learning.pin_bias_tared_pct * full_scale,
+        learning=learning,
+    )
+
+
+def factors_of(theta: Floats) -> dict[str, Floats]:
+    """Return the factors on the rope's figures of θ, (COUNT,) or (members, COUNT)."""
+    return {name: np.exp(theta[..., k]) for k, name in enumerate(ROPE_FIGURES)}

@@ -1,0 +1,190 @@
+"""Measured series of a lift (tension, heave, line out), conditioned for the estimator.
+
+Load pin: samples far from the median of their nine neighbours are dropped, then means over 0.25 s
+are taken, missing where too few samples are left. Line out: a cubic fitted over 15 samples
+(Savitzky and Golay 1964) gives its value and rate. Heave: the cubic through positions and
+velocities. Nothing is invented in a hole of heave or line out: means within it, and until the rope
+has forgotten it, are missing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.signal import savgol_filter
+
+from rope_twin.core.state import Floats
+
+MEAN_S = 0.25  # interval of the means that are compared
+NEIGHBOURS = 9  # samples of the median
+SPIKE_SDS = 5.0  # of the pin's noise, from that median
+LEAST_GOOD = 0.6  # share of a mean's samples that must be good
+SMOOTHED_SAMPLES, SMOOTHED_ORDER = 15, 3
+LINE_HZ = 20.0  # grid of the line out
+HEAVE_HOLE_S, LINE_HOLE_S = 1.0, 2.0  # longer gaps are holes
+FORGETTING_S = 30.0  # after a hole of heave or line out
+
+
+class Series:
+    """Samples of one or two quantities by time, which may come late and out of order."""
+
+    def __init__(self, columns: int) -> None:
+        """Begin without samples of so many quantities."""
+        self._rows: list[tuple[float, ...]] = []
+        self._table: Floats = np.empty((0, columns + 1))
+
+    def add(self, time_s: float, *values: float) -> None:
+        """Add a sample; one that is not finite is missing data and is left out."""
+        if np.isfinite((time_s, *values)).all():
+            self._rows.append((time_s, *values))
+
+    def extend(self, time_s: Floats, *values: Floats) -> None:
+        """Add samples, (k,) each; those that are not finite are left out."""
+        table = np.column_stack([time_s, *values])
+        self._merge(table[np.isfinite(table).all(axis=1)])
+
+    def drop_before(self, time_s: float) -> None:
+        """Forget samples before a time."""
+        self._table = self.table[self.table[:, 0] >= time_s]
+
+    @property
+    def table(self) -> Floats:
+        """Return times and values, (samples, 1 + columns), sorted, each time once."""
+        if self._rows:
+            rows, self._rows = np.array(self._rows), []
+            self._merge(rows)
+        return self._table
+
+    @property
+    def newest_s(self) -> float:
+        """Return the time of the newest sample; -inf: there is none."""
+        table = self.table
+        return float(table[-1, 0]) if len(table) else -np.inf
+
+    def _merge(self, rows: Floats) -> None:
+        whole = np.vstack([self._table, rows])
+        _, first = np.unique(whole[:, 0], return_index=True)
+        self._table = whole[first]
+
+
+def without_spikes(values: Floats, limit: float) -> Floats:
+    """Return values (k,) with NaN where one lies further than `limit` from its neighbours' median.
+
+    The median is of NEIGHBOURS values around it, itself among them.
+    """
+    half = NEIGHBOURS // 2
+    if len(values) < NEIGHBOURS:
+        return values.copy()
+    padded = np.pad(values, half, mode="edge")
+    near = np.median(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS), axis=1)
+    return np.where(np.abs(values - near) > limit, np.nan, values)
+
+
+def interval_means(
+    time_s: Floats, values: Floats, begin_s: float, count: int
+) -> tuple[Floats, Floats]:
+    """Return the means over intervals (k, k + 1]·MEAN_S from begin, (count,), NaN: missing.
+
+    Second result: number of samples in each mean, (count,). Data are missing where fewer than
+    LEAST_GOOD of the samples that the median interval has are finite.
+    """
+    bins = np.ceil((time_s - begin_s) / MEAN_S - 1e-6).astype(np.int64) - 1
+    inside = (bins >= 0) & (bins < count)
+    good = inside & np.isfinite(values)
+    number = np.bincount(bins[good], minlength=count).astype(float)
+    total = np.bincount(bins[good], weights=values[good], minlength=count)
+    spacing = float(np.median(np.diff(time_s))) if len(time_s) > 1 else MEAN_S
+    least = max(1.0, LEAST_GOOD * MEAN_S / spacing - 1e-6)
+    return np.where(number >= least, total / np.maximum(number, 1.0), np.nan), number
+
+
+class MeasuredLift:
+    """Measured tension, heave and line out of one rope."""
+
+    def __init__(self, pin_noise_n: float) -> None:
+        """Begin without data; pin_noise_n: standard deviation of one sample of the load pin [N]."""
+        self._pin_noise_n = pin_noise_n
+        self.tension = Series(1)  # at the sheave [N]
+        self.heave = Series(2)  # of the hang-off [m], its rate [m/s]
+        self.line_out = Series(1)  # [m]
+
+    @property
+    def begin_s(self) -> float:
+        """Return the first time at which all three are known; inf: there is none."""
+        tables = (self.tension.table, self.heave.table, self.line_out.table)
+        if not all(len(one) for one in tables):
+            return np.inf
+        return max(float(one[0, 0]) for one in tables)
+
+    def known_until_s(self, ahead_s: float) -> float:
+        """Return the time until which all are known; ahead_s: of heave that a delay asks for."""
+        return min(self.tension.newest_s, self.line_out.newest_s, self.heave.newest_s - ahead_s)
+
+    def drop_before(self, time_s: float) -> None:
+        """Forget all samples before a time."""
+        for one in (self.tension, self.heave, self.line_out):
+            one.drop_before(time_s)
+
+    def tension_means(self, begin_s: float, end_s: float) -> tuple[Floats, float]:
+        """Return the means of the tension over MEAN_S from begin to end, (k,), NaN: missing.
+
+        Second result: median number of samples in a mean.
+        """
+        count = round((end_s - begin_s) / MEAN_S)
+        table = self.tension.table
+        table = table[(table[:, 0] > begin_s - 1.0) & (table[:, 0] <= end_s + 1.0)]
+        clean = without_spikes(table[:, 1], SPIKE_SDS * self._pin_noise_n)
+        means, number = interval_means(table[:, 0], clean, begin_s, count)
+        for hole_begin, hole_end in self._holes(begin_s - FORGETTING_S, end_s):
+            ends = begin_s + MEAN_S * np.arange(1, count + 1)
+            means[(ends > hole_begin) & (ends - MEAN_S < hole_end + FORGETTING_S)] = np.nan
+        present = number[number > 0]
+        return means, float(np.median(present)) if len(present) else 1.0
+
+    def _holes(self, begin_s: float, end_s: float) -> list[tuple[float, float]]:
+        """Return begin and end of the holes in heave and line out that overlap an interval."""
+        found = []
+        for series, longest in ((self.heave, HEAVE_HOLE_S), (self.line_out, LINE_HOLE_S)):
+            times = series.table[:, 0]
+            wide = np.flatnonzero(np.diff(times) > longest)
+            found += [(float(times[k]), float(times[k + 1])) for k in wide]
+        return [(a, b) for a, b in found if b > begin_s and a < end_s]
+
+    def heave_motion(
+        self, times_s: Floats, delay_s: float = 0.0, heave_gain: float = 0.0
+    ) -> tuple[Floats, Floats]:
+        """Return the heave [m] and its rate at times, (k,), of a sensor with delay and gain.
+
+        The true heave is exp(-heave_gain)·measured(t + delay_s). Beyond its ends a series keeps
+        its last value.
+        """
+        table = self.heave.table
+        at = times_s + delay_s
+        near = slice(*np.searchsorted(table[:, 0], (at[0] - 2.0, at[-1] + 2.0)))
+        some = table[near] if near.stop - near.start > 1 else table
+        heave = CubicHermiteSpline(some[:, 0], some[:, 1], some[:, 2])
+        inside = np.clip(at, some[0, 0], some[-1, 0])
+        share = np.exp(-heave_gain)
+        return share * heave(inside), np.where(inside == at, share * heave(inside, 1), 0.0)
+
+    def heave_grid(self, begin_s: float, end_s: float, interval_s: float) -> Floats:
+        """Return the measured heave on an even grid [m], as far as it is known, (samples,)."""
+        table = self.heave.table
+        begin, end = max(begin_s, table[0, 0]), min(end_s, table[-1, 0])
+        times = np.arange(begin, end, interval_s)
+        return np.interp(times, table[:, 0], table[:, 1])
+
+    def line_motion(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """Return the line out [m] and its rate [m/s] at times, (k,), smoothed over 15 samples."""
+        table = self.line_out.table
+        margin = SMOOTHED_SAMPLES / LINE_HZ
+        begin = max(float(times_s[0]) - margin, table[0, 0])
+        end = min(float(times_s[-1]) + margin, table[-1, 0])
+        count = max(SMOOTHED_SAMPLES, round((end - begin) * LINE_HZ)) + 1
+        grid = begin + np.arange(count) / LINE_HZ
+        raw = np.interp(grid, table[:, 0], table[:, 1])
+        smooth = savgol_filter(raw, SMOOTHED_SAMPLES, SMOOTHED_ORDER)
+        spline = CubicSpline(grid, smooth)
+        inside = np.clip(times_s, grid[0], grid[-1])
+        rate = np.where(inside == times_s, spline(inside, 1), 0.0)
+        return spline(inside), rate

@@ -1,0 +1,122 @@
+"""Conditioning of measured tension, heave and line out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rope_twin.estimation.measured_lift import (
+    FORGETTING_S,
+    MEAN_S,
+    MeasuredLift,
+    Series,
+    interval_means,
+    without_spikes,
+)
+
+
+def lift(seconds: float = 60.0, seed: int = 0) -> MeasuredLift:
+    """Return a lift at 20 Hz: 300 kN with a noise of 3 kN, heave of 1 m in 8 s, 1 m/s of line."""
+    t = 0.05 * np.arange(round(seconds / 0.05) + 1)
+    made = MeasuredLift(3000.0)
+    made.tension.extend(t, 300e3 + 3000.0 * np.random.default_rng(seed).standard_normal(len(t)))
+    w = 2.0 * np.pi / 8.0
+    made.heave.extend(t, np.sin(w * t), w * np.cos(w * t))
+    made.line_out.extend(t, 500.0 + t)
+    return made
+
+
+def test_means_are_of_the_samples_since_the_previous_border() -> None:
+    """A mean holds the samples in (begin, end]: five at 20 Hz, those at the border included."""
+    t = 0.05 * np.arange(41)
+    means, number = interval_means(t, t, 0.0, 8)
+    assert np.allclose(means, 0.25 * np.arange(8) + 0.15)
+    assert np.array_equal(number, np.full(8, 5.0))
+
+
+def test_a_mean_of_too_few_samples_is_missing() -> None:
+    """At least three of five."""
+    t = 0.05 * np.arange(21)
+    values = np.ones(21)
+    values[[1, 2, 3]] = np.nan  # two of five are left
+    values[[6, 7]] = np.nan  # three are left
+    means, _ = interval_means(t, values, 0.0, 4)
+    assert np.array_equal(np.isnan(means), [True, False, False, False])
+    assert np.isnan(interval_means(t, values, 10.0, 4)[0]).all()
+
+
+@given(st.integers(0, 10**6), st.integers(1, 3))
+@settings(max_examples=40, deadline=None)
+def test_spikes_go_and_a_ramp_stays(seed: int, length: int) -> None:
+    """Up to three spikes in a row of 50 kN are dropped; nothing else of a 4 kN/s ramp is."""
+    rng = np.random.default_rng(seed)
+    values = 300e3 + 200.0 * np.arange(100) + 1000.0 * rng.standard_normal(100).clip(-2, 2)
+    at = int(rng.integers(5, 90))
+    values[at : at + length] += 50e3 * rng.choice([-1.0, 1.0])
+    gone = np.isnan(without_spikes(values, 15e3))
+    assert np.array_equal(np.flatnonzero(gone), np.arange(at, at + length))
+
+
+def test_samples_late_doubled_or_not_finite() -> None:
+    """A series is sorted, keeps one sample of each time, and leaves out what is not finite."""
+    series = Series(1)
+    for t, x in ((3.0, 30.0), (1.0, 10.0), (1.0, 11.0), (2.0, np.nan), (np.inf, 1.0)):
+        series.add(t, x)
+    assert np.array_equal(series.table[:, 0], [1.0, 3.0])
+    series.add(2.0, 20.0)
+    assert np.array_equal(series.table[:, 1], [10.0, 20.0, 30.0])
+    series.drop_before(2.0)
+    assert np.array_equal(series.table[:, 0], [2.0, 3.0])
+    assert series.newest_s == 3.0
+    assert Series(2).newest_s == -np.inf
+
+
+def test_heave_of_a_late_sensor_with_a_gain() -> None:
+    """The true heave at t is exp(-h) times what was measured at t + δ, with its rate."""
+    t = np.arange(10.0, 20.0, 0.05)
+    w = 2.0 * np.pi / 8.0
+    z, v = lift().heave_motion(t, delay_s=0.2, heave_gain=0.1)
+    assert np.allclose(z, np.exp(-0.1) * np.sin(w * (t + 0.2)), atol=1e-6)
+    assert np.allclose(v, np.exp(-0.1) * w * np.cos(w * (t + 0.2)), atol=1e-5)
+
+
+def test_line_out_of_a_counter_in_centimetres() -> None:
+    """A cubic over 15 samples takes the steps of a counter; its rate is that of the line."""
+    made = lift()
+    t = 0.05 * np.arange(1201)
+    fine = 500.0 + 2.0 * t + 0.01 * t**2
+    made.line_out = Series(1)
+    made.line_out.extend(t, np.round(fine, 2))
+    at = np.arange(5.0, 55.0, 0.05)
+    line, speed = made.line_motion(at)
+    assert np.abs(line - (500.0 + 2.0 * at + 0.01 * at**2)).max() < 0.005
+    assert np.abs(speed - (2.0 + 0.02 * at)).max() < 0.06
+    assert np.abs(speed - (2.0 + 0.02 * at)).std() < 0.02
+
+
+def test_means_in_a_hole_of_heave_and_after_it_are_missing() -> None:
+    """Tension that an unknown heave has moved is not compared, until the rope has forgotten it."""
+    made = lift(120.0)
+    table = made.heave.table
+    made.heave = Series(2)
+    kept = table[(table[:, 0] < 20.0) | (table[:, 0] > 25.0)]
+    made.heave.extend(*kept.T)
+    means, number = made.tension_means(0.0, 120.0)
+    assert number == 5.0
+    missing = np.flatnonzero(np.isnan(means)) * MEAN_S
+    assert missing[0] == pytest.approx(19.75, abs=MEAN_S)
+    assert missing[-1] == pytest.approx(25.0 + FORGETTING_S, abs=2 * MEAN_S)
+    assert len(missing) * MEAN_S == pytest.approx(35.25, abs=3 * MEAN_S)
+
+
+def test_what_is_known_and_forgotten() -> None:
+    """The three series are known from the latest beginning to the earliest end."""
+    made = lift()
+    assert made.begin_s == 0.0
+    assert made.known_until_s(0.5) == pytest.approx(59.5)
+    made.drop_before(30.0)
+    assert made.begin_s == 30.0
+    assert MeasuredLift(1.0).begin_s == np.inf
+    assert MeasuredLift(1.0).known_until_s(0.0) == -np.inf
