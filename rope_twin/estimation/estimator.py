@@ -1,0 +1,221 @@
+"""Estimator of a lift's figures: Gauss-Newton over blocks of a minute, the past as a prior.
+
+A block is compared in means over 0.25 s. Its rope begins a minute earlier from the state that the
+figures of then had; its residual covariance has the error of the heave through the top impedance.
+After each block the covariance grows a little, so that figures may drift, and the state from which
+the next block begins is that of the new figures.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rope_twin.core.state import Floats
+from rope_twin.errors import InputError, phrase
+from rope_twin.estimation.figures import (
+    HEAVE_DELAY,
+    INDEX,
+    NAMES,
+    Gaussian,
+    Prior,
+    factors_of,
+)
+from rope_twin.estimation.gauss_newton import (
+    MOST_STEP_SDS,
+    Innovation,
+    Whitening,
+    gate,
+    gauss_newton_step,
+)
+from rope_twin.estimation.lift_model import LiftModel, Prediction
+from rope_twin.estimation.measured_lift import MEAN_S
+from rope_twin.estimation.noise import (
+    ResidualNoise,
+    heave_spectrum,
+    tension_error_autocovariance,
+)
+from rope_twin.twin.ensemble.fleet import FleetState
+
+BLOCK_S, BURN_IN_S = 60.0, 60.0
+FIRST_ITERATIONS, ITERATIONS = 4, 2
+DRIFT = 0.02  # growth of each standard deviation over √(1 min), in prior standard deviations
+LEAST_USED = 0.25  # share of a block's means that must be there to learn from it
+SPECTRUM_S = 240.0  # of heave for the linearised drag
+SPECTRUM_INTERVAL_S = 0.05
+SPARE_HEAVE_S = 0.25  # beyond the delay, so that its lane has heave at the end of a block
+SEGMENT_S = 15.0  # the members are stepped so far at a time
+
+
+@dataclass(frozen=True)
+class BlockResult:
+    """State of knowledge after a block."""
+
+    end_s: float
+    posterior: Gaussian
+    used: float  # share of the block's means that were used
+    nis: float  # normalised innovation squared of the residual that is left, over its number
+    held: tuple[str, ...]  # figures at the limit of what the prior allows
+
+
+class Estimator:
+    """Learns the figures of one lift, block by block."""
+
+    def __init__(self, model: LiftModel, prior: Prior, state: FleetState, begin_s: float) -> None:
+        """Begin with a prior; state: of the rope at a time [s], a minute before the first block."""
+        self.prior = prior
+        self.belief = prior.gaussian  # before the next block
+        self.theta = prior.mean.copy()
+        self.results: list[BlockResult] = []
+        self.noise: ResidualNoise | None = None
+        self.innovation: Innovation | None = None  # of the last block, before it was assimilated
+        self._model = model
+        self._state, self._state_s = state, begin_s
+        self._running: Prediction | None = None
+
+    @property
+    def block_begin_s(self) -> float:
+        """Time at which the next block begins [s]."""
+        return self._state_s + BURN_IN_S
+
+    @property
+    def block_end_s(self) -> float:
+        """Time at which the next block ends [s]."""
+        return self.block_begin_s + BLOCK_S
+
+    @property
+    def heave_ahead_s(self) -> float:
+        """How far the heave must be known beyond the end of a block [s]."""
+        delay = self.theta[INDEX[HEAVE_DELAY]] + 4.0 * self.prior.sd[INDEX[HEAVE_DELAY]]
+        return max(float(delay), 0.0) + SPARE_HEAVE_S
+
+    def tare(self) -> None:
+        """Take the load pin's zero as set now: its bias is 0 within the uncertainty of a tare."""
+        self.prior = self.prior.tared()
+        bias = self.prior.gaussian.sd[INDEX["tension_bias"]]
+        self.belief = self.belief.with_figure("tension_bias", 0.0, float(bias))
+        self.theta = self.belief.mean.copy()
+        self._running = None
+
+    def step(self) -> bool:
+        """Do a small part of the work on the next block, if its data are there; return whether.
+
+        Raises:
+            SolverError: the rope with the present figures cannot be stepped.
+        """
+        known_s = self._model.lift.known_until_s(self.heave_ahead_s)
+        if self._running is None:
+            self._running = self._model.begin(self.theta, self._state, self._state_s)
+        end_s = min(self._running.end_s + SEGMENT_S, self.block_end_s)
+        if known_s < end_s - 1e-6:
+            return False
+        self._model.extend(self._running, end_s)
+        if self._running.end_s >= self.block_end_s - 1e-6:
+            self._assimilate(self._running)
+            self._running = None
+        return True
+
+    def run(self, until_s: float = np.inf) -> list[BlockResult]:
+        """Learn from all data that are there, up to blocks that end by a time; return new results.
+
+        Raises:
+            SolverError: the rope with the present figures cannot be stepped.
+        """
+        before = len(self.results)
+        while self.block_end_s <= until_s + 1e-6 and self.step():
+            pass
+        return self.results[before:]
+
+    def _autocovariance(self, count: int, end_s: float) -> Floats:
+        """Return the autocovariance of the heave's error as a tension [N²], (count,)."""
+        lift, learning = self._model.lift, self.prior.learning
+        heave = lift.heave_grid(end_s - SPECTRUM_S, end_s, SPECTRUM_INTERVAL_S)
+        line, _ = lift.line_motion(np.array([end_s - 0.5 * BLOCK_S]))
+        factors = {name: float(value) for name, value in factors_of(self.theta).items()}
+        bar = self._model.bar.at_length(float(line[0])).with_factors(factors)
+        psd = heave_spectrum(heave, SPECTRUM_INTERVAL_S)
+        return tension_error_autocovariance(bar, psd, learning.heave_error_m, count, MEAN_S)
+
+    def _assimilate(self, prediction: Prediction) -> None:
+        """Learn from the block that a prediction with the present figures has reached the end of."""
+        begin_s, end_s = self.block_begin_s, self.block_end_s
+        measured, samples = self._model.lift.tension_means(begin_s, end_s)
+        if self.noise is None:
+            self.noise = ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
+        autocovariance = self._autocovariance(len(measured), end_s)
+        R = self.noise.covariance(autocovariance)
+        predicted, J = self._model.linearised(prediction, begin_s)
+        self.innovation = self._innovation(measured - predicted, J, R, begin_s)
+        posterior, nis = self.belief, np.nan
+        used = np.isfinite(measured)
+        if used.mean() >= LEAST_USED:
+            posterior, used, nis = self._learn(measured, predicted, J, R, autocovariance)
+        held = self.prior.held(self.theta)
+        self.results.append(BlockResult(end_s, posterior, float(used.mean()), nis, held))
+        growth = np.diag((DRIFT * self.prior.sd) ** 2) * BLOCK_S / 60.0
+        self.belief = Gaussian(self.theta.copy(), posterior.covariance + growth)
+        self._state = self._model.state_at(self.theta, self._state, self._state_s, begin_s)
+        self._state_s = begin_s
+
+    def _learn(
+        self, measured: Floats, predicted: Floats, J: Floats, R: Floats, autocovariance: Floats
+    ) -> tuple[Gaussian, Floats, float]:
+        """Move θ to its posterior mean; return the posterior, the used samples and the NIS."""
+        assert self.noise is not None
+        begin_s, end_s = self.block_begin_s, self.block_end_s
+        count = ITERATIONS if self.results else FIRST_ITERATIONS
+        for iteration in range(count):
+            if iteration:
+                prediction = self._model.predict(self.theta, self._state, self._state_s, end_s)
+                predicted, J = self._model.linearised(prediction, begin_s)
+            residual = measured - predicted
+            middle = np.nanmedian(residual) if iteration == 0 else 0.0
+            used = gate(residual - middle, R, J, self.belief)
+            whiten = Whitening(R, used)
+            step = gauss_newton_step(
+                self.theta, self.belief, residual, J, whiten,
+                robust=iteration > 0, most=MOST_STEP_SDS * self.prior.sd,
+            )  # fmt: skip
+            before, self.theta = self.theta, self.prior.within(step.theta)
+        left = residual - J @ (self.theta - before)
+        whitened = whiten(left)
+        self.noise.learn(left, used, autocovariance)
+        posterior = Gaussian(self.theta.copy(), step.posterior.covariance)
+        return posterior, used, float(whitened @ whitened) / max(int(used.sum()), 1)
+
+    def _innovation(self, residual: Floats, J: Floats, R: Floats, begin_s: float) -> Innovation:
+        """Return the residual before learning, with its covariance and signatures."""
+        return Innovation(
+            time_s=begin_s + MEAN_S * (np.arange(len(residual)) + 0.5),
+            residual_n=residual,
+            covariance=R + J @ self.belief.covariance @ J.T,
+            columns={name: J[:, k] for k, name in enumerate(NAMES)},
+            prior_sd={name: float(self.prior.sd[k]) for k, name in enumerate(NAMES)},
+        )
+
+    def innovation_until(self, end_s: float) -> Innovation:
+        """Return the innovation of the running block up to a time [s], a multiple of MEAN_S in it.
+
+        The members are stepped on only as far as they have not been. The figures are those before
+        the block.
+
+        Raises:
+            InputError: the time lies outside the running block, or its data are not there.
+            SolverError: the rope cannot be stepped.
+        """
+        begin_s = self.block_begin_s
+        known_s = self._model.lift.known_until_s(self.heave_ahead_s)
+        if not begin_s + MEAN_S <= end_s <= min(self.block_end_s, known_s) + 1e-6:
+            what = f"{end_s:g} s lies outside the running block, or its data are not there"
+            right = f"give {begin_s + MEAN_S:g} to {min(self.block_end_s, known_s):g} s"
+            raise InputError(phrase("innovation", what, right))
+        if self._running is None:
+            self._running = self._model.begin(self.theta, self._state, self._state_s)
+        self._model.extend(self._running, end_s)
+        count = round((end_s - begin_s) / MEAN_S)
+        measured, samples = self._model.lift.tension_means(begin_s, end_s)
+        noise = self.noise or ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
+        R = noise.covariance(self._autocovariance(count, end_s))
+        predicted, J = self._model.linearised(self._running, begin_s)
+        return self._innovation(measured - predicted[:count], J[:count], R, begin_s)

@@ -1,0 +1,185 @@
+"""Model of a lift: prediction of the measured tension, and its derivatives by perturbed lanes.
+
+Member 0 of a fleet has the figures θ, each other one of them a step in one figure. All begin from
+one state a minute before the data that are compared, so that the rope has forgotten where it began
+and its derivatives are those of the motion. The delay of the heave is a lane with a shifted heave,
+not a shift of the predicted tension: the line out is not late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rope_twin.core.jit.wide import LANES
+from rope_twin.core.state import Floats
+from rope_twin.errors import SolverError
+from rope_twin.estimation.figures import (
+    BIAS,
+    COUNT,
+    FRICTION,
+    GAIN,
+    HEAVE_DELAY,
+    HEAVE_GAIN,
+    INDEX,
+    LANE_STEPS,
+    factors_of,
+)
+from rope_twin.estimation.impedance import Bar, bar_of
+from rope_twin.estimation.load_pin import LoadPin
+from rope_twin.estimation.measured_lift import MEAN_S, MeasuredLift
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
+
+ELEMENTS, STEP_S = 20, 0.05
+STEPS_PER_MEAN = round(MEAN_S / STEP_S)
+RAMP_S = 10.0  # over which the ship's motion builds up from rest
+# differences of the load pin's own figures: exact for bias and gain
+PIN_STEPS: Mapping[str, float] = {BIAS: 100.0, GAIN: 0.003, FRICTION: 0.004}
+
+
+@dataclass
+class Prediction:
+    """Tension of the members from a common state on, extended as data come."""
+
+    theta: Floats  # (COUNT,)
+    begin_s: float
+    end_s: float
+    states: list[FleetState]  # of the members at the end
+    tension_n: list[Floats] = field(default_factory=list)  # (steps, members) each
+    line_out_m: list[Floats] = field(default_factory=list)  # (steps,) each
+
+
+class LiftModel:
+    """A fleet of one rope that follows a measured lift."""
+
+    def __init__(self, scene: Scene, lift: MeasuredLift) -> None:
+        """Build the lanes of a scene, in its static equilibrium.
+
+        Raises:
+            InputError: the scene's ropes meet, or have parts that a fleet does not step.
+            SceneError: the scene cannot be built.
+        """
+        self.lift = lift
+        self._lone = Fleet(scene, 1, elements=ELEMENTS, step_s=STEP_S)
+        self._known = self._lone.figures
+        present = {*self._known, HEAVE_GAIN, HEAVE_DELAY}
+        self.lanes = tuple(name for name in LANE_STEPS if name in present)
+        members = 1 + len(self.lanes)
+        if LANES > 1:  # a group that is not half full is stepped member by member
+            members = -(-members // (LANES // 2)) * (LANES // 2)
+        self._fleet = Fleet(scene, members, elements=ELEMENTS, step_s=STEP_S)
+        self.bar: Bar = bar_of(scene)
+        self.pin = LoadPin(scene.learning, float(self.bar.EA_n[-1]))
+        self.rest = self._lone.state(0)
+        self._ramp_begin_s = -np.inf
+
+    def begin_at_rest(self, time_s: float) -> FleetState:
+        """Return the static equilibrium as the state at a time; the ship's motion builds up."""
+        self._ramp_begin_s = time_s
+        return FleetState(round(time_s * 1e9), self.rest.rope, self.rest.memories)
+
+    def begin(self, theta: Floats, state: FleetState, begin_s: float) -> Prediction:
+        """Return a prediction that has not begun, from a state at a time [s]."""
+        return Prediction(theta, begin_s, begin_s, [state] * len(self._fleet))
+
+    def extend(self, prediction: Prediction, end_s: float) -> None:
+        """Step the members on to a time [s], a whole number of means later.
+
+        Raises:
+            SolverError: the rope with the figures θ cannot be stepped.
+        """
+        steps = STEPS_PER_MEAN * round((end_s - prediction.end_s) / MEAN_S)
+        if steps < 1:
+            return
+        thetas = self._members(prediction.theta)
+        self._set(self._fleet, thetas)
+        self._fleet.restore(prediction.states)
+        times = prediction.end_s + STEP_S * np.arange(steps + 1)
+        inputs = self._inputs(times, thetas)
+        record = self._fleet.advance(inputs, look_steps=steps)
+        if 0 in record.failures:
+            raise SolverError(record.failures[0])
+        prediction.tension_n.append(record.top_tension_n)
+        prediction.line_out_m.append(np.asarray(inputs.line_out_m)[1:])
+        prediction.end_s = float(times[-1])
+        prediction.states = [self._fleet.state(k) for k in range(len(self._fleet))]
+
+    def predict(self, theta: Floats, state: FleetState, begin_s: float, end_s: float) -> Prediction:
+        """Return the prediction from a state at begin to end [s]. Raises SolverError."""
+        prediction = self.begin(theta, state, begin_s)
+        self.extend(prediction, end_s)
+        return prediction
+
+    def linearised(self, prediction: Prediction, from_s: float) -> tuple[Floats, Floats]:
+        """Return the predicted means from a time on, (k,) [N], and their Jacobian, (k, COUNT).
+
+        A figure without a lane (the scene does not have it), or whose lane failed, has a column of
+        zeros: it is not observable.
+        """
+        tension, line = np.concatenate(prediction.tension_n), np.concatenate(prediction.line_out_m)
+        theta = prediction.theta
+        skipped = round((from_s - prediction.begin_s) / MEAN_S)
+        friction = self.pin.friction_state(tension[:, 0], line)
+
+        def means(reading: Floats) -> Floats:
+            return np.asarray(reading.reshape(-1, STEPS_PER_MEAN).mean(axis=1)[skipped:])
+
+        predicted = means(self.pin.measured(tension[:, 0], friction, theta))
+        jacobian = np.zeros((len(predicted), COUNT))
+        for member, name in enumerate(self.lanes, start=1):
+            own = self.pin.friction_state(tension[:, member], line)
+            column = means(self.pin.measured(tension[:, member], own, theta)) - predicted
+            if np.isfinite(column).all():
+                jacobian[:, INDEX[name]] = column / LANE_STEPS[name]
+        for name, step in PIN_STEPS.items():
+            more = theta.copy()
+            more[INDEX[name]] += step
+            reading = self.pin.measured(tension[:, 0], friction, more)
+            jacobian[:, INDEX[name]] = (means(reading) - predicted) / step
+        return predicted, jacobian
+
+    def state_at(
+        self, theta: Floats, state: FleetState, begin_s: float, end_s: float
+    ) -> FleetState:
+        """Return the state of a rope with figures θ that began with a state. Raises SolverError."""
+        steps = round((end_s - begin_s) / STEP_S)
+        self._set(self._lone, theta[None])
+        self._lone.restore(state)
+        times = begin_s + STEP_S * np.arange(steps + 1)
+        record = self._lone.advance(self._inputs(times, theta[None]), look_steps=steps)
+        if record.failures:
+            raise SolverError(record.failures[0])
+        return self._lone.state(0)
+
+    def _members(self, theta: Floats) -> Floats:
+        """Return θ of each member, (members, COUNT); spare members repeat the first."""
+        thetas = np.tile(theta, (len(self._fleet), 1))
+        for member, name in enumerate(self.lanes, start=1):
+            thetas[member, INDEX[name]] += LANE_STEPS[name]
+        return thetas
+
+    def _set(self, fleet: Fleet, thetas: Floats) -> None:
+        factors = factors_of(thetas)
+        fleet.set_figures({name: factors[name] for name in self._known})
+
+    def _inputs(self, times_s: Floats, thetas: Floats) -> FleetInputs:
+        """Return what moves the members, whose sensors differ in gain and delay of the heave."""
+        gains, delays = thetas[:, INDEX[HEAVE_GAIN]], thetas[:, INDEX[HEAVE_DELAY]]
+        position = np.empty((len(times_s), len(thetas)))
+        rate = np.empty_like(position)
+        line, speed = self.lift.line_motion(times_s)
+        pairs = np.stack([gains, delays], axis=1)
+        for pair in np.unique(pairs, axis=0):
+            of = (pairs == pair).all(axis=1)
+            z, v = self.lift.heave_motion(times_s, float(pair[1]), float(pair[0]))
+            position[:, of], rate[:, of] = z[:, None], v[:, None]
+        since = times_s - self._ramp_begin_s
+        if since[0] < RAMP_S:
+            share = np.clip(since / RAMP_S, 0.0, 1.0)[:, None]
+            share_rate = np.where(share < 1.0, 1.0 / RAMP_S, 0.0)
+            rate = share * rate + share_rate * position
+            position = share * position
+        return FleetInputs(position, rate, line, speed)

@@ -1,0 +1,224 @@
+"""Estimator on a small rope: what it learns, with missing data, after a tare, and what fails."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+from small_scene import small_scene
+
+from rope_twin import load_scene
+from rope_twin.core.state import Floats
+from rope_twin.errors import InputError
+from rope_twin.estimation.estimator import BLOCK_S, Estimator
+from rope_twin.estimation.figures import BIAS, COUNT, INDEX, NAMES, ROPE_FIGURES, Prior, prior_of
+from rope_twin.estimation.gauss_newton import Innovation
+from rope_twin.estimation.impedance import bar_of, top_impedance
+from rope_twin.estimation.lift_model import LiftModel
+from rope_twin.estimation.measured_lift import MeasuredLift
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
+
+SECONDS = 182.0
+NOISE_N = 500.0
+
+
+@cache
+def scene() -> Scene:
+    """Return a rope of 200 m with a tool of 8 t."""
+    return small_scene(Path(mkdtemp()))
+
+
+def motion(t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return heave of three waves, its rate, line out hauled and paid out, and its rate."""
+    z, v = np.zeros_like(t), np.zeros_like(t)
+    for height, period, phase in ((0.7, 7.0, 0.3), (0.4, 5.2, 1.0), (0.3, 11.0, 2.0)):
+        w = 2.0 * np.pi / period
+        z += height * np.sin(w * t + phase)
+        v += height * w * np.cos(w * t + phase)
+    ramp = np.clip(t / 10.0, 0.0, 1.0)
+    rate = np.where(ramp < 1.0, 0.1, 0.0)
+    return z * ramp, v * ramp + z * rate, 200.0 + 3.0 * np.sin(0.1 * t), 0.3 * np.cos(0.1 * t)
+
+
+@cache
+def recorded() -> tuple[Floats, Floats, Floats]:
+    """Return θ, times and tension of a rope of 40 elements at 20 ms, with all sensors perfect."""
+    theta = np.zeros(COUNT)
+    theta[:3] = 0.05, -0.10, 0.25  # weight, mass, drag
+    theta[3] = 0.03
+    step = 0.02
+    t = step * np.arange(round(SECONDS / step) + 1)
+    z, v, line, speed = motion(t)
+    fleet = Fleet(scene(), 1, elements=40, step_s=step)
+    fleet.set_figures({name: float(np.exp(theta[k])) for k, name in enumerate(ROPE_FIGURES)})
+    record = fleet.advance(FleetInputs(z, v, line, speed), look_steps=100)
+    return theta, t[1:], record.top_tension_n[:, 0]
+
+
+def lift(seed: int = 0, lost: tuple[float, float] = (0.0, 0.0)) -> MeasuredLift:
+    """Return the measured series with a noise of NOISE_N and without tension in an interval."""
+    _, t, tension = recorded()
+    made = MeasuredLift(NOISE_N)
+    at = np.arange(0.0, SECONDS + 0.01, 0.05)
+    z, v, line, _ = motion(at)
+    made.heave.extend(at, z, v)
+    made.line_out.extend(at, line)
+    noise = NOISE_N * np.random.default_rng(seed).standard_normal(len(at))
+    y = np.interp(at, t, tension) + noise
+    y[(at > lost[0]) & (at < lost[1])] = np.nan
+    made.tension.extend(at, y)
+    return made
+
+
+def prior() -> Prior:
+    """Return a prior with sensors that are nearly perfect, as those of `recorded` are."""
+    whole = prior_of(scene().learning, 100e3)
+    gaussian = whole.gaussian
+    for name, sd in (("tension_gain", 1e-4), (BIAS, 20.0), ("heave_gain", 1e-3),
+                     ("heave_delay", 1e-3), ("sheave_friction", 1e-5)):  # fmt: skip
+        gaussian = gaussian.with_figure(name, 0.0, sd)
+    return Prior(gaussian, NOISE_N, 20.0, whole.learning)
+
+
+def estimator(series: MeasuredLift, own: Prior | None = None) -> Estimator:
+    """Return an estimator that begins at rest at time 0."""
+    model = LiftModel(scene(), series)
+    return Estimator(model, own or prior(), model.begin_at_rest(0.0), 0.0)
+
+
+@cache
+def learned() -> Estimator:
+    """Return an estimator that has learned from all data."""
+    made = estimator(lift())
+    made.run()
+    return made
+
+
+def test_figures_are_found_within_their_intervals() -> None:
+    """Weight, mass, drag, stiffness lie within 2.5 sd, and are known far better than before."""
+    theta, _, _ = recorded()
+    posterior = learned().results[-1].posterior
+    assert len(learned().results) == 2
+    off = np.abs(posterior.mean - theta) / posterior.sd
+    assert (off[:4] < 2.5).all(), dict(zip(NAMES, off, strict=True))
+    assert abs(posterior.mean[0] - theta[0]) < 0.005
+    assert abs(posterior.mean[1] - theta[1]) < 0.03
+    assert (posterior.sd[:3] < 0.3 * prior().sd[:3]).all()
+
+
+def test_weight_and_bias_share_what_the_mean_tension_says() -> None:
+    """A sum that is known leaves 1/√(1/σ² + 1/s²) of weight σ and zero s, and ties them together.
+
+    After a tare the zero is known to what a tare leaves.
+    """
+    k, b = INDEX["submerged_weight"], INDEX[BIAS]
+    gaussian = prior().gaussian.with_figure(BIAS, 0.0, 3000.0)
+    made = estimator(lift(), Prior(gaussian, NOISE_N, 20.0, prior().learning))
+    made.run()
+    weight_n = 9.80665 * (8000.0 - 1.5 * 1025.0)
+    left = 1.0 / np.hypot(1.0 / 3000.0, 1.0 / (prior().sd[k] * weight_n))
+    posterior = made.results[-1].posterior
+    assert posterior.sd[k] * weight_n == pytest.approx(left, rel=0.05)
+    assert posterior.correlation[k, b] < -0.95
+    made.tare()
+    assert made.belief.sd[b] == pytest.approx(20.0)
+
+
+def test_a_hole_in_the_tension_is_no_data() -> None:
+    """Without 20 s of the first minute the figures are found still, less surely."""
+    theta, _, _ = recorded()
+    made = estimator(lift(lost=(70.0, 90.0)))
+    made.run()
+    first = made.results[0]
+    assert first.used == pytest.approx(1.0 - 20.0 / BLOCK_S, abs=0.02)
+    assert first.posterior.sd[2] > learned().results[0].posterior.sd[2]
+    off = np.abs(made.results[-1].posterior.mean - theta) / made.results[-1].posterior.sd
+    assert (off[:4] < 2.5).all()
+
+
+def test_without_tension_nothing_is_learned() -> None:
+    """A block without data leaves the prior, and lets it drift apart by a fiftieth."""
+    made = estimator(lift(lost=(60.0, 120.0)))
+    made.run(120.0)
+    (only,) = made.results
+    assert only.used < 0.05
+    assert np.array_equal(only.posterior.mean, prior().mean)
+    assert np.allclose(made.belief.sd, prior().sd * np.sqrt(1.0 + 0.02**2))
+
+
+def test_innovation_of_the_running_block() -> None:
+    """The residual before learning has the covariance R + J·P·Jᵀ; it is there second by second."""
+    made = estimator(lift())
+    assert made.innovation is None
+    early: Innovation = made.innovation_until(75.0)
+    assert early.time_s[0] == pytest.approx(60.125)
+    assert len(early.time_s) == 60
+    longer = made.innovation_until(90.0)
+    assert np.allclose(longer.residual_n[:60], early.residual_n, rtol=1e-9)
+    assert np.allclose(longer.columns["submerged_weight"][:60], early.columns["submerged_weight"])
+    made.run(120.0)
+    whole = made.innovation
+    assert whole is not None
+    assert np.allclose(whole.residual_n[:120], longer.residual_n, rtol=1e-9)
+    assert set(whole.columns) == set(NAMES) == set(whole.prior_sd)
+    assert np.linalg.eigvalsh(whole.covariance).min() > 0.0
+    e = whole.residual_n
+    nis = e @ np.linalg.solve(whole.covariance, e) / len(e)
+    assert 0.3 < nis < 2.0
+    assert np.allclose(whole.columns[BIAS], 1.0)
+    with pytest.raises(InputError, match="outside the running block"):
+        made.innovation_until(300.0)
+
+
+def test_work_in_parts_is_the_work_at_once() -> None:
+    """Data that come in parts, and steps that are taken one by one, give the same to the bit."""
+    series, whole = MeasuredLift(NOISE_N), lift()
+    made = estimator(series)
+    for begin in np.arange(0.0, SECONDS, 7.3):
+        for name in ("tension", "heave", "line_out"):
+            table = getattr(whole, name).table
+            part = table[(table[:, 0] >= begin) & (table[:, 0] < begin + 7.3)]
+            getattr(series, name).extend(*part.T)
+        while made.step():
+            pass
+    assert len(made.results) == 2
+    assert np.allclose(made.theta, learned().theta, atol=1e-6)
+
+
+@pytest.mark.parametrize("period_s", [6.0, 10.0])
+def test_impedance_of_the_stepped_rope(period_s: float) -> None:
+    """The stepped rope in still water in a regular heave of 1 m has the closed form's amplitude.
+
+    For a sine of amplitude V the linear drag with its power is 8/(3π)·β·V, for a Gaussian velocity
+    of the same variance √(8/π)·β·V/√2: the share 0.752.
+    """
+    step, w = 0.01, 2.0 * np.pi / period_s
+    t = step * np.arange(round(16 * period_s / step) + 1)
+    ramp = np.clip(t / (4 * period_s), 0.0, 1.0)
+    z = ramp * np.sin(w * t)
+    v = np.gradient(z, t)
+    fleet = Fleet(scene(), 1, elements=60, step_s=step)
+    fleet.set_figures({"current": 1e-6, "axial_damping": 1e-3})
+    line = np.full_like(t, 200.0)
+    record = fleet.advance(FleetInputs(z, v, line, np.zeros_like(t)), look_steps=100)
+    last = slice(-round(4 * period_s / step), None)
+    wave = np.exp(-1j * w * t[1:][last])
+    tension = record.top_tension_n[last, 0]
+    amplitude = 2.0 * ((tension - tension.mean()) * wave).mean() * 1j
+    factors = dict.fromkeys(ROPE_FIGURES, 1.0) | {"axial_damping": 1e-3}
+    f = np.array([1.0 / period_s, 1.0 / period_s + 0.01])
+    narrow = np.array([0.5 / 0.01, 0.0])  # the variance of the sine in one line
+    closed = top_impedance(bar_of(scene()).with_factors(factors), f, narrow)[0]
+    share = 8.0 / (3.0 * np.pi) / np.sqrt(4.0 / np.pi)
+    assert amplitude.real == pytest.approx(closed.real, rel=0.002)
+    assert amplitude.imag == pytest.approx(share * closed.imag, rel=0.04)
+
+
+def test_ropes_that_meet_cannot_be_learned() -> None:
+    """One sentence says so."""
+    with pytest.raises(InputError, match="meet"):
+        LiftModel(load_scene("bridle_lift"), MeasuredLift(1.0))
