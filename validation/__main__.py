@@ -1,7 +1,7 @@
 """`python -m validation [ID...]`: published and closed-form cases, rope_twin against reference.
 
-`--hard-cases` runs the robustness tests of the solver instead. Exit code 0 if every case passes, 1
-if one fails.
+`--hard-cases` runs the robustness tests of the solver instead, `--learning` the estimator on hidden
+truths. Exit code 0 if every case passes, 1 if one fails.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from rope_twin.cli.console import CaseProgress, print_table
 from rope_twin.studies.picture import check_picture, draw_panels
 from validation import registry, vortex_convergence
 from validation.case import Finding, Row, choose, run_each
+from validation.learning import command as learning_command
 from validation.page import (
     CONVERGENCE_PICTURE,
     MARKED,
@@ -49,6 +50,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _command(argv: Sequence[str] | None) -> int:
     parser = _parser()
     args = parser.parse_args(argv)
+    if args.learning:
+        if args.into is not None or args.convergence or args.hard_cases or args.markdown:
+            parser.error("--learning: of the other options it takes --json")
+        return learning_command.run(args)
     if args.hard_cases:
         if args.into is not None or args.convergence:
             parser.error("--hard-cases: it takes no --into and no --convergence")
@@ -83,6 +88,7 @@ def _parser() -> argparse.ArgumentParser:
         "--hard-cases", action="store_true",
         help="in place of the cases: robustness tests of the solver, each against a reference",
     )  # fmt: skip
+    learning_command.add_arguments(parser)
     return parser
 
 

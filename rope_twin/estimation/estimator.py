@@ -70,14 +70,14 @@ class Estimator:
         self.results: list[BlockResult] = []
         self.noise: ResidualNoise | None = None
         self.innovation: Innovation | None = None  # of the last block, before it was assimilated
-        self._model = model
-        self._state, self._state_s = state, begin_s
+        self.model = model
+        self.state, self.state_s = state, begin_s
         self._running: Prediction | None = None
 
     @property
     def block_begin_s(self) -> float:
         """Time at which the next block begins [s]."""
-        return self._state_s + BURN_IN_S
+        return self.state_s + BURN_IN_S
 
     @property
     def block_end_s(self) -> float:
@@ -104,13 +104,13 @@ class Estimator:
         Raises:
             SolverError: the rope with the present figures cannot be stepped.
         """
-        known_s = self._model.lift.known_until_s(self.heave_ahead_s)
+        known_s = self.model.lift.known_until_s(self.heave_ahead_s)
         if self._running is None:
-            self._running = self._model.begin(self.theta, self._state, self._state_s)
+            self._running = self.model.begin(self.theta, self.state, self.state_s)
         end_s = min(self._running.end_s + SEGMENT_S, self.block_end_s)
         if known_s < end_s - 1e-6:
             return False
-        self._model.extend(self._running, end_s)
+        self.model.extend(self._running, end_s)
         if self._running.end_s >= self.block_end_s - 1e-6:
             self._assimilate(self._running)
             self._running = None
@@ -127,25 +127,25 @@ class Estimator:
             pass
         return self.results[before:]
 
-    def _autocovariance(self, count: int, end_s: float) -> Floats:
+    def autocovariance(self, count: int, end_s: float) -> Floats:
         """Return the autocovariance of the heave's error as a tension [N²], (count,)."""
-        lift, learning = self._model.lift, self.prior.learning
+        lift, learning = self.model.lift, self.prior.learning
         heave = lift.heave_grid(end_s - SPECTRUM_S, end_s, SPECTRUM_INTERVAL_S)
         line, _ = lift.line_motion(np.array([end_s - 0.5 * BLOCK_S]))
         factors = {name: float(value) for name, value in factors_of(self.theta).items()}
-        bar = self._model.bar.at_length(float(line[0])).with_factors(factors)
+        bar = self.model.bar.at_length(float(line[0])).with_factors(factors)
         psd = heave_spectrum(heave, SPECTRUM_INTERVAL_S)
         return tension_error_autocovariance(bar, psd, learning.heave_error_m, count, MEAN_S)
 
     def _assimilate(self, prediction: Prediction) -> None:
-        """Learn from the block that a prediction with the present figures has reached the end of."""
+        """Learn from the block whose end a prediction with the present figures has reached."""
         begin_s, end_s = self.block_begin_s, self.block_end_s
-        measured, samples = self._model.lift.tension_means(begin_s, end_s)
+        measured, samples = self.model.lift.tension_means(begin_s, end_s)
         if self.noise is None:
             self.noise = ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
-        autocovariance = self._autocovariance(len(measured), end_s)
+        autocovariance = self.autocovariance(len(measured), end_s)
         R = self.noise.covariance(autocovariance)
-        predicted, J = self._model.linearised(prediction, begin_s)
+        predicted, J = self.model.linearised(prediction, begin_s)
         self.innovation = self._innovation(measured - predicted, J, R, begin_s)
         posterior, nis = self.belief, np.nan
         used = np.isfinite(measured)
@@ -155,8 +155,8 @@ class Estimator:
         self.results.append(BlockResult(end_s, posterior, float(used.mean()), nis, held))
         growth = np.diag((DRIFT * self.prior.sd) ** 2) * BLOCK_S / 60.0
         self.belief = Gaussian(self.theta.copy(), posterior.covariance + growth)
-        self._state = self._model.state_at(self.theta, self._state, self._state_s, begin_s)
-        self._state_s = begin_s
+        self.state = self.model.state_at(self.theta, self.state, self.state_s, begin_s)
+        self.state_s = begin_s
 
     def _learn(
         self, measured: Floats, predicted: Floats, J: Floats, R: Floats, autocovariance: Floats
@@ -167,8 +167,8 @@ class Estimator:
         count = ITERATIONS if self.results else FIRST_ITERATIONS
         for iteration in range(count):
             if iteration:
-                prediction = self._model.predict(self.theta, self._state, self._state_s, end_s)
-                predicted, J = self._model.linearised(prediction, begin_s)
+                prediction = self.model.predict(self.theta, self.state, self.state_s, end_s)
+                predicted, J = self.model.linearised(prediction, begin_s)
             residual = measured - predicted
             middle = np.nanmedian(residual) if iteration == 0 else 0.0
             used = gate(residual - middle, R, J, self.belief)
@@ -187,7 +187,7 @@ class Estimator:
     def _innovation(self, residual: Floats, J: Floats, R: Floats, begin_s: float) -> Innovation:
         """Return the residual before learning, with its covariance and signatures."""
         return Innovation(
-            time_s=begin_s + MEAN_S * (np.arange(len(residual)) + 0.5),
+            time_s=np.asarray(begin_s + MEAN_S * (np.arange(len(residual)) + 0.5), float),
             residual_n=residual,
             covariance=R + J @ self.belief.covariance @ J.T,
             columns={name: J[:, k] for k, name in enumerate(NAMES)},
@@ -205,17 +205,17 @@ class Estimator:
             SolverError: the rope cannot be stepped.
         """
         begin_s = self.block_begin_s
-        known_s = self._model.lift.known_until_s(self.heave_ahead_s)
+        known_s = self.model.lift.known_until_s(self.heave_ahead_s)
         if not begin_s + MEAN_S <= end_s <= min(self.block_end_s, known_s) + 1e-6:
             what = f"{end_s:g} s lies outside the running block, or its data are not there"
             right = f"give {begin_s + MEAN_S:g} to {min(self.block_end_s, known_s):g} s"
             raise InputError(phrase("innovation", what, right))
         if self._running is None:
-            self._running = self._model.begin(self.theta, self._state, self._state_s)
-        self._model.extend(self._running, end_s)
+            self._running = self.model.begin(self.theta, self.state, self.state_s)
+        self.model.extend(self._running, end_s)
         count = round((end_s - begin_s) / MEAN_S)
-        measured, samples = self._model.lift.tension_means(begin_s, end_s)
+        measured, samples = self.model.lift.tension_means(begin_s, end_s)
         noise = self.noise or ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
-        R = noise.covariance(self._autocovariance(count, end_s))
-        predicted, J = self._model.linearised(self._running, begin_s)
+        R = noise.covariance(self.autocovariance(count, end_s))
+        predicted, J = self.model.linearised(self._running, begin_s)
         return self._innovation(measured - predicted[:count], J[:count], R, begin_s)

@@ -97,7 +97,7 @@ class LiftModel:
         thetas = self._members(prediction.theta)
         self._set(self._fleet, thetas)
         self._fleet.restore(prediction.states)
-        times = prediction.end_s + STEP_S * np.arange(steps + 1)
+        times = _borders(prediction.end_s, steps)
         inputs = self._inputs(times, thetas)
         record = self._fleet.advance(inputs, look_steps=steps)
         if 0 in record.failures:
@@ -148,7 +148,7 @@ class LiftModel:
         steps = round((end_s - begin_s) / STEP_S)
         self._set(self._lone, theta[None])
         self._lone.restore(state)
-        times = begin_s + STEP_S * np.arange(steps + 1)
+        times = _borders(begin_s, steps)
         record = self._lone.advance(self._inputs(times, theta[None]), look_steps=steps)
         if record.failures:
             raise SolverError(record.failures[0])
@@ -183,3 +183,8 @@ class LiftModel:
             rate = share * rate + share_rate * position
             position = share * position
         return FleetInputs(position, rate, line, speed)
+
+
+def _borders(begin_s: float, steps: int) -> Floats:
+    """Return the times of the borders of steps, (steps + 1,)."""
+    return np.asarray(begin_s + STEP_S * np.arange(steps + 1), dtype=np.float64)

@@ -103,7 +103,7 @@ class MeasuredLift:
 
     def __init__(self, pin_noise_n: float) -> None:
         """Begin without data; pin_noise_n: standard deviation of one sample of the load pin [N]."""
-        self._pin_noise_n = pin_noise_n
+        self.pin_noise_n = pin_noise_n
         self.tension = Series(1)  # at the sheave [N]
         self.heave = Series(2)  # of the hang-off [m], its rate [m/s]
         self.line_out = Series(1)  # [m]
@@ -133,7 +133,7 @@ class MeasuredLift:
         count = round((end_s - begin_s) / MEAN_S)
         table = self.tension.table
         table = table[(table[:, 0] > begin_s - 1.0) & (table[:, 0] <= end_s + 1.0)]
-        clean = without_spikes(table[:, 1], SPIKE_SDS * self._pin_noise_n)
+        clean = without_spikes(table[:, 1], SPIKE_SDS * self.pin_noise_n)
         means, number = interval_means(table[:, 0], clean, begin_s, count)
         for hole_begin, hole_end in self._holes(begin_s - FORGETTING_S, end_s):
             ends = begin_s + MEAN_S * np.arange(1, count + 1)

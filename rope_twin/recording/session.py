@@ -219,7 +219,7 @@ class Session:
         if fault := self.content.get("fault"):
             what = f"session {self.number} has no state ({fault})"
             raise _refusal(what, "replay another session")
-        scene = self._scene()
+        scene = self.scene()
         state = None
         if (text := self.content.get("state")) is not None:
             try:
@@ -236,8 +236,13 @@ class Session:
             twin.snapshot()  # as every run does before its first step
         return twin
 
-    def _scene(self) -> Scene:
-        """Return the scene of the bag: from its original path if unchanged, else from its text."""
+    def scene(self) -> Scene:
+        """Return the scene of the bag: from its original path if unchanged, else from its text.
+
+        Raises:
+            BagError: a file of the scene is another here and cannot be taken from the bag.
+            SceneError: the scene is not valid here.
+        """
         described = self.content["scene"]
         folder, files = Path(described["folder"]), described["files"]
         for name in files:

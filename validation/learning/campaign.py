@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.estimation.estimator import BURN_IN_S, Estimator
-from rope_twin.estimation.figures import GAIN, INDEX, NAMES, ROPE_FIGURES, Prior, prior_of
+from rope_twin.estimation.figures import GAIN, INDEX, NAMES, ROPE_FIGURES, Prior
 from rope_twin.estimation.lift_model import LiftModel
-from rope_twin.scene.model.rope import build
+from rope_twin.estimation.session import scene_prior
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.statics import solve_scene_statics
 from validation.learning.truths import WARM_UP_S, Truth, make_truths
 
 MINUTES = 1, 2, 5, 10
@@ -62,14 +60,13 @@ class Summary:
     nees: float  # median of NEES/7 over the rope's figures; 1 is right
 
 
-def scene_prior(scene: Scene, tared: bool) -> Prior:
+def campaign_prior(scene: Scene, tared: bool) -> Prior:
     """Return the prior of a scene; tared: with a tared and calibrated load pin."""
-    rope = build(scene)
-    prior = prior_of(scene.learning, float(solve_scene_statics(scene, rope)[rows.PULL]))
+    prior = scene_prior(scene, tared)
     if not tared:
         return prior
-    gaussian = prior.tared().gaussian.with_figure(GAIN, 0.0, 0.01 * CALIBRATED_GAIN_PCT)
-    return Prior(gaussian, prior.pin_noise_n, prior.pin_bias_tared_n, prior.learning)
+    gaussian = prior.gaussian.with_figure(GAIN, 0.0, 0.01 * CALIBRATED_GAIN_PCT)
+    return replace(prior, gaussian=gaussian)
 
 
 def learn(scene: Scene, prior: Prior, truth: Truth) -> Run:
@@ -121,7 +118,7 @@ def run_campaign(
     report: Callable[[str], None] = lambda words: None,
 ) -> dict[str, list[Run]]:
     """Return the runs of each variant over truths of a scene in a sea."""
-    prior = scene_prior(scene, tared)
+    prior = campaign_prior(scene, tared)
     first = SEEDS[tared]
     seeds = range(first, first + truths)
     made = make_truths(scene, prior, seeds, sea, 60.0 * minutes + 1.0)
@@ -133,12 +130,16 @@ def run_campaign(
     return found
 
 
+def reached_minutes(runs: Sequence[Run]) -> list[int]:
+    """Return the minutes of MINUTES that all runs have reached."""
+    return [minutes for minutes in MINUTES if all(minutes in one.means for one in runs)]
+
+
 def as_json(runs: Sequence[Run]) -> dict[str, Any]:
     """Return all summaries and the cost."""
-    reached = [m for m in MINUTES if all(m in one.means for one in runs)]
     return {
         "truths": len(runs),
-        "after": [asdict(summarise(runs, m)) for m in reached],
+        "after": [asdict(summarise(runs, minutes)) for minutes in reached_minutes(runs)],
         "core_pct": core_pct(runs),
     }
 

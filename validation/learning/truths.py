@@ -167,7 +167,7 @@ def _measured(
     rng: np.random.Generator, pin: LoadPin, noise_n: float,
 ) -> Truth:  # fmt: skip
     """Return what the sensors measured; tension: (steps,), heave and line: (steps + 1,)."""
-    t = STEP_S * np.arange(len(line))
+    t = np.asarray(STEP_S * np.arange(len(line)), dtype=np.float64)
     T = np.concatenate([tension[:1], tension])
     reading = pin.measured(T, pin.friction_state(T, line), theta)
     every = round(SENSOR_S / STEP_S)

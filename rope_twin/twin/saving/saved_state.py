@@ -39,7 +39,7 @@ from rope_twin.twin.state import TwinState
 _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_state", "schedule",
                  "schedule_repeats_every_s", "max_heave_m", "max_hang_off_speed_m_per_s",
                  "max_hang_off_acceleration_m_per_s2", "when_commander_lost", "accept",
-                 "limits"}  # fmt: skip
+                 "limits", "learning"}  # fmt: skip
 
 _log = logging.getLogger(__name__)
 

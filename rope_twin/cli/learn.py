@@ -1,0 +1,124 @@
+"""`rope_twin learn BAG`: weight, mass, drag and stiffness of a recorded lift from its tension."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.errors import InputError, phrase
+from rope_twin.run.arguments import add_command, add_json, add_out, add_time
+from rope_twin.run.progress import FigureProgress
+
+EXAMPLES = (
+    "learn lift",
+    "learn sensors --scene deep_lift --tared --out learned.png",
+    "learn lift --until 5min --json",
+)
+MORE = """Reads winch/measured (tension, line out) and ship/heave of a bag and learns the figures of
+rope and payload, load pin and motion sensor a minute at a time, from the uncertainties in the
+scene's section `learning`. The rope hangs at rest when the measurement begins, and two minutes are
+needed. Rigid bodies, splash zone, seabed and ropes that meet cannot be learned yet."""
+LEAST_S = 120.0
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `learn`."""
+    about = "learn weight, mass, drag and stiffness of a recorded lift from its measured tension"
+    parser = add_command(subparsers, "learn", about, EXAMPLES, MORE)
+    add = parser.add_argument
+    add("bag", metavar="BAG", help="bag directory, .mcap file, or name in bags/")
+    add("--scene", metavar="SCENE", help="scene name or file (default: the bag's)")
+    add("--winch", metavar="NAME", default="", help="winch in winch/measured (default: the first)")
+    add("--tared", action="store_true", help="the load pin was tared with an empty hook")
+    add_time(parser, "--until", "learn from data up to this time after the first tension")
+    add_out(parser, "FILE.png", "draw the figures over time, and the residual that is left")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Learn and print the table. Raises RopeTwinError with one sentence if it cannot be done."""
+    from rope_twin.estimation import manoeuvre, report
+    from rope_twin.estimation.recorded_lift import read_lift
+    from rope_twin.estimation.session import begin_at_rest
+    from rope_twin.scene.load import load_scene
+
+    if args.out is not None:
+        from rope_twin.studies.picture import check_picture
+
+        check_picture(args.out)
+    recorded = read_lift(args.bag, args.winch)
+    scene = load_scene(args.scene) if args.scene else recorded.scene()
+    estimator = begin_at_rest(scene, recorded.lift, tared=args.tared)
+    until_s = np.inf if args.until is None else args.until
+    progress = FigureProgress()
+    known_s = recorded.lift.known_until_s(estimator.heave_ahead_s)
+    while estimator.block_end_s <= until_s + 1e-6 and estimator.step():
+        if progress.due:
+            progress.show(f"{estimator.block_end_s:.0f} of {min(known_s, until_s):.0f} s")
+    progress.finish()
+    if not estimator.results:
+        what = f"{min(known_s, until_s) - recorded.lift.begin_s:.0f} s of data"
+        right = f"give at least {LEAST_S:g} s with tension, heave and line out"
+        raise InputError(phrase(f"bag {args.bag}", what, right))
+    posterior = estimator.results[-1].posterior
+    actions = manoeuvre.expected_after(estimator, scene)
+    if not args.tared:
+        actions.append(report.tare_action(estimator.prior, posterior))
+    base = report.base_values(scene)
+    advice = report.best_actions(posterior, actions)
+    found = report.estimates(base, estimator.prior, posterior, advice)
+    derived = report.derived_mass_kg(base, posterior, scene)
+    if args.out is not None:
+        _draw(args.bag, estimator.results, base, args.out)
+    if args.json:
+        told = report.as_json(found, estimator.results, derived)
+        print_json({"bag": str(args.bag), "scene": scene.name, "tared": args.tared} | told)
+        return ExitCode.OK
+    for problem in recorded.problems:
+        print(problem, file=sys.stderr)
+    print_table(report.table(found))
+    if derived:
+        print(
+            f"with the scene's volume: mass in air {derived['mass_in_air_kg']:.4g} kg, "
+            f"added mass {derived['added_mass_kg']:.4g} kg"
+        )
+    last = estimator.results[-1]
+    minutes = len(estimator.results)
+    print(f"after {minutes} min; {100.0 * last.used:.0f} % of the last minute's tension used")
+    if last.held:
+        held = ", ".join(last.held)
+        print(f"at the limit of 4 prior sd: {held}; check scene, units and signs", file=sys.stderr)
+    return ExitCode.OK
+
+
+def _draw(bag: str, results: Any, base: dict[str, float], out: Path) -> None:
+    """Draw the rope's figures with their 90 % intervals over time."""
+    from rope_twin.estimation import report
+    from rope_twin.estimation.figures import ROPE_FIGURES
+    from rope_twin.studies.picture import Line, Panel, draw_panels
+
+    times, means, sds = report.history(results)
+    panels = []
+    for k, name in enumerate(ROPE_FIGURES):
+        if not base[name]:
+            continue
+        half = report.NORMAL_90 * sds[:, k]
+        panels.append(
+            Panel(
+                name.replace("_", " "),
+                "time [min]",
+                "factor on the scene's value [-]",
+                (
+                    Line(times / 60.0, np.exp(means[:, k]), "mean", "o-"),
+                    Line(times / 60.0, np.exp(means[:, k] - half), "90 % interval", "--"),
+                    Line(times / 60.0, np.exp(means[:, k] + half), "", "--"),
+                ),
+            )
+        )
+    draw_panels(f"Learned from {bag}", panels, out)

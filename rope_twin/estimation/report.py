@@ -1,0 +1,222 @@
+"""Results of learning in the units of the field, with what can and what cannot be told.
+
+A figure is *learned* where the data halved its standard deviation, *weak* where they reduced it by
+a tenth, *not observable* where they did not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats
+from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.estimation.estimator import BlockResult
+from rope_twin.estimation.figures import (
+    BIAS,
+    INDEX,
+    NAMES,
+    ROPE_FIGURES,
+    UNITS,
+    Gaussian,
+    Prior,
+)
+from rope_twin.estimation.impedance import bar_of
+from rope_twin.scene.model.rope import build
+from rope_twin.scene.schema import Scene
+
+NORMAL_90 = 1.6448536269514722  # half width of a 90 % interval in standard deviations
+LEARNED, WEAK, NOT_OBSERVABLE = "learned", "weak", "not observable"
+LEARNED_BELOW, WEAK_BELOW = 0.5, 0.9  # posterior over prior standard deviation
+LEAST_CORRELATION = 0.5  # that is reported
+LEAST_GAIN = 0.15  # an action is proposed if it narrows a figure by this share
+FIGURE_UNITS = {
+    "submerged_weight": "N", "oscillating_mass": "kg", "payload_drag": "m²",
+    "axial_stiffness": "N", "axial_damping": "N·s", "tangential_drag": "kg/m²", "current": "-",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FigureEstimate:
+    """One figure: before and after the lift was measured."""
+
+    name: str
+    unit: str
+    prior: float
+    value: float
+    low: float  # 90 % interval
+    high: float
+    prior_sd: float  # relative [-] for the scene's figures, in `unit` for the instruments
+    sd: float
+    state: str  # LEARNED, WEAK or NOT_OBSERVABLE
+    correlated: str = ""  # with which figure it is most correlated
+    correlation: float = 0.0
+    advice: str = ""  # what would tell more
+
+
+def base_values(scene: Scene) -> dict[str, float]:
+    """Return the scene's own value of each figure, in FIGURE_UNITS.
+
+    Drag is the payload's Cd·A; tangential drag the force per metre over the squared speed. Of a
+    rope of several sections they are those of the uppermost. A scene without a figure has 0.
+    """
+    rope, bar = build(scene), bar_of(scene)
+    body = next((e for e in rope.effects if isinstance(e, Payload | TwoWayPayload)), None)
+    density = scene.environment.water_density_kg_per_m3
+    return {
+        "submerged_weight": body.W if body else 0.0,
+        "oscillating_mass": body.Mz if body else 0.0,
+        "payload_drag": 2.0 * body.kz / density if body and density else 0.0,
+        "axial_stiffness": float(rope.sections[rows.EA, -1]),
+        "axial_damping": float(rope.sections[rows.C, -1]),
+        "tangential_drag": float(bar.drag_kg_per_m2[-1]),
+        "current": 1.0,
+    }
+
+
+def estimates(
+    base: dict[str, float], prior: Prior, posterior: Gaussian, advice: dict[str, str] | None = None
+) -> tuple[FigureEstimate, ...]:
+    """Return the estimates of all figures; advice: by figure, what would tell more."""
+    found = []
+    correlation = posterior.correlation - np.eye(len(NAMES))
+    for k, name in enumerate(NAMES):
+        mean, sd, before = posterior.mean[k], posterior.sd[k], prior.sd[k]
+        ends = mean + np.array([-NORMAL_90, 0.0, NORMAL_90]) * sd
+        start = float(prior.mean[k])
+        if name in ROPE_FIGURES:
+            ends, start = base[name] * np.exp(ends), base[name] * np.exp(start)
+        ratio = sd / before
+        state = LEARNED if ratio < LEARNED_BELOW else WEAK if ratio < WEAK_BELOW else NOT_OBSERVABLE
+        other = int(np.abs(correlation[k]).argmax())
+        tied = abs(correlation[k, other]) >= LEAST_CORRELATION
+        found.append(
+            FigureEstimate(
+                name=name,
+                unit=FIGURE_UNITS.get(name, UNITS[name]),
+                prior=float(start),
+                value=float(ends[1]),
+                low=float(ends[0]),
+                high=float(ends[2]),
+                prior_sd=float(before),
+                sd=float(sd),
+                state=state,
+                correlated=NAMES[other] if tied else "",
+                correlation=float(correlation[k, other]) if tied else 0.0,
+                advice=(advice or {}).get(name, ""),
+            )
+        )
+    return tuple(found)
+
+
+def after_measurement(posterior: Gaussian, name: str, sd: float) -> Gaussian:
+    """Return the posterior after an independent measurement of one figure with this uncertainty.
+
+    It is the exact conditioning of the Gaussian; the mean stays, as the result is not known.
+    """
+    k = INDEX[name]
+    column = posterior.covariance[:, k]
+    return replace(
+        posterior,
+        covariance=posterior.covariance
+        - np.outer(column, column) / (posterior.covariance[k, k] + sd * sd),
+    )
+
+
+def best_actions(posterior: Gaussian, actions: Sequence[tuple[str, Gaussian]]) -> dict[str, str]:
+    """Return for each figure the action that narrows it most, in words with both uncertainties.
+
+    actions: what could be done, and the Gaussian expected after it.
+    """
+    found = {}
+    for name in NAMES:
+        k = INDEX[name]
+        sd = posterior.sd[k]
+        words, after = min(
+            ((words, float(one.sd[k])) for words, one in actions),
+            key=lambda pair: pair[1], default=("", float(sd)),
+        )  # fmt: skip
+        if after < (1.0 - LEAST_GAIN) * sd:
+            found[name] = f"{words}: {_spread(name, sd)} to {_spread(name, after)}"
+    return found
+
+
+def tare_action(prior: Prior, posterior: Gaussian) -> tuple[str, Gaussian]:
+    """Return the action of a tare with an empty hook, and the Gaussian expected after it."""
+    return "tare", after_measurement(posterior, BIAS, prior.pin_bias_tared_n)
+
+
+def _spread(name: str, sd: float) -> str:
+    """Return one standard deviation in words."""
+    if name in ROPE_FIGURES or UNITS[name] == "-":
+        return f"±{100.0 * sd:.2g} %"
+    return f"±{sd:.3g} {UNITS[name]}"
+
+
+def derived_mass_kg(base: dict[str, float], posterior: Gaussian, scene: Scene) -> dict[str, float]:
+    """Return mass in air and vertical added mass [kg] that follow from weight and mass.
+
+    No tension depends on the mass in air by itself: m = W/g + ρ·V with the scene's volume V, and
+    the added mass is what is left of the oscillating mass.
+    """
+    rope = build(scene)
+    body = next((e for e in rope.effects if isinstance(e, Payload | TwoWayPayload)), None)
+    if body is None:
+        return {}
+    water = scene.environment
+    own = next(one for one in scene.payloads if one.name == scene.ropes[0].to)
+    displaced = own.mass_kg - base["submerged_weight"] / water.gravity_m_per_s2
+    factor = np.exp(posterior.mean[: len(ROPE_FIGURES)])
+    air = base["submerged_weight"] * factor[0] / water.gravity_m_per_s2 + displaced
+    return {
+        "mass_in_air_kg": float(air),
+        "added_mass_kg": float(base["oscillating_mass"] * factor[1] - air),
+    }
+
+
+def table(found: Sequence[FigureEstimate]) -> list[tuple[str, ...]]:
+    """Return the rows of a table for people, with a head."""
+    head = ("figure", "value", "90 % interval", "prior", "prior sd", "sd", "state",
+            "correlated with", "what would tell more")  # fmt: skip
+    lines: list[tuple[str, ...]] = [head]
+    for one in found:
+        tied = f"{one.correlated} {one.correlation:+.2f}" if one.correlated else "-"
+        lines.append((
+            f"{one.name} [{one.unit}]", f"{one.value:.4g}", f"{one.low:.4g} to {one.high:.4g}",
+            f"{one.prior:.4g}", _spread(one.name, one.prior_sd), _spread(one.name, one.sd),
+            one.state, tied, one.advice or "-",
+        ))  # fmt: skip
+    return lines
+
+
+def as_json(
+    found: Sequence[FigureEstimate], results: Sequence[BlockResult], derived: dict[str, float]
+) -> dict[str, Any]:
+    """Return all results for `--json`: figures, derived values, and the blocks."""
+    blocks = [
+        {
+            "end_s": one.end_s, "used": one.used, "nis": None if np.isnan(one.nis) else one.nis,
+            "held": list(one.held), "mean": one.posterior.mean.tolist(),
+            "sd": one.posterior.sd.tolist(),
+        }
+        for one in results
+    ]  # fmt: skip
+    return {
+        "figures": [asdict(one) for one in found],
+        "derived": derived,
+        "parameters": list(NAMES),
+        "blocks": blocks,
+    }
+
+
+def history(results: Sequence[BlockResult]) -> tuple[Floats, Floats, Floats]:
+    """Return end times [s] (blocks,), and mean and sd of θ after each block (blocks, COUNT)."""
+    return (
+        np.array([one.end_s for one in results]),
+        np.array([one.posterior.mean for one in results]),
+        np.array([one.posterior.sd for one in results]),
+    )

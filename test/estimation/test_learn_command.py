@@ -1,0 +1,112 @@
+"""`rope_twin learn BAG`: table, JSON and refusals; what manoeuvres and a tare would tell."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from learned_lift import SECONDS, recorded, scene, write_bag
+from small_scene import SMALL_SCENE
+
+from rope_twin.cli import main
+from rope_twin.errors import InputError
+from rope_twin.estimation import manoeuvre, report
+from rope_twin.estimation.figures import BIAS, GAIN, INDEX, NAMES, Gaussian, prior_of
+from rope_twin.estimation.session import check_learnable
+from rope_twin.scene.learning import Learning
+from rope_twin.scene.load import load_scene
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a bag of the small rope with known figures."""
+    return write_bag(tmp_path_factory.mktemp("bags") / "lift")
+
+
+def test_learn_prints_json(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """True weight, mass and drag lie in their intervals; advice has numbers; a picture is there."""
+    file = tmp_path / "small.yaml"
+    sure = "learning: {friction_pct: 0.0, friction_uncertainty_pct: 0.001, heave_delay_s: 0.0}\n"
+    file.write_text(SMALL_SCENE + sure)
+    picture = tmp_path / "learned.png"
+    words = ["learn", str(bag), "--scene", str(file), "--json", "--out", str(picture)]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    theta, _, _ = recorded()
+    own = {one["name"]: one for one in told["figures"]}
+    base = report.base_values(scene())
+    for k, name in enumerate(NAMES[:3]):
+        truth = base[name] * np.exp(theta[k])
+        slack = 0.5 * (own[name]["high"] - own[name]["low"])
+        assert own[name]["low"] - 0.5 * slack < truth < own[name]["high"] + 0.5 * slack, name
+    assert own["submerged_weight"]["unit"] == "N"
+    assert own["submerged_weight"]["prior"] == pytest.approx(9.80665 * (8000.0 - 1.5 * 1025.0))
+    assert "tare" in own["submerged_weight"]["advice"]
+    assert own["submerged_weight"]["correlated"] in (BIAS, GAIN)
+    assert [block["end_s"] for block in told["blocks"]] == [120.0, 180.0]
+    assert set(told["derived"]) == {"mass_in_air_kg", "added_mass_kg"}
+    assert picture.stat().st_size > 10_000
+
+
+def test_learn_refuses_a_short_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One sentence with what is needed."""
+    short = write_bag(tmp_path / "short", 40.0)
+    file = tmp_path / "small.yaml"
+    file.write_text(SMALL_SCENE)
+    assert main(["learn", str(short), "--scene", str(file)]) != 0
+    error = capsys.readouterr().err
+    assert "at least 120 s" in error
+
+
+def test_a_bag_without_a_scene_or_tension(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What lacks is named."""
+    assert main(["learn", str(bag)]) != 0
+    assert "--scene" in capsys.readouterr().err
+    assert main(["learn", "sea_2p5m", "--scene", "deep_lift"]) != 0
+    assert "0 samples of tension; record winch/measured" in capsys.readouterr().err
+    assert main(["learn", str(bag), "--scene", "deep_lift", "--winch", "other"]) != 0
+    assert "winch 'other'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("bridle_lift", "meet"), ("landing", "seabed"), ("splash_zone", "splash zone")],
+)
+def test_scenes_that_cannot_be_learned_yet(name: str, why: str) -> None:
+    """One sentence says why."""
+    with pytest.raises(InputError, match=why):
+        check_learnable(load_scene(name))
+
+
+def test_conditioning_on_a_measurement() -> None:
+    """Two figures whose sum is known: measuring one to s leaves the other with s beside the sum."""
+    prior = prior_of(Learning(pin_range_n=500e3), 300e3)
+    covariance = np.diag(prior.sd**2)
+    k, b = INDEX["submerged_weight"], INDEX[BIAS]
+    weight_n = 100e3
+    covariance[k, k] = (3000.0 / weight_n) ** 2 + 1e-8
+    covariance[k, b] = covariance[b, k] = -(3000.0**2) / weight_n
+    posterior = Gaussian(prior.mean, covariance)
+    words, after = report.tare_action(prior, posterior)
+    assert words == "tare"
+    gone = 300.0 / np.hypot(1.0, 300.0 / 3000.0)  # of a prior of 3000 measured to 300
+    assert after.sd[k] * weight_n == pytest.approx(np.hypot(gone, 10.0), rel=1e-6)
+    advice = report.best_actions(posterior, [(words, after)])
+    assert set(advice) == {"submerged_weight", BIAS}
+    assert advice["submerged_weight"] == "tare: ±3 % to ±0.3 %"
+
+
+def test_planned_lines_stay_within_the_winch() -> None:
+    """Both ways come back; speeds and accelerations are the winch's; no winch, no manoeuvre."""
+    plans = list(manoeuvre.planned_lines(scene(), 200.0))
+    assert len(plans) == 3
+    for _, t, line in plans:
+        speed = np.diff(line) / np.diff(t)
+        assert np.abs(speed).max() <= 1.5 + 1e-9
+        assert np.abs(np.diff(speed)).max() <= 0.3 / 20.0 + 1e-9
+        assert line[-1] == pytest.approx(200.0, abs=2.0)
+        assert (line[t < 60.0] == 200.0).all()
+    assert len(list(manoeuvre.planned_lines(scene(), 51.0))) == 2  # no space to haul
+    assert SECONDS > 180.0
