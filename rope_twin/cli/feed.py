@@ -14,6 +14,7 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
 from rope_twin.feeds.conversion import LineSample, Sample
 from rope_twin.feeds.instrument import Instrument
+from rope_twin.feeds.line_faults import LineFaults, read_faults, replay_with_faults
 from rope_twin.feeds.readings import clock_of
 from rope_twin.feeds.transports import Source, hand_over, open_source
 from rope_twin.messages.status import counted
@@ -22,10 +23,10 @@ from rope_twin.run.progress import StopSignal
 
 _POLL_S = 0.1
 EXAMPLES = (
-    "feed winch.log --settings lci90i_pounds --speed 0",
     "feed udp://0.0.0.0:6224 --settings lci90i_pounds --publish",
     "feed serial:/dev/ttyUSB0@9600 --settings tss1 --duration 1min --json",
     "feed udp://127.0.0.1:6224 --settings lci90i_pounds --simulate",
+    "feed winch.log --settings lci90i_pounds --speed 0 --faults lost:0.01,cut:0.01,delayed:0.2s",
 )
 MORE = """Reads the lines of instruments and prints what they mean in SI units, or publishes it
 for the simulation with --publish. A settings file (a name in config/feeds/ or a path) states
@@ -36,7 +37,9 @@ SOURCE is a FILE, udp://HOST:PORT (a multicast group is joined), tcp://HOST:PORT
 serial:DEVICE@BAUD; without it that of the settings. A file is replayed at the pace of the times in
 it.
 
-With --simulate winch and ship of a running simulation are sent to SOURCE as such lines."""
+With --simulate winch and ship of a running simulation are sent to SOURCE as such lines. --faults
+lays faults over the lines of a file, or over those sent: the share of lines that are lost, doubled,
+cut, garbled (a byte is another) or delayed (delayed:0.01:0.2s is one in a hundred by 0.2 s)."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -59,6 +62,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--speed", type=float, default=1.0, metavar="X",
         help="of a file over its own pace; 0: as fast as possible (default: 1)",
     )  # fmt: skip
+    parser.add_argument(
+        "--faults", default="", metavar="LIST",
+        help="as lost:0.01,doubled:0.01,cut:0.01,garbled:0.01,delayed:0.01:0.2s,seed:1",
+    )  # fmt: skip
     add_duration(parser, "stop after this real time")
     add_json(parser)
     parser.set_defaults(run=run)
@@ -70,12 +77,13 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(phrase("--speed", f"{args.speed:g}", "it must be 0 to 1000"))
     if args.duration is not None and not 0.0 < args.duration <= 1e7:
         raise InputError(phrase("--duration", f"{args.duration:g} s", "it must be above 0"))
+    faults = read_faults(args.faults)
     if args.publish or args.simulate:
         return _run_node(args)
     feeds = read_settings(args.settings)
     if args.feed or args.source:
         feeds = with_source(feeds, args.source, args.feed)
-    return _print(feeds, args)
+    return _print(feeds, args, faults)
 
 
 def _run_node(args: argparse.Namespace) -> int:
@@ -90,6 +98,7 @@ def _run_node(args: argparse.Namespace) -> int:
         "feed": args.feed,
         "source": args.source,
         "speed": args.speed,
+        "faults": args.faults,
         "stop_after_s": args.duration or 0.0,
     }
     made: list[Any] = []
@@ -107,12 +116,12 @@ def _run_node(args: argparse.Namespace) -> int:
     return code if heard else ExitCode.ERROR
 
 
-def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace) -> int:
+def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace, faults: LineFaults) -> int:
     """Print the samples of all feeds as they come, then the counts."""
     pieces: queue.Queue[tuple[str, bytes, int, bool]] = queue.Queue(10_000)
     instruments: dict[str, Instrument] = {}
     sources: dict[str, Source] = {}
-    for name, settings in feeds.items():
+    for number, (name, settings) in enumerate(feeds.items()):
         if not settings.source:
             raise InputError(phrase(f"feed '{name}'", "it has no source", "name one"))
         instruments[name] = Instrument(settings)
@@ -120,7 +129,8 @@ def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace) -> int:
         def take(data: bytes, arrival_ns: int, whole: bool, name: str = name) -> None:
             hand_over(pieces, (name, data, arrival_ns, whole), sources[name])
 
-        sources[name] = open_source(settings, take, args.speed)
+        heard = replay_with_faults(take, faults, settings, number)
+        sources[name] = open_source(settings, heard, args.speed)
     last: dict[str, Sample] = {}
     stop = StopSignal()
     end_s = math.inf if args.duration is None else time.monotonic() + args.duration

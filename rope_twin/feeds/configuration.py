@@ -45,6 +45,7 @@ LINE, MOTION = "line monitor", "motion sensor"
 LOAD_PIN, MOTOR = "load_pin", "motor"
 CRANE_TIP, REFERENCE = "crane_tip", "reference"
 ARRIVAL, INSTRUMENT = "arrival", "instrument"
+EM3000 = "em3000"  # the only binary format: records without an end of line
 _QUANTITIES = ("tension", "speed", "payout")
 _SPECIAL = (  # keys of some formats only
     "tension_of", "channel", "length_at", "checksum", "start", "columns", "sentences", "heave_of",

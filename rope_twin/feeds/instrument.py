@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from rope_twin.feeds.configuration import ARRIVAL, FeedSettings
+from rope_twin.feeds.configuration import ARRIVAL, EM3000, FeedSettings
 from rope_twin.feeds.conversion import Converter, Sample
 from rope_twin.feeds.motion_sensors import EM3000_BYTES, em3000_starts
 from rope_twin.feeds.readings import (
@@ -130,7 +130,7 @@ class Instrument:
         self.counts = FeedCounts()
         self._parse = settings.parser()
         self._convert = Converter(settings).convert
-        binary = settings.format == "em3000"
+        binary = settings.format == EM3000
         self._framer: LineFramer | RecordFramer = RecordFramer() if binary else LineFramer()
         self._last_line, self._last_arrival_ns = b"", 0
         self._dropped = 0

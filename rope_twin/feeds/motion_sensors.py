@@ -74,6 +74,8 @@ def psxn(with_rates: bool = False) -> Parser:
         if isinstance(values, Refusal):
             return values
         state[kind] = values
+        if kind == "20":
+            state.pop("23", None)  # of a telegram whose sentence 24 was lost
         if kind == "20" or (kind == "23" and with_rates):
             return None
         if "23" not in state:
@@ -192,8 +194,8 @@ def em3000() -> Parser:
 def octans(sentences: tuple[str, ...]) -> Parser:
     """Return the parser of Octans and Phins; the last of `sentences` completes a reading.
 
-    Each of them must have come since the last reading. `$--HDT` and `$PHINF` are used where they
-    come.
+    Each of them must have come since the last reading, in this order. `$--HDT` and `$PHINF` are
+    used where they come.
     """
     state: dict[str, list[float]] = {}
     status = {"bits": 0}
@@ -221,6 +223,9 @@ def octans(sentences: tuple[str, ...]) -> Parser:
             if isinstance(values, Refusal):
                 return values
             state[name] = values
+        if name in sentences:  # those after it are of a telegram whose end was lost
+            for later in sentences[sentences.index(name) + 1 :]:
+                state.pop(later, None)
         return None
 
     def parse(line: bytes) -> Parsed:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.feeds.configuration import FeedSettings
+from rope_twin.feeds.configuration import EM3000, FeedSettings
 from rope_twin.feeds.motion_sensors import EM3000_BYTES
 from rope_twin.feeds.readings import DAY_NS, iso_time_ns
 
@@ -353,7 +353,7 @@ def open_source(
     if address.kind == SERIAL:
         return SerialSource(address, take)
     if address.kind == FILE:
-        binary, rate_hz = settings.format == "em3000", settings.replay_rate_hz
+        binary, rate_hz = settings.format == EM3000, settings.replay_rate_hz
         return FileSource(Path(address.name), take, speed, start_ns, rate_hz, binary)
     right = f"give {ADDRESSES.replace(', tcp-server://HOST:PORT', '')}"
     raise InputError(phrase(settings.source, "a server is a way out, not in", right))

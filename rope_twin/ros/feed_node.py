@@ -12,6 +12,7 @@ import math
 import queue
 import sys
 import time
+from collections import Counter
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -21,6 +22,14 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
 from rope_twin.feeds.conversion import LineSample, MotionSample, Sample
 from rope_twin.feeds.instrument import FeedCounts, Instrument
+from rope_twin.feeds.line_faults import (
+    NO_FAULTS,
+    FaultySink,
+    LineFaults,
+    read_faults,
+    replay_with_faults,
+    with_faults,
+)
 from rope_twin.feeds.motion_track import MotionTrack, motion_of_pose
 from rope_twin.feeds.publication import encode_line, encode_output
 from rope_twin.feeds.transports import Sink, Source, hand_over, open_sink, open_source
@@ -44,11 +53,20 @@ _RECENT_S = 60.0  # for so long after a refused line the row is WARN
 class _Channel:
     """One instrument with its source, and the pieces of bytes that wait for the node."""
 
-    def __init__(self, name: str, settings: FeedSettings, speed: float, start_ns: int) -> None:
+    def __init__(
+        self,
+        name: str,
+        settings: FeedSettings,
+        speed: float,
+        start_ns: int,
+        faults: LineFaults = NO_FAULTS,
+        number: int = 0,
+    ) -> None:
         self.name, self.settings = name, settings
         self.instrument = Instrument(settings)
         self.track = MotionTrack(settings)
-        self.source: Source = open_source(settings, self._put, speed, start_ns)
+        take = replay_with_faults(self._put, faults, settings, number)
+        self.source: Source = open_source(settings, take, speed, start_ns)
         self.sink: Sink | None = open_sink(settings.forward) if settings.forward else None
         self._pieces: queue.Queue[tuple[bytes, int, bool]] = queue.Queue(_WAITING)
         self.lost = 0
@@ -155,8 +173,10 @@ class FeedNode(Node):
         """
         feeds = chosen_feeds(self._params.settings, self._params.feed, self._params.source)
         start_ns = self.get_clock().now().nanoseconds
-        for name, settings in feeds.items():
-            self._channels.append(_Channel(name, settings, self._params.speed, start_ns))
+        faults = read_faults(self._params.faults)
+        for number, (name, settings) in enumerate(feeds.items()):
+            own = (name, settings, self._params.speed, start_ns, faults, number)
+            self._channels.append(_Channel(*own))
             self.get_logger().info(f"{name}: {settings.format} from {settings.source}")
         for topic in (WINCH_MEASURED, MOTOR_TENSION, *MOTION_TOPICS):
             if self._needs(topic):
@@ -270,9 +290,11 @@ class FeedSimulator(Node):
         """
         params = self._params
         feeds = chosen_feeds(params.settings, params.feed, params.source)
-        for settings in feeds.values():
+        faults = read_faults(params.faults)
+        for number, settings in enumerate(feeds.values()):
             out = settings.source.replace("tcp://", "tcp-server://")
-            self._writers.append((settings, writer(settings), open_sink(out)))
+            sink = with_faults(open_sink(out), faults, settings, number)
+            self._writers.append((settings, writer(settings), sink))
         for topic, take in (
             ("ropes/tension_top", self._take_tension),
             ("ropes/length", self._take_length),
@@ -288,8 +310,9 @@ class FeedSimulator(Node):
             sink.close()
 
     def figures(self) -> dict[str, Any]:
-        """Return the number of lines sent for an output in JSON."""
-        return {"sent": self.sent}
+        """Return the number of telegrams sent, and of lines by fault, for an output in JSON."""
+        faulty = [sink.line.counts for *_, sink in self._writers if isinstance(sink, FaultySink)]
+        return {"sent": self.sent, "faults": dict(sum(faulty, Counter[str]()))}
 
     def _send(self, sample: Sample, wanted: Any) -> None:
         for settings, write, sink in self._writers:

@@ -176,6 +176,7 @@ class FeedParams:
     source: str = text("source in place of that in the settings; empty: that one", "")
     speed: float = quantity("speed at which a file is replayed; 0: as fast as possible", "", 0.0,
                             1000.0, default=1.0)  # fmt: skip
+    faults: str = text("faults of the lines of a file, or of those sent, as lost:0.01,seed:2", "")
     stop_after_s: float = quantity("real time after which to stop; 0: never", "s", 0.0, 1e7,
                                    default=0.0)  # fmt: skip
 
