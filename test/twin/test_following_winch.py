@@ -248,6 +248,34 @@ def test_readings_that_come_too_late_are_followed_by_extrapolation(at_rest: Twin
     assert rows["simulation: input winch measured"].level is Level.OK
 
 
+@pytest.mark.parametrize("resolution_m", [0.0, 0.1])
+def test_a_burst_of_readings_that_were_held_up_makes_no_jump(
+    scene: Scene, resolution_m: float
+) -> None:
+    """Those of a second come at once, stamped by their arrival: the line would leap by 0.5 m."""
+    track = LineTrack(MEAN_M, scene.winch, resolution_m, "line_following")
+    readings = [(k, k) for k in range(0, 4000, 50)]  # stamped, measured [ms]
+    readings += [(5000 + k / 1000.0, k) for k in range(4000, 5000, 50)]
+    readings += [(k, k) for k in range(5050, 9000, 50)]
+    lengths, speeds, warned = [], [], 0
+    for step in range(1, 800):
+        now_ns = step * STEP_NS
+        while readings and readings[0][0] * MS <= now_ns + 1200 * MS:
+            stamp, true = readings.pop(0)
+            track.take(round(stamp * MS), *steady(1e-3 * true))
+        length, speed = track.at(now_ns)
+        lengths.append(length)
+        speeds.append(speed)
+        warned += "left out" in track.counter.health(now_ns, False).warning
+    steps_m = np.diff(lengths)
+    fastest_m = 1.25 * scene.winch.speed_limit_m_per_s * 0.01
+    assert np.abs(steps_m).max() < fastest_m + 0.5 * resolution_m  # so much is not known
+    assert np.abs(speeds).max() < 2.0
+    error = np.array(lengths) - [steady(0.01 * step)[0] for step in range(1, 800)]
+    assert np.abs(error).max() < 0.06 + 0.5 * resolution_m
+    assert warned > 100
+
+
 def test_a_line_set_back_is_led_over_again(scene: Scene) -> None:
     """After a failed step the rope is in an earlier state: the line goes on from there."""
     assert scene.winch is not None

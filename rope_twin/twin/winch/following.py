@@ -11,6 +11,10 @@ A counter of resolution r says that the line out is within r/2 of its reading. T
 predicted from the last one and the line speed is kept, and at the edge otherwise: rounding makes no
 steps of the line. Where no line speed is measured, it is the slope of the readings; if two of them
 lie so close that it exceeds what the winch can do, the last speed is kept, and that is reported.
+
+Stamps by arrival are wrong for what was held up on its way, and a burst of such readings would
+move the line in a moment. Of two readings that imply a speed beyond what the winch can do the
+earlier one is left out, and that is reported, as long as the line is not on its way to it yet.
 """
 
 from __future__ import annotations
@@ -39,6 +43,7 @@ HOLE_NS = 2_000_000_000  # after a longer gap nothing is predicted
 REQUIRED_NS = 3_000_000_000  # time by which the first reading must have come
 STALE_INTERVALS = 2.0
 OFF_M = 0.1  # a larger difference from the measured line out is a warning
+HELD_UP_M = 0.02  # beyond what speed and resolution explain: readings contradict each other
 UNLIMITED = 1e6
 
 
@@ -82,6 +87,7 @@ class LineTrack(HeaveTrack):
         ):
             recent.popleft()
         self._timing.take(stamp_ns, now, self.missing_ns)
+        self._leave_out(stamp_ns, length_m, now)
         if not self._stamps or self._stamps[-1] < now:
             self._is_fresh = True
         speed = self._derived() if speed_m_per_s is None else speed_m_per_s
@@ -98,6 +104,22 @@ class LineTrack(HeaveTrack):
         interval_s = self._timing.interval_s  # NaN: not known yet
         usual_ns = 0 if math.isnan(interval_s) else round(STALE_INTERVALS * interval_s * 1e9)
         return bool(self._stamps) and time_ns - self._stamps[-1] > max(STALE_NS, usual_ns)
+
+    def _leave_out(self, stamp_ns: int, length_m: float, now: int) -> None:
+        """Drop readings, not used yet, that no winch could have left for this one in the time."""
+        used_ns, slack, first = max(now, self._segment[1]), self._resolution + HELD_UP_M, None
+        k = len(self._stamps) - 1
+        while k >= 0 and self._stamps[k] > used_ns:
+            seconds = (stamp_ns - self._stamps[k]) * 1e-9
+            if abs(length_m - self._samples[k][0]) > self._fastest * seconds + slack:
+                first = k
+            k -= 1
+        if first is None:
+            return
+        earlier, seconds = self._samples[first][0], (stamp_ns - self._stamps[first]) * 1e-9
+        words = f"{earlier:.2f} m and {length_m:.2f} m {seconds:.3f} s later: the winch is not so "
+        self.counter.warn(words + "fast; the earlier one was held up and is left out", now)
+        del self._stamps[first:], self._samples[first:]
 
     def _derived(self) -> float:
         """Return the speed by the readings, or the last one where they lie too close for it."""
