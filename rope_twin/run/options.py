@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import hashlib
 import math
 import os
+import socket
 import time
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +21,7 @@ from rope_twin.run.arguments import SCENE, add_duration, add_json, add_out, add_
 from rope_twin.twin.cutting.cut_plan import read_plan
 from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.saving.state_file import check_place
-from rope_twin.view.sinks import has_screen
+from rope_twin.view.sinks import has_rerun, has_screen
 from rope_twin.vortex.fatigue import CURVES, OWN
 from rope_twin.vortex.settings import MonitorSettings
 
@@ -103,7 +107,9 @@ class RunOptions:
     def announcement(self) -> str:
         """Return in words what is recorded and shown where, and what comes first."""
         parts = [f"recording to {self.record}" if self.record else "not recording"]
-        if self.screen:
+        if self.view and not has_rerun():
+            parts.append("no view: rerun is missing, install it with pip install '.[viz]'")
+        elif self.screen:
             parts.append("showing in a rerun window")
         elif self.view_file:
             parts.append(f"no window, view written to {self.view_file}")
@@ -373,5 +379,29 @@ def _record_directory(args: argparse.Namespace) -> Path | None:
         return None
     if args.out is not None:
         return Path(args.out).resolve()
-    stem = Path(args.scene).stem
-    return Path("recordings").resolve() / f"{stem}_{time.strftime('%Y%m%d_%H%M%S')}"
+    stem = f"{Path(args.scene).stem}_{time.strftime('%Y%m%d_%H%M%S')}"
+    folder = Path("recordings").resolve()
+    names = (folder / (stem if number == 1 else f"{stem}_{number}") for number in count(1))
+    return next(path for path in names if _is_free(path))
+
+
+def _is_free(path: Path) -> bool:
+    """Return whether no bag or view has this path, and claim it for this process.
+
+    Two runs may begin in the same second, long before either makes its bag: an abstract socket of
+    this name is the claim, and it is gone with its process.
+    """
+    if path.exists() or path.with_name(path.name + ".rrd").exists():
+        return False
+    digest = hashlib.sha256(os.fsencode(path)).hexdigest()[:32]  # such a name has 107 bytes at most
+    claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        claim.bind(f"\0rope_twin/recording/{digest}")
+    except OSError as error:  # a system without abstract sockets has no claims either
+        claim.close()
+        return error.errno != errno.EADDRINUSE
+    _claims.append(claim)
+    return True
+
+
+_claims: list[socket.socket] = []  # held until the process ends

@@ -47,6 +47,11 @@ def load_rerun() -> Any:
     return rerun
 
 
+def has_rerun() -> bool:
+    """Return whether rerun is installed, without loading it."""
+    return importlib.util.find_spec("rerun") is not None
+
+
 class Sink(Protocol):
     """Destination of a rerun recording."""
 
