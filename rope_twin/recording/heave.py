@@ -64,6 +64,7 @@ def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
     notes = [*rows.notes, note, *_odd(rows.where, stamp_ns, values[:, 0]), *told]
     return HeaveRecord(
         time_ns=stamp_ns - stamp_ns[0],
+        began_ns=int(stamp_ns[0]),
         position_m=values[:, 0],
         velocity_m_per_s=velocity,
         elevation_time_ns=elevation_ns - stamp_ns[0],

@@ -86,6 +86,7 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
     notes.append(_far_from_rest(rows.where, place, turn))
     return PoseRecord(
         time_ns=time_ns,
+        began_ns=int(stamp_ns[0]),
         position_m=place,
         orientation=turn,
         velocity_m_per_s=velocity,

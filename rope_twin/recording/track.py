@@ -215,6 +215,7 @@ class MotionRecord:
     time_ns: Stamps  # (n,) rising, the first is 0
     elevation_time_ns: Stamps = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     elevation_m: Vector = field(default_factory=lambda: np.empty(0))  # water surface at the ship
+    began_ns: int = 0  # ROS time of the first sample; 0: not recorded
     source: str = ""
     note: str = ""  # sentences on what was skipped or derived; '' if nothing
 
@@ -258,6 +259,8 @@ class RecordReplay:
             where = f"start of the record at {start_s:g} s"
             raise BagError(phrase(where, f"it lasts {self.duration_s:g} s", right))
         self._start_ns, self._time_ns = round(start_s * 1e9), track.time_ns
+        # ROS time of t = 0, by which other records of the same time are placed; 0: unknown
+        self.begins_ns = record.began_ns + self._start_ns if record.began_ns else 0
         self.loop_ns = track.end_ns if loop else None  # length of a pass; None: there is one
         self._reaches_back = loop and joins(track)  # whether passes go on before the first
         splice = find_splice(track) if loop and not self._reaches_back else None

@@ -45,6 +45,8 @@ class RunOptions:
     topic: str = ""
     sea_offset_s: float = 0.0  # into that bag
     poses: str = ""  # bag of the vessel's poses to replay in their place
+    measured: str = ""  # bag of measurements to compare with, in an unpaced run
+    follow_measured: bool = False  # every winch follows its line out in that bag
     record: Path | None = None  # bag directory to create; None: do not record
     json: bool = False
     processes: bool = False
@@ -121,6 +123,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options, in groups as the help shows them."""
     _add_run(parser)
     _add_motion(parser.add_argument_group("vessel motion"))
+    _add_measured(parser.add_argument_group("measured inputs"))
     _add_kept(parser.add_argument_group("recording and state"))
     _add_accuracy(parser.add_argument_group("accuracy"))
     _add_monitors(parser.add_argument_group("analysis options"))
@@ -164,6 +167,19 @@ def _add_motion(group: argparse._ArgumentGroup) -> None:
     )
     add("--topic", default="", metavar="NAME", help="topic of heave or poses in that bag")
     add_time(group, "--sea-offset", "start this far into the recording", 0.0)
+
+
+def _add_measured(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add(
+        "--measured",
+        default="",
+        metavar="BAG",
+        help="compare with the measurements of a recording, and report residuals; with --speed 0. "
+        "t = 0 is that of --bag or --poses, else that of the run or first reading in BAG",
+    )
+    add("--follow-measured", action="store_true",
+        help="every winch follows its line out in there instead of its schedule")  # fmt: skip
 
 
 def _add_kept(group: argparse._ArgumentGroup) -> None:
@@ -249,6 +265,12 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         raise InputError(phrase("--speed 0", "the run would never end", "give a --duration too"))
     if args.speed == 0.0 and args.processes:
         raise InputError(phrase("--processes", "--speed 0 runs without ROS", "leave one out"))
+    if args.measured and args.speed != 0.0:
+        right = "give --speed 0 too, or play the bag with `ros2 bag play`"
+        raise InputError(phrase("--measured", "a paced run takes it from topics", right))
+    if args.follow_measured and not args.measured:
+        right = "name a recording with --measured, or set the node's parameter follow_measured"
+        raise InputError(phrase("--follow-measured", "nothing is measured", right))
     if args.save_state is not None:
         check_place(args.save_state, f"--save-state {args.save_state}")
     begin = None if args.from_state is None else _begin(args.from_state)
@@ -265,6 +287,8 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         topic=args.topic,
         poses=args.poses,
         sea_offset_s=args.sea_offset,
+        measured=args.measured,
+        follow_measured=args.follow_measured,
         record=_record_directory(args),
         json=args.json,
         processes=args.processes,

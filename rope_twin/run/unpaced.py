@@ -25,14 +25,16 @@ from rope_twin.messages import (
 )
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.input_log import InputLog, encode_json
+from rope_twin.recording.measured_record import GROUPS, MeasuredReplay, encoded, open_measured
 from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import StopSignal
 from rope_twin.run.summary import RunSummary, summarise
-from rope_twin.scene.change import at_setting
+from rope_twin.scene.change import at_setting, following_measured
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.validation.rigging import winches_by_name
+from rope_twin.scene.winch import FOLLOWS_MEASURED
 from rope_twin.topics import SESSION_TOPIC, TOPICS
 from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue
@@ -66,6 +68,11 @@ class UnpacedRun:
             scene, options.bag, options.topic, options.sea_offset_s, poses=options.poses
         )
         self._options = options
+        self._measured: MeasuredReplay | None = None
+        if options.measured:
+            self._measured = open_measured(options.measured, getattr(self._sea, "begins_ns", 0))
+        if options.follow_measured:
+            scene = following_measured(scene)
         setup, start = _setup(options), options.start_from
         self.twin = setup.make(scene, start)
         self.twin.failure_folder = options.failure_folder
@@ -96,8 +103,9 @@ class UnpacedRun:
 
     @property
     def sea_note(self) -> str:
-        """Return the fault of the replayed sea and how it is handled; "": none."""
-        return self._sea.note if self._sea else ""
+        """Return the faults of the replayed records and how they are handled; "": none."""
+        parts = self._sea.note if self._sea else "", self._measured.note if self._measured else ""
+        return " ".join(filter(None, parts))
 
     def advance_slot(self) -> Snapshot:
         """Pass on inputs, advance one cycle and record it.
@@ -163,7 +171,16 @@ class UnpacedRun:
             if heave.elevation_m is not None:
                 data = encode_elevation(self.epoch_ns + at_ns, heave.elevation_m)
                 messages.append((at_ns, "sea/elevation", data))
+        for measured in (
+            self._measured.between(self._offered_ns, until_ns) if self._measured else ()
+        ):
+            at_ns = measured.stamp_ns
+            if at_ns > self._known_ns.get(GROUPS[measured.source], FIRST_NS - 1):
+                self._inputs.offer_measurement(measured)
+            messages.append((at_ns, *encoded(measured, self.epoch_ns)))
         for name, winch in winches_by_name(self.twin.scene).items():
+            if winch.follows == FOLLOWS_MEASURED:
+                continue  # it takes no commands
             for command in schedule_samples(winch, self._offered_ns, until_ns):
                 at_ns, order = command.stamp_ns, command.command
                 if at_ns > self._known_ns.get(input_of(order, name), FIRST_NS - 1):
@@ -201,6 +218,7 @@ def _setup(options: RunOptions) -> Setup:
         vibration=watch.vibration if watch else "",
         fatigue=watch.fatigue if watch else "",
         other_sea=options.other_sea,
+        follow_measured=options.follow_measured,
         feeds_itself=True,  # `_offer` passes on the samples of `open_sea` only
     )
 
