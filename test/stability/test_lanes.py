@@ -109,9 +109,33 @@ def test_any_number_of_members(
     ensemble = Ensemble(scene, own, threads=1)
     ensemble.advance(4)
     assert not unequal(scene, ensemble, own, 4)
+    told = ensemble.lanes()
+    assert told.steps + told.given_up == 400 * told.members
+    assert told.given_up <= 0.01 * told.steps
     rest = members % LANES
     expected = [LANES] * (members // LANES) + [rest] * (rest >= lanes_module.MIN_GROUP)
     assert groups == (expected if members >= LANES else [])
+
+
+def test_a_fixed_lower_end(tmp_path: Path) -> None:
+    """Its node stands in every lane where it is held, so that no step is given up."""
+    path, (head, tail) = tmp_path / "held.yaml", SMALL_SCENE.split("payloads:")
+    text = head.replace("to: tool", "fixed_at_m: [60.0, 20.0, -185.0]")
+    path.write_text(text + tail[tail.index("winch:") :].replace("  - payload: {}\n", ""))
+    scene = load_scene(path)
+    own = [
+        Variation(
+            tuple(change for change in calm(k).changes if "payload" not in change.path),
+            HeaveSeries.of(sea(0.1, 6.0 + 0.3 * k, 30.0)),
+        )
+        for k in range(LANES)
+    ]
+    ensemble = Ensemble(scene, own, threads=1)
+    ensemble.advance(4)
+    assert not unequal(scene, ensemble, own, 4)
+    told = ensemble.lanes()
+    assert told.steps + told.given_up == 400 * LANES
+    assert told.given_up <= 0.01 * told.steps
 
 
 def test_a_vertical_current(tmp_path: Path) -> None:
@@ -218,6 +242,7 @@ def test_sections_of_one_rope(tmp_path: Path) -> None:
         ensemble.advance(seconds)
     assert not unequal(scene, ensemble, own, 24)
     assert all(ensemble.snapshot(number).solver.splits for number in range(1, LANES, 2))
+    assert ensemble.lanes().given_up > 0
 
 
 @pytest.mark.parametrize(

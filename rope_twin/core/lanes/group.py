@@ -239,15 +239,15 @@ class Group:
         """Return the tension of a lane's elements after the last step [N]."""
         return self._rope.work[: self.kind.elements, TENSION, lane].copy()
 
-    def account(self, lane: int, health: Ints) -> int:
-        """Add a lane's counters to its rope's health; return the number of slack samples."""
+    def account(self, lane: int, health: Ints) -> tuple[int, int]:
+        """Add a lane's counters to its rope's health; return its steps and slack samples."""
         solves, most, steps, slack = (int(value) for value in self._tally[:, lane])
         health[STEPS] += steps
         health[SUBSTEPS] += steps
         health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], min(steps, 1))
         health[SOLVES] += solves
         health[SOLVES_MAX] = max(health[SOLVES_MAX], most)
-        return slack
+        return steps, slack
 
 
 def _fill(lanes: Any, ropes: Any, count: int) -> None:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from numba.extending import overload
 
 from rope_twin.core.elements import SAME_PLACE, set_element, set_top_of
-from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
+from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID, accept, correct
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry
 from rope_twin.core.jit.floats import flush, restore
 from rope_twin.core.jit.rows import node_rows, row, rows
@@ -152,23 +152,28 @@ def _eventful(rope: Any, place: Any, sections: int, L: Any, V: Any) -> Any:
 
 
 @jit
-def _keep(rope: Any, kept: Any) -> None:
-    """Copy the stage's motion to the state in the lanes `kept`."""
-    nodes, work = rope.state.nodes, rope.work
-    x, y, z = node_rows(nodes, POSITION, 0)
-    vx, vy, vz = node_rows(nodes, VELOCITY, 0)
-    ax, ay, az = node_rows(nodes, ACCELERATION, 0)
-    x_new, y_new, z_new = rows(work, POSITION, 0)
-    vx_new, vy_new, vz_new = rows(work, VELOCITY, 0)
-    ax_new, ay_new, az_new = rows(work, ACCELERATION, 0)
-    n = rope.state.counts[ELEMENTS]
+def _keep(rope: Any, kept: Any, pending: Any) -> None:
+    """Copy the stage's motion, with its pending correction, to the state in the lanes `kept`."""
+    nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
+    first, q = rope.model.first_free, 0.5 * GAMMA * rope.model.step
     if bits(kept) == ALL:
-        for i in range(n + 1):
-            x[i], y[i], z[i] = x_new[i], y_new[i], z_new[i]
-            vx[i], vy[i], vz[i] = vx_new[i], vy_new[i], vz_new[i]
-            ax[i], ay[i], az[i] = ax_new[i], ay_new[i], az_new[i]
+        accept(nodes, work, q * q, q, pending, first, n)
+        _copy_chosen(nodes, work, kept, n, n + 1)
         return
-    for i in range(n + 1):
+    correct(work, q * q, q, pending, first, n)
+    _copy_chosen(nodes, work, kept, first, n + 1)
+
+
+@jit
+def _copy_chosen(nodes: Any, work: Any, kept: Any, low: int, high: int) -> None:
+    """Copy motion to the state of the nodes low <= i < high in the lanes `kept`."""
+    x, y, z = node_rows(nodes, POSITION, low)
+    vx, vy, vz = node_rows(nodes, VELOCITY, low)
+    ax, ay, az = node_rows(nodes, ACCELERATION, low)
+    x_new, y_new, z_new = rows(work, POSITION, low)
+    vx_new, vy_new, vz_new = rows(work, VELOCITY, low)
+    ax_new, ay_new, az_new = rows(work, ACCELERATION, low)
+    for i in range(high - low):
         x[i] = choose(kept, x_new[i], x[i])
         y[i] = choose(kept, y_new[i], y[i])
         z[i] = choose(kept, z_new[i], z[i])
@@ -271,20 +276,23 @@ def _advance(
     first, steps, wanted, time, h = run.first, run.steps, run.wanted, run.time, rope.model.step
     sections = arrays.sections.shape[1]
     _set_lengths(rope, place, borders.value[first, LINE])
+    if rope.model.first_free == 1:  # no stage moves the fixed node
+        for k in range(NODE_ROWS):
+            rope.work[k, 0] = rope.state.nodes[k, 0]
     for step in range(first, steps):
         now = time + step * h
         L, V, _ = prescribed(borders, step, LINE_COLUMN, 1.0, h)
         kept = wanted & (ALL - _eventful(rope, place, sections, L, V))
-        solves, most, again = 0.0 * L, 0.0 * L, 0
+        solves, most, pending, again = 0.0 * L, 0.0 * L, 0.0 * L, 0
         for kind in (TRAPEZOID, BDF2):
             stage = _stage_at(rope, place, borders, step, kind, now)
-            left, count = solve_stage(rope, stage, kind, kept, again)
+            left, count, pending = solve_stage(rope, stage, kind, kept, again, pending)
             again = bits(count <= 1.0)
             kept &= ALL - left
             solves += count
             most = max(most, count)
         mask = mask_of(kept)
-        _keep(rope, mask)
+        _keep(rope, mask, pending)
         _finish(rope, place, borders, pulls, step, now + h)
         _fade_offsets(rope, arrays.state, lowest, kept)
         tallies[SOLVES_DONE] = tallies[SOLVES_DONE] + choose(mask, solves, 0.0)

@@ -90,10 +90,12 @@ def whole_steps(name: str, seconds: float, step_s: float) -> int:
 
 @dataclass(frozen=True)
 class Lanes:
-    """Number of members stepped in SIMD lanes and by themselves."""
+    """Number of members stepped in SIMD lanes and by themselves, and steps since the start."""
 
     members: int  # in lanes
     alone: dict[str, int]  # others, by reason; "": too few members of their kind
+    steps: int  # of all members, done in lanes
+    given_up: int  # steps that lanes left to the single-rope solver
 
 
 class _OfThread(threading.local):
@@ -209,7 +211,13 @@ class Ensemble:
         groups = self._groups()
         alone = [some[0] for some in groups if len(some) == 1]
         words = Counter(one.why_alone for one in alone)
-        return Lanes(sum(len(some) for some in groups if len(some) > 1), dict(words))
+        own = [one for one in self._members if isinstance(one, Member)]
+        return Lanes(
+            members=sum(len(some) for some in groups if len(some) > 1),
+            alone=dict(words),
+            steps=sum(one.lane_steps for one in own),
+            given_up=sum(one.given_up for one in own),
+        )
 
     def figures(self) -> list[MemberResults]:
         """Return the results of each member since the start."""

@@ -108,6 +108,7 @@ class Member:
         self.scene, self.borders = scene, borders
         self.failure = ""
         self.steps = 0
+        self.lane_steps = self.given_up = 0  # in SIMD lanes, and in a group but by itself
         self._step_ns = round(scene.time.step_s * 1e9)
         self._rope = start.rope._replace(
             state=start.rope.state.copy(), effects=own_copies(start.rope.effects)

@@ -114,7 +114,9 @@ class _Turn:
         if not member.failure and not (alone and alone[-1] == done):
             group.take(lane, member.rope.state)
             self._tension[lane] = group.tension(lane)
-        slack = group.account(lane, member.rope.state.health)
+        steps, slack = group.account(lane, member.rope.state.health)
+        member.lane_steps += steps
+        member.given_up += self._steps - steps if not member.failure else done - steps
         looks = [self._before + step for step in alone]
         whole = (self._before + done) // self._look_steps - self._before // self._look_steps
         member.count_looks(whole - sum(at % self._look_steps == 0 for at in looks), slack)
