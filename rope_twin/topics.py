@@ -200,6 +200,13 @@ TOPICS: tuple[Topic, ...] = (
     Topic("lines/events", "std_msgs/msg/String", Qos.COMMAND, 0.0, "simulation",
           "start or end of a crossing of two lines: time, depth, angle (text)",
           only_with="line_events"),
+    Topic("alerts", "diagnostic_msgs/msg/DiagnosticArray", Qos.LATCHED, 1.0, "simulation",
+          "alerts of the lift in the order to be shown, shelved ones last: priority, state and "
+          "times as values; on every change, and each second while there are any",
+          of_snapshot=False, in_view=False),
+    Topic("alerts/command", "std_msgs/msg/String", Qos.COMMAND, 0.0, "",
+          "what a crew does with an alert: acknowledge, silence or transfer ID or all; shelve ID "
+          "SECONDS; unshelve ID (text)", of_snapshot=False, in_view=False),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
           "pacing, solver and inputs: OK, WARN or ERROR with the reason; also of the recorder",
           of_snapshot=False),
@@ -231,7 +238,8 @@ MOTION_TOPICS = "ship/heave", "ship/odometry"
 WINCH_MEASURED, MOTOR_TENSION = "winch/measured", "winch/motor_tension"
 MEASURED_DEPTH = "payload/measured_depth"
 MEASURED_TOPICS = WINCH_MEASURED, MOTOR_TENSION, MEASURED_DEPTH
-# topics that the simulation subscribes to
+ALERTS, ALERT_COMMAND = "alerts", "alerts/command"
+# topics with which the twin is driven and judged; the simulation subscribes to ALERT_COMMAND too
 INPUTS = (*MOTION_TOPICS, *WINCH_TOPICS, CUT_TOPIC, "current", *MEASURED_TOPICS)
 
 

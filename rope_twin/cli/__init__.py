@@ -31,7 +31,7 @@ EXAMPLES = """examples:
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
 COMMANDS = (
     "run", "scene", "view", "replay", "recover", "ensemble", "study", "modes", "viv", "accuracy",
-    "lines", "faults", "learn", "sea_state", "feed", "state", "doctor", "completion",
+    "lines", "alerts", "faults", "learn", "sea_state", "feed", "state", "doctor", "completion",
 )  # fmt: skip
 
 

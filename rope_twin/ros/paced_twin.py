@@ -12,13 +12,16 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 from uuid import uuid4
 
+from rope_twin.alerts.monitor import AlertMonitor
 from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Encoder, Level, Status, statuses
+from rope_twin.messages.alerts import encode_alerts
 from rope_twin.messages.diagnostics import BreachWords
 from rope_twin.messages.status import counted
 from rope_twin.recording.input_log import InputLog, Mark, encode_json
@@ -27,7 +30,7 @@ from rope_twin.ros.params import SimulationParams
 from rope_twin.run.border import InputBorder
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
+from rope_twin.topics import ALERTS, INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.pacing import (
@@ -131,6 +134,7 @@ class Publisher:
         first: Snapshot,
         log: InputLog | None = None,
         published: Callable[[], Mapping[str, int]] = dict,
+        alerts: AlertMonitor | None = None,
     ) -> None:
         """Load all message definitions by encoding `first`, which is not published.
 
@@ -142,6 +146,7 @@ class Publisher:
             first: any snapshot of the run.
             log: input log whose entries are published too.
             published: returns the number of messages published on each topic up to now.
+            alerts: judges every snapshot; its list is published too.
         """
         rehearsal = Encoder(0)
         for topic in SNAPSHOT_TOPICS:
@@ -149,7 +154,7 @@ class Publisher:
         self._handover = handover
         self._publish = publish
         self._log = log
-        self._published = published
+        self._published, self._alerts = published, alerts
         self._epoch_ns = 0
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -201,13 +206,26 @@ class Publisher:
 
     def _publish_snapshot(self, encoder: Encoder, snapshot: Snapshot) -> None:
         for name in due_topics(*slot_of(snapshot), snapshot):
-            try:
-                self._publish(name, encoder.encode(name, snapshot))
-            except Exception as error:
-                # One topic that fails must not stop the others; diagnostics report it.
-                if not self.error:
-                    _log.exception("topic %s cannot be published", name)
-                self.error = f"topic {name}: {type(error).__name__}: {error}"
+            self._attempt(name, partial(encoder.encode, name, snapshot))
+        if self._alerts is not None:
+            self._attempt(ALERTS, partial(self._judge, self._alerts, snapshot))
+
+    def _judge(self, alerts: AlertMonitor, snapshot: Snapshot) -> bytes | None:
+        """Return the alert list if it is to be published."""
+        if not alerts.look(snapshot):
+            return None
+        return encode_alerts(self._epoch_ns + snapshot.stamp_ns, *alerts.listed())
+
+    def _attempt(self, name: str, make: Callable[[], bytes | None]) -> None:
+        """Publish what `make` returns; one topic that fails must not stop the others."""
+        try:
+            data = make()
+            if data is not None:
+                self._publish(name, data)
+        except Exception as error:  # diagnostics report it
+            if not self.error:
+                _log.exception("topic %s cannot be published", name)
+            self.error = f"topic {name}: {type(error).__name__}: {error}"
 
 
 START_LEAD_S = 0.5  # from the publication of the epoch to t = 0, for other nodes to prepare ...
@@ -261,7 +279,10 @@ class PacedTwin:
         )
         if self.ladder is not None:
             self.pacer.watch(self.ladder.judge)
-        self._publisher = Publisher(self._handover, publish, self._first, self._log, published)
+        self.alerts = AlertMonitor(scene)
+        self._publisher = Publisher(
+            self._handover, publish, self._first, self._log, published, self.alerts
+        )
         self._clocks: Clocks | None = None  # at the last start
         self.border = InputBorder(self.twin, self._inputs, params.command_priority)
         self._process_s = 0.0  # CPU time of the whole process before the last halt
@@ -384,6 +405,7 @@ class PacedTwin:
             rows.append(saving_row(self._keeper.health()))
         if self.border.epoch_ns is not None:
             rows.append(clock_row(self._clock_moved_s(now)))
+        self.alerts.take_rows(rows)
         return rows
 
     def _clock_moved_s(self, now: Clocks) -> float:

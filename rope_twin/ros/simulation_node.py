@@ -25,6 +25,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, encode_diagnostics, encode_epoch, encode_seat
+from rope_twin.messages.alerts import read_command
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import Clocks, PacedTwin, with_hint
 from rope_twin.ros.params import SimulationParams, declare, read
@@ -42,6 +43,7 @@ from rope_twin.scene.change import at_setting, following_measured
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.topics import (
+    ALERT_COMMAND,
     BY_NAME,
     CUT_TOPIC,
     INPUT_LOG_TOPIC,
@@ -88,7 +90,7 @@ class SimulationNode(LifecycleNode):
             topic.name: publish(self, topic) for topic in TOPICS if topic.publisher == "simulation"
         }
         self._inputs = tuple(n for n in INPUTS if n != CUT_TOPIC or self._params.allow_cut)
-        for name in self._inputs:
+        for name in (*self._inputs, ALERT_COMMAND):
             topic = BY_NAME[name]
             self.create_subscription(
                 message_type(topic), name, self._taker(name), profile(topic.qos), raw=True
@@ -339,6 +341,16 @@ class SimulationNode(LifecycleNode):
             else:
                 self.paced.border.take_current(data)
 
+        def take_alert_command(data: bytes) -> None:
+            if self.paced is None:
+                return
+            try:
+                self.get_logger().info(self.paced.alerts.command(read_command(data)))
+            except InputError as error:
+                self.get_logger().warning(str(error))
+
+        if name == ALERT_COMMAND:
+            return take_alert_command
         if name in WINCH_TOPICS:
             return take_command
         return take_motion if name in MOTION_TOPICS else take

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from statistics import median
 
+from rope_twin.alerts.monitor import AlertMonitor
 from rope_twin.cadence import DIAGNOSTICS_PERIOD_NS, due_topics, slot_of
 from rope_twin.errors import BagError, SolverError, StateError
 from rope_twin.messages import (
@@ -23,6 +24,7 @@ from rope_twin.messages import (
     encode_order,
     statuses,
 )
+from rope_twin.messages.alerts import encode_alerts
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.input_log import InputLog, encode_json
 from rope_twin.recording.measured_record import GROUPS, MeasuredReplay, encoded, open_measured
@@ -35,7 +37,7 @@ from rope_twin.scene.change import at_setting, following_measured
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.scene.winch import FOLLOWS_MEASURED
-from rope_twin.topics import SESSION_TOPIC, TOPICS
+from rope_twin.topics import ALERTS, SESSION_TOPIC, TOPICS
 from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
@@ -82,7 +84,7 @@ class UnpacedRun:
         self._bag = None if options.record is None else BagWriter(options.record, TOPICS)
         self._steps = steps_in_slot(self.twin.step_s)
         self._slot_ns = self._steps * self.twin.step_ns
-        self._encoder = Encoder(self.epoch_ns)
+        self._encoder, self._alerts = Encoder(self.epoch_ns), AlertMonitor(scene)
         self._log = InputLog(UNPACED)
         log = None if self._bag is None else self._log.take
         self._inputs = InputQueue(self.twin, self._recovery, log)
@@ -124,6 +126,9 @@ class UnpacedRun:
         if self._bag is not None:
             for name in due_topics(*slot_of(snapshot), snapshot):
                 self._record(snapshot.stamp_ns, name, self._encoder.encode(name, snapshot))
+            if self._alerts.look(snapshot):
+                data = encode_alerts(self.epoch_ns + snapshot.stamp_ns, *self._alerts.listed())
+                self._record(snapshot.stamp_ns, ALERTS, data)
         if snapshot.stamp_ns - self._told_ns >= DIAGNOSTICS_PERIOD_NS:
             self._tell(snapshot)
         return snapshot
@@ -199,6 +204,7 @@ class UnpacedRun:
         self._told_ns = snapshot.stamp_ns
         stamp_ns = self.epoch_ns + snapshot.stamp_ns
         rows = statuses(snapshot, None)
+        self._alerts.take_rows(rows)
         self._record(snapshot.stamp_ns, "diagnostics", encode_diagnostics(stamp_ns, rows))
 
     def _record(self, at_ns: int, name: str, data: bytes) -> None:

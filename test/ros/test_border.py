@@ -20,7 +20,15 @@ from rope_twin.ros.middleware import DISCOVERY_RANGE
 from rope_twin.ros.params import END_ORDER
 from rope_twin.ros.processes import STANDBY
 from rope_twin.share import share_dir
-from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUTS, SERVICES, TOPICS, WINCH_TOPICS
+from rope_twin.topics import (
+    ALERT_COMMAND,
+    BY_NAME,
+    CUT_TOPIC,
+    INPUTS,
+    SERVICES,
+    TOPICS,
+    WINCH_TOPICS,
+)
 
 pytestmark = pytest.mark.ros
 SCENE = "still_water"
@@ -166,7 +174,7 @@ def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() ->
         if topic.publisher and topic.name != CUT_TOPIC:
             assert topic.name in profiles[topic.publisher].publish
     inputs = profiles["simulation"].subscribe
-    assert inputs == {*INPUTS, "clock"} - {CUT_TOPIC}
+    assert inputs == {*INPUTS, ALERT_COMMAND, "clock"} - {CUT_TOPIC}
     assert {name for name, one in profiles.items() if one.publish & set(INPUTS)} == {
         "sea_state", "winch_schedule"
     }  # fmt: skip

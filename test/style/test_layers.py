@@ -24,6 +24,7 @@ FLOORS = (
     ("topics", "cadence", "messages", "recording", "view", "feeds"),
     ("estimation",),
     ("forecast",),
+    ("topics", "cadence", "messages", "recording", "view", "feeds", "alerts"),
     ("run",),
     ("ros",),
     ("studies",),

@@ -1,0 +1,299 @@
+"""Alert list: the state of every alert, from its first activation until it is dealt with.
+
+The states and transitions are those of bridge alert management: IMO MSC.302(87), modules A and D,
+and A.1021(26) for the priorities. An alarm or warning is active and unacknowledged until somebody
+acknowledges it; its sound may be silenced for SILENCE_NS; when its cause disappears unseen it stays
+in the list as rectified until it is acknowledged. A caution neither sounds nor waits for anybody.
+
+One situation has one alert, identified by number and instance. Where it becomes worse, the same
+alert takes the higher priority, as a new revision that must be acknowledged again.
+
+Times are those of the twin [ns]; the list is driven by `update` and holds no clock of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from enum import Enum, IntEnum
+
+from rope_twin.errors import InputError, phrase
+
+SECOND = 1_000_000_000
+SILENCE_NS = 30 * SECOND  # MSC.302(87), 7.3: then the sound starts again
+REPEAT_NS = 60 * SECOND  # an unacknowledged warning is announced again; upper bound 5 min
+SHELVED_MOST_NS = 8 * 3600 * SECOND  # a shift
+STANDING_NS = 24 * 3600 * SECOND  # EEMUA 191: active for so long, it tells nothing any more
+REVISIONS, ESCALATIONS = 99, 9  # largest numbers of these fields in an alert sentence
+EVERY = "all"  # in place of an identifier
+
+
+class Priority(IntEnum):
+    """Priority of an alert (A.1021(26)); the higher, the more urgent."""
+
+    CAUTION = 1  # attention out of the ordinary
+    WARNING = 2  # immediate attention, but no immediate action
+    ALARM = 3  # immediate attention and action
+    EMERGENCY = 4  # immediate danger to life or ship
+
+    @property
+    def letter(self) -> str:
+        """The letter of an alert sentence."""
+        return " CWAE"[self]
+
+
+class State(Enum):
+    """State of an alert, with its letter in an alert sentence."""
+
+    UNACKNOWLEDGED = "V"
+    SILENCED = "S"
+    ACKNOWLEDGED = "A"
+    TRANSFERRED = "O"  # responsibility transferred: somebody else has taken it over
+    RECTIFIED = "U"  # the cause is gone, but nobody has acknowledged it
+    NORMAL = "N"
+
+
+ACTIVE = State.UNACKNOWLEDGED, State.SILENCED, State.ACKNOWLEDGED, State.TRANSFERRED
+WAITING = State.UNACKNOWLEDGED, State.SILENCED, State.RECTIFIED  # for an acknowledgement
+
+
+@dataclass(frozen=True)
+class Alert:
+    """One alert at one time."""
+
+    identifier: int  # of the kind of situation, 10000 and above: a maker's own (IEC 62923-2)
+    instance: int  # which one of that kind, from 1
+    name: str  # the situation in a few words
+    priority: Priority
+    category: str  # A: acknowledged where its cause can be judged, B: anywhere
+    state: State
+    text: str  # what is wrong, with its figures
+    since_ns: int  # beginning of the present activation
+    changed_ns: int  # newest change of state, priority or escalation
+    revision: int = 0  # counts changes of state and priority
+    escalation: int = 0  # counts repeated announcements
+    shelved_until_ns: int = 0
+    first_out: bool = False  # the first of the alerts that are waiting
+
+    @property
+    def key(self) -> str:
+        """Identifier and instance, such as 10001.1."""
+        return f"{self.identifier}.{self.instance}"
+
+    @property
+    def active(self) -> bool:
+        """Whether its cause is present."""
+        return self.state in ACTIVE
+
+    @property
+    def waits(self) -> bool:
+        """Whether it waits for an acknowledgement."""
+        return self.priority > Priority.CAUTION and self.state in WAITING
+
+    def shelved(self, now_ns: int) -> bool:
+        """Return whether it is shelved: kept out of the list, for a limited time."""
+        return now_ns < self.shelved_until_ns
+
+    def sounds(self, now_ns: int) -> bool:
+        """Return whether it calls for a sound."""
+        loud = self.priority > Priority.CAUTION and self.state is State.UNACKNOWLEDGED
+        return loud and not self.shelved(now_ns)
+
+    def standing(self, now_ns: int) -> bool:
+        """Return whether it has been active for a day."""
+        return self.active and now_ns - self.since_ns >= STANDING_NS
+
+
+@dataclass(frozen=True)
+class Situation:
+    """A situation that calls for an alert now."""
+
+    identifier: int
+    name: str
+    category: str
+    where: str  # which one of its kind: the name of a rope, an input or an element
+    priority: Priority
+    text: str
+
+
+class AlertList:
+    """All alerts of a run; the situations of `update` raise and rectify them."""
+
+    def __init__(self) -> None:
+        self._alerts: dict[tuple[int, str], Alert] = {}
+        self._instances: dict[int, list[str]] = {}
+        self.now_ns = 0
+
+    def update(self, situations: Iterable[Situation], now_ns: int) -> list[Alert]:
+        """Take the situations of this time; return the alerts that have changed."""
+        self.now_ns = now_ns
+        before = dict(self._alerts)
+        present = {(one.identifier, one.where): one for one in situations}
+        for key, one in present.items():
+            self._alerts[key] = self._raised(key, one)
+        for key, alert in self._alerts.items():
+            if key not in present:
+                self._alerts[key] = self._rectified(alert)
+        for key, alert in self._alerts.items():
+            self._alerts[key] = self._aged(alert)
+        self._mark_first_out()
+        return [one for key, one in self._alerts.items() if _differs(before.get(key), one)]
+
+    def _raised(self, key: tuple[int, str], one: Situation) -> Alert:
+        """Return the alert of a present situation."""
+        alert = self._alerts.get(key)
+        first = State.ACKNOWLEDGED if one.priority is Priority.CAUTION else State.UNACKNOWLEDGED
+        if alert is None:
+            places = self._instances.setdefault(one.identifier, [])
+            places.append(one.where)
+            return Alert(
+                one.identifier, len(places), one.name, one.priority, one.category, first,
+                one.text, self.now_ns, self.now_ns, revision=1,
+            )  # fmt: skip
+        if not alert.active:
+            alert = _revised(alert, first, self.now_ns)
+            return replace(
+                alert, priority=one.priority, text=one.text, since_ns=self.now_ns, escalation=0
+            )
+        if one.priority > alert.priority:
+            alert = replace(_revised(alert, first, self.now_ns), escalation=0)
+        elif one.priority is Priority.CAUTION < alert.priority:
+            alert = _revised(alert, first, self.now_ns)
+        elif one.priority < alert.priority:  # less urgent: an acknowledgement remains valid
+            alert = _revised(alert, alert.state, self.now_ns)
+        return replace(alert, priority=one.priority, text=one.text)
+
+    def _rectified(self, alert: Alert) -> Alert:
+        """Return an alert whose cause is gone."""
+        if not alert.active:
+            return alert
+        waits = alert.waits and not alert.shelved(self.now_ns)
+        return _revised(alert, State.RECTIFIED if waits else State.NORMAL, self.now_ns)
+
+    def _aged(self, alert: Alert) -> Alert:
+        """Return an alert whose silence may have ended, or that is announced again."""
+        waited = self.now_ns - alert.changed_ns
+        if alert.state is State.SILENCED and waited >= SILENCE_NS:
+            return _revised(alert, State.UNACKNOWLEDGED, self.now_ns)
+        again = alert.priority is Priority.WARNING and alert.state is State.UNACKNOWLEDGED
+        if again and waited >= REPEAT_NS:
+            count = min(alert.escalation + 1, ESCALATIONS)
+            return replace(alert, escalation=count, changed_ns=self.now_ns)
+        return alert
+
+    def _mark_first_out(self) -> None:
+        """Mark the alert that began first among those that wait and are active.
+
+        The mark stays with it while others of the same cause follow, until nothing waits.
+        """
+        waiting = [
+            key for key, one in self._alerts.items() if one.waits and not one.shelved(self.now_ns)
+        ]
+        marked = next((key for key in waiting if self._alerts[key].first_out), None)
+        if marked is None and waiting:
+            marked = min(waiting, key=lambda key: self._alerts[key].since_ns)
+        for key, one in self._alerts.items():
+            if one.first_out is not (key == marked):
+                self._alerts[key] = replace(one, first_out=key == marked)
+
+    def listed(self) -> list[Alert]:
+        """Return the alerts to show, those that want attention first.
+
+        In the order of bridge displays: unacknowledged alarms, unacknowledged warnings, rectified
+        ones that nobody has acknowledged, acknowledged alarms, acknowledged warnings, cautions; in
+        each group the newest first. Shelved ones are not among them.
+        """
+        shown = [
+            one for one in self._alerts.values()
+            if one.state is not State.NORMAL and not one.shelved(self.now_ns)
+        ]  # fmt: skip
+        return sorted(shown, key=lambda one: (_group(one), -one.since_ns, one.identifier))
+
+    def shelved(self) -> list[Alert]:
+        """Return the shelved alerts, by the end of their time."""
+        found = (one for one in self._alerts.values() if one.shelved(self.now_ns))
+        return sorted(found, key=lambda one: one.shelved_until_ns)
+
+    # -- what a crew does ------------------------------------------------------------------------
+
+    def acknowledge(self, key: str) -> str:
+        """Acknowledge an alert, or all that are listed; return the answer in words.
+
+        Raises:
+            InputError: there is no such alert, or it does not wait for an acknowledgement.
+        """
+        return self._act(key, "acknowledged", WAITING, State.ACKNOWLEDGED)
+
+    def silence(self, key: str) -> str:
+        """Silence an alert, or all, for SILENCE_NS; raise and return as `acknowledge`."""
+        return self._act(key, "silenced", (State.UNACKNOWLEDGED,), State.SILENCED)
+
+    def transfer(self, key: str) -> str:
+        """Mark the responsibility as taken over elsewhere; raise and return as `acknowledge`."""
+        held = State.UNACKNOWLEDGED, State.SILENCED
+        return self._act(key, "transferred", held, State.TRANSFERRED)
+
+    def shelve(self, key: str, seconds: float) -> str:
+        """Keep an alert out of the list for a time; 0 s: list it again.
+
+        Raises:
+            InputError: there is no such alert, or the time is not possible.
+        """
+        most = SHELVED_MOST_NS // SECOND
+        if not 0.0 <= seconds <= most:
+            right = f"give 0 to {most} s; 0 lists it again"
+            raise InputError(phrase(f"alert {key}", f"shelving for {seconds:g} s", right))
+        at = self._find(key)
+        until = self.now_ns + round(seconds * SECOND) if seconds else 0
+        self._alerts[at] = replace(self._alerts[at], shelved_until_ns=until)
+        self._mark_first_out()
+        return f"alert {key} shelved for {seconds:g} s" if seconds else f"alert {key} listed again"
+
+    def _act(self, key: str, word: str, of: tuple[State, ...], to: State) -> str:
+        """Change the state of an alert, or of every one that it suits."""
+        every = [at for at, one in self._alerts.items() if one.waits and one.state in of]
+        if key == EVERY:
+            chosen = [at for at in every if not self._alerts[at].shelved(self.now_ns)]
+        else:
+            chosen = [self._find(key)]
+            state = self._alerts[chosen[0]].state.name.lower()
+            if chosen[0] not in every:
+                right = f"only {', '.join(one.name.lower() for one in of)} alarms and warnings"
+                raise InputError(phrase(f"alert {key}", f"it is {state}", f"{right} are {word}"))
+        for at in chosen:
+            alert = self._alerts[at]
+            gone = alert.state is State.RECTIFIED
+            self._alerts[at] = _revised(alert, State.NORMAL if gone else to, self.now_ns)
+        self._mark_first_out()
+        some = f"alert {key}" if key != EVERY else f"{len(chosen)} alerts"
+        return f"{some} {word}"
+
+    def _find(self, key: str) -> tuple[int, str]:
+        for at, one in self._alerts.items():
+            if one.key == key:
+                return at
+        known = ", ".join(one.key for one in self.listed()) or "none is listed"
+        raise InputError(phrase("alert", f"there is no '{key}'", f"listed: {known}"))
+
+
+def _revised(alert: Alert, state: State, now_ns: int) -> Alert:
+    """Return an alert with a new state, as its next revision."""
+    revision = alert.revision % REVISIONS + 1
+    return replace(alert, state=state, changed_ns=now_ns, revision=revision)
+
+
+def _differs(before: Alert | None, after: Alert) -> bool:
+    """Return whether an alert has changed in more than the figures of its text."""
+    return before is None or replace(before, text=after.text) != after
+
+
+def _group(alert: Alert) -> int:
+    """Return the place of an alert's group in the list."""
+    if alert.priority is Priority.CAUTION:
+        return 6
+    if alert.state is State.RECTIFIED:
+        return 3
+    low = alert.priority is Priority.WARNING
+    if alert.state in (State.UNACKNOWLEDGED, State.SILENCED):
+        return 2 if low else 1
+    return 5 if low else 4

@@ -1,0 +1,344 @@
+"""Situations that call for an alert, found in snapshots and rows of the diagnostics.
+
+Each kind of situation has a number from 10000 up (those below are given by standards), and one or
+more levels: a measure from which it has a priority. Chatter is kept out at its source (EEMUA 191,
+ISA-18.2): a level counts after its delay, and ends once the measure has been below it by a deadband
+for the holding time. All times are those of the twin, so that a faster run judges alike.
+
+What a situation is measured against are the limits of the scene; numbers that no scene gives are
+named here and are this project's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rope_twin.alerts.alert_list import SECOND, Priority, Situation
+from rope_twin.messages.diagnostics import breach_words
+from rope_twin.messages.status import Level, Status
+from rope_twin.scene.model.lift import LiftFigures, lift_figures
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.twin.limits import LoadRules
+from rope_twin.twin.quality import disagrees
+from rope_twin.twin.snapshot import BORDER, Snapshot
+from rope_twin.twin.winch.commands import EMERGENCY_STOP
+
+NEAR_LIMIT = 0.95  # of a limit of the scene: a warning
+WITHOUT_LIMIT = 0.5  # of the MBL, where a scene gives no limit: codes allow less (UNOLS: 1/FS)
+SLACK_MARGIN = 0.1  # of the static submerged weight, as DNV-RP-N103 4.4 is quoted
+SLACK_WINDOW_NS = 60 * SECOND
+POOR_INDEX, DOUBTFUL_INDEX = 0.7, 0.5  # of a quality index
+EVENT_S = 10.0  # an event, such as a landing too fast, is a present situation for so long
+CAUTION, WARNING, ALARM = Priority.CAUTION, Priority.WARNING, Priority.ALARM
+
+Levels = tuple[tuple[float, Priority], ...]
+
+
+class Measure(NamedTuple):
+    """Measure of a situation at one place."""
+
+    where: str
+    value: float  # a level is reached from its threshold up
+    levels: Levels
+    text: str
+
+
+class Moment(NamedTuple):
+    """What is known at one time."""
+
+    shot: Snapshot
+    rows: Mapping[str, Status]  # newest rows of the diagnostics by name, at times older
+    scene: SceneFigures
+    least_payload_n: float  # tension at the payload over the last minute; NaN: does not count
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of situation."""
+
+    identifier: int
+    name: str
+    find: Callable[[Moment], Iterator[Measure]]
+    delay_s: float = 0.0  # until a level counts
+    hold_s: float = 5.0  # until it ends
+    deadband: float = 0.02  # of the threshold
+    category: str = "B"  # A: acknowledged only where its cause can be judged
+
+
+class SceneFigures:
+    """Limits and static loads of a scene, constant during a run."""
+
+    def __init__(self, scene: Scene) -> None:
+        rules = LoadRules(scene)
+        self.limits = scene.limits
+        self.allowed_n = dict(zip(rules.ropes, rules.allowed_n, strict=True))
+        self.limited = scene.limits.tension_n is not None or scene.limits.utilisation < 1.0
+        self._lift: LiftFigures | None = None
+        if not is_joined(scene) and scene.payloads and not scene.ropes[0].fixed_at_m:
+            self._lift = lift_figures(scene)
+
+    def weight_n(self, line_out_m: float) -> float:
+        """Return the static load on the rope's lower end [N]; NaN: not a hanging payload."""
+        return math.nan if self._lift is None else self._lift.hung.weight_n(line_out_m)
+
+
+def _tension(at: Moment) -> Iterator[Measure]:
+    """Find the tension at the top of each rope, against the least of its limits."""
+    shot, figures = at.shot, at.scene
+    tops = {one.name: one.tension_top_n for one in shot.ropes[1:]}
+    for number, rope in enumerate(shot.strength):
+        allowed = figures.allowed_n.get(rope.name, rope.breaking_load_n)
+        now = shot.tension_top_max_n if number == 0 else tops.get(rope.name, 0.0)
+        near = NEAR_LIMIT if figures.limited else WITHOUT_LIMIT
+        text = f"tension of '{rope.name}' {now / 1e3:.1f} kN, limit {allowed / 1e3:.1f} kN"
+        yield Measure(rope.name, now / allowed, ((near, WARNING), (1.0, ALARM)), text)
+
+
+def _slack(at: Moment) -> Iterator[Measure]:
+    """Find the least tension at the payload in a minute, against its static weight."""
+    weight, least = at.scene.weight_n(at.shot.line_out_m), at.least_payload_n
+    if not (weight > 0.0 and math.isfinite(least)):
+        return
+    share = least / weight
+    words = f"least tension at the payload in 60 s {least / 1e3:.2f} kN, {share:.0%} of its weight"
+    levels = (1.0 - SLACK_MARGIN, WARNING), (1.0, ALARM)
+    yield Measure("payload", 1.0 - share, levels, words)
+
+
+def _winch(at: Moment) -> Iterator[Measure]:
+    """Find a limit of a winch: speed, acceleration, torque, stroke of its compensation."""
+    if at.shot.winch_at_limit:
+        yield _present("winch", WARNING, f"winch: {at.shot.winch_at_limit}")
+
+
+def _stroke(at: Moment) -> Iterator[Measure]:
+    """Find a heave compensator at one of its stops."""
+    one = at.shot.compensator
+    if one is not None and one.at_stop:
+        text = f"piston at its {one.at_stop} stop, {one.stop_n / 1e3:.1f} kN"
+        yield _present("compensator", WARNING, text)
+
+
+def _apart(at: Moment) -> Iterator[Measure]:
+    """Find measured values that lie apart from the computed ones."""
+    for one in at.shot.residuals:
+        if disagrees(one):
+            label = one.quantity.rpartition("_")[0].replace("_", " ")
+            text = f"{label} of '{one.name}': measured {one.measured:.6g}, "
+            text += f"computed {one.computed:.6g}; {one.outside or 0.0:.0%} of a minute apart"
+            yield _present(f"{one.name} {one.quantity}", WARNING, text)
+
+
+def _touchdown(at: Moment) -> Iterator[Measure]:
+    """Find a payload that the bed carries."""
+    bed = at.shot.seabed
+    if bed is not None and bed.payload_landed:
+        text = f"payload on the seabed, which carries {bed.payload_push_n / 1e3:.1f} kN"
+        yield _present("payload", CAUTION, text)
+
+
+def _inputs(at: Moment) -> Iterator[Measure]:
+    """Find inputs that fail or are doubtful."""
+    for name, health in at.shot.inputs.items():
+        if name == BORDER:
+            continue
+        label = name.replace("_", " ")
+        if health.fault or health.stale:
+            words = health.fault or health.note or "no sample is fresh"
+            yield _present(name, WARNING, f"{label}: {words}")
+        elif health.warning:
+            yield _present(name, CAUTION, f"{label}: {health.warning}")
+
+
+def _quality(at: Moment) -> Iterator[Measure]:
+    """Find results that may no longer be relied on."""
+    if at.shot.motion_ramp < 1.0:
+        return  # the start-up is known to everybody
+    for one in at.shot.quality:
+        levels = (1.0 - POOR_INDEX + 1e-6, CAUTION), (1.0 - DOUBTFUL_INDEX + 1e-6, WARNING)
+        label = one.element.replace("_", " ")
+        text = f"quality of {label} {one.index:.1f}, {one.cause}: {one.reason}"
+        yield Measure(one.element, 1.0 - one.index, levels, text)
+
+
+def _payload(at: Moment) -> Iterator[Measure]:
+    """Find speed and depth of the payloads against the limits of the scene."""
+    shot, limits = at.shot, at.scene.limits
+    bodies = [(one.name, one.position_m, one.velocity_m_per_s) for one in shot.payloads]
+    if not shot.payloads:
+        bodies = [("payload", shot.payload_position_m, shot.payload_velocity_m_per_s)]
+    levels = (NEAR_LIMIT, WARNING), (1.0, ALARM)
+    for name, position, velocity in bodies:
+        if limits.payload_speed_m_per_s is not None:
+            speed = math.sqrt(float(velocity @ velocity))
+            text = f"speed of '{name}' {speed:.2f} m/s, limit {limits.payload_speed_m_per_s:g} m/s"
+            yield Measure(f"{name} speed", speed / limits.payload_speed_m_per_s, levels, text)
+        if limits.payload_depth_m:
+            depth = -float(position[2])
+            text = f"depth of '{name}' {depth:.1f} m, limit {limits.payload_depth_m:g} m"
+            yield Measure(f"{name} depth", depth / limits.payload_depth_m, levels, text)
+
+
+def _broken(at: Moment) -> Iterator[Measure]:
+    """Find limits that are broken in an instant or along the rope, as snapshots record them."""
+    for one in at.shot.breaches:
+        watched = one.limit in ("landing_speed_m_per_s", "min_tension_n", "bend_radius", "strain")
+        if watched and at.shot.time_s - one.last_s <= EVENT_S:
+            yield _present(f"{one.where} {one.limit}", ALARM, breach_words(one))
+
+
+def _stopped(at: Moment) -> Iterator[Measure]:
+    """Find winches in emergency stop."""
+    for one in at.shot.winches:
+        if one.mode == EMERGENCY_STOP:
+            yield _present(one.name, WARNING, f"'{one.name}' is in emergency stop")
+
+
+def _cut(at: Moment) -> Iterator[Measure]:
+    """Find a rope that was cut."""
+    cut = at.shot.cut
+    if cut is not None:
+        text = f"rope cut at {cut.at_s:.1f} s, {cut.left_m:.1f} m left below the hang-off"
+        yield _present(cut.rope or "rope", ALARM, text)
+
+
+def _numerics(at: Moment) -> Iterator[Measure]:
+    """Find steps that did not converge, or that failed."""
+    row = at.rows.get("simulation: solver")
+    if at.shot.doubtful or (row is not None and row.level > Level.OK):
+        words = row.message if row is not None and row.level > Level.OK else "doubtful steps"
+        yield _present("solver", WARNING, words)
+
+
+def _pace(at: Moment) -> Iterator[Measure]:
+    """Find a twin that is late."""
+    yield from _rows(at, ("simulation: pacing",), WARNING)
+
+
+def _supervision(at: Moment) -> Iterator[Measure]:
+    """Find trouble with publishing, saving, clocks or double sources."""
+    names = "publishing", "saving", "clocks", "sources", "messages", "senders"
+    yield from _rows(at, tuple(f"simulation: {name}" for name in names), CAUTION)
+
+
+def _rows(at: Moment, names: tuple[str, ...], priority: Priority) -> Iterator[Measure]:
+    for name in names:
+        row = at.rows.get(name)
+        if row is not None and row.level > Level.OK:
+            yield _present(name.removeprefix("simulation: "), priority, row.message)
+
+
+def _present(where: str, priority: Priority, text: str) -> Measure:
+    """Return the measure of a situation that is either there or not."""
+    return Measure(where, 1.0, ((1.0, priority),), text)
+
+
+KINDS = (
+    Kind(10001, "top tension", _tension, category="A"),
+    Kind(10002, "slack", _slack, category="A", deadband=0.05),
+    Kind(10003, "winch at its limit", _winch, delay_s=5.0, hold_s=10.0),
+    Kind(10004, "end of stroke", _stroke, hold_s=60.0, category="A"),
+    Kind(10005, "measured and computed apart", _apart, delay_s=30.0, hold_s=10.0, category="A"),
+    Kind(10006, "touchdown", _touchdown, hold_s=10.0),
+    Kind(10007, "input", _inputs, delay_s=1.0),
+    Kind(10008, "quality", _quality, delay_s=10.0, hold_s=10.0, deadband=0.05),
+    Kind(10009, "numerics", _numerics, delay_s=5.0, hold_s=10.0),
+    Kind(10010, "payload limit", _payload, category="A"),
+    Kind(10011, "limit broken", _broken, hold_s=0.0, category="A"),
+    Kind(10012, "emergency stop", _stopped, hold_s=0.0),
+    Kind(10013, "rope cut", _cut, category="A"),
+    Kind(10014, "twin late", _pace, delay_s=5.0, hold_s=10.0),
+    Kind(10015, "supervision", _supervision, delay_s=5.0, hold_s=10.0),
+)
+
+
+class _Gate:
+    """Delay and hold of one level of one situation."""
+
+    def __init__(self) -> None:
+        self.on = False
+        self._since_ns: int | None = None  # since it would change
+
+    def take(self, reached: bool, left: bool, now_ns: int, kind: Kind) -> bool:
+        """Return whether the level counts now."""
+        changing = left if self.on else reached
+        if not changing:
+            self._since_ns = None
+            return self.on
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        wait_s = kind.hold_s if self.on else kind.delay_s
+        if now_ns - self._since_ns >= round(wait_s * SECOND):
+            self.on, self._since_ns = not self.on, None
+        return self.on
+
+
+class Watch:
+    """Finds the situations of a run; `look` takes one snapshot after the other."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = SceneFigures(scene)
+        self._rows: Mapping[str, Status] = {}
+        self._gates: dict[tuple[int, str], dict[float, _Gate]] = {}
+        self._texts: dict[tuple[int, str], tuple[Levels, str]] = {}
+        self._payload: deque[tuple[int, float]] = deque()  # rising tensions: least first
+
+    def take_rows(self, rows: list[Status]) -> None:
+        """Take the newest rows of the diagnostics."""
+        self._rows = {row.name: row for row in rows}
+
+    def look(self, shot: Snapshot) -> list[Situation]:
+        """Return the situations at the time of a snapshot."""
+        moment = Moment(shot, self._rows, self._scene, self._least_payload_n(shot))
+        found: list[Situation] = []
+        for kind in KINDS:
+            measures = {one.where: one for one in kind.find(moment)}
+            known = {where for number, where in self._gates if number == kind.identifier}
+            for where in (*measures, *sorted(known - measures.keys())):
+                one = self._judge(kind, where, measures.get(where), shot.stamp_ns)
+                found += [one] if one is not None else []
+        return found
+
+    def _judge(
+        self, kind: Kind, where: str, measure: Measure | None, now_ns: int
+    ) -> Situation | None:
+        """Return the situation at one place; None: there is none."""
+        key = kind.identifier, where
+        if measure is not None:
+            self._texts[key] = measure.levels, measure.text
+        levels, text = self._texts[key]
+        value = -math.inf if measure is None else measure.value
+        gates, highest = self._gates.setdefault(key, {}), None
+        for threshold, priority in levels:
+            gate = gates.setdefault(threshold, _Gate())
+            left = value < threshold * (1.0 - kind.deadband)
+            if gate.take(value >= threshold, left, now_ns, kind):
+                highest = priority
+        for threshold in gates.keys() - {one for one, _ in levels}:
+            del gates[threshold]
+        if highest is None:
+            return None
+        return Situation(kind.identifier, kind.name, kind.category, where, highest, text)
+
+    def _least_payload_n(self, shot: Snapshot) -> float:
+        """Return the least tension at the payload over SLACK_WINDOW_NS [N].
+
+        NaN while the bed or a deck carries it or the rope is cut: then it may well be slack.
+        """
+        carried = shot.seabed is not None and shot.seabed.payload_landed
+        deck = shot.body is not None and bool(shot.body.deck_push_n)
+        if carried or deck or shot.cut is not None or shot.motion_ramp < 1.0:
+            self._payload.clear()
+            return math.nan
+        rising, tension = self._payload, shot.tension_payload_n
+        while rising and rising[-1][1] >= tension:
+            rising.pop()
+        rising.append((shot.stamp_ns, tension))
+        while rising[0][0] < shot.stamp_ns - SLACK_WINDOW_NS:
+            rising.popleft()
+        return rising[0][1]

@@ -1,0 +1,143 @@
+"""`rope_twin alerts BAG`: the alerts of a recording, and whether a crew could have dealt with them.
+
+With --udp it connects a running suite to bridge equipment instead: alerts go out as sentences, and
+acknowledgements come back.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rope_twin.alerts.rates import CHATTER, FLOOD, STEADY, AlertRates, rates
+from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.errors import BagError, InputError, phrase
+from rope_twin.messages.alerts import PublishedAlerts, decode_alerts
+from rope_twin.recording.bag import BagReader, recorded_name
+from rope_twin.run.arguments import add_command, add_json
+from rope_twin.topics import ALERTS
+
+EXAMPLES = (
+    "alerts bags/lift",
+    "alerts bags/lift --json",
+    "alerts --udp 127.0.0.1:60001 --replies 60002",
+)
+MORE = """Counts alarms and warnings against what EEMUA 191 asks for: about one in 10 min, no flood
+above 10 in 10 min, none that stands for a day. Exit code NEGATIVE if a recording exceeds that."""
+PORTS = range(1, 65536)
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `alerts`."""
+    about = "alerts of a recording and their rates, or alert sentences of a running suite"
+    parser = add_command(subparsers, "alerts", about, EXAMPLES, MORE)
+    add = parser.add_argument
+    add("bag", metavar="BAG", type=Path, nargs="?", help="bag directory or .mcap file")
+    add("--udp", metavar="HOST:PORT", default="",
+        help="send ALF and ALC sentences of a running suite there, until Ctrl-C")  # fmt: skip
+    add("--replies", metavar="PORT", type=int, default=0,
+        help="with --udp: UDP port of the loopback interface for ACN sentences")  # fmt: skip
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the alerts of a bag, or connect a running suite; return the exit code.
+
+    Raises:
+        BagError: the bag cannot be read, or has no alerts.
+        InputError: the arguments do not go together, or an address is not possible.
+    """
+    if bool(args.udp) == (args.bag is not None):
+        what = "both BAG and --udp" if args.udp else "neither BAG nor --udp"
+        raise InputError(phrase("alerts", what, "give one of them"))
+    if args.udp:
+        host, port = address_of(args.udp)
+        if args.replies and args.replies not in PORTS:
+            raise InputError(phrase("--replies", str(args.replies), "give a port, 1 to 65535"))
+        # rclpy takes a second to import and is needed here only
+        from rope_twin.ros.alert_output_node import run_output
+        from rope_twin.ros.middleware import keep_to_loopback
+
+        keep_to_loopback()
+        return run_output(host, port, args.replies)
+    found = read_rates(args.bag)
+    if args.json:
+        print_json(_figures(args.bag, found))
+    else:
+        _report(args.bag, found)
+    sound = found.per_window <= STEADY and not found.flood and not found.standing
+    return ExitCode.OK if sound else ExitCode.NEGATIVE
+
+
+def address_of(words: str) -> tuple[str, int]:
+    """Return host and port of HOST:PORT.
+
+    Raises:
+        InputError: it is no address.
+    """
+    host, colon, port = words.rpartition(":")
+    if not (colon and host and port.isdecimal() and int(port) in PORTS):
+        raise InputError(phrase("--udp", f"'{words}'", "give HOST:PORT, such as 127.0.0.1:60001"))
+    return host, int(port)
+
+
+def read_rates(bag: Path) -> AlertRates:
+    """Return the alert rates of a recording.
+
+    Raises:
+        BagError: the bag cannot be read, or has no alerts.
+    """
+    lists: list[PublishedAlerts] = []
+    with BagReader(bag) as reader:
+        name = recorded_name(ALERTS)
+        if name not in reader.topics:
+            what = f"it has no topic {ALERTS}"
+            right = "record it with this or a later version of rope_twin"
+            raise BagError(phrase(str(bag), what, right))
+        try:
+            lists += [decode_alerts(data) for _, data in reader.messages(name)]
+        except InputError as error:
+            raise BagError(phrase(str(bag), str(error), "record it again")) from error
+        span_ns = reader.duration_ns
+    end_ns = max([span_ns, *(one.now_ns for one in lists)])
+    return rates([(one.now_ns, one.alerts) for one in lists], end_ns)
+
+
+def _figures(bag: Path, found: AlertRates) -> dict[str, Any]:
+    rows = [asdict(one) | {"priority": one.priority.name.lower()} for one in found.comings]
+    return {
+        "bag": bag,
+        "duration_s": found.duration_s,
+        "alarms_and_warnings": len(found.comings),
+        "cautions": found.cautions,
+        "per_10_min": found.per_window,
+        "most_in_10_min": found.most_in_window,
+        "flood": found.flood,
+        "standing": found.standing,
+        "chattering": found.chattering,
+        "by_name": found.by_name,
+        "alerts": rows,
+    }
+
+
+def _report(bag: Path, found: AlertRates) -> None:
+    print(f"{bag}: {found.duration_s:.0f} s")
+    for one in found.comings:
+        waited = one.acknowledged_after_s
+        after = "" if waited is None else f"; acknowledged after {waited:.0f} s"
+        print(
+            f"  {one.at_ns * 1e-9:9.1f} s  {one.priority.name.lower():<9} {one.key:<9} "
+            f"{one.text}{after}"
+        )
+    print(
+        f"{len(found.comings)} alarms and warnings, {found.per_window:.1f} in 10 min "
+        f"(EEMUA 191: {STEADY:g}); most within 10 min: {found.most_in_window} "
+        f"(a flood is above {FLOOD}); {found.cautions} cautions"
+    )
+    if found.standing:
+        print(f"standing for a day: {', '.join(found.standing)}")
+    if found.chattering:
+        print(f"chattering, {CHATTER} times within a minute: {', '.join(found.chattering)}")

@@ -1,0 +1,200 @@
+"""Situations: limits with deadband and delay, slack against the weight, inputs, quality, events."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from sample_snapshot import QUALITY, RESIDUAL, hanging_rope
+from small_scene import SMALL_SCENE, small_scene
+
+from rope_twin import load_scene
+from rope_twin.alerts.alert_list import Priority, State
+from rope_twin.alerts.monitor import AlertMonitor
+from rope_twin.alerts.rates import rates
+from rope_twin.alerts.situations import Watch
+from rope_twin.errors import InputError
+from rope_twin.messages.alerts import decode_alerts, encode_alerts
+from rope_twin.messages.status import Level, Status
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import UnpacedRun
+from rope_twin.twin.snapshot import (
+    InputHealth,
+    LimitBreach,
+    RopeStrength,
+    Snapshot,
+    WinchShot,
+)
+
+STEP_NS = 20_000_000
+MBL_N = 1.0e6
+LIMITED = SMALL_SCENE + "limits: {tension_n: 100000.0, payload_speed_m_per_s: 2.0}\n"
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A scene with limits of tension and speed."""
+    path = tmp_path_factory.mktemp("alerts") / "limited.yaml"
+    path.write_text(LIMITED)
+    return load_scene(path)
+
+
+class Course:
+    """A watch that sees one quiet snapshot after the other, with changes."""
+
+    def __init__(self, scene: Any) -> None:
+        self.watch, self.time_ns = Watch(scene), 0
+        quiet = replace(
+            hanging_rope(), residuals=(), quality=(), seabed=None, compensator=None,
+            tension_top_max_n=5e4, tension_payload_n=6.5e4, line_out_m=200.0, inputs={},
+            strength=(RopeStrength("hoist", 5e4, MBL_N),),
+        )  # fmt: skip
+        self.quiet = replace(quiet, payload_velocity_m_per_s=0.0 * quiet.payload_velocity_m_per_s)
+
+    def see(self, seconds: float, **fields: Any) -> dict[tuple[int, str], Priority]:
+        """Look for a time at snapshots with these fields; return the situations at its end."""
+        found: list[Any] = []
+        for _ in range(max(1, round(seconds * 1e9 / STEP_NS))):
+            self.time_ns += STEP_NS
+            shot: Snapshot = replace(self.quiet, stamp_ns=self.time_ns, **fields)
+            found = self.watch.look(shot)
+        return {(one.identifier, one.where): one.priority for one in found}
+
+
+def test_tension_near_and_above_its_limit(scene: Any) -> None:
+    course, key = Course(scene), (10001, "hoist")
+    assert course.see(1.0) == {}
+    assert course.see(0.02, tension_top_max_n=9.6e4) == {key: Priority.WARNING}
+    assert course.see(0.02, tension_top_max_n=1.01e5) == {key: Priority.ALARM}
+    assert course.see(10.0, tension_top_max_n=9.9e4) == {key: Priority.ALARM}, "within the deadband"
+    assert course.see(4.9, tension_top_max_n=9.7e4) == {key: Priority.ALARM}, "it holds for 5 s"
+    assert course.see(0.2, tension_top_max_n=9.7e4) == {key: Priority.WARNING}
+    assert course.see(4.9) == {key: Priority.WARNING}
+    assert course.see(0.2) == {}
+
+
+def test_without_a_limit_half_the_breaking_load_warns(tmp_path: Any) -> None:
+    course, key = Course(small_scene(tmp_path)), (10001, "hoist")
+    breaking = load_scene(tmp_path / "small.yaml").ropes[0].breaking_load_n
+    assert course.see(0.02, tension_top_max_n=0.49 * breaking) == {}
+    assert course.see(0.02, tension_top_max_n=0.51 * breaking) == {key: Priority.WARNING}
+    assert course.see(0.02, tension_top_max_n=1.01 * breaking) == {key: Priority.ALARM}
+
+
+def test_slack_is_measured_against_the_submerged_weight(scene: Any) -> None:
+    """8 t of 1.5 m³ weigh (8000 - 1025·1.5)·9.81 = 63.4 kN in the water."""
+    course, key = Course(scene), (10002, "payload")
+    weight = (8000.0 - 1025.0 * 1.5) * 9.80665
+    assert course.see(1.0, tension_payload_n=0.11 * weight) == {}
+    assert course.see(0.02, tension_payload_n=0.09 * weight) == {key: Priority.WARNING}
+    assert course.see(59.0) == {key: Priority.WARNING}, "the least of a minute"
+    assert course.see(0.02, tension_payload_n=-1.0) == {key: Priority.ALARM}
+    assert course.see(70.0) == {}
+    landed = hanging_rope().seabed
+    lying = course.see(61.0, tension_payload_n=0.0, seabed=landed)
+    assert lying == {(10006, "payload"): Priority.CAUTION}, "what lies on the bed may be slack"
+
+
+def test_delays_keep_short_troubles_out(scene: Any) -> None:
+    course = Course(scene)
+    apart = replace(RESIDUAL, outside=0.5, readings=600, span_s=60.0)
+    assert course.see(29.0, residuals=(apart,)) == {}
+    assert course.see(0.5) == {}
+    assert course.see(29.0, residuals=(apart,)) == {}
+    (key,) = course.see(1.5, residuals=(apart,))
+    assert key == (10005, f"{apart.name} {apart.quantity}")
+    winch = "the speed limit of 1.5 m/s"
+    assert (10003, "winch") not in course.see(4.5, winch_at_limit=winch)
+    assert (10003, "winch") in course.see(1.0, winch_at_limit=winch)
+
+
+def test_inputs_quality_and_diagnostics(scene: Any) -> None:
+    course = Course(scene)
+    stale = {"heave": InputHealth(accepted=9, stale=True, note="held"), "border": InputHealth()}
+    assert course.see(2.0, inputs=stale) == {(10007, "heave"): Priority.WARNING}
+    doubtful = {"heave": InputHealth(accepted=9, warning="its clock is doubtful")}
+    assert course.see(6.0, inputs=doubtful) == {(10007, "heave"): Priority.CAUTION}
+    course.see(6.0)
+    for index, expected in ((0.7, {}), (0.65, Priority.CAUTION), (0.4, Priority.WARNING)):
+        seen = course.see(11.0, quality=(replace(QUALITY, index=index),))
+        assert seen == ({(10008, "top_tension"): expected} if expected else {})
+    assert course.see(30.0, quality=(replace(QUALITY, index=0.1),), motion_ramp=0.5) == {}
+    course.watch.take_rows([Status("simulation: pacing", Level.WARN, "0.6 s behind")])
+    assert course.see(6.0) == {(10014, "pacing"): Priority.WARNING}
+    course.watch.take_rows([])
+    assert course.see(11.0) == {}
+
+
+def test_events_and_modes(scene: Any) -> None:
+    course = Course(scene)
+    fast = replace(course.quiet).payload_velocity_m_per_s.copy()
+    fast[2] = -1.95
+    assert course.see(0.1, payload_velocity_m_per_s=fast) == {
+        (10010, "payload speed"): Priority.WARNING
+    }
+    course.see(10.0)
+    landing = LimitBreach("landing_speed_m_per_s", "tool", 0.5, 15.0, 15.0, 0.8, 15.0)
+    while course.time_ns < 15_000_000_000:
+        course.see(0.1)
+    assert course.see(5.0, breaches=(landing,)) == {
+        (10011, "tool landing_speed_m_per_s"): Priority.ALARM
+    }
+    assert course.see(6.0, breaches=(landing,)) == {}
+    stopped = WinchShot("winch", "emergency_stop", 0.0, "", ())
+    assert course.see(0.1, winches=(stopped,)) == {(10012, "winch"): Priority.WARNING}
+
+
+def test_a_crew_commands_by_words_and_mistakes_are_answered(scene: Any) -> None:
+    monitor = AlertMonitor(scene)
+    shot = replace(Course(scene).quiet, stamp_ns=STEP_NS, tension_top_max_n=2e5)
+    assert monitor.look(shot)
+    assert not monitor.look(replace(shot, stamp_ns=2 * STEP_NS)), "nothing has changed"
+    assert monitor.command("acknowledge 10001.1") == "alert 10001.1 acknowledged"
+    assert monitor.look(replace(shot, stamp_ns=3 * STEP_NS)), "a command is published"
+    now_ns, listed = monitor.listed()
+    back = decode_alerts(encode_alerts(10**18 + now_ns, now_ns, listed))
+    assert back == (10**18 + now_ns, now_ns, tuple(listed))
+    assert listed[0].state is State.ACKNOWLEDGED
+    for words, right in (
+        ("", "acknowledge"), ("acknowlege 10001.1", "did you mean 'acknowledge'"),
+        ("silence", "write silence 10001.1"), ("shelve 10001.1", "write shelve"),
+        ("shelve 10001.1 soon", "give seconds"), ("acknowledge 9.9", "there is no '9.9'"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=right):
+            monitor.command(words)
+
+
+def test_an_ordinary_lift_calls_for_nobody(tmp_path: Any) -> None:
+    """EEMUA 191: about one in 10 min; the first 2 min of a sound lift have none."""
+    options = RunOptions(scene="deep_lift", end_s=120.0, record=tmp_path / "bag")
+    run = UnpacedRun(options)
+    while run.twin.time_ns < 120_000_000_000:
+        run.advance_slot()
+    run.close()
+    _, listed = run._alerts.listed()
+    assert [one for one in listed if one.priority > Priority.CAUTION] == []
+
+
+def test_rates_count_each_activation_once() -> None:
+    from rope_twin.alerts.alert_list import SECOND, AlertList, Situation
+
+    alerts, lists = AlertList(), []
+    for minute in range(30):  # on for 30 s of each minute, for 12 min: a flood of 12
+        for half in (0, 1):
+            now_ns = (60 * minute + 30 * half) * SECOND
+            on = half == 0 and minute < 12
+            present = [Situation(10001, "a", "B", "x", Priority.ALARM, "text")] if on else []
+            if minute == 20:
+                present.append(Situation(10006, "b", "B", "y", Priority.CAUTION, "text"))
+            alerts.update(present, now_ns)
+            lists.append((now_ns, tuple(alerts.listed())))
+            if on:
+                alerts.acknowledge("all")
+                lists.append((now_ns, tuple(alerts.listed())))
+    found = rates(lists, 1800 * SECOND)
+    assert (len(found.comings), found.cautions) == (12, 1)
+    assert found.per_window == pytest.approx(4.0)
+    assert (found.most_in_window, found.flood) == (10, False)
+    assert found.comings[0].acknowledged_after_s == 0.0
+    assert found.chattering == ()
