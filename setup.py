@@ -26,6 +26,7 @@ if "AMENT_PREFIX_PATH" not in os.environ:
 VIZ = ["rerun-sdk==0.41.0", "pillow>=10"]
 PLOT = ["matplotlib>=3.8", "pyarrow>=14"]  # pictures, and tables as Parquet
 STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on clusters too
+CONSOLE = ["starlette>=0.46", "uvicorn>=0.35", "websockets>=14"]  # the operator console
 DOCS = [
     "sphinx>=8,<10",
     "furo>=2025.12",
@@ -45,7 +46,10 @@ TEST = [
     "ruff==0.15.*",
     "mypy>=1.10",
     "types-PyYAML",
+    "httpx2>=2",  # requests of Starlette's test client
+    "playwright>=1.50",  # the console in a browser, where there is Chromium
     *VIZ,
+    *CONSOLE,
     *STUDY,
     *DOCS,
 ]
@@ -70,7 +74,7 @@ setup(
     license="BSD-3-Clause",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"]},
+    package_data={NAME: ["py.typed", "console/page/*", "console/page/*/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -82,6 +86,7 @@ setup(
     extras_require={
         "viz": VIZ,
         "plot": PLOT,
+        "console": CONSOLE,
         "study": STUDY,
         "docs": DOCS,
         "test": TEST,
@@ -96,6 +101,7 @@ setup(
             "feed_node = rope_twin.ros.feed_node:main",
             "recorder_node = rope_twin.ros.recorder_node:main",
             "viewer_node = rope_twin.ros.viewer_node:main",
+            "console_node = rope_twin.ros.console_node:main",
         ]
     },
 )

@@ -31,8 +31,10 @@ EXAMPLES = """examples:
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
 COMMANDS = (
     "run", "scene", "view", "replay", "recover", "ensemble", "study", "modes", "viv", "accuracy",
-    "lines", "alerts", "faults", "learn", "sea_state", "feed", "state", "doctor", "completion",
+    "lines", "alerts", "faults", "learn", "sea_state", "feed", "console", "state", "doctor",
+    "completion",
 )  # fmt: skip
+MODULES = {"console": "operator_console"}  # of commands whose module has another name
 
 
 _CHOICE = re.compile(r"argument (.+): invalid choice: (\S+) \(choose from (.*)\)")
@@ -118,7 +120,7 @@ def _needed(words: list[str]) -> tuple[str, ...]:
 
 
 def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"rope_twin.cli.{name}")
+    return importlib.import_module(f"rope_twin.cli.{MODULES.get(name, name)}")
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -168,6 +168,15 @@ class ViewerParams:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class ConsoleParams:
+    """Parameters of the console node."""
+
+    address: str = text("HOST:PORT to serve the page at", "127.0.0.1:8420")
+    scene: str = text("scene whose limits are shown; empty: that of twin/session", "")
+    control: bool = text("allow pages that give the token to command winches", False)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class FeedParams:
     """Parameters of the feed node."""
 
@@ -182,7 +191,7 @@ class FeedParams:
 
 
 # Publishing nodes are shut down first, subscribing ones last.
-END_ORDER = ("simulation", "sea_state", "winch_schedule", "viewer", "recorder")
+END_ORDER = ("simulation", "sea_state", "winch_schedule", "console", "viewer", "recorder")
 
 
 def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
@@ -204,6 +213,12 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         nodes["recorder"] = {"out": str(options.record), **cut}
     if options.view is not None:
         nodes["viewer"] = {"file": str(options.view_file or "")}
+    if options.console:
+        nodes["console"] = {
+            "address": options.console,
+            "scene": options.scene,
+            "control": options.control,
+        }
     nodes["simulation"] = {
         "scene": options.scene,
         "stop_after_s": options.end_s or 0.0,

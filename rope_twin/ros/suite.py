@@ -174,4 +174,8 @@ def _make(name: str, parameters: dict[str, Any]) -> Any:
         from rope_twin.ros.viewer_node import ViewerNode
 
         made[name] = ViewerNode
+    if name == "console":  # likewise: the web server is
+        from rope_twin.ros.console_node import ConsoleNode
+
+        made[name] = ConsoleNode
     return made[name](parameter_overrides=overrides(parameters))

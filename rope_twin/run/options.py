@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from rope_twin.twin.saving.saved_state import StateDescription
 
 STEP_TOL = 1e-6  # of a step: what an end may be off a whole number of them
+CONSOLE = "127.0.0.1:8420"  # address of the operator console
 SPEED_LOW, SPEED_HIGH = 0.01, 5.0  # beyond, messages come faster than Python takes them
 
 
@@ -65,6 +66,8 @@ class RunOptions:
     network: bool = False  # reachable from other machines
     watch: MonitorSettings | None = None  # vibration and fatigue to report
     allow_overload: bool = False  # exit code 0 even if a limit was exceeded
+    console: str = ""  # HOST:PORT of the operator console; empty: none
+    control: bool = False  # whether its pages may command winches, with the token
 
     @property
     def failure_folder(self) -> Path:
@@ -244,8 +247,18 @@ def _add_network(group: argparse._ArgumentGroup) -> None:
     add("--network", action="store_true",
         help="allow discovery by other machines (default: this machine only, unless "
         "ROS_AUTOMATIC_DISCOVERY_RANGE is set)")  # fmt: skip
+    add_console(group)
     add("--allow-cut", action="store_true",
         help="subscribe to ropes/cut: any publisher there can cut the rope")  # fmt: skip
+
+
+def add_console(group: argparse._ArgumentGroup) -> None:
+    """Declare the options of the operator console in a run."""
+    add = group.add_argument
+    add("--console", nargs="?", const=CONSOLE, default="", metavar="HOST:PORT",
+        help=f"serve the operator console, a web page (default: {CONSOLE})")  # fmt: skip
+    add("--control", action="store_true",
+        help="let pages command the winch, with the token that is printed")  # fmt: skip
 
 
 def read_options(args: argparse.Namespace) -> RunOptions:
@@ -271,6 +284,10 @@ def read_options(args: argparse.Namespace) -> RunOptions:
     if args.follow_measured and not args.measured:
         right = "name a recording with --measured, or set the node's parameter follow_measured"
         raise InputError(phrase("--follow-measured", "nothing is measured", right))
+    if args.console and args.speed == 0.0:
+        raise InputError(phrase("--console", "--speed 0 runs without ROS", "leave one out"))
+    if args.control and not args.console:
+        raise InputError(phrase("--control", "there is no console", "give --console too"))
     if args.save_state is not None:
         check_place(args.save_state, f"--save-state {args.save_state}")
     begin = None if args.from_state is None else _begin(args.from_state)
@@ -302,6 +319,8 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         network=args.network,
         watch=MonitorSettings(args.vibration, args.fatigue) or None,
         allow_overload=args.allow_overload,
+        console=args.console,
+        control=args.control,
     )
 
 

@@ -25,6 +25,7 @@ FLOORS = (
     ("estimation",),
     ("forecast",),
     ("topics", "cadence", "messages", "recording", "view", "feeds", "alerts"),
+    ("topics", "cadence", "messages", "recording", "view", "feeds", "console"),
     ("run",),
     ("ros",),
     ("studies",),

@@ -1,0 +1,139 @@
+// Seat and commands: every command is confirmed, and answered with what the twin did.
+
+import { $, ask, make, toast, write } from "./page.js";
+import { facts, on, request, state } from "./link.js";
+import { force, metres, speed, units } from "./units.js";
+
+const MODES = {
+  speed: { name: "Speed", unit: () => units().speed, si: () => 1 / units().perSecond, show: (value) => `${speed(value, true)} ${units().speed}` },
+  length: { name: "Length", unit: () => "m", si: () => 1, show: (value) => `${metres(value)} m of line out` },
+  depth: { name: "Depth", unit: () => "m", si: () => 1, show: (value) => `${metres(value)} m payload depth` },
+  tension: { name: "Tension", unit: () => units().force, si: () => 1 / units().newton, show: (value) => `${force(value)} ${units().force}` },
+};
+const SWITCHES = {
+  set_brake: "set the brake", release_brake: "release the brake",
+  compensate: "switch heave compensation on", stop_compensating: "switch heave compensation off",
+  reset: "reset the emergency stop",
+};
+let mode = "speed", signedIn = false, built = "";
+
+const name = () => Object.keys(facts().winches ?? {})[0] ?? state.values.winches?.[0]?.name ?? "winch";
+const winch = () => facts().winches?.[name()] ?? { switches: [], modes: ["speed", "length", "depth"] };
+const holds = () => state.control?.holder !== null && state.control?.holder === state.page;
+
+export function start() {
+  $("seat").onclick = seat;
+  $("stop").onclick = emergencyStop;
+  on("hello", async () => {
+    signedIn = false;
+    const token = sessionStorage.getItem("token");
+    if (token && state.control?.allowed) signedIn = (await request({ do: "sign_in", token })).ok;
+    draw();
+  });
+  on("seat_wanted", async (frame) => {
+    const agreed = await ask("Release the seat?", `${frame.by} asks for the seat of the winch.`, "Release");
+    if (agreed) toast((await request({ do: "release_seat" })).words);
+  });
+}
+
+async function signIn() {
+  if (signedIn) return true;
+  const token = await ask("Control of the winch", "Token, as printed where the console was started:", "Sign in", { secret: true });
+  if (!token) return false;
+  const answer = await request({ do: "sign_in", token });
+  signedIn = answer.ok;
+  if (answer.ok) sessionStorage.setItem("token", token);
+  else toast(answer.words, false);
+  draw();
+  return signedIn;
+}
+
+async function seat() {
+  if (!state.control?.allowed) {
+    toast("This console is read-only. It is started with --control to command the winch.");
+    return;
+  }
+  if (!(await signIn())) return;
+  if (holds()) {
+    const agreed = await ask("Release the seat?", "The winch keeps doing what it does; another commander can take it.", "Release");
+    if (agreed) toast((await request({ do: "release_seat" })).words);
+    return;
+  }
+  const text = `Seat of the winch: ${state.values.seat ?? "unknown"}. A schedule that commands the winch stops, and its last command remains in force.`;
+  if (!(await ask("Take the seat?", text, "Take the seat"))) return;
+  const answer = await request({ do: "take_seat" });
+  toast(answer.words, answer.ok);
+}
+
+async function emergencyStop() {
+  if (!(await signIn())) return;
+  await send("emergency_stop", 0, "emergency stop");
+}
+
+async function send(kind, value, words) {
+  const answer = await request({ do: "command", winch: name(), kind, value },
+    (frame) => { if (frame.stage === "sent") toast(`${words}: sent`); });
+  toast(answer.words, answer.ok);
+}
+
+async function confirmed(kind, value, words) {
+  if (await ask("Confirm the command", `Winch: ${words}`, "Send")) await send(kind, value, words);
+}
+
+export function draw() {
+  const control = state.control ?? {}, own = holds();
+  $("stop").hidden = !control.allowed || !winch().switches.includes("emergency_stop");
+  const holder = control.holder_name ? `Seat: ${control.holder_name.split(" (")[0]}` : "Take the seat";
+  write($("seat"), !control.allowed ? (state.hello?.kind === "recording" ? "Recording" : "Read only") : own ? "In command" : holder);
+  $("seat").setAttribute("aria-pressed", String(own));
+  $("command").hidden = !own;
+  $("command").closest(".tile").classList.toggle("commanding", own);
+  if (own) panel();
+}
+
+function panel() {
+  const row = state.values.winches?.[0] ?? {}, has = winch().switches;
+  const key = JSON.stringify([mode, has, row.brake_holds, row.compensation_on, units().name, winch().modes]);
+  if (key === built) return;
+  built = key;
+  const typed = $("set-point")?.value ?? "", field = make("input");
+  field.id = "set-point";
+  field.inputMode = "decimal";
+  field.value = typed;
+  field.placeholder = `${MODES[mode].name} [${MODES[mode].unit()}]`;
+  field.setAttribute("aria-label", field.placeholder);
+  field.onkeydown = (event) => { if (event.key === "Enter") go(); };
+  const modes = winch().modes.map((one) => press(MODES[one].name, () => { mode = one; draw(); }, mode === one));
+  const parts = [...modes, field, press("Go …", go), press("STOP", () => send("speed", 0, "stop, speed 0"), null, "halt")];
+  parts[parts.length - 1].id = "halt";
+  if (has.includes("set_brake")) {
+    const kind = row.brake_holds ? "release_brake" : "set_brake";
+    parts.push(press(row.brake_holds ? "Brake: set" : "Brake: released", () => confirmed(kind, 0, SWITCHES[kind]), null, "half"));
+  }
+  if (has.includes("compensate")) {
+    const kind = row.compensation_on ? "stop_compensating" : "compensate";
+    parts.push(press(row.compensation_on ? "AHC: on" : "AHC: off", () => confirmed(kind, 0, SWITCHES[kind]), null, "half"));
+  }
+  if ((state.values.winch_mode ?? "").includes("emergency stop")) {
+    parts.push(press("Reset", () => confirmed("reset", 0, SWITCHES.reset), null, "half"));
+  }
+  $("command").replaceChildren(...parts);
+}
+
+function press(text, act, pressed = null, kind = "") {
+  const button = make("button", kind, text);
+  button.onclick = act;
+  if (pressed !== null) button.setAttribute("aria-pressed", String(pressed));
+  return button;
+}
+
+async function go() {
+  const text = $("set-point").value.trim().replace(",", ".").replace("−", "-"), value = Number(text);
+  if (!text || !Number.isFinite(value)) {
+    toast(`${$("set-point").value || "nothing"} is not a number; type the set-point in ${MODES[mode].unit()}.`, false);
+    return;
+  }
+  const si = value * MODES[mode].si();
+  const way = mode === "speed" && si !== 0 ? (si > 0 ? ", paying out" : ", hauling in") : "";
+  await confirmed(mode, si, `${MODES[mode].name.toLowerCase()} ${MODES[mode].show(si)}${way}`);
+}

@@ -1,0 +1,67 @@
+// Third page: diagnostics, residuals, components of the quality index, solver and link.
+
+import { $, figures, icon, make } from "./page.js";
+import { state } from "./link.js";
+import { fixed, force, known, metres, units } from "./units.js";
+
+const NAMES = { top_tension_n: "Top tension", line_out_m: "Line out", payload_depth_m: "Payload depth" };
+const shown = new Map();
+
+export function draw() {
+  const values = state.values;
+  const rows = Object.entries(values).filter(([key]) => key.startsWith("diagnostics "))
+    .sort(([one, a], [other, b]) => b.level - a.level || one.localeCompare(other));
+  table("diagnostics", rows.map(([key, row]) => [level(row.level), key.slice(12), row.message]));
+  table("residuals", (values.residuals ?? []).map((row) => {
+    const newton = row.quantity.endsWith("_n");
+    const text = (value, signed = false) => newton ? `${force(value, signed)} ${units().force}` : `${metres(value, 2, signed)} m`;
+    return [`${NAMES[row.quantity] ?? row.quantity} (${row.name})`, text(row.measured), text(row.computed),
+      text(row.residual, true), known(row.upper) ? `±${text(row.upper)}` : "–", text(row.rms),
+      known(row.outside) ? `${fixed(100 * row.outside, 0)} %` : "–"];
+  }), "Nothing is measured");
+  table("components", (values.quality ?? []).map((row) => [row.name.replace("_", " "), fixed(row.index, 2),
+    ...["input", "numerics", "discretisation", "validity", "residual", "history"].map((one) => known(row[one]) ? fixed(row[one], 2) : "unknown")]), "No index");
+  const run = diagnosed("solver"), accuracy = diagnosed("accuracy level"), error = values.error_interval?.[0];
+  const pace = diagnosed("pacing") ?? diagnosed("pace");
+  figures($("solver-figures"), [
+    ...Object.entries(pace?.values ?? {}).filter(([, text]) => text.length < 16).slice(0, 6).map(([label, text]) => [label, text, ""]),
+    ...Object.entries(accuracy?.values ?? {}).filter(([, text]) => text.length < 16).slice(0, 4).map(([label, text]) => [label, text, ""]),
+    ["Error bound, RMS", fixed(error?.rms_pct, 2), "%"],
+    ["95 % interval", known(error?.lower_n) ? `${force(error.lower_n)} to ${force(error.upper_n)}` : "not computed", known(error?.lower_n) ? units().force : ""],
+    ["Rows received", String(state.rows), ""], ["Rows lost", String(state.lost), ""],
+    run ? ["Solver", run.message, "", "wide"] : null,
+  ]);
+}
+
+const diagnosed = (name) => state.values[`diagnostics simulation: ${name}`];
+
+function level(number) {
+  const cell = make("span", "dot");
+  if (number) cell.append(icon(number >= 2 ? "alarm-acknowledged" : "warning-acknowledged"));
+  cell.append(["OK", "WARN", "ERROR", "STALE"][number] ?? String(number));
+  return cell;
+}
+
+// Fill a table with rows of text or elements, if they have changed.
+export function table(id, rows, empty = "–") {
+  const key = JSON.stringify(rows.map((row) => row.map((one) => one instanceof Node ? one.textContent : one)));
+  if (shown.get(id) === key) return;
+  shown.set(id, key);
+  const body = $(id).tBodies[0];
+  if (!rows.length) {
+    const row = make("tr"), cell = make("td", "quiet", empty);
+    cell.colSpan = $(id).tHead.rows[0].cells.length;
+    row.append(cell);
+    body.replaceChildren(row);
+    return;
+  }
+  body.replaceChildren(...rows.map((cells) => {
+    const row = make("tr");
+    for (const one of cells) {
+      const cell = make("td", String(one.textContent ?? one).length < 18 ? "n" : "");
+      cell.append(one);
+      row.append(cell);
+    }
+    return row;
+  }));
+}

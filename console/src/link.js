@@ -1,0 +1,81 @@
+// WebSocket to the server: keeps the newest values, reconnects, and knows the age of every topic.
+
+export const state = {
+  hello: null, values: {}, profile: [], trend: null, control: {}, source: {}, timeS: null,
+  ages: {}, receivedMs: -Infinity, connected: false, lost: 0, rows: 0, page: 0,
+};
+const listeners = { hello: [], row: [], profile: [], state: [], reply: [], seat_wanted: [], link: [] };
+export const on = (kind, act) => listeners[kind].push(act);
+const tell = (kind, content) => { for (const act of listeners[kind]) act(content); };
+
+let socket = null, waitMs = 250, number = 0, last = 0;
+const waiting = new Map();
+
+export function connect() {
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  socket = new WebSocket(`${scheme}://${location.host}/live`);
+  socket.onopen = () => { state.connected = true; waitMs = 250; tell("link"); };
+  socket.onmessage = (event) => { for (const frame of JSON.parse(event.data)) take(frame); };
+  socket.onclose = () => {
+    state.connected = false;
+    for (const done of waiting.values()) done({ ok: false, words: "the connection was lost", stage: "done" });
+    waiting.clear();
+    tell("link");
+    setTimeout(connect, waitMs);
+    waitMs = Math.min(2 * waitMs, 4000);
+  };
+}
+
+function take(frame) {
+  if (frame.type === "row") {
+    if (frame.whole) state.values = {};
+    else if (last && frame.seq > last + 1) state.lost += frame.seq - last - 1;
+    last = frame.seq;
+    Object.assign(state.values, frame.values);
+    state.ages = frame.ages;
+    state.timeS = frame.time_s;
+    state.receivedMs = performance.now();
+    state.rows += 1;
+  } else if (frame.type === "profile") {
+    state.profile = frame.ropes;
+  } else if (frame.type === "hello") {
+    last = 0;
+    Object.assign(state, { hello: frame, control: frame.control, source: frame.source, page: frame.page });
+  } else if (frame.type === "state") {
+    Object.assign(state, { control: frame.control, source: frame.source, log: frame.log ?? state.log });
+  } else if (frame.type === "reply") {
+    const done = waiting.get(frame.id);
+    if (done) done(frame);
+    if (frame.stage === "done" || !frame.ok) waiting.delete(frame.id);
+  }
+  if (frame.log) state.log = frame.log;
+  tell(frame.type, frame);
+}
+
+// Send a request; `progress` is called for each answer, the promise resolves with the last.
+export function request(content, progress = () => {}) {
+  return new Promise((resolve) => {
+    if (!socket || socket.readyState !== WebSocket.OPEN) {
+      resolve({ ok: false, words: "not connected to the console's server" });
+      return;
+    }
+    const id = ++number;
+    waiting.set(id, (frame) => {
+      progress(frame);
+      if (frame.stage === "done" || !frame.ok) resolve(frame);
+    });
+    socket.send(JSON.stringify({ ...content, id }));
+  });
+}
+
+// Age of the newest message of a topic [s]; null: none has arrived.
+export function age(topic) {
+  const at = state.ages[topic];
+  return at === undefined ? null : at + (performance.now() - state.receivedMs) / 1000;
+}
+export function stale(topic) {
+  const limit = state.hello?.stale_s?.[topic], now = age(topic);
+  return now !== null && limit !== undefined && now > limit;
+}
+export const first = (name) => state.values[name]?.[0];
+export const facts = () => state.hello?.facts ?? {};

@@ -1,0 +1,166 @@
+// Trend of the tension: computed, measured, error interval, forecast band, and limits.
+
+import uPlot from "uplot";
+import { $, colour } from "./page.js";
+import { facts, state } from "./link.js";
+import { force, known, units } from "./units.js";
+
+const WINDOW_S = 60, AHEAD_S = 30;
+let chart = null, columns = null, dirty = false, toLimit = false, hasForecast = false;
+
+export function start() {
+  columns = { time: [], tension: [], low: [], high: [], measured: [] };
+  build();
+  new ResizeObserver(() => resize()).observe($("trend"));
+  $("scale").onclick = toggleScale;
+}
+
+export function toggleScale() {
+  toLimit = !toLimit;
+  $("scale").textContent = toLimit ? "Zoom" : "To limit";
+  dirty = true;
+}
+
+export function fill(trend) {
+  columns = { time: [...trend.time_s], tension: [...trend.tension_n], low: [...trend.low_n],
+    high: [...trend.high_n], measured: [...trend.measured_n] };
+  dirty = true;
+}
+
+export function add(row) {
+  const { time, tension, low, high, measured } = columns;
+  if (time.length && row.time_s < time[time.length - 1]) for (const one of Object.values(columns)) one.length = 0;
+  time.push(row.time_s);
+  tension.push(row.tension_n);
+  low.push(row.low_n);
+  high.push(row.high_n);
+  measured.push(row.measured_n);
+  const from = row.time_s - WINDOW_S;
+  let old = 0;
+  while (time[old] < from) old += 1;
+  if (old) for (const one of Object.values(columns)) one.splice(0, old);
+  dirty = true;
+}
+
+export function draw() {
+  if (!dirty || !chart || !columns.time.length) return;
+  dirty = false;
+  const scale = units().newton, scaled = (values) => values.map((one) => one === null ? null : one * scale);
+  const forecast = state.values.forecast ?? [];
+  const now = columns.time[columns.time.length - 1];
+  const leads = forecast.filter((row) => known(row.lead_s));
+  if (leads.length > 0 !== hasForecast) { hasForecast = leads.length > 0; legend(); }
+  const time = [...columns.time, ...leads.map((row) => now + row.lead_s)];
+  const past = (values) => [...scaled(values), ...leads.map(() => null)];
+  const ahead = (name) => [...columns.time.map(() => null), ...leads.map((row) => row[name] === null ? null : row[name] * scale)];
+  chart.setData([time.map((one) => one - now), past(columns.tension), past(columns.measured),
+    past(columns.low), past(columns.high), ahead("lower_n"), ahead("median_n"), ahead("upper_n")]);
+}
+
+export const repaint = () => { if (chart) { chart.destroy(); build(); dirty = true; } };
+
+function limits() {
+  const rope = facts().ropes?.[0];
+  const found = [];
+  if (rope) found.push(["limit", rope.allowed_n]);
+  if (rope && rope.breaking_load_n > rope.allowed_n * 1.001) found.push(["MBL", rope.breaking_load_n]);
+  const least = facts().limits?.min_tension_n;
+  if (known(least)) found.push(["slack", least]);
+  return found;
+}
+
+function yRange(self, low, high) {
+  if (low === null || high === null) return [0, 1];
+  const [limit] = limits();
+  if (toLimit && limit) return [0, Math.max(high, limit[1] * units().newton) * 1.05];
+  const margin = Math.max(0.15 * (high - low), 0.01 * Math.abs(high), 1e-3);
+  return [low - margin, high + margin];
+}
+
+function marks(self) {
+  const { ctx, bbox } = self, ratio = window.devicePixelRatio || 1;
+  ctx.save();
+  ctx.font = `600 ${12 * ratio}px 'Noto Sans', sans-serif`;
+  ctx.textAlign = "right";
+  for (const [name, newton] of limits()) {
+    const y = self.valToPos(newton * units().newton, "y", true);
+    const text = `${name} ${force(newton)} ${units().force}`;
+    ctx.strokeStyle = ctx.fillStyle = colour("--alert-alarm-color");
+    if (y >= bbox.top && y <= bbox.top + bbox.height) {
+      ctx.lineWidth = 2 * ratio;
+      ctx.setLineDash([8 * ratio, 5 * ratio]);
+      ctx.beginPath();
+      ctx.moveTo(bbox.left, y);
+      ctx.lineTo(bbox.left + bbox.width, y);
+      ctx.stroke();
+      ctx.fillText(text, bbox.left + bbox.width - 6 * ratio, y - 5 * ratio);
+    } else if (name === "limit") {
+      ctx.fillText(`${text} ▲`.replace("▲", y < bbox.top ? "↑" : "↓"), bbox.left + bbox.width - 6 * ratio,
+        y < bbox.top ? bbox.top + 15 * ratio : bbox.top + bbox.height - 6 * ratio);
+    }
+  }
+  if (hasForecast) {
+    const x = self.valToPos(0, "x", true);
+    ctx.setLineDash([]);
+    ctx.lineWidth = ratio;
+    ctx.strokeStyle = colour("--element-inactive-color");
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
+  }
+  ctx.restore();
+}
+
+function legend() {
+  const rows = [["computed", "computed"], ["measured", "measured"], ["band computed", "95 %"]];
+  if (hasForecast) rows.push(["band computed", "forecast 5–95 %"]);
+  $("trend-legend").replaceChildren(...rows.map(([kind, text]) => {
+    const span = document.createElement("span");
+    span.className = kind;
+    span.textContent = text;
+    return span;
+  }));
+}
+
+function faint(name, share) {
+  const found = colour(name).match(/[\d.]+/g);
+  return found ? `rgba(${found.slice(0, 3).join(",")},${share})` : colour(name);
+}
+
+function build() {
+  const holder = $("trend"), line = colour("--instrument-enhanced-primary-color");
+  const axis = { stroke: colour("--element-neutral-color"), font: "13px 'Noto Sans', sans-serif",
+    grid: { stroke: colour("--border-outline-color"), width: 1 }, ticks: { show: false } };
+  const none = { show: true, stroke: "transparent", width: 0, points: { show: false } };
+  legend();
+  chart = new uPlot({
+    width: Math.max(holder.clientWidth, 100), height: Math.max(holder.clientHeight, 80),
+    cursor: { show: false }, legend: { show: false }, padding: [8, 18, 0, 0],
+    scales: { x: { time: false, range: () => [-WINDOW_S, hasForecast ? AHEAD_S : 0] }, y: { range: yRange } },
+    axes: [
+      { ...axis, values: (_, at) => at.map((one) => one === 0 ? "now" : `${one > 0 ? "+" : "−"}${Math.abs(one)} s`), size: 24, gap: 2 },
+      { ...axis, size: 58, gap: 4 },
+    ],
+    series: [
+      {},
+      { stroke: line, width: 2, points: { show: false } },
+      { stroke: colour("--alert-warning-color"), width: 2, points: { show: false }, spanGaps: true },
+      none, none, none,
+      { stroke: line, width: 2, dash: [6, 4], points: { show: false } },
+      none,
+    ],
+    bands: [
+      { series: [4, 3], fill: faint("--instrument-enhanced-primary-color", 0.25) },
+      { series: [7, 5], fill: faint("--instrument-enhanced-primary-color", 0.18) },
+    ],
+    hooks: { draw: [marks] },
+  }, [[], [], [], [], [], [], [], []], holder);
+}
+
+function resize() {
+  const holder = $("trend");
+  if (chart && holder.clientWidth > 50 && holder.clientHeight > 50) {
+    chart.setSize({ width: holder.clientWidth, height: holder.clientHeight });
+  }
+}

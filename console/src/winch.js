@@ -1,0 +1,190 @@
+// The first page: what a winch driver needs, on one screen.
+
+import { $, figures, make, write } from "./page.js";
+import { facts, first, state } from "./link.js";
+import { fixed, force, known, metres, speed, units } from "./units.js";
+
+export function draw() {
+  const values = state.values, rope = facts().ropes?.[0] ?? {}, winch = Object.values(facts().winches ?? {})[0];
+  bigNumbers(values, rope, winch);
+  payload(values);
+  sea(values);
+  gear(values, winch);
+  risk(values, rope);
+  quality(values);
+}
+
+const residual = (values, name) => values.residuals?.find((row) => row.quantity === name);
+const percent = (part) => `${Math.max(0, Math.min(100, 100 * part)).toFixed(1)}%`;
+
+function bigNumbers(values, rope, winch) {
+  const length = first("line_out_m"), rate = first("line_speed_m_per_s"), tension = first("tension_n");
+  write($("line-out"), metres(length));
+  compare($("line-out-measured"), residual(values, "line_out_m"), (one, signed) => `${metres(one, 2, signed)} m`,
+    winch ? `${metres(winch.least_line_out_m, 0)} to ${metres(winch.most_line_out_m, 0)} m` : "");
+  $("line-out-meter").firstChild.style.width = winch && known(length) ? percent(length / winch.most_line_out_m) : "0%";
+  write($("line-speed"), speed(rate, true));
+  write($("line-speed-unit"), units().speed);
+  const still = 0.5 / units().perSecond / 10 ** units().decimals;
+  write($("direction"), !known(rate) || Math.abs(rate) < still ? "standing" : rate > 0 ? "↓ paying out" : "↑ hauling in");
+  write($("line-speed-under"), winch ? `limit ±${speed(winch.speed_limit_m_per_s)} ${units().speed}` : "");
+  const share = winch && known(rate) ? Math.max(-1, Math.min(1, rate / winch.speed_limit_m_per_s)) : 0;
+  const bar = $("line-speed-meter").firstChild;
+  bar.style.left = `${50 + 50 * Math.min(0, share)}%`;
+  bar.style.width = `${50 * Math.abs(share)}%`;
+  write($("tension"), force(tension));
+  const interval = values.error_interval?.[0];
+  const half = interval && known(interval.upper_n) ? (interval.upper_n - interval.lower_n) / 2 : null;
+  const error = half !== null ? `computed ± ${force(half)} ${units().force} (95 %)`
+    : known(interval?.rms_pct) ? `computed, error ≤ ${fixed(interval.rms_pct, 2)} % RMS` : "computed";
+  compare($("tension-measured"), residual(values, "top_tension_n"), (one, signed) => `${force(one, signed)} ${units().force}`, error);
+  const used = values.utilisation?.[0], highest = used?.max_tension_n, top = rope.allowed_n;
+  const meter = $("tension-meter"), full = top ? top * 1.1 : null;
+  meter.children[0].style.width = full && known(tension) ? percent(tension / full) : "0%";
+  place(meter.children[1], full && known(highest) ? highest / full : null);
+  place(meter.children[2], full ? top / full : null);
+  meter.classList.toggle("alarm", known(tension) && known(top) && tension > top);
+  meter.classList.toggle("warning", known(tension) && known(top) && tension > 0.9 * top && tension <= top);
+  const load = used && known(used.utilisation) && used.utilisation > 0 ? highest / used.utilisation : rope.breaking_load_n;
+  write($("utilisation"), known(tension) && known(load) ? fixed(100 * tension / load, 1) : "–");
+  write($("utilisation-under"), known(load)
+    ? `of MBL ${force(load)} ${units().force}, max. ${fixed(100 * (used?.utilisation ?? NaN), 1)} %` : "");
+  write($("highest"), `${force(highest)} ${units().force}`);
+  write($("amplification"), fixed(used?.dynamic_amplification, 2));
+  write($("static"), `${force(used?.static_tension_n)} ${units().force}`);
+}
+
+function place(mark, share) {
+  mark.style.display = share === null ? "none" : "block";
+  if (share !== null) mark.style.left = `calc(${percent(share)} - 2px)`;
+}
+
+// Measured beside computed with the residual, or other words where nothing is measured.
+function compare(element, row, text, other) {
+  if (!row || !known(row.measured)) { write(element, other); return; }
+  const outside = known(row.upper) && (row.residual > row.upper || row.residual < row.lower);
+  const key = `measured ${text(row.measured, false)}  Δ ${text(row.residual, true)}`;
+  if (element.dataset.key === key + outside) return;
+  element.dataset.key = key + outside;
+  element.replaceChildren("measured ", make("b", "", text(row.measured, false)), "  Δ ",
+    make("b", outside ? "out" : "", text(row.residual, true)));
+}
+
+export function payloadRows(values) {
+  const one = values.payloads?.[0], bed = values.bed?.[0];
+  if (!one) return [["Depth", "–", "m"]];
+  const [, , z] = one.place_m, [vx, vy, vz] = one.velocity_m_per_s;
+  const away = Math.hypot(one.place_m[0] - (values.hang_off_m?.[0] ?? 0), one.place_m[1] - (values.hang_off_m?.[1] ?? 0));
+  const body = values.body?.[0];
+  const bedZ = facts().bed_m, height = known(bed?.payload_height_m) ? bed.payload_height_m : known(bedZ) ? z - bedZ : null;
+  return [
+    ["Depth", metres(known(z) ? -z : null), "m"],
+    ["Vertical speed", known(vz) ? speed(vz, true) : "–", `${units().speed} up`],
+    height === null ? null : ["Above the bed", metres(height), "m"],
+    ["Offset", metres(away), "m"],
+    body ? ["Roll, pitch", `${fixed(one.attitude_deg[0], 1, true)}, ${fixed(one.attitude_deg[1], 1, true)}`, "°"] : null,
+    body ? ["Heading", fixed((90 - one.attitude_deg[2] + 720) % 360, 0), "°"] : null,
+    height === null && !body ? ["Speed", speed(Math.hypot(vx, vy, vz)), units().speed] : null,
+    known(bed?.payload_reaction_n) && bed.payload_reaction_n > 0 ? ["On the bed", force(bed.payload_reaction_n), units().force] : null,
+  ];
+}
+
+function payload(values) {
+  write($("payload-name"), values.payloads?.[0]?.name ?? "");
+  const depth = residual(values, "payload_depth_m"), rows = payloadRows(values);
+  if (depth && known(depth.measured)) rows.push(["Measured, Δ", `${metres(depth.measured)}, ${metres(depth.residual, 1, true)}`, "m"]);
+  const rope = state.profile[0], weight = facts().payloads?.[0]?.submerged_n, least = facts().limits?.min_tension_n;
+  if (rope && known(rope.least_n)) {
+    const margin = rope.least_n - (known(least) ? least : 0);
+    const share = known(weight) && weight > 0 ? `, ${fixed(100 * rope.least_n / weight, 0)} %` : "";
+    rows.push(["Slack margin, 60 s", force(margin, margin < 0), `${units().force}${share}`]);
+  }
+  figures($("payload-figures"), rows);
+}
+
+const heaves = [];
+function sea(values) {
+  const place = values.hang_off_m, rate = values.hang_off_m_per_s, mean = facts().hang_off_m?.[2];
+  const heave = known(place?.[2]) ? place[2] - (known(mean) ? mean : 0) : null;
+  if (known(heave) && known(state.timeS)) {
+    const last = heaves[heaves.length - 1];
+    if (last && state.timeS < last[0]) heaves.length = 0;
+    if (!last || state.timeS > last[0] + 0.15) heaves.push([state.timeS, heave]);
+    while (heaves.length && heaves[0][0] < state.timeS - 600) heaves.shift();
+  }
+  const given = facts().sea ?? {}, spread = deviation(heaves.map((one) => one[1]));
+  const unit = values.compensator?.[0];
+  figures($("sea-figures"), [
+    ["Heave", metres(heave, 2, true), "m up"],
+    ["Heave rate", fixed(rate?.[2], 2, true), "m/s"],
+    ["Sign. heave, 4σ", heaves.length > 100 ? metres(4 * spread, 1) : "–", "m"],
+    ["Sea surface", metres(values.elevation_m, 2, true), "m"],
+    known(given.significant_height_m) ? ["Sea Hs, Tp", `${metres(given.significant_height_m)}, ${fixed(given.peak_period_s, 1)}`, "m, s"] : null,
+    unit ? ["Hook compensator", metres(unit.stroke_m, 2), "m stroke"] : null,
+  ]);
+}
+
+function deviation(values) {
+  const mean = values.reduce((sum, one) => sum + one, 0) / values.length;
+  return Math.sqrt(values.reduce((sum, one) => sum + (one - mean) ** 2, 0) / values.length);
+}
+
+function gear(values, winch) {
+  const row = values.winches?.[0] ?? {}, text = values.winch_mode ?? "";
+  const [, mode = "–", limit = ""] = /^[^:]*: ([^(;]*?)(?: \((.*)\))?(?:;.*)?$/.exec(text) ?? [];
+  write($("mode"), mode);
+  const rise = layer(row.drum_radius_m, winch);
+  const rows = [
+    limit ? ["At its limit", limit, "", "wide"] : null,
+    "brake_holds" in row ? ["Brake", row.brake_holds ? "set" : "released", ""] : null,
+    "compensation_on" in row ? ["Compensation", row.compensation_on ? "on" : "off", ""] : null,
+    "compensation_m" in row && known(row.compensation_m) ? ["AHC stroke", metres(row.compensation_m, 2, true), winch?.compensation_stroke_m ? `±${metres(winch.compensation_stroke_m, 1)} m` : "m"] : null,
+    known(row.compensation_m_per_s) ? ["AHC speed", fixed(row.compensation_m_per_s, 2, true), winch?.compensation_speed_m_per_s ? `±${fixed(winch.compensation_speed_m_per_s, 1)} m/s` : "m/s"] : null,
+    known(row.drum_radius_m) ? ["Drum radius", metres(row.drum_radius_m, 3), `m${rise}`] : null,
+    known(row.motor_torque_n_m) ? ["Motor torque", fixed(row.motor_torque_n_m / 1000, 1, true), "kN·m"] : null,
+    known(row.brake_torque_n_m) && row.brake_holds ? ["Brake torque", fixed(row.brake_torque_n_m / 1000, 1, true), "kN·m"] : null,
+    ["Seat", (values.seat ?? "–").replace(/^winch: /, ""), "", "wide"],
+  ];
+  figures($("winch-figures"), rows);
+}
+
+// Layer of the drum from the radius at which the rope runs: 0.9 d more for each (facts of the scene).
+function layer(radius, winch) {
+  if (!known(radius) || !known(winch?.drum_radius_m) || !known(winch?.layer_rise_m)) return "";
+  return `, layer ${Math.round((radius - winch.drum_radius_m) / winch.layer_rise_m + 0.5)}`;
+}
+
+function risk(values, rope) {
+  const rows = values.forecast ?? [], holder = $("risk");
+  holder.classList.toggle("known", rows.length > 0);
+  holder.classList.toggle("empty", rows.length === 0);
+  if (!rows.length) { if (holder.textContent !== "No forecast") holder.replaceChildren("No forecast"); return; }
+  const leads = [10, 20, 30].map((lead) => rows.filter((row) => row.lead_s <= lead));
+  holder.replaceChildren(...leads.map((within, number) => {
+    const cell = make("div"), highest = Math.max(...within.map((row) => row.upper_n ?? -Infinity));
+    cell.append(make("div", "k", `${10 * (number + 1)} s, 95 %`),
+      make("div", "v", known(rope.allowed_n) && Number.isFinite(highest) ? `${fixed(100 * highest / rope.allowed_n, 0)} %` : force(highest)));
+    return cell;
+  }));
+}
+
+const LABELS = { top_tension: "Top tension", payload_depth: "Payload depth", slack: "Slack", fatigue: "Fatigue" };
+function quality(values) {
+  const rows = values.quality ?? [], holder = $("quality");
+  if (!rows.length) { if (!holder.classList.contains("empty")) { holder.className = "empty"; holder.textContent = "No index"; } return; }
+  const message = values["diagnostics simulation: quality"]?.message ?? "";
+  const reason = message.replace(/^lowest index [\d.]+ \(([^)]*)\),? ?/, (_, one) => `${one[0].toUpperCase()}${one.slice(1)} `);
+  const key = JSON.stringify([rows.map((row) => [row.name, row.index, row.cause]), reason]);
+  if (holder.dataset.key === key) return;
+  holder.dataset.key = key;
+  holder.className = "";
+  holder.replaceChildren(...rows.map((row) => {
+    const line = make("div", "index"), bar = make("div", "bar2"), full = make("i");
+    if (row.index < 0.5) bar.classList.add("alarm");
+    else if (row.index < 0.7 - 1e-6) bar.classList.add("warning");
+    full.style.width = percent(row.index ?? 0);
+    bar.append(full);
+    line.append(make("span", "", LABELS[row.name] ?? row.name), make("b", "", fixed(row.index, 2)), bar);
+    return line;
+  }), make("div", "reason", reason));
+}

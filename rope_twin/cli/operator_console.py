@@ -1,0 +1,115 @@
+"""`rope_twin console`: the operator console to a running suite, or to a recorded bag."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from collections.abc import Callable
+
+from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.console.server import announce
+from rope_twin.errors import InputError, phrase
+from rope_twin.run.arguments import Parsers, add_command, add_json
+from rope_twin.run.options import CONSOLE
+from rope_twin.run.progress import StopSignal
+
+EXAMPLES = (
+    "console",
+    "console --control",
+    "console lift",
+    "console --address 0.0.0.0:8420",
+)
+MORE = """Opens a page for any browser: line out, speed, tension with its limits and trend, payload,
+winch, quality and diagnostics. With BAG it plays a recorded run for debriefing. It is served to
+this machine only, unless --address names another, and is read-only unless --control is given."""
+
+
+def add_parser(subparsers: Parsers) -> None:
+    """Declare the subcommand."""
+    about = "serve the operator console of a running suite, or of a recorded run, as a web page"
+    parser = add_command(subparsers, "console", about, EXAMPLES, MORE)
+    add = parser.add_argument
+    add("bag", nargs="?", metavar="BAG", help="recorded run to play (default: the running suite)")
+    add(
+        "--address",
+        default=CONSOLE,
+        metavar="HOST:PORT",
+        help=f"where to serve the page (default: {CONSOLE})",
+    )
+    add(
+        "--control",
+        action="store_true",
+        help="let pages command the winch after they have given the token that is printed",
+    )
+    add(
+        "--network",
+        action="store_true",
+        help="find a suite on other machines too (default: this machine only)",
+    )
+    add_json(parser)
+
+
+def _announce(args: argparse.Namespace) -> Callable[[str, str], None]:
+    """Return what prints address and token, as text or as JSON."""
+    if not args.json:
+        return announce
+
+    def print_object(address: str, token: str) -> None:
+        print_json({"address": address, "token": token or None})
+        sys.stdout.flush()
+
+    return print_object
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve until Ctrl-C, and return the exit code. Raises RopeTwinError."""
+    if args.bag is None:
+        return _live(args)
+    if args.control:
+        what = "a recorded run has no winch to command"
+        raise InputError(phrase("--control", what, "leave it out, or leave BAG out"))
+    return _recorded(args)
+
+
+def _live(args: argparse.Namespace) -> int:
+    from rope_twin.ros.console_node import ConsoleNode
+    from rope_twin.ros.entry import run_node
+    from rope_twin.ros.middleware import keep_to_loopback
+    from rope_twin.ros.params import overrides
+
+    if not args.network:
+        keep_to_loopback()
+    given = overrides({"address": args.address, "control": args.control})
+    tell = _announce(args)
+    return run_node(lambda: ConsoleNode(tell, parameter_overrides=given), ["rope_twin"])
+
+
+def _recorded(args: argparse.Namespace) -> int:
+    from rope_twin.console.casts import Log
+    from rope_twin.console.control import Desk
+    from rope_twin.console.facts import session_facts
+    from rope_twin.console.pages import Pages
+    from rope_twin.console.playback import Recording, connect_playback
+    from rope_twin.console.server import Server, read_address
+
+    host, port = read_address(args.address)
+    stop = StopSignal(signal.SIG_DFL)
+    source = Recording(args.bag)
+    try:
+        pages = Pages(source, time.monotonic, read_session=session_facts)
+        desk = Desk(pages, time.monotonic)
+        connect_playback(source, pages, desk)
+        log = Log(pages)
+        log.connect(desk)
+        server = Server(pages, desk, log, host, port)
+        server.start()
+        _announce(args)(server.address, "")
+        while not stop.requested:
+            time.sleep(0.1)
+        server.close()
+    finally:
+        source.close()
+        stop.restore()
+    return ExitCode.OK

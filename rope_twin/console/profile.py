@@ -1,0 +1,146 @@
+"""Tension along each rope with its range of the last minute, and the history of the trend.
+
+Nodes of a rope move through the winch, so the range is kept at fixed fractions of the line out.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.console.readings import Readings, number
+from rope_twin.messages import decode, read_cloud
+
+Vector = NDArray[np.float64]
+
+WINDOW_S = 60.0  # of the range and of the trend
+POINTS = 41  # of a rope on the page
+_FRACTIONS = np.linspace(0.0, 1.0, POINTS)
+
+
+class _Look(NamedTuple):
+    """Tension along a rope at one instant."""
+
+    at_s: float
+    tension_n: Vector  # (POINTS,)
+
+
+class RopeProfile:
+    """Tension and shape of each rope at POINTS fractions of its length, and its range."""
+
+    def __init__(self) -> None:
+        self._looks: dict[int, deque[_Look]] = {}
+
+    def update(self, data: bytes, at_s: float) -> list[dict[str, Any]]:
+        """Return the profile of each rope in a ropes/nodes message.
+
+        at_s: the twin's time [s], by which the range is kept.
+
+        Raises:
+            InputError: the bytes are not such a message.
+        """
+        points = read_cloud(decode("ropes/nodes", data))
+        return [
+            self._rope(number_of, points[points["rope"] == number_of], at_s)
+            for number_of in range(int(points["rope"].max()) + 1 if len(points) else 0)
+        ]
+
+    def forget(self) -> None:
+        """Forget the range."""
+        self._looks.clear()
+
+    def _rope(self, number_of: int, nodes: NDArray[Any], at_s: float) -> dict[str, Any]:
+        place = np.column_stack([nodes["x"], nodes["y"], nodes["z"]]).astype(np.float64)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
+        wanted = _FRACTIONS * along[-1]
+        tension_n = np.interp(wanted, along, nodes["tension_n"].astype(np.float64))
+        looks = self._looks.setdefault(number_of, deque())
+        if looks and looks[-1].at_s > at_s:
+            looks.clear()
+        looks.append(_Look(at_s, tension_n))
+        while looks[0].at_s < at_s - WINDOW_S:
+            looks.popleft()
+        table = np.stack([look.tension_n for look in looks])
+        low_n, high_n = table.min(axis=0), table.max(axis=0)
+        x, y, z = (np.interp(wanted, along, place[:, axis]) for axis in range(3))
+        return {
+            "along_m": _rounded(wanted, 1),
+            "x_m": _rounded(x, 2),
+            "y_m": _rounded(y, 2),
+            "z_m": _rounded(z, 2),
+            "tension_n": _rounded(tension_n, 0),
+            "low_n": _rounded(low_n, 0),
+            "high_n": _rounded(high_n, 0),
+            "span_s": round(at_s - looks[0].at_s, 1),
+            "least_now_n": number(float(nodes["tension_n"].min())),
+            "least_n": number(float(low_n.min())),
+            "least_at_m": number(float(wanted[int(low_n.argmin())])),
+        }
+
+
+def _rounded(values: Vector, digits: int) -> list[float]:
+    return [float(one) for one in np.round(values, digits)]
+
+
+TREND = ("time_s", "tension_n", "low_n", "high_n", "measured_n", "line_out_m",
+         "line_speed_m_per_s", "depth_m", "heave_m")  # fmt: skip
+
+
+class Trend:
+    """Rows of the trend of the first rope, for a page that connects or reconnects."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._rows: deque[tuple[float | None, ...]] = deque(maxlen=round(WINDOW_S * rate_hz) + 1)
+
+    def add(self, readings: Readings) -> dict[str, float | None] | None:
+        """Add and return a row of the newest values; None if the twin's time has not advanced.
+
+        A time before that of the last row belongs to another run: the rows before are dropped.
+        """
+        time_s = readings.time_s
+        if time_s is None:
+            return None
+        last = self._rows[-1][0] if self._rows else None
+        if last is not None and time_s <= last:
+            if time_s == last:
+                return None
+            self._rows.clear()
+        row = _trend_row(readings, time_s)
+        self._rows.append(tuple(row[name] for name in TREND))
+        return row
+
+    def columns(self) -> dict[str, list[float | None]]:
+        """Return all rows as columns."""
+        rows = list(self._rows)
+        return {name: [row[place] for row in rows] for place, name in enumerate(TREND)}
+
+    def forget(self) -> None:
+        """Drop all rows."""
+        self._rows.clear()
+
+
+def _trend_row(readings: Readings, time_s: float) -> dict[str, float | None]:
+    values = readings.values
+    payloads, interval = values.get("payloads"), values.get("error_interval")
+    depth = payloads[0]["place_m"][2] if payloads else None
+    hang_off = values.get("hang_off_m")
+    measured = next((row["measured"] for row in values.get("residuals", ())
+                     if row["quantity"] == "top_tension_n"), None)  # fmt: skip
+    return {
+        "time_s": round(time_s, 3),
+        "tension_n": _first(values.get("tension_n")),
+        "low_n": interval[0]["lower_n"] if interval else None,
+        "high_n": interval[0]["upper_n"] if interval else None,
+        "measured_n": measured,
+        "line_out_m": _first(values.get("line_out_m")),
+        "line_speed_m_per_s": _first(values.get("line_speed_m_per_s")),
+        "depth_m": None if depth is None else -depth,
+        "heave_m": hang_off[2] if hang_off else None,
+    }
+
+
+def _first(values: list[float | None] | None) -> float | None:
+    return values[0] if values else None

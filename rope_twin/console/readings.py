@@ -1,0 +1,253 @@
+"""Newest message of each topic as the values that the console's pages show, in SI units.
+
+A value keeps the name and unit of its topic; NaN and infinity are None, since JSON has neither.
+Values of ropes are lists with an entry for each rope, in the order of the topics `ropes/...`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from rope_twin.errors import InputError
+from rope_twin.messages import decode, read_cloud
+from rope_twin.messages.templates import NANOSECONDS
+from rope_twin.topics import BY_NAME
+from rope_twin.twin.quality import CAUSES
+
+Values = dict[str, Any]
+
+TENSION, NODES, EPOCH = "ropes/tension_top", "ropes/nodes", "twin/epoch"
+SESSION, DIAGNOSTICS, FORECAST = "twin/session", "diagnostics", "forecast/tension"
+SHORTEST_LIMIT_S = 0.7  # age above which a value of a fast topic is stale
+PERIODS = 3.0  # of its topic: age above which a value of a slow one is stale
+_DIGITS = 8  # significant digits of a number on the page's side
+
+
+class Readings:
+    """Newest message of each topic, decoded when its values are asked for."""
+
+    def __init__(self) -> None:
+        self._arrived_s: dict[str, float] = {}
+        self._pending: dict[str, bytes] = {}
+        self.values: Values = {}
+        self.stamp_ns: int | None = None  # ROS time of the newest top tension
+        self.epoch_ns: int | None = None  # ROS time of the twin's t = 0
+        self.nodes: bytes | None = None  # newest ropes/nodes that `take_nodes` has not returned
+        self.session: bytes | None = None  # likewise twin/session
+
+    def take(self, topic: str, data: bytes, now_s: float) -> None:
+        """Keep a message of one of SHOWN; `now_s`: steady time of its arrival."""
+        self._arrived_s[topic] = now_s
+        if topic == NODES:
+            self.nodes = data
+        elif topic == SESSION:
+            self.session = data
+        else:
+            self._pending[topic] = data
+
+    def update(self) -> Values:
+        """Decode the messages taken since the last call and return the values they changed."""
+        changed: Values = {}
+        for topic, data in self._pending.items():
+            try:
+                message = decode(topic, data)
+                changed |= self._read(topic, message)
+            except InputError as error:
+                changed[f"fault {topic}"] = str(error)
+            else:
+                if self.values.get(f"fault {topic}"):
+                    changed[f"fault {topic}"] = ""
+        self._pending.clear()
+        self.values |= changed
+        return changed
+
+    def take_nodes(self) -> bytes | None:
+        """Return the newest ropes/nodes message, once."""
+        found, self.nodes = self.nodes, None
+        return found
+
+    def take_session(self) -> bytes | None:
+        """Return the newest twin/session message, once."""
+        found, self.session = self.session, None
+        return found
+
+    def ages(self, now_s: float) -> dict[str, float]:
+        """Return the time since the newest message of each topic arrived [s]."""
+        return {name: round(now_s - at_s, 3) for name, at_s in self._arrived_s.items()}
+
+    def touch(self, now_s: float) -> None:
+        """Take all messages as having arrived now, as of a recording that is paused."""
+        self._arrived_s = dict.fromkeys(self._arrived_s, now_s)
+
+    @property
+    def time_s(self) -> float | None:
+        """Return the twin's time of the newest top tension [s]; None: not known yet."""
+        if self.stamp_ns is None or self.epoch_ns is None:
+            return None
+        return (self.stamp_ns - self.epoch_ns) / NANOSECONDS
+
+    def forget(self) -> None:
+        """Forget all messages, as before a jump in a recording."""
+        self.__init__()  # type: ignore[misc]
+
+    def _read(self, topic: str, message: Any) -> Values:
+        if topic == EPOCH:
+            self.epoch_ns = message.sec * NANOSECONDS + message.nanosec
+            return {"epoch_s": self.epoch_ns / NANOSECONDS}
+        if topic == TENSION:
+            stamp = message.header.stamp
+            self.stamp_ns = stamp.sec * NANOSECONDS + stamp.nanosec
+            if self.epoch_ns is None:
+                self.epoch_ns = self.stamp_ns
+        return _READERS[topic](message)
+
+
+def stale_limits_s() -> dict[str, float]:
+    """Return the age above which the values of each topic are stale [s]; topics on change: none."""
+    return {
+        name: max(SHORTEST_LIMIT_S, PERIODS / BY_NAME[name].rate_hz)
+        for name in SHOWN
+        if BY_NAME[name].rate_hz > 0.0
+    }
+
+
+def number(value: float) -> float | None:
+    """Return a number with the digits that a page can show, or None if it is not finite."""
+    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+
+
+def _numbers(values: Iterable[float]) -> list[float | None]:
+    return [number(float(value)) for value in values]
+
+
+def _rows(message: Any) -> list[Values]:
+    """Return the points of a table as mappings; names become text."""
+    points = read_cloud(message)
+    names = points.dtype.names or ()
+    columns: dict[str, list[Any]] = {}
+    for name in names:
+        column = points[name]
+        if column.dtype.kind == "S":
+            columns[name] = [one.decode("utf-8", "replace") for one in column]
+        else:
+            columns[name] = _numbers(column)
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _tension_top(message: Any) -> Values:
+    return {
+        "ropes": [str(name) for name in message.name],
+        "tension_n": _numbers(message.effort),
+    }
+
+
+def _length(message: Any) -> Values:
+    return {
+        "line_out_m": _numbers(message.position),
+        "line_speed_m_per_s": _numbers(message.velocity),
+    }
+
+
+def _payloads(message: Any) -> Values:
+    """Return place, velocity in map and attitude of each payload.
+
+    Attitude as roll, pitch and heading [deg]: the angles of the rotation Rz·Ry·Rx of REP 103.
+    """
+    rows = []
+    for name, pose, twist in zip(message.joint_names, message.transforms, message.twist,
+                                 strict=True):  # fmt: skip
+        place, turn = pose.translation, pose.rotation
+        axes = np.array([turn.x, turn.y, turn.z])
+        speed = np.array([twist.linear.x, twist.linear.y, twist.linear.z])
+        cross = 2.0 * np.cross(axes, speed)  # of body axes to those of map
+        speed = speed + turn.w * cross + np.cross(axes, cross)
+        roll = math.atan2(2 * (turn.w * turn.x + turn.y * turn.z),
+                          1 - 2 * (turn.x**2 + turn.y**2))  # fmt: skip
+        pitch = math.asin(max(-1.0, min(1.0, 2 * (turn.w * turn.y - turn.z * turn.x))))
+        heading = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y),
+                             1 - 2 * (turn.y**2 + turn.z**2))  # fmt: skip
+        rows.append(
+            {
+                "name": str(name),
+                "place_m": _numbers((place.x, place.y, place.z)),
+                "velocity_m_per_s": _numbers(speed),
+                "attitude_deg": _numbers(math.degrees(one) for one in (roll, pitch, heading)),
+            }
+        )
+    return {"payloads": rows}
+
+
+def _hang_off(message: Any) -> Values:
+    place, speed = message.pose.pose.position, message.twist.twist.linear
+    return {
+        "hang_off_m": _numbers((place.x, place.y, place.z)),
+        "hang_off_m_per_s": _numbers((speed.x, speed.y, speed.z)),
+    }
+
+
+def _residuals(message: Any) -> Values:
+    """Return the residuals; the name of a row is its quantity and the winch or payload."""
+    rows = _rows(message)
+    for row in rows:
+        row["quantity"], _, row["name"] = row["name"].partition(" ")
+    return {"residuals": rows}
+
+
+def _quality(message: Any) -> Values:
+    rows = _rows(message)
+    for row in rows:
+        number_of = row["cause"]
+        known = number_of is not None and 0 <= number_of < len(CAUSES)
+        row["cause"] = CAUSES[int(number_of)] if known else ""
+    return {"quality": rows}
+
+
+def _diagnostics(message: Any) -> Values:
+    """Return the rows by name, since each node publishes only its own."""
+    rows = {}
+    for row in message.status:
+        level = row.level[0] if isinstance(row.level, bytes) else int(row.level)
+        values = {str(one.key): str(one.value) for one in row.values}
+        rows[f"diagnostics {row.name}"] = {
+            "level": level, "message": str(row.message), "values": values,
+        }  # fmt: skip
+    return rows
+
+
+def _table(name: str) -> Callable[[Any], Values]:
+    return lambda message: {name: _rows(message)}
+
+
+def _text(name: str) -> Callable[[Any], Values]:
+    return lambda message: {name: str(message.data)}
+
+
+_READERS: Mapping[str, Callable[[Any], Values]] = {
+    TENSION: _tension_top,
+    "ropes/tension_bottom": lambda message: {"tension_bottom_n": _numbers(message.effort)},
+    "ropes/length": _length,
+    "ropes/tension_top_error": _table("error_interval"),
+    "ropes/utilisation": _table("utilisation"),
+    "ropes/bend_radius": _table("bends"),
+    "payloads/state": _payloads,
+    "payloads/body": _table("body"),
+    "seabed/contact": _table("bed"),
+    "seabed/touchdown": _table("touchdowns"),
+    "lines/crossings": _table("crossings"),
+    "hang_off/odometry": _hang_off,
+    "sea/elevation": lambda message: {"elevation_m": number(message.point.z)},
+    "winch/state": _table("winches"),
+    "winch/mode": _text("winch_mode"),
+    "winch/seat": _text("seat"),
+    "compensator/state": _table("compensator"),
+    "residuals": _residuals,
+    "twin/quality": _quality,
+    DIAGNOSTICS: _diagnostics,
+    FORECAST: _table("forecast"),
+}
+# topics that the console subscribes to
+SHOWN = tuple(name for name in (EPOCH, SESSION, NODES, *_READERS) if name in BY_NAME)

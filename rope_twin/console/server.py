@@ -1,0 +1,272 @@
+"""Web server of the console: one page, one WebSocket, nothing from elsewhere.
+
+It runs in a thread of its own. Requests must name this machine (Host) and a WebSocket must come
+from the page itself (Origin), which keeps other web sites and DNS rebinding out; the content
+security policy allows no inline script or style, and nothing from another server.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ipaddress
+import json
+import re
+import socket
+import sys
+import threading
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from rope_twin.console.casts import Log
+from rope_twin.console.control import Desk
+from rope_twin.console.pages import Page, Pages
+from rope_twin.errors import InputError, phrase
+
+LOOPBACK, PORT = "127.0.0.1", 8420
+MOST_PAGES = 60
+MOST_MESSAGE_BYTES = 4096  # of a message from a page
+FOLDER = Path(__file__).with_name("page")
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'; object-src 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-cache",
+}
+_POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
+
+
+def read_address(words: str) -> tuple[str, int]:
+    """Return host and port of an address such as 0.0.0.0:8420, 8500 or [::1]:8420.
+
+    Raises:
+        InputError: it is none.
+    """
+    match = re.fullmatch(r"(?:(\[[0-9A-Fa-f:]+\]|[\w.-]+):)?(\d{1,5})", words)
+    if match and int(match[2]) < 65536:
+        return (match[1] or LOOPBACK).strip("[]"), int(match[2])
+    right = f"give HOST:PORT, such as {LOOPBACK}:{PORT}, or a port"
+    raise InputError(phrase(f"console address {words}", "not an address", right))
+
+
+def announce(address: str, token: str = "") -> None:
+    """Print the address, and the token that allows control, on standard error."""
+    words = f"console: {address}" + (f"  (token for control: {token})" if token else "")
+    sys.stderr.write(f"{words}\n")
+    sys.stderr.flush()
+
+
+def is_own_host(host: str, own: set[str]) -> bool:
+    """Return whether a Host header names this machine, not a name that may point anywhere."""
+    with contextlib.suppress(ValueError):
+        name = (urlsplit(f"//{host}").hostname or "").lower()
+        if name in own:
+            return True
+        ipaddress.ip_address(name)
+        return True
+    return False
+
+
+def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) -> Any:
+    """Return the ASGI application; hosts: further names of this machine.
+
+    Raises:
+        InputError: Starlette is not installed.
+    """
+    try:
+        from starlette.applications import Starlette
+        from starlette.middleware import Middleware
+        from starlette.responses import FileResponse, JSONResponse, PlainTextResponse
+        from starlette.routing import Mount, Route, WebSocketRoute
+        from starlette.staticfiles import StaticFiles
+    except ImportError as error:
+        raise _not_installed(error) from error
+    own = {"localhost", socket.gethostname().lower()} | {one.lower() for one in hosts or ()}
+
+    class Guard:
+        """Middleware that checks the Host and adds HEADERS to every response."""
+
+        def __init__(self, app: Any) -> None:
+            self.app = app
+
+        async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+            if scope["type"] not in ("http", "websocket"):
+                await self.app(scope, receive, send)
+                return
+            given = {key.decode("latin-1"): value.decode("latin-1")
+                     for key, value in scope["headers"]}  # fmt: skip
+            host = given.get("host", "")
+            if not is_own_host(host, own):
+                await _refuse(scope, receive, send, f"'{host}' is not a name of this console")
+                return
+            origin = urlsplit(given.get("origin", "")).netloc
+            if scope["type"] == "websocket" and origin.lower() != host.lower():
+                await _refuse(scope, receive, send, "only the console's own page may connect")
+                return
+
+            async def send_with_headers(message: Any) -> None:
+                if message["type"] == "http.response.start":
+                    message["headers"] = [
+                        *message["headers"],
+                        *((name.lower().encode(), value.encode())
+                          for name, value in HEADERS.items()),
+                    ]  # fmt: skip
+                await send(message)
+
+            await self.app(scope, receive, send_with_headers)
+
+    async def _refuse(scope: Any, receive: Any, send: Any, why: str) -> None:
+        if scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": _POLICY_VIOLATION, "reason": why})
+        else:
+            await PlainTextResponse(why, status_code=403)(scope, receive, send)
+
+    async def index(request: Any) -> Any:
+        return FileResponse(FOLDER / "index.html")
+
+    async def health(request: Any) -> Any:
+        return JSONResponse({"pages": len(pages.pages), "time_s": pages.readings.time_s,
+                             "lost": sum(one.lost for one in pages.pages.values())})  # fmt: skip
+
+    async def export(request: Any) -> Any:
+        make = {"trend": log.trend_csv, "casts": log.casts_csv, "markers": log.markers_csv}
+        name = request.path_params["name"]
+        if name not in make:
+            return PlainTextResponse("no such table", status_code=404)
+        headers = {"Content-Disposition": f'attachment; filename="{name}.csv"'}
+        return PlainTextResponse(make[name](), media_type="text/csv", headers=headers)
+
+    async def connect(websocket: Any) -> None:
+        await websocket.accept()
+        if len(pages.pages) >= MOST_PAGES:
+            await websocket.close(_TRY_LATER, f"{MOST_PAGES} pages are open already")
+            return
+        address = websocket.client.host if websocket.client else "unknown"
+        page = pages.connect(address)
+        sending = asyncio.create_task(_send(websocket, page))
+        try:
+            await _receive(websocket, page, desk)
+        finally:
+            sending.cancel()
+            desk.leave(page)
+            pages.disconnect(page)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: Any) -> AsyncIterator[None]:
+        ticking = asyncio.create_task(pages.run())
+        yield
+        ticking.cancel()
+
+    routes = [
+        Route("/", index),
+        Route("/health", health),
+        Route("/export/{name}.csv", export),
+        WebSocketRoute("/live", connect),
+        Mount("/page", StaticFiles(directory=FOLDER)),
+    ]
+    return Starlette(routes=routes, middleware=[Middleware(Guard)], lifespan=lifespan)
+
+
+async def _send(websocket: Any, page: Page) -> None:
+    """Send frames as the page takes them; while it does not, its queue drops the oldest."""
+    with contextlib.suppress(Exception):  # the page has gone: `_receive` ends too
+        while True:
+            await websocket.send_text(await page.frames())
+
+
+async def _receive(websocket: Any, page: Page, desk: Desk) -> None:
+    """Hand what the page sends to the desk until it disconnects."""
+    from starlette.websockets import WebSocketDisconnect
+
+    with contextlib.suppress(WebSocketDisconnect):
+        while True:
+            text = await websocket.receive_text()
+            content = None
+            if len(text) <= MOST_MESSAGE_BYTES:
+                with contextlib.suppress(ValueError):
+                    content = json.loads(text)
+            if not isinstance(content, dict):
+                await websocket.close(_POLICY_VIOLATION, "not a message of this page")
+                return
+            desk.take(page, content)
+
+
+class Server:
+    """The web server in its own thread."""
+
+    def __init__(
+        self, pages: Pages, desk: Desk, log: Log, host: str = LOOPBACK, port: int = PORT
+    ) -> None:
+        """Bind the address; `start` serves it.
+
+        Raises:
+            InputError: the address cannot be used, or the extra `console` is not installed.
+        """
+        app = make_app(pages, desk, log, {host})
+        try:
+            import uvicorn
+            import websockets  # noqa: F401  # uvicorn refuses WebSockets without it
+        except ImportError as error:
+            raise _not_installed(error) from error
+        self._socket = _bound(host, port)
+        self.host, self.port = host, int(self._socket.getsockname()[1])
+        self._pages = pages
+        config = uvicorn.Config(
+            app, log_level="warning", access_log=False, ws="websockets-sansio", lifespan="on",
+            ws_max_size=MOST_MESSAGE_BYTES * 4, ws_per_message_deflate=False,
+            timeout_graceful_shutdown=1, server_header=False,
+        )  # fmt: skip
+        self._server = uvicorn.Server(config)
+        self._thread: threading.Thread | None = None
+        self.processor_s = 0.0  # CPU time of the server's thread, once it has ended
+
+    @property
+    def address(self) -> str:
+        """Return the address for a browser."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        if self.host in ("0.0.0.0", "::"):
+            host = socket.gethostname()
+        return f"http://{host}:{self.port}/"
+
+    def start(self) -> None:
+        """Serve from now on."""
+        self._thread = threading.Thread(target=self._run, name="console", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop serving; may be called twice."""
+        self._server.should_exit = True
+        if self._thread is not None:
+            self._thread.join(5.0)
+            self._thread = None
+        self._socket.close()
+        self._pages.source.close()
+
+    def _run(self) -> None:
+        asyncio.run(self._server.serve([self._socket]))
+        self.processor_s = time.thread_time()
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        made = socket.socket(family, socket.SOCK_STREAM)
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind((host, port))
+        made.listen(128)
+    except OSError as error:
+        what = f"the address cannot be used ({error.strerror or error})"
+        raise InputError(phrase(f"console {host}:{port}", what, "name another one")) from error
+    return made
+
+
+def _not_installed(error: ImportError) -> InputError:
+    right = "install it with `pip install 'rope_twin[console]'`"
+    return InputError(phrase("console", f"{error.name} is not installed", right))

@@ -1,0 +1,194 @@
+"""Console node: serves the operator console to a running suite.
+
+It polls its subscriptions 20 times a second from the web server's thread, each for its newest
+message, instead of taking every message in a callback: at 50 Hz that is most of the work. They
+belong to a node of their own, which no executor spins. The node `console` publishes winch commands,
+with publishers that exist only while a page has the seat.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from rope_twin.console.casts import Log
+from rope_twin.console.control import Desk, Token, new_token
+from rope_twin.console.facts import scene_facts, session_facts
+from rope_twin.console.pages import Pages
+from rope_twin.console.readings import SHOWN, Readings, Values
+from rope_twin.console.server import Server, announce, read_address
+from rope_twin.messages import encode_order
+from rope_twin.ros.entry import run_node
+from rope_twin.ros.params import ConsoleParams, declare
+from rope_twin.ros.qos import listen as subscribe
+from rope_twin.ros.qos import message_type, publish
+from rope_twin.scene.load import load_scene
+from rope_twin.topics import BY_NAME, RELEASE, TAKE, WINCH_TOPICS, Qos, service_name
+from rope_twin.twin.winch.commands import WinchCommand
+
+TOKEN = "ROPE_TWIN_CONSOLE_TOKEN"  # environment: the token of --control
+_DIAGNOSTICS_DEPTH = 10  # several nodes publish there within one poll
+NODE = "console"
+
+
+class SuiteSource:
+    """Topics of a running suite as a source of the console."""
+
+    kind = "live"
+
+    def __init__(self, like: Node) -> None:
+        """Subscribe in the domain and namespace of a node."""
+        self._node = rclpy.create_node(
+            "console_view", namespace=like.get_namespace(), context=like.context
+        )
+        self._taken = {
+            name: (
+                subscribe(self._node, BY_NAME[name], _never_called, _depth(name)),
+                message_type(BY_NAME[name]),
+            )
+            for name in SHOWN
+        }
+
+    def poll(self, readings: Readings, now_s: float) -> None:
+        """Take what has arrived: of streams the newest message, of diagnostics every one."""
+        for name, (subscription, kind) in self._taken.items():
+            handle = subscription.handle
+            with handle:
+                while (taken := handle.take_message(kind, True)) is not None:
+                    readings.take(name, taken[0], now_s)
+                    if name == "diagnostics":
+                        readings.update()
+
+    def state(self) -> Values:
+        """Return the state of the source: nothing beyond its messages."""
+        return {}
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._node.destroy_node()
+
+
+class WinchCommander:
+    """Commands winches through the suite's topics and seat services."""
+
+    name = NODE
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._publishers: dict[str, Any] = {}
+        self._winches: list[str] = []
+        self._clients: dict[str, Any] = {}
+
+    def take(self, winch: str) -> None:
+        """Make the publishers, and request the seat if the service is there."""
+        for name in WINCH_TOPICS:
+            if name not in self._publishers:
+                self._publishers[name] = publish(self._node, BY_NAME[name])
+        if winch not in self._winches:
+            self._winches.append(winch)
+        self._call(service_name(winch, TAKE))
+
+    def send(self, winch: str, command: WinchCommand) -> None:
+        """Publish a command that applies immediately."""
+        topic, data = encode_order(0, command, winch)
+        if topic not in self._publishers:  # an emergency stop of a page without the seat
+            self._call(service_name(winch, command.kind))
+            return
+        self._publishers[topic].publish(data)
+
+    def release(self) -> None:
+        """Release the seats and remove the publishers."""
+        for winch in self._winches:
+            self._call(service_name(winch, RELEASE))
+        self._winches.clear()
+        for one in self._publishers.values():
+            self._node.destroy_publisher(one)
+        self._publishers.clear()
+
+    def _call(self, name: str) -> None:
+        """Call a service without waiting; `winch/seat` and the winch's mode show the outcome."""
+        client = self._clients.get(name)
+        if client is None:
+            client = self._clients[name] = self._node.create_client(Trigger, name)
+        client.call_async(Trigger.Request())
+
+
+class ConsoleNode(Node):
+    """Serves the console; commands winches if the parameter `control` is true."""
+
+    def __init__(
+        self, announce: Callable[[str, str], None] = announce, **node_options: Any
+    ) -> None:
+        """Make the node; `announce` is called with the address and the token ("": no control)."""
+        super().__init__(NODE, **node_options)
+        self._announce = announce
+        self._params = declare(self, ConsoleParams)
+        self._server: Server | None = None
+
+    def begin(self) -> None:
+        """Bind the address and serve.
+
+        Raises:
+            InputError: the address cannot be used, or the extra `console` is not installed.
+        """
+        host, port = read_address(self._params.address)
+        source = SuiteSource(self)
+        scene = self._params.scene
+        facts = scene_facts(load_scene(scene)) if scene else None
+        pages = Pages(source, time.monotonic, facts, session_facts)
+        secret = os.environ.get(TOKEN) or new_token()
+        allowed = self._params.control
+        desk = Desk(
+            pages,
+            time.monotonic,
+            WinchCommander(self) if allowed else None,
+            Token(secret, time.monotonic) if allowed else None,
+        )
+        pages.before_tick.append(desk.look)
+        log = Log(pages)
+        log.connect(desk)
+        self._server = Server(pages, desk, log, host, port)
+        self._server.start()
+        self._announce(self._server.address, secret if allowed else "")
+
+    @property
+    def address(self) -> str:
+        """Return the address for a browser; "": not served yet."""
+        return self._server.address if self._server is not None else ""
+
+    @property
+    def finished(self) -> bool:
+        """Return False: the console serves until it is stopped."""
+        return False
+
+    def close(self) -> None:
+        """Stop serving."""
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+
+def _depth(name: str) -> int | None:
+    if name == "diagnostics":
+        return _DIAGNOSTICS_DEPTH
+    return None if BY_NAME[name].qos is Qos.LATCHED else 1
+
+
+def _never_called(data: bytes) -> None:
+    """Stand for a callback: messages are polled."""
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node (console entry); return the exit code."""
+    return run_node(ConsoleNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,210 @@
+"""Pages: bounded queues, whole frames after a loss, seat and commands, casts."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import pytest
+from console_rig import TOKEN, ConsoleRig, frames, replies
+
+from rope_twin.console.control import FEEDBACK_S, LOST_S, TRIES, TRIES_WITHIN_S
+from rope_twin.console.pages import QUEUE
+
+
+def test_a_page_first_receives_everything_and_then_what_changes() -> None:
+    rig = ConsoleRig()
+    rig.tick(10)
+    page = rig.page()
+    hello, whole, *_ = frames(page)
+    assert hello["type"] == "hello"
+    assert len(hello["trend"]["time_s"]) == 10
+    assert hello["facts"]["ropes"][0]["allowed_n"] == 5.0e5
+    assert whole["whole"]
+    assert whole["values"]["line_out_m"] == [3000.0]
+    rig.tick()
+    row = next(one for one in frames(page) if one["type"] == "row")
+    assert row["trend"]["time_s"] == pytest.approx(rig.source.shot.time_s)
+
+
+def test_a_page_that_reconnects_has_the_last_minute() -> None:
+    rig = ConsoleRig(topics=("ropes/tension_top",))
+    rig.tick(1500)
+    times = frames(rig.page())[0]["trend"]["time_s"]
+    assert times[-1] - times[0] == pytest.approx(60.0, abs=0.1)
+
+
+def test_a_slow_page_loses_frames_and_then_receives_a_whole_one() -> None:
+    rig = ConsoleRig()
+    slow, quick = rig.page(), rig.page()
+    frames(slow)
+    seen = 0
+    for _ in range(3 * QUEUE):
+        rig.tick()
+        assert slow.queue.qsize() <= QUEUE
+        seen += len(frames(quick))
+    assert quick.lost == 0
+    assert seen > 3 * QUEUE
+    assert slow.lost > 0
+    assert not slow.behind
+    found = frames(slow)
+    wholes = [one for one in found if one.get("whole")]
+    assert wholes
+    assert "tension_n" in wholes[0]["values"]
+
+
+def test_loss_of_the_twin_shows_in_the_ages() -> None:
+    rig = ConsoleRig()
+    rig.tick(5)
+    page = rig.page()
+    rig.source.lost = True
+    rig.tick(20)
+    last = [one for one in frames(page) if one["type"] == "row"][-1]
+    assert last["ages"]["ropes/tension_top"] == pytest.approx(1.0, abs=0.06)
+    assert last["trend"] is None
+    assert last["values"] == {}
+
+
+def test_a_console_without_control_refuses_commands() -> None:
+    rig = ConsoleRig(control=False)
+    page = rig.page()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    rig.desk.take(page, {"do": "command", "kind": "emergency_stop", "winch": "winch", "id": 2})
+    assert [(one["ok"], "read-only" in one["words"]) for one in replies(page)] == [
+        (False, True)
+    ] * 2
+    assert not rig.commander.sent
+
+
+def test_wrong_tokens_are_limited() -> None:
+    rig = ConsoleRig()
+    page = rig.page()
+    for number in range(TRIES + 1):
+        rig.desk.take(page, {"do": "sign_in", "token": "guess", "id": number})
+    words = [one["words"] for one in replies(page)]
+    assert all("not the right one" in one for one in words[:TRIES])
+    assert "too many" in words[TRIES]
+    rig.desk.take(page, {"do": "sign_in", "token": TOKEN, "id": 9})
+    assert not replies(page)[0]["ok"]  # the right one neither, for a minute
+    assert not page.authorised
+    rig.clock.now_s += TRIES_WITHIN_S + 1.0
+    rig.desk.take(page, {"do": "sign_in", "token": TOKEN, "id": 10})
+    assert replies(page)[0]["ok"]
+    assert page.authorised
+
+
+@pytest.mark.parametrize("given", [None, 7, "", [], {"a": 1}])
+def test_a_token_of_another_type_is_wrong(given: object) -> None:
+    rig = ConsoleRig()
+    page = rig.page()
+    rig.desk.take(page, {"do": "sign_in", "token": given, "id": 1})
+    assert not page.authorised
+
+
+def test_one_page_at_a_time_has_the_seat() -> None:
+    rig = ConsoleRig()
+    first, second = rig.page(True), rig.page(True)
+    rig.tick()
+    rig.desk.take(first, {"do": "take_seat", "id": 1})
+    rig.desk.take(second, {"do": "take_seat", "id": 2})
+    rig.desk.take(
+        second, {"do": "command", "kind": "speed", "value": 1.0, "winch": "winch", "id": 3}
+    )
+    assert [one["ok"] for one in replies(second)][-2:] == [False, False]
+    assert any(one["type"] == "seat_wanted" for one in frames(first))
+    assert not rig.commander.sent
+    rig.desk.take(first, {"do": "release_seat", "id": 4})
+    rig.desk.take(second, {"do": "take_seat", "id": 5})
+    assert replies(second)[-1]["ok"]
+    assert rig.desk.state()["holder"] == second.number
+
+
+def test_a_command_is_answered_with_what_the_twin_did() -> None:
+    rig = ConsoleRig()
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    rig.desk.take(page, {"do": "command", "kind": "speed", "value": 0.5, "winch": "winch", "id": 2})
+    rig.tick(2)
+    sent, done = [one for one in replies(page) if one["id"] == 2]
+    assert (sent["stage"], done["stage"], done["ok"]) == ("sent", "done", True)
+    assert "winch: speed 0.5 m/s" in done["words"]
+
+
+def test_a_command_without_effect_is_reported() -> None:
+    rig = ConsoleRig()
+    rig.commander.obeys = False
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    rig.desk.take(page, {"do": "command", "kind": "speed", "value": 0.5, "winch": "winch", "id": 2})
+    rig.tick(round(FEEDBACK_S / 0.05) + 2)
+    done = [one for one in replies(page) if one["id"] == 2][-1]
+    assert not done["ok"]
+    assert "winch_schedule" in done["words"]
+
+
+@pytest.mark.parametrize("command", [
+    {"kind": "speed", "value": "fast"}, {"kind": "speed", "value": float("nan")},
+    {"kind": "speed", "value": True}, {"kind": "speed"}, {"kind": "new_commander"},
+    {"kind": ["speed"], "value": 1.0}, {"kind": "speed", "value": 1.0, "winch": "other"},
+    {"kind": "speed", "value": 1.0, "winch": {}},
+])  # fmt: skip
+def test_a_faulty_command_is_refused_in_words(command: dict[str, object]) -> None:
+    rig = ConsoleRig()
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    rig.desk.take(page, {"do": "command", "winch": "winch", "id": 2, **command})
+    answer = replies(page)[-1]
+    assert not answer["ok"]
+    assert answer["words"].startswith("command: ")
+    assert not rig.commander.sent
+
+
+def test_an_emergency_stop_needs_no_seat() -> None:
+    rig = ConsoleRig()
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "command", "kind": "emergency_stop", "winch": "winch", "id": 1})
+    rig.tick()
+    assert [command.kind for _, command in rig.commander.sent] == ["emergency_stop"]
+    assert "emergency stop" in replies(page)[-1]["words"]
+
+
+def test_a_page_that_is_lost_gives_up_the_seat() -> None:
+    rig = ConsoleRig()
+    page, other = rig.page(True), rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    rig.desk.leave(page)
+    rig.pages.disconnect(page)
+    rig.tick(round(LOST_S / 0.05) - 2)
+    assert rig.commander.released == 0
+    rig.tick(4)
+    assert rig.commander.released == 1
+    assert rig.desk.state()["holder"] is None
+    rig.desk.take(other, {"do": "take_seat", "id": 2})
+    assert replies(other)[-1]["ok"]
+
+
+def test_casts_hold_their_extremes_and_markers_their_time() -> None:
+    rig = ConsoleRig()
+    page = rig.page()
+    rig.tick(5)
+    rig.desk.take(page, {"do": "mark", "text": " lift off \n", "id": 1})
+    rig.desk.take(page, {"do": "mark", "text": "", "id": 2})
+    rig.desk.take(page, {"do": "mark", "text": "=1+1", "id": 3})
+    rig.desk.take(page, {"do": "new_cast", "id": 4})
+    assert [one["ok"] for one in replies(page)] == [True, False, True, True]
+    rig.tick(5)
+    first, second = rig.log.casts
+    assert not first.open
+    assert second.open
+    assert first.highest_n == pytest.approx(rig.source.shot.tension_top_n)
+    assert first.deepest_m == pytest.approx(-rig.source.shot.payload_position_m[2])
+    rows = list(csv.DictReader(io.StringIO(rig.log.markers_csv())))
+    assert [row["text"] for row in rows] == ["lift off", "'=1+1"]
+    assert float(rows[0]["time_s"]) == pytest.approx(2.75)
+    assert len(list(csv.DictReader(io.StringIO(rig.log.trend_csv())))) == 10
+    assert len(list(csv.DictReader(io.StringIO(rig.log.casts_csv())))) == 2

@@ -1,0 +1,117 @@
+"""A recorded run on the console: plays, pauses, jumps with the minute before, ends."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+from console_rig import EPOCH_NS, Clock, frames
+from sample_snapshot import hanging_rope
+
+from rope_twin import messages
+from rope_twin.console.control import Desk
+from rope_twin.console.pages import Pages
+from rope_twin.console.playback import Recording, connect_playback
+from rope_twin.errors import BagError
+from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.topics import BY_NAME
+
+TOPICS = "ropes/tension_top", "ropes/length", "ropes/nodes"
+LASTS_S = 100.0
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """100 s with a line out of 1000 m + 1 m/s."""
+    path = tmp_path_factory.mktemp("bags") / "lift"
+    writer, encoder = BagWriter(path, [BY_NAME[one] for one in (*TOPICS, "twin/epoch")]), None
+    encoder = messages.Encoder(EPOCH_NS)
+    writer.write("twin/epoch", EPOCH_NS, messages.encode_epoch(EPOCH_NS))
+    for number in range(round(LASTS_S * 10)):
+        time_s = 0.1 * number
+        shot = hanging_rope(nodes=5, length_m=1000.0 + time_s, time_s=time_s)
+        for topic in TOPICS:
+            writer.write(topic, EPOCH_NS + shot.stamp_ns, encoder.encode(topic, shot))
+    writer.close()
+    return path
+
+
+class Player:
+    """A recording with its pages on a clock set by hand."""
+
+    def __init__(self, bag: Path) -> None:
+        self.clock = Clock()
+        self.source = Recording(bag)
+        while not self.source.state()["loaded"]:
+            time.sleep(0.01)
+        self.pages = Pages(self.source, self.clock)
+        self.desk = Desk(self.pages, self.clock)
+        connect_playback(self.source, self.pages, self.desk)
+        self.page = self.pages.connect("127.0.0.1")
+
+    def ask(self, **content: object) -> None:
+        self.desk.take(self.page, {"id": 1, **content})
+
+    def tick(self, count: int = 1) -> None:
+        for _ in range(count):
+            self.clock.now_s += 0.05
+            self.pages.tick()
+
+    @property
+    def line_out_m(self) -> float:
+        return self.pages.readings.values["line_out_m"][0]  # type: ignore[no-any-return]
+
+
+def test_it_plays_at_its_rate_and_pauses(bag: Path) -> None:
+    player = Player(bag)
+    player.tick(41)
+    assert player.line_out_m == pytest.approx(1002.0, abs=0.11)
+    player.ask(do="rate", rate=5.0)
+    player.tick(20)
+    assert player.line_out_m == pytest.approx(1007.0, abs=0.11)
+    player.ask(do="pause")
+    player.tick(40)
+    assert player.line_out_m == pytest.approx(1007.0, abs=0.11)
+    ages = player.pages.readings.ages(player.clock())
+    assert max(ages.values()) == 0.0  # a pause is not a loss
+    player.source.close()
+
+
+def test_a_jump_brings_the_minute_before(bag: Path) -> None:
+    player = Player(bag)
+    player.tick(5)
+    frames(player.page)
+    player.ask(do="seek", time_s=80.0)
+    player.tick(2)
+    assert player.line_out_m == pytest.approx(1080.0, abs=0.2)
+    hello = next(one for one in frames(player.page) if one["type"] == "hello")
+    times = hello["trend"]["time_s"]
+    assert times[0] == pytest.approx(20.0, abs=0.3)
+    assert times[-1] == pytest.approx(80.0, abs=0.3)
+    player.ask(do="seek", time_s=5.0)  # and back
+    player.tick(2)
+    assert player.line_out_m == pytest.approx(1005.0, abs=0.2)
+    player.source.close()
+
+
+def test_it_ends_at_its_end_and_refuses_nonsense(bag: Path) -> None:
+    player = Player(bag)
+    player.ask(do="seek", time_s=1e9)
+    player.tick(40)
+    assert player.source.position_s == pytest.approx(LASTS_S - 0.1)
+    frames(player.page)
+    for content in ({"do": "seek", "time_s": "x"}, {"do": "seek", "time_s": float("nan")},
+                    {"do": "rate", "rate": 3.0}, {"do": "rate", "rate": True}):  # fmt: skip
+        player.ask(**content)
+    assert [one["ok"] for one in frames(player.page) if one["type"] == "reply"] == [False] * 4
+    player.source.close()
+
+
+def test_what_is_no_bag_of_a_twin_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BagError):
+        Recording(tmp_path / "none")
+    writer = BagWriter(tmp_path / "empty", [BY_NAME["ropes/fatigue"]])
+    writer.close()
+    with pytest.raises(BagError, match="no topic of a twin"):
+        Recording(tmp_path / "empty")

@@ -1,0 +1,153 @@
+"""Values of the pages are those of the topics, with their age."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from console_rig import EPOCH_NS
+from hypothesis import given
+from hypothesis import strategies as st
+from sample_snapshot import hanging_body, hanging_rope
+
+from rope_twin import messages
+from rope_twin.console.profile import POINTS, RopeProfile, Trend
+from rope_twin.console.readings import SHORTEST_LIMIT_S, SHOWN, Readings, number, stale_limits_s
+from rope_twin.messages import Level, Status
+from rope_twin.topics import BY_NAME
+
+
+def read(*topics: str, shot=None) -> Readings:  # type: ignore[no-untyped-def]
+    readings, encoder = Readings(), messages.Encoder(EPOCH_NS)
+    readings.take("twin/epoch", messages.encode_epoch(EPOCH_NS), 10.0)
+    for topic in topics:
+        readings.take(topic, encoder.encode(topic, shot or hanging_rope()), 10.0)
+    readings.update()
+    return readings
+
+
+def test_numbers_are_those_of_the_snapshot() -> None:
+    shot = hanging_rope()
+    values = read("ropes/tension_top", "ropes/length", "ropes/tension_bottom", "payloads/state",
+                  "seabed/contact", "hang_off/odometry", "compensator/state").values  # fmt: skip
+    assert values["tension_n"] == [pytest.approx(shot.tension_top_n, rel=1e-7)]
+    assert values["tension_bottom_n"] == [pytest.approx(shot.node_tension_n[-1], rel=1e-7)]
+    assert values["line_out_m"] == [3000.0]
+    assert values["line_speed_m_per_s"] == [0.5]
+    assert values["payloads"][0]["place_m"] == pytest.approx(list(shot.payload_position_m))
+    assert values["payloads"][0]["velocity_m_per_s"] == pytest.approx([0.0, 0.0, 0.3])
+    assert values["bed"][0]["payload_height_m"] == pytest.approx(-0.03)
+    assert values["hang_off_m"][2] == pytest.approx(0.4)
+    assert values["compensator"][0]["stroke_m"] == pytest.approx(2.1)
+
+
+def test_residuals_and_quality_keep_their_names() -> None:
+    values = read("residuals", "twin/quality").values
+    (row,) = values["residuals"]
+    assert (row["quantity"], row["name"]) == ("top_tension_n", "winch")
+    assert row["residual"] == pytest.approx(row["measured"] - row["computed"])
+    assert row["twin"] is None  # unknown
+    (one,) = values["quality"]
+    assert (one["name"], one["index"], one["cause"]) == ("top_tension", 0.8, "discretisation")
+    assert one["history"] is None
+
+
+def test_a_body_s_velocity_is_turned_into_the_map_and_its_angles_are_those_of_rep_103() -> None:
+    shot = hanging_body()
+    body = shot.body
+    assert body is not None
+    half = math.radians(30.0) / 2.0
+    body.quaternion[:] = (0.0, 0.0, math.sin(half), math.cos(half))  # 30° about z
+    shot.payload_velocity_m_per_s[:] = (1.0, 2.0, -0.5)
+    payload = read("payloads/state", shot=shot).values["payloads"][0]
+    assert payload["velocity_m_per_s"] == pytest.approx([1.0, 2.0, -0.5])
+    assert payload["attitude_deg"] == pytest.approx([0.0, 0.0, 30.0], abs=1e-6)
+
+
+def test_time_is_the_twin_s() -> None:
+    assert read("ropes/tension_top").time_s == pytest.approx(2.5)
+
+
+def test_ages_grow_until_the_next_message() -> None:
+    readings = read("ropes/tension_top")
+    assert readings.ages(10.25)["ropes/tension_top"] == pytest.approx(0.25)
+    encoder = messages.Encoder(EPOCH_NS)
+    readings.take("ropes/tension_top", encoder.encode("ropes/tension_top", hanging_rope()), 11.0)
+    assert readings.ages(11.1)["ropes/tension_top"] == pytest.approx(0.1)
+
+
+def test_loss_of_the_twin_is_stale_within_a_second() -> None:
+    limits = stale_limits_s()
+    assert limits["ropes/tension_top"] == SHORTEST_LIMIT_S < 1.0
+    assert limits["diagnostics"] == pytest.approx(3.0)
+    assert "winch/seat" not in limits  # published on change only
+    assert all(limits[name] > 1.0 / BY_NAME[name].rate_hz for name in limits)
+
+
+def test_only_what_has_changed_is_read_again() -> None:
+    readings = read("ropes/tension_top", "ropes/length")
+    assert readings.update() == {}
+    encoder = messages.Encoder(EPOCH_NS)
+    readings.take("ropes/length", encoder.encode("ropes/length", hanging_rope()), 11.0)
+    assert set(readings.update()) == {"line_out_m", "line_speed_m_per_s"}
+
+
+@given(st.sampled_from([one for one in SHOWN if one not in ("ropes/nodes", "twin/session")]),
+       st.binary(max_size=200))  # fmt: skip
+def test_bytes_that_are_no_message_are_a_fault_in_words(topic: str, data: bytes) -> None:
+    readings = Readings()
+    readings.take(topic, data, 1.0)
+    changed = readings.update()
+    fault = changed.get(f"fault {topic}")
+    assert fault is None or topic in fault or "point cloud" in fault
+    json.dumps(changed, allow_nan=False)
+
+
+@given(st.floats())
+def test_a_number_is_json_to_eight_digits(value: float) -> None:
+    found = number(value)
+    if not math.isfinite(value):
+        assert found is None
+    else:
+        assert found == pytest.approx(value, rel=1e-7, abs=5e-324)
+
+
+def test_diagnostics_of_several_nodes_are_kept_by_their_name() -> None:
+    readings = Readings()
+    for name in ("simulation: pacing", "recorder: bag"):
+        rows = [Status(name, Level.WARN, "a sentence", {"key": "1"})]
+        readings.take("diagnostics", messages.encode_diagnostics(EPOCH_NS, rows), 1.0)
+        readings.update()
+    assert readings.values["diagnostics recorder: bag"]["level"] == Level.WARN
+    assert readings.values["diagnostics simulation: pacing"]["values"] == {"key": "1"}
+
+
+def test_tension_along_the_rope_and_its_range() -> None:
+    profile, encoder = RopeProfile(), messages.Encoder(EPOCH_NS)
+    shot = hanging_rope(nodes=101)
+    (first,) = profile.update(encoder.encode("ropes/nodes", shot), 0.0)
+    assert len(first["along_m"]) == POINTS
+    assert first["tension_n"][0] == pytest.approx(shot.node_tension_n[0], abs=1.0)
+    assert first["low_n"] == first["high_n"] == first["tension_n"]
+    shot.node_tension_n[:] *= 1.5
+    (second,) = profile.update(encoder.encode("ropes/nodes", shot), 1.0)
+    assert np.array(second["high_n"]) == pytest.approx(1.5 * np.array(first["high_n"]), rel=1e-5)
+    assert second["low_n"] == first["low_n"]
+    assert second["least_n"] == pytest.approx(min(first["low_n"]), abs=1.0)
+    (third,) = profile.update(encoder.encode("ropes/nodes", shot), 61.5)
+    assert third["low_n"] == third["tension_n"]  # what is older than 60 s does not count
+
+
+def test_a_trend_begins_again_with_another_run() -> None:
+    trend, encoder = Trend(20.0), messages.Encoder(EPOCH_NS)
+    for time_s in (5.0, 5.05, 5.05, 1.0):
+        readings = read(shot=hanging_rope())
+        shot = hanging_rope(time_s=time_s)
+        readings.take("ropes/tension_top", encoder.encode("ropes/tension_top", shot), 1.0)
+        readings.update()
+        row = trend.add(readings)
+        if time_s == 5.05 and row is None:
+            assert trend.columns()["time_s"] == [5.0, 5.05]  # a row for each new time
+    assert trend.columns()["time_s"] == [1.0]

@@ -1,0 +1,118 @@
+"""The web server: its headers, who may connect, and a page over a real WebSocket."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from console_rig import ConsoleRig
+from starlette.testclient import TestClient
+from starlette.websockets import WebSocketDisconnect
+
+from rope_twin.console.server import FOLDER, Server, is_own_host, make_app, read_address
+from rope_twin.errors import InputError
+
+HOST = "127.0.0.1:8420"
+PAGE = {"host": HOST, "origin": f"http://{HOST}"}
+
+
+@pytest.fixture
+def client() -> Iterator[TestClient]:
+    rig = ConsoleRig()
+    with TestClient(make_app(rig.pages, rig.desk, rig.log), base_url=f"http://{HOST}") as made:
+        yield made
+
+
+def test_everything_comes_with_a_strict_policy(client: TestClient) -> None:
+    for path in ("/", "/page/console.js", "/page/console.css", "/health", "/export/casts.csv"):
+        answer = client.get(path)
+        assert answer.status_code == 200, path
+        policy = answer.headers["content-security-policy"]
+        assert "default-src 'self'" in policy
+        assert "unsafe" not in policy
+        assert answer.headers["x-content-type-options"] == "nosniff"
+
+
+def test_the_page_has_no_inline_script_or_style() -> None:
+    text = (FOLDER / "index.html").read_text()
+    assert "<style" not in text
+    assert " style=" not in text
+    assert text.count("<script") == text.count('<script type="module" src="/page/')
+    assert not any(f" on{name}=" in text for name in ("click", "load", "error", "input"))
+
+
+def test_another_host_is_refused(client: TestClient) -> None:
+    assert client.get("/", headers={"host": "elsewhere.example"}).status_code == 403
+
+
+@pytest.mark.parametrize(
+    ("host", "own"),
+    [("127.0.0.1:8420", True), ("localhost", True), ("[::1]:8420", True), ("10.1.2.3:80", True),
+     ("elsewhere.example", False), ("", False), ("127.0.0.1.elsewhere.example", False)],
+)  # fmt: skip
+def test_a_name_that_may_point_anywhere_is_not_ours(host: str, own: bool) -> None:
+    assert is_own_host(host, {"localhost"}) is own
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://elsewhere.example", "null", "http://127.0.0.1:9999", ""]
+)
+def test_a_page_of_another_origin_cannot_connect(client: TestClient, origin: str) -> None:
+    with (
+        pytest.raises(WebSocketDisconnect),
+        client.websocket_connect("/live", headers={"host": HOST, "origin": origin}),
+    ):
+        pass
+
+
+def test_a_page_gets_rows_and_answers(client: TestClient) -> None:
+    with client.websocket_connect("/live", headers=PAGE) as socket:
+        kinds: list[str] = []
+        socket.send_text(json.dumps({"do": "take_seat", "id": 5}))
+        answer: dict[str, Any] = {}
+        for _ in range(50):
+            for frame in json.loads(socket.receive_text()):
+                kinds.append(frame["type"])
+                answer = frame if frame["type"] == "reply" else answer
+            if answer and kinds.count("row") > 2:
+                break
+        assert kinds[0] == "hello"
+        assert answer["id"] == 5
+        assert not answer["ok"]
+        assert "token" in answer["words"]
+
+
+@pytest.mark.parametrize("text", ["", "no json", "[]", "7", '{"a": "' + 5000 * "x" + '"}'])
+def test_what_is_no_message_of_a_page_ends_the_connection(client: TestClient, text: str) -> None:
+    with client.websocket_connect("/live", headers=PAGE) as socket:
+        socket.send_text(text)
+        with pytest.raises(WebSocketDisconnect):
+            read_to_the_end(socket)
+
+
+def read_to_the_end(socket: Any) -> None:
+    """Read until the connection ends."""
+    for _ in range(100):
+        socket.receive_text()
+
+
+def test_addresses() -> None:
+    assert read_address("8500") == ("127.0.0.1", 8500)
+    assert read_address("0.0.0.0:81") == ("0.0.0.0", 81)
+    assert read_address("[::1]:8420") == ("::1", 8420)
+    for words in ("host:port", "127.0.0.1:99999", ""):
+        with pytest.raises(InputError, match="HOST:PORT"):
+            read_address(words)
+
+
+def test_an_address_in_use_is_refused_in_words() -> None:
+    rig = ConsoleRig()
+    first = Server(rig.pages, rig.desk, rig.log, "127.0.0.1", 0)
+    first.start()
+    try:
+        with pytest.raises(InputError, match="name another one"):
+            Server(rig.pages, rig.desk, rig.log, "127.0.0.1", first.port)
+    finally:
+        first.close()

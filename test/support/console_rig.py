@@ -1,0 +1,161 @@
+"""A console without ROS: a source that plays snapshots, a clock of its own, and its pages."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+from sample_snapshot import hanging_rope
+
+from rope_twin import Snapshot, messages
+from rope_twin.console.casts import Log
+from rope_twin.console.control import Desk, Token
+from rope_twin.console.pages import Page, Pages
+from rope_twin.console.readings import SHOWN, Readings, Values
+from rope_twin.messages import Level, Status
+from rope_twin.twin.winch.commands import WinchCommand
+
+EPOCH_NS = 1_763_700_000_000_000_000
+TOKEN = "a3f9c1d27b60"
+FACTS: Values = {
+    "scene": "deep_lift",
+    "about": "a test",
+    "ropes": [{"name": "rope", "breaking_load_n": 1.0e6, "allowed_n": 5.0e5, "length_m": 3000.0,
+               "minimum_bend_radius_m": None}],
+    "limits": {"tension_n": 5.0e5, "min_tension_n": 1.0e4},
+    "payloads": [{"name": "payload", "mass_kg": 2e4, "submerged_n": 1.6e5}],
+    "winches": {"winch": {"speed_limit_m_per_s": 1.0, "acceleration_limit_m_per_s2": 0.3,
+                          "least_line_out_m": 100.0, "most_line_out_m": 3200.0,
+                          "follows": "commands", "when_commander_lost": "ramp_to_zero",
+                          "switches": ["emergency_stop", "reset", "set_brake", "release_brake"],
+                          "modes": ["speed", "length", "depth"]}},
+    "hang_off_m": [0.0, 0.0, 0.0],
+    "bed_m": -3100.0,
+    "sea": {},
+}  # fmt: skip
+
+
+class Clock:
+    """A steady clock that is set by hand."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+class SnapshotSource:
+    """Encodes a snapshot for every poll, until it is lost."""
+
+    kind = "live"
+
+    def __init__(self, topics: tuple[str, ...] = SHOWN) -> None:
+        self._encoder = messages.Encoder(EPOCH_NS)
+        self.topics = topics
+        self.shot: Snapshot = hanging_rope()
+        self.lost = False
+        self.mode, self.seat = "winch: speed 0 m/s", "winch: winch_schedule"
+        self.rows = [Status("simulation: pacing", Level.OK, "on time")]
+        self._polls = 0
+
+    def poll(self, readings: Readings, now_s: float) -> None:
+        if self.lost:
+            return
+        self._polls += 1
+        if self._polls == 1:
+            readings.take("twin/epoch", messages.encode_epoch(EPOCH_NS), now_s)
+        for topic in self.topics:
+            if topic in self._encoder.topics and topic not in _LEFT_OUT:
+                readings.take(topic, self._encoder.encode(topic, self.shot), now_s)
+        text = encode_text(self.mode)
+        readings.take("winch/mode", text, now_s)
+        readings.take("winch/seat", messages.encode_seat(self.seat), now_s)
+        stamp_ns = EPOCH_NS + self.shot.stamp_ns
+        readings.take("diagnostics", messages.encode_diagnostics(stamp_ns, self.rows), now_s)
+
+    def state(self) -> Values:
+        return {}
+
+    def close(self) -> None:
+        pass
+
+
+def encode_text(words: str) -> bytes:
+    """A std_msgs/String."""
+    return messages.encode_seat(words)
+
+
+# of a snapshot without bodies, bends, winches and lines
+_LEFT_OUT = ("payloads/body", "ropes/bend_radius", "lines/crossings", "winch/state", "winch/mode",
+             "seabed/touchdown", "ropes/utilisation")  # fmt: skip
+
+
+@dataclass
+class FakeCommander:
+    """Notes what the console sends, and lets the twin of the rig obey."""
+
+    source: SnapshotSource
+    name: str = "console"
+    sent: list[tuple[str, WinchCommand]] = field(default_factory=list)
+    taken: list[str] = field(default_factory=list)
+    released: int = 0
+    obeys: bool = True
+
+    def take(self, winch: str) -> None:
+        self.taken.append(winch)
+
+    def send(self, winch: str, command: WinchCommand) -> None:
+        self.sent.append((winch, command))
+        if self.obeys:
+            self.source.seat = f"{winch}: {self.name}"
+            value = f" {command.value:g} m/s" if command.kind == "speed" else ""
+            self.source.mode = f"{winch}: {command.kind.replace('_', ' ')}{value}"
+
+    def release(self) -> None:
+        self.released += 1
+
+
+class ConsoleRig:
+    """Pages, desk and log on a clock set by hand."""
+
+    def __init__(self, control: bool = True, topics: tuple[str, ...] = SHOWN) -> None:
+        self.clock = Clock()
+        self.source = SnapshotSource(topics)
+        self.pages = Pages(self.source, self.clock, FACTS)
+        self.commander = FakeCommander(self.source)
+        token = Token(TOKEN, self.clock) if control else None
+        self.desk = Desk(self.pages, self.clock, self.commander, token)
+        self.pages.before_tick.append(self.desk.look)
+        self.log = Log(self.pages)
+        self.log.connect(self.desk)
+
+    def tick(self, count: int = 1, step_s: float = 0.05) -> None:
+        """Advance clock and twin."""
+        for _ in range(count):
+            self.clock.now_s += step_s
+            if not self.source.lost:
+                time_s = self.source.shot.time_s + step_s
+                self.source.shot = hanging_rope(time_s=time_s, heave_m=0.4)
+            self.pages.tick()
+
+    def page(self, signed_in: bool = False) -> Page:
+        """A connected page; `signed_in`: that has given the token."""
+        page = self.pages.connect("127.0.0.1")
+        if signed_in:
+            self.desk.take(page, {"do": "sign_in", "token": TOKEN, "id": 0})
+        return page
+
+
+def frames(page: Page) -> list[dict[str, Any]]:
+    """What waits for a page."""
+    found = []
+    while not page.queue.empty():
+        found.append(json.loads(page.queue.get_nowait()))
+    return found
+
+
+def replies(page: Page) -> list[dict[str, Any]]:
+    """The answers among it."""
+    return [one for one in frames(page) if one["type"] == "reply"]
