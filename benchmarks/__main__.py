@@ -10,7 +10,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,12 +28,15 @@ from benchmarks import (
     statics_speed,
     vortex_speed,
 )
+from benchmarks.foresight import heave as heave_ahead
+from benchmarks.foresight import tension as tension_ahead
 from benchmarks.peers import page as peers_page
 from benchmarks.peers import race as peers
 from benchmarks.peers import vortices as vortex_peer
 from rope_twin.cli import CommandLine, exit_code
 from rope_twin.cli.console import CaseProgress, print_table
 from rope_twin.errors import InputError
+from rope_twin.forecast.tension_forecast import ForecastSettings
 from rope_twin.scene.load import scene_names
 from rope_twin.studies.picture import check_picture
 
@@ -257,6 +260,60 @@ def _error_interval(args: argparse.Namespace, progress: CaseProgress) -> int:
     return 0 if result.ok else 1
 
 
+def _foresight(args: argparse.Namespace, progress: CaseProgress) -> int:
+    """Judge forecasts of heave and tension on drawn seas."""
+    heave_origins, tension_origins = (12, 8) if args.quick else (args.heave, args.tension)
+    heave = [
+        heave_ahead.judge_heave(case, heave_origins, progress.show)
+        for case in heave_ahead.CASES[: 1 if args.quick else None]
+        if heave_origins
+    ]
+    settings = ForecastSettings(members=args.members, burn_in_s=args.burn_in)
+    cases = [
+        replace(case, motion_error_m=0.0) if args.perfect_sensor else case
+        for case in tension_ahead.CASES[: 1 if args.quick else None]
+        if not args.scenes or case.scene in args.scenes
+    ]
+    tension = [
+        tension_ahead.judge_tension(case, tension_origins, progress.show, settings, args.seed)
+        for case in cases
+        if tension_origins
+    ]
+    if args.json:
+        figures = {"heave": [asdict(row) for row in heave], "tension": [asdict(r) for r in tension]}
+        print(json.dumps(figures, ensure_ascii=False))
+        return 0
+    if heave:
+        print_table(heave_ahead.heave_table(heave))
+    if tension:
+        print()
+        print_table(tension_ahead.lead_table(tension))
+        print()
+        print_table(tension_ahead.event_table(tension), words_last=True)
+        for row in tension:
+            print(f"{row.case.scene} in {row.case.sea}: {row.cpu_s:.2f} s of CPU a forecast")
+    return 0
+
+
+def _foresight_options(parser: argparse.ArgumentParser) -> None:
+    for name, count, what in (
+        ("--heave", 480, "origins of heave in each case, 0: none"),
+        ("--tension", 200, "origins of tension in each case, 0: none"),
+        ("--members", 96, "members of a forecast"),
+        ("--seed", tension_ahead.SEED, "first seed of the seas of tension"),
+    ):
+        parser.add_argument(
+            name, type=int, default=count, metavar="N", help=f"{what} (default: {count})"
+        )
+    parser.add_argument(
+        "--burn-in", type=float, default=119.0, metavar="S",
+        help="time that members run through the past (default: 119)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--perfect-sensor", action="store_true", help="a motion sensor without coloured error"
+    )
+
+
 def _peers(args: argparse.Namespace, progress: CaseProgress) -> int:
     if args.picture is not None:
         check_picture(args.picture)
@@ -325,6 +382,13 @@ ACTIONS = {
         "Draws variants of the shipped scenes by a seed and compares each with a reference of four "
         "times the elements and a quarter of the step (some fifteen minutes).",
         (_variants_options, _json_option),
+    ),
+    "foresight": Action(
+        _foresight,
+        "forecasts of heave, tension and risk against what then happened, on seas drawn by seed",
+        "Hidden ropes with figures of their own, a motion sensor with a coloured error and a noisy "
+        "load pin (some ten minutes).",
+        (_scenes_option, _foresight_options, _json_option),
     ),
     "peers": Action(
         _peers,

@@ -1,0 +1,207 @@
+"""Orders to the winch that a forecast compares, and the line out that each gives.
+
+Every order begins from the line out, the line speed and the compensation of the origin and keeps
+the acceleration of the scene's winch, so that members under different orders differ by the order
+alone. Active heave compensation is that of `twin.winch.components`, for all members at once: it
+answers the hang-off of each member with the scene's efficiency, dead time, lag and limits.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.scene.schema import Winch
+from rope_twin.scene.winch import HeaveCompensation
+
+Floats = NDArray[np.float64]
+
+CONTINUE, HOLD, STOP, LOWER, HAUL, LAND, COMPENSATION = (
+    "continue", "hold", "stop", "lower", "haul", "land", "compensation",
+)  # fmt: skip
+KINDS = (CONTINUE, HOLD, STOP, LOWER, HAUL, LAND, COMPENSATION)
+WITH_SPEED = (LOWER, HAUL, LAND)
+SLACK_AFTER_LANDING_M = 2.0  # line paid out beyond first contact
+USUAL_ACCELERATION = 0.3  # m/s², of a scene without a winch
+USUAL_SPEED = 0.5  # m/s, of `lower`, `haul` and `land` without one
+_WORD = re.compile(r"([a-z]+)(?::(.+))?")
+
+
+@dataclass(frozen=True)
+class Order:
+    """One thing that a winch operator may do now."""
+
+    kind: str  # of KINDS
+    speed_m_per_s: float = 0.0  # above 0, of WITH_SPEED
+    compensation: bool | None = None  # of COMPENSATION; None: as it is
+
+    @property
+    def name(self) -> str:
+        """The order as it is written."""
+        if self.kind in WITH_SPEED:
+            return f"{self.kind}:{self.speed_m_per_s:g}"
+        if self.kind == COMPENSATION:
+            return f"{self.kind}:{'on' if self.compensation else 'off'}"
+        return self.kind
+
+
+def read_order(word: str) -> Order:
+    """Return the order that a word like `hold`, `lower:0.5` or `compensation:off` stands for.
+
+    Raises:
+        InputError: no such order, or a speed that is none.
+    """
+    found = _WORD.fullmatch(word.strip())
+    kind, value = (found[1], found[2]) if found else (word, None)
+    if kind not in KINDS:
+        raise InputError(phrase("order", f"there is no '{kind}'", did_you_mean(kind, KINDS)))
+    if kind == COMPENSATION:
+        if value not in ("on", "off"):
+            right = "give compensation:on or compensation:off"
+            raise InputError(phrase("order", f"'{word}' says neither on nor off", right))
+        return Order(kind, compensation=value == "on")
+    if kind not in WITH_SPEED:
+        if value is not None:
+            raise InputError(phrase("order", f"'{kind}' takes no value", f"write {kind}"))
+        return Order(kind)
+    try:
+        speed = USUAL_SPEED if value is None else float(value)
+    except ValueError:
+        speed = math.nan
+    if not (math.isfinite(speed) and speed > 0.0):
+        right = f"give metres per second above 0, like {kind}:0.5"
+        raise InputError(phrase("order", f"the speed of '{word}' is {value}", right))
+    return Order(kind, speed)
+
+
+@dataclass(frozen=True)
+class LineNow:
+    """The line at the origin."""
+
+    out_m: float
+    speed_m_per_s: float  # commanded: without the compensation, positive = pay out
+    compensated: bool = False  # whether active heave compensation is on
+    stroke_m: float = 0.0  # of it, from its middle
+    to_contact_m: float | None = None  # line to pay out until the payload lands; None: no seabed
+
+
+@dataclass(frozen=True)
+class LinePath:
+    """Line out and its rate at step borders, (steps + 1,) or (steps + 1, members)."""
+
+    out_m: Floats
+    speed_m_per_s: Floats
+    note: str = ""  # which limit holds the order back
+
+
+def check_order(order: Order, winch: Winch | None, now: LineNow) -> None:
+    """Check that a scene can follow an order.
+
+    Raises:
+        InputError: no winch, a speed beyond its limit, no seabed to land on, or no compensation.
+    """
+    if order.kind in (CONTINUE, HOLD) and winch is None:
+        return
+    if winch is None:
+        right = "the scene has no winch; ask for hold"
+        raise InputError(phrase(f"order {order.name}", "nothing pays out or hauls in", right))
+    if order.kind in WITH_SPEED and order.speed_m_per_s > winch.speed_limit_m_per_s:
+        right = f"the winch reaches {winch.speed_limit_m_per_s:g} m/s"
+        raise InputError(phrase(f"order {order.name}", "it is too fast", right))
+    if order.kind == LAND and now.to_contact_m is None:
+        raise InputError(phrase("order land", "the scene has no seabed", "add one to the scene"))
+    if order.kind == COMPENSATION and winch.heave_compensation is None:
+        right = "give the scene's winch heave_compensation"
+        raise InputError(phrase(f"order {order.name}", "there is no compensation", right))
+
+
+def line_path(
+    order: Order, now: LineNow, winch: Winch | None, steps: int, step_s: float
+) -> LinePath:
+    """Return the commanded line out over the steps after the origin, without compensation.
+
+    The speed approaches that of the order with the winch's acceleration (with that of its
+    emergency stop for `stop`) and slows down before its least and most line out.
+
+    Raises:
+        InputError: the scene cannot follow the order.
+    """
+    check_order(order, winch, now)
+    acceleration = winch.acceleration_limit_m_per_s2 if winch else USUAL_ACCELERATION
+    if order.kind == STOP and winch and winch.emergency_stop:
+        acceleration = winch.emergency_stop.deceleration_m_per_s2
+    low = winch.least_line_out_m if winch else -math.inf
+    high = winch.most_line_out_m if winch else math.inf
+    if order.kind == LAND and now.to_contact_m is not None:
+        high = min(high, now.out_m + now.to_contact_m + SLACK_AFTER_LANDING_M)
+    target = {
+        CONTINUE: now.speed_m_per_s, COMPENSATION: now.speed_m_per_s, HOLD: 0.0, STOP: 0.0,
+        LOWER: order.speed_m_per_s, LAND: order.speed_m_per_s, HAUL: -order.speed_m_per_s,
+    }[order.kind]  # fmt: skip
+    out, speed = np.empty(steps + 1), np.empty(steps + 1)
+    length, rate, note = now.out_m, now.speed_m_per_s, ""
+    for k in range(steps + 1):
+        out[k], speed[k] = length, rate
+        room = high - length if rate > 0.0 or target > 0.0 else length - low
+        fastest = math.sqrt(2.0 * acceleration * max(room, 0.0))
+        wanted = math.copysign(min(abs(target), fastest), target)
+        if abs(wanted) < abs(target) and not note:
+            note = f"stops at {high if target > 0.0 else low:g} m of line out"
+        change = min(max(wanted - rate, -acceleration * step_s), acceleration * step_s)
+        length, rate = length + (rate + 0.5 * change) * step_s, rate + change
+    return LinePath(out, speed, note)
+
+
+def compensation_path(
+    params: HeaveCompensation,
+    heave_rate: Floats,
+    on_from: int,
+    on_until: int,
+    step_s: float,
+    stroke_m: float = 0.0,
+) -> tuple[Floats, Floats]:
+    """Return the line that active heave compensation pays out, and its rate, from `on_from` on.
+
+    Args:
+        params: of the scene's winch.
+        heave_rate: of the hang-off at all borders [m/s], (borders, members); those before
+            `on_from` fill dead time and lag.
+        on_from: border at which the stroke is `stroke_m`.
+        on_until: border from which on the compensation is off and slows down.
+        step_s: between borders.
+        stroke_m: from the middle of the stroke, paid out.
+
+    Returns:
+        Line relative to border `on_from` [m] and rate [m/s], (borders - on_from, members) each. The
+        rate there is that of an unlimited compensation.
+    """
+    borders = len(heave_rate)
+    back = params.delay_s / step_s
+    at = np.maximum(np.arange(borders) - back, 0.0)
+    whole = np.minimum(at.astype(np.int64), borders - 2)
+    part = (at - whole)[:, None]
+    delayed = (1.0 - part) * heave_rate[whole] + part * heave_rate[whole + 1]
+    lagged = delayed.copy()
+    if params.lag_s > 0.0:
+        keep = math.exp(-step_s / params.lag_s)
+        for k in range(1, borders):  # exact for a velocity that is linear over the step
+            bend = params.lag_s * (delayed[k] - delayed[k - 1]) / step_s
+            lagged[k] = delayed[k] - bend + (lagged[k - 1] - delayed[k - 1] + bend) * keep
+    limit, most = params.speed_limit_m_per_s, params.acceleration_limit_m_per_s2 * step_s
+    target = np.clip(params.efficiency * lagged, -limit, limit)
+    count = borders - on_from
+    stroke, rate = np.empty((count, heave_rate.shape[1])), np.empty((count, heave_rate.shape[1]))
+    stroke[0], rate[0] = stroke_m, target[on_from] if on_from < on_until else 0.0
+    for k in range(1, count):
+        wanted = target[on_from + k] if on_from + k < on_until else np.zeros(rate.shape[1])
+        new = rate[k - 1] + np.clip(wanted - rate[k - 1], -most, most)
+        room = np.maximum(params.stroke_m - np.sign(new) * stroke[k - 1], 0.0)
+        braking = np.sqrt(2.0 * params.acceleration_limit_m_per_s2 * room)
+        rate[k] = np.clip(new, -braking, braking)
+        stroke[k] = stroke[k - 1] + 0.5 * step_s * (rate[k - 1] + rate[k])
+    return stroke - stroke_m, rate

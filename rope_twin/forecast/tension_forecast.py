@@ -1,0 +1,439 @@
+"""Tension of the next minute: members of a fleet, each with heave and figures of its own.
+
+At an origin the true heave of the last two minutes and of the next one is drawn jointly for each
+member (`heave_process`), with figures (weight, mass, drag, stiffness, ...) from their spread. The
+members run through the past, which spreads them by what the motion sensor's error does to a rope,
+and on into the future. What the load pin measured in the last 40 s shifts the members (ensemble
+smoother, Evensen 2003): with predicted past readings Y, readings y and noise σ,
+
+    T ← T + e^(-(t/τ)²)·(T - mean)·W,  W = Uᵀ-space gain s/(1 + s²) of (Y - mean)/(√(n - 1)·σ),
+
+faded over the lead t, because chance correlations of a finite ensemble carry noise of the past into
+a far future. A band is that of the members times a factor per lead that follows from how often
+earlier bands held (`kept`). Beyond some 20 s the band is the climatology of this sea for this rope.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, SolverError, phrase
+from rope_twin.forecast.heave_process import (
+    AHEAD_S,
+    PAST_S,
+    SAMPLE_S,
+    HeavePaths,
+    HeaveProcess,
+    MeasuredWaves,
+    MotionError,
+    Response,
+)
+from rope_twin.forecast.orders import (
+    COMPENSATION,
+    CONTINUE,
+    LineNow,
+    LinePath,
+    Order,
+    compensation_path,
+    line_path,
+)
+from rope_twin.forecast.score import member_quantiles
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.fleet import (
+    FIGURES,
+    Fleet,
+    FleetInputs,
+    FleetRecord,
+    FleetState,
+    LiveState,
+)
+
+Floats = NDArray[np.float64]
+
+TENSION, BOTTOM, DEPTH, SPEED, MARGIN = (
+    "top_tension_n", "payload_tension_n", "payload_depth_m", "payload_speed_m_per_s",
+    "slack_margin_n",
+)  # fmt: skip
+QUANTITIES = (TENSION, BOTTOM, DEPTH, SPEED, MARGIN)
+# standard deviations of the figures' logarithms, as some minutes of learning leave them with a
+# tared load pin; what is not learned has a wider one
+LEARNED_SPREAD: Mapping[str, float] = {
+    "submerged_weight": 0.005, "oscillating_mass": 0.02, "payload_drag": 0.06,
+    "axial_stiffness": 0.018, "axial_damping": 0.2, "tangential_drag": 0.12,
+}  # fmt: skip
+PIN_S = 40.0  # of load pin readings that shift the members
+PIN_FACTOR = 3.0  # on its noise, for what the rope model lacks
+FADING_S = 8.0  # of the shift over the lead
+JOIN_S = 5.0  # over which a member leaves the heave of the state that it begins from
+LEAST_MEMBERS = 19  # for a 90 % band by ranks
+CLIMATOLOGY_SKILL = 0.5  # of heave below which a lead is called climatology
+
+
+@dataclass(frozen=True)
+class ForecastSettings:
+    """Size of a forecast, and the errors of the sensors."""
+
+    members: int = 48
+    elements: int = 20
+    step_s: float = 0.05
+    burn_in_s: float = 60.0  # of the members through the past; at most 2 min
+    motion_error: MotionError = field(default_factory=MotionError)
+    load_pin_deviation_n: float = 1200.0  # of a mean over SAMPLE_S
+    spread: Mapping[str, float] = field(default_factory=lambda: dict(LEARNED_SPREAD))
+    fading_s: float = FADING_S
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            InputError: too few members, a burn-in beyond the known past, or a spread that is none.
+        """
+        if self.members < LEAST_MEMBERS:
+            right = f"a 90 % band needs {LEAST_MEMBERS}"
+            raise InputError(phrase("forecast", f"{self.members} members", right))
+        if not JOIN_S < self.burn_in_s < PAST_S:
+            what = f"a burn-in of {self.burn_in_s:g} s"
+            right = f"right is more than {JOIN_S:g} s and less than {PAST_S:g} s"
+            raise InputError(phrase("forecast", what, right))
+        if not (self.load_pin_deviation_n > 0.0 and self.fading_s > 0.0):
+            what = f"load pin {self.load_pin_deviation_n:g} N, fading {self.fading_s:g} s"
+            raise InputError(phrase("forecast", what, "give positive numbers"))
+        for name, value in self.spread.items():
+            if name not in FIGURES or not 0.0 <= value <= 1.0:
+                what = f"the spread of {name} is {value:g}"
+                right = f"give 0 to 1 for {', '.join(FIGURES)}"
+                raise InputError(phrase("forecast", what, right))
+
+
+@dataclass(frozen=True)
+class Known:
+    """All that was measured up to the origin, every SAMPLE_S, the newest last."""
+
+    time_s: float  # of the newest sample, the origin
+    heave_m: Floats  # (n,) of the hang-off by the motion sensor, at least 2 min
+    line_out_m: Floats  # (n,)
+    tension_n: Floats | None = None  # (n,) means of the load pin over SAMPLE_S; NaN: missing
+    waves: MeasuredWaves | None = None
+    response: Response | None = None  # heave per elevation, with `waves`
+    compensated: bool = False  # active heave compensation is on
+    command_m_per_s: float | None = None  # line speed commanded; None: by the line itself
+    to_contact_m: float | None = None  # line until the payload lands
+
+    def __post_init__(self) -> None:
+        """Check lengths and values.
+
+        Raises:
+            InputError: rows of different lengths, or not finite.
+        """
+        if len(self.line_out_m) != len(self.heave_m):
+            what = f"{len(self.heave_m)} samples of heave, {len(self.line_out_m)} of line out"
+            raise InputError(phrase("forecast", what, "give as many of each"))
+        if not np.isfinite(self.line_out_m).all():
+            raise InputError(phrase("line out", "it has gaps", "fill them before"))
+        if self.tension_n is not None and len(self.tension_n) != len(self.heave_m):
+            what = f"{len(self.tension_n)} samples of tension, {len(self.heave_m)} of heave"
+            raise InputError(phrase("forecast", what, "give as many of each"))
+
+
+@dataclass(frozen=True)
+class TensionForecast:
+    """Members of one forecast under one order; leads are SAMPLE_S apart."""
+
+    origin_s: float
+    order: str
+    lead_s: Floats  # (leads,)
+    values: Mapping[str, Floats]  # of QUANTITIES, (leads, members), at each lead
+    peak_n: Floats  # largest top tension of the SAMPLE_S up to each lead, (leads, members)
+    heave_skill: Floats  # expected skill of the heave, (leads,)
+    factor: Floats  # on the spread of the members, (leads,)
+    note: str = ""
+
+    @property
+    def members(self) -> int:
+        """Number of members."""
+        return int(self.peak_n.shape[1])
+
+    def band(self, quantity: str = TENSION) -> Floats:
+        """Return the 5, 50 and 95 % quantiles of a quantity, (3, leads)."""
+        return member_quantiles(self.values[quantity], axis=1)
+
+    @property
+    def horizon_s(self) -> float:
+        """Lead up to which heave is known better than its climatology; beyond it is that.
+
+        The largest lead at which the expected skill of the heave is CLIMATOLOGY_SKILL.
+        """
+        known = np.flatnonzero(self.heave_skill >= CLIMATOLOGY_SKILL)
+        return float(self.lead_s[known[-1]]) if len(known) else 0.0
+
+
+def smoother_gain(predicted: Floats, readings: Floats, deviation: float, noise: Floats) -> Floats:
+    """Return the weights W by which members follow readings, (members, members).
+
+    A quantity x of the members, (..., members), becomes x + (x - mean)·W.
+
+    predicted: what each member would have read, (readings, members); readings: (readings,);
+    deviation: standard deviation of a reading; noise: normal draws of it, (readings, members), by
+    which members keep their spread (Burgers, van Leeuwen and Evensen 1998).
+    """
+    members = predicted.shape[1]
+    apart = (predicted - predicted.mean(axis=1, keepdims=True)).T / math.sqrt(members - 1.0)
+    left, size, right = np.linalg.svd(apart / deviation, full_matrices=False)
+    missed = ((readings[:, None] + noise - predicted) / deviation).T
+    weights = (missed @ right.T * (size / (1.0 + size**2))) @ left.T / math.sqrt(members - 1.0)
+    return np.asarray(weights.T)
+
+
+class TensionForecaster:
+    """Forecasts one rope again and again, on a fleet of its own."""
+
+    def __init__(self, scene: Scene, settings: ForecastSettings | None = None) -> None:
+        """Build the fleet.
+
+        Raises:
+            InputError: a scene that fleets do not step, or settings that are not possible.
+            SceneError: the scene cannot be built, or has no static equilibrium.
+        """
+        own = self.settings = settings or ForecastSettings()
+        self.scene = scene
+        self.fleet = Fleet(scene, own.members, elements=own.elements, step_s=own.step_s)
+        self._steps = round(SAMPLE_S / own.step_s)
+        if self._steps < 1 or abs(self._steps * own.step_s - SAMPLE_S) > 1e-9:
+            what = f"a step of {own.step_s:g} s"
+            raise InputError(phrase("forecast", what, f"give a whole part of {SAMPLE_S:g} s"))
+        self._random = np.random.default_rng(own.seed)
+        self.leads: Floats = np.asarray(
+            SAMPLE_S * np.arange(1, round(AHEAD_S / SAMPLE_S) + 1, dtype=np.float64)
+        )
+
+    def forecast(
+        self,
+        known: Known,
+        start: FleetState | LiveState,
+        orders: Sequence[Order] = (Order(CONTINUE),),
+        factor: Floats | None = None,
+        plan: LinePath | None = None,
+    ) -> list[TensionForecast]:
+        """Return a forecast for each order, all on the same heave paths, member by member.
+
+        Args:
+            known: measured up to the origin.
+            start: state of the rope `burn_in_s` before the origin, on measured heave.
+            orders: what the winch does from the origin on.
+            factor: on the spread of top tension at each lead; None: 1.
+            plan: line out from the origin on at every step, in place of `continue`.
+
+        Raises:
+            InputError: too little is known, or an order that the scene cannot follow.
+            SolverError: fewer than LEAST_MEMBERS members came through.
+        """
+        winch = self.scene.winch
+        now = self._now(known)
+        ahead = len(self.leads) * self._steps
+        lines = [
+            plan if plan is not None and order.kind == CONTINUE
+            else line_path(order, now, winch, ahead, self.settings.step_s)
+            for order in orders
+        ]  # fmt: skip
+        paths = self._paths(known)
+        motion = self._motion(known, paths)
+        self._draw_figures()
+        states, weights = self._through_the_past(known, motion, start)
+        records: list[FleetRecord] = []
+        for order, line in zip(orders, lines, strict=True):
+            if records:
+                self.fleet.restore(states)
+            records.append(self._ahead(known, motion, order, line, now))
+        good = self._came_through(records)
+        return [
+            self._forecast(known, paths, order, line, record, good, weights, factor)
+            for order, line, record in zip(orders, lines, records, strict=True)
+        ]
+
+    def _came_through(self, records: Sequence[FleetRecord]) -> NDArray[np.bool_]:
+        """Return which members came through under every order. Raises SolverError: too few."""
+        good = np.all([np.isfinite(one.top_tension_n).all(axis=0) for one in records], axis=0)
+        if int(good.sum()) < LEAST_MEMBERS:
+            why = next((w for one in records for w in one.failures.values()), "no reason is known")
+            what = f"{int((~good).sum())} of {len(good)} members failed ({why.rstrip('.')})"
+            right = "check the scene at this line out and in this sea"
+            raise SolverError(phrase("forecast", what, right))
+        return np.asarray(good)
+
+    def _paths(self, known: Known) -> HeavePaths:
+        heave = known.heave_m - known.heave_m.mean()
+        process = HeaveProcess.of_record(heave, self.settings.motion_error)
+        paths = process.paths(heave, waves=known.waves, response=known.response)
+        return paths.for_unknown_spectrum()
+
+    def _motion(self, known: Known, paths: HeavePaths) -> tuple[Floats, Floats]:
+        """Return heave [m] and rate [m/s] at the borders from the burn-in on, (borders, members).
+
+        A member begins with the measured heave, on which the state is, and goes over to its own.
+        """
+        from scipy.interpolate import CubicSpline  # slow to import
+
+        own = self.settings
+        drawn = paths.draw(own.members, self._random) + known.heave_m.mean()
+        spline = CubicSpline(paths.lead_s, drawn, axis=1)
+        count = round((own.burn_in_s + AHEAD_S) / own.step_s) + 1
+        at = own.step_s * np.arange(count) - own.burn_in_s
+        z, v = spline(at).T, spline(at, 1).T
+        past = min(len(known.heave_m), round(PAST_S / SAMPLE_S))
+        told = CubicSpline(SAMPLE_S * np.arange(1 - past, 1), known.heave_m[-past:])
+        early = at < JOIN_S - own.burn_in_s
+        begun = (at[early] + own.burn_in_s) / JOIN_S
+        share = (0.5 - 0.5 * np.cos(np.pi * begun))[:, None]
+        slope = (0.5 * np.pi / JOIN_S * np.sin(np.pi * begun))[:, None]
+        base, base_rate = told(at[early])[:, None], told(at[early], 1)[:, None]
+        v[early] = base_rate + share * (v[early] - base_rate) + slope * (z[early] - base)
+        z[early] = base + share * (z[early] - base)
+        return np.ascontiguousarray(z), np.ascontiguousarray(v)
+
+    def _draw_figures(self) -> None:
+        """Set figures of all members, log-normal about the scene's own."""
+        factors: dict[str, float | Floats] = {}
+        for name, spread in self.settings.spread.items():
+            draws = self._random.standard_normal(self.settings.members)
+            if name in self.fleet.figures:
+                factors[name] = np.asarray(np.exp(spread * draws - 0.5 * spread**2))
+        if factors:
+            self.fleet.set_figures(factors)
+
+    def _line_of(self, known: Known) -> tuple[Floats, Floats]:
+        """Return measured line out [m] and rate [m/s] at the borders of the burn-in."""
+        from scipy.interpolate import CubicSpline
+
+        own = self.settings
+        count = round(PAST_S / SAMPLE_S)
+        spline = CubicSpline(SAMPLE_S * np.arange(1 - count, 1), known.line_out_m[-count:])
+        at = own.step_s * np.arange(round(own.burn_in_s / own.step_s) + 1) - own.burn_in_s
+        return spline(at), spline(at, 1)
+
+    def _now(self, known: Known) -> LineNow:
+        """Return the line at the origin; its speed without what the compensation adds."""
+        _, rate = self._line_of(known)
+        speed = float(rate[-1])
+        params = self.scene.winch.heave_compensation if self.scene.winch else None
+        if known.command_m_per_s is not None:
+            speed = known.command_m_per_s
+        elif known.compensated and params is not None:
+            over = round(20.0 / SAMPLE_S)  # the compensation's mean over some waves is none
+            speed = float(known.line_out_m[-1] - known.line_out_m[-1 - over]) / 20.0
+        return LineNow(
+            float(known.line_out_m[-1]), speed, known.compensated and params is not None, 0.0,
+            known.to_contact_m,
+        )  # fmt: skip
+
+    def _through_the_past(
+        self, known: Known, motion: tuple[Floats, Floats], start: FleetState | LiveState
+    ) -> tuple[list[FleetState], Floats | None]:
+        """Run through the past; return the states at the origin and the load pin's weights."""
+        own, fleet = self.settings, self.fleet
+        if isinstance(start, LiveState):
+            fleet.begin_from(start)
+        else:
+            fleet.restore(start)
+        borders = round(own.burn_in_s / own.step_s) + 1
+        line, rate = self._line_of(known)
+        z, v = motion
+        past = fleet.advance(FleetInputs(z[:borders], v[:borders], line, rate), self._steps)
+        weights = self._pin_weights(known, past)
+        states = [fleet.state(k) for k in range(len(fleet))]
+        return states, weights
+
+    def _pin_weights(self, known: Known, past: FleetRecord) -> Floats | None:
+        """Return weights of the members by the load pin's readings; None: there are none."""
+        if known.tension_n is None:
+            return None
+        own = self.settings
+        count = min(round(PIN_S / SAMPLE_S), round(own.burn_in_s / SAMPLE_S))
+        predicted = past.top_tension_n[-count * self._steps :]
+        predicted = predicted.reshape(count, self._steps, -1).mean(axis=1)
+        readings = known.tension_n[-count:]
+        good = np.isfinite(readings)
+        if not good.any() or not np.isfinite(predicted).all():
+            return None
+        deviation = PIN_FACTOR * own.load_pin_deviation_n
+        noise = deviation * self._random.standard_normal((int(good.sum()), predicted.shape[1]))
+        return smoother_gain(predicted[good], readings[good], deviation, noise)
+
+    def _ahead(
+        self,
+        known: Known,
+        motion: tuple[Floats, Floats],
+        order: Order,
+        line: LinePath,
+        now: LineNow,
+    ) -> FleetRecord:
+        own = self.settings
+        border = round(own.burn_in_s / own.step_s)
+        z, v = motion
+        out, speed = line.out_m, line.speed_m_per_s
+        params = self.scene.winch.heave_compensation if self.scene.winch else None
+        begins, stays = now.compensated, now.compensated
+        if order.kind == COMPENSATION:
+            stays = bool(order.compensation)
+        if params is not None and (begins or stays):
+            first = max(border - round(20.0 / own.step_s), 0)
+            at = border - first
+            until = len(v) if stays else at + 1
+            added, rate = compensation_path(params, v[first:], at, until, own.step_s)
+            if stays and not begins:  # it begins from rest
+                gone = np.minimum(np.arange(len(rate)) * own.step_s / JOIN_S, 1.0)[:, None]
+                rate = rate * gone
+                steps = 0.5 * own.step_s * (rate[1:] + rate[:-1])
+                added = np.vstack([np.zeros_like(rate[:1]), np.cumsum(steps, axis=0)])
+            out, speed = out[:, None] + added, speed[:, None] + rate
+        return self.fleet.advance(FleetInputs(z[border:], v[border:], out, speed), self._steps)
+
+    def _forecast(
+        self,
+        known: Known,
+        paths: HeavePaths,
+        order: Order,
+        line: LinePath,
+        record: FleetRecord,
+        good: NDArray[np.bool_],
+        weights: Floats | None,
+        factor: Floats | None,
+    ) -> TensionForecast:
+        leads, steps = len(self.leads), self._steps
+        step_lead: Floats = np.asarray(self.settings.step_s * np.arange(1.0, leads * steps + 1))
+
+        def shifted(values: Floats, lead_s: Floats) -> Floats:
+            if weights is None or not good.all():
+                return values[:, good]
+            near = np.exp(-((lead_s / self.settings.fading_s) ** 2))[:, None]
+            return np.asarray(
+                values + near * ((values - values.mean(axis=1, keepdims=True)) @ weights)
+            )
+
+        own = np.ones(leads) if factor is None else np.asarray(factor, np.float64)
+        top = shifted(record.top_tension_n, step_lead)
+        middle = np.median(top, axis=1, keepdims=True)
+        top = middle + np.repeat(own, steps)[:, None] * (top - middle)
+        by_lead = top.reshape(leads, steps, -1)
+        values = {
+            TENSION: by_lead[:, -1],
+            BOTTOM: shifted(record.payload_tension_n, self.leads),
+            DEPTH: shifted(record.payload_depth_m, self.leads),
+            SPEED: shifted(record.payload_speed_m_per_s, self.leads),
+            MARGIN: record.least_tension_n[:, good],
+        }
+        notes = [line.note] if line.note else []
+        if not good.all():
+            lost = int((~good).sum())
+            notes.append(
+                f"{lost} of {len(good)} members failed; they and the load pin are left out"
+            )
+        return TensionForecast(
+            known.time_s, order.name, self.leads, values, by_lead.max(axis=1),
+            paths.skill()[-leads:], own, "; ".join(notes),
+        )  # fmt: skip
