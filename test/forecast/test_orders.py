@@ -42,7 +42,8 @@ def test_words_of_orders() -> None:
 
 @pytest.mark.parametrize(
     ("word", "fault"),
-    [("lower_it", "there is no"), ("hall", "did you mean"), ("lower:fast", "speed"), ("haul:-1", "speed"),
+    [("lower_it", "there is no"), ("hall", "did you mean"), ("lower:fast", "speed"),
+     ("haul:-1", "speed"),
      ("hold:2", "value"),
      ("lower:nan", "speed"), ("compensation:maybe", "neither"), ("", "no ''")],
 )  # fmt: skip
