@@ -21,6 +21,7 @@ from benchmarks import (
     effect_speed,
     ensemble_speed,
     error_interval,
+    fleet_speed,
     line_speed,
     orders,
     performance_page,
@@ -170,6 +171,19 @@ def _ensemble(args: argparse.Namespace, progress: CaseProgress) -> int:
     rows = ensemble_speed.ensemble_rows(cases, progress.show)
     _tell(args, [asdict(row) for row in rows], ensemble_speed.ensemble_table(rows))
     return 1 if any(row.unequal for row in rows) else 0
+
+
+def _fleet(args: argparse.Namespace, progress: CaseProgress) -> int:
+    """Run the benchmark of fleets; exit code 1 if a member failed."""
+    plan = fleet_speed.QUICK if args.quick else fleet_speed.FULL
+    found = fleet_speed.measure_fleet(plan, progress.show)
+    if args.json:
+        print(json.dumps(asdict(found), ensure_ascii=False, allow_nan=False))
+    else:
+        print_table(fleet_speed.fleet_table(found.rows))
+        print()
+        print_table(fleet_speed.state_table(found.states))
+    return 1 if any(row.failed for row in found.rows) else 0
 
 
 def _statics(args: argparse.Namespace, progress: CaseProgress) -> int:
@@ -345,6 +359,13 @@ ACTIONS = {
         _ensemble,
         "a thousand ropes together, beside one alone; some run again alone for equality",
         options=(_json_option,),
+    ),
+    "fleet": Action(
+        _fleet,
+        "short horizons of many members from one state, with the error of their mesh and step",
+        "Runs 100 members, and four orders of the winch in 48 seas, for a minute of twin time "
+        "(some two minutes).",
+        (_json_option,),
     ),
     "lines": Action(
         _lines,

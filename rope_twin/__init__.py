@@ -13,13 +13,38 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rope_twin.scene.load import load_scene
+    from rope_twin.twin.ensemble.fleet import (
+        Fleet,
+        FleetInputs,
+        FleetRecord,
+        FleetState,
+        LiveState,
+        live_state,
+    )
     from rope_twin.twin.public import Twin
     from rope_twin.twin.snapshot import Snapshot
 
 __version__ = "0.1.0"
-__all__ = ["Snapshot", "Twin", "load_scene"]
+__all__ = [
+    "Fleet",
+    "FleetInputs",
+    "FleetRecord",
+    "FleetState",
+    "LiveState",
+    "Snapshot",
+    "Twin",
+    "live_state",
+    "load_scene",
+]
 
+_FLEET = "rope_twin.twin.ensemble.fleet"
 _HOMES = {
+    "Fleet": _FLEET,
+    "FleetInputs": _FLEET,
+    "FleetRecord": _FLEET,
+    "FleetState": _FLEET,
+    "LiveState": _FLEET,
+    "live_state": _FLEET,
     "load_scene": "rope_twin.scene.load",
     "Snapshot": "rope_twin.twin.snapshot",
     "Twin": "rope_twin.twin.public",

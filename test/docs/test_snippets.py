@@ -19,7 +19,11 @@ OVER_ROS = "winch_and_mru"  # test/ros/test_tutorial_feed.py runs that one
 LESSONS = [page for page in TUTORIALS.glob("*.md") if page.stem not in ("index", OVER_ROS)]
 
 
-@pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(LESSONS)], ids=lambda page: page.stem)
+GUIDES = [ROOT / "docs" / "how-to" / "fleet.md"]
+PAGES = [ROOT / "README.md", *sorted(LESSONS), *GUIDES]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_runs(page: Path, tmp_path: Path) -> None:
     ran = list(run_page(page, tmp_path))
     assert ran

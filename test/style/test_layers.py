@@ -37,6 +37,12 @@ VAGUE = {"utils", "util", "helpers", "helper", "common", "manager", "base", "mis
 COMPILER = PACKAGE / "core" / "jit"
 PUBLIC_NUMBA = {"numba.config", "numba.types", "numba.extending.overload"}
 PRINTERS = {"cli"}
+# the floors of public names
+PUBLIC = {"load_scene": "scene"} | dict.fromkeys(
+    ("Fleet", "FleetInputs", "FleetRecord", "FleetState", "LiveState", "Snapshot", "Twin",
+     "live_state"),
+    "twin",
+)  # fmt: skip
 
 
 def part(path: Path) -> str:
@@ -84,7 +90,7 @@ def room_of(name: str) -> str | None:
     if len(words) == 1 or not (
         (PACKAGE / words[1]).is_dir() or (PACKAGE / f"{words[1]}.py").exists()
     ):
-        return {"Twin": "twin", "Snapshot": "twin", "load_scene": "scene"}.get(words[-1], "errors")
+        return PUBLIC.get(words[-1], "errors")
     return words[1]
 
 

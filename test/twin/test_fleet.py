@@ -117,6 +117,7 @@ def test_wrong_figures_are_refused(fleet: Fleet, factors: dict, words: str) -> N
         ({"heave_m": np.zeros(5)}, "heave_rate_m_per_s: shape"),
         ({"heave_rate_m_per_s": np.full(11, np.inf)}, "heave_rate_m_per_s: a value is not finite"),
         ({"line_out_m": np.full(11, 1.0)}, "line_out_m: 1 to 1 m"),
+        ({"line_out_m": np.full(11, 202.0)}, "begins at 202 m, member 0 has"),
         ({"line_speed_m_per_s": np.zeros((11, 3))}, "line_speed_m_per_s: shape"),
     ],
 )

@@ -47,6 +47,8 @@ __all__ = [
     "FIGURES", "Fleet", "FleetInputs", "FleetRecord", "FleetState", "LiveState", "live_state",
 ]  # fmt: skip
 
+LEAP_M = 1.0  # of the line out at the beginning: more stretches the top element beyond any rope
+
 
 @dataclass(frozen=True)
 class FleetState:
@@ -285,12 +287,15 @@ class Fleet:
             what = f"{float(line_m.min()):g} to {float(line_m.max()):g} m"
             right = f"this mesh takes more than {least:g} m, and at most {most:g} m"
             raise InputError(phrase("fleet: line_out_m", what, right))
-        top = members.states.counts[:, rows.ELEMENTS] - 1
-        below = members.states.s[np.arange(len(self)), top]
-        for k in np.flatnonzero(line_m[0] <= below).tolist():
+        all_ = np.arange(len(self))
+        top = members.states.counts[:, rows.ELEMENTS]
+        length, below = members.states.s[all_, top], members.states.s[all_, top - 1]
+        wrong = (abs(line_m[0] - length) > LEAP_M) | (line_m[0] <= below)
+        for k in np.flatnonzero(wrong).tolist():
             if k not in members.failures:
-                what = f"member {k} has a node at {below[k]:g} m, above its line out"
-                right = "begin with the paid-out length of its state"
+                first = float(np.broadcast_to(line_m[0], (len(self),))[k])
+                what = f"it begins at {first:g} m, member {k} has {length[k]:g} m of rope out"
+                right = f"begin within {LEAP_M:g} m of the member's state"
                 raise InputError(phrase("fleet: line_out_m", what, right))
 
     def _run(self, stretch: Stretch) -> None:
