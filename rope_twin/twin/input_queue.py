@@ -71,7 +71,7 @@ class InputQueue:
         self._waiting: list[Call] = []
         self._waiting_numbers = 0
         self._level = twin.level
-        self._due: Callable[[], None] | None = None
+        self._due: list[Callable[[], None]] = []
         self.refused = 0  # inputs rejected because the queue was full
 
     @property
@@ -81,11 +81,11 @@ class InputQueue:
 
     def begin(self) -> None:
         """Start a session of the log; its header must state the accuracy level."""
-        self._level, self._due = self._twin.level, None
+        self._level, self._due = self._twin.level, []
 
     def at_next_slot(self, call: Callable[[], None]) -> None:
         """Make the stepping thread call a function once, before the inputs of its next cycle."""
-        self._due = call
+        self._due.append(call)
 
     def advance(self, steps: int) -> None:
         """Apply the inputs that came since the previous cycle, then advance.
@@ -93,9 +93,10 @@ class InputQueue:
         Raises:
             SolverError: a step failed.
         """
-        if self._due is not None:
-            call, self._due = self._due, None
-            call()
+        if self._due:
+            calls, self._due = self._due, []
+            for call in calls:
+                call()
         self._apply()
         self._stepper.advance(steps)
 
@@ -128,6 +129,10 @@ class InputQueue:
     def offer_measurement(self, measurement: Measurement) -> str:
         """Queue measured values; return "" or the reason for their rejection."""
         return self._put(Call("offer_measurement", (measurement,), {}))
+
+    def offer_figures(self, **named: float) -> str:
+        """Queue factors on the scene's figures; return "" or the reason for their rejection."""
+        return self._put(Call("offer_figures", (), dict(named)))
 
     def take_remark(self, words: str) -> str:
         """Queue a remark on inputs that were kept from the twin; return "" or its rejection."""

@@ -15,6 +15,7 @@ from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
 from rope_twin.twin.current_input import CurrentInput
 from rope_twin.twin.cutting.cut_input import CutInput
 from rope_twin.twin.health import InputCounter
+from rope_twin.twin.learned_figures import RAMP_S, FigureBase, LearnedFigures
 from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.measured.residuals import MeasuredInputs
 from rope_twin.twin.motion.hang_off import HangOffTrack
@@ -24,6 +25,8 @@ from rope_twin.twin.snapshot import BORDER, InputHealth
 from rope_twin.twin.state import Clock
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
 from rope_twin.twin.winch.winch import Winch, winch_of_rope
+
+FIGURES_INPUT = "figures"
 
 
 class InputState(NamedTuple):
@@ -37,6 +40,7 @@ class InputState(NamedTuple):
     profiles: int
     measured: MeasuredInputs
     border: InputCounter
+    figures: LearnedFigures
 
 
 class TwinInputs:
@@ -54,6 +58,8 @@ class TwinInputs:
         self.cut = CutInput(scene)
         self.measured = MeasuredInputs(scene)
         self.border = InputCounter(BORDER)  # what was kept from the twin, in words
+        self.figures = LearnedFigures()
+        self._base = FigureBase(ropes.first)
         self.validity = StudyValidity(scene)
         self._digest = self.validity.digest  # a run may resume in a scene with another schedule
         self._profiles = 0  # current profiles accepted before the newest step
@@ -68,12 +74,13 @@ class TwinInputs:
     def state(self) -> InputState:
         """Return the inputs' state; its parts are the inputs themselves."""
         own = self.heave, self.winch, self.current, self.cut, self.validity, self._profiles
-        return InputState(*own, self.measured, self.border)
+        return InputState(*own, self.measured, self.border, self.figures)
 
     def restore(self, state: InputState) -> None:
         """Continue with the inputs of a state."""
         self.heave, self.winch, self.current, self.cut, self.validity = state[:5]
-        self._profiles, self.measured, self.border = state[5:]
+        self._profiles, self.measured, self.border, self.figures = state[5:]
+        self._apply_figures()
         self.validity.resume(self._digest)
 
     def expect_motion(self, own: SceneMotion | None) -> None:
@@ -185,6 +192,32 @@ class TwinInputs:
             named = measurement._replace(rows=rows)
             return self.measured.offer(named, self._clock.time_ns, self._follow)
 
+    def offer_figures(self, ramp_s: float = RAMP_S, **factors: float) -> str:
+        """Lead the first rope's figures over to factors on the scene's; return "" or the rejection.
+
+        ramp_s: time that it takes [s]; factors: by the names of FIGURES, without the current.
+        """
+        with self.lock:
+            now_ns = self._clock.time_ns
+            cut = self.cut.done is not None
+            refusal = self.figures.offer(self.ropes.first, factors, ramp_s, now_ns, cut)
+            if not refusal:
+                at_s = now_ns * 1e-9
+                self.validity.invalidate(f"learned figures were taken over at {at_s:.2f} s")
+            return refusal
+
+    def steps_before(self, now_ns: int, step_ns: int, steps: int) -> int:
+        """Return the number of steps before the next cut or change of figures, at most `steps`."""
+        steps = self.cut.steps_before(now_ns, step_ns, steps)
+        return self.figures.steps_before(now_ns, step_ns, steps)
+
+    def _apply_figures(self) -> None:
+        """Set the figures of the present, if any were taken over."""
+        if self.figures.active and self.cut.done is None:
+            factors = self.figures.at(self._clock.time_ns)
+            first = self.ropes.first
+            self.current.effects = self._base.apply(factors, first, self.current.effects)
+
     def take_remark(self, words: str) -> str:
         """Report inputs that were kept from the twin, as WARN for a minute; return ""."""
         with self.lock:
@@ -213,7 +246,11 @@ class TwinInputs:
             self.measured.invalidate()
 
     def check_profiles(self) -> None:
-        """Mark the known error as unknown after a current profile; call it under the lock."""
+        """Mark the known error as unknown after a current profile; call it under the lock.
+
+        Figures that are being taken over get their values of now.
+        """
+        self._apply_figures()
         accepted = self.current.counter.accepted
         if accepted != self._profiles:
             self._profiles = accepted
@@ -224,6 +261,7 @@ class TwinInputs:
         """Return the health of each input; call it under the lock."""
         now = self._clock.time_ns
         kept_out = self.border.health(now, False)
+        learned = self.figures.counter.health(now, False)
         return {
             "heave": self.heave.health(now),
             **self.winch.health(now),
@@ -231,4 +269,5 @@ class TwinInputs:
             **self.cut.health(now),
             **self.measured.health(now),
             **({BORDER: kept_out} if kept_out.warning else {}),
+            **({FIGURES_INPUT: learned} if learned.accepted or learned.note else {}),
         }

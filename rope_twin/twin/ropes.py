@@ -192,7 +192,8 @@ class OneRope(SingleWinch):
         return {}
 
     def take_back(self, values: dict[str, Any], first: Rope) -> None:
-        """Restore no additional state."""
+        """Continue with the first rope; there is no additional state."""
+        self.first = first
 
 
 def ropes_of(scene: Scene, steps: int) -> Ropes:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rope_twin.twin.motion.boundary_conditions import MotionState
     from rope_twin.twin.run_record import RecordState
 
-FORMAT = 8  # of a saved state; raise it with every change of what a state holds
+FORMAT = 9  # of a saved state; raise it with every change of what a state holds
 
 
 class ClockState(NamedTuple):

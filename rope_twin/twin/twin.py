@@ -89,8 +89,7 @@ class Twin:
     ) -> str:
         """Submit a heave sample of the hang-off, + up; return "" or the reason for its rejection.
 
-        received_ns: arrival by the twin's clock, in twin time, to judge the sender's clock; None:
-        unknown.
+        received_ns: arrival in twin time, to judge the sender's clock; None: unknown.
         """
         return self.inputs.offer_heave(stamp_ns, position_m, velocity_m_per_s, received_ns)
 
@@ -115,10 +114,7 @@ class Twin:
         return refusal
 
     def offer_current(self, profile: ArrayLike) -> str:
-        """Submit a current profile; return "" or the reason for its rejection.
-
-        profile: rows of z [m], east, north [m/s] from the surface down, (rows, 3).
-        """
+        """Submit rows of z [m], east, north [m/s] downward, (n, 3); return "" or the rejection."""
         return self.inputs.offer_current(profile)
 
     def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
@@ -136,6 +132,10 @@ class Twin:
     def take_remark(self, words: str) -> str:
         """Report inputs that were kept from the twin, for its quality index; return ""."""
         return self.inputs.take_remark(words)
+
+    def offer_figures(self, **named: float) -> str:
+        """Lead figures over to factors on the scene's; return "" or the rejection (TwinInputs)."""
+        return self.inputs.offer_figures(**named)
 
     def prescribe_motion(self) -> None:
         """Accept computed heave (step, pluck, stop): only order, range, finiteness are checked."""
@@ -310,7 +310,7 @@ class Twin:
             due = inputs.cut.take(clock.time_ns, self._length_m)
             if due is not None:
                 self._cut_here(*due)
-            steps = inputs.cut.steps_before(clock.time_ns, self.step_ns, steps)
+            steps = inputs.steps_before(clock.time_ns, self.step_ns, steps)
             now = Present(clock.time_ns, self.step_ns, system.first, self.top_pull_n)
             return self.rope, self._motion.fill(steps, inputs, now)
 

@@ -115,7 +115,7 @@ def run_campaign(
     tared: bool,
     minutes: int = 10,
     variants: Sequence[str] = ("clean",),
-    report: Callable[[str], None] = lambda words: None,
+    report: Callable[[int, int, str], None] = lambda number, count, words: None,
 ) -> dict[str, list[Run]]:
     """Return the runs of each variant over truths of a scene in a sea."""
     prior = campaign_prior(scene, tared)
@@ -126,7 +126,7 @@ def run_campaign(
     for number, truth in enumerate(made, start=1):
         for name in variants:
             found[name].append(learn(scene, prior, VARIANTS[name](truth)))
-        report(f"{number} of {len(made)} truths")
+        report(number, len(made), f"truth {truth.seed}")
     return found
 
 

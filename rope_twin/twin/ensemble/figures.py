@@ -162,3 +162,32 @@ def _times(factor: Any, field: Any, times: Any) -> Any:
         return tuple(_times(factor, one, times) for one in field)
     value = times(factor, field)
     return value if np.ndim(value) else float(value)
+
+
+def scaled_sections(sections: Floats, factors: Mapping[str, float]) -> Floats:
+    """Return sections with axial stiffness and damping multiplied, (SECTION_ROWS, sections)."""
+    found = sections.copy()
+    for name, row in _SECTION_ROWS.items():
+        found[row] *= factors[name]
+    return found
+
+
+def scaled_fields(
+    base: tuple[Any, ...], effects: tuple[Any, ...], factors: Mapping[str, float]
+) -> tuple[Any, ...]:
+    """Return effects whose figures, but the current, are those of `base` times the factors.
+
+    Everything else of the effects is kept, whatever their mesh. factors: of all FIGURES.
+    """
+    made = []
+    for own, first in zip(effects, base, strict=True):
+        inside = _INSIDE.get(type(own))
+        if inside is not None:
+            (inner,) = scaled_fields((getattr(first, inside),), (getattr(own, inside),), factors)
+            made.append(own._replace(**{inside: inner}))
+            continue
+        fields = _FIELDS.get(type(own), {})
+        names = [name for figure in fields if figure != "current" for name in fields[figure]]
+        scaled = _scaled(first, factors, np.multiply) if names else first
+        made.append(own._replace(**{name: getattr(scaled, name) for name in names}))
+    return tuple(made)

@@ -1,0 +1,137 @@
+"""Figures that a run takes over: ramp, equality with a scene of these figures, state, replay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_scene import small_scene
+
+from rope_twin import Twin
+from rope_twin.errors import InputError
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.twin.input_queue import InputQueue, LogEntry, apply, calls_of, plain_calls
+from rope_twin.twin.learned_figures import LearnedFigures
+
+
+@pytest.fixture
+def twin(tmp_path: Path) -> Twin:
+    """Return a twin of the small scene."""
+    return Twin(small_scene(tmp_path))
+
+
+def test_the_rope_comes_to_the_equilibrium_of_its_new_weight(twin: Twin) -> None:
+    """5 % more weight ends at 5 % of it more tension; after a jump it would reach twice as much."""
+    before = twin.top_pull_n
+    weight_n = 9.80665 * (8000.0 - 1.5 * 1025.0)
+    assert twin.offer_figures(ramp_s=4.0, submerged_weight=1.05) == ""
+    seen = []
+    for _ in range(60):
+        twin.advance(20)
+        seen.append(twin.top_pull_n - before)
+    assert seen[-1] == pytest.approx(0.05 * weight_n, rel=0.01)
+    assert max(seen) < 1.1 * 0.05 * weight_n
+    assert seen[9] == pytest.approx(0.5 * 0.05 * weight_n, rel=0.1)  # half of the ramp
+    note = twin.snapshot().inputs["figures"].note
+    assert "submerged_weight 1.05" in note
+
+
+def test_figures_are_those_of_a_scene_with_them(tmp_path: Path, twin: Twin) -> None:
+    """A twin that took over 1.3 times the drag moves as one whose scene has it, to the bit."""
+    scene = small_scene(tmp_path)
+    area = "payloads[0].drag_area_m2"
+    base = twin.rope.effects
+    other = change_scene(scene, [Change("payloads[0].shape.box.height_m", 1.0)])
+    assert twin.offer_figures(ramp_s=0.0, payload_drag=1.3, axial_stiffness=0.9) == ""
+    twin.advance(1)
+    changed = {type(e).__name__: e for e in twin.rope.effects}
+    before = {type(e).__name__: e for e in base}
+    assert changed["Payload"].kz == 1.3 * before["Payload"].kz
+    assert changed["Payload"].W == before["Payload"].W
+    assert changed["Drag"] == before["Drag"]
+    fresh = Twin(other)
+    assert np.array_equal(twin.rope.sections[1], 0.9 * fresh.rope.sections[1]), area
+
+
+def test_a_saved_state_goes_on_within_the_ramp(tmp_path: Path, twin: Twin) -> None:
+    """A run that resumes half-way up the ramp is bit-identical to one that was not interrupted."""
+    twin.offer_figures(ramp_s=2.0, submerged_weight=1.1, payload_drag=0.8, axial_damping=1.5)
+    twin.advance(77)
+    state = twin.capture()
+    again = Twin.restore(state, twin.scene)
+    for one in (twin, again):
+        one.advance(300)
+    assert np.array_equal(twin.rope.state.nodes, again.rope.state.nodes)
+    assert again.rope.effects[-1] == twin.rope.effects[-1]
+    parts = Twin.restore(state, twin.scene)
+    for steps in (3, 40, 1, 256):
+        parts.advance(steps)
+    assert np.array_equal(twin.rope.state.nodes, parts.rope.state.nodes)
+    branch = twin.branch()
+    for one in (twin, branch):
+        one.offer_figures(ramp_s=1.0, submerged_weight=0.9)
+        one.advance(50)
+    assert np.array_equal(twin.rope.state.nodes, branch.rope.state.nodes)
+
+
+def test_taking_over_is_logged_and_repeated(tmp_path: Path) -> None:
+    """The log of a queue, written as JSON and read, gives the same run to the bit."""
+    scene = small_scene(tmp_path)
+    log: list[LogEntry] = []
+    twin = Twin(scene)
+    queue = InputQueue(twin, twin, log.append)
+    queue.advance(10)
+    assert queue.offer_figures(ramp_s=1.0, submerged_weight=1.02) == ""
+    queue.advance(200)
+    (entry,) = log
+    again = Twin(scene)
+    again.advance(10)
+    apply(again, calls_of(plain_calls(entry.calls)))
+    again.advance(200)
+    assert np.array_equal(twin.rope.state.nodes, again.rope.state.nodes)
+
+
+def test_a_current_profile_and_a_coarser_mesh_keep_the_figures(twin: Twin) -> None:
+    """Both change the effects in use; the factors stay, and the profile too."""
+    twin.offer_figures(ramp_s=0.0, payload_drag=1.2)
+    twin.advance(2)
+    drag = next(e.kz for e in twin.rope.effects if hasattr(e, "kz"))
+    assert twin.offer_current([[0.0, 0.2, 0.0], [-300.0, 0.0, 0.0]]) == ""
+    twin.advance(2)
+    assert next(e.kz for e in twin.rope.effects if hasattr(e, "kz")) == drag
+    flow = next(e for e in twin.rope.effects if hasattr(e, "U"))
+    assert flow.U.max() == 0.2
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"weight": 1.1}, "no figure 'weight'"),
+        ({"current": 1.1}, "no figure 'current'"),
+        ({"submerged_weight": 9.0}, "0.2 to 5 times"),
+        ({"submerged_weight": float("nan")}, "times the scene's"),
+        ({"submerged_weight": 1.1, "ramp_s": -1.0}, "a ramp of -1 s"),
+        ({}, "no figure is given"),
+    ],
+)
+def test_impossible_figures_are_refused(twin: Twin, given: dict[str, float], words: str) -> None:
+    """One sentence; nothing changes."""
+    with pytest.raises(InputError, match=words):
+        twin.offer_figures(**given)
+    assert not twin.inputs.figures.active
+    assert twin.snapshot().inputs["figures"].accepted == 0
+
+
+def test_a_second_ramp_begins_where_the_first_is(twin: Twin) -> None:
+    """Factors are continuous when a new target comes within a ramp."""
+    figures = LearnedFigures()
+    rope = twin.rope
+    assert not figures.offer(rope, {"submerged_weight": 1.2}, 10.0, 0, False)
+    assert figures.at(5_000_000_000)["submerged_weight"] == pytest.approx(1.1)
+    assert not figures.offer(rope, {"payload_drag": 2.0}, 10.0, 5_000_000_000, False)
+    then = figures.at(5_000_000_000)
+    assert then["submerged_weight"] == pytest.approx(1.1)
+    assert then["payload_drag"] == pytest.approx(1.0)
+    assert figures.at(60_000_000_000)["payload_drag"] == 2.0
+    assert "cut" in figures.offer(rope, {"payload_drag": 1.0}, 1.0, 0, True)
