@@ -102,9 +102,9 @@ function panel() {
   field.value = typed;
   field.placeholder = `${MODES[mode].name} [${MODES[mode].unit()}]`;
   field.setAttribute("aria-label", field.placeholder);
-  field.onkeydown = (event) => { if (event.key === "Enter") go(); };
-  const modes = winch().modes.map((one) => press(MODES[one].name, () => { mode = one; draw(); }, mode === one));
-  const parts = [...modes, field, press("Go …", go), press("STOP", () => send("speed", 0, "stop, speed 0"), null, "halt")];
+  field.onkeydown = (event) => { if (event.key === "Enter") { event.preventDefault(); if (!event.repeat) go(); } };
+  const modes = winch().modes.map((one) => press(MODES[one].name, () => { mode = one; draw(); }, mode === one, `of-${winch().modes.length}`));
+  const parts = [...modes, field, press("Send …", go, null, "third"), press("STOP", () => send("speed", 0, "stop, speed 0"), null, "halt")];
   parts[parts.length - 1].id = "halt";
   if (has.includes("set_brake")) {
     const kind = row.brake_holds ? "release_brake" : "set_brake";

@@ -75,6 +75,17 @@ export function toast(text, good = true) {
   hideToast = setTimeout(() => { element.hidden = true; }, good ? 4000 : 9000);
 }
 
+// The key or tap that opened a question must not answer it too, nor a key that is held down.
+const SETTLE_MS = 350;
+let opened = 0;
+for (const kind of ["click", "keydown"]) {
+  document.addEventListener(kind, (event) => {
+    if (!$("dialog").open || !event.target.closest("#dialog")) return;
+    const early = performance.now() - opened < SETTLE_MS && event.target.id === "dialog-ok";
+    if (early || (event.repeat && event.key === "Enter")) event.preventDefault();
+  }, true);
+}
+
 // Ask a question; resolves to true (or the text of the input), or to null if it was cancelled.
 export function ask(title, text, ok, input = null) {
   const dialog = $("dialog"), field = $("dialog-input");
@@ -86,6 +97,7 @@ export function ask(title, text, ok, input = null) {
   field.value = input?.value ?? "";
   dialog.returnValue = "cancel";
   dialog.showModal();
+  opened = performance.now();
   (input === null ? $("dialog-ok") : field).focus();
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {

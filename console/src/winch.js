@@ -133,16 +133,17 @@ function gear(values, winch) {
   const row = values.winches?.[0] ?? {}, text = values.winch_mode ?? "";
   const [, mode = "–", limit = ""] = /^[^:]*: ([^(;]*?)(?: \((.*)\))?(?:;.*)?$/.exec(text) ?? [];
   write($("mode"), mode);
-  const rise = layer(row.drum_radius_m, winch);
+  const turn = layer(row.drum_radius_m, winch);
   const rows = [
     limit ? ["At its limit", limit, "", "wide"] : null,
     "brake_holds" in row ? ["Brake", row.brake_holds ? "set" : "released", ""] : null,
     "compensation_on" in row ? ["Compensation", row.compensation_on ? "on" : "off", ""] : null,
     "compensation_m" in row && known(row.compensation_m) ? ["AHC stroke", metres(row.compensation_m, 2, true), winch?.compensation_stroke_m ? `±${metres(winch.compensation_stroke_m, 1)} m` : "m"] : null,
     known(row.compensation_m_per_s) ? ["AHC speed", fixed(row.compensation_m_per_s, 2, true), winch?.compensation_speed_m_per_s ? `±${fixed(winch.compensation_speed_m_per_s, 1)} m/s` : "m/s"] : null,
-    known(row.drum_radius_m) ? ["Drum radius", metres(row.drum_radius_m, 3), `m${rise}`] : null,
-    known(row.motor_torque_n_m) ? ["Motor torque", fixed(row.motor_torque_n_m / 1000, 1, true), "kN·m"] : null,
-    known(row.brake_torque_n_m) && row.brake_holds ? ["Brake torque", fixed(row.brake_torque_n_m / 1000, 1, true), "kN·m"] : null,
+    turn === null ? null : ["Drum layer", String(turn), `r ${metres(row.drum_radius_m, 2)} m`],
+    known(row.drum_radius_m) && turn === null ? ["Drum radius", metres(row.drum_radius_m, 2), "m"] : null,
+    known(row.motor_torque_n_m) ? ["Motor torque", fixed(row.motor_torque_n_m / 1000, 0, true), "kN·m"] : null,
+    known(row.brake_torque_n_m) && row.brake_holds ? ["Brake torque", fixed(row.brake_torque_n_m / 1000, 0, true), "kN·m"] : null,
     ["Seat", (values.seat ?? "–").replace(/^winch: /, ""), "", "wide"],
   ];
   figures($("winch-figures"), rows);
@@ -150,8 +151,8 @@ function gear(values, winch) {
 
 // Layer of the drum from the radius at which the rope runs: 0.9 d more for each (facts of the scene).
 function layer(radius, winch) {
-  if (!known(radius) || !known(winch?.drum_radius_m) || !known(winch?.layer_rise_m)) return "";
-  return `, layer ${Math.round((radius - winch.drum_radius_m) / winch.layer_rise_m + 0.5)}`;
+  if (!known(radius) || !known(winch?.drum_radius_m) || !known(winch?.layer_rise_m)) return null;
+  return Math.max(1, Math.round((radius - winch.drum_radius_m) / winch.layer_rise_m + 0.5));
 }
 
 function risk(values, rope) {
