@@ -14,6 +14,7 @@ from small_scene import SMALL_SCENE, small_scene
 from rope_twin.core import state as rows
 from rope_twin.errors import InputError
 from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import FIGURES, Fleet, FleetInputs
@@ -237,3 +238,26 @@ def test_a_member_that_fails_leaves_the_others_alone(figured: Fleet) -> None:
     figured.advance(still)
     figured.restore(start)
     assert not figured.advance(still).failures
+
+
+WAKES = "  - wake_oscillator: {}\n"
+
+
+def test_members_step_alone_where_effects_do(tmp_path: Path) -> None:
+    """With internal variables, from a live twin and given back: equal to the twin to the bit."""
+    path = tmp_path / "wakes.yaml"
+    text = SMALL_SCENE.replace("  - payload: {}\n", f"{WAKES}  - payload: {{}}\n")
+    path.write_text(text.replace("elements: 20", "elements: 8"))
+    expected = driven(load_scene(path), 60, live_at=20)
+    fleet = Fleet(path, 2, elements=8, step_s=0.01)
+    record = fleet.advance(expected.inputs, 6)
+    assert np.array_equal(record.top_tension_n[:, 0], expected.top_n)
+    assert np.array_equal(record.top_tension_n[:, 1], expected.top_n)
+    assert np.array_equal(record.least_tension_n[:, 0], expected.least_n.reshape(-1, 6).min(axis=1))
+    assert expected.live is not None
+    fleet.begin_from(expected.live)
+    start = fleet.state(0)
+    first = fleet.advance(cut(expected.inputs, 20)).top_tension_n
+    assert np.array_equal(first[:, 1], expected.top_n[20:])
+    fleet.restore(start)
+    assert np.array_equal(fleet.advance(cut(expected.inputs, 20)).top_tension_n, first)
