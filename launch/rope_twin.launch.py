@@ -34,6 +34,8 @@ ARGUMENTS = (
     ("feed", "", "settings of instruments to read, in config/feeds or a path; empty: none"),
     ("schedule", "true", "play the scene's winch schedule; false: somebody else commands"),
     ("follow_measured", "false", "winches follow winch/measured; with it schedule:=false"),
+    ("learn", "false", "learn weight, mass, drag and stiffness from winch/measured"),
+    ("apply_learned", "false", "with it: take the figures over after each minute"),
     ("record", "false", "record every topic"),
     ("out", "", "bag directory to create; empty: rope_twin_DATE_TIME"),
     ("view", "false", "show the run in rerun"),
@@ -81,6 +83,9 @@ def generate_launch_description() -> LaunchDescription:
     other = {"other_sea": ParameterValue(named, value_type=bool)}  # no error by the card then
     cut = {"allow_cut": ParameterValue(value("allow_cut"), value_type=bool)}
     follow = {"follow_measured": ParameterValue(value("follow_measured"), value_type=bool)}
+    follow |= {
+        name: ParameterValue(value(name), value_type=bool) for name in ("learn", "apply_learned")
+    }
     bag = {"out": ParameterValue(value("out"), **text), "beside": True}
     state = ParameterValue(value("state"), **text)
     saved = {"save_state": state, "from_state": state, "save_every_s": 2.0}

@@ -197,6 +197,13 @@ TOPICS: tuple[Topic, ...] = (
           "fatigue); index, 0 to 1; cause, number of the component that limits it; input, "
           "numerics, discretisation, validity, residual, history, the components; NaN: unknown",
           only_with="quality"),
+    Topic("estimate/figures", "sensor_msgs/msg/PointCloud2", Qos.COMMAND, 0.0, "simulation",
+          "figures learned from the measured tension, after each minute: name; value with low, "
+          "high, 90 % interval, and prior, the scene's value (N, kg, m², N, N·s, kg/m², current: "
+          "-; load pin: bias N, gain -; motion sensor: gain -, delay s; sheave friction -); "
+          "prior_sd, sd, standard deviations (of the logarithm for the scene's figures); state, 0 "
+          "not observable, 1 weak, 2 learned; correlation, the largest with another figure; "
+          "stamped with the end of the data", of_snapshot=False, in_view=False),
     Topic("lines/events", "std_msgs/msg/String", Qos.COMMAND, 0.0, "simulation",
           "start or end of a crossing of two lines: time, depth, angle (text)",
           only_with="line_events"),
@@ -261,6 +268,8 @@ WINCH_SERVICES = {
     "set_compensation": ("compensate", "stop_compensating"),
 }
 SAVE_STATE = "simulation/save_state"
+ESTIMATE_TOPIC = "estimate/figures"
+APPLY_ESTIMATE, TARE_ESTIMATE = "estimate/apply", "estimate/tare"
 SERVICES: tuple[Service, ...] = (
     Service("winch/emergency_stop", "std_srvs/srv/Trigger",
             "stops the winch; accepted from everybody at any time"),
@@ -276,6 +285,10 @@ SERVICES: tuple[Service, ...] = (
             "frees the seat of a commander that has sent no command for 1 s"),
     Service(SAVE_STATE, "std_srvs/srv/Trigger",
             "saves the state at the end of the cycle, to the file of the parameter save_state"),
+    Service(APPLY_ESTIMATE, "std_srvs/srv/Trigger",
+            "takes the learned figures over, in 20 s (parameter learn)"),
+    Service(TARE_ESTIMATE, "std_srvs/srv/Trigger",
+            "the load pin was set to zero with an empty hook: its bias is learned from there"),
 )  # fmt: skip
 
 

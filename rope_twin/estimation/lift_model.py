@@ -31,7 +31,7 @@ from rope_twin.estimation.impedance import Bar, bar_of
 from rope_twin.estimation.load_pin import LoadPin
 from rope_twin.estimation.measured_lift import MEAN_S, MeasuredLift
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
+from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState, LiveState
 
 ELEMENTS, STEP_S = 20, 0.05
 STEPS_PER_MEAN = round(MEAN_S / STEP_S)
@@ -80,6 +80,17 @@ class LiftModel:
         """Return the static equilibrium as the state at a time; the ship's motion builds up."""
         self._ramp_begin_s = time_s
         return FleetState(round(time_s * 1e9), self.rest.rope, self.rest.memories)
+
+    def begin_live(self, live: LiveState) -> FleetState:
+        """Return the state of a live twin on the members' mesh; its current applies to them.
+
+        Raises:
+            InputError: it is a state of another scene.
+        """
+        self._ramp_begin_s = -np.inf
+        self._fleet.begin_from(live)
+        self._lone.begin_from(live)
+        return self._lone.state(0)
 
     def begin(self, theta: Floats, state: FleetState, begin_s: float) -> Prediction:
         """Return a prediction that has not begun, from a state at a time [s]."""

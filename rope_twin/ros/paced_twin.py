@@ -20,9 +20,11 @@ from uuid import uuid4
 from rope_twin.alerts.monitor import AlertMonitor
 from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.errors import InputError, phrase
+from rope_twin.estimation.live import LiveLearning
 from rope_twin.messages import Encoder, Level, Status, statuses
 from rope_twin.messages.alerts import encode_alerts
 from rope_twin.messages.diagnostics import BreachWords
+from rope_twin.messages.estimate import encode_estimate
 from rope_twin.messages.status import counted
 from rope_twin.recording.input_log import InputLog, Mark, encode_json
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
@@ -30,7 +32,7 @@ from rope_twin.ros.params import SimulationParams
 from rope_twin.run.border import InputBorder
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import ALERTS, INPUT_LOG_TOPIC, SESSION_TOPIC
+from rope_twin.topics import ALERTS, ESTIMATE_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.pacing import (
@@ -135,6 +137,7 @@ class Publisher:
         log: InputLog | None = None,
         published: Callable[[], Mapping[str, int]] = dict,
         alerts: AlertMonitor | None = None,
+        watch: Callable[[Snapshot], None] | None = None,
     ) -> None:
         """Load all message definitions by encoding `first`, which is not published.
 
@@ -147,6 +150,7 @@ class Publisher:
             log: input log whose entries are published too.
             published: returns the number of messages published on each topic up to now.
             alerts: judges every snapshot; its list is published too.
+            watch: is given each snapshot, in the publishing thread.
         """
         rehearsal = Encoder(0)
         for topic in SNAPSHOT_TOPICS:
@@ -154,7 +158,7 @@ class Publisher:
         self._handover = handover
         self._publish = publish
         self._log = log
-        self._published, self._alerts = published, alerts
+        self._published, self._alerts, self._watch = published, alerts, watch
         self._epoch_ns = 0
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -205,6 +209,8 @@ class Publisher:
         return begun
 
     def _publish_snapshot(self, encoder: Encoder, snapshot: Snapshot) -> None:
+        if self._watch is not None:
+            self._watch(snapshot)
         for name in due_topics(*slot_of(snapshot), snapshot):
             self._attempt(name, partial(encoder.encode, name, snapshot))
         if self._alerts is not None:
@@ -279,12 +285,16 @@ class PacedTwin:
         )
         if self.ladder is not None:
             self.pacer.watch(self.ladder.judge)
+        self.learning = LiveLearning(scene, self._inputs) if params.learn else None
+        watch = None if self.learning is None else self.learning.see
         self.alerts = AlertMonitor(scene)
         self._publisher = Publisher(
-            self._handover, publish, self._first, self._log, published, self.alerts
+            self._handover, publish, self._first, self._log, published, self.alerts, watch
         )
         self._clocks: Clocks | None = None  # at the last start
         self.border = InputBorder(self.twin, self._inputs, params.command_priority)
+        if self.learning is not None:
+            self.border.listener = self.learning.hear
         self._process_s = 0.0  # CPU time of the whole process before the last halt
         self._process_at_s: float | None = None  # process time at the last start; None: halted
         self._broken = BreachWords()
@@ -309,6 +319,8 @@ class PacedTwin:
             self._inputs.invalidate_inputs()
         self.border.epoch_ns = epoch_ns
         self._publisher.start(epoch_ns)
+        if self.learning is not None:
+            self.learning.start(self.twin)
         raise_other_threads()
         self._process_at_s = time.process_time()
         self.pacer.start(steady_now_ns + lead_ns + delay_ns)
@@ -331,6 +343,8 @@ class PacedTwin:
         """Stop after the current cycle, publish all computed snapshots and save the state."""
         self.pacer.stop()
         self._publisher.stop()
+        if self.learning is not None:
+            self.learning.stop()
         self._process_s, self._process_at_s = self._processor_s(), None
         self.border.epoch_ns = None
         if self._keeper is not None:
@@ -364,8 +378,10 @@ class PacedTwin:
             used_s = (health.processor_s, self._publisher.processor_s, self._processor_s())
             share = CpuUsage(*(100.0 * one / health.granted_s for one in used_s)).figures()
         trouble = kept.trouble if kept is not None else ""
+        newest = None if self.learning is None else self.learning.learner.newest
         return replace(
             summary,
+            learned=[] if newest is None else newest.rows(),
             state=state,
             not_kept=trouble,
             mixed=self.border.mixed,
@@ -383,6 +399,20 @@ class PacedTwin:
         yield from self._broken.of(self.last)
         while self.ladder is not None and self.ladder.said:
             yield self.ladder.said.popleft()
+        if self.learning is not None:
+            yield from self._learned(self.learning)
+
+    def _learned(self, learning: LiveLearning) -> Iterator[str]:
+        """Publish figures that were learned since, and take them over if that is wanted."""
+        found, epoch_ns = learning.take_new(), self.border.epoch_ns
+        if found is None or epoch_ns is None:
+            return
+        stamp_ns = epoch_ns + round(found.time_s * 1e9)
+        self._publish(ESTIMATE_TOPIC, encode_estimate(stamp_ns, found.rows()))
+        yield f"learned {found.words()}"
+        if self._params.apply_learned:
+            _, words = learning.apply()
+            yield words
 
     @property
     def epoch_ns(self) -> int | None:
@@ -403,6 +433,8 @@ class PacedTwin:
         rows.append(publishing_row(self._publisher.error, health.lost_snapshots))
         if self._keeper is not None:
             rows.append(saving_row(self._keeper.health()))
+        if self.learning is not None:
+            rows.append(self.learning.row(health.granted_s))
         if self.border.epoch_ns is not None:
             rows.append(clock_row(self._clock_moved_s(now)))
         self.alerts.take_rows(rows)

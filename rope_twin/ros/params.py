@@ -91,6 +91,13 @@ class SimulationParams:
     follow_measured: bool = text(
         "every winch follows its line out measured on winch/measured instead of commands", False
     )
+    learn: bool = text(
+        "learn weight, mass, drag and stiffness from the tension measured on winch/measured", False
+    )
+    apply_learned: bool = text(
+        "take learned figures over after each minute, in 20 s; false: by the service "
+        "estimate/apply", False,
+    )  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -233,6 +240,8 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         **cut,
         "vibration": options.watch.vibration if options.watch else "",
         "fatigue": options.watch.fatigue if options.watch else "",
+        "learn": options.learn,
+        "apply_learned": options.apply_learned,
         **speed,
     }
     return nodes

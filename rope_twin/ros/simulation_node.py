@@ -44,6 +44,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.topics import (
     ALERT_COMMAND,
+    APPLY_ESTIMATE,
     BY_NAME,
     CUT_TOPIC,
     INPUT_LOG_TOPIC,
@@ -54,6 +55,7 @@ from rope_twin.topics import (
     SAVE_STATE,
     SEAT_TOPIC,
     TAKE,
+    TARE_ESTIMATE,
     TOPICS,
     WINCH_SERVICES,
     WINCH_TOPICS,
@@ -281,6 +283,9 @@ class SimulationNode(LifecycleNode):
                 switch = partial(_switch, paced, winch, on, off)
                 self._serve(service_name(winch, what), SetBool if off else Trigger, switch)
         self._serve(SAVE_STATE, Trigger, paced.save)
+        if paced.learning is not None:
+            self._serve(APPLY_ESTIMATE, Trigger, paced.learning.apply)
+            self._serve(TARE_ESTIMATE, Trigger, paced.learning.tare)
 
     def _serve(self, name: str, kind: Any, act: Callable[..., tuple[bool, str]]) -> None:
         """Create a service; `act` returns success and text, by the value of a SetBool."""

@@ -29,6 +29,7 @@ from rope_twin.messages.inputs import (
 from rope_twin.run.seat import Command, Seats
 from rope_twin.topics import CUT_TOPIC, INPUTS, MEASURED_TOPICS, MOTION_TOPICS
 from rope_twin.twin.input_queue import InputQueue
+from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import WinchCommand
@@ -113,6 +114,8 @@ class InputBorder:
             lambda order, winch: inputs.offer_command(None, order, winch),
             now_s,
         )
+        # is given each measurement that could be decoded, in twin time; None: nobody listens
+        self.listener: Callable[[Measurement], None] | None = None
         self.epoch_ns: int | None = None  # ROS time of t = 0; None: all inputs are ignored
 
     def take_motion(
@@ -188,7 +191,10 @@ class InputBorder:
         """Accept or reject a message on one of MEASURED_TOPICS."""
         content = self._read(topic, lambda: read_measurement(topic, data))
         if content is not None and (epoch_ns := self._epoch()) is not None:
-            self._inputs.offer_measurement(content._replace(stamp_ns=content.stamp_ns - epoch_ns))
+            measurement = content._replace(stamp_ns=content.stamp_ns - epoch_ns)
+            self._inputs.offer_measurement(measurement)
+            if self.listener is not None:
+                self.listener(measurement)
 
     def take_current(self, data: bytes) -> None:
         """Accept or reject a `current` message; it has no stamp and applies from now on."""

@@ -65,6 +65,8 @@ class RunOptions:
     allow_cut: bool = False  # any publisher on ropes/cut can cut the rope
     network: bool = False  # reachable from other machines
     watch: MonitorSettings | None = None  # vibration and fatigue to report
+    learn: bool = False  # learn the lift from its measured tension
+    apply_learned: bool = False  # and take the figures over by itself
     allow_overload: bool = False  # exit code 0 even if a limit was exceeded
     console: str = ""  # HOST:PORT of the operator console; empty: none
     control: bool = False  # whether its pages may command winches, with the token
@@ -232,6 +234,10 @@ def _add_monitors(group: argparse._ArgumentGroup) -> None:
         help="publish accumulated fatigue damage per metre of rope, and its bends over sheaves and "
         f"drum, by an S-N curve: {', '.join(CURVES)}, or {OWN} (the rope's, in the scene)",
     )
+    add("--learn", action="store_true",
+        help="learn weight, mass, drag, stiffness from the tension on winch/measured")  # fmt: skip
+    add("--apply-learned", action="store_true",
+        help="with --learn: take the figures over after each minute")  # fmt: skip
     add(
         "--cut",
         default="",
@@ -288,6 +294,11 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         raise InputError(phrase("--console", "--speed 0 runs without ROS", "leave one out"))
     if args.control and not args.console:
         raise InputError(phrase("--control", "there is no console", "give --console too"))
+    if args.learn and args.speed == 0.0:
+        what = "--speed 0 runs without ROS, so no measured tension comes in"
+        raise InputError(phrase("--learn", what, "learn from a bag with `rope_twin learn`"))
+    if args.apply_learned and not args.learn:
+        raise InputError(phrase("--apply-learned", "nothing is learned", "give --learn too"))
     if args.save_state is not None:
         check_place(args.save_state, f"--save-state {args.save_state}")
     begin = None if args.from_state is None else _begin(args.from_state)
@@ -318,6 +329,8 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         allow_cut=args.allow_cut,
         network=args.network,
         watch=MonitorSettings(args.vibration, args.fatigue) or None,
+        learn=args.learn,
+        apply_learned=args.apply_learned,
         allow_overload=args.allow_overload,
         console=args.console,
         control=args.control,

@@ -1,0 +1,101 @@
+"""Learning beside a real-time twin: what it sees and hears goes to a worker, results come back.
+
+Snapshots are seen in the publishing thread and readings where messages arrive, so the stepping
+thread is asked once, for the state to begin from. Results are taken over through the twin's queue
+of inputs, which logs them: a replay has the same figures at the same times.
+"""
+
+from __future__ import annotations
+
+from rope_twin.errors import InputError
+from rope_twin.estimation.learner import Estimate, Learner
+from rope_twin.estimation.worker import Ask, Begin, Motion, Reading, Task, Worker
+from rope_twin.messages.estimate import estimate_status
+from rope_twin.messages.status import Status
+from rope_twin.scene.measured import SHEAVE
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import winches_by_name
+from rope_twin.twin.ensemble.live_state import live_state
+from rope_twin.twin.input_queue import InputQueue
+from rope_twin.twin.learned_figures import RAMP_S
+from rope_twin.twin.measured.readings import MOTOR, WINCH_SENSORS, Measurement
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+
+
+class LiveLearning:
+    """Worker with a learner, and the doors between them and a real-time twin."""
+
+    def __init__(self, scene: Scene, inputs: InputQueue) -> None:
+        """Build the learner of a scene; inputs: of the twin that takes figures over.
+
+        Raises:
+            InputError: the scene cannot be learned yet.
+            SceneError: it has no static equilibrium.
+        """
+        self.learner = Learner(scene)
+        self.worker = Worker(self.learner)
+        self._inputs = inputs
+        self._source = WINCH_SENSORS if scene.measured.tension.at == SHEAVE else MOTOR
+        self._names = ("", *winches_by_name(scene), scene.ropes[0].name)
+        self._told: Estimate | None = None
+
+    def register(self, task: Task) -> None:
+        """Add a further task of the worker, before `start`."""
+        self.worker.register(task)
+
+    def start(self, twin: Twin) -> None:
+        """Begin at the twin's next cycle, and work."""
+        self._inputs.at_next_slot(lambda: self.worker.take(Begin(live_state(twin))))
+        self.worker.start()
+
+    def stop(self) -> None:
+        """Stop the thread; what was learned is kept."""
+        self.worker.stop()
+
+    def see(self, shot: Snapshot) -> None:
+        """Pass the motion of the hang-off and the line on."""
+        rate = float(shot.hang_off_velocity_m_per_s[2])
+        self.worker.take(Motion(shot.stamp_ns * 1e-9, shot.heave_m, rate, shot.line_out_m))
+
+    def hear(self, measurement: Measurement) -> None:
+        """Pass measured tension of the first winch on."""
+        if measurement.source != self._source:
+            return
+        for name, _, _, tension in measurement.rows:
+            if name in self._names and tension is not None:
+                self.worker.take(Reading(measurement.stamp_ns * 1e-9, tension))
+
+    def take_new(self) -> Estimate | None:
+        """Return what was learned since the last call; None: nothing."""
+        newest = self.learner.newest
+        if newest is self._told:
+            return None
+        self._told = newest
+        return newest
+
+    def apply(self) -> tuple[bool, str]:
+        """Take the learned figures over by a ramp; return success and text."""
+        try:
+            factors = self.learner.factors_to_apply()
+        except InputError as error:
+            return False, str(error)
+        refusal = self._inputs.offer_figures(ramp_s=RAMP_S, **factors)
+        if refusal:
+            return False, refusal
+        told = ", ".join(f"{name} × {value:.4g}" for name, value in factors.items())
+        return True, f"taken over in {RAMP_S:g} s: {told}"
+
+    def tare(self) -> tuple[bool, str]:
+        """Report that the load pin was set to zero with an empty hook; return success and text."""
+        self.worker.take(Ask(self.learner.tare))
+        return True, "the load pin's bias is learned from its zero of now"
+
+    def row(self, granted_s: float) -> Status:
+        """Return the row of the diagnostics; granted_s: real time of the run [s]."""
+        newest = self.learner.newest
+        trouble = self.worker.trouble(self.learner) or self.learner.trouble
+        share = 100.0 * self.worker.processor_s / granted_s if granted_s > 0.0 else 0.0
+        rows = [] if newest is None else newest.rows()
+        minutes = 0 if newest is None else newest.minutes
+        return estimate_status(self.learner.state, trouble, rows, minutes, share)

@@ -1,0 +1,160 @@
+"""Learning beside a twin: the worker's queue, the live learner, taking over, the tare, the row."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from learned_lift import NOISE_N, SECONDS, lift, recorded
+from small_scene import SMALL_SCENE
+
+from rope_twin import load_scene
+from rope_twin.errors import InputError
+from rope_twin.estimation.figures import BIAS, INDEX
+from rope_twin.estimation.live import LiveLearning
+from rope_twin.estimation.worker import Ask, Input, Motion, Reading, Worker
+from rope_twin.messages.cdr import typestore
+from rope_twin.messages.estimate import COLUMNS, ROW, encode_estimate
+from rope_twin.messages.status import Level
+from rope_twin.topics import BY_NAME, ESTIMATE_TOPIC
+from rope_twin.twin.input_queue import InputQueue
+from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.twin import Twin
+
+
+class Counting:
+    """A task that counts what it takes and works as often as it took something."""
+
+    def __init__(self, fails: bool = False) -> None:
+        self.taken: list[Input] = []
+        self.left, self.fails = 0, fails
+        self.threads: set[str] = set()
+
+    def take(self, inputs: Input) -> None:
+        self.taken.append(inputs)
+        self.left += 1
+
+    def work(self) -> bool:
+        if self.fails:
+            raise RuntimeError("no lanes")
+        self.threads.add(threading.current_thread().name)
+        self.left = max(self.left - 1, 0)
+        return self.left > 0
+
+
+def test_every_task_gets_all_inputs_and_a_failed_one_stands() -> None:
+    """The others go on; the reason is kept; a call is made in the worker's thread."""
+    good, bad = Counting(), Counting(fails=True)
+    worker = Worker(bad)
+    worker.register(good)
+    called = threading.Event()
+    worker.take(Motion(0.0, 0.1, 0.0, 200.0))
+    worker.take(Reading(0.0, 1e5))
+    worker.take(Ask(called.set))
+    worker.start()
+    assert called.wait(30.0)
+    while good.left or not bad.taken:
+        called.wait(0.01)
+    worker.stop()
+    assert [type(one) for one in good.taken] == [Motion, Reading]
+    assert good.threads == {"twin-worker"}
+    assert worker.trouble(bad) == "no lanes"
+    assert worker.trouble(good) == ""
+    assert worker.processor_s > 0.0
+    worker.stop()  # again: without effect
+
+
+def new_learning(folder: Path) -> tuple[Twin, InputQueue, LiveLearning]:
+    """Return a twin of the small scene, its queue, and learning beside it."""
+    path = folder / "small.yaml"
+    path.write_text(
+        SMALL_SCENE + f"learning: {{pin_range_n: {NOISE_N / 0.0075}, friction_pct: 0.0, "
+        "friction_uncertainty_pct: 0.001, heave_delay_s: 0.0, heave_delay_uncertainty_s: 0.001}\n"
+    )
+    twin = Twin(load_scene(path))
+    twin.prescribe_motion()
+    queue = InputQueue(twin, twin)
+    return twin, queue, LiveLearning(twin.scene, queue)
+
+
+def test_a_live_twin_learns_and_takes_over(tmp_path: Path) -> None:
+    """Weight is learned from what the load cell says, taken over, and the tension agrees then."""
+    twin, queue, learning = new_learning(tmp_path)
+    series = lift()
+    began = threading.active_count()
+    learning.start(twin)
+    learning.worker.stop()  # its work is done here, in step with the twin
+    learning.worker._stopping.clear()
+    assert threading.active_count() == began
+    heave, tension = series.heave.table, series.tension.table
+    line = dict(series.line_out.table)
+    said: list[str] = []
+    row = learning.row(1.0)
+    assert (row.name, row.level) == (ROW, Level.OK)
+    with pytest.raises(InputError, match="nothing was learned yet"):
+        learning.learner.factors_to_apply()
+    assert learning.apply()[0] is False
+    for k in range(int(SECONDS / 0.05)):
+        at = k * 0.05
+        for t, z, v in heave[k : k + 1]:
+            queue.offer_heave(round(t * 1e9), float(z), float(v))
+        stamp, force = tension[k]
+        learning.hear(Measurement.of_winch(round(stamp * 1e9), line[stamp], 0.0, float(force)))
+        learning.worker.take(Motion(at, float(heave[k, 1]), float(heave[k, 2]), line[stamp]))
+        if k % 200 == 0:
+            if k == 0:
+                queue.advance(1)  # the slot in which the state to begin from is taken
+            learning.worker.work()
+            if (found := learning.take_new()) is not None:
+                said.append(found.words())
+    learning.worker.work()
+    assert learning.learner.trouble == ""
+    newest = learning.learner.newest
+    assert newest is not None
+    theta, _, _ = recorded()
+    weight = next(one for one in newest.figures if one.name == "submerged_weight")
+    truth = weight.prior * np.exp(theta[0])
+    half = weight.high - weight.low
+    assert weight.low - 0.5 * half < truth < weight.high + 0.5 * half
+    assert said
+    assert "after 1 min" in said[0]
+    ok, words = learning.apply()
+    assert ok, words
+    queue.advance(5)
+    assert twin.inputs.figures.at(10**12)["submerged_weight"] == pytest.approx(
+        newest.factors["submerged_weight"]
+    )
+    assert "current" not in newest.factors
+    values = learning.row(100.0).values
+    assert "submerged_weight" in values
+    message = typestore().deserialize_cdr(
+        encode_estimate(123, newest.rows()), BY_NAME[ESTIMATE_TOPIC].type_name
+    )
+    assert message.width == len(newest.figures)
+    assert [one.name for one in message.fields] == COLUMNS.split()
+
+
+def test_a_tare_and_a_freeze(tmp_path: Path) -> None:
+    """A tare narrows the bias at once; a frozen learner says why and works no more."""
+    _, _, learning = new_learning(tmp_path)
+    before = learning.learner._prior.gaussian.sd
+    ok, _ = learning.tare()
+    learning.worker.work()
+    assert ok
+    after = learning.learner._prior.gaussian.sd
+    assert after[INDEX[BIAS]] == pytest.approx(0.1 * before[INDEX[BIAS]])
+    learning.learner.freeze("the load pin is stuck")
+    assert learning.row(1.0).level is Level.WARN
+    assert "stuck" in learning.row(1.0).message
+    assert learning.learner.work() is False
+    learning.learner.freeze("")
+    assert learning.learner.trouble == ""
+
+
+def test_scenes_that_cannot_be_learned_are_refused_at_the_start() -> None:
+    """The parameter `learn` of such a scene is one sentence, not a thread that fails."""
+    scene = load_scene("landing")
+    with pytest.raises(InputError, match="seabed"):
+        LiveLearning(scene, None)  # type: ignore[arg-type]
