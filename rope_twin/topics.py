@@ -98,6 +98,10 @@ TOPICS: tuple[Topic, ...] = (
     Topic("payload/measured_depth", "geometry_msgs/msg/PointStamped", Qos.SENSOR, 1.0, "",
           "point.z: measured height of the payload [m, up from the mean water level]; "
           "`header.stamp`: time of the measurement", of_snapshot=False, in_view=False),
+    # used by the forecast alone
+    Topic("sea/measured_elevation", "geometry_msgs/msg/PointStamped", Qos.SENSOR, 4.0, "",
+          "point.z: surface elevation measured up-sea of the ship at point.x, point.y [m]; "
+          "`header.stamp`: time of the measurement", of_snapshot=False, in_view=False),
     # for display only, not used by the rope
     Topic("sea/elevation", "geometry_msgs/msg/PointStamped", Qos.STREAM, 20.0, "sea_state",
           "sea surface elevation at the ship: point.z [m]", of_snapshot=False),
@@ -214,6 +218,19 @@ TOPICS: tuple[Topic, ...] = (
     Topic("alerts/command", "std_msgs/msg/String", Qos.COMMAND, 0.0, "",
           "what a crew does with an alert: acknowledge, silence or transfer ID or all; shelve ID "
           "SECONDS; unshelve ID (text)", of_snapshot=False, in_view=False),
+    Topic("forecast/tension", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
+          "forecast of the next minute, stamped with its origin, a row every 0.5 s: lead_s; "
+          "5, 50 and 95 % of top_tension, payload_tension, payload_depth, payload_speed and "
+          "slack_margin (least tension of an element), such as top_tension_5_n; heave_skill; "
+          "factor, on the spread; age_s of the inputs", of_snapshot=False),
+    Topic("forecast/risk", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
+          "probabilities within span_s of the origin: tension above tension_limit_n; slack; "
+          "contact with the seabed above contact_limit_m_per_s; landing; horizon_s, to which heave "
+          "is known; coverage of the last 100 bands; age_s; NaN: unknown", of_snapshot=False,
+          in_view=False),
+    Topic("forecast/quiet", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
+          "quiet windows: begin_s after the origin; length_s; probability that the payload stays "
+          "below speed_limit_m_per_s; age_s", of_snapshot=False, in_view=False),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
           "pacing, solver and inputs: OK, WARN or ERROR with the reason; also of the recorder",
           of_snapshot=False),
@@ -244,6 +261,7 @@ SESSION_TOPIC, INPUT_LOG_TOPIC = "twin/session", "twin/inputs"
 MOTION_TOPICS = "ship/heave", "ship/odometry"
 WINCH_MEASURED, MOTOR_TENSION = "winch/measured", "winch/motor_tension"
 MEASURED_DEPTH = "payload/measured_depth"
+MEASURED_ELEVATION = "sea/measured_elevation"
 MEASURED_TOPICS = WINCH_MEASURED, MOTOR_TENSION, MEASURED_DEPTH
 ALERTS, ALERT_COMMAND = "alerts", "alerts/command"
 # topics with which the twin is driven and judged; the simulation subscribes to ALERT_COMMAND too

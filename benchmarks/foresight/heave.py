@@ -18,6 +18,7 @@ from rope_twin.forecast.heave_process import (
     MotionError,
 )
 from rope_twin.forecast.score import crps_normal, normal_below
+from rope_twin.forecast.tension_forecast import ERROR_MARGIN
 from rope_twin.sea.ship_motion import BoxHull, heave_response
 
 Floats = NDArray[np.float64]
@@ -26,7 +27,6 @@ Progress = Callable[[int, int, str], None]
 LEADS_S = (2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0)
 SEED = 610_000
 WHITE_M = 0.005
-ERROR_MARGIN = 1.6  # of the band assumed flat from 0.025 to 0.2 Hz over that of 8 to 30 s
 WAVES_S, WAVES_EVERY_S = 240.0, 2.0
 NEAR = 4  # samples up to a lead that are judged with it
 

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 RAMP_S = 10.0  # over which the measured motion sets in
 BATCH_S = 30.0
-LEAST_LANES = 4  # members of a fleet from which on they share a step; a lone rope is stepped so too
+LEAST_LANES = 4  # members from which on they share a step
 
 
 def scene_at_line(scene: Scene, line_out_m: float) -> Scene:
@@ -34,6 +34,72 @@ def scene_at_line(scene: Scene, line_out_m: float) -> Scene:
     if line_out_m == scene.ropes[0].length_m:
         return scene
     return change_scene(scene, [Change("ropes[0].length_m", float(line_out_m))])
+
+
+class NominalRope:
+    """Ropes that follow measured motion from rest, each in lanes of one fleet."""
+
+    def __init__(self, scene: Scene, settings: ForecastSettings, ropes: int = 1) -> None:
+        """Begin at rest at time 0, with the scene's line out.
+
+        Raises:
+            InputError: a scene that fleets do not step.
+            SceneError: the scene has no static equilibrium.
+        """
+        self._settings, self._ropes = settings, ropes
+        count = max(ropes, LEAST_LANES)
+        self._fleet = Fleet(scene, count, elements=settings.elements, step_s=settings.step_s)
+        self._lanes = np.arange(count) % ropes
+        self._samples = 0  # SAMPLE_S since the beginning
+
+    @property
+    def time_s(self) -> float:
+        """Time since the beginning [s]."""
+        return self._samples * SAMPLE_S
+
+    def follow(self, until_s: float, from_s: float, heave_m: Floats, line_out_m: Floats) -> None:
+        """Advance to a time, a whole number of SAMPLE_S.
+
+        heave_m: (n,) or (n, ropes), line_out_m: (n,), every SAMPLE_S from `from_s` on; they span
+        the present of the ropes and `until_s`.
+
+        Raises:
+            InputError: they do not.
+            SolverError: a rope failed.
+        """
+        from scipy.interpolate import CubicSpline  # slow to import
+
+        own = self._settings
+        heave = np.asarray(heave_m, np.float64).reshape(len(heave_m), -1)
+        place = from_s + SAMPLE_S * np.arange(len(heave))
+        target = round(until_s / SAMPLE_S)
+        if target <= self._samples:
+            return
+        if place[0] > self.time_s + 1e-6 or place[-1] < until_s - 1e-6:
+            what = f"motion from {place[0]:g} to {place[-1]:g} s"
+            right = f"it must span {self.time_s:g} to {until_s:g} s"
+            raise InputError(phrase("nominal rope", what, right))
+        moved, line = CubicSpline(place, heave), CubicSpline(place, line_out_m)
+        per_sample, per_batch = round(SAMPLE_S / own.step_s), round(BATCH_S / SAMPLE_S)
+        while self._samples < target:
+            some = min(per_batch, target - self._samples)
+            number = np.arange(some * per_sample + 1)
+            at = self.time_s + own.step_s * number
+            shares = np.array([ramp(float(t), RAMP_S) for t in at])
+            share, slope = shares[:, :1], shares[:, 1:]
+            z, v = moved(at), moved(at, 1)
+            z, v = share * z, share * v + slope * z
+            record = self._fleet.advance(
+                FleetInputs(z[:, self._lanes], v[:, self._lanes], line(at), line(at, 1)), per_sample
+            )
+            if record.failures:
+                why = next(iter(record.failures.values()))
+                raise SolverError(phrase("nominal rope", why.rstrip("."), "check its motion"))
+            self._samples += some
+
+    def states(self) -> list[FleetState]:
+        """Return the present state of each rope."""
+        return [self._fleet.state(k) for k in range(self._ropes)]
 
 
 def nominal_states(
@@ -59,34 +125,13 @@ def nominal_states(
         InputError: the samples are not ascending or beyond the record.
         SolverError: a rope failed.
     """
-    from scipy.interpolate import CubicSpline  # slow to import
-
-    own = settings or ForecastSettings()
     heave = np.asarray(heave_m, np.float64).reshape(len(heave_m), -1)
-    ropes = heave.shape[1]
     if sorted(set(samples)) != samples or (samples and not 0 < samples[-1] < len(heave)):
         what = f"samples {samples} of {len(heave)}"
         raise InputError(phrase("nominal rope", what, "give ascending numbers within the record"))
-    fleet = Fleet(scene, max(ropes, LEAST_LANES), elements=own.elements, step_s=own.step_s)
-    spare = np.arange(max(ropes, LEAST_LANES)) % ropes
-    place = SAMPLE_S * np.arange(len(heave))
-    moved, line = CubicSpline(place, heave), CubicSpline(place, line_out_m)
-    per_sample, per_batch = round(SAMPLE_S / own.step_s), round(BATCH_S / own.step_s)
-    done, states = 0, []
+    rope = NominalRope(scene, settings or ForecastSettings(), heave.shape[1])
+    states = []
     for sample in samples:
-        while done < sample * per_sample:
-            some = min(per_batch, sample * per_sample - done)
-            at = own.step_s * np.arange(done, done + some + 1)
-            shares = np.array([ramp(float(t), RAMP_S) for t in at])
-            share, slope = shares[:, :1], shares[:, 1:]
-            z, v = moved(at), moved(at, 1)
-            z, v = share * z, share * v + slope * z
-            record = fleet.advance(
-                FleetInputs(z[:, spare], v[:, spare], line(at), line(at, 1)), per_sample
-            )
-            if record.failures:
-                why = next(iter(record.failures.values()))
-                raise SolverError(phrase("nominal rope", why.rstrip("."), "check the recording"))
-            done += some
-        states.append([fleet.state(k) for k in range(ropes)])
+        rope.follow(sample * SAMPLE_S, 0.0, heave, line_out_m)
+        states.append(rope.states())
     return states

@@ -66,6 +66,8 @@ LEARNED_SPREAD: Mapping[str, float] = {
     "submerged_weight": 0.005, "oscillating_mass": 0.02, "payload_drag": 0.06,
     "axial_stiffness": 0.018, "axial_damping": 0.2, "tangential_drag": 0.12,
 }  # fmt: skip
+# of the coloured error assumed, flat over its whole band, over that of a sensor from 8 to 30 s
+ERROR_MARGIN = 1.6
 PIN_S = 40.0  # of load pin readings that shift the members
 PIN_FACTOR = 3.0  # on its noise, for what the rope model lacks
 FADING_S = 8.0  # of the shift over the lead

@@ -197,8 +197,34 @@ class FeedParams:
                                    default=0.0)  # fmt: skip
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ForecastParams:
+    """Parameters of the forecast node."""
+
+    scene: str = text("scene of the lift", "deep_lift")
+    members: int = quantity("ropes of a forecast", "", 19, 960, default=48)
+    interval_s: float = quantity("real time between two forecasts", "s", 0.5, 60.0, default=1.0)
+    motion_error_m: float = quantity("coloured error of the motion sensor, standard deviation",
+                                     "m", 0.0, 1.0, default=0.02)  # fmt: skip
+    tension_limit_n: float = quantity("tension limit of the risk; 0: the scene's", "N", 0.0, 1e9,
+                                      default=0.0)  # fmt: skip
+    contact_limit_m_per_s: float = quantity("limit of the payload's speed at contact", "m/s", 0.01,
+                                            10.0, default=0.5)  # fmt: skip
+    quiet_m_per_s: float = quantity("payload speed below which it is quiet", "m/s", 0.01, 10.0,
+                                    default=0.3)  # fmt: skip
+    quiet_s: float = quantity("length of a quiet window", "s", 1.0, 50.0, default=10.0)
+    wave_heading_deg: float = quantity(
+        "direction that waves measured up-sea travel to, from east to north", "deg", -360.0, 360.0,
+        default=180.0,
+    )  # fmt: skip
+    wave_noise_m: float = quantity("standard deviation of waves measured up-sea", "m", 0.001, 10.0,
+                                   default=0.2)  # fmt: skip
+
+
 # Publishing nodes are shut down first, subscribing ones last.
-END_ORDER = ("simulation", "sea_state", "winch_schedule", "console", "viewer", "recorder")
+END_ORDER = (
+    "simulation", "sea_state", "winch_schedule", "forecast", "console", "viewer", "recorder",
+)  # fmt: skip
 
 
 def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
@@ -215,6 +241,8 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         **speed,
     }
     nodes["winch_schedule"] = {"scene": options.scene, "cut": options.cut, **speed}
+    if options.ahead:
+        nodes["forecast"] = {"scene": options.scene}
     # After the nodes that read named files: nothing is written to disk for a mistyped name.
     if options.record is not None:
         nodes["recorder"] = {"out": str(options.record), **cut}

@@ -75,7 +75,7 @@ def _build(options: RunOptions) -> None:
     Twin(scene, options.monitors)
 
 
-NODES = ("simulation", "sea_state", "winch_schedule", "recorder", "viewer")
+NODES = ("simulation", "sea_state", "winch_schedule", "forecast", "recorder", "viewer")
 _COMM = Path("/proc/self/comm")  # the name that `ps` and `top` show, on Linux
 
 

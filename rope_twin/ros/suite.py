@@ -170,6 +170,10 @@ def _make(name: str, parameters: dict[str, Any]) -> Any:
         "winch_schedule": WinchScheduleNode,
         "simulation": SimulationNode,
     }
+    if name == "forecast":  # imported only if asked for
+        from rope_twin.ros.forecast_node import ForecastNode
+
+        made[name] = ForecastNode
     if name == "viewer":  # imported only if needed: rerun is an optional dependency
         from rope_twin.ros.viewer_node import ViewerNode
 

@@ -62,6 +62,7 @@ class RunOptions:
     calibrated_pct: float | None = None  # what of it was measured for them, before the run
     cut: str = ""  # PLACE@SECONDS, checked; empty: no cut
     error_interval: bool = False  # discretisation-error interval on top tension
+    ahead: bool = False  # forecast the next minute, every second
     allow_cut: bool = False  # any publisher on ropes/cut can cut the rope
     network: bool = False  # reachable from other machines
     watch: MonitorSettings | None = None  # vibration and fatigue to report
@@ -223,6 +224,9 @@ def _add_accuracy(group: argparse._ArgumentGroup) -> None:
 
 def _add_monitors(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
+    add("--ahead", action="store_true",
+        help="forecast tension, risk and quiet windows of the next minute every second, on half a "
+        "core or less")  # fmt: skip
     add("--energy", action="store_true", help="keep the energy balance and report its residual")
     add("--vibration", default="", metavar="MODEL",
         help="publish the VIV response along the line: time-domain (the scene's own VIV model) or "
@@ -299,6 +303,9 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         raise InputError(phrase("--learn", what, "learn from a bag with `rope_twin learn`"))
     if args.apply_learned and not args.learn:
         raise InputError(phrase("--apply-learned", "nothing is learned", "give --learn too"))
+    if args.speed == 0.0 and args.ahead:
+        right = "forecast its bag: `rope_twin ahead BAG`"
+        raise InputError(phrase("--ahead", "--speed 0 runs without ROS", right))
     if args.save_state is not None:
         check_place(args.save_state, f"--save-state {args.save_state}")
     begin = None if args.from_state is None else _begin(args.from_state)
@@ -326,6 +333,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         energy=args.energy,
         error_interval=args.error_interval,
         cut=cut,
+        ahead=args.ahead,
         allow_cut=args.allow_cut,
         network=args.network,
         watch=MonitorSettings(args.vibration, args.fatigue) or None,

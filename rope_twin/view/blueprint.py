@@ -27,6 +27,12 @@ INTERVAL_CURVES = (
     ("plots/tension/top/low", "lower bound (95 %)", "8d8432"),
     ("plots/tension/top/high", "upper bound (95 %)", "8d8432"),
 )
+# band of the top tension that was forecast AHEAD_S before, only if a run forecasts
+AHEAD_CURVES = (
+    ("plots/tension/top/ahead_low", "forecast 10 s ahead, 5 %", "3f8f6b"),
+    ("plots/tension/top/ahead_high", "forecast 10 s ahead, 95 %", "3f8f6b"),
+)
+AHEAD_S, AHEAD_EVERY_S = 10.0, 1.0  # lead that is drawn, and the interval of forecasts
 # entity, title and share of the height of each plot
 _PLOTS = (
     ("plots/tension/top", "Top tension [kN]", 4),

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from rope_twin.messages.templates import NANOSECONDS, read_cloud, scale_above
 from rope_twin.topics import TOPICS
 from rope_twin.view.blueprint import (
+    AHEAD_CURVES,
+    AHEAD_EVERY_S,
+    AHEAD_S,
     CURVES,
     INTERVAL_CURVES,
     LOG,
@@ -81,6 +84,7 @@ class RopeView:
             "struts/state": self._struts,
             "winch/state": self._winch_state,
             "residuals": self._residuals,
+            "forecast/tension": self._forecast,
             "twin/quality": self._quality,
             "lines/crossings": self._crossings,
             "lines/events": self._line_events,
@@ -183,6 +187,21 @@ class RopeView:
             if path not in self._series:
                 self._add_curve(path, name, rgb)
             self._series[path].add(time_ns, force / 1000.0)
+
+    def _forecast(self, message: Any, time_ns: int) -> None:
+        """Add the band AHEAD_S before its time, ahead of the curve of the tension."""
+        rows = read_cloud(message)
+        lead_s = rows["lead_s"]
+        for lead, row in zip(lead_s, rows, strict=True):
+            if not AHEAD_S - AHEAD_EVERY_S < lead <= AHEAD_S:
+                continue
+            at_ns = time_ns + round(float(lead) * NANOSECONDS)
+            for (path, name, rgb), column in zip(
+                AHEAD_CURVES, ("top_tension_5_n", "top_tension_95_n"), strict=True
+            ):
+                if path not in self._series:
+                    self._add_curve(path, name, rgb)
+                self._series[path].add(at_ns, float(row[column]) / 1000.0)
 
     def _element_tension(self, message: Any, time_ns: int) -> None:
         self._elements = read_cloud(message)

@@ -1,0 +1,259 @@
+"""`rope_twin ahead BAG`: forecast a recorded lift, compare orders, or score the forecasts."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_table
+from rope_twin.run.arguments import add_command, add_json, add_time, measure
+
+if TYPE_CHECKING:
+    from rope_twin.forecast.offline import RecordingForecaster, RecordingScore
+    from rope_twin.forecast.recorded_lift import RecordedLift
+    from rope_twin.forecast.risk import Limits, QuietWindow, Risk
+    from rope_twin.forecast.tension_forecast import TensionForecast
+
+EXAMPLES = (
+    "ahead lift --at 10min --limit 380kN",
+    "ahead lift --what-if lower:0.5 haul:0.5 stop",
+    "ahead lift --score --every 30s",
+)
+MORE = """Heave is forecast from its last ten minutes, and tension by ropes that each follow one
+possible heave. Beyond the horizon that is printed the band is what this sea does to this rope at
+any time. ORDER is hold, stop, lower:SPEED, haul:SPEED, land:SPEED, compensation:on or
+compensation:off; all are compared on the same heave, and nothing is commanded."""
+SHOWN_S = (2.0, 5.0, 10.0, 20.0, 30.0, 60.0)
+FORCE_HELP = "tension limit (default: that of the scene, by tension or utilisation)"
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `ahead`."""
+    about = "forecast of tension, risk and quiet windows over the next minute; orders compared"
+    parser = add_command(subparsers, "ahead", about, EXAMPLES, MORE)
+    add = parser.add_argument
+    add("bag", metavar="BAG", help="a name in bags/, bag directory or .mcap file")
+    add("--scene", metavar="SCENE", help="scene of the lift (default: that of the bag)")
+    add_time(parser, "--at", "origin, from the recording's beginning (default: its end)")
+    add("--what-if", nargs="+", default=[], metavar="ORDER", help="orders to compare with hold")
+    add("--limit", type=measure("N"), metavar="FORCE", help=FORCE_HELP)
+    add("--contact-speed", type=measure("m/s"), default=0.5, metavar="SPEED",
+        help="limit of the payload's speed at contact (default: 0.5m/s)")  # fmt: skip
+    add("--quiet-speed", type=measure("m/s"), default=0.3, metavar="SPEED",
+        help="payload speed below which it is quiet (default: 0.3m/s)")  # fmt: skip
+    add_time(parser, "--quiet-time", "length of a quiet window", 10.0)
+    add("--planned", action="store_true",
+        help="the winch does what the recording has after the origin (default: it goes on as it "
+        "is)")  # fmt: skip
+    add("--motion-error", type=measure("m"), default=0.02, metavar="LENGTH",
+        help="coloured error of the motion sensor (1 sd, default: 0.02m)")  # fmt: skip
+    add("--members", type=int, default=48, metavar="N", help="ropes (default: 48)")
+    add("--score", action="store_true", help="forecast again and again, and score the forecasts")
+    add_time(parser, "--every", "interval of the origins of --score", 30.0)
+    add("--picture", type=Path, metavar="PNG", help="draw the band ahead of the curve")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Forecast or score, and print. Raises RopeTwinError."""
+    from rope_twin.forecast.heave_process import MotionError
+    from rope_twin.forecast.offline import RecordingForecaster
+    from rope_twin.forecast.orders import read_order
+    from rope_twin.forecast.recorded_lift import read_lift
+    from rope_twin.forecast.risk import Limits
+    from rope_twin.forecast.tension_forecast import ERROR_MARGIN, ForecastSettings
+    from rope_twin.studies.picture import check_picture
+
+    if args.picture is not None:
+        check_picture(args.picture)
+    asked = [read_order(word) for word in args.what_if]
+    error = MotionError(coloured_m=ERROR_MARGIN * args.motion_error)
+    settings = ForecastSettings(members=args.members, motion_error=error)
+    lift = read_lift(args.bag, args.scene)
+    own = lift.scene.limits
+    usual_n = own.tension_n or own.utilisation * lift.scene.ropes[0].breaking_load_n
+    limit_n = usual_n if args.limit is None else args.limit
+    limits = Limits(limit_n, args.contact_speed, args.quiet_speed, args.quiet_time)
+    forecaster = RecordingForecaster(lift, settings, args.planned)
+    if args.score:
+        scored = forecaster.score(args.every, limit_n, CaseProgress().show)
+        _tell_score(args, lift, scored)
+        return ExitCode.OK
+    sample = forecaster.sample_of(args.at)
+    orders = [read_order("hold"), *asked] if asked else [read_order("continue")]
+    made = forecaster.at(sample, orders)
+    if args.picture is not None:
+        _draw(args.picture, lift, sample, made)
+    if args.json:
+        print_json(_figures(args, lift, forecaster, made, limits))
+        return ExitCode.OK
+    _tell(lift, forecaster, made, limits)
+    return ExitCode.OK
+
+
+def _risks(
+    forecaster: RecordingForecaster, forecast: TensionForecast, limits: Limits
+) -> tuple[list[Risk], list[QuietWindow]]:
+    from rope_twin.forecast.risk import quiet_windows, risks
+
+    return risks(forecast, limits, forecaster.depth_m), quiet_windows(forecast, limits)
+
+
+def _tell(
+    lift: RecordedLift,
+    forecaster: RecordingForecaster,
+    made: list[TensionForecast],
+    limits: Limits,
+) -> None:
+    """Print band, risks and quiet windows, and the orders beside `hold`."""
+    first = made[0]
+    heave, line, tension = lift.sources
+    print(
+        f"origin {first.origin_s:g} s; heave of {heave}, line out of {line}, tension of {tension}"
+    )
+    print(f"{first.members} ropes; heave is known to {first.horizon_s:g} s ahead, beyond that the "
+          "band is the climatology of this sea for this rope\n")  # fmt: skip
+    band = first.band() * 1e-3
+    at = [round(s / (first.lead_s[1] - first.lead_s[0])) - 1 for s in SHOWN_S]
+    rows = [["top tension [kN] in", *(f"{s:g} s" for s in SHOWN_S)]]
+    for name, values in zip(("5 %", "50 %", "95 %"), band, strict=True):
+        rows.append([name, *(f"{values[k]:.1f}" for k in at)])
+    print_table(rows)
+    for forecast in made:
+        risk, quiet = _risks(forecaster, forecast, limits)
+        print(f"\n{forecast.order}{': ' + forecast.note if forecast.note else ''}")
+        rows = [["within", *(f"{one.span_s:g} s" for one in risk)]]
+        rows.append(
+            [f"P(T > {limits.tension_n / 1e3:.0f} kN)", *(f"{r.tension:.2f}" for r in risk)]
+        )
+        rows.append(["P(slack)", *(f"{r.slack:.2f}" for r in risk)])
+        if not math.isnan(risk[0].landing):
+            rows.append(["P(lands)", *(f"{r.landing:.2f}" for r in risk)])
+            name = f"P(lands faster than {limits.contact_m_per_s:g} m/s)"
+            rows.append([name, *(f"{r.contact:.2f}" for r in risk)])
+        print_table(rows)
+        words = ", ".join(f"in {one.begin_s:g} s: {one.probability:.2f}" for one in quiet)
+        print(f"P({limits.quiet_s:g} s below {limits.quiet_m_per_s:g} m/s) {words}")
+    if len(made) > 1:
+        _tell_differences(made)
+
+
+def _tell_differences(made: list[TensionForecast]) -> None:
+    """Print each order against the first, member by member."""
+    from rope_twin.forecast.risk import compare
+
+    print()
+    rows = [["peak of 30 s against hold [kN]", "5 %", "50 %", "95 %", "lower in"]]
+    for other in made[1:]:
+        found = compare(other, made[0])
+        words = [f"{value * 1e-3:+.1f}" for value in found.peak_n]
+        rows.append([other.order, *words, f"{100.0 * found.lower:.0f} %"])
+    print_table(rows)
+
+
+def _figures(
+    args: argparse.Namespace,
+    lift: RecordedLift,
+    forecaster: RecordingForecaster,
+    made: list[TensionForecast],
+    limits: Limits,
+) -> dict[str, Any]:
+    """Return the forecasts as one JSON object; NaN becomes null."""
+    from rope_twin.forecast.risk import compare
+    from rope_twin.forecast.tension_forecast import QUANTITIES
+
+    found = []
+    for forecast in made:
+        risk, quiet = _risks(forecaster, forecast, limits)
+        found.append({
+            "order": forecast.order,
+            "note": forecast.note,
+            "horizon_s": forecast.horizon_s,
+            "lead_s": forecast.lead_s.tolist(),
+            "bands": {name: forecast.band(name).tolist() for name in QUANTITIES},
+            "risks": [_without_nan(asdict(one)) for one in risk],
+            "quiet": [asdict(one) for one in quiet],
+            "against_first": asdict(compare(forecast, made[0])),
+        })  # fmt: skip
+    return {
+        "bag": args.bag, "origin_s": made[0].origin_s, "sources": lift.sources,
+        "limits": asdict(limits), "members": made[0].members, "forecasts": found,
+    }  # fmt: skip
+
+
+def _without_nan(values: dict[str, float]) -> dict[str, float | None]:
+    return {name: None if math.isnan(value) else value for name, value in values.items()}
+
+
+def _tell_score(args: argparse.Namespace, lift: RecordedLift, scored: RecordingScore) -> None:
+    if args.json:
+        events = [
+            {"span_s": one.span_s, **_brier_figures(one.score)} for one in scored.events
+        ]  # fmt: skip
+        print_json({
+            "bag": args.bag, "sources": lift.sources, "origins": scored.origins,
+            "limit_n": scored.limit_n, "coverage": scored.coverage,
+            "leads": [asdict(one) for one in scored.leads], "events": events,
+            "factor": scored.factor,
+        })  # fmt: skip
+        return
+    print(f"{scored.origins} origins; tension of {lift.sources[2]}; the 90 % band held "
+          f"{100.0 * scored.coverage:.1f} % of the time\n")  # fmt: skip
+    rows = [["lead", "band held %", "skill", "CRPS kN", "CRPS gain", "width", "spread factor"]]
+    for lead, factor in zip(scored.leads, scored.factor, strict=True):
+        rows.append([
+            f"{lead.lead_s:g} s", f"{100.0 * lead.coverage:.0f}", f"{lead.skill:.2f}",
+            f"{lead.crps * 1e-3:.2f}", f"{lead.crps_gain:.2f}", f"{lead.width:.2f}",
+            f"{factor:.2f}",
+        ])  # fmt: skip
+    print_table(rows)
+    print()
+    rows = [[f"P(T > {scored.limit_n / 1e3:.0f} kN) within", "base rate", "Brier score",
+             "gain %", "probability: came (n)"]]  # fmt: skip
+    for event in scored.events:
+        own = event.score
+        classes = ", ".join(
+            f"{c.probability:.2f}: {c.frequency:.2f} ({c.count})" for c in own.classes
+        )
+        gain = "certain" if math.isnan(own.gain) else f"{100.0 * own.gain:.0f}"
+        rows.append([f"{event.span_s:g} s", f"{own.base_rate:.2f}", f"{own.score:.3f}", gain,
+                     classes])  # fmt: skip
+    print_table(rows, words_last=True)
+
+
+def _brier_figures(score: Any) -> dict[str, Any]:
+    figures = asdict(score)
+    return {**figures, "gain": None if math.isnan(score.gain) else score.gain}
+
+
+def _draw(path: Path, lift: RecordedLift, sample: int, made: list[TensionForecast]) -> None:
+    """Draw two minutes of the recording, the band ahead, and what the recording has after it."""
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from rope_twin.forecast.heave_process import SAMPLE_S
+    from rope_twin.studies.picture import Line, Panel, draw_panels
+
+    panels = []
+    for forecast in made:
+        first, last = max(sample - 240, 0), min(sample + 120, len(lift.tension_n) - 1)
+        number = np.arange(first, last + 1)
+        time: NDArray[np.float64] = np.asarray(lift.begin_s + number * SAMPLE_S - forecast.origin_s)
+        low, middle, high = forecast.band() * 1e-3
+        panels.append(
+            Panel(
+                f"{forecast.order}; known to {forecast.horizon_s:g} s", "time from the origin [s]",
+                "top tension [kN]",
+                (
+                    Line(time, lift.tension_n[number] * 1e-3, "recorded", "k-"),
+                    Line(forecast.lead_s, low, "5 and 95 %", "C0-"),
+                    Line(forecast.lead_s, high, "", "C0-"),
+                    Line(forecast.lead_s, middle, "50 %", "C0--"),
+                ),
+            )
+        )  # fmt: skip
+    draw_panels(f"Forecast at {made[0].origin_s:g} s", panels, path)

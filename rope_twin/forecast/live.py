@@ -1,0 +1,336 @@
+"""Forecasts beside a live twin: what was heard is kept, and a thread forecasts it every second.
+
+Callbacks only append to the series; the worker owns the fleet, the nominal rope (which follows the
+measured motion a burn-in behind the present) and the kept forecasts. Nothing waits for the worker:
+if a forecast takes longer than its interval the next one is later, and its age says so.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.forecast.heave_process import (
+    PAST_S,
+    RECORD_S,
+    SAMPLE_S,
+    SHORTEST_RECORD_S,
+    MeasuredWaves,
+    heave_spectrum,
+)
+from rope_twin.forecast.kept import KeptForecasts
+from rope_twin.forecast.nominal_rope import NominalRope, scene_at_line
+from rope_twin.forecast.recorded_lift import seabed_depth_m
+from rope_twin.forecast.risk import Limits, QuietWindow, Risk, quiet_windows, risks
+from rope_twin.forecast.tension_forecast import (
+    ForecastSettings,
+    Known,
+    TensionForecast,
+    TensionForecaster,
+)
+from rope_twin.messages.forecast import (
+    QUANTITIES,
+    QUIET_TOPIC,
+    RISK_TOPIC,
+    TENSION_TOPIC,
+    band_columns,
+)
+from rope_twin.scene.schema import Scene
+from rope_twin.sea.ship_motion import BoxHull, heave_response
+
+Floats = NDArray[np.float64]
+Row = Mapping[str, float]
+
+INTERVAL_S = 1.0
+LARGEST_GAP_S = 2.0  # of a series that is bridged
+WAVES_S = 240.0  # of elevations that a forecast uses
+WAVES_EVERY_S = 1.0  # apart, for each place
+MOST_WAVES = 480
+LEAST_WAVES = 30
+KEPT_S = RECORD_S + 20.0
+
+_log = logging.getLogger(__name__)
+
+
+class Series:
+    """Times and values of one quantity, of the last KEPT_S; appended by one thread."""
+
+    def __init__(self) -> None:
+        self._rows: deque[tuple[float, float]] = deque()
+
+    def add(self, time_s: float, value: float) -> None:
+        """Append a value; one that is not later than the last, or not finite, is left out.
+
+        A time far before the last is that of another run: the series begins again.
+        """
+        if not np.isfinite(value):
+            return
+        if self._rows and time_s <= self._rows[-1][0]:
+            if time_s > self._rows[-1][0] - LARGEST_GAP_S:
+                return
+            self._rows.clear()
+        self._rows.append((time_s, value))
+        while self._rows[0][0] < time_s - KEPT_S:
+            self._rows.popleft()
+
+    def table(self) -> Floats:
+        """Return times and values after the last gap, (n, 2)."""
+        rows = np.array(list(self._rows.copy()), np.float64).reshape(-1, 2)
+        gaps = np.flatnonzero(np.diff(rows[:, 0]) > LARGEST_GAP_S)
+        return rows[gaps[-1] + 1 :] if len(gaps) else rows
+
+
+@dataclass
+class Heard:
+    """All series of a live lift, in seconds of one clock."""
+
+    heave_m: Series = field(default_factory=Series)
+    line_out_m: Series = field(default_factory=Series)
+    tension_n: Series = field(default_factory=Series)
+    waves: deque[tuple[float, float, float]] = field(
+        default_factory=lambda: deque(maxlen=20_000)
+    )  # time, distance up-sea, elevation
+
+    def clear(self) -> None:
+        """Forget everything, as after a pause."""
+        self.heave_m, self.line_out_m, self.tension_n = Series(), Series(), Series()
+        self.waves.clear()
+
+
+@dataclass(frozen=True)
+class LiveForecast:
+    """One forecast with its risks, as it is published."""
+
+    forecast: TensionForecast
+    risks: tuple[Risk, ...]
+    quiet: tuple[QuietWindow, ...]
+    coverage: float  # of the kept bands; NaN: not yet known
+    age_s: float  # of the newest input when the forecast was ready
+
+
+class LiveForecaster:
+    """Forecasts what was heard; called by one thread."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        limits: Limits,
+        settings: ForecastSettings | None = None,
+        wave_noise_m: float = 0.2,
+    ) -> None:
+        """Take a scene of one rope; wave_noise_m: standard deviation of measured elevations."""
+        self._scene, self._limits = scene, limits
+        self.settings = settings or ForecastSettings()
+        self._wave_noise_m = wave_noise_m
+        self._forecaster: TensionForecaster | None = None
+        self._nominal: NominalRope | None = None
+        self._begun_s = 0.0  # time of the nominal rope's beginning
+        self._depth_m = seabed_depth_m(scene)
+        self.kept: KeptForecasts | None = None
+        self._seen_s = -np.inf
+
+    def waits_for(self, heard: Heard) -> str:
+        """Return what is missing for a forecast, in words; "": nothing."""
+        grid = self._grid(heard)
+        if grid is None:
+            return "heave, line out and tension"
+        known, least = float(grid[-1] - grid[0]), PAST_S + max(SHORTEST_RECORD_S - PAST_S, 0.0)
+        return f"{least - known:.0f} s more of heave" if known < least + SAMPLE_S else ""
+
+    def forecast(self, heard: Heard, now_s: Callable[[], float]) -> LiveForecast:
+        """Return the forecast from the newest common instant of all series.
+
+        now_s: the clock of the series, for the age of the inputs.
+
+        Raises:
+            InputError: too little was heard yet.
+            RopeTwinError: the rope cannot be forecast.
+        """
+        if words := self.waits_for(heard):
+            raise InputError(phrase("forecast", f"it waits for {words}", "wait"))
+        grid = self._grid(heard)
+        assert grid is not None
+        heave, line, mean, tension = self._sampled(heard, grid)
+        if self._nominal is None or grid[0] > self._begun_s + self._nominal.time_s:
+            self._begin(grid, line)
+        assert self._nominal is not None
+        assert self._forecaster is not None
+        assert self.kept is not None
+        origin_s = float(grid[-1])
+        self._nominal.follow(
+            origin_s - self.settings.burn_in_s - self._begun_s,
+            float(grid[0]) - self._begun_s, heave - heave.mean(), line,
+        )  # fmt: skip
+        for at, value in zip(grid, tension, strict=True):
+            if at > self._seen_s:
+                self.kept.see(float(at), float(value))
+                self._seen_s = float(at)
+        winch = self._scene.winch
+        waves = self._waves(heard, origin_s)
+        response = None
+        if waves is not None:
+            response = heave_response(BoxHull(), heave_spectrum(heave).frequency_hz)
+        known = Known(
+            origin_s, heave - heave.mean(), line, mean, waves, response,
+            compensated=bool(winch and winch.heave_compensation),
+        )  # fmt: skip
+        (made,) = self._forecaster.forecast(
+            known, self._nominal.states()[0], factor=self.kept.factor()
+        )
+        self.kept.keep(made)
+        return LiveForecast(
+            made, tuple(risks(made, self._limits, self._depth_m)),
+            tuple(quiet_windows(made, self._limits)), self.kept.coverage(), now_s() - origin_s,
+        )  # fmt: skip
+
+    def _grid(self, heard: Heard) -> Floats | None:
+        """Return the instants that all series span, every SAMPLE_S; None: none."""
+        tables = [one.table() for one in (heard.heave_m, heard.line_out_m, heard.tension_n)]
+        if any(len(one) < 2 for one in tables):
+            return None
+        first = np.ceil(max(one[0, 0] for one in tables) / SAMPLE_S)
+        last = np.floor(min(one[-1, 0] for one in tables) / SAMPLE_S)
+        return np.asarray(SAMPLE_S * np.arange(first, last + 1.0)) if last > first else None
+
+    def _sampled(self, heard: Heard, grid: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return heave, line out, mean tension and tension on the grid."""
+        heave, line, tension = (
+            one.table() for one in (heard.heave_m, heard.line_out_m, heard.tension_n)
+        )
+        summed = np.concatenate([[0.0], np.cumsum(tension[:, 1])])
+        last = np.searchsorted(tension[:, 0], grid, side="right")
+        first = np.searchsorted(tension[:, 0], grid - SAMPLE_S, side="right")
+        count = last - first
+        with np.errstate(invalid="ignore"):
+            mean = np.where(count > 0, (summed[last] - summed[first]) / count, np.nan)
+        return (
+            np.interp(grid, heave[:, 0], heave[:, 1]), np.interp(grid, line[:, 0], line[:, 1]),
+            mean, np.interp(grid, tension[:, 0], tension[:, 1]),
+        )  # fmt: skip
+
+    def _begin(self, grid: Floats, line: Floats) -> None:
+        """Build the fleet for the present line out, and the nominal rope from rest."""
+        scene = scene_at_line(self._scene, float(line[0]))
+        self._forecaster = TensionForecaster(scene, self.settings)
+        self._nominal = NominalRope(scene, self.settings)
+        self._begun_s, self._seen_s = float(grid[0]), -np.inf
+        self.kept = KeptForecasts(self._forecaster.leads)
+
+    def _waves(self, heard: Heard, origin_s: float) -> MeasuredWaves | None:
+        """Return the elevations of the last WAVES_S, thinned; None: too few."""
+        rows = np.array(list(heard.waves.copy()), np.float64).reshape(-1, 3)
+        rows = rows[(rows[:, 0] > origin_s - WAVES_S) & (rows[:, 0] <= origin_s + LARGEST_GAP_S)]
+        kept, newest = [], dict[float, float]()
+        for row in rows:
+            if row[0] - newest.get(row[1], -np.inf) >= WAVES_EVERY_S - 1e-3:
+                newest[row[1]] = row[0]
+                kept.append(row)
+        if len(kept) < LEAST_WAVES:
+            return None
+        table = np.array(kept[-MOST_WAVES:])
+        height = table[:, 2] - table[:, 2].mean()
+        return MeasuredWaves(table[:, 0] - origin_s, table[:, 1], height, self._wave_noise_m)
+
+
+def tables_of(made: LiveForecast, limits: Limits) -> dict[str, list[Row]]:
+    """Return the rows of each topic of `messages.forecast`."""
+    own = made.forecast
+    bands = {
+        column: row
+        for quantity in QUANTITIES
+        for column, row in zip(band_columns(quantity), own.band(quantity), strict=True)
+    }
+    tension: list[Row] = [
+        {"lead_s": float(lead), "heave_skill": float(own.heave_skill[k]), "age_s": made.age_s,
+         "factor": float(own.factor[k]), **{name: float(row[k]) for name, row in bands.items()}}
+        for k, lead in enumerate(own.lead_s)
+    ]  # fmt: skip
+    risk: list[Row] = [
+        {"span_s": one.span_s, "tension": one.tension, "slack": one.slack, "contact": one.contact,
+         "landing": one.landing, "tension_limit_n": limits.tension_n,
+         "contact_limit_m_per_s": limits.contact_m_per_s, "horizon_s": own.horizon_s,
+         "coverage": made.coverage, "age_s": made.age_s}
+        for one in made.risks
+    ]  # fmt: skip
+    quiet: list[Row] = [
+        {"begin_s": one.begin_s, "length_s": one.length_s, "probability": one.probability,
+         "speed_limit_m_per_s": limits.quiet_m_per_s, "age_s": made.age_s}
+        for one in made.quiet
+    ]  # fmt: skip
+    return {TENSION_TOPIC: tension, RISK_TOPIC: risk, QUIET_TOPIC: quiet}
+
+
+class ForecastWorker:
+    """Thread that forecasts at most once in each interval."""
+
+    def __init__(
+        self,
+        forecaster: LiveForecaster,
+        heard: Heard,
+        publish: Callable[[LiveForecast], None],
+        now_s: Callable[[], float],
+        interval_s: float = INTERVAL_S,
+    ) -> None:
+        """Prepare the thread; publish: called by it with each forecast."""
+        self._forecaster, self._heard = forecaster, heard
+        self._publish, self._now_s, self._interval_s = publish, now_s, interval_s
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="forecast", daemon=True)
+        self.made = 0
+        self.processor_s = 0.0  # CPU time of the thread
+        self.trouble = ""  # why there is no forecast at present
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread after its present forecast."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        newest = -np.inf
+        while not self._closing.is_set():
+            began = time.monotonic()
+            try:
+                words = self._forecaster.waits_for(self._heard)
+                self.trouble = f"waits for {words}" if words else ""
+                if not words:
+                    made = self._forecaster.forecast(self._heard, self._now_s)
+                    if made.forecast.origin_s > newest:
+                        newest = made.forecast.origin_s
+                        self._publish(made)
+                        self.made += 1
+            except RopeTwinError as error:
+                self.trouble = str(error)
+            except Exception as error:  # the run goes on without forecasts, and says why
+                _log.exception("no more forecasts")
+                self.trouble = f"{type(error).__name__}: {error}"
+                return
+            self.processor_s = time.thread_time()
+            self._closing.wait(max(self._interval_s - (time.monotonic() - began), 0.05))
+
+
+def usual_limits(scene: Scene, given: Sequence[float]) -> Limits:
+    """Return the limits of risks.
+
+    given: tension [N], contact speed and quiet speed [m/s], length of a quiet window [s]. A
+    tension limit of 0 is that of the scene: its own, or its utilisation times the MBL.
+
+    Raises:
+        InputError: a limit that is not positive.
+    """
+    tension_n, contact, quiet, length_s = given
+    own = scene.limits
+    usual_n = own.tension_n or own.utilisation * scene.ropes[0].breaking_load_n
+    return Limits(tension_n or usual_n, contact, quiet, length_s)

@@ -1,0 +1,177 @@
+"""Forecasts over a recording, at one origin or at many, and what they were worth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.forecast.heave_process import AHEAD_S, SAMPLE_S
+from rope_twin.forecast.kept import KeptForecasts
+from rope_twin.forecast.nominal_rope import nominal_states
+from rope_twin.forecast.orders import CONTINUE, Order
+from rope_twin.forecast.recorded_lift import RecordedLift, seabed_depth_m
+from rope_twin.forecast.risk import SPANS_S
+from rope_twin.forecast.score import BrierScore, LeadScore, brier, coverage, score_lead
+from rope_twin.forecast.tension_forecast import (
+    TENSION,
+    ForecastSettings,
+    Known,
+    TensionForecast,
+    TensionForecaster,
+)
+from rope_twin.twin.ensemble.fleet import FleetState
+
+Floats = NDArray[np.float64]
+Progress = Callable[[int, int, str], None]
+
+SCORED_LEADS_S = (2.0, 5.0, 10.0, 20.0, 30.0, 60.0)
+NEAR = 4  # samples up to a lead that are judged with it
+LEAST_ORIGINS = 2
+
+
+@dataclass(frozen=True)
+class EventScore:
+    """Score of P(top tension > limit) over a span."""
+
+    span_s: float
+    score: BrierScore
+
+
+@dataclass(frozen=True)
+class RecordingScore:
+    """Worth of the forecasts of a recording."""
+
+    origins: int
+    limit_n: float
+    coverage: float  # of the 90 % band, all leads
+    leads: tuple[LeadScore, ...]
+    events: tuple[EventScore, ...]
+    factor: tuple[float, ...]  # on the spread at SCORED_LEADS_S, after the last origin
+
+
+class RecordingForecaster:
+    """Forecasts a recorded lift at any of its instants."""
+
+    def __init__(
+        self,
+        lift: RecordedLift,
+        settings: ForecastSettings | None = None,
+        planned: bool = False,
+    ) -> None:
+        """Build the fleet.
+
+        planned: the winch does what the recording has after an origin; else it goes on as it is.
+
+        Raises:
+            RopeTwinError: the scene cannot be stepped.
+        """
+        self.lift, self.planned = lift, planned
+        self.settings = settings or ForecastSettings()
+        self.depth_m = seabed_depth_m(lift.scene)
+        self._forecaster = TensionForecaster(lift.scene, self.settings)
+        self.kept = KeptForecasts(self._forecaster.leads)
+
+    def sample_of(self, time_s: float | None) -> int:
+        """Return the sample of an origin; None: the newest one of the recording.
+
+        Raises:
+            InputError: before that no forecast is possible, or beyond the recording.
+        """
+        last = len(self.lift.heave_m) - 1
+        if time_s is None:
+            return last
+        sample = round((time_s - self.lift.begin_s) / SAMPLE_S)
+        first = self.lift.first_origin
+        if not first <= sample <= last:
+            low, high = first * SAMPLE_S, last * SAMPLE_S
+            what = f"{time_s:g} s is not possible"
+            raise InputError(phrase("origin", what, f"give {low:g} to {high:g} s"))
+        return sample
+
+    def at(self, sample: int, orders: Sequence[Order]) -> list[TensionForecast]:
+        """Return the forecasts of one origin, on the same heave paths."""
+        (states,) = self._states([sample])
+        return self._forecast(sample, states, orders)
+
+    def score(self, every_s: float, limit_n: float, progress: Progress) -> RecordingScore:
+        """Forecast at origins `every_s` apart and score what the recording knows of them.
+
+        The factor on the spread follows the forecasts before.
+
+        Raises:
+            InputError: fewer than two origins fit, or the tension does not vary.
+        """
+        lift, ahead = self.lift, round(AHEAD_S / SAMPLE_S)
+        step = max(round(every_s / SAMPLE_S), 1)
+        samples = list(range(lift.first_origin, len(lift.heave_m) - ahead, step))
+        if len(samples) < LEAST_ORIGINS:
+            what = f"{len(samples)} origins {every_s:g} s apart fit"
+            raise InputError(phrase("score", what, "give a longer recording or a shorter interval"))
+        made = []
+        for number, (sample, states) in enumerate(zip(samples, self._states(samples), strict=True)):
+            progress(number, len(samples), f"forecast at {lift.begin_s + sample * SAMPLE_S:g} s")
+            made += self._forecast(sample, states, (Order(CONTINUE),))
+            self.kept.keep(made[-1])
+            until = samples[number + 1] if number + 1 < len(samples) else sample + ahead
+            for k in range(sample + 1, until + 1):
+                self.kept.see(lift.begin_s + k * SAMPLE_S, float(lift.tension_n[k]))
+        progress(len(samples), len(samples), "scored")
+        return self._scored(made, samples, limit_n)
+
+    def _states(self, samples: list[int]) -> list[FleetState]:
+        """Return the rope's state a burn-in before each origin."""
+        own, lift = self.settings, self.lift
+        before = round(own.burn_in_s / SAMPLE_S)
+        at = [sample - before for sample in samples]
+        states = nominal_states(lift.scene, lift.heave_m, lift.line_out_m, at, own)
+        return [one[0] for one in states]
+
+    def _forecast(
+        self, sample: int, start: FleetState, orders: Sequence[Order]
+    ) -> list[TensionForecast]:
+        known = self._known(sample)
+        plan = self.lift.plan_at(sample, self.settings, AHEAD_S) if self.planned else None
+        return self._forecaster.forecast(known, start, orders, self.kept.factor(), plan)
+
+    def _known(self, sample: int) -> Known:
+        known = self.lift.known_at(sample)
+        if self.depth_m is None:
+            return known
+        # line to pay out: the depth that is missing, as the rope hangs nearly straight
+        height = self.lift.scene.ship.hang_off_m[2]
+        missing = self.depth_m - (float(known.line_out_m[-1]) - height)
+        return replace(known, to_contact_m=max(missing, 0.0))
+
+    def _scored(
+        self, made: list[TensionForecast], samples: list[int], limit_n: float
+    ) -> RecordingScore:
+        lift, ahead = self.lift, round(AHEAD_S / SAMPLE_S)
+        truth = np.array([lift.tension_n[k + 1 : k + 1 + ahead] for k in samples])
+        peak = np.array([lift.peak_n[k + 1 : k + 1 + ahead] for k in samples])
+        whole = np.isfinite(truth).all(axis=1)
+        if int(whole.sum()) < LEAST_ORIGINS:
+            right = "give a recording of it without gaps"
+            raise InputError(phrase("score", "the tension after the origins is missing", right))
+        known = lift.tension_n[np.isfinite(lift.tension_n)]
+        members = np.array([one.values[TENSION].T for one in made])[whole]
+        bands = np.array([one.band() for one in made])[whole]
+        leads = []
+        for lead in SCORED_LEADS_S:
+            end = round(lead / SAMPLE_S)
+            own = slice(max(end - NEAR, 0), end)
+            leads.append(score_lead(lead, members[:, :, own], truth[whole][:, own], known))
+        events = []
+        for span in SPANS_S:
+            count = round(span / SAMPLE_S)
+            told = np.array([(one.peak_n[:count].max(axis=0) > limit_n).mean() for one in made])
+            came = np.nanmax(peak[:, :count], axis=1) > limit_n
+            events.append(EventScore(span, brier(told[whole], came[whole])))
+        factor, at = self.kept.factor(), [round(s / SAMPLE_S) - 1 for s in SCORED_LEADS_S]
+        return RecordingScore(
+            int(whole.sum()), limit_n, coverage(bands[:, 0], bands[:, 2], truth[whole]),
+            tuple(leads), tuple(events), tuple(float(factor[k]) for k in at),
+        )  # fmt: skip

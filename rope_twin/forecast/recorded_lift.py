@@ -1,0 +1,180 @@
+"""A recorded lift as a forecast sees it: heave, line out and tension on one grid of times.
+
+Measured topics come first (`ship/heave`, `winch/measured`); where they are missing, the twin's own
+(`hang_off/odometry`, `ropes/length`, `ropes/tension_top`) stand in, and the sources say so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.errors import BagError, phrase
+from rope_twin.forecast.heave_process import PAST_S, RECORD_S, SAMPLE_S, SHORTEST_RECORD_S
+from rope_twin.forecast.nominal_rope import scene_at_line
+from rope_twin.forecast.orders import LinePath
+from rope_twin.forecast.tension_forecast import ForecastSettings, Known
+from rope_twin.messages.cdr import deserialise
+from rope_twin.recording.bag import BagReader, find_bag
+from rope_twin.recording.recorded_run import read_content
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+
+Floats = NDArray[np.float64]
+
+LARGEST_GAP_S = 2.0  # bridged by interpolation
+HEAVE_TOPICS = ("ship/heave", "hang_off/odometry")
+LINE_TOPICS = ("winch/measured", "ropes/length")
+TENSION_TOPICS = ("winch/measured", "ropes/tension_top")
+Read = Callable[[Any], float]
+
+
+@dataclass(frozen=True)
+class RecordedLift:
+    """Series of a recording, every SAMPLE_S from its first common instant on."""
+
+    scene: Scene  # with the line out of the first sample
+    begin_s: float  # of the first sample, in the recording's own time
+    heave_m: Floats  # (n,) about its mean
+    line_out_m: Floats  # (n,)
+    tension_n: Floats  # (n,) at the sample; NaN: missing
+    mean_n: Floats  # (n,) over the SAMPLE_S before
+    peak_n: Floats  # (n,) largest of it
+    sources: tuple[str, str, str]  # topics of heave, line out and tension
+
+    @property
+    def first_origin(self) -> int:
+        """Sample of the earliest possible origin."""
+        return round(max(PAST_S, SHORTEST_RECORD_S) / SAMPLE_S) + 1
+
+    def known_at(self, sample: int, to_contact_m: float | None = None) -> Known:
+        """Return what was known at a sample, which is not before the first origin."""
+        first = max(sample - round(RECORD_S / SAMPLE_S) + 1, 0)
+        own = slice(first, sample + 1)
+        winch = self.scene.winch
+        return Known(
+            self.begin_s + sample * SAMPLE_S, self.heave_m[own], self.line_out_m[own],
+            self.mean_n[own], compensated=bool(winch and winch.heave_compensation),
+            to_contact_m=to_contact_m,
+        )  # fmt: skip
+
+    def plan_at(self, sample: int, settings: ForecastSettings, ahead_s: float) -> LinePath:
+        """Return the line out that the recording has after a sample, at the forecast's steps.
+
+        Beyond the recording it stays as it is at its end.
+        """
+        from scipy.interpolate import CubicSpline  # slow to import
+
+        count = round(ahead_s / SAMPLE_S)
+        own = self.line_out_m[sample : sample + count + 1]
+        own = np.concatenate([own, np.full(count + 1 - len(own), own[-1])])
+        spline = CubicSpline(SAMPLE_S * np.arange(count + 1), own)
+        at = settings.step_s * np.arange(round(ahead_s / settings.step_s) + 1)
+        return LinePath(spline(at), spline(at, 1))
+
+
+def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
+    """Return the lift in a bag; scene: its name or file, None: that of the bag's session.
+
+    Raises:
+        BagError: no bag, no session and no scene, or too little of a quantity.
+        SceneError: the scene cannot be read.
+    """
+    path = find_bag(bag)
+    own = load_scene(scene) if scene is not None else _scene_of(path)
+    with BagReader(path) as reader:
+        heave = _first(reader, HEAVE_TOPICS, lambda m: float(m.pose.pose.position.z), "heave")
+        line = _first(reader, LINE_TOPICS, lambda m: _number(m.position), "line out")
+        tension = _first(reader, TENSION_TOPICS, lambda m: _number(m.effort), "tension")
+    begin = max(series[1][0] for series in (heave, line, tension))
+    end = min(series[1][-1] for series in (heave, line, tension))
+    count = math.floor((end - begin) / SAMPLE_S + 1e-6) + 1
+    if count * SAMPLE_S < PAST_S + SHORTEST_RECORD_S:
+        what = f"{max(end - begin, 0.0):.0f} s of it have heave, line out and tension"
+        right = f"a forecast needs {PAST_S + SHORTEST_RECORD_S:g} s"
+        raise BagError(phrase(f"bag {path}", what, right))
+    at = begin + SAMPLE_S * np.arange(count)
+    z = _on_grid(path, *heave[1:], at, "heave")
+    out = _on_grid(path, *line[1:], at, "line out")
+    top, mean, peak = _tension_on(*tension[1:], at)
+    return RecordedLift(
+        scene_at_line(own, float(out[0])), 0.0, z - z.mean(), out, top, mean, peak,
+        (heave[0], line[0], tension[0]),
+    )  # fmt: skip
+
+
+def seabed_depth_m(scene: Scene) -> float | None:
+    """Return the depth at which the payload meets a plane seabed below the hang-off, or None."""
+    for params in scene.effects:
+        if isinstance(params, SeabedParams) and params.depth_m is not None:
+            x, y, _ = scene.ship.hang_off_m
+            return float(params.depth_m - params.slope[0] * x - params.slope[1] * y)
+    return None
+
+
+def _scene_of(path: Path) -> Scene:
+    """Return the scene of the newest session in a bag. Raises BagError."""
+    return read_content(path).sessions[-1].session.scene()
+
+
+def _number(values: Sequence[float]) -> float:
+    return float(values[0]) if len(values) else math.nan
+
+
+def _first(
+    reader: BagReader, topics: Sequence[str], read: Read, what: str
+) -> tuple[str, Floats, Floats]:
+    """Return name, times [s] and values of the first of these topics with usable numbers.
+
+    Raises:
+        BagError: none of them has any.
+    """
+    for wanted in topics:
+        names = [name for name in reader.topics if f"/{name.lstrip('/')}".endswith(f"/{wanted}")]
+        for name in names:
+            kind = reader.topics[name].type_name
+            rows = []
+            for _, data in reader.messages(name):
+                message = deserialise(kind, data)
+                stamp = message.header.stamp
+                rows.append((stamp.sec + 1e-9 * stamp.nanosec, read(message)))
+            table = np.array(rows, np.float64).reshape(-1, 2)
+            table = table[np.isfinite(table).all(axis=1)]
+            table = table[np.argsort(table[:, 0], kind="stable")]
+            rising = np.diff(table[:, 0], prepend=-math.inf) > 0.0
+            if int(rising.sum()) > 1:
+                return wanted, table[rising, 0], table[rising, 1]
+    words = " nor ".join(topics)
+    raise BagError(phrase(f"bag {reader.path}", f"it has no {what}", f"neither {words} has one"))
+
+
+def _on_grid(path: Path, time: Floats, values: Floats, at: Floats, what: str) -> Floats:
+    """Interpolate at times. Raises BagError: a gap is too long."""
+    gaps = np.diff(time)
+    inside = (time[1:] > at[0]) & (time[:-1] < at[-1])
+    if (gaps[inside] > LARGEST_GAP_S).any():
+        k = int(np.argmax(np.where(inside, gaps, 0.0)))
+        what = f"{what} is missing for {gaps[k]:.1f} s from {time[k] - at[0]:.1f} s on"
+        raise BagError(phrase(f"bag {path}", what, f"right are gaps up to {LARGEST_GAP_S:g} s"))
+    return np.asarray(np.interp(at, time, values))
+
+
+def _tension_on(time: Floats, values: Floats, at: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return tension at times, mean and maximum of the SAMPLE_S before; NaN in gaps."""
+    top = np.interp(at, time, values)
+    last = np.searchsorted(time, at, side="right")
+    first = np.searchsorted(time, at - SAMPLE_S, side="right")
+    mean, peak = np.full(len(at), math.nan), np.full(len(at), math.nan)
+    for k, (begin, end) in enumerate(zip(first, last, strict=True)):
+        if end > begin:
+            mean[k], peak[k] = values[begin:end].mean(), values[begin:end].max()
+        else:
+            top[k] = math.nan
+    return top, mean, peak

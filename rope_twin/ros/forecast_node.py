@@ -1,0 +1,156 @@
+"""Forecast node: publishes tension, risks and quiet windows of the next minute every second.
+
+It hears the ship's heave, line out and tension (measured ones, or the simulation's), and waves
+measured up-sea; a thread of its own forecasts. The simulation does not depend on it.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from rope_twin.errors import InputError
+from rope_twin.forecast.heave_process import MotionError
+from rope_twin.forecast.live import (
+    ForecastWorker,
+    Heard,
+    LiveForecast,
+    LiveForecaster,
+    tables_of,
+    usual_limits,
+)
+from rope_twin.forecast.tension_forecast import ERROR_MARGIN, ForecastSettings
+from rope_twin.messages import Level, Status, decode, encode_diagnostics
+from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast
+from rope_twin.ros.entry import run_node
+from rope_twin.ros.params import ForecastParams, declare
+from rope_twin.ros.qos import listen, publish
+from rope_twin.scene.load import load_scene
+from rope_twin.topics import BY_NAME, MEASURED_ELEVATION, WINCH_MEASURED
+
+_HEARD = ("ship/heave", "hang_off/odometry", "ropes/length", "ropes/tension_top",
+          WINCH_MEASURED, MEASURED_ELEVATION)  # fmt: skip
+_DEPTH = 200  # messages that may queue in the middleware
+_DIAGNOSTICS_S = 1.0
+_SILENT_S = 2.0  # after which the simulation's values stand in for measured ones
+
+
+class ForecastNode(Node):
+    """Subscribes to motion, line and tension; its worker publishes the forecasts."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("forecast", **node_options)
+        self._params = declare(self, ForecastParams)
+        self._own_publishers = {name: publish(self, BY_NAME[name]) for name in FORECAST_TOPICS}
+        self._diagnostics = publish(self, BY_NAME["diagnostics"])
+        self._heard = Heard()
+        self._measured_s = {"heave": -math.inf, "line": -math.inf, "tension": -math.inf}
+        self.worker: ForecastWorker | None = None
+
+    def begin(self) -> None:
+        """Read the scene, subscribe and start the worker.
+
+        Raises:
+            RopeTwinError: the scene cannot be read, or a limit is not possible.
+        """
+        own = self._params
+        scene = load_scene(own.scene)
+        given = own.tension_limit_n, own.contact_limit_m_per_s, own.quiet_m_per_s, own.quiet_s
+        self._limits = usual_limits(scene, given)
+        self._hang_off = scene.ship.hang_off_m
+        error = MotionError(coloured_m=ERROR_MARGIN * own.motion_error_m)
+        settings = ForecastSettings(members=own.members, motion_error=error)
+        forecaster = LiveForecaster(scene, self._limits, settings, own.wave_noise_m)
+        self.worker = ForecastWorker(
+            forecaster, self._heard, self._send, self._now_s, own.interval_s
+        )
+        for name in _HEARD:
+            listen(self, BY_NAME[name], self._taker(name), _DEPTH)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
+        self.worker.start()
+
+    @property
+    def finished(self) -> bool:
+        """Return False: the node does not finish by itself."""
+        return False
+
+    def close(self) -> None:
+        """End the worker."""
+        if self.worker is not None:
+            self.worker.close()
+
+    def _now_s(self) -> float:
+        return float(self.get_clock().now().nanoseconds) * 1e-9
+
+    def _send(self, made: LiveForecast) -> None:
+        """Publish the tables of a forecast, stamped with its origin (in the worker's thread)."""
+        origin_ns = round(made.forecast.origin_s * 1e9)
+        for name, rows in tables_of(made, self._limits).items():
+            self._own_publishers[name].publish(encode_forecast(name, origin_ns, "map", rows))
+
+    def _taker(self, name: str) -> Any:
+        def take(data: bytes, info: dict[str, Any]) -> None:
+            try:
+                self._take(name, decode(name, data))
+            except (InputError, IndexError, AttributeError) as error:
+                self.get_logger().warning(f"{name}: {error}", once=True)
+
+        return take
+
+    def _take(self, name: str, message: Any) -> None:
+        """Append what a message says; the simulation's values only where nothing is measured."""
+        at = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        heard = self._heard
+        if name in ("ship/heave", "hang_off/odometry"):
+            z = float(message.pose.pose.position.z)
+            if name == "ship/heave":
+                self._measured_s["heave"] = at
+                heard.heave_m.add(at, z)
+            elif at > self._measured_s["heave"] + _SILENT_S:
+                heard.heave_m.add(at, z - self._hang_off[2])
+        elif name == MEASURED_ELEVATION:
+            place = message.point
+            heading = math.radians(self._params.wave_heading_deg)
+            along = (place.x - self._hang_off[0]) * math.cos(heading)
+            along += (place.y - self._hang_off[1]) * math.sin(heading)
+            if math.isfinite(along + place.z):
+                heard.waves.append((at, -along, float(place.z)))
+        else:
+            self._take_line(at, name == WINCH_MEASURED, message)
+
+    def _take_line(self, at: float, measured: bool, message: Any) -> None:
+        rows = (("line", message.position, self._heard.line_out_m),
+                ("tension", message.effort, self._heard.tension_n))  # fmt: skip
+        for what, values, series in rows:
+            value = float(values[0]) if len(values) else math.nan
+            if not math.isfinite(value):
+                continue
+            if measured:
+                self._measured_s[what] = at
+            if measured or at > self._measured_s[what] + _SILENT_S:
+                series.add(at, value)
+
+    def _publish_diagnostics(self) -> None:
+        worker = self.worker
+        if worker is None:
+            return
+        values = {"forecasts": str(worker.made), "CPU time [s]": f"{worker.processor_s:.2f}"}
+        level = Level.WARN if worker.trouble else Level.OK
+        words = worker.trouble or "a forecast every second"
+        row = Status("forecast", level, words, values)
+        now_ns = self.get_clock().now().nanoseconds
+        self._diagnostics.publish(encode_diagnostics(now_ns, [row]))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node (console entry); return the exit code."""
+    return run_node(ForecastNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,145 @@
+"""Live forecasts: what is heard, the worker, and the tables that are published."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_scene import small_scene
+
+from rope_twin.errors import InputError
+from rope_twin.forecast.heave_process import SAMPLE_S
+from rope_twin.forecast.live import (
+    ForecastWorker,
+    Heard,
+    LiveForecast,
+    LiveForecaster,
+    Series,
+    tables_of,
+    usual_limits,
+)
+from rope_twin.forecast.risk import Limits
+from rope_twin.forecast.tension_forecast import TENSION, ForecastSettings
+from rope_twin.messages import decode, read_cloud
+from rope_twin.messages.forecast import COLUMNS, FORECAST_TOPICS, band_columns, encode_forecast
+from rope_twin.scene.schema import Scene
+from rope_twin.topics import BY_NAME
+
+SETTINGS = ForecastSettings(members=19, burn_in_s=30.0)
+LIMITS = Limits(90e3, quiet_s=5.0)
+BEGIN_S = 1.7e9  # a ROS time
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    """A 200 m lift."""
+    return small_scene(tmp_path_factory.mktemp("scene"))
+
+
+def feed(heard: Heard, first_s: float, last_s: float) -> None:
+    """Append 10 Hz of a swell, a standing line and a tension that follows it."""
+    for k in range(round(10.0 * first_s), round(10.0 * last_s)):
+        at = 0.1 * k
+        z = 0.5 * math.sin(0.6 * at) + 0.2 * math.sin(0.9 * at)
+        heard.heave_m.add(BEGIN_S + at, z)
+        heard.line_out_m.add(BEGIN_S + at, 200.0)
+        heard.tension_n.add(BEGIN_S + at, 76e3 + 4e3 * z)
+
+
+def test_series() -> None:
+    """In order, finite, without what lies before a gap; another run begins again."""
+    own = Series()
+    for at, value in ((0.0, 1.0), (0.1, 2.0), (0.1, 3.0), (0.05, 4.0), (0.2, math.nan), (0.3, 5.0)):
+        own.add(at, value)
+    assert own.table()[:, 1].tolist() == [1.0, 2.0, 5.0]
+    own.add(5.0, 6.0)
+    assert own.table()[:, 0].tolist() == [5.0]
+    own.add(-100.0, 7.0)
+    assert own.table()[:, 1].tolist() == [7.0]
+    own.add(1000.0, 8.0)
+    assert len(own.table()) == 1
+
+
+def test_it_says_what_it_waits_for(scene: Scene) -> None:
+    """Nothing heard, then too little of it."""
+    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
+    assert forecaster.waits_for(heard) == "heave, line out and tension"
+    feed(heard, 0.0, 50.0)
+    assert forecaster.waits_for(heard) == "70 s more of heave"
+    with pytest.raises(InputError, match="waits"):
+        forecaster.forecast(heard, lambda: BEGIN_S)
+
+
+def test_forecasts_follow_each_other(scene: Scene) -> None:
+    """The second begins where the first has left its nominal rope; waves up-sea enter both."""
+    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
+    feed(heard, 0.0, 130.0)
+    for k in range(4 * 130):
+        heard.waves.append((BEGIN_S + 0.25 * k, 300.0, 0.3 * math.sin(0.6 * 0.25 * k)))
+    first = forecaster.forecast(heard, lambda: BEGIN_S + 131.0)
+    assert first.forecast.origin_s == BEGIN_S + 129.5
+    assert first.age_s == pytest.approx(1.5)
+    assert math.isnan(first.coverage)
+    feed(heard, 130.0, 131.0)
+    second = forecaster.forecast(heard, lambda: BEGIN_S + 131.2)
+    assert second.forecast.origin_s == BEGIN_S + 130.5
+    # the same rope, a second later: its median 2 s ahead is the first one's 3 s ahead
+    at = round(2.0 / SAMPLE_S) - 1
+    apart = second.forecast.band()[1, at] - first.forecast.band()[1, at + 2]
+    assert abs(apart) < 0.2 * np.std(first.forecast.values[TENSION][-1]) + 500.0
+    assert forecaster.kept is not None
+    assert len(forecaster.kept) == 1
+    feed(heard, 140.0, 150.0)  # after a gap everything begins again
+    assert "more of heave" in forecaster.waits_for(heard)
+
+
+def test_worker_publishes_and_ends(scene: Scene) -> None:
+    """Each origin once; a stop is heeded; its CPU time is counted."""
+    heard, made = Heard(), list[LiveForecast]()
+    forecaster = LiveForecaster(scene, LIMITS, SETTINGS)
+    worker = ForecastWorker(forecaster, heard, made.append, lambda: BEGIN_S + 126.0, 0.05)
+    worker.start()
+    until = time.monotonic() + 60.0
+    while not worker.trouble and time.monotonic() < until:
+        time.sleep(0.01)
+    assert worker.trouble == "waits for heave, line out and tension"
+    feed(heard, 0.0, 125.0)
+    while not made and time.monotonic() < until:
+        time.sleep(0.05)
+    worker.close()
+    assert worker.made == len(made) == len({one.forecast.origin_s for one in made}) == 1
+    assert worker.processor_s > 0.0
+    for topic, rows in tables_of(made[0], LIMITS).items():
+        message = decode(topic, encode_forecast(topic, 1_234_567_890_123, "map", rows))
+        table = read_cloud(message)
+        assert table.dtype.names == COLUMNS[topic]
+        assert (
+            len(table) == {"forecast/tension": 120, "forecast/risk": 4, "forecast/quiet": 4}[topic]
+        )
+        assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1234, 567_890_123)
+    tension = read_cloud(
+        decode("forecast/tension", encode_forecast("forecast/tension", 0, "map",
+                                                   tables_of(made[0], LIMITS)["forecast/tension"]))
+    )  # fmt: skip
+    assert tension["top_tension_50_n"] == pytest.approx(made[0].forecast.band()[1])
+    assert (tension["top_tension_5_n"] <= tension["top_tension_95_n"]).all()
+
+
+def test_topics_of_forecasts() -> None:
+    """Each has a row in the table of topics; columns carry their unit."""
+    for topic in FORECAST_TOPICS:
+        assert BY_NAME[topic].publisher == "forecast"
+    assert band_columns("payload_speed_m_per_s")[0] == "payload_speed_5_m_per_s"
+    assert band_columns("top_tension_n")[2] == "top_tension_95_n"
+
+
+def test_usual_limits(scene: Scene, tmp_path: Path) -> None:
+    """The scene's own limit in place of 0."""
+    own = usual_limits(scene, (0.0, 0.5, 0.3, 10.0))
+    assert own.tension_n == scene.limits.utilisation * scene.ropes[0].breaking_load_n
+    assert usual_limits(scene, (5e4, 0.5, 0.3, 10.0)).tension_n == 5e4
+    with pytest.raises(InputError, match="quiet_s"):
+        usual_limits(scene, (0.0, 0.5, 0.3, 0.0))

@@ -1,0 +1,141 @@
+"""Forecasts over a recording: reading it, one origin, a score, and the command."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bag_samples import START_NS
+from small_scene import small_scene
+
+from benchmarks.foresight.seas import DrawnSea, recorded_spectrum
+from rope_twin.cli import main
+from rope_twin.errors import BagError, InputError
+from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
+from rope_twin.forecast.offline import RecordingForecaster
+from rope_twin.forecast.orders import read_order
+from rope_twin.forecast.recorded_lift import RecordedLift, read_lift
+from rope_twin.forecast.tension_forecast import TENSION, ForecastSettings
+from rope_twin.messages import encode_heave, encode_measurement
+from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.topics import BY_NAME
+from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
+from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.motion.heave_track import ramp
+
+LENGTH_S = 420.0
+PERIOD_S = 0.05
+SETTINGS = ForecastSettings(members=19, burn_in_s=30.0)
+
+
+def write_lift(folder: Path, skip: slice | None = None) -> Path:
+    """Record ship/heave and winch/measured of the small scene's rope in a drawn sea."""
+    scene = small_scene(folder)
+    count = round(LENGTH_S / PERIOD_S)
+    sea = DrawnSea.draw(recorded_spectrum("sea_2p5m"), np.random.default_rng(1))
+    heave = sea.heave_m(count + 1, PERIOD_S)
+    rate = np.gradient(heave, PERIOD_S)
+    shares = np.array([ramp(k * PERIOD_S, 10.0) for k in range(count + 1)])
+    z = shares[:, 0] * heave
+    v = shares[:, 0] * rate + shares[:, 1] * heave
+    fleet = Fleet(scene, 4, elements=20, step_s=PERIOD_S)
+    line = np.full(count + 1, 200.0)
+    tension = fleet.advance(FleetInputs(z, v, line, 0.0 * line)).top_tension_n[:, 0]
+    path = folder / "lift"
+    with BagWriter(path, [BY_NAME["ship/heave"], BY_NAME["winch/measured"]]) as bag:
+        for k in range(count):
+            if skip is not None and skip.start <= k < skip.stop:
+                continue
+            stamp_ns = START_NS + round(k * PERIOD_S * 1e9)
+            bag.write("ship/heave", stamp_ns, encode_heave(stamp_ns, heave[k], rate[k]))
+            reading = Measurement.of_winch(stamp_ns, 200.0, 0.0, tension[max(k - 1, 0)])
+            bag.write("winch/measured", stamp_ns, encode_measurement(stamp_ns, reading)[1])
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the scene and its lift."""
+    made: Path = tmp_path_factory.mktemp("lift")
+    write_lift(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def lift(folder: Path) -> RecordedLift:
+    """The lift, read."""
+    return read_lift(folder / "lift", str(folder / "small.yaml"))
+
+
+def test_series_of_a_recording(lift: RecordedLift) -> None:
+    """Every half second, measured topics first, the mean heave taken off."""
+    assert lift.sources == ("ship/heave", "winch/measured", "winch/measured")
+    assert len(lift.heave_m) == round(LENGTH_S / SAMPLE_S)
+    assert lift.heave_m.mean() == pytest.approx(0.0, abs=1e-12)
+    assert (lift.line_out_m == 200.0).all()
+    assert np.isfinite(lift.tension_n).all()
+    assert (lift.peak_n[1:] >= lift.mean_n[1:]).all()
+    known = lift.known_at(400)
+    assert known.time_s == 200.0
+    assert len(known.heave_m) == 401
+    plan = lift.plan_at(800, SETTINGS, 60.0)  # beyond the end: as it is there
+    assert plan.out_m == pytest.approx(200.0)
+
+
+def test_forecast_of_a_recording(lift: RecordedLift) -> None:
+    """With known figures and heave the first 2 s are those recorded; orders differ."""
+    certain = replace(SETTINGS, spread={}, motion_error=MotionError(coloured_m=0.0))
+    forecaster = RecordingForecaster(lift, certain)
+    sample = forecaster.sample_of(330.0)
+    hold, haul = forecaster.at(sample, [read_order("hold"), read_order("haul:1")])
+    error = hold.band()[1, :4] - lift.tension_n[sample + 1 : sample + 5]
+    assert np.abs(error).max() < 0.3 * np.std(lift.tension_n)
+    assert (haul.values[TENSION] != hold.values[TENSION]).any()
+    with pytest.raises(InputError, match="give"):
+        forecaster.sample_of(10.0)
+    assert forecaster.sample_of(None) == len(lift.heave_m) - 1
+
+
+def test_score_of_a_recording(lift: RecordedLift) -> None:
+    """Skill where heave is known, its lack where it is not; the parts are those of the module."""
+    forecaster = RecordingForecaster(lift, SETTINGS)
+    limit = float(np.quantile(lift.peak_n[60:], 0.97))
+    seen: list[int] = []
+    found = forecaster.score(40.0, limit, lambda done, total, what: seen.append(done))
+    assert found.origins == seen[-1] == 6
+    assert found.leads[0].skill > 0.8
+    assert found.leads[0].crps_gain > found.leads[-1].crps_gain
+    assert 0.5 < found.coverage <= 1.0
+    assert [one.span_s for one in found.events] == [10.0, 20.0, 30.0, 60.0]
+    with pytest.raises(InputError, match="fit"):
+        forecaster.score(1e4, limit, lambda *_: None)
+
+
+def test_command(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Text and JSON of one origin with orders."""
+    words = ["ahead", str(folder / "lift"), "--scene", str(folder / "small.yaml"), "--at", "5min",
+             "--members", "19", "--what-if", "lower:0.5", "stop", "--limit", "80kN"]  # fmt: skip
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    for part in ("origin 300 s", "95 %", "P(T > 80 kN)", "lower:0.5", "lower in", "climatology"):
+        assert part in told
+    assert main([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [one["order"] for one in found["forecasts"]] == ["hold", "lower:0.5", "stop"]
+    assert len(found["forecasts"][0]["bands"]["top_tension_n"][0]) == 120
+    assert main([*words[:4], "--what-if", "jump"]) == 1
+    assert "no 'jump'" in capsys.readouterr().err
+
+
+def test_recordings_that_do_not_serve(tmp_path: Path) -> None:
+    """A gap of heave and line, and a bag without a winch."""
+    gap = write_lift(tmp_path, slice(2000, 2100))
+    with pytest.raises(BagError, match=r"missing for 5\.\d s"):
+        read_lift(gap, str(tmp_path / "small.yaml"))
+    with pytest.raises(BagError, match="no line out"):
+        read_lift("sea_2p5m", str(tmp_path / "small.yaml"))
+    with pytest.raises(BagError, match="session"):
+        read_lift("sea_2p5m")
