@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from benchmarks import (
     compile_time,
+    console_speed,
     effect_page,
     effect_speed,
     ensemble_speed,
@@ -202,6 +203,13 @@ def _lines(args: argparse.Namespace, progress: CaseProgress) -> int:
     return 0
 
 
+def _console(args: argparse.Namespace, progress: CaseProgress) -> int:
+    """Run the benchmark of the operator console; exit code 1 if a limit is not met."""
+    rows = console_speed.measure(4.0 if args.quick else 20.0, progress.show)
+    _tell(args, [asdict(row) for row in rows], console_speed.table(rows))
+    return 0 if all(row.met for row in rows) else 1
+
+
 def _compile(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Run the JIT compile benchmark; exit code 1 if a start takes longer than its limit."""
     scenes = args.scenes or (compile_time.QUICK if args.quick else scene_names())
@@ -375,6 +383,12 @@ ACTIONS = {
     ),
     "statics": Action(
         _statics, "time to come to rest, from good and bad guesses", options=(_json_option,)
+    ),
+    "console": Action(
+        _console,
+        "CPU of the operator console's server and browser, topic to pixel, first paint, size",
+        "Serves a made-up rope to Chromium on this machine (some two minutes).",
+        (_json_option,),
     ),
     "compile": Action(
         _compile,

@@ -36,7 +36,7 @@ export function start() {
   });
 }
 
-async function signIn() {
+export async function signIn() {
   if (signedIn) return true;
   const token = await ask("Control of the winch", "Token, as printed where the console was started:", "Sign in", { secret: true });
   if (!token) return false;

@@ -102,13 +102,14 @@ function frame(now) {
     if (tab === "winch") trend.draw();
     if (now - numbersMs >= NUMBERS_MS) { numbersMs = now; numbers(); fresh = false; }
   }
-  if (now - freshMs >= FRESH_MS) { freshMs = now; freshness(); }
+  if (now - freshMs >= FRESH_MS) { freshMs = now; freshness(); alerts.sound(now); }
   requestAnimationFrame(frame);
 }
 
 addIcons();
 trend.start();
 control.start();
+alerts.start();
 survey.start();
 log.start();
 player.start();

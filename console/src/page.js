@@ -97,7 +97,7 @@ export function ask(title, text, ok, input = null) {
   field.value = input?.value ?? "";
   dialog.returnValue = "cancel";
   dialog.showModal();
-  opened = performance.now();
+  opened = input === null ? performance.now() : -Infinity;
   (input === null ? $("dialog-ok") : field).focus();
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {

@@ -19,10 +19,17 @@ from typing import Any, Protocol
 from rope_twin.console.pages import Page, Pages
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.winch import SWITCHES
-from rope_twin.twin.winch.commands import CONTROL_MODES, EMERGENCY_STOP, SPEED, WinchCommand
+from rope_twin.twin.winch.commands import (
+    COMPENSATE,
+    CONTROL_MODES,
+    EMERGENCY_STOP,
+    SPEED,
+    WinchCommand,
+)
 
 LOST_S = 3.0  # after the page with the seat has disconnected until the seat is given up
 FEEDBACK_S = 2.5  # how long the twin's answer to a command is awaited
+ALERT_ACTIONS = "acknowledge", "silence", "transfer"
 TRIES, TRIES_IN_ALL, TRIES_WITHIN_S = 5, 20, 60.0  # wrong tokens of an address, and of all
 
 
@@ -39,6 +46,9 @@ class Commander(Protocol):
 
     def release(self) -> None:
         """Give up all seats."""
+
+    def command_alerts(self, words: str) -> None:
+        """Send words such as `acknowledge 10001.1` to the alert list."""
 
 
 class Token:
@@ -126,6 +136,7 @@ class Desk:
             "take_seat": self._take_seat,
             "release_seat": self._release_seat,
             "command": self._command,
+            "alert": self._alert,
         }
         act = acts.get(what) if isinstance(what, str) else None
         if act is None:
@@ -205,6 +216,21 @@ class Desk:
         self._awaited.append(sent)
         self._answer(page, number, True, f"sent: {_words(command)}", stage="sent")
 
+    def _alert(self, page: Page, content: Mapping[str, Any]) -> None:
+        assert self._commander is not None
+        number, action, which = content.get("id"), content.get("action"), content.get("alert")
+        if action not in ALERT_ACTIONS:
+            right = did_you_mean(str(action), ALERT_ACTIONS)
+            self._answer(page, number, False, phrase("alert", f"'{action}'", right))
+            return
+        listed = [row["id"] for row in self._pages.readings.values.get("alerts", ())]
+        if which != "all" and which not in listed:
+            what = f"'{which}' is not in the list"
+            self._answer(page, number, False, phrase("alert", what, "it may have ended"))
+            return
+        self._commander.command_alerts(f"{action} {which}")
+        self._answer(page, number, True, f"{action} {which}: sent")
+
     def _fault(self, page: Page, content: Mapping[str, Any]) -> str:
         """Return why a command of a page is not passed on, in one sentence, or ""."""
         kind, winch, value = content.get("kind"), content.get("winch"), content.get("value")
@@ -258,10 +284,11 @@ class Desk:
         elif command.kind in ("set_brake", "release_brake"):
             holds = row.get("brake_holds")
             seen = holds is not None and bool(holds) == (command.kind == "set_brake")
-        elif self._clock() - one.sent_s > 1.0:  # of compensation no state is published
-            if f"{one.winch}: {self._node}" not in str(values.get("seat", "")):
-                return ""
-            return f"{_words(command)} sent, and the twin has {self._node} in command"
+            own = f"{one.winch}: brake {'set' if holds else 'released'}"
+        else:
+            on = row.get("compensation_on")
+            seen = on is not None and bool(on) == (command.kind == COMPENSATE)
+            own = f"{one.winch}: compensation {'on' if on else 'off'}"
         return f"the twin reports {own or _words(command)}" if seen else ""
 
     @property

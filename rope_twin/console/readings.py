@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode, read_cloud
 from rope_twin.messages.templates import NANOSECONDS
-from rope_twin.topics import BY_NAME
+from rope_twin.topics import ALERTS, BY_NAME
 from rope_twin.twin.quality import CAUSES
 
 Values = dict[str, Any]
@@ -218,6 +218,35 @@ def _diagnostics(message: Any) -> Values:
     return rows
 
 
+def _alerts(message: Any) -> Values:
+    """Return the alerts in the order to be shown; times are those of the twin [s]."""
+    rows = []
+    for one in message.status:
+        values = {str(pair.key): str(pair.value) for pair in one.values}
+        try:
+            now_ns = int(values["now [ns]"])
+            rows.append(
+                {
+                    "id": f"{values['identifier']}.{values['instance']}",
+                    "instance": int(values["instance"]),
+                    "title": str(one.name).partition(" ")[2],
+                    "priority": values["priority"],
+                    "category": values["category"],
+                    "state": values["state"],
+                    "text": str(one.message),
+                    "since_s": int(values["since [ns]"]) / NANOSECONDS,
+                    "revision": int(values["revision"]),
+                    "shelved": now_ns < int(values["shelved until [ns]"]),
+                    "first_out": values["first out"] == "true",
+                    "sounds": values["sounds"] == "true",
+                }
+            )
+        except (KeyError, ValueError) as error:
+            what = f"row '{one.name}' is no alert ({error})"
+            raise InputError(phrase(ALERTS, what, "only the simulation publishes here")) from None
+    return {"alerts": rows}
+
+
 def _table(name: str) -> Callable[[Any], Values]:
     return lambda message: {name: _rows(message)}
 
@@ -247,6 +276,7 @@ _READERS: Mapping[str, Callable[[Any], Values]] = {
     "residuals": _residuals,
     "twin/quality": _quality,
     DIAGNOSTICS: _diagnostics,
+    ALERTS: _alerts,
     FORECAST: _table("forecast"),
 }
 # topics that the console subscribes to

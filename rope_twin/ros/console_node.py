@@ -25,12 +25,13 @@ from rope_twin.console.pages import Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.console.server import Server, announce, read_address
 from rope_twin.messages import encode_order
+from rope_twin.messages.alerts import encode_command
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import ConsoleParams, declare
 from rope_twin.ros.qos import listen as subscribe
 from rope_twin.ros.qos import message_type, publish
 from rope_twin.scene.load import load_scene
-from rope_twin.topics import BY_NAME, RELEASE, TAKE, WINCH_TOPICS, Qos, service_name
+from rope_twin.topics import ALERT_COMMAND, BY_NAME, RELEASE, TAKE, WINCH_TOPICS, Qos, service_name
 from rope_twin.twin.winch.commands import WinchCommand
 
 TOKEN = "ROPE_TWIN_CONSOLE_TOKEN"  # environment: the token of --control
@@ -85,6 +86,7 @@ class WinchCommander:
         self._publishers: dict[str, Any] = {}
         self._winches: list[str] = []
         self._clients: dict[str, Any] = {}
+        self._alerts = publish(node, BY_NAME[ALERT_COMMAND])
 
     def take(self, winch: str) -> None:
         """Make the publishers, and request the seat if the service is there."""
@@ -111,6 +113,10 @@ class WinchCommander:
         for one in self._publishers.values():
             self._node.destroy_publisher(one)
         self._publishers.clear()
+
+    def command_alerts(self, words: str) -> None:
+        """Publish a command to the alert list."""
+        self._alerts.publish(encode_command(words))
 
     def _call(self, name: str) -> None:
         """Call a service without waiting; `winch/seat` and the winch's mode show the outcome."""

@@ -6,17 +6,19 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from console_rig import FACTS, TOKEN, FakeCommander, SnapshotSource
+from console_rig import FACTS, TENSION_ALARM, TOKEN, FakeCommander, SnapshotSource
 from sample_snapshot import hanging_rope
 
+from rope_twin.alerts.alert_list import State
 from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk, Token
 from rope_twin.console.pages import Pages
-from rope_twin.console.readings import Readings
+from rope_twin.console.readings import Readings, stale_limits_s
 from rope_twin.console.server import Server
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -24,7 +26,8 @@ pytestmark = [
     pytest.mark.console,
     pytest.mark.skipif(not CHROMIUM.exists(), reason="the console in a browser: no Chromium here"),
 ]
-PATIENCE_MS = 60_000
+PATIENCE_S = 60.0
+FRESHNESS_S = 0.15 + 0.05  # interval at which the page looks at the ages, and a row
 PALETTES = "bright", "day", "dusk", "night"
 
 
@@ -52,7 +55,7 @@ class Served:
         self.server.start()
 
     def reset(self) -> None:
-        self.source.lost = False
+        self.source.lost, self.source.alerts = False, []
         self.source.seat, self.source.mode = "winch: winch_schedule", "winch: speed 0 m/s"
 
 
@@ -83,21 +86,29 @@ def open_page(served: Served, browser: Any) -> Iterator[Callable[..., Any]]:
         context = browser.new_context(viewport={"width": width, "height": height})
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(PATIENCE_MS)
+        page.set_default_timeout(1e3 * PATIENCE_S)
         page.on("console", lambda one: faults.append(one.text) if one.type == "error" else None)
         page.on("pageerror", lambda one: faults.append(str(one)))
         page.on("request", lambda one: None if one.url.startswith(served.server.address)
                 else faults.append(f"asked {one.url}"))  # fmt: skip
         page.add_init_script(f"localStorage.setItem('palette', '{palette}')")
         page.goto(served.server.address + path)
-        page.wait_for_function("document.getElementById('link').textContent === 'LIVE'")
-        page.wait_for_function("document.getElementById('tension').textContent !== '–'")
+        until(page, "document.getElementById('link').textContent === 'LIVE'")
+        until(page, "document.getElementById('tension').textContent !== '–'")
         return page
 
     yield make
     for context in contexts:
         context.close()
     assert not faults
+
+
+def until(page: Any, condition: str) -> None:
+    """Wait for a condition of the page; its policy forbids Playwright to evaluate it there."""
+    give_up = time.monotonic() + PATIENCE_S
+    while not page.evaluate(condition):
+        assert time.monotonic() < give_up, condition
+        time.sleep(0.02)
 
 
 def text(page: Any, name: str) -> str:
@@ -118,12 +129,12 @@ def test_numbers_are_those_of_the_topics(open_page: Callable[..., Any], served: 
     assert "0.80" in text(page, "quality")
     assert text(page, "risk") == "No forecast"
     page.keyboard.press("u")  # t · m/min
-    page.wait_for_function("document.getElementById('units').textContent.startsWith('t')")
+    until(page, "document.getElementById('units').textContent.startsWith('t')")
     expected = f"{shot.tension_top_n / 9806.65:.2f}"
-    page.wait_for_function(f"document.getElementById('tension').textContent === '{expected}'")
+    until(page, f"document.getElementById('tension').textContent === '{expected}'")
     page.keyboard.press("u")
     page.keyboard.press("u")
-    page.wait_for_function("document.getElementById('line-speed').textContent === '+0.50'")
+    until(page, "document.getElementById('line-speed').textContent === '+0.50'")
 
 
 def test_loss_of_the_twin_goes_grey_within_a_second(
@@ -131,28 +142,25 @@ def test_loss_of_the_twin_goes_grey_within_a_second(
 ) -> None:
     page = open_page()
     fresh = "!document.querySelector('#winch .big').classList.contains('stale')"
-    page.wait_for_function(fresh)
-    limit_s = page.evaluate("Math.max(...Object.entries({})) || 0") or 1.0
+    until(page, fresh)
     served.source.lost = True
-    began = time.monotonic()
-    page.wait_for_function(f"!({fresh})", polling=20)
-    took_s = time.monotonic() - began
+    until(page, f"!({fresh})")
     ages = [float(one) for one in re.findall(r"([\d.]+) s", text(page, "winch"))]
     assert text(page, "link") == "TWIN LOST"
     assert max(ages) >= 0.7
-    # the page itself reacts to the age of the message, whatever this machine's load
     assert page.evaluate("document.querySelectorAll('#winch .tile.stale').length") >= 6
-    assert limit_s <= 1.0
-    assert took_s < 60.0
+    # the age at which a page greys out, whatever the load of this machine
+    limits_s = stale_limits_s()
+    assert limits_s["ropes/tension_top"] + FRESHNESS_S < 1.0
 
 
-@pytest.mark.parametrize("palette", PALETTES)
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1024, 768), (1180, 820), (1920, 1080)])
+@pytest.mark.parametrize(
+    ("palette", "width", "height"),
+    [*((one, 1280, 800) for one in PALETTES), ("day", 1024, 768), ("day", 1920, 1080)],
+)
 def test_one_screen_without_scrolling(
     open_page: Callable[..., Any], palette: str, width: int, height: int
 ) -> None:
-    if palette != "day" and width != 1280:
-        pytest.skip("the palettes share one layout")
     page = open_page(palette=palette, width=width, height=height)
     root = "document.documentElement"
     assert page.evaluate(f"[{root}.scrollWidth, {root}.scrollHeight]") == [width, height]
@@ -180,7 +188,7 @@ def luminance(colour: str) -> float:
 
 @pytest.mark.parametrize("palette", PALETTES)
 def test_contrast_of_every_palette(open_page: Callable[..., Any], palette: str) -> None:
-    """Big numbers 7:1, other text 4.5:1, notes 3:1 (WCAG 2.2, 1.4.3 and 1.4.6); night stays dark."""
+    """Big numbers 7:1, text 4.5:1, notes 3:1 (WCAG 2.2, 1.4.3 and 1.4.6); night stays dark."""
     page = open_page(palette=palette)
     for selector, least in (("#tension", 7.0), ("#tension-measured", 4.5), (".big h2", 4.5),
                             ("#payload-figures .k", 3.0), ("#risk", 3.0)):  # fmt: skip
@@ -204,25 +212,30 @@ def test_keys_reach_every_page(open_page: Callable[..., Any]) -> None:
     page = open_page()
     for key, name in (("2", "survey"), ("3", "engineering"), ("4", "log"), ("1", "winch")):
         page.keyboard.press(key)
-        page.wait_for_function(f"!document.getElementById('{name}').hidden")
+        until(page, f"!document.getElementById('{name}').hidden")
     page.keyboard.press("3")
-    page.wait_for_function("document.querySelector('#diagnostics tbody').rows.length > 0")
+    until(page, "document.querySelector('#diagnostics tbody').rows.length > 0")
     page.keyboard.press("p")
-    page.wait_for_function("document.documentElement.dataset.obcTheme === 'dusk'")
+    until(page, "document.documentElement.dataset.obcTheme === 'dusk'")
     page.keyboard.press("m")
     page.keyboard.type("lift off")
     page.keyboard.press("Enter")
-    page.wait_for_function(
-        "document.querySelector('#marks tbody').textContent.includes('lift off')"
-    )
+    until(page, "document.querySelector('#marks tbody').textContent.includes('lift off')")
+
+
+def agree(page: Any) -> None:
+    """Answer a question after the time for which it cannot be answered by accident."""
+    until(page, "document.getElementById('dialog').open")
+    page.wait_for_timeout(500)
+    page.click("#dialog-ok")
 
 
 def sign_in_and_take_the_seat(page: Any) -> None:
     page.click("#seat")
     page.fill("#dialog-input", TOKEN)
     page.click("#dialog-ok")
-    page.wait_for_function("document.getElementById('dialog-title').textContent.includes('seat')")
-    page.click("#dialog-ok")
+    until(page, "document.getElementById('dialog-title').textContent.includes('seat')")
+    agree(page)
 
 
 def test_two_pages_ask_for_the_seat_and_a_command_is_confirmed(
@@ -231,45 +244,61 @@ def test_two_pages_ask_for_the_seat_and_a_command_is_confirmed(
     first, second = open_page(), open_page()
     assert first.locator("#stop").is_visible()
     sign_in_and_take_the_seat(first)
-    first.wait_for_function("document.getElementById('seat').textContent === 'In command'")
+    until(first, "document.getElementById('seat').textContent === 'In command'")
     sign_in_and_take_the_seat(second)
-    second.wait_for_function("document.getElementById('toast').textContent.includes('has it')")
-    first.wait_for_function("document.getElementById('dialog').open")
+    until(second, "document.getElementById('toast').textContent.includes('has it')")
+    until(first, "document.getElementById('dialog').open")
     assert "asks for the seat" in text(first, "dialog-text")
     first.click("#dialog-cancel")
     served.commander.sent.clear()
     first.fill("#set-point", "-12")
     first.keyboard.press("Enter")
-    first.wait_for_function("document.getElementById('dialog').open")
+    until(first, "document.getElementById('dialog').open")
     assert not served.commander.sent  # nothing before it is confirmed
     assert "hauling in" in text(first, "dialog-text")
-    first.click("#dialog-ok")
-    first.wait_for_function("document.getElementById('toast').textContent.includes('reports')")
+    agree(first)
+    until(first, "document.getElementById('toast').textContent.includes('reports')")
     ((winch, command),) = served.commander.sent
     assert (winch, command.kind) == ("winch", "speed")
     assert command.value == pytest.approx(-0.2)
     second.click("#stop")  # from a page without the seat
-    second.wait_for_function(
-        "document.getElementById('toast').textContent.includes('emergency stop')"
-    )
+    until(second, "document.getElementById('toast').textContent.includes('emergency stop')")
     assert served.commander.sent[-1][1].kind == "emergency_stop"
+
+
+def test_an_alert_flashes_until_it_is_acknowledged(
+    open_page: Callable[..., Any], served: Served
+) -> None:
+    page = open_page()
+    assert "No alert" in text(page, "alerts")
+    served.source.alerts = [TENSION_ALARM]
+    until(page, "document.querySelector('#alerts li.flash[data-priority=alarm]')")
+    assert "510 kN" in text(page, "alerts")
+    page.click("#alerts li button")
+    page.fill("#dialog-input", TOKEN)
+    page.click("#dialog-ok")
+    until(page, "document.getElementById('toast').textContent.includes('sent')")
+    assert served.commander.alert_words[-1] == "acknowledge 10001.1"
+    served.source.alerts = [replace(TENSION_ALARM, state=State.ACKNOWLEDGED, revision=1)]
+    until(page, "!document.querySelector('#alerts li.flash')")
+    assert page.locator("#alerts li button").count() == 0
 
 
 def test_a_page_reconnects_when_its_server_comes_back(browser: Any) -> None:
     served = Served()
     context = browser.new_context()
     page = context.new_page()
-    page.set_default_timeout(PATIENCE_MS)
+    page.set_default_timeout(1e3 * PATIENCE_S)
     try:
         page.goto(served.server.address)
-        page.wait_for_function("document.getElementById('link').textContent === 'LIVE'")
+        until(page, "document.getElementById('link').textContent === 'LIVE'")
         port = served.server.port
         served.server.close()
-        page.wait_for_function("document.getElementById('link').textContent === 'CONSOLE LOST'")
+        until(page, "document.getElementById('link').textContent === 'CONSOLE LOST'")
         log = Log(served.pages)
         again = Server(served.pages, served.desk, log, port=port)
         threading.Timer(0.2, again.start).start()
-        page.wait_for_function("document.getElementById('link').textContent === 'LIVE'")
+        until(page, "document.getElementById('link').textContent === 'LIVE'")
         again.close()
     finally:
         context.close()

@@ -6,7 +6,7 @@ import csv
 import io
 
 import pytest
-from console_rig import TOKEN, ConsoleRig, frames, replies
+from console_rig import TENSION_ALARM, TOKEN, ConsoleRig, frames, replies
 
 from rope_twin.console.control import FEEDBACK_S, LOST_S, TRIES, TRIES_WITHIN_S
 from rope_twin.console.pages import QUEUE
@@ -186,6 +186,23 @@ def test_a_page_that_is_lost_gives_up_the_seat() -> None:
     assert rig.desk.state()["holder"] is None
     rig.desk.take(other, {"do": "take_seat", "id": 2})
     assert replies(other)[-1]["ok"]
+
+
+def test_alerts_are_shown_and_acknowledged_with_the_token() -> None:
+    rig = ConsoleRig()
+    rig.source.alerts = [TENSION_ALARM]
+    page, other = rig.page(True), rig.page()
+    rig.tick()
+    (row,) = rig.pages.readings.values["alerts"]
+    assert (row["id"], row["priority"], row["state"]) == ("10001.1", "alarm", "unacknowledged")
+    assert row["sounds"]
+    for asked, action, which in ((other, "acknowledge", "10001.1"), (page, "delete", "10001.1"),
+                                 (page, "acknowledge", "10009.7")):  # fmt: skip
+        rig.desk.take(asked, {"do": "alert", "action": action, "alert": which, "id": 1})
+        assert not replies(asked)[-1]["ok"]
+    assert rig.commander.alert_words == []
+    rig.desk.take(page, {"do": "alert", "action": "acknowledge", "alert": "10001.1", "id": 2})
+    assert rig.commander.alert_words == ["acknowledge 10001.1"]
 
 
 def test_casts_hold_their_extremes_and_markers_their_time() -> None:

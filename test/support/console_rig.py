@@ -9,11 +9,13 @@ from typing import Any
 from sample_snapshot import hanging_rope
 
 from rope_twin import Snapshot, messages
+from rope_twin.alerts.alert_list import Alert, Priority, State
 from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk, Token
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.messages import Level, Status
+from rope_twin.messages.alerts import encode_alerts
 from rope_twin.twin.winch.commands import WinchCommand
 
 EPOCH_NS = 1_763_700_000_000_000_000
@@ -57,6 +59,7 @@ class SnapshotSource:
         self.shot: Snapshot = hanging_rope()
         self.lost = False
         self.mode, self.seat = "winch: speed 0 m/s", "winch: winch_schedule"
+        self.alerts: list[Alert] = []
         self.rows = [Status("simulation: pacing", Level.OK, "on time")]
         self._polls = 0
 
@@ -73,6 +76,8 @@ class SnapshotSource:
         readings.take("winch/mode", text, now_s)
         readings.take("winch/seat", messages.encode_seat(self.seat), now_s)
         stamp_ns = EPOCH_NS + self.shot.stamp_ns
+        alerts = encode_alerts(stamp_ns, self.shot.stamp_ns, self.alerts)
+        readings.take("alerts", alerts, now_s)
         readings.take("diagnostics", messages.encode_diagnostics(stamp_ns, self.rows), now_s)
 
     def state(self) -> Values:
@@ -85,6 +90,12 @@ class SnapshotSource:
 def encode_text(words: str) -> bytes:
     """A std_msgs/String."""
     return messages.encode_seat(words)
+
+
+TENSION_ALARM = Alert(
+    10001, 1, "top tension", Priority.ALARM, "B", State.UNACKNOWLEDGED,
+    "rope: 510 kN, limit 500 kN", 0, 0,
+)  # fmt: skip
 
 
 # of a snapshot without bodies, bends, winches and lines
@@ -101,6 +112,7 @@ class FakeCommander:
     sent: list[tuple[str, WinchCommand]] = field(default_factory=list)
     taken: list[str] = field(default_factory=list)
     released: int = 0
+    alert_words: list[str] = field(default_factory=list)
     obeys: bool = True
 
     def take(self, winch: str) -> None:
@@ -115,6 +127,9 @@ class FakeCommander:
 
     def release(self) -> None:
         self.released += 1
+
+    def command_alerts(self, words: str) -> None:
+        self.alert_words.append(words)
 
 
 class ConsoleRig:
