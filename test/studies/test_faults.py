@@ -23,19 +23,24 @@ from rope_twin.studies.faults.campaign import (
     plan,
 )
 from rope_twin.studies.faults.injection import (
+    DEPTH,
     HEAVE,
     INPUTS,
+    JUDGING,
     PAIR,
     SECOND_NS,
+    SENSORS,
     Fault,
     Message,
     faults_of,
     laid_over,
 )
+from rope_twin.studies.faults.instruments import Truth, instrumented, readings
 
 SOUND = [
     Message(HEAVE, k * 50_000_000 + 1_000_000, k * 50_000_000, (0.01 * k, 0.2)) for k in range(1000)
 ]
+MS_20 = 20_000_000
 SPARSE = ["off", "stuck", "times 10", "clock +9 s", "another sender", "rate of opposite sign"]
 
 
@@ -76,6 +81,70 @@ def test_every_message_has_its_bytes() -> None:
         for one in faults_of(topic):
             if topic == HEAVE:
                 assert all(isinstance(m.encoded(SECOND_NS), bytes) for m in one.change(SOUND, rng))
+
+
+def measured(topic: str) -> list[Message]:
+    """Readings of a line that is paid out at 0.5 m/s while its tension swings."""
+    truths = [
+        Truth(k * MS_20, 1e3 + 0.01 * k, 0.5 + 1e-4 * k, 3e5 + 1e4 * (k % 50), 990.0 + 0.01 * k)
+        for k in range(1500)
+    ]
+    found = readings(instrumented(load_scene("deep_lift")), truths, 10_000_000, 1)
+    return [one for one in found if one.topic == topic]
+
+
+def test_instruments_scatter_by_their_uncertainty() -> None:
+    rows = [one.content.rows[0] for one in measured(SENSORS)]
+    assert len(rows) == 300
+    scatter = [place - (1000.0 + 0.05 * k) for k, (_, place, _, _) in enumerate(rows)]
+    assert sum(one * one for one in scatter) / len(rows) == pytest.approx(0.02**2, rel=0.3)
+    assert [row[2] for row in rows] == pytest.approx([0.5 + 5e-4 * k for k in range(300)])
+    depths = [one.content.rows[0][1] for one in measured(DEPTH)]
+    scatter = [one - (990.0 + 0.05 * k) for k, one in enumerate(depths)]
+    assert sum(one * one for one in scatter) / len(rows) == pytest.approx(0.5**2, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("topic", "one"),
+    [(topic, one) for topic in JUDGING for one in faults_of(topic)],
+    ids=lambda one: one.name if isinstance(one, Fault) else one,
+)
+def test_a_fault_of_an_instrument_changes_what_comes_after_it_begins(
+    topic: str, one: Fault
+) -> None:
+    sound, from_ns = measured(topic), 10 * SECOND_NS
+    found = laid_over(sound, one, from_ns, 1)
+    assert [message for message in found if message.stamp_ns < from_ns][:50] == sound[:50]
+    assert found != sound
+    assert laid_over(sound, one, from_ns, 1) == found
+    assert all(message.encoded(10**18) for message in found)
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "factor"),
+    [
+        ("tension in lbf", 3, 1.0 / (0.45359237 * 9.80665)),
+        ("line out in ft", 1, 1.0 / 0.3048),
+        ("line speed of opposite sign", 2, -1.0),
+    ],
+)
+def test_a_wrong_unit_or_sign_changes_one_value_and_leaves_the_others(
+    name: str, column: int, factor: float
+) -> None:
+    sound = measured(SENSORS)
+    (one,) = (one for one in faults_of(SENSORS) if one.name == name)
+    for before, after in zip(sound, laid_over(sound, one, 0, 1), strict=True):
+        old, new = before.content.rows[0], after.content.rows[0]
+        assert new[column] == pytest.approx(factor * old[column], rel=1e-12)
+        assert [a == b for a, b in zip(old, new, strict=True)].count(False) == 1
+
+
+def test_a_fault_of_a_measurement_must_lower_the_index() -> None:
+    """It makes no error of the twin: only the index can show it."""
+    sound, off = course(0.0, 0.0), fault("off")
+    assert not judge(SENSORS, off, sound, course(0.0, 0.0)).met
+    assert judge(SENSORS, off, sound, course(0.0, 0.0, Level.WARN, FROM_S + 9.0)).met
+    assert not judge(SENSORS, off, sound, course(0.0, 0.0, Level.WARN, FROM_S + 11.0)).met
 
 
 def course(errors_n: float, from_s: float, level: Level = Level.OK, level_s: float = 0.0) -> Course:

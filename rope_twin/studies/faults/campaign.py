@@ -29,6 +29,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.faults.injection import (
     CURRENT,
     HEAVE,
+    JUDGING,
     ODOMETRY,
     PAIR,
     SECOND_NS,
@@ -39,9 +40,10 @@ from rope_twin.studies.faults.injection import (
     laid_over,
 )
 from rope_twin.studies.faults.injection import WINCH as WINCH_TOPIC
+from rope_twin.studies.faults.instruments import Truth, instrumented, readings, truth_of
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors
+from rope_twin.twin.monitors.settings import ERROR_INTERVAL, NO_MONITORS, Monitors
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.recovery import Recovery
@@ -159,6 +161,8 @@ class LoneTwin:
             self._border.take_motion(message.topic, data, message.sender, arrival_ns)
         elif message.topic == CURRENT:
             self._border.take_current(data)
+        elif message.topic in JUDGING:
+            self._border.take_measurement(message.topic, data)
         else:
             self._senders.add(message.sender)
             self._border.take_order(message.topic, data, message.sender)
@@ -213,8 +217,12 @@ class Finding:
 
     @property
     def met(self) -> bool:
-        """Return whether the run survived and was flagged in time, or need not be flagged."""
-        return self.survived and (bool(self.hidden) or self.off_while_ok_s <= PATIENCE_S)
+        """Return whether the run survived and was flagged in time, or need not be flagged.
+
+        A measurement that judges the twin makes no error of it: its faults must lower the index.
+        """
+        in_time = self.dropped if self.input in JUDGING else self.off_while_ok_s <= PATIENCE_S
+        return self.survived and (bool(self.hidden) or in_time)
 
     @property
     def dropped(self) -> bool:
@@ -230,12 +238,13 @@ class Course:
     tension_n: list[float] = field(default_factory=list)
     rows: list[dict[str, tuple[Level, str]]] = field(default_factory=list)
     quality: list[tuple[float, str]] = field(default_factory=list)  # lowest index and reason
+    truths: list[Truth] = field(default_factory=list)
     ended: str = ""  # why it did not come to its end
 
 
-def follow(scene: Scene, messages: Iterable[Message]) -> Course:
+def follow(scene: Scene, messages: Iterable[Message], monitors: Monitors = NO_MONITORS) -> Course:
     """Run a twin to UNTIL_S with these messages, in the order of their arrival."""
-    course, twin = Course(), LoneTwin(scene)
+    course, twin = Course(), LoneTwin(scene, monitors)
     waiting = iter(messages)
     following = next(waiting, None)
     while not course.time_s or course.time_s[-1] < UNTIL_S - 1e-9:
@@ -249,6 +258,7 @@ def follow(scene: Scene, messages: Iterable[Message]) -> Course:
             break
         course.time_s.append(shot.time_s)
         course.tension_n.append(shot.tension_top_n)
+        course.truths.append(truth_of(shot))
         lowest = min(shot.quality, key=lambda one: one.index)
         course.quality.append((lowest.index, f"{lowest.cause}: {lowest.reason}"))
         course.rows.append({row.name: (row.level, row.message) for row in twin.rows()
@@ -327,8 +337,12 @@ def plan(scene: Scene, inputs: Sequence[str], pairs: bool = True) -> list[tuple[
 class Bench:
     """Undisturbed traffic and run of a scene, against which each fault is compared."""
 
-    def __init__(self, scene: Scene, posed: bool) -> None:
-        """posed: the ship's odometry is used in place of its heave.
+    def __init__(self, scene: Scene, posed: bool, measured: bool = False) -> None:
+        """Make the traffic and run the sound twin.
+
+        posed: the ship's odometry is used in place of its heave; measured: there are a load cell, a
+        line-out counter and a depth sensor, and an error interval without which the index would
+        be no higher with them.
 
         Raises:
             InputError: the scene's ship lies still.
@@ -341,7 +355,15 @@ class Bench:
             profiles(scene, UNTIL_S + 1.0),
         )
         self._traffic = {messages[0].topic: messages for messages in sources if messages}
+        self._monitors = ERROR_INTERVAL if measured else NO_MONITORS
         self._sound = self._follow(self._traffic)
+        if measured:
+            self._scene = instrumented(scene)
+            read = readings(self._scene, self._sound.truths, LATENCY_NS, SEED)
+            self._traffic |= {
+                topic: [one for one in read if one.topic == topic] for topic in JUDGING
+            }
+            self._sound = self._follow(self._traffic)
 
     def find(self, topic: str, fault: Fault) -> Finding:
         """Run the scene with a fault of one input and judge it."""
@@ -351,7 +373,7 @@ class Bench:
 
     def _follow(self, traffic: dict[str, list[Message]]) -> Course:
         merged = merge(*traffic.values(), key=lambda one: one.received_ns)
-        return follow(self._scene, merged)
+        return follow(self._scene, merged, self._monitors)
 
 
 def run_campaign(
@@ -374,9 +396,7 @@ def run_campaign(
     """
     _BENCHES.clear()
     _RUNS[:] = runs
-    _BENCHES.update(
-        {posed: Bench(scene, posed) for posed in {_is_posed(topic) for topic, _ in runs}}
-    )
+    _BENCHES.update({kind: Bench(scene, *kind) for kind in {_kind(topic) for topic, _ in runs}})
     findings = []
     # A forked process has the compiled code and the sound runs already.
     with ProcessPoolExecutor(max(1, jobs), get_context("fork")) as pool:
@@ -387,14 +407,15 @@ def run_campaign(
 
 
 # filled before the processes are forked that look there
-_BENCHES: dict[bool, Bench] = {}
+_BENCHES: dict[tuple[bool, bool], Bench] = {}
 _RUNS: list[tuple[str, Fault]] = []
 
 
 def _find(number: int) -> Finding:
     topic, fault = _RUNS[number]
-    return _BENCHES[_is_posed(topic)].find(topic, fault)
+    return _BENCHES[_kind(topic)].find(topic, fault)
 
 
-def _is_posed(topic: str) -> bool:
-    return topic == ODOMETRY
+def _kind(topic: str) -> tuple[bool, bool]:
+    """Return whether a fault of this input is judged with poses, and with measurements."""
+    return topic == ODOMETRY, topic in JUDGING

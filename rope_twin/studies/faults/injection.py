@@ -14,13 +14,23 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
-from rope_twin.messages import encode_current, encode_heave, encode_order, encode_pose
+from rope_twin.messages import (
+    encode_current,
+    encode_heave,
+    encode_measurement,
+    encode_order,
+    encode_pose,
+)
+from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.winch.commands import WinchCommand
 
 SECOND_NS = 1_000_000_000
 HEAVE, ODOMETRY, WINCH, CURRENT = "ship/heave", "ship/odometry", "winch/speed_command", "current"
-INPUTS = HEAVE, ODOMETRY, WINCH, CURRENT
+DRIVING = HEAVE, ODOMETRY, WINCH, CURRENT
+SENSORS, DEPTH = "winch/measured", "payload/measured_depth"
+JUDGING = SENSORS, DEPTH  # inputs that the twin is compared with
+INPUTS = *DRIVING, *JUDGING
 PAIR = " + "  # in the name of a pair of faults
 
 Heave = tuple[float, float]  # position [m], rate [m/s]
@@ -34,7 +44,7 @@ class Message:
     topic: str
     received_ns: int
     stamp_ns: int  # by its sender's clock
-    content: Any  # Heave, ShipPose, WinchCommand or Profile
+    content: Any  # Heave, ShipPose, WinchCommand, Profile or Measurement
     sender: str = "sensor"
     garbage: bytes = b""  # what comes in place of the content
 
@@ -49,6 +59,8 @@ class Message:
             return encode_pose(stamp_ns, self.content)
         if self.topic == CURRENT:
             return encode_current(self.content)
+        if self.topic in JUDGING:
+            return encode_measurement(stamp_ns, self.content)[1]
         data: bytes = encode_order(stamp_ns, self.content)[1]
         return data
 
@@ -195,6 +207,8 @@ def _scaled_by(
                 position_m=(value(x), value(y), value(z)),
                 velocity_m_per_s=(rate(u), rate(v), rate(w)),
             )
+        if one.topic in JUDGING:
+            return _with_row(one.content, value, rate, value)
         if one.topic == CURRENT:
             return tuple((z, value(east), value(north)) for z, east, north in one.content)
         return WinchCommand(one.content.kind, value(one.content.value))
@@ -236,6 +250,59 @@ def _rates_of_turn_times(factor: float) -> Change:
 def _half_a_quaternion(pose: ShipPose) -> ShipPose:
     x, y, z, w = pose.orientation
     return replace(pose, orientation=(0.5 * x, 0.5 * y, 0.5 * z, 0.5 * w))
+
+
+Value = Callable[[float], float]
+
+
+def _same(value: float) -> float:
+    return value
+
+
+def _with_row(told: Measurement, place: Value, speed: Value, tension: Value) -> Measurement:
+    """Return a measurement whose known values are changed."""
+    changes = place, speed, tension
+    rows = tuple(
+        (name, *(None if one is None else change(one)
+                 for change, one in zip(changes, given, strict=True)))
+        for name, *given in told.rows
+    )  # fmt: skip
+    return told._replace(rows=rows)  # type: ignore[arg-type]
+
+
+def _readings(place: Value = _same, speed: Value = _same, tension: Value = _same) -> Change:
+    """Change line out or depth [m], line speed [m/s] and tension [N] of each reading."""
+    return lambda given, rng: [
+        replace(one, content=_with_row(one.content, place, speed, tension)) for one in given
+    ]
+
+
+def _stuck_at_first(column: int) -> Change:
+    """Keep the first value of a column (1: line out or depth, 2: speed, 3: tension)."""
+
+    def change(given: list[Message], rng: random.Random) -> list[Message]:
+        rows = [list(one.content.rows[0]) for one in given]
+        for row in rows:
+            row[column] = rows[0][column] if rows[0] is not row else row[column]
+        return [replace(one, content=one.content._replace(rows=(tuple(row),)))
+                for one, row in zip(given, rows, strict=True)]  # fmt: skip
+
+    return change
+
+
+def _spikes(column: int, size: Value) -> Change:
+    """Change a value in one of ten readings at random."""
+
+    def change(given: list[Message], rng: random.Random) -> list[Message]:
+        made = []
+        for one in given:
+            row = list(one.content.rows[0])
+            if rng.random() < 0.1:
+                row[column] = size(row[column])
+            made.append(replace(one, content=one.content._replace(rows=(tuple(row),))))
+        return made
+
+    return change
 
 
 _ALIKE = "position and rate are changed alike, as in a smaller sea"
@@ -318,6 +385,49 @@ _OF = {
         Fault("plus 1 m/s", _leap(1.0)),
     ],
 }
+_COMPARED = "readings are compared for the time of their stamps"
+_FT, _LB_N, _KGF_N = 0.3048, 4.4482216152605, 9.80665  # exact
+_ARRIVING = [
+    Fault("delayed 1 s", _delayed(1.0), _COMPARED),
+    Fault("delayed 15 s", _delayed(15.0)),
+    Fault("clock +1.5 s", _clock_off(1.5)),
+    Fault("clock +9 s", _clock_off(9.0)),
+    Fault("clock -15 s", _clock_off(-15.0)),
+    Fault("out of order", _out_of_order),
+    Fault("stuck", _stuck),
+    Fault("slow, 2 Hz", _slow, "fewer readings are as good"),
+    Fault("half lost", _dropouts, "fewer readings are as good"),
+    Fault("repeated", _repeated),
+]
+_OF[SENSORS] = [
+    *_ARRIVING,
+    Fault("relayed 15 s late", _delayed_and_stamped_late(15.0)),
+    Fault("tension stuck", _stuck_at_first(3)),
+    Fault("tension in lbf", _readings(tension=lambda n: n / _LB_N)),
+    Fault("tension in kgf", _readings(tension=lambda n: n / _KGF_N)),
+    Fault("tension in kN", _readings(tension=lambda n: 1e-3 * n)),
+    Fault("tension times 10", _readings(tension=lambda n: 10.0 * n)),
+    Fault("tension of opposite sign", _readings(tension=lambda n: -n)),
+    Fault("tension lost", _readings(tension=lambda n: 0.0)),
+    Fault("tension spikes of 50 kN", _spikes(3, lambda n: n + 5e4)),
+    Fault("line out stuck", _stuck_at_first(1)),
+    Fault("line out in ft", _readings(place=lambda m: m / _FT)),
+    Fault("line out of opposite sign", _readings(place=lambda m: -m)),
+    Fault("line out leaps by 5 m", _readings(place=lambda m: m + 5.0)),
+    Fault("line out spikes of 3 m", _spikes(1, lambda m: m + 3.0)),
+    Fault("line speed stuck", _stuck_at_first(2)),
+    Fault("line speed in m/min", _readings(speed=lambda v: 60.0 * v)),
+    Fault("line speed in ft/s", _readings(speed=lambda v: v / _FT)),
+    Fault("line speed of opposite sign", _readings(speed=lambda v: -v)),
+]
+_OF[DEPTH] = [
+    *_ARRIVING,
+    Fault("in ft", _readings(place=lambda m: m / _FT)),
+    Fault("in fathoms", _readings(place=lambda m: m / (6.0 * _FT))),
+    Fault("opposite sign", _readings(place=lambda m: -m)),
+    Fault("leaps by 5 m", _readings(place=lambda m: m + 5.0)),
+    Fault("spikes of 20 m", _spikes(1, lambda m: m + 20.0)),
+]
 _HIDDEN = {(CURRENT, "off"): "a profile holds until the next one comes"}
 _PAIRED = {
     "stuck", "slow, 2 Hz", "intermittent", "half lost", "repeated", "out of order", "delayed 0.5 s",

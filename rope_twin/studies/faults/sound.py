@@ -14,7 +14,6 @@ from itertools import count
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.recording.motion_source import FIRST_NS, open_sea
-from rope_twin.scene.measured import Measured, MeasuredLength, MeasuredTension
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.faults.campaign import (
     DROP,
@@ -27,13 +26,12 @@ from rope_twin.studies.faults.campaign import (
     profiles,
 )
 from rope_twin.studies.faults.injection import HEAVE, SECOND_NS, Message
+from rope_twin.studies.faults.instruments import instrumented
 from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.monitors.settings import ERROR_INTERVAL
 
 PERIOD_NS = round(len(SPEEDS_M_PER_S) * SPEED_FOR_S * SECOND_NS)  # after which commands repeat
 LOOK_NS = SECOND_NS // 5  # between two snapshots and readings
-# instruments of a scene that has none
-TENSION, DEPTH = MeasuredTension(uncertainty_pct=0.5), MeasuredLength(uncertainty_m=0.5)
 SETTLED_S = 120.0  # after the build-up the indices have risen
 
 
@@ -89,15 +87,6 @@ def sound_run(
                 found.append(Drop(one.element, shot.time_s, one.index, why))
         progress(shot.time_s)
     return found
-
-
-def instrumented(scene: Scene) -> Scene:
-    """Return the scene with uncertainties of its instruments, its own where it gives them."""
-    own = scene.measured
-    tension = own.tension if own.tension.uncertainty(1.0) is not None else TENSION
-    depth = own.payload_depth if own.payload_depth.uncertainty(1.0) is not None else DEPTH
-    measured = Measured(tension=tension, line_out=own.line_out, payload_depth=depth)
-    return replace(scene, measured=measured)
 
 
 def _traffic(scene: Scene) -> Iterator[Message]:
