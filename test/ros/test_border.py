@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import time
@@ -12,12 +13,14 @@ from typing import Any
 
 import psutil
 import pytest
+from feed_samples import SETTINGS
 from ros_bench import Bench
 from ros_process import Process, Processes, until_running
 
 from rope_twin.messages import encode_cut
+from rope_twin.ros.feed_node import FeedNode, FeedSimulator
 from rope_twin.ros.middleware import DISCOVERY_RANGE
-from rope_twin.ros.params import END_ORDER
+from rope_twin.ros.params import END_ORDER, overrides
 from rope_twin.ros.processes import STANDBY
 from rope_twin.share import share_dir
 from rope_twin.topics import (
@@ -32,6 +35,7 @@ from rope_twin.topics import (
 
 pytestmark = pytest.mark.ros
 SCENE = "still_water"
+FEEDS = "feed", "feed_simulator"
 _FIRST_PORT, _PORTS_PER_DOMAIN = 7400, 250  # of DDS over UDP
 
 
@@ -161,7 +165,7 @@ def policy() -> dict[str, Profile]:
 
 def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() -> None:
     profiles = policy()
-    assert set(profiles) == {*END_ORDER, STANDBY, "monitor"}
+    assert set(profiles) == {*END_ORDER, STANDBY, "monitor", *FEEDS}
     of_ros = {"parameter_events", "rosout", "clock", "simulation/transition_event"}
     for name, profile in profiles.items():
         assert profile.publish | profile.subscribe <= {*BY_NAME, *of_ros}, name
@@ -176,7 +180,7 @@ def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() ->
     inputs = profiles["simulation"].subscribe
     assert inputs == {*INPUTS, ALERT_COMMAND, "clock"} - {CUT_TOPIC}
     assert {name for name, one in profiles.items() if one.publish & set(INPUTS)} == {
-        "sea_state", "winch_schedule"
+        "sea_state", "winch_schedule", "feed"
     }  # fmt: skip
 
 
@@ -189,6 +193,8 @@ def test_the_policy_allows_what_the_nodes_do_and_nothing_else(
         "run", "shallow_lift", "--processes", "--headless", "--out", str(tmp_path / "bag")
     )
     own = bench.own
+    for name in FEEDS:
+        del profiles[name]  # not of the suite: test_the_policy_allows_what_feeds_do
     bench.until(lambda: set(profiles) <= set(own.get_node_names()), "all nodes are there")
     not_always = {  # by scene and option
         "ship/heave", "ship/odometry", *WINCH_TOPICS, "clock",
@@ -211,3 +217,34 @@ def test_the_policy_allows_what_the_nodes_do_and_nothing_else(
                 f"what {name} does is what it may do: {sorted(used() ^ allowed)}",
                 60.0,
             )
+
+
+@pytest.mark.parametrize("name", FEEDS)
+def test_the_policy_allows_what_feeds_do(bench: Bench, tmp_path: Path, name: str) -> None:
+    """Each with a line monitor, heave of the crane tip, and motion of a reference point."""
+    tip = {"format": "tss1", **SETTINGS["tss1"], "source": str(tmp_path / "tip")}
+    point = {**tip, "heave_of": "reference", "rest_heading_deg": 0.0, "replay_rate_hz": 10.0}
+    feeds = {
+        "winch": {"format": "lci90", **SETTINGS["lci90"], "source": "udp://127.0.0.1:46224"},
+        "tip": {**tip, "replay_rate_hz": 10.0},
+        "point": point,
+    }
+    (tmp_path / "tip").touch()
+    settings = tmp_path / "feeds.yaml"
+    settings.write_text(json.dumps({"feeds": feeds}), "utf-8")
+    kind = {"feed": FeedNode, "feed_simulator": FeedSimulator}[name]
+    node = bench.add(kind(parameter_overrides=overrides({"settings": str(settings)})))
+    node.begin()
+    profile, own = policy()[name], bench.own
+    for allowed, read in (
+        (profile.publish, own.get_publisher_names_and_types_by_node),
+        (profile.subscribe, own.get_subscriber_names_and_types_by_node),
+        (profile.reply, own.get_service_names_and_types_by_node),
+    ):
+        bench.until(
+            lambda allowed=allowed, read=read: (
+                {one.removeprefix("/") for one, _ in read(name, "/")} == allowed - {"clock"}
+            ),
+            f"{name} does what it may do",
+            60.0,
+        )
