@@ -55,7 +55,7 @@ async function seat() {
   }
   if (!(await signIn())) return;
   if (holds()) {
-    const agreed = await ask("Release the seat?", "The winch keeps doing what it does; another commander can take it.", "Release");
+    const agreed = await ask("Release the seat?", releaseWords(), "Release");
     if (agreed) toast((await request({ do: "release_seat" })).words);
     return;
   }
@@ -63,6 +63,11 @@ async function seat() {
   if (!(await ask("Take the seat?", text, "Take the seat"))) return;
   const answer = await request({ do: "take_seat" });
   toast(answer.words, answer.ok);
+}
+
+function releaseWords() {
+  const then = { hold_speed: "keeps its speed", ramp_to_zero: "ramps to zero", brake: "stops and sets its brake" };
+  return `A winch that moves then ${then[winch().when_commander_lost] ?? "does what its scene says"}, and another commander can take the seat.`;
 }
 
 async function emergencyStop() {
@@ -93,7 +98,8 @@ export function draw() {
 
 function panel() {
   const row = state.values.winches?.[0] ?? {}, has = winch().switches;
-  const key = JSON.stringify([mode, has, row.brake_holds, row.compensation_on, units().name, winch().modes]);
+  const stopped = (state.values.winch_mode ?? "").includes("emergency stop");
+  const key = JSON.stringify([mode, has, row.brake_holds, row.compensation_on, stopped, units().name, winch().modes]);
   if (key === built) return;
   built = key;
   const typed = $("set-point")?.value ?? "", field = make("input");
@@ -106,16 +112,18 @@ function panel() {
   const modes = winch().modes.map((one) => press(MODES[one].name, () => { mode = one; draw(); }, mode === one, `of-${winch().modes.length}`));
   const parts = [...modes, field, press("Send …", go, null, "third"), press("STOP", () => send("speed", 0, "stop, speed 0"), null, "halt")];
   parts[parts.length - 1].id = "halt";
+  const switches = [];
   if (has.includes("set_brake")) {
     const kind = row.brake_holds ? "release_brake" : "set_brake";
-    parts.push(press(row.brake_holds ? "Brake: set" : "Brake: released", () => confirmed(kind, 0, SWITCHES[kind]), null, "half"));
+    switches.push([row.brake_holds ? "Brake: set" : "Brake: released", kind]);
   }
   if (has.includes("compensate")) {
     const kind = row.compensation_on ? "stop_compensating" : "compensate";
-    parts.push(press(row.compensation_on ? "AHC: on" : "AHC: off", () => confirmed(kind, 0, SWITCHES[kind]), null, "half"));
+    switches.push([row.compensation_on ? "AHC: on" : "AHC: off", kind]);
   }
-  if ((state.values.winch_mode ?? "").includes("emergency stop")) {
-    parts.push(press("Reset", () => confirmed("reset", 0, SWITCHES.reset), null, "half"));
+  if (stopped) switches.push(["Reset", "reset"]);
+  for (const [text, kind] of switches) {
+    parts.push(press(text, () => confirmed(kind, 0, SWITCHES[kind]), null, switches.length < 3 ? "half" : ""));
   }
   $("command").replaceChildren(...parts);
 }

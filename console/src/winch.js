@@ -79,7 +79,7 @@ export function payloadRows(values) {
   const bedZ = facts().bed_m, height = known(bed?.payload_height_m) ? bed.payload_height_m : known(bedZ) ? z - bedZ : null;
   return [
     ["Depth", metres(known(z) ? -z : null), "m"],
-    ["Vertical speed", known(vz) ? speed(vz, true) : "–", `${units().speed} up`],
+    ["Vertical speed", known(vz) ? `${vz < 0 ? "↓" : "↑"} ${speed(Math.abs(vz))}` : "–", units().speed],
     height === null ? null : ["Above the bed", metres(height), "m"],
     ["Offset", metres(away), "m"],
     body ? ["Roll, pitch", `${fixed(one.attitude_deg[0], 1, true)}, ${fixed(one.attitude_deg[1], 1, true)}`, "°"] : null,
@@ -115,7 +115,7 @@ function sea(values) {
   const given = facts().sea ?? {}, spread = deviation(heaves.map((one) => one[1]));
   const unit = values.compensator?.[0];
   figures($("sea-figures"), [
-    ["Heave", metres(heave, 2, true), "m up"],
+    ["Heave", metres(heave, 2, true), "m"],
     ["Heave rate", fixed(rate?.[2], 2, true), "m/s"],
     ["Sign. heave, 4σ", heaves.length > 100 ? metres(4 * spread, 1) : "–", "m"],
     ["Sea surface", metres(values.elevation_m, 2, true), "m"],

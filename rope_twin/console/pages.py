@@ -20,6 +20,7 @@ from rope_twin.errors import InputError
 PROTOCOL = 1  # raised when a page of an earlier version would misread a frame
 RATE_HZ = 20.0  # of rows
 PROFILE_EVERY = 5  # rows
+_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 QUEUE = 40  # frames that wait for a page: 2 s
 
 
@@ -252,9 +253,9 @@ class Pages:
 def _json(content: Any) -> str:
     """Return JSON text; a number that JSON does not have is null."""
     try:
-        return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+        return _ENCODER.encode(content)
     except ValueError:
-        return json.dumps(_finite(content), ensure_ascii=False, separators=(",", ":"))
+        return _ENCODER.encode(_finite(content))
 
 
 def _finite(value: Any) -> Any:

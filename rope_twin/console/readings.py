@@ -10,8 +10,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-import numpy as np
-
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode, read_cloud
 from rope_twin.messages.templates import NANOSECONDS
@@ -19,11 +17,13 @@ from rope_twin.topics import ALERTS, BY_NAME
 from rope_twin.twin.quality import CAUSES
 
 Values = dict[str, Any]
+Triple = tuple[float, float, float]
 
 TENSION, NODES, EPOCH = "ropes/tension_top", "ropes/nodes", "twin/epoch"
 SESSION, DIAGNOSTICS, FORECAST = "twin/session", "diagnostics", "forecast/tension"
 SHORTEST_LIMIT_S = 0.7  # age above which a value of a fast topic is stale
 PERIODS = 3.0  # of its topic: age above which a value of a slow one is stale
+SLOW_EVERY = 4  # calls of `update`
 _DIGITS = 8  # significant digits of a number on the page's side
 
 
@@ -33,6 +33,8 @@ class Readings:
     def __init__(self) -> None:
         self._arrived_s: dict[str, float] = {}
         self._pending: dict[str, bytes] = {}
+        self._texts: dict[str, bytes] = {}  # last message of a topic of text, which often repeats
+        self._updates = 0
         self.values: Values = {}
         self.stamp_ns: int | None = None  # ROS time of the newest top tension
         self.epoch_ns: int | None = None  # ROS time of the twin's t = 0
@@ -50,9 +52,20 @@ class Readings:
             self._pending[topic] = data
 
     def update(self) -> Values:
-        """Decode the messages taken since the last call and return the values they changed."""
+        """Decode the messages taken since the last call and return the values they changed.
+
+        Those of _SLOW, which no curve needs, wait for every SLOW_EVERY-th call.
+        """
         changed: Values = {}
+        self._updates += 1
+        whole = self._updates % SLOW_EVERY == 1
+        left: dict[str, bytes] = {}
         for topic, data in self._pending.items():
+            if not whole and topic in _SLOW:
+                left[topic] = data
+                continue
+            if self._texts.get(topic) == data:
+                continue
             try:
                 message = decode(topic, data)
                 changed |= self._read(topic, message)
@@ -61,7 +74,9 @@ class Readings:
             else:
                 if self.values.get(f"fault {topic}"):
                     changed[f"fault {topic}"] = ""
-        self._pending.clear()
+                if topic in _UNSTAMPED:
+                    self._texts[topic] = data
+        self._pending = left
         self.values |= changed
         return changed
 
@@ -161,10 +176,8 @@ def _payloads(message: Any) -> Values:
     for name, pose, twist in zip(message.joint_names, message.transforms, message.twist,
                                  strict=True):  # fmt: skip
         place, turn = pose.translation, pose.rotation
-        axes = np.array([turn.x, turn.y, turn.z])
-        speed = np.array([twist.linear.x, twist.linear.y, twist.linear.z])
-        cross = 2.0 * np.cross(axes, speed)  # of body axes to those of map
-        speed = speed + turn.w * cross + np.cross(axes, cross)
+        axes, linear = (turn.x, turn.y, turn.z), twist.linear
+        speed = _turned(turn.w, axes, (linear.x, linear.y, linear.z))
         roll = math.atan2(2 * (turn.w * turn.x + turn.y * turn.z),
                           1 - 2 * (turn.x**2 + turn.y**2))  # fmt: skip
         pitch = math.asin(max(-1.0, min(1.0, 2 * (turn.w * turn.y - turn.z * turn.x))))
@@ -179,6 +192,18 @@ def _payloads(message: Any) -> Values:
             }
         )
     return {"payloads": rows}
+
+
+def _turned(w: float, axes: Triple, vector: Triple) -> Triple:
+    """Return a vector in body axes in those of map: v + 2w·(q × v) + 2q × (q × v)."""
+    once = _cross(axes, vector)
+    twice = _cross(axes, once)
+    x, y, z = (v + 2.0 * (w * c + d) for v, c, d in zip(vector, once, twice, strict=True))
+    return x, y, z
+
+
+def _cross(a: Triple, b: Triple) -> Triple:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _hang_off(message: Any) -> Values:
@@ -279,5 +304,11 @@ _READERS: Mapping[str, Callable[[Any], Values]] = {
     ALERTS: _alerts,
     FORECAST: _table("forecast"),
 }
+_UNSTAMPED = ("winch/mode", "winch/seat")
+_SLOW = frozenset(
+    ("ropes/tension_bottom", "ropes/utilisation", "ropes/bend_radius", "payloads/body",
+     "seabed/contact", "seabed/touchdown", "lines/crossings", "sea/elevation", "winch/state",
+     "compensator/state", "twin/quality", FORECAST)
+)  # fmt: skip
 # topics that the console subscribes to
 SHOWN = tuple(name for name in (EPOCH, SESSION, NODES, *_READERS) if name in BY_NAME)

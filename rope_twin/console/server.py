@@ -23,7 +23,7 @@ from urllib.parse import urlsplit
 
 from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk
-from rope_twin.console.pages import Page, Pages
+from rope_twin.console.pages import Page, Pages, Source
 from rope_twin.errors import InputError, phrase
 
 LOOPBACK, PORT = "127.0.0.1", 8420
@@ -226,6 +226,11 @@ class Server:
         self._server = uvicorn.Server(config)
         self._thread: threading.Thread | None = None
         self.processor_s = 0.0  # CPU time of the server's thread, once it has ended
+
+    @property
+    def source(self) -> Source:
+        """Return the source of its pages."""
+        return self._pages.source
 
     @property
     def address(self) -> str:
