@@ -181,6 +181,7 @@ def _fleet(args: argparse.Namespace, progress: CaseProgress) -> int:
     if args.json:
         print(json.dumps(asdict(found), ensure_ascii=False, allow_nan=False))
     else:
+        print(found.machine.as_text() + "\n")
         print_table(fleet_speed.fleet_table(found.rows))
         print()
         print_table(fleet_speed.state_table(found.states))

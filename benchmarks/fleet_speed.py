@@ -20,6 +20,7 @@ from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.ensemble import SEA_OFFSET, Axis, make_plan, variations
+from rope_twin.studies.page import Machine, this_machine
 from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary, WinchMotion
 from rope_twin.twin.ensemble.ensemble import BATCH_S
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, live_state
@@ -89,6 +90,7 @@ class StateRow:
 class FleetSpeed:
     """Result of the benchmark."""
 
+    machine: Machine
     scene: str
     seconds: float
     reference: tuple[int, float]
@@ -177,7 +179,7 @@ def measure_fleet(
     report(total - 1, total, "states")
     states = _states(scene, fleet, plan)
     report(total, total, "done")
-    return FleetSpeed(SCENE, plan.seconds, plan.reference, tuple(found), states)
+    return FleetSpeed(this_machine(), SCENE, plan.seconds, plan.reference, tuple(found), states)
 
 
 def _tension(scene: Scene, setting: tuple[int, float], seas: _Seas, members: int) -> Floats:

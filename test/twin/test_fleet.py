@@ -261,3 +261,20 @@ def test_members_step_alone_where_effects_do(tmp_path: Path) -> None:
     assert np.array_equal(first[:, 1], expected.top_n[20:])
     fleet.restore(start)
     assert np.array_equal(fleet.advance(cut(expected.inputs, 20)).top_tension_n, first)
+
+
+def test_orders_side_by_side(scene: Scene, paying: Driven) -> None:
+    """Members that pay out, hold and haul in among each other, on two threads."""
+    runs = [paying, driven(scene, STEPS), driven(scene, STEPS, speed=-1.4)]
+    fleet = Fleet(scene, 10, elements=20, step_s=0.01, threads=2)
+    order = [k % 3 for k in range(len(fleet))]
+    own = [
+        np.array([getattr(runs[k].inputs, name) for k in order]).T for name in vars(paying.inputs)
+    ]
+    record = fleet.advance(FleetInputs(*own), LOOK)
+    for member, k in enumerate(order):
+        assert np.array_equal(record.top_tension_n[:, member], runs[k].top_n)
+        least = runs[k].least_n.reshape(-1, LOOK).min(axis=1)
+        assert np.array_equal(record.least_tension_n[:, member], least)
+    counts = [int(fleet.state(k).rope.counts[rows.ELEMENTS]) for k in range(3)]
+    assert counts == [21, 20, 19]
