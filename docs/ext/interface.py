@@ -16,12 +16,13 @@ from rope_twin.ros import params
 from rope_twin.topics import QOS_ROWS, SERVICES, TOPICS
 
 PACKAGE = Path(rope_twin.__file__).parent
-ROW = re.compile(r"(simulation|recorder|feed): ?[a-z -]*")
+ROW = re.compile(r"(simulation|recorder|feed|forecast): ?[a-z -]*")
 NODES = {
     "simulation": params.SimulationParams,
     "sea_state": params.SeaStateParams,
     "winch_schedule": params.WinchScheduleParams,
     "feed": params.FeedParams,
+    "forecast": params.ForecastParams,
     "recorder": params.RecorderParams,
     "viewer": params.ViewerParams,
 }
@@ -29,6 +30,7 @@ NODES = {
 ROWS_MEAN = {
     "feed: ...": "one row per instrument: accepted and refused lines by reason, holes; ERROR while "
     "it is silent or not connected",
+    "forecast: worker": "forecasts made and their CPU time; WARN while there is none, and why",
     "recorder: bag": "progress of the recording; ERROR if the bag cannot be written",
     "simulation: accuracy": "bound of the discretisation error of the top tension, or why unknown",
     "simulation: bend": "minimum bend radius of each line; WARN below the permitted one",

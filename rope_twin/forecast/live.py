@@ -167,7 +167,7 @@ class LiveForecaster:
         origin_s = float(grid[-1])
         self._nominal.follow(
             origin_s - self.settings.burn_in_s - self._begun_s,
-            float(grid[0]) - self._begun_s, heave - heave.mean(), line,
+            float(grid[0]) - self._begun_s, heave, line,
         )  # fmt: skip
         for at, value in zip(grid, tension, strict=True):
             if at > self._seen_s:
@@ -179,7 +179,7 @@ class LiveForecaster:
         if waves is not None:
             response = heave_response(BoxHull(), heave_spectrum(heave).frequency_hz)
         known = Known(
-            origin_s, heave - heave.mean(), line, mean, waves, response,
+            origin_s, heave, line, mean, waves, response,
             compensated=bool(winch and winch.heave_compensation),
         )  # fmt: skip
         (made,) = self._forecaster.forecast(
@@ -286,7 +286,8 @@ class ForecastWorker:
         self._thread = threading.Thread(target=self._run, name="forecast", daemon=True)
         self.made = 0
         self.processor_s = 0.0  # CPU time of the thread
-        self.trouble = ""  # why there is no forecast at present
+        self.waits = ""  # what is missing for a forecast, in words
+        self.trouble = ""  # why there is no forecast though nothing is missing
 
     def start(self) -> None:
         """Start the thread."""
@@ -303,14 +304,14 @@ class ForecastWorker:
         while not self._closing.is_set():
             began = time.monotonic()
             try:
-                words = self._forecaster.waits_for(self._heard)
-                self.trouble = f"waits for {words}" if words else ""
-                if not words:
+                self.waits = self._forecaster.waits_for(self._heard)
+                if not self.waits:
                     made = self._forecaster.forecast(self._heard, self._now_s)
                     if made.forecast.origin_s > newest:
                         newest = made.forecast.origin_s
                         self._publish(made)
                         self.made += 1
+                    self.trouble = ""
             except RopeTwinError as error:
                 self.trouble = str(error)
             except Exception as error:  # the run goes on without forecasts, and says why

@@ -30,7 +30,8 @@ from rope_twin.scene.schema import Scene
 Floats = NDArray[np.float64]
 
 LARGEST_GAP_S = 2.0  # bridged by interpolation
-HEAVE_TOPICS = ("ship/heave", "hang_off/odometry")
+HANG_OFF = "hang_off/odometry"
+HEAVE_TOPICS = ("ship/heave", HANG_OFF)
 LINE_TOPICS = ("winch/measured", "ropes/length")
 TENSION_TOPICS = ("winch/measured", "ropes/tension_top")
 Read = Callable[[Any], float]
@@ -42,7 +43,7 @@ class RecordedLift:
 
     scene: Scene  # with the line out of the first sample
     begin_s: float  # of the first sample, in the recording's own time
-    heave_m: Floats  # (n,) about its mean
+    heave_m: Floats  # (n,) of the hang-off about its rest
     line_out_m: Floats  # (n,)
     tension_n: Floats  # (n,) at the sample; NaN: missing
     mean_n: Floats  # (n,) over the SAMPLE_S before
@@ -101,11 +102,12 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
         right = f"a forecast needs {PAST_S + SHORTEST_RECORD_S:g} s"
         raise BagError(phrase(f"bag {path}", what, right))
     at = begin + SAMPLE_S * np.arange(count)
-    z = _on_grid(path, *heave[1:], at, "heave")
+    rest_m = own.ship.hang_off_m[2] if heave[0] == HANG_OFF else 0.0
+    z = _on_grid(path, *heave[1:], at, "heave") - rest_m
     out = _on_grid(path, *line[1:], at, "line out")
     top, mean, peak = _tension_on(*tension[1:], at)
     return RecordedLift(
-        scene_at_line(own, float(out[0])), 0.0, z - z.mean(), out, top, mean, peak,
+        scene_at_line(own, float(out[0])), 0.0, z, out, top, mean, peak,
         (heave[0], line[0], tension[0]),
     )  # fmt: skip
 

@@ -142,7 +142,9 @@ class ForecastNode(Node):
         values = {"forecasts": str(worker.made), "CPU time [s]": f"{worker.processor_s:.2f}"}
         level = Level.WARN if worker.trouble else Level.OK
         words = worker.trouble or "a forecast every second"
-        row = Status("forecast", level, words, values)
+        if worker.waits and not worker.trouble:
+            words = f"waits for {worker.waits}"
+        row = Status("forecast: worker", level, words, values)
         now_ns = self.get_clock().now().nanoseconds
         self._diagnostics.publish(encode_diagnostics(now_ns, [row]))
 

@@ -103,13 +103,14 @@ def test_worker_publishes_and_ends(scene: Scene) -> None:
     worker = ForecastWorker(forecaster, heard, made.append, lambda: BEGIN_S + 126.0, 0.05)
     worker.start()
     until = time.monotonic() + 60.0
-    while not worker.trouble and time.monotonic() < until:
+    while not worker.waits and time.monotonic() < until:
         time.sleep(0.01)
-    assert worker.trouble == "waits for heave, line out and tension"
+    assert worker.waits == "heave, line out and tension"
     feed(heard, 0.0, 125.0)
     while not made and time.monotonic() < until:
         time.sleep(0.05)
     worker.close()
+    assert not worker.trouble
     assert worker.made == len(made) == len({one.forecast.origin_s for one in made}) == 1
     assert worker.processor_s > 0.0
     for topic, rows in tables_of(made[0], LIMITS).items():

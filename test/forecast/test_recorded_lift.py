@@ -71,10 +71,10 @@ def lift(folder: Path) -> RecordedLift:
 
 
 def test_series_of_a_recording(lift: RecordedLift) -> None:
-    """Every half second, measured topics first, the mean heave taken off."""
+    """Every half second, measured topics first."""
     assert lift.sources == ("ship/heave", "winch/measured", "winch/measured")
     assert len(lift.heave_m) == round(LENGTH_S / SAMPLE_S)
-    assert lift.heave_m.mean() == pytest.approx(0.0, abs=1e-12)
+    assert abs(lift.heave_m.mean()) < 0.1 * lift.heave_m.std()
     assert (lift.line_out_m == 200.0).all()
     assert np.isfinite(lift.tension_n).all()
     assert (lift.peak_n[1:] >= lift.mean_n[1:]).all()

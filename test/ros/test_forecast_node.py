@@ -1,0 +1,69 @@
+"""The forecast node in this process: what it hears, when it publishes, and that it ends."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from ros_bench import Bench
+from small_scene import small_scene
+
+from rope_twin.messages import encode_elevation, encode_heave, encode_measurement, read_cloud
+from rope_twin.ros.params import node_parameters
+from rope_twin.run.options import RunOptions
+from rope_twin.twin.measured.readings import Measurement
+
+pytestmark = pytest.mark.ros
+S = 1_000_000_000
+BEGIN_NS = 1_700_000_000 * S
+PERIOD_S = 0.25
+
+
+def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
+    """Two minutes of measured motion, then a forecast stamped with the newest instant of it."""
+    scene = small_scene(tmp_path)
+    node = bench.make("forecast", scene=str(scene.path), members=19, tension_limit_n=80e3)
+    names = ("ship/heave", "winch/measured", "sea/measured_elevation")
+    publishers = {name: bench.publisher(name) for name in names}
+    tables = {name: bench.listen(f"forecast/{name}") for name in ("tension", "risk", "quiet")}
+    told = bench.listen("diagnostics")
+    node.begin()
+    for publisher in publishers.values():
+        bench.until(publisher.get_subscription_count, "the node listens")
+    bench.until(lambda: any("waits for" in one.status[0].message for one in told), "it waits")
+    count = round(125.0 / PERIOD_S)
+    for k in range(count):
+        at, ns = PERIOD_S * k, BEGIN_NS + round(PERIOD_S * k * 1e9)
+        z = 0.5 * math.sin(0.6 * at)
+        publishers["ship/heave"].publish(encode_heave(ns, z, 0.3 * math.cos(0.6 * at)))
+        reading = Measurement.of_winch(ns, 200.0, 0.0, 76e3 + 4e3 * z)
+        publishers["winch/measured"].publish(encode_measurement(ns, reading)[1])
+        if k % 4 == 0:
+            publishers["sea/measured_elevation"].publish(encode_elevation(ns, 0.4 * z))
+        if k % 20 == 0:
+            length = len(node._heard.heave_m.table())
+            bench.until(
+                lambda before=length: len(node._heard.heave_m.table()) >= before, "it keeps up"
+            )
+        bench._spin(0.002)
+    bench.until(lambda: all(tables.values()), "forecasts")
+    message = tables["tension"][0]
+    newest_s = BEGIN_NS // S + math.floor((count - 1) * PERIOD_S / 0.5) * 0.5
+    assert message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec <= newest_s
+    rows = read_cloud(message)
+    assert len(rows) == 120
+    assert (rows["top_tension_5_n"] <= rows["top_tension_95_n"]).all()
+    risk = read_cloud(tables["risk"][0])
+    assert risk["span_s"].tolist() == [10.0, 20.0, 30.0, 60.0]
+    assert (risk["tension_limit_n"] == 80e3).all()
+    assert read_cloud(tables["quiet"][0])["begin_s"][0] == 0.0
+    assert len(node._heard.waves) > 30
+    node.close()
+    assert not node.worker._thread.is_alive()
+
+
+def test_a_run_without_it_has_no_such_node() -> None:
+    """`--ahead` alone starts it."""
+    assert "forecast" not in node_parameters(RunOptions())
+    assert node_parameters(RunOptions(ahead=True))["forecast"] == {"scene": "deep_lift"}
