@@ -278,3 +278,25 @@ def test_orders_side_by_side(scene: Scene, paying: Driven) -> None:
         assert np.array_equal(record.least_tension_n[:, member], least)
     counts = [int(fleet.state(k).rope.counts[rows.ELEMENTS]) for k in range(3)]
     assert counts == [21, 20, 19]
+
+
+@pytest.mark.parametrize("elements", [7, 40])
+def test_another_mesh_keeps_ends_and_tension(scene: Scene, paying: Driven, elements: int) -> None:
+    """Coarser and finer, 5 m further out than the mesh was made for."""
+    fleet = Fleet(scene, 1, elements=elements, step_s=0.01)
+    live = paying.live
+    assert live is not None
+    fleet.begin_from(live)
+    state, own = fleet.state(0).rope, live.rope.state
+    n, m = int(state.counts[rows.ELEMENTS]), int(own.counts[rows.ELEMENTS])
+    assert state.s[n] == live.line_out_m
+    assert np.array_equal(state.nodes[:, 0], own.nodes[:, 0])
+    assert np.array_equal(state.nodes[:, n], own.nodes[:, m])
+    lengths = np.diff(state.s[: n + 1])
+    assert 0.4 * 200.0 / elements < lengths.min()
+    assert lengths.max() < 1.5 * 200.0 / elements + 1e-9
+    record = fleet.advance(cut(paying.inputs, LIVE))
+    away = record.top_tension_n[:, 0] - paying.top_n[LIVE:]
+    spread = float(np.std(paying.top_n))
+    assert abs(away[0]) < 0.001 * spread
+    assert np.sqrt(np.mean(away**2)) < 0.02 * spread
