@@ -25,6 +25,7 @@ if "AMENT_PREFIX_PATH" not in os.environ:
 
 VIZ = ["rerun-sdk==0.41.0", "pillow>=10"]
 PLOT = ["matplotlib>=3.8", "pyarrow>=14"]  # pictures, and tables as Parquet
+MODBUS = ["pymodbus>=3.13"]  # feeds from a PLC
 STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on clusters too
 CONSOLE = ["starlette>=0.46", "uvicorn>=0.35", "websockets>=14"]  # the operator console
 DOCS = [
@@ -50,6 +51,7 @@ TEST = [
     "playwright>=1.50",  # the console in a browser, where there is Chromium
     *VIZ,
     *CONSOLE,
+    *MODBUS,
     *STUDY,
     *DOCS,
 ]
@@ -87,6 +89,7 @@ setup(
         "viz": VIZ,
         "plot": PLOT,
         "console": CONSOLE,
+        "modbus": MODBUS,
         "study": STUDY,
         "docs": DOCS,
         "test": TEST,

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.feeds import line_monitors, motion_sensors
 from rope_twin.feeds.readings import Parser
+from rope_twin.feeds.registers import START, Register
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.document import Place, read_document
 from rope_twin.scene.reader import read_object
@@ -41,6 +42,7 @@ SIGNS: dict[str, dict[str, float]] = {
     "roll": {"port_up": 1.0, "starboard_up": -1.0},  # REP 103: x forward, y to port
     "pitch": {"bow_down": 1.0, "bow_up": -1.0},
 }
+MODBUS = "modbus"
 LINE, MOTION = "line monitor", "motion sensor"
 LOAD_PIN, MOTOR = "load_pin", "motor"
 CRANE_TIP, REFERENCE = "crane_tip", "reference"
@@ -49,7 +51,7 @@ EM3000 = "em3000"  # the only binary format: records without an end of line
 _QUANTITIES = ("tension", "speed", "payout")
 _SPECIAL = (  # keys of some formats only
     "tension_of", "channel", "length_at", "checksum", "start", "columns", "sentences", "heave_of",
-    "rest_heading_deg",
+    "rest_heading_deg", "registers",
 )  # fmt: skip
 
 
@@ -79,6 +81,11 @@ class FeedSettings:
         metadata={"about": "columns: number of the field of each quantity, the start being 0"},
     )
     sentences: str = text("psxn, octans: sentences that make a reading, such as PHTRO PHLIN", "")
+    registers: dict[str, Register] = field(
+        default_factory=dict, metadata={"about": "modbus: registers of each quantity"}
+    )
+    device: int = quantity("modbus: unit identifier of the device", "", 0, 255, default=1)
+    poll_rate_hz: float = quantity("modbus: polls a second", "Hz", 0.1, 100.0, default=10.0)
     heave_of: str = text("point whose heave is meant: crane_tip or reference", "")
     rest_heading_deg: float | None = quantity(
         "true heading of the bow in the scene's rest attitude", "°", 0.0, 360.0, default=None
@@ -120,6 +127,8 @@ class FeedSettings:
         if self.forward and not self.forward.startswith("tcp-server://"):
             return f"forward is '{self.forward}'; give tcp-server://HOST:PORT"
         fault = self._columns_fault() if self.format == "columns" else None
+        if self.format == MODBUS:
+            fault = self._registers_fault()
         if fault := fault or self._idle_key():
             return fault
         return _table_fault("units", self.units, form.units_of(self), UNITS) or _table_fault(
@@ -137,6 +146,8 @@ class FeedSettings:
             taken.add("tension_of")
         if self.format == "columns":
             taken |= {"start", "columns"}
+        if self.format == MODBUS:
+            taken = taken - {"channel"} | {"registers"}
         for one in _SPECIAL:
             if getattr(self, one) not in ("", None, {}) and one not in taken:
                 return f"{one} has no effect with {self.format}; remove it"
@@ -159,6 +170,15 @@ class FeedSettings:
             names[place] = name
         if not set(self.columns) & set(_QUANTITIES):
             return "columns has no quantity; give tension, speed or payout"
+        return None
+
+    def _registers_fault(self) -> str | None:
+        known = (*_QUANTITIES, "motor_tension")
+        for name in self.registers:
+            if name not in known:
+                return f"registers has '{name}'; {did_you_mean(name, known)}"
+        if not set(self.registers) & set(_QUANTITIES):
+            return "registers has no quantity; give tension, speed or payout"
         return None
 
     def parser(self) -> Parser:
@@ -212,10 +232,11 @@ class Format(NamedTuple):
 
 
 def _measured(names: tuple[str, ...], settings: FeedSettings) -> tuple[str, ...]:
-    """Return the quantities that a feed by columns has, or all of another one."""
-    if settings.format != "columns":
+    """Return the quantities that a feed by columns or registers has, or all of another one."""
+    if settings.format not in ("columns", MODBUS):
         return names
-    given = set(settings.columns) | ({"tension"} if "motor_tension" in settings.columns else set())
+    given = {*settings.columns, *settings.registers}
+    given |= {"tension"} if "motor_tension" in given else set()
     return tuple(name for name in names if name in given)
 
 
@@ -243,6 +264,13 @@ FORMATS: dict[str, Format] = {
         LINE, "any line of separated fields, such as $R30C of MacArtney's Mermac",
         lambda s: line_monitors.columns(s.start, s.columns, s.checksum, channel=s.channel),
         _QUANTITIES, _LINE_SIGNS, {"checksum": line_monitors.SUM_KINDS},
+    ),
+    MODBUS: Format(
+        LINE, "Modbus TCP by a map of registers",
+        lambda s: line_monitors.columns(
+            START, {name: k for k, name in enumerate(s.registers, 1)}, "xor"
+        ),
+        _QUANTITIES, _LINE_SIGNS,
     ),
     "psxn": Format(
         MOTION, "Kongsberg Seapath: $PSXN,20, 23 and 24",

@@ -33,8 +33,9 @@ _BYTES = 65536
 _KEEP_ALIVE = {"TCP_KEEPIDLE": 5, "TCP_KEEPINTVL": 2, "TCP_KEEPCNT": 3}
 _SECOND_NS = 1_000_000_000
 UDP, TCP, TCP_SERVER, SERIAL, FILE = "udp", "tcp", "tcp-server", "serial", "file"
+MODBUS = "modbus"
 ADDRESSES = "FILE, udp://HOST:PORT, tcp://HOST:PORT, tcp-server://HOST:PORT or serial:DEVICE@BAUD"
-_NETWORK = re.compile(r"(udp|tcp|tcp-server)://(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})/?")
+_NETWORK = re.compile(r"(udp|tcp|tcp-server|modbus)://(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})/?")
 _SERIAL = re.compile(r"serial:(?://)?([^@]+)@(\d{2,7})")
 _LOGGED = re.compile(rb"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?Z?)[ \t,]+")
 _INSIDE = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?")
@@ -346,6 +347,14 @@ def open_source(
         InputError: the address or the file cannot be used.
     """
     address = read_address(settings.source)
+    if (address.kind == MODBUS) != (settings.format == MODBUS):
+        right = "the format modbus takes modbus://HOST:PORT, and no other format does"
+        raise InputError(phrase(settings.source, f"format {settings.format}", right))
+    if address.kind == MODBUS:
+        from rope_twin.feeds.modbus import ModbusSource  # which needs an extra
+
+        rate_hz, device = settings.poll_rate_hz, settings.device
+        return ModbusSource(address, take, settings.registers, rate_hz, device)
     if address.kind == UDP:
         return UdpSource(address, take)
     if address.kind == TCP:
