@@ -84,7 +84,8 @@ def generate_launch_description() -> LaunchDescription:
     cut = {"allow_cut": ParameterValue(value("allow_cut"), value_type=bool)}
     follow = {"follow_measured": ParameterValue(value("follow_measured"), value_type=bool)}
     follow |= {
-        name: ParameterValue(value(name), value_type=bool) for name in ("learn", "apply_learned")
+        "learn": ParameterValue(value("learn"), value_type=bool),
+        "apply_learned": ParameterValue(value("apply_learned"), value_type=bool),
     }
     bag = {"out": ParameterValue(value("out"), **text), "beside": True}
     state = ParameterValue(value("state"), **text)

@@ -73,6 +73,8 @@ class Estimator:
         self.model = model
         self.state, self.state_s = state, begin_s
         self._running: Prediction | None = None
+        self._coloured: Floats = np.empty(0)  # autocovariance for innovations of a running block
+        self._coloured_s = -np.inf  # that began then
 
     @property
     def block_begin_s(self) -> float:
@@ -216,6 +218,9 @@ class Estimator:
         count = round((end_s - begin_s) / MEAN_S)
         measured, samples = self.model.lift.tension_means(begin_s, end_s)
         noise = self.noise or ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
-        R = noise.covariance(self.autocovariance(count, end_s))
+        if self._coloured_s != begin_s:  # once a block: it changes with sea and figures only
+            whole = round(BLOCK_S / MEAN_S)
+            self._coloured, self._coloured_s = self.autocovariance(whole, end_s), begin_s
+        R = noise.covariance(self._coloured[:count])
         predicted, J = self.model.linearised(self._running, begin_s)
         return self._innovation(measured - predicted[:count], J[:count], R, begin_s)

@@ -8,7 +8,7 @@ from typing import Any
 
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.estimation import report
-from rope_twin.estimation.estimator import BURN_IN_S, SPECTRUM_S, Estimator
+from rope_twin.estimation.estimator import BURN_IN_S, LEAST_USED, SPECTRUM_S, Estimator
 from rope_twin.estimation.figures import ROPE_FIGURES, factors_of
 from rope_twin.estimation.gauss_newton import Innovation
 from rope_twin.estimation.lift_model import LiftModel
@@ -151,7 +151,7 @@ class Learner:
         known = [name for name in ROPE_FIGURES if self._base[name] and name != "current"]
         self.newest = Estimate(
             time_s=last.end_s,
-            minutes=len(estimator.results),
+            minutes=sum(one.used >= LEAST_USED for one in estimator.results),
             tared=self._tared,
             figures=report.estimates(self._base, estimator.prior, last.posterior, advice),
             factors={name: float(factors[name]) for name in known},

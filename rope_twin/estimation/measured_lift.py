@@ -22,6 +22,7 @@ LEAST_GOOD = 0.6  # share of a mean's samples that must be good
 SMOOTHED_SAMPLES, SMOOTHED_ORDER = 15, 3
 LINE_HZ = 20.0  # grid of the line out
 HEAVE_HOLE_S, LINE_HOLE_S = 1.0, 2.0  # longer gaps are holes
+LATE_S = 5.0  # of the tension, behind heave and line out
 FORGETTING_S = 30.0  # after a hole of heave or line out
 
 
@@ -117,8 +118,13 @@ class MeasuredLift:
         return max(float(one[0, 0]) for one in tables)
 
     def known_until_s(self, ahead_s: float) -> float:
-        """Return the time until which all are known; ahead_s: of heave that a delay asks for."""
-        return min(self.tension.newest_s, self.line_out.newest_s, self.heave.newest_s - ahead_s)
+        """Return the time until which all are known; ahead_s: of heave that a delay asks for.
+
+        A tension that is LATE_S late is missing and is not waited for, if there was any before.
+        """
+        moved_s = min(self.line_out.newest_s, self.heave.newest_s - ahead_s)
+        tension_s = self.tension.newest_s
+        return tension_s if np.isinf(tension_s) else min(max(tension_s, moved_s - LATE_S), moved_s)
 
     def drop_before(self, time_s: float) -> None:
         """Forget all samples before a time."""

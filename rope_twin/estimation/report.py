@@ -14,6 +14,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
+from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.estimation.estimator import BlockResult
 from rope_twin.estimation.figures import (
@@ -74,17 +75,22 @@ def base_values(scene: Scene) -> dict[str, float]:
         "axial_stiffness": float(rope.sections[rows.EA, -1]),
         "axial_damping": float(rope.sections[rows.C, -1]),
         "tangential_drag": float(bar.drag_kg_per_m2[-1]),
-        "current": 1.0,
+        "current": 0.0 if scene.listed(CurrentParams) is None else 1.0,
     }
 
 
 def estimates(
     base: dict[str, float], prior: Prior, posterior: Gaussian, advice: dict[str, str] | None = None
 ) -> tuple[FigureEstimate, ...]:
-    """Return the estimates of all figures; advice: by figure, what would tell more."""
+    """Return the estimates of all figures that the scene has.
+
+    base: `base_values` of the scene; advice: by figure, what would tell more.
+    """
     found = []
     correlation = posterior.correlation - np.eye(len(NAMES))
     for k, name in enumerate(NAMES):
+        if name in ROPE_FIGURES and not base[name]:
+            continue
         mean, sd, before = posterior.mean[k], posterior.sd[k], prior.sd[k]
         ends = mean + np.array([-NORMAL_90, 0.0, NORMAL_90]) * sd
         start = float(prior.mean[k])

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.state import Floats, Rope
+from rope_twin.core.state import Rope
 from rope_twin.errors import phrase
 from rope_twin.twin.ensemble.figures import (
     FIGURES,
@@ -114,7 +114,7 @@ class FigureBase:
         self._effects = rope.effects
         self._used: dict[str, float] = {}
         self._seen: tuple[Any, ...] = ()  # effects that have these factors
-        self._scaled: Floats | None = None  # sections that have them
+        self._scaled = self._sections  # sections with them
 
     def apply(
         self, factors: Mapping[str, float], rope: Rope, effects: tuple[Any, ...]
@@ -124,9 +124,10 @@ class FigureBase:
         rope: the present one; effects: those in use, whose memory and current are kept.
         """
         used = dict(factors)
-        if used == self._used and effects is self._seen and rope.sections is self._scaled:
+        same = np.array_equal(rope.sections, self._scaled)  # not after a return to an earlier state
+        if used == self._used and effects is self._seen and same:
             return effects
-        rope.sections[:] = scaled_sections(self._sections, factors)
+        rope.sections[:] = self._scaled = scaled_sections(self._sections, factors)
         made = scaled_fields(self._effects, effects, factors)
-        self._used, self._seen, self._scaled = used, made, rope.sections
+        self._used, self._seen = used, made
         return made

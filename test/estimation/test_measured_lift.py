@@ -120,3 +120,14 @@ def test_what_is_known_and_forgotten() -> None:
     assert made.begin_s == 30.0
     assert MeasuredLift(1.0).begin_s == np.inf
     assert MeasuredLift(1.0).known_until_s(0.0) == -np.inf
+
+
+def test_a_tension_that_has_stopped_is_not_waited_for() -> None:
+    """It is missing from 5 s behind heave and line out on; before the first sample nothing is."""
+    made = lift()
+    made.tension = Series(1)
+    assert made.known_until_s(0.0) == -np.inf
+    made.tension.extend(np.array([0.0, 0.05, 20.0]), np.full(3, 3e5))
+    assert made.known_until_s(0.0) == pytest.approx(55.0)
+    made.tension.add(58.0, 3e5)
+    assert made.known_until_s(0.0) == pytest.approx(58.0)

@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     met = True
     for name in args.ids or [SCENE]:
         scene = load_scene(name)
-        for tared in (True,) if args.tared_only else (False, True):
+        for tared in (True,) if args.tared_only else (True, False):
             progress = CaseProgress()
             count = args.truths if args.tared_only else args.truths // 2
             variants = tuple(VARIANTS) if args.variants and tared else ("clean",)
