@@ -10,6 +10,7 @@ import pytest
 from sample_snapshot import hanging_body, rolled_ship
 
 from rope_twin import messages
+from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast
 from rope_twin.recording.input_log import encode_json
 from rope_twin.topics import BY_NAME, TOPICS
 from rope_twin.twin.winch.commands import WinchCommand
@@ -39,6 +40,10 @@ def encoded(topic: str, nodes: int) -> bytes:
         "winch/seat": messages.encode_seat("winch: console"),
         "twin/session": encode_json({"session": 1, "files": {"a.yaml": "about: ä\n"}}),
         "twin/inputs": encode_json({"number": 1, "calls": [["offer_heave", [1, 0.1, -0.0], {}]]}),
+        **{
+            name: encode_forecast(name, STAMP_NS, "map", nodes * [{"age_s": 0.2}])
+            for name in FORECAST_TOPICS
+        },
         "diagnostics": messages.encode_diagnostics(STAMP_NS, messages.statuses(snapshot, None)),
     }[topic]
 
