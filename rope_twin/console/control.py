@@ -28,9 +28,14 @@ from rope_twin.twin.winch.commands import (
 )
 
 LOST_S = 3.0  # after the page with the seat has disconnected until the seat is given up
+_SLACK_S = 0.01  # of the server's clock
+REPEAT_S = 0.1  # a set-point is repeated so often, as the twin expects of a commander
 FEEDBACK_S = 2.5  # how long the twin's answer to a command is awaited
 ALERT_ACTIONS = "acknowledge", "silence", "transfer"
 TRIES, TRIES_IN_ALL, TRIES_WITHIN_S = 5, 20, 60.0  # wrong tokens of an address, and of all
+
+
+_STOP = WinchCommand(SPEED, 0.0)
 
 
 class Commander(Protocol):
@@ -111,6 +116,8 @@ class Desk:
         self._holder: Page | None = None
         self._left_s: float | None = None  # since when the holder's page is gone
         self._awaited: list[_Awaited] = []
+        self._set_points: dict[str, WinchCommand] = {}  # newest of each winch, repeated
+        self._repeated_s = 0.0
         self.further: dict[str, Callable[[Page, Mapping[str, Any]], str]] = {}
         pages.extra["control"] = self.state
 
@@ -161,11 +168,14 @@ class Desk:
         now_s = self._clock()
         if self._left_s is not None and now_s - self._left_s >= LOST_S:
             self._give_up()
+        self._repeat(now_s)
         left = []
         for one in self._awaited:
             if words := self._effect(one):
                 self._answer(one.page, one.number, True, words, stage="done")
             elif now_s - one.sent_s >= FEEDBACK_S:
+                if not self._commands(one.winch):
+                    self._set_points.pop(one.winch, None)
                 self._answer(one.page, one.number, False, self._why_not(one), stage="done")
             else:
                 left.append(one)
@@ -211,6 +221,10 @@ class Desk:
             return
         value = content.get("value")
         command = WinchCommand(str(kind), float(value) if kind in CONTROL_MODES else 0.0)  # type: ignore[arg-type]
+        if command.kind in CONTROL_MODES:
+            self._set_points[str(winch)] = command
+        elif command.kind == EMERGENCY_STOP and str(winch) in self._set_points:
+            self._set_points[str(winch)] = _STOP
         self._commander.send(str(winch), command)
         sent = _Awaited(page, number, str(winch), command, self._clock())
         self._awaited.append(sent)
@@ -253,7 +267,28 @@ class Desk:
     def _give_up(self) -> None:
         assert self._commander is not None
         self._holder, self._left_s = None, None
+        self._set_points.clear()
         self._commander.release()
+
+    def _repeat(self, now_s: float) -> None:
+        """Repeat the set-points; after an emergency stop, whoever gave it, only speed 0."""
+        if self._commander is None or not self._set_points or now_s < self._repeated_s + REPEAT_S - _SLACK_S:
+            return
+        self._repeated_s = now_s
+        for winch in self._set_points:
+            if self._mode(winch).startswith(f"{winch}: emergency stop"):
+                self._set_points[winch] = _STOP
+            self._commander.send(winch, self._set_points[winch])
+
+    def _commands(self, winch: str) -> bool:
+        """Return whether the twin has this console in command of a winch."""
+        return f"{winch}: {self._node}" in str(self._pages.readings.values.get("seat", ""))
+
+    def _mode(self, winch: str) -> str:
+        """Return the twin's words on the mode of a winch; "": not known."""
+        words = str(self._pages.readings.values.get("winch_mode", ""))
+        parts = [part.strip() for part in words.split(";")]
+        return next((part for part in parts if part.startswith(f"{winch}: ")), "")
 
     # -- feedback --------------------------------------------------------------------------------
 
@@ -267,8 +302,7 @@ class Desk:
     def _effect(self, one: _Awaited) -> str:
         """Return the twin's words on what a command has done, or "" while it is not seen."""
         values = self._pages.readings.values
-        modes = [part.strip() for part in str(values.get("winch_mode", "")).split(";")]
-        own = next((part for part in modes if part.startswith(f"{one.winch}: ")), "")
+        own = self._mode(one.winch)
         row: Mapping[str, Any] = next(
             (row for row in values.get("winches", ()) if row["name"] == one.winch), {}
         )
@@ -300,7 +334,7 @@ class Desk:
         values = self._pages.readings.values
         seat = values.get(f"diagnostics simulation: seat {one.winch}")
         holder = str(values.get("seat", ""))
-        if f"{one.winch}: {self._node}" not in holder and one.command.kind != EMERGENCY_STOP:
+        if not self._commands(one.winch) and one.command.kind != EMERGENCY_STOP:
             last = (seat or {}).get("values", {}).get("last rejection", "")
             return last or phrase(_words(one.command), f"the seat is not the console's ({holder})",
                                   "take the seat and send it again")  # fmt: skip

@@ -258,12 +258,12 @@ def test_two_pages_ask_for_the_seat_and_a_command_is_confirmed(
     assert "hauling in" in text(first, "dialog-text")
     agree(first)
     until(first, "document.getElementById('toast').textContent.includes('reports')")
-    ((winch, command),) = served.commander.sent
+    ((winch, command),) = set(served.commander.sent)  # repeated at 10 Hz
     assert (winch, command.kind) == ("winch", "speed")
     assert command.value == pytest.approx(-0.2)
     second.click("#stop")  # from a page without the seat
     until(second, "document.getElementById('toast').textContent.includes('emergency stop')")
-    assert served.commander.sent[-1][1].kind == "emergency_stop"
+    assert any(command.kind == "emergency_stop" for _, command in served.commander.sent)
 
 
 def test_an_alert_flashes_until_it_is_acknowledged(

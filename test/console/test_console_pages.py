@@ -10,6 +10,7 @@ from console_rig import TENSION_ALARM, TOKEN, ConsoleRig, frames, replies
 
 from rope_twin.console.control import FEEDBACK_S, LOST_S, TRIES, TRIES_WITHIN_S
 from rope_twin.console.pages import QUEUE
+from rope_twin.twin.winch.commands import WinchCommand
 
 
 def test_a_page_first_receives_everything_and_then_what_changes() -> None:
@@ -129,6 +130,30 @@ def test_a_command_is_answered_with_what_the_twin_did() -> None:
     sent, done = [one for one in replies(page) if one["id"] == 2]
     assert (sent["stage"], done["stage"], done["ok"]) == ("sent", "done", True)
     assert "winch: speed 0.5 m/s" in done["words"]
+
+
+def test_a_set_point_is_repeated_until_an_emergency_stop_which_makes_it_zero() -> None:
+    rig = ConsoleRig()
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    rig.desk.take(page, {"do": "command", "kind": "speed", "value": 0.5, "winch": "winch", "id": 2})
+    rig.tick(40)
+    speeds = [command.value for _, command in rig.commander.sent]
+    assert set(speeds) == {0.5}
+    assert len(speeds) == pytest.approx(21, abs=2)  # 10 Hz
+    rig.commander.sent.clear()
+    rig.commander.obeys = False
+    rig.source.mode = "winch: emergency stop"  # of somebody else
+    rig.tick(20)
+    assert {command for _, command in rig.commander.sent[2:]} == {WinchCommand("speed", 0.0)}
+    rig.source.mode = "winch: speed 0 m/s"  # reset: the winch does not start again by itself
+    rig.tick(20)
+    assert rig.commander.sent[-1][1] == WinchCommand("speed", 0.0)
+    rig.desk.take(page, {"do": "release_seat", "id": 3})
+    rig.commander.sent.clear()
+    rig.tick(20)
+    assert rig.commander.sent == []
 
 
 def test_a_command_without_effect_is_reported() -> None:
