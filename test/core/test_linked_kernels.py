@@ -6,7 +6,7 @@ from typing import Any
 
 import numba
 
-from rope_twin.core.jit.decorators import OPTIONS, jit, jit_ordered
+from rope_twin.core.jit.decorators import OPTIONS, jit, jit_apart, jit_ordered, jit_within
 
 
 @jit
@@ -54,3 +54,37 @@ def test_what_a_call_that_is_dropped_shares_with_others_is_there() -> None:
 def test_types_that_are_remembered_are_told_apart() -> None:
     """The same operators of other types, in kernels of other options."""
     assert numba.njit(**OPTIONS)(_both)(1.5, 2) == 4.0 + 4.0 + 5.0 + 4.0
+
+
+@jit
+def _called_below(x: float) -> float:
+    return x + 3.0
+
+
+@jit_apart
+def _apart(x: float) -> float:
+    return 2.0 * _called_below(x)
+
+
+@jit_within
+def _within(x: float) -> float:
+    return 2.0 * _apart(x)
+
+
+def _asks_within(x: float) -> float:
+    return float(_within(x) - _called_below(x))
+
+
+def _is_forced(kernel: Any) -> bool:
+    """Return whether LLVM has to put the kernel into all its callers."""
+    (made,) = kernel.overloads.values()
+    functions = [one for one in made.library._final_module.functions if not one.is_declaration]
+    return any(b"alwaysinline" in attribute for f in functions for attribute in f.attributes)
+
+
+def test_what_is_apart_is_not_forced_into_a_kernel_that_is_inlined() -> None:
+    """Nor is what it calls: numba hands the order to inline on to all below."""
+    assert numba.njit(**OPTIONS)(_asks_within)(5.0) == 24.0
+    assert _is_forced(_within)
+    assert not _is_forced(_apart)
+    assert not _is_forced(_called_below)

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within, jit_within
+from rope_twin.core.jit.decorators import jit_ordered_within, jit_within
 from rope_twin.core.jit.simd import lane
 from rope_twin.core.state import AXIAL, CORRECTION, DIRECTION, GEOMETRIC, ZERO, Floats
 
@@ -134,7 +134,7 @@ def hold_ends(work: Floats, first: int, n: int) -> None:
             work[CORRECTION + k, 0] = 0.0
 
 
-@jit_ordered
+@jit_ordered_within
 def solve_symmetric(S: Any, f: Any) -> Any:
     """Solve S·x = f for a symmetric 3×3 matrix (xx, xy, xz, yy, yz, zz), by LDLᵀ."""
     sxx, sxy, sxz, syy, syz, szz = S

@@ -102,6 +102,15 @@ def jit_entry(function: Any) -> Any:
     return entry
 
 
+def jit_apart(function: Any) -> Any:
+    """Compile a large kernel that LLVM need not put into its callers, nor what it calls.
+
+    numba inlines a kernel everywhere that was first compiled for an inlined one, unless it is said
+    not to be; and so with all that this kernel calls.
+    """
+    return numba.njit(**{**LINKED, "forceinline": False})(function)
+
+
 def jit_within(function: Any) -> Any:
     """Compile a small function of numbers that LLVM puts into its callers' loops."""
     return numba.njit(forceinline=True, **LINKED)(function)

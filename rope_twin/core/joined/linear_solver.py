@@ -17,7 +17,7 @@ from numba import config
 from numba.extending import overload
 
 from rope_twin.core.banded.nodes import six
-from rope_twin.core.jit.decorators import LINKED, jit, jit_ordered, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit, jit_apart, jit_ordered, jit_within
 from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.between import eliminate_between, push_between, substitute_between
 from rope_twin.core.joined.coupled_chains import (
@@ -209,7 +209,7 @@ def _push_condensed(system: Any) -> None:
         _push(joints, joints.lower[r], g)
 
 
-@jit
+@jit_apart
 def push_system(system: Any) -> None:
     """Solve for all corrections from the residuals, with the factors of the last elimination."""
     joints = system.joints
@@ -284,7 +284,7 @@ def _chosen(coupled: Any, plain: Any) -> Callable[[Any, Any], Any]:
 _solve = _chosen(_solve_coupled, _solve_by_plan)
 
 
-@jit
+@jit_apart
 def solve_system(system: Any) -> None:
     """Solve for the corrections of all nodes from residuals and blocks of ropes and connections."""
     _solve(effects_at(system.stack.effects, ZERO), system)
