@@ -1,7 +1,7 @@
 """`python -m validation [ID...]`: published and closed-form cases, rope_twin against reference.
 
 `--hard-cases` runs the robustness tests of the solver instead, `--learning` the estimator on hidden
-truths. Exit code 0 if every case passes, 1 if one fails.
+truths, `--faults` its fault tests. Exit code 0 if every case passes, 1 if one fails.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from rope_twin.studies.picture import check_picture, draw_panels
 from validation import registry, vortex_convergence
 from validation.case import Finding, Row, choose, run_each
 from validation.learning import command as learning_command
+from validation.learning import fault_command
 from validation.page import (
     CONVERGENCE_PICTURE,
     MARKED,
@@ -54,6 +55,10 @@ def _command(argv: Sequence[str] | None) -> int:
         if args.into is not None or args.convergence or args.hard_cases or args.markdown:
             parser.error("--learning: of the other options it takes --json")
         return learning_command.run(args)
+    if args.faults:
+        if args.into is not None or args.convergence or args.hard_cases or args.markdown:
+            parser.error("--faults: of the other options it takes --json")
+        return fault_command.run(args)
     if args.hard_cases:
         if args.into is not None or args.convergence:
             parser.error("--hard-cases: it takes no --into and no --convergence")
@@ -89,6 +94,7 @@ def _parser() -> argparse.ArgumentParser:
         help="in place of the cases: robustness tests of the solver, each against a reference",
     )  # fmt: skip
     learning_command.add_arguments(parser)
+    fault_command.add_arguments(parser)
     return parser
 
 

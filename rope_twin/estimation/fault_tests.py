@@ -7,11 +7,11 @@ the signature s of a cause that begins at an onset, the generalised likelihood r
 
 which has a χ² distribution of one degree without a fault (Willsky and Jones 1976, eqs. 12 to 16).
 It is formed for every cause and every onset on a grid. S = L·Lᵀ grows by rows with each new sample
-(it is never factored again), so whitened innovations L⁻¹e and signatures L⁻¹s are extended by
-forward substitution and ℓ is two running sums. Samples before the onset have no signature but take
-part: they show what the figures and the coloured error did just before, which a test of the last
-seconds alone cannot know. The normalised innovation squared (NIS; Bar-Shalom, Li and Kirubarajan
-2001, section 5.4) is kept for what no signature describes.
+and is never factored again: L⁻¹ gets new rows, a row of L⁻¹s is a sum of it over the samples since
+the onset (so all onsets come from one running sum), and ℓ is two running sums. Samples before the
+onset have no signature but take part: they show what the figures and the coloured error did just
+before, which a test of the last seconds alone cannot know. The normalised innovation squared (NIS;
+Bar-Shalom, Li and Kirubarajan 2001, section 5.4) is kept for what no signature describes.
 """
 
 from __future__ import annotations
@@ -21,14 +21,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
-from rope_twin.core.state import Floats
+from rope_twin.core.state import Floats, Ints
 from rope_twin.errors import InputError, phrase
 
 ONSET_SAMPLES = 4  # between two onsets: 1 s
-FINE_ONSETS_S = 20.0  # older onsets are thinned ...
-COARSE_ONSET_SAMPLES = 16  # ... to one every 4 s
 LEAST_SAMPLES = 4  # of a signature before its ratio counts
 LEAST_POWER = 1e-3  # of a whitened signature of unit size: nothing is seen of it yet
 NIS_SPANS = 8, 16, 32, 80, 240  # samples: 2, 4, 8, 20 and 60 s
@@ -38,14 +35,12 @@ NIS_SPANS = 8, 16, 32, 80, 240  # samples: 2, 4, 8, 20 and 60 s
 class Signature:
     """Change of the measured tension by a cause of unit size, from its onset on.
 
-    Exactly one of the three is given.
+    Either a direction of the figures, whose columns of ∂ŷ/∂θ it is, or a drift.
     """
 
     cause: str
-    direction: Mapping[str, float] = field(default_factory=dict)  # of the figures, by column
-    response: Floats | None = None  # [N] at each sample since the onset
-    ramp_n_per_s: float = 0.0  # a drift
-    sign: int = 0  # +1: only positive sizes are possible; 0: both
+    direction: Mapping[str, float] = field(default_factory=dict)
+    ramp_n_per_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -56,51 +51,6 @@ class Suspicion:
     ratio: float  # ℓ
     onset_s: float
     size: float  # in units of its signature
-
-
-class GrowingWhitener:
-    """Cholesky factor of a covariance to which rows are added, (capacity, capacity) at most."""
-
-    def __init__(self, capacity: int) -> None:
-        self._factor = np.zeros((capacity, capacity))
-        self.count = 0
-
-    def extend(self, cross: Floats, own: Floats) -> Floats:
-        """Add m samples; return the rows of L that link them to the earlier ones, (m, count).
-
-        cross: (m, count) covariance with the earlier samples; own: (m, m) among themselves.
-
-        Raises:
-            InputError: the covariance is not positive definite, or there is no capacity left.
-        """
-        n, m = self.count, len(own)
-        L = self._factor
-        if n + m > len(L):
-            what = f"{n + m} samples do not fit into {len(L)}"
-            raise InputError(phrase("fault tests", what, "restart them with a new reference"))
-        link = np.zeros((m, n))
-        if n:
-            link = solve_triangular(L[:n, :n], cross.T, lower=True, check_finite=False).T
-        try:
-            L[n : n + m, n : n + m] = np.linalg.cholesky(own - link @ link.T)
-        except np.linalg.LinAlgError as error:
-            what = "the covariance of the innovations is not positive definite"
-            raise InputError(phrase("fault tests", what, "check the noise of the load pin")) from (
-                error
-            )
-        L[n : n + m, :n] = link
-        self.count = n + m
-        return link
-
-    def whiten(self, link: Floats, new: Floats, earlier: Floats) -> Floats:
-        """Return the whitened rows of the samples added last, (m, h).
-
-        new: their values, (m, h); earlier: whitened rows of the samples before, (count - m, h).
-        """
-        m = len(new)
-        own = self._factor[self.count - m : self.count, self.count - m : self.count]
-        rest = new - link @ earlier
-        return np.asarray(solve_triangular(own, rest, lower=True, check_finite=False))
 
 
 class FaultTests:
@@ -120,7 +70,7 @@ class FaultTests:
         """Begin without samples.
 
         Args:
-            signatures: one for each cause, or several.
+            signatures: one for each cause.
             autocovariance: of the coloured error of the tension at lags of interval_s, (lags,)
                 [N²]; its length is the most samples since the reference.
             white_n: standard deviation of the white noise of a sample [N].
@@ -133,31 +83,26 @@ class FaultTests:
             InputError: a signature names a figure that there is not, or gives nothing.
         """
         self.signatures = tuple(signatures)
-        self._directions = np.zeros((len(self.signatures), len(names)))
-        for row, one in zip(self._directions, self.signatures, strict=True):
-            if (bool(one.direction) + (one.response is not None) + bool(one.ramp_n_per_s)) != 1:
-                what = "it has no or more than one signature"
-                right = "give a direction, a response or a ramp"
-                raise InputError(phrase(one.cause, what, right))
-            for name, value in one.direction.items():
-                if name not in names:
-                    right = f"known: {', '.join(names)}"
-                    raise InputError(phrase(one.cause, f"there is no figure '{name}'", right))
-                row[names.index(name)] = value
+        self._directions = np.array([_along(one, names) for one in signatures]).reshape(
+            len(self.signatures), len(names)
+        )
+        self._ramps = np.array([one.ramp_n_per_s for one in signatures], dtype=np.float64)
         capacity = len(autocovariance)
         self._colour, self._white, self._P = autocovariance, white_n**2, covariance
         self.begin_s, self.interval_s = begin_s, interval_s
-        self._factor = GrowingWhitener(capacity)
-        self._place = np.zeros(capacity, dtype=np.intp)  # number of each sample taken, in time
-        self._columns = np.zeros((capacity, len(names)))
-        self._innovations = np.zeros((capacity, 1))  # whitened
         self._numbers = 0  # of samples in time, missing ones too
-        # hypotheses: a cause (number of its signature) with an onset (number of a sample)
-        self._cause = np.zeros(0, dtype=np.intp)
-        self._onset = np.zeros(0, dtype=np.intp)
-        self._whitened = np.zeros((capacity, 0))
-        self._product, self._power = np.zeros(0), np.zeros(0)
-        self._seen = np.zeros(0, dtype=np.intp)  # samples since the onset
+        # of the samples that were taken:
+        self.count = 0
+        self._place: Ints = np.zeros(capacity, dtype=np.int64)  # number in time
+        self._columns = np.zeros((capacity, len(names)))
+        self._residual = np.zeros(capacity)
+        self._whitened = np.zeros(capacity)
+        self._inverse = np.zeros((capacity, capacity))  # L⁻¹
+        # of each onset and cause:
+        onsets = -(-capacity // ONSET_SAMPLES)
+        self._onset: Ints = ONSET_SAMPLES * np.arange(onsets, dtype=np.int64)
+        self._product = np.zeros((onsets, len(self.signatures)))
+        self._power = np.zeros((onsets, len(self.signatures)))
 
     def __len__(self) -> int:
         """Return the number of samples since the reference, missing ones too."""
@@ -187,90 +132,119 @@ class FaultTests:
             what = f"{total} samples do not fit into {self.capacity}"
             raise InputError(phrase("fault tests", what, "restart them with a new reference"))
         self._numbers = total
-        self._begin_onsets(first, total)
         good = np.isfinite(residual_n) & np.isfinite(columns).all(axis=1)
-        place, J, e = first + np.flatnonzero(good), columns[good], residual_n[good]
-        if not len(e):
+        if not good.any():
             return
-        n, m = self._factor.count, len(e)
-        before = slice(0, n)
+        n = self.count
+        new = slice(n, n + int(good.sum()))
+        self._place[new] = first + np.flatnonzero(good)
+        self._columns[new], self._residual[new] = columns[good], residual_n[good]
+        rows = self._extend_inverse(new)
+        self.count = new.stop
+        self._whitened[new] = rows @ self._residual[: new.stop]
+        signatures = self._whitened_signatures(rows)
+        self._product += np.einsum("moc,m->oc", signatures, self._whitened[new])
+        self._power += np.einsum("moc,moc->oc", signatures, signatures)
+
+    def _extend_inverse(self, new: slice) -> Floats:
+        """Add the rows of new samples to L⁻¹, and return them, (m, count + m)."""
+        n, place, J = new.start, self._place[new], self._columns[new]
+        inverse = self._inverse[:n, :n]
         JP = J @ self._P
-        cross = self._colour[np.abs(place[:, None] - self._place[before])]
-        own = self._colour[np.abs(place[:, None] - place)] + self._white * np.eye(m) + JP @ J.T
-        link = self._factor.extend(cross + JP @ self._columns[before].T, own)
-        new = slice(n, n + m)
-        self._place[new], self._columns[new] = place, J
-        whiten = self._factor.whiten
-        self._innovations[new] = whiten(link, e[:, None], self._innovations[before])
-        values = self._values(place, J)
-        self._whitened[new] = whiten(link, values, self._whitened[before])
-        rows = self._whitened[new]
-        self._product += rows.T @ self._innovations[new, 0]
-        self._power += np.einsum("ij,ij->j", rows, rows)
-        self._seen += (place[:, None] >= self._onset).sum(axis=0)
+        cross = self._colour[np.abs(place[:, None] - self._place[:n])] + JP @ self._columns[:n].T
+        own = self._colour[np.abs(place[:, None] - place)] + JP @ J.T
+        link = cross @ inverse.T
+        try:
+            factor = np.linalg.cholesky(own + self._white * np.eye(len(place)) - link @ link.T)
+        except np.linalg.LinAlgError as error:
+            what = "the covariance of the innovations is not positive definite"
+            right = "give a positive noise of the load pin"
+            raise InputError(phrase("fault tests", what, right)) from error
+        own_inverse = np.linalg.inv(factor)
+        self._inverse[new, :n] = -own_inverse @ (link @ inverse)
+        self._inverse[new, new] = own_inverse
+        return self._inverse[new, : new.stop]
 
-    def _begin_onsets(self, first: int, total: int) -> None:
-        """Add hypotheses that begin within the new samples, and thin the old ones."""
-        fine = round(FINE_ONSETS_S / self.interval_s)
-        kept = (self._onset % COARSE_ONSET_SAMPLES == 0) | (self._onset > first - fine)
-        onsets = np.arange(-(-first // ONSET_SAMPLES) * ONSET_SAMPLES, total, ONSET_SAMPLES)
-        cause = np.tile(np.arange(len(self.signatures)), len(onsets))
-        fresh = len(cause)
-        self._cause = np.append(self._cause[kept], cause)
-        self._onset = np.append(self._onset[kept], np.repeat(onsets, len(self.signatures)))
-        empty = np.zeros((self.capacity, fresh))
-        self._whitened = np.hstack([self._whitened[:, kept], empty])
-        self._product = np.append(self._product[kept], np.zeros(fresh))
-        self._power = np.append(self._power[kept], np.zeros(fresh))
-        self._seen = np.append(self._seen[kept], np.zeros(fresh, dtype=np.intp))
+    def _whitened_signatures(self, rows: Floats) -> Floats:
+        """Return rows of L⁻¹s for each onset and cause, (m, onsets, causes).
 
-    def _values(self, place: np.ndarray, J: Floats) -> Floats:
-        """Return the signatures of all hypotheses at new samples, (m, hypotheses)."""
-        values = np.zeros((len(place), len(self._onset)))
-        along = J @ self._directions.T
-        for number, one in enumerate(self.signatures):
-            mine = self._cause == number
-            since = place[:, None] - self._onset[mine]
-            if one.response is not None:
-                known = np.clip(since, 0, len(one.response) - 1)
-                shape = one.response[known]
-            elif one.ramp_n_per_s:
-                shape = one.ramp_n_per_s * self.interval_s * (since + 0.5)
-            else:
-                shape = np.broadcast_to(along[:, number, None], since.shape)
-            values[:, mine] = np.where(since >= 0, shape, 0.0)
-        return values
+        rows: of L⁻¹, (m, count).
+        """
+        place = self._place[: self.count]
+        begin = np.searchsorted(place, self._onset)
+        along = self._columns[: self.count] @ self._directions.T
+        seconds = self.interval_s * (place + 0.5)
+        along += np.outer(seconds, self._ramps)
+        sums = _sums_from_each_on(rows[:, :, None] * along)[:, begin]
+        if self._ramps.any():  # a drift begins at its onset, not at the reference
+            ones = _sums_from_each_on(rows[:, :, None])[:, begin]
+            sums -= ones * np.outer(self.interval_s * self._onset, self._ramps)
+        return sums
 
     def ratios(self) -> Floats:
-        """Return ℓ of each hypothesis; 0: too little was seen, or its size has the wrong sign."""
-        ready = (self._seen >= LEAST_SAMPLES) & (self._power > LEAST_POWER)
-        signs = np.array([one.sign for one in self.signatures])[self._cause]
-        ready &= (signs == 0) | (np.sign(self._product) == signs)
-        ratio = np.zeros(len(self._onset))
+        """Return ℓ of each onset and cause, (onsets, causes); 0: too little was seen."""
+        ready = self._power > LEAST_POWER
+        seen = self.count - np.searchsorted(self._place[: self.count], self._onset)
+        ready &= (seen >= LEAST_SAMPLES)[:, None]
+        ratio = np.zeros_like(self._power)
         np.divide(self._product**2, self._power, out=ratio, where=ready)
         return ratio
 
     def suspicions(self) -> list[Suspicion]:
         """Return each cause with its most likely onset, the most likely cause first."""
-        ratio, best = self.ratios(), dict[str, Suspicion]()
-        for number in np.argsort(ratio)[::-1]:
-            cause = self.signatures[self._cause[number]].cause
-            if cause in best or ratio[number] <= 0.0:
+        ratio, found = self.ratios(), []
+        for cause, one in enumerate(self.signatures):
+            onset = int(ratio[:, cause].argmax()) if len(ratio) else 0
+            if ratio[onset, cause] <= 0.0:
                 continue
-            onset_s = self.begin_s + self.interval_s * float(self._onset[number])
-            size = float(self._product[number] / self._power[number])
-            best[cause] = Suspicion(cause, float(ratio[number]), onset_s, size)
-        return list(best.values())
+            onset_s = self.begin_s + self.interval_s * float(self._onset[onset])
+            size = float(self._product[onset, cause] / self._power[onset, cause])
+            found.append(Suspicion(one.cause, float(ratio[onset, cause]), onset_s, size))
+        return sorted(found, key=lambda one: -one.ratio)
+
+    def fit(self, change_n: Floats) -> tuple[Floats, Floats]:
+        """Return sᵀS⁻¹e and sᵀS⁻¹s of changes of the tension, (h,) each.
+
+        change_n: at all samples since the reference, missing ones too, (samples, h).
+        """
+        known = change_n[self._place[: self.count]]
+        whitened = self._inverse[: self.count, : self.count] @ known
+        return whitened.T @ self._whitened[: self.count], (whitened**2).sum(axis=0)
 
     def nis(self) -> float:
         """Return the largest NIS of the last spans, in standard deviations of χ² above its mean."""
-        e, n = self._innovations[: self._factor.count, 0], self._factor.count
-        spans = [span for span in NIS_SPANS if span <= n]
+        e, n = self.whitened, self.count
         return max(
-            ((float(e[n - k :] @ e[n - k :]) - k) / math.sqrt(2.0 * k) for k in spans), default=0.0
+            (
+                (float(e[n - k :] @ e[n - k :]) - k) / math.sqrt(2.0 * k)
+                for k in NIS_SPANS
+                if k <= n
+            ),
+            default=0.0,
         )
 
     @property
     def whitened(self) -> Floats:
         """Return the whitened innovations, (samples taken,); N(0, 1) each without a fault."""
-        return self._innovations[: self._factor.count, 0].copy()
+        return self._whitened[: self.count].copy()
+
+
+def _along(one: Signature, names: Sequence[str]) -> Floats:
+    """Return the direction of a signature in the order of the names of the figures."""
+    if bool(one.direction) == bool(one.ramp_n_per_s):
+        what = "it has no signature, or two"
+        raise InputError(phrase(one.cause, what, "give a direction or a ramp"))
+    row = np.zeros(len(names))
+    for name, value in one.direction.items():
+        if name not in names:
+            right = f"known: {', '.join(names)}"
+            raise InputError(phrase(one.cause, f"there is no figure '{name}'", right))
+        row[names.index(name)] = value
+    return row
+
+
+def _sums_from_each_on(values: Floats) -> Floats:
+    """Return the sums along axis 1 from each element to the last, and 0 behind it."""
+    sums = np.zeros((values.shape[0], values.shape[1] + 1, values.shape[2]))
+    sums[:, :-1] = np.cumsum(values[:, ::-1], axis=1)[:, ::-1]
+    return sums

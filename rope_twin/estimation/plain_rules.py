@@ -24,6 +24,7 @@ STARTING_S, STARTING_LIMIT_S = 60.0, 5.0  # until ordinary repeats are known
 LOST_S = 2.0
 LEAST_SAMPLES = 8  # of the mean
 MOVED = 3.0  # resolutions of the encoder
+COARSE_M = 0.01  # resolution that an encoder has at least
 SPEED_S = 0.5  # over which the speed before a repeat is taken
 
 
@@ -87,7 +88,7 @@ class StuckEncoder:
     def __init__(self, acceleration_limit_m_per_s2: float, resolution_m: float) -> None:
         """Take the winch's acceleration limit, and the resolution of the line out [m]."""
         self._limit = acceleration_limit_m_per_s2
-        self._resolution_m = max(resolution_m, 1e-3)
+        self._resolution_m = max(resolution_m, COARSE_M)
         self._repeat = RepeatedSample()
         self._recent: deque[tuple[float, float]] = deque()  # the last SPEED_S before the repeat
         self._speed = 0.0  # before the repeat [m/s]
@@ -124,7 +125,9 @@ class StuckEncoder:
         held_s = self._repeat.length_s
         if held_s < REPEATED_S - 1e-9:
             return False
-        speed, least = abs(self._speed), MOVED * self._resolution_m
+        # at the end of those SPEED_S the line may have been slower than over them
+        slower = 0.5 * self._limit * SPEED_S + self._resolution_m / SPEED_S
+        speed, least = max(abs(self._speed) - slower, 0.0), MOVED * self._resolution_m
         stopping_s = speed / self._limit if self._limit > 0.0 else 0.0
         ran_s = min(held_s, stopping_s)
         ran_m = ran_s * (speed - 0.5 * self._limit * ran_s)

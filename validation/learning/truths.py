@@ -9,7 +9,8 @@ Motion sensor: gain, delay, coloured error of 2 cm rms between 8 and 30 s. Line 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,34 +116,83 @@ def make_truths(
     return made
 
 
+def make_changed_truths(
+    scene: Scene, prior: Prior, seeds: Sequence[int], sea: str, seconds: float,
+    change_s: float, changes: Mapping[str, Mapping[str, float]],
+) -> dict[str, list[Truth]]:  # fmt: skip
+    """Return truths of which figures change by factors at a time of the record, by name of change.
+
+    The truths of one seed have the same noise, and are the same up to the change.
+    """
+    found: dict[str, list[Truth]] = {name: [] for name in changes}
+    for first in range(0, len(seeds), LANES):
+        group = _Group(scene, prior, list(seeds[first : first + LANES]), sea, seconds)
+        at = round(change_s / STEP_S)
+        before = group.tension(0, at)
+        states = [group.fleet.state(k) for k in range(len(group.seeds))]
+        for name, factors in changes.items():
+            group.fleet.restore(states)
+            group.set_figures(factors)
+            after = group.tension(at, group.steps)
+            found[name] += group.measured(np.concatenate([before, after]))
+    return found
+
+
 def _make_group(
     scene: Scene, prior: Prior, seeds: list[int], sea: str, seconds: float
 ) -> list[Truth]:
-    steps = round((WARM_UP_S + seconds) / STEP_S)
-    t = STEP_S * np.arange(steps + 1)
-    samples = open_heave(sea).between(-50_000_000, 1_200_000_000_000)
-    table = np.array([(s.stamp_ns * 1e-9, s.position_m, s.velocity_m_per_s) for s in samples])
-    sea_heave = CubicHermiteSpline(*table.T)
-    line = scheduled_line(scene, steps)
-    ramp = np.clip(t / RAMP_S, 0.0, 1.0)
-    ramp_rate = np.where(ramp < 1.0, 1.0 / RAMP_S, 0.0)
-    rngs = [np.random.default_rng(1000 + seed) for seed in seeds]
-    thetas = np.array([_draw(prior, rng) for rng in rngs])
-    cross_flow = float(np.exp(CROSS_FLOW_SD * rngs[0].standard_normal()))
-    at = np.array([(t + rng.uniform(0.0, 1200.0)) % SEA_S for rng in rngs]).T
-    heave = sea_heave(at) * ramp[:, None]
-    rate = sea_heave(at, 1) * ramp[:, None] + sea_heave(at) * ramp_rate[:, None]
-    fleet = Fleet(other_water(scene, cross_flow), len(seeds), elements=ELEMENTS, step_s=STEP_S)
-    factors = factors_of(thetas)
-    fleet.set_figures({name: factors[name] for name in fleet.figures})
-    record = fleet.advance(FleetInputs(heave, rate, line[:, 0], line[:, 1]), look_steps=steps)
-    assert not record.failures, record.failures
-    pin = LoadPin(scene.learning, float(bar_of(scene).EA_n[-1]))
-    return [
-        _measured(seed, thetas[k], record.top_tension_n[:, k], heave[:, k], line[:, 0],
-                  rngs[k], pin, prior.pin_noise_n)
-        for k, seed in enumerate(seeds)
-    ]  # fmt: skip
+    group = _Group(scene, prior, seeds, sea, seconds)
+    return group.measured(group.tension(0, group.steps))
+
+
+class _Group:
+    """Truths that share their lanes: what moves them, what is hidden, and their sensors."""
+
+    def __init__(
+        self, scene: Scene, prior: Prior, seeds: list[int], sea: str, seconds: float
+    ) -> None:
+        self.seeds, self.steps = seeds, round((WARM_UP_S + seconds) / STEP_S)
+        t = STEP_S * np.arange(self.steps + 1)
+        samples = open_heave(sea).between(-50_000_000, 1_200_000_000_000)
+        table = np.array([(s.stamp_ns * 1e-9, s.position_m, s.velocity_m_per_s) for s in samples])
+        sea_heave = CubicHermiteSpline(*table.T)
+        self._line = scheduled_line(scene, self.steps)
+        ramp = np.clip(t / RAMP_S, 0.0, 1.0)
+        ramp_rate = np.where(ramp < 1.0, 1.0 / RAMP_S, 0.0)
+        self._rngs = [np.random.default_rng(1000 + seed) for seed in seeds]
+        self._thetas = np.array([_draw(prior, rng) for rng in self._rngs])
+        cross_flow = float(np.exp(CROSS_FLOW_SD * self._rngs[0].standard_normal()))
+        at = np.array([(t + rng.uniform(0.0, 1200.0)) % SEA_S for rng in self._rngs]).T
+        self._heave = sea_heave(at) * ramp[:, None]
+        self._rate = sea_heave(at, 1) * ramp[:, None] + sea_heave(at) * ramp_rate[:, None]
+        water = other_water(scene, cross_flow)
+        self.fleet = Fleet(water, len(seeds), elements=ELEMENTS, step_s=STEP_S)
+        self.set_figures({})
+        self._pin = LoadPin(scene.learning, float(bar_of(scene).EA_n[-1]))
+        self._noise_n = prior.pin_noise_n
+
+    def set_figures(self, more: Mapping[str, float]) -> None:
+        """Set the hidden figures, times further factors."""
+        factors = factors_of(self._thetas)
+        own = {name: factors[name] * more.get(name, 1.0) for name in self.fleet.figures}
+        self.fleet.set_figures(own)
+
+    def tension(self, begin: int, end: int) -> Floats:
+        """Return the top tension of all after each step from one to another, (steps, truths)."""
+        some = slice(begin, end + 1)
+        line = self._line[some]
+        inputs = FleetInputs(self._heave[some], self._rate[some], line[:, 0], line[:, 1])
+        record = self.fleet.advance(inputs, look_steps=end - begin)
+        assert not record.failures, record.failures
+        return record.top_tension_n
+
+    def measured(self, tension: Floats) -> list[Truth]:
+        """Return what the sensors measure of a tension, (steps, truths)."""
+        return [
+            _measured(seed, self._thetas[k], tension[:, k], self._heave[:, k], self._line[:, 0],
+                      copy.deepcopy(self._rngs[k]), self._pin, self._noise_n)
+            for k, seed in enumerate(self.seeds)
+        ]  # fmt: skip
 
 
 def scheduled_line(scene: Scene, steps: int) -> Floats:

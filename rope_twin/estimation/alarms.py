@@ -1,0 +1,350 @@
+"""Watch on a lift: tests of its innovations second by second, alarms, and their causes.
+
+The tests compare the measurement with what figures of at least a minute ago predict, so that a
+fault is not learned before it is found: the reference moves on by a block once the estimator has
+learned the next one. Plain rules come first. An alarm freezes learning until it is acknowledged; it
+names the cause 5, 20 and 60 s after it was raised, or the two that remain.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats
+from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.errors import InputError, SolverError, phrase
+from rope_twin.estimation.causes import (
+    PAYLOAD,
+    PIN,
+    SIGNATURES,
+    SLOW_DRIFT,
+    STUCK_ENCODER,
+    STUCK_PIN,
+    STUCK_SENSOR,
+    UNKNOWN,
+    FaultLanes,
+    name_causes,
+)
+from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, LEAST_USED, Estimator
+from rope_twin.estimation.fault_tests import FaultTests, Suspicion
+from rope_twin.estimation.figures import NAMES, factors_of
+from rope_twin.estimation.lift_model import STEP_S, Prediction
+from rope_twin.estimation.measured_lift import MEAN_S
+from rope_twin.estimation.plain_rules import LostPayload, RepeatedSample, StuckEncoder
+from rope_twin.estimation.slow_drift import SlowDrift
+from rope_twin.scene.model.rope import build
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.fleet import FleetState
+from rope_twin.twin.statics import solve_scene_statics
+
+THRESHOLD = 30.0  # of ℓ: one false alarm a week, by `python -m validation --faults --clean-hours`
+NIS_THRESHOLD = 9.0  # standard deviations: for what no signature describes
+ONSET_S = 5.0  # by so much a plain rule may be later than the onset of the best ratio
+LEAD = 6.0  # likelihood gain by which a cause must lead to be named alone
+NAMED_S = 5.0, 20.0, 60.0  # after the alarm
+SETTLED_BLOCKS = 2  # learned before the watch begins
+CAPACITY_S = 2 * BLOCK_S
+TAIL_S = 10.0  # after which the sheave's friction has forgotten where it began
+# what figures and heave leave out: friction, water; its correlation time
+MODEL_ERROR, MODEL_ERROR_S = 0.18, 3.0  # over the white noise of a mean
+LOADS = "submerged_weight", "tension_bias"  # figures that a slow drift is learned as
+DRIFT_SPREAD = 0.001  # of the tension: least spread of a block's offset
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """A fault that was found."""
+
+    found_s: float
+    begun_s: float
+    ratio: float  # largest ℓ, or standard deviations of the NIS; 0: found by a plain rule
+    causes: tuple[str, ...]  # the named one, or the two that remain
+    named_after_s: float = 0.0  # seconds of the newest judgement
+
+    @property
+    def words(self) -> str:
+        """Return the alarm in one sentence."""
+        return f"{' or '.join(self.causes)}, since {self.begun_s:.0f} s"
+
+
+@dataclass
+class _Reference:
+    """Figures that the tests compare with, frozen at a time."""
+
+    theta: Floats
+    covariance: Floats
+    state: FleetState  # BURN_IN_S before
+    at_s: float
+    colour: Floats  # autocovariance of the coloured error [N²], (means of CAPACITY_S,)
+    white_n: float
+
+
+class FaultWatch:
+    """Tests of one lift, beside its estimator."""
+
+    def __init__(self, scene: Scene, estimator: Estimator, threshold: float = THRESHOLD) -> None:
+        """Begin before anything is learned.
+
+        scene: of the estimator's model; threshold: of the ratio for an alarm; inf: none.
+
+        Raises:
+            SceneError: the scene has no static equilibrium.
+        """
+        self._threshold = threshold
+        self._scene, self._model, self._lift = scene, estimator.model, estimator.model.lift
+        rope = build(scene)
+        static_n = float(solve_scene_statics(scene, rope)[rows.PULL])
+        payloads = (one.W for one in rope.effects if isinstance(one, (Payload, TwoWayPayload)))
+        self._payload_n = next(payloads, 0.0)  # submerged weight
+        self._rope_n_per_m = (static_n - self._payload_n) / scene.ropes[0].length_m
+        self.alarm: Alarm | None = None
+        self.now_s = -np.inf  # end of the newest means that were tested
+        self.tests: FaultTests | None = None
+        self._reference: _Reference | None = None
+        self._next: _Reference | None = None
+        self._prediction: Prediction | None = None
+        self._lanes: FaultLanes | None = None
+        self._lost = LostPayload()
+        self._pin, self._sensor = RepeatedSample(), RepeatedSample()
+        winch = scene.winch
+        limit = winch.acceleration_limit_m_per_s2 if winch is not None else 0.0
+        self._encoder = StuckEncoder(limit, scene.measured.line_out.resolution_m)
+        self._heard_s = [-np.inf, -np.inf, -np.inf]
+        self._drift = SlowDrift(DRIFT_SPREAD * static_n)
+        self._before: Floats | None = None  # figures before the last block
+        self._blocks = 0
+
+    def branch(self, estimator: Estimator) -> FaultWatch:
+        """Return an independent watch with all that this one knows, on a copy of the estimator."""
+        made = copy.copy(self)
+        made._model, made._lift = estimator.model, estimator.model.lift
+        for name in ("tests", "_lost", "_pin", "_sensor", "_encoder", "_drift", "_heard_s"):
+            setattr(made, name, copy.deepcopy(getattr(self, name)))
+        if (own := self._prediction) is not None:
+            made._prediction = replace(
+                own, tension_n=list(own.tension_n), line_out_m=list(own.line_out_m)
+            )
+        return made
+
+    @property
+    def frozen(self) -> bool:
+        """Return whether learning waits for an alarm to be acknowledged."""
+        return self.alarm is not None
+
+    def acknowledge(self) -> None:
+        """End an alarm: learning goes on, and the watch begins again after two blocks."""
+        self.alarm = None
+        self._reference = self._next = self.tests = None
+        self._blocks = 0
+        self._drift.restart()
+
+    def learned(self, estimator: Estimator) -> None:
+        """Take the figures after a block as the next reference."""
+        self._blocks += 1
+        if self.alarm is not None:
+            return
+        assert estimator.noise is not None
+        noise, count = estimator.noise, round(CAPACITY_S / MEAN_S)
+        end_s = estimator.block_begin_s
+        colour = noise.level**2 * estimator.autocovariance(count, end_s)
+        lag_s = MEAN_S * np.arange(count)
+        model_n = MODEL_ERROR * noise.nominal_white_n
+        colour = colour + model_n**2 * np.exp(-lag_s / MODEL_ERROR_S)
+        new = _Reference(
+            estimator.theta.copy(), estimator.belief.covariance.copy(), estimator.state, end_s,
+            colour, noise.white_n,
+        )  # fmt: skip
+        if self._blocks >= SETTLED_BLOCKS:
+            self._reference, self._next = self._next or new, new
+            self._restart(self._reference)
+        self._judge_drift(estimator, end_s)
+
+    def _restart(self, reference: _Reference) -> None:
+        """Begin the tests at a reference."""
+        self.tests = FaultTests(
+            SIGNATURES, reference.colour, reference.white_n, reference.covariance, NAMES,
+            begin_s=reference.at_s, interval_s=MEAN_S,
+        )  # fmt: skip
+        begin_s = reference.at_s - BURN_IN_S
+        self._prediction = self._model.begin(reference.theta, reference.state, begin_s)
+
+    def _judge_drift(self, estimator: Estimator, end_s: float) -> None:
+        """Give the block's mean offset from weight and zero of the scene to the CUSUM."""
+        innovation, before = estimator.innovation, self._before
+        self._before = estimator.theta.copy()
+        if innovation is None or before is None:
+            return
+        good = np.isfinite(innovation.residual_n)
+        if good.mean() < LEAST_USED:
+            return
+        offset = innovation.residual_n[good].copy()
+        for name in LOADS:  # had they not been learned
+            learned = before[NAMES.index(name)] - estimator.prior.mean[NAMES.index(name)]
+            offset += innovation.columns[name][good] * learned
+        found = self._drift.take(float(offset.mean()))
+        if found is not None and self.alarm is None:
+            begun_s = end_s - (found.begun + 1) * BLOCK_S
+            self.alarm = Alarm(end_s, begun_s, 0.0, (SLOW_DRIFT,))
+
+    def advance(self, until_s: float) -> Alarm | None:
+        """Test all data up to a time, a second at a time; return the alarm that is on.
+
+        Raises:
+            SolverError: the rope with the present figures cannot be stepped.
+        """
+        self._plain_rules(until_s)
+        tests, reference = self.tests, self._reference
+        if tests is None or reference is None or self._prediction is None:
+            return self.alarm
+        known_s = self._lift.known_until_s(1.0)
+        end_s = min(until_s, known_s, reference.at_s + CAPACITY_S)
+        means = round(1.0 / MEAN_S)
+        first_s = tests.now_s
+        whole = means * int((end_s - first_s + 1e-6) / 1.0)
+        if whole < means:
+            return self.alarm
+        end_s = first_s + MEAN_S * whole
+        self._model.extend(self._prediction, end_s)
+        residual, columns, predicted = self._innovations(reference, first_s, end_s)
+        for k in range(0, whole, means):
+            some = slice(k, k + means)
+            tests.extend(residual[some], columns[some])
+            now_s = tests.now_s
+            if now_s <= self.now_s:
+                continue  # the older part of the window of a new reference
+            self.now_s = now_s
+            self._lost_payload(now_s, residual[some] + predicted[some], predicted[some])
+            self._judge(now_s)
+        return self.alarm
+
+    def _innovations(
+        self, reference: _Reference, first_s: float, end_s: float
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return residual, columns and predicted tension of the means of an interval."""
+        assert self._prediction is not None
+        from_s = max(reference.at_s, first_s - MEAN_S)
+        self._prediction = _since(self._prediction, min(first_s - TAIL_S, from_s))
+        predicted, J = self._model.linearised(self._prediction, from_s)
+        measured, _ = self._lift.tension_means(first_s, end_s)
+        new = slice(len(predicted) - len(measured), None)
+        return measured - predicted[new], J[new], predicted[new]
+
+    def _judge(self, now_s: float) -> None:
+        """Raise an alarm by the ratios or the NIS, and name its cause when that is due."""
+        assert self.tests is not None
+        if self.alarm is None:
+            if float(self.tests.ratios().max()) > self._threshold:
+                found = self.tests.suspicions()
+                first_two = tuple(name for name, _ in _pairs(found)[:2])  # too early for one
+                self.alarm = Alarm(now_s, found[0].onset_s, found[0].ratio, first_two)
+            elif (nis := self.tests.nis()) > NIS_THRESHOLD and self._threshold < np.inf:
+                self.alarm = Alarm(now_s, now_s - 1.0, nis, (UNKNOWN,))
+            return
+        if self.alarm.ratio == 0.0:
+            return  # a plain rule has named it
+        due = [one for one in NAMED_S if now_s - self.alarm.found_s >= one]
+        if due and due[-1] > self.alarm.named_after_s:
+            self._name(due[-1])
+
+    def _name(self, after_s: float) -> None:
+        """Name the cause of the alarm by all that was measured since."""
+        tests, reference, alarm = self.tests, self._reference, self.alarm
+        assert tests is not None
+        assert reference is not None
+        assert alarm is not None
+        if self._lanes is None:
+            self._lanes = FaultLanes(self._scene, self._model)
+        found = tests.suspicions()
+        onset_s = found[0].onset_s if found else alarm.begun_s
+        responses: tuple[list[str], Floats, Floats, Floats] = [], *(np.zeros(0),) * 3
+        try:
+            state = self._model.state_at(
+                reference.theta, reference.state, reference.at_s - BURN_IN_S, reference.at_s
+            )
+            responses = self._lanes.responses(
+                reference.theta, state, reference.at_s, onset_s, tests.now_s
+            )
+        except SolverError:
+            responses = [], *(np.zeros(0),) * 3  # the causes of first order remain
+        causes = _named(name_causes(tests, responses))
+        self.alarm = replace(alarm, begun_s=onset_s, causes=causes, named_after_s=after_s)
+
+    def _lost_payload(self, now_s: float, measured: Floats, predicted: Floats) -> None:
+        reference = self._reference
+        assert reference is not None
+        factor = float(factors_of(reference.theta)["submerged_weight"])
+        payload_n = factor * self._payload_n
+        if payload_n <= 0.0:
+            return
+        assert self._prediction is not None
+        rope_n = self._rope_n_per_m * float(self._prediction.line_out_m[-1][-1])
+        for k, (one, other) in enumerate(zip(measured, predicted, strict=True)):
+            at_s = now_s - MEAN_S * (len(measured) - k - 0.5)
+            begun_s = self._lost.take(at_s, float(one), float(other), rope_n, payload_n)
+            if begun_s is not None and (self.alarm is None or self.alarm.ratio > 0.0):
+                found_s = now_s if self.alarm is None else self.alarm.found_s
+                onset_s = next(iter(self._onsets()), begun_s)
+                begun_s = min(begun_s, onset_s) if begun_s - onset_s < ONSET_S else begun_s
+                self.alarm = Alarm(found_s, begun_s, 0.0, (PAYLOAD,))
+
+    def _onsets(self) -> list[float]:
+        """Return the onsets of what is suspected, the most likely first."""
+        return [] if self.tests is None else [one.onset_s for one in self.tests.suspicions()]
+
+    def _plain_rules(self, until_s: float) -> None:
+        """Give new samples to the rules on stuck sensors."""
+        lift = self._lift
+        for k, series in enumerate((lift.tension, lift.heave, lift.line_out)):
+            table = series.table
+            first = np.searchsorted(table[:, 0], self._heard_s[k], side="right")
+            last = np.searchsorted(table[:, 0], until_s, side="right")
+            for row in table[first:last]:
+                time_s, value = float(row[0]), float(row[1])
+                rule = (self._pin, self._sensor, self._encoder)[k]
+                rule.take(time_s, value)
+                self._heard_s[k] = time_s
+                if rule.stuck and self.alarm is None:
+                    cause = (STUCK_PIN, STUCK_SENSOR, STUCK_ENCODER)[k]
+                    self.alarm = Alarm(time_s, rule.since_s, 0.0, (cause,))
+
+
+def _since(whole: Prediction, time_s: float) -> Prediction:
+    """Return a prediction without the pieces that end before a time."""
+    begin_s, first = whole.begin_s, 0
+    for piece in whole.tension_n:
+        end_s = begin_s + STEP_S * len(piece)
+        if end_s > time_s:
+            break
+        begin_s, first = end_s, first + 1
+    return replace(
+        whole, begin_s=begin_s, tension_n=whole.tension_n[first:],
+        line_out_m=whole.line_out_m[first:],
+    )  # fmt: skip
+
+
+def _pairs(found: list[Suspicion]) -> list[tuple[str, float]]:
+    """Return the causes of suspicions and their ratios, each once."""
+    gains: dict[str, float] = {}
+    for one in found:
+        gains.setdefault(one.cause, one.ratio)
+    return list(gains.items())
+
+
+def _named(gains: list[tuple[str, float]]) -> tuple[str, ...]:
+    """Return the cause that leads by LEAD, or the two that remain.
+
+    Raises:
+        InputError: nothing is suspected.
+    """
+    if not gains:
+        raise InputError(phrase("fault", "nothing is suspected", "name causes after an alarm"))
+    if len(gains) == 1 or gains[0][1] - gains[1][1] > LEAD:
+        return (gains[0][0],)
+    first, second = gains[0][0], gains[1][0]
+    if {first, second} <= PIN:
+        return (first,) if len(gains) < 3 or gains[0][1] - gains[2][1] > LEAD else (first, second)
+    return first, second

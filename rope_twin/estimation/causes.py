@@ -1,0 +1,225 @@
+"""Causes of faults, and how each changes the measured tension.
+
+Small ones act to first order: their signature is a direction of the figures, from the onset on. A
+large one does not: each has lanes that have it, in a fleet whose members follow the measured heave
+and line out with the present figures up to an onset and with the fault from then on. A change of
+the real load rings the rope at its own period, one of the sensor does not: that is how they part.
+
+The response d of a lane, times a size a within the lane's range, is judged by the likelihood of the
+whole residual, 2·ln(p_a/p_0) = 2·a·dᵀS⁻¹e - a²·dᵀS⁻¹d, at its best size and onset.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from rope_twin.core.state import Floats
+from rope_twin.estimation.fault_tests import FaultTests, Signature
+from rope_twin.estimation.figures import (
+    BIAS,
+    GAIN,
+    HEAVE_DELAY,
+    HEAVE_GAIN,
+    INDEX,
+    factors_of,
+)
+from rope_twin.estimation.lift_model import ELEMENTS, STEP_S, STEPS_PER_MEAN, LiftModel
+from rope_twin.estimation.measured_lift import MEAN_S
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
+
+PAYLOAD, SNAGGED, HELD, SLIP = "payload", "snagged", "lower end held", "line slip"
+PIN_OFFSET, PIN_DRIFT = "load pin offset", "load pin drift"
+SENSOR_GAIN, SENSOR_DELAY = "motion sensor gain", "motion sensor delay"
+STUCK_PIN, STUCK_SENSOR, STUCK_ENCODER = (
+    "load pin stuck", "motion sensor stuck", "line counter stuck",
+)  # fmt: skip
+SLOW_DRIFT, UNKNOWN = "slow drift of load or load pin", "unknown"
+
+# zero and gain of a load pin are one as long as the load does not change
+SIGNATURES = (
+    Signature(PIN_OFFSET, {BIAS: 1000.0}),
+    Signature(PIN_OFFSET, {GAIN: 0.01}),
+    Signature(PIN_DRIFT, ramp_n_per_s=50.0),
+    Signature(PAYLOAD, {"submerged_weight": 0.10, "oscillating_mass": 0.04}),
+    Signature(SNAGGED, {"oscillating_mass": 0.10, "payload_drag": 0.30}),
+    Signature(SENSOR_GAIN, {HEAVE_GAIN: 0.05}),
+    Signature(SENSOR_DELAY, {HEAVE_DELAY: 0.10}),
+)
+PIN = frozenset({PIN_OFFSET, PIN_DRIFT})  # "load pin", where its two cannot be told apart
+
+W, M, K = "submerged_weight", "oscillating_mass", "payload_drag"
+ONSETS_S = -2.0, -1.0, 0.0, 1.0  # about the onset that the tests found
+SLIP_RAMP_S = 0.4  # in which a slip reaches its speed
+SLIP_ENDS_S = 2.0, 3.0, 5.0, 10.0, 20.0  # after which it may have ended
+
+
+@dataclass(frozen=True)
+class Lane:
+    """A large fault that a member of the fleet has."""
+
+    cause: str
+    factors: Mapping[str, float] = field(default_factory=dict)  # on the learned figures
+    slip_m_per_s: float = 0.0
+    least: float = -math.inf  # size of the response
+    most: float = math.inf
+
+
+LANES = (
+    Lane(PAYLOAD, {W: 0.9, M: 0.96}, least=-2.5, most=3.0),  # the first may be flooded too
+    Lane(PAYLOAD, {W: 0.5, M: 0.6, K: 0.6}, least=0.6, most=1.4),
+    Lane(PAYLOAD, {W: 0.02, M: 0.02, K: 0.02}, least=0.9, most=1.1),
+    Lane(SNAGGED, {M: 3.0, K: 6.0}, least=0.3, most=1.5),
+    Lane(SNAGGED, {M: 10.0, K: 30.0}, least=0.8, most=1.2),
+    Lane(HELD, {M: 1e3, K: 1e4}, least=0.8, most=1.2),
+    Lane(HELD, {W: 0.05, M: 1e3, K: 1e4}, least=0.8, most=1.2),  # it rests on the bed
+    Lane(SLIP, slip_m_per_s=0.5, least=0.2, most=2.0),
+    Lane(SLIP, slip_m_per_s=1.5, least=0.6, most=2.0),
+)
+
+
+def likelihood_gain(product: Floats, power: Floats, least: Floats, most: Floats) -> Floats:
+    """Return 2·ln(p_a/p_0) of responses at their best size within a range, (h,).
+
+    product, power: dᵀS⁻¹e and dᵀS⁻¹d, (h,); least, most: of the size a, (h,).
+    """
+    some = power > 0.0
+    best = np.divide(product, power, out=np.zeros_like(product), where=some)
+    size = np.clip(best, least, most)
+    return np.where(some, 2.0 * size * product - size**2 * power, 0.0)
+
+
+class FaultLanes:
+    """Fleet whose members have one large fault each, from one of several onsets on."""
+
+    def __init__(self, scene: Scene, model: LiftModel) -> None:
+        """Build the members for the scene of a model of the lift that is watched.
+
+        Raises:
+            InputError: the scene cannot be stepped by a fleet.
+        """
+        self._model = model
+        self.pairs = [(onset, lane) for onset in range(len(ONSETS_S)) for lane in LANES]
+        self._fleet = Fleet(scene, 1 + len(self.pairs), elements=ELEMENTS, step_s=STEP_S)
+        known = set(self._fleet.figures)
+        self.pairs = [(onset, lane) for onset, lane in self.pairs if set(lane.factors) <= known]
+
+    def responses(
+        self, theta: Floats, state: FleetState, begin_s: float, onset_s: float, end_s: float
+    ) -> tuple[list[str], Floats, Floats, Floats]:
+        """Return cause, change of the measured tension, and range of its size, of each response.
+
+        A slip yields further responses, which end after SLIP_ENDS_S.
+
+        Args:
+            theta: figures at the reference, (COUNT,).
+            state: of a rope with these figures at begin_s.
+            begin_s: start of the stretch [s].
+            onset_s: likely onset; ONSETS_S about it are tried [s].
+            end_s: end of the stretch, a whole number of means after begin_s.
+
+        Returns:
+            causes (h,), changes (means from begin_s to end_s, h) [N], least and most size (h,).
+            Lanes that cannot be stepped are left out.
+
+        Raises:
+            SolverError: the rope without a fault cannot be stepped up to the onset.
+        """
+        total = round((end_s - begin_s) / MEAN_S)
+        starts = [round((onset_s + one - begin_s) / MEAN_S) for one in ONSETS_S]
+        starts = [min(max(one, 0), total - 1) for one in starts]
+        first = starts[0]
+        first_s = begin_s + MEAN_S * first
+        if first > 0:
+            state = self._model.state_at(theta, state, begin_s, first_s)
+        self._fleet.restore(FleetState(round(first_s * 1e9), state.rope, state.memories))
+        tension, line = self._step(theta, [one - first for one in starts], first_s, total - first)
+        changes = np.zeros((total, len(self.pairs)))
+        pin = self._model.pin
+        still = pin.measured(tension[:, 0], pin.friction_state(tension[:, 0], line), theta)
+        for k in range(len(self.pairs)):
+            own = tension[:, k + 1]
+            reading = pin.measured(own, pin.friction_state(own, line), theta)
+            changes[first:, k] = (reading - still).reshape(-1, STEPS_PER_MEAN).mean(axis=1)
+        return self._with_ends(changes)
+
+    def _step(
+        self, theta: Floats, starts: Sequence[int], first_s: float, means: int
+    ) -> tuple[Floats, Floats]:
+        """Return tension of all members and line out of the first, (steps, members), (steps,)."""
+        members = len(self._fleet)
+        count = means * STEPS_PER_MEAN
+        times = np.asarray(first_s + STEP_S * np.arange(count + 1), dtype=np.float64)
+        lift = self._model.lift
+        z, v = lift.heave_motion(
+            times, float(theta[INDEX[HEAVE_DELAY]]), float(theta[INDEX[HEAVE_GAIN]])
+        )
+        length, speed = lift.line_motion(times)
+        line, rate = (np.repeat(one[:, None], members, 1) for one in (length, speed))
+        for k, (onset, lane) in enumerate(self.pairs, start=1):
+            since = times - first_s - MEAN_S * starts[onset]
+            ran = np.clip(since, 0.0, SLIP_RAMP_S)
+            line[:, k] += lane.slip_m_per_s * (
+                0.5 * ran**2 / SLIP_RAMP_S + np.clip(since - SLIP_RAMP_S, 0.0, None)
+            )
+            rate[:, k] += lane.slip_m_per_s * ran / SLIP_RAMP_S
+        tension = np.full((count, members), np.nan)
+        borders = sorted({0, *starts, means})
+        for a, b in pairwise(borders):
+            self._fleet.set_figures(self._factors(theta, starts, a))
+            steps = slice(a * STEPS_PER_MEAN, b * STEPS_PER_MEAN + 1)
+            inputs = FleetInputs(z[steps], v[steps], line[steps], rate[steps])
+            record = self._fleet.advance(inputs, look_steps=steps.stop - steps.start - 1)
+            tension[steps.start : steps.stop - 1] = record.top_tension_n
+        return tension, length[1:]
+
+    def _factors(self, theta: Floats, starts: Sequence[int], at: int) -> dict[str, Floats]:
+        """Return the figures' factors of all members from a mean on."""
+        learned = factors_of(np.tile(theta, (len(self._fleet), 1)))
+        factors = {name: learned[name] for name in self._fleet.figures}
+        for k, (onset, lane) in enumerate(self.pairs, start=1):
+            for name, factor in lane.factors.items():
+                if at >= starts[onset]:
+                    factors[name][k] *= factor
+        return factors
+
+    def _with_ends(self, changes: Floats) -> tuple[list[str], Floats, Floats, Floats]:
+        """Add slips that ended, and leave out lanes that failed."""
+        lanes = [lane for _, lane in self.pairs]
+        columns = [changes]
+        for k, lane in enumerate(list(lanes)):
+            for after_s in SLIP_ENDS_S if lane.cause == SLIP else ():
+                shift = round(after_s / MEAN_S)
+                ended = changes[:, k].copy()
+                ended[shift:] -= changes[:-shift, k]
+                columns.append(ended[:, None])
+                lanes.append(lane)
+        whole = np.hstack(columns)
+        good = np.flatnonzero(np.isfinite(whole).all(axis=0))
+        causes = [lanes[k].cause for k in good]
+        least = np.array([lane.least for lane in lanes])[good]
+        most = np.array([lane.most for lane in lanes])[good]
+        return causes, whole[:, good], least, most
+
+
+def name_causes(
+    tests: FaultTests, responses: tuple[list[str], Floats, Floats, Floats]
+) -> list[tuple[str, float]]:
+    """Return causes and their likelihood gain, the most likely first.
+
+    Causes of first order compete with the lanes of large ones.
+    """
+    gains: dict[str, float] = {}
+    for one in tests.suspicions():
+        gains[one.cause] = max(one.ratio, gains.get(one.cause, 0.0))
+    causes, changes, least, most = responses
+    if causes:
+        found = likelihood_gain(*tests.fit(changes), least, most)
+        for cause, gain in zip(causes, found, strict=True):
+            gains[cause] = max(float(gain), gains.get(cause, 0.0))
+    return sorted(gains.items(), key=lambda one: -one[1])

@@ -1,0 +1,167 @@
+"""`python -m validation --faults [SCENE]`: faults found after five minutes, and false alarms."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rope_twin.cli.console import CaseProgress, print_table
+from rope_twin.errors import InputError, phrase
+from rope_twin.estimation.alarms import NAMED_S, NIS_THRESHOLD, THRESHOLD
+from rope_twin.scene.load import load_scene
+from validation.learning.campaign import campaign_prior
+from validation.learning.faults import (
+    FAULTS,
+    FIRST_SEED,
+    Cost,
+    Fault,
+    Finding,
+    clean_maxima,
+    faulty_truths,
+    find,
+    tail_threshold,
+)
+
+SCENE = "deep_lift"
+TRUTHS, CLEAN_MINUTES = 8, 30
+MOST_CORE_PCT = 0.3
+NAMED_SHARE = 7 / 8  # of large faults, 20 s after the alarm
+A_WEEK = 1.0 / 7.0  # false alarms a day
+SMALL = "pin: bias 1 kN", "pin: drift 5 kN a minute"  # that need not be found in all truths
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the campaign; it takes --sea of --learning too."""
+    add = parser.add_argument
+    add("--faults", action="store_true",
+        help="in place of the cases: faults on hidden truths with a tared pin, and false alarms; "
+             f"IDs are scenes (default: {SCENE})")  # fmt: skip
+    add("--fault-truths", type=int, default=TRUTHS, metavar="N",
+        help="number of truths for each fault (default: %(default)s)")  # fmt: skip
+    add("--clean-hours", type=float, default=0.0, metavar="H",
+        help="also count false alarms in so many hours without a fault")  # fmt: skip
+    add("--only", nargs="+", default=[], metavar="WORD", help="faults with one of these words")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the campaign and print what was found and named; 1 if a goal is missed.
+
+    Raises:
+        RopeTwinError: a scene, sea or fault that cannot be.
+    """
+    count = args.fault_truths
+    if count < 1 or not 0.0 <= args.clean_hours <= 1000.0:
+        what = f"{count} truths, {args.clean_hours:g} clean hours"
+        raise InputError(phrase("--faults", what, "give 1 truth or more, 0 to 1000 hours"))
+    faults = [one for one in FAULTS
+              if not args.only or any(word in one.name for word in args.only)]  # fmt: skip
+    if not faults:
+        known = ", ".join(one.name for one in FAULTS)
+        raise InputError(phrase("--only", f"no fault has {args.only}", f"known: {known}"))
+    found: dict[str, Any] = {}
+    met = True
+    for name in args.ids or [SCENE]:
+        scene, cost, progress = load_scene(name), Cost(), CaseProgress()
+        prior = campaign_prior(scene, True)
+        seeds = range(FIRST_SEED, FIRST_SEED + count)
+
+        made = faulty_truths(scene, prior, seeds, args.sea, faults)
+        results = find(scene, prior, made, cost, progress.show)
+        found[name] = {"faults": {one.name: _as_json(results[one.name]) for one in faults}}
+        if not args.json:
+            _print(faults, results)
+        met &= _judge(faults, results, args.json)
+        if args.clean_hours > 0.0:
+            number = max(1, round(60.0 * args.clean_hours / CLEAN_MINUTES))
+            first = FIRST_SEED + 1000
+            clean = clean_maxima(scene, prior, range(first, first + number), args.sea,
+                                 CLEAN_MINUTES, cost, progress.show)  # fmt: skip
+            found[name]["clean"], kept = _clean(*clean, quiet=args.json)
+            met &= kept
+        found[name]["core_pct"] = core = 100.0 * cost.cpu_s / max(cost.seconds, 1.0)
+        met &= core <= MOST_CORE_PCT
+        if not args.json:
+            print(f"tests: {core:.2f} % of a core (limit {MOST_CORE_PCT:g} %)")
+    if args.json:
+        print(json.dumps(found, indent=1, allow_nan=False, ensure_ascii=False))
+    return 0 if met else 1
+
+
+def _print(faults: Sequence[Fault], results: dict[str, list[Finding]]) -> None:
+    after = (f"named {one:.0f} s after" for one in NAMED_S)
+    rows: list[tuple[str, ...]] = [("fault", "found", "median s", "worst s", *after)]
+    for fault in faults:
+        some = results[fault.name]
+        times = [one.after_s for one in some if one.after_s is not None]
+        spread = (f"{np.median(times):.0f}", f"{max(times):.0f}") if times else ("-", "-")
+        rows.append((fault.name, f"{len(times)}/{len(some)}", *spread,
+                     *(_names(some, one) for one in NAMED_S)))  # fmt: skip
+    print_table(rows)
+    print(flush=True)
+
+
+def _names(some: Sequence[Finding], after_s: float) -> str:
+    """Return the causes named so long after the alarm, with the number of truths."""
+    named = Counter(" or ".join(sorted(one.causes[after_s])) for one in some if one.causes)
+    return ", ".join(f"{words} {number}" for words, number in named.most_common()) or "-"
+
+
+def named_rightly(fault: Fault, some: Sequence[Finding], after_s: float) -> int:
+    """Return in how many truths only right causes are named so long after the alarm."""
+    causes = (set(one.causes[after_s]) for one in some if one.causes)
+    return sum(one <= fault.right for one in causes)
+
+
+def _judge(faults: Sequence[Fault], results: dict[str, list[Finding]], quiet: bool) -> bool:
+    """Return whether every fault is found and large ones named; print those that are not."""
+    good = True
+    for fault in faults:
+        some = results[fault.name]
+        found = sum(one.after_s is not None for one in some)
+        named = named_rightly(fault, some, 20.0)
+        missed = []
+        if found < len(some) and fault.name not in SMALL:
+            missed.append(f"found in {found} of {len(some)}")
+        if fault.large and named < NAMED_SHARE * len(some):
+            missed.append(f"named rightly after 20 s in {named} of {len(some)}")
+        if missed and not quiet:
+            print(f"MISSED  {fault.name}: {', '.join(missed)}")
+        good &= not missed
+    return good
+
+
+def _as_json(some: Sequence[Finding]) -> list[dict[str, Any]]:
+    return [
+        {
+            "alarm_before": one.early,
+            "after_s": one.after_s,
+            "begun_s": one.begun_s,
+            "causes": {f"{after:g}": list(causes) for after, causes in one.causes.items()},
+        }
+        for one in some
+    ]
+
+
+def _clean(
+    ratios: np.ndarray, nis: np.ndarray, others: int, quiet: bool
+) -> tuple[dict[str, float], bool]:
+    """Return the figures of clean minutes, and whether the goals are met; print them."""
+    alarms = int(((ratios > THRESHOLD) | (nis > NIS_THRESHOLD)).sum()) + others
+    week = tail_threshold(ratios, A_WEEK)
+    figures = {
+        "hours": len(ratios) / 60.0,
+        "false_alarms": float(alarms),
+        "largest_ratio": float(ratios.max()),
+        "largest_nis_sds": float(nis.max()),
+        "threshold_of_one_a_week": week,
+    }
+    if not quiet:
+        print(f"{figures['hours']:.1f} clean hours: {alarms} false alarms; largest ratio "
+              f"{figures['largest_ratio']:.1f}, NIS {figures['largest_nis_sds']:.1f} sd; one a "
+              f"week above {week:.1f} (threshold {THRESHOLD:g})")  # fmt: skip
+    return figures, alarms == 0 and week <= THRESHOLD
