@@ -208,6 +208,10 @@ TOPICS: tuple[Topic, ...] = (
           "prior_sd, sd, standard deviations (of the logarithm for the scene's figures); state, 0 "
           "not observable, 1 weak, 2 learned; correlation, the largest with another figure; "
           "stamped with the end of the data", of_snapshot=False, in_view=False),
+    Topic("estimate/alarms", "std_msgs/msg/String", Qos.LATCHED, 0.0, "simulation",
+          "with the parameter learn: fault found by its tests, at each change of the alarm: its "
+          "cause, or the two that remain, and since when [s of twin time] (text); empty: "
+          "acknowledged", of_snapshot=False, in_view=False),
     Topic("lines/events", "std_msgs/msg/String", Qos.COMMAND, 0.0, "simulation",
           "start or end of a crossing of two lines: time, depth, angle (text)",
           only_with="line_events"),
@@ -288,6 +292,7 @@ WINCH_SERVICES = {
 SAVE_STATE = "simulation/save_state"
 ESTIMATE_TOPIC = "estimate/figures"
 APPLY_ESTIMATE, TARE_ESTIMATE = "estimate/apply", "estimate/tare"
+ALARM_TOPIC, ACKNOWLEDGE_ALARM = "estimate/alarms", "estimate/acknowledge"
 SERVICES: tuple[Service, ...] = (
     Service("winch/emergency_stop", "std_srvs/srv/Trigger",
             "stops the winch; accepted from everybody at any time"),
@@ -307,6 +312,8 @@ SERVICES: tuple[Service, ...] = (
             "takes the learned figures over, in 20 s (parameter learn)"),
     Service(TARE_ESTIMATE, "std_srvs/srv/Trigger",
             "the load pin was set to zero with an empty hook: its bias is learned from there"),
+    Service(ACKNOWLEDGE_ALARM, "std_srvs/srv/Trigger",
+            "ends the alarm of estimate/alarms; learning goes on"),
 )  # fmt: skip
 
 

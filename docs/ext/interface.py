@@ -39,6 +39,7 @@ ROWS_MEAN = {
     "simulation: energy": "energy balance and its residual, in runs that keep it",
     "simulation: error interval": "95 % discretisation-error interval, in runs that compute it",
     "simulation: fatigue": "accumulated (Miner) damage, in runs that compute it",
+    "simulation: faults": "fault that the tests of the measured tension found, and since when",
     "simulation: fluid ramp": "factors on the forces of the water, in scenes that build them up",
     "simulation: input ...": "one row per input (heave, winch command, current, measured values): "
     "accepted and rejected samples, age, faults",

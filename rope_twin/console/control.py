@@ -272,7 +272,11 @@ class Desk:
 
     def _repeat(self, now_s: float) -> None:
         """Repeat the set-points; after an emergency stop, whoever gave it, only speed 0."""
-        if self._commander is None or not self._set_points or now_s < self._repeated_s + REPEAT_S - _SLACK_S:
+        if (
+            self._commander is None
+            or not self._set_points
+            or now_s < self._repeated_s + REPEAT_S - _SLACK_S
+        ):
             return
         self._repeated_s = now_s
         for winch in self._set_points:

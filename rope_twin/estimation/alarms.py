@@ -18,6 +18,7 @@ from rope_twin.core.state import Floats
 from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.estimation.causes import (
+    BEFORE_ALARM_S,
     PAYLOAD,
     PIN,
     SIGNATURES,
@@ -43,11 +44,12 @@ from rope_twin.twin.statics import solve_scene_statics
 
 THRESHOLD = 30.0  # of ℓ: one false alarm a week, by `python -m validation --faults --clean-hours`
 NIS_THRESHOLD = 9.0  # standard deviations: for what no signature describes
+RULES_S = 3.0  # after an alarm a lost payload is still found by its plain rule
 ONSET_S = 5.0  # by so much a plain rule may be later than the onset of the best ratio
 LEAD = 6.0  # likelihood gain by which a cause must lead to be named alone
 NAMED_S = 5.0, 20.0, 60.0  # after the alarm
 SETTLED_BLOCKS = 2  # learned before the watch begins
-CAPACITY_S = 2 * BLOCK_S
+CAPACITY_S = 3 * BLOCK_S + 10.0  # a reference of two blocks ago, and the last naming
 TAIL_S = 10.0  # after which the sheave's friction has forgotten where it began
 # what figures and heave leave out: friction, water; its correlation time
 MODEL_ERROR, MODEL_ERROR_S = 0.18, 3.0  # over the white noise of a mean
@@ -260,13 +262,14 @@ class FaultWatch:
             self._lanes = FaultLanes(self._scene, self._model)
         found = tests.suspicions()
         onset_s = found[0].onset_s if found else alarm.begun_s
+        onsets = [onset_s, *(alarm.found_s - one for one in BEFORE_ALARM_S)]
         responses: tuple[list[str], Floats, Floats, Floats] = [], *(np.zeros(0),) * 3
         try:
             state = self._model.state_at(
                 reference.theta, reference.state, reference.at_s - BURN_IN_S, reference.at_s
             )
             responses = self._lanes.responses(
-                reference.theta, state, reference.at_s, onset_s, tests.now_s
+                reference.theta, state, reference.at_s, onsets, tests.now_s
             )
         except SolverError:
             responses = [], *(np.zeros(0),) * 3  # the causes of first order remain
@@ -285,7 +288,10 @@ class FaultWatch:
         for k, (one, other) in enumerate(zip(measured, predicted, strict=True)):
             at_s = now_s - MEAN_S * (len(measured) - k - 0.5)
             begun_s = self._lost.take(at_s, float(one), float(other), rope_n, payload_n)
-            if begun_s is not None and (self.alarm is None or self.alarm.ratio > 0.0):
+            fresh = self.alarm is None or (
+                self.alarm.ratio > 0.0 and now_s - self.alarm.found_s < RULES_S
+            )
+            if begun_s is not None and fresh:  # a snag may unload the rope as deeply, later
                 found_s = now_s if self.alarm is None else self.alarm.found_s
                 onset_s = next(iter(self._onsets()), begun_s)
                 begun_s = min(begun_s, onset_s) if begun_s - onset_s < ONSET_S else begun_s
@@ -307,9 +313,10 @@ class FaultWatch:
                 rule = (self._pin, self._sensor, self._encoder)[k]
                 rule.take(time_s, value)
                 self._heard_s[k] = time_s
-                if rule.stuck and self.alarm is None:
+                if rule.stuck and (self.alarm is None or self.alarm.ratio > 0.0):
                     cause = (STUCK_PIN, STUCK_SENSOR, STUCK_ENCODER)[k]
-                    self.alarm = Alarm(time_s, rule.since_s, 0.0, (cause,))
+                    found_s = time_s if self.alarm is None else self.alarm.found_s
+                    self.alarm = Alarm(found_s, rule.since_s, 0.0, (cause,))
 
 
 def _since(whole: Prediction, time_s: float) -> Prediction:

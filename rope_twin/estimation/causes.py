@@ -54,7 +54,8 @@ SIGNATURES = (
 PIN = frozenset({PIN_OFFSET, PIN_DRIFT})  # "load pin", where its two cannot be told apart
 
 W, M, K = "submerged_weight", "oscillating_mass", "payload_drag"
-ONSETS_S = -2.0, -1.0, 0.0, 1.0  # about the onset that the tests found
+ONSETS = 5  # that are tried, one of them from the tests
+BEFORE_ALARM_S = 1.0, 2.0, 3.0, 5.0  # the others: a large fault is found within seconds
 SLIP_RAMP_S = 0.4  # in which a slip reaches its speed
 SLIP_ENDS_S = 2.0, 3.0, 5.0, 10.0, 20.0  # after which it may have ended
 
@@ -104,13 +105,18 @@ class FaultLanes:
             InputError: the scene cannot be stepped by a fleet.
         """
         self._model = model
-        self.pairs = [(onset, lane) for onset in range(len(ONSETS_S)) for lane in LANES]
+        self.pairs = [(onset, lane) for onset in range(ONSETS) for lane in LANES]
         self._fleet = Fleet(scene, 1 + len(self.pairs), elements=ELEMENTS, step_s=STEP_S)
         known = set(self._fleet.figures)
         self.pairs = [(onset, lane) for onset, lane in self.pairs if set(lane.factors) <= known]
 
     def responses(
-        self, theta: Floats, state: FleetState, begin_s: float, onset_s: float, end_s: float
+        self,
+        theta: Floats,
+        state: FleetState,
+        begin_s: float,
+        onsets_s: Sequence[float],
+        end_s: float,
     ) -> tuple[list[str], Floats, Floats, Floats]:
         """Return cause, change of the measured tension, and range of its size, of each response.
 
@@ -120,7 +126,7 @@ class FaultLanes:
             theta: figures at the reference, (COUNT,).
             state: of a rope with these figures at begin_s.
             begin_s: start of the stretch [s].
-            onset_s: likely onset; ONSETS_S about it are tried [s].
+            onsets_s: likely onsets, (ONSETS,) [s].
             end_s: end of the stretch, a whole number of means after begin_s.
 
         Returns:
@@ -131,9 +137,9 @@ class FaultLanes:
             SolverError: the rope without a fault cannot be stepped up to the onset.
         """
         total = round((end_s - begin_s) / MEAN_S)
-        starts = [round((onset_s + one - begin_s) / MEAN_S) for one in ONSETS_S]
+        starts = [round((one - begin_s) / MEAN_S) for one in onsets_s]
         starts = [min(max(one, 0), total - 1) for one in starts]
-        first = starts[0]
+        first = min(starts)
         first_s = begin_s + MEAN_S * first
         if first > 0:
             state = self._model.state_at(theta, state, begin_s, first_s)
@@ -212,12 +218,14 @@ def name_causes(
 ) -> list[tuple[str, float]]:
     """Return causes and their likelihood gain, the most likely first.
 
-    Causes of first order compete with the lanes of large ones.
+    Causes of first order compete with the lanes of others; a cause that has lanes is judged by
+    them alone, as only they ring.
     """
+    causes, changes, least, most = responses
     gains: dict[str, float] = {}
     for one in tests.suspicions():
-        gains[one.cause] = max(one.ratio, gains.get(one.cause, 0.0))
-    causes, changes, least, most = responses
+        if one.cause not in causes:
+            gains[one.cause] = max(one.ratio, gains.get(one.cause, 0.0))
     if causes:
         found = likelihood_gain(*tests.fit(changes), least, most)
         for cause, gain in zip(causes, found, strict=True):

@@ -7,7 +7,11 @@ of inputs, which logs them: a replay has the same figures at the same times.
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
+
 from rope_twin.errors import InputError
+from rope_twin.estimation.alarm_task import AlarmTask
 from rope_twin.estimation.learner import Estimate, Learner
 from rope_twin.estimation.worker import Ask, Begin, Motion, Reading, Task, Worker
 from rope_twin.messages.estimate import estimate_status
@@ -22,6 +26,8 @@ from rope_twin.twin.measured.readings import MOTOR, WINCH_SENSORS, Measurement
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
+REMINDED_S = 30.0  # a remark lowers the quality index for a minute
+
 
 class LiveLearning:
     """Worker with a learner, and the doors between them and a real-time twin."""
@@ -34,11 +40,13 @@ class LiveLearning:
             SceneError: it has no static equilibrium.
         """
         self.learner = Learner(scene)
-        self.worker = Worker(self.learner)
+        self.alarms = AlarmTask(scene, self.learner)
+        self.worker = Worker(self.learner, self.alarms)
         self._inputs = inputs
         self._source = WINCH_SENSORS if scene.measured.tension.at == SHEAVE else MOTOR
         self._names = ("", *winches_by_name(scene), scene.ropes[0].name)
         self._told: Estimate | None = None
+        self._reminded_s = 0.0
 
     def register(self, task: Task) -> None:
         """Add a further task of the worker, before `start`."""
@@ -90,6 +98,29 @@ class LiveLearning:
         """Report that the load pin was set to zero with an empty hook; return success and text."""
         self.worker.take(Ask(self.learner.tare))
         return True, "the load pin's bias is learned from its zero of now"
+
+    def acknowledge(self) -> tuple[bool, str]:
+        """End the alarm that is on; return success and text."""
+        alarm = self.alarms.newest
+        if alarm is None:
+            return False, "there is no alarm to acknowledge"
+        self.worker.take(Ask(self.alarms.acknowledge))
+        return True, f"acknowledged: {alarm.words}; learning goes on"
+
+    def new_alarms(self) -> Iterator[str]:
+        """Yield each change of the alarm since the last call, in words; "": acknowledged.
+
+        While an alarm is on the quality index has it as a remark on the inputs, logged for replay.
+        """
+        while self.alarms.changes:
+            words = self.alarms.changes.popleft()
+            if words:
+                self._inputs.take_remark(f"fault alarm: {words}")
+            yield words
+        alarm, at_s = self.alarms.newest, time.monotonic()
+        if alarm is not None and at_s - self._reminded_s >= REMINDED_S:
+            self._reminded_s = at_s
+            self._inputs.take_remark(f"fault alarm: {alarm.words}")
 
     def row(self, granted_s: float) -> Status:
         """Return the row of the diagnostics; granted_s: real time of the run [s]."""

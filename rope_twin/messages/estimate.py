@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.messages import templates
-from rope_twin.messages.cdr import Template
+from rope_twin.messages.cdr import Template, new, serialise
 from rope_twin.messages.status import Level, Status
 
 COLUMNS = "name value low high prior prior_sd sd state correlation"
@@ -41,6 +41,16 @@ def encode_estimate(stamp_ns: int, rows: Sequence[dict[str, Any]]) -> bytes:
     sec, nanosec = templates.split(stamp_ns)
     stamp = {"header.stamp.sec": sec, "header.stamp.nanosec": nanosec}
     return _template(len(rows)).fill({**stamp, "data": points.view(np.uint8)})
+
+
+def encode_alarm(words: str) -> bytes:
+    """Return a message of estimate/alarms; words: of the alarm, "": it was acknowledged."""
+    return serialise(new("std_msgs/msg/String", data=words))
+
+
+def alarm_words(alarm: dict[str, Any]) -> str:
+    """Return an alarm of a run in words, from its `--json`."""
+    return f"alarm at {alarm['found_s']:.0f} s: {alarm['causes']}, since {alarm['begun_s']:.0f} s"
 
 
 def learned_words(row: dict[str, Any]) -> str:

@@ -24,7 +24,7 @@ from rope_twin.estimation.live import LiveLearning
 from rope_twin.messages import Encoder, Level, Status, statuses
 from rope_twin.messages.alerts import encode_alerts
 from rope_twin.messages.diagnostics import BreachWords
-from rope_twin.messages.estimate import encode_estimate
+from rope_twin.messages.estimate import encode_alarm, encode_estimate
 from rope_twin.messages.status import counted
 from rope_twin.recording.input_log import InputLog, Mark, encode_json
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
@@ -32,7 +32,7 @@ from rope_twin.ros.params import SimulationParams
 from rope_twin.run.border import InputBorder
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import ALERTS, ESTIMATE_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC
+from rope_twin.topics import ALARM_TOPIC, ALERTS, ESTIMATE_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.pacing import (
@@ -382,6 +382,7 @@ class PacedTwin:
         return replace(
             summary,
             learned=[] if newest is None else newest.rows(),
+            alarms=[] if self.learning is None else self.learning.alarms.as_json(),
             state=state,
             not_kept=trouble,
             mixed=self.border.mixed,
@@ -401,6 +402,9 @@ class PacedTwin:
             yield self.ladder.said.popleft()
         if self.learning is not None:
             yield from self._learned(self.learning)
+            for words in self.learning.new_alarms():
+                self._publish(ALARM_TOPIC, encode_alarm(words))
+                yield f"fault alarm: {words}" if words else "the fault alarm was acknowledged"
 
     def _learned(self, learning: LiveLearning) -> Iterator[str]:
         """Publish figures that were learned since, and take them over if that is wanted."""
@@ -434,7 +438,7 @@ class PacedTwin:
         if self._keeper is not None:
             rows.append(saving_row(self._keeper.health()))
         if self.learning is not None:
-            rows.append(self.learning.row(health.granted_s))
+            rows += [self.learning.row(health.granted_s), self.learning.alarms.row()]
         if self.border.epoch_ns is not None:
             rows.append(clock_row(self._clock_moved_s(now)))
         self.alerts.take_rows(rows)

@@ -43,6 +43,7 @@ from rope_twin.scene.change import at_setting, following_measured
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.topics import (
+    ACKNOWLEDGE_ALARM,
     ALERT_COMMAND,
     APPLY_ESTIMATE,
     BY_NAME,
@@ -286,6 +287,7 @@ class SimulationNode(LifecycleNode):
         if paced.learning is not None:
             self._serve(APPLY_ESTIMATE, Trigger, paced.learning.apply)
             self._serve(TARE_ESTIMATE, Trigger, paced.learning.tare)
+            self._serve(ACKNOWLEDGE_ALARM, Trigger, paced.learning.acknowledge)
 
     def _serve(self, name: str, kind: Any, act: Callable[..., tuple[bool, str]]) -> None:
         """Create a service; `act` returns success and text, by the value of a SetBool."""

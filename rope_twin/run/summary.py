@@ -18,7 +18,7 @@ from rope_twin.messages.diagnostics import (
     strength_words,
     touchdown_words,
 )
-from rope_twin.messages.estimate import learned_words
+from rope_twin.messages.estimate import alarm_words, learned_words
 from rope_twin.messages.quality import lowest_words
 from rope_twin.messages.residuals import residual_words
 from rope_twin.messages.status import Level, Status, counted
@@ -133,6 +133,8 @@ class RunSummary:
     quality: list[dict[str, Any]] = field(default_factory=list)  # fields of Quality, per element
     # fields of FigureEstimate of each figure that was learned; empty: none yet, or not enabled
     learned: list[dict[str, Any]] = field(default_factory=list)
+    # causes, begun_s, found_s, ratio, named_after_s of each alarm of the fault tests
+    alarms: list[dict[str, Any]] = field(default_factory=list)
     vibration: dict[str, float | str] | None = None  # at its maximum; None: not enabled
     fatigue: dict[str, float | str] | None = None  # at the maximum damage; None: not enabled
 
@@ -195,6 +197,7 @@ class RunSummary:
         lines += [residual_words(Residual(**_without(one, "residual"))) for one in self.residuals]
         lines += [lowest_words(self.quality)] if self.quality else []
         lines += [learned_words(one) for one in self.learned]
+        lines += [alarm_words(one) for one in self.alarms]
         lines += watch_words(self.vibration, self.fatigue)
         lines += self.restarts
         lines += [f"bag {self.bag}{self._missing_words()}"] if self.bag else []

@@ -107,13 +107,15 @@ def _print(faults: Sequence[Fault], results: dict[str, list[Finding]]) -> None:
 
 def _names(some: Sequence[Finding], after_s: float) -> str:
     """Return the causes named so long after the alarm, with the number of truths."""
-    named = Counter(" or ".join(sorted(one.causes[after_s])) for one in some if one.causes)
+    named = Counter(
+        " or ".join(sorted(one.causes[after_s])) for one in some if after_s in one.causes
+    )
     return ", ".join(f"{words} {number}" for words, number in named.most_common()) or "-"
 
 
 def named_rightly(fault: Fault, some: Sequence[Finding], after_s: float) -> int:
     """Return in how many truths only right causes are named so long after the alarm."""
-    causes = (set(one.causes[after_s]) for one in some if one.causes)
+    causes = (set(one.causes[after_s]) for one in some if after_s in one.causes)
     return sum(one <= fault.right for one in causes)
 
 

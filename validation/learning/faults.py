@@ -185,7 +185,7 @@ def find(
     scene: Scene, prior: Prior, truths: Mapping[str, list[Truth]], cost: Cost,
     report: Callable[[int, int, str], None] = lambda done, total, what: None,
 ) -> dict[str, list[Finding]]:  # fmt: skip
-    """Return the findings of each fault, in the order of the truths."""
+    """Return the findings of each fault, in the order of the truths; cost: before the faults."""
     found: dict[str, list[Finding]] = {name: [] for name in truths if name}
     for number, clean in enumerate(truths[""]):
         estimator = _begin(scene, prior, clean)
@@ -196,7 +196,7 @@ def find(
             own = copy.copy(estimator)
             own.noise, own.results = copy.deepcopy(estimator.noise), list(estimator.results)
             estimator.model.lift = truths[name][number].lift(prior.pin_noise_n)
-            findings.append(_watch(own, watch.branch(own), cost))
+            findings.append(_watch(own, watch.branch(own), Cost()))
         estimator.model.lift = lift
         report(number + 1, len(truths[""]), "truths with faults")
     return found

@@ -1,0 +1,70 @@
+"""Alarms beside a twin: published, a row, frozen learning, quality index, acknowledged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from learned_lift import NOISE_N, lift
+from test_live_learning import new_learning
+
+from rope_twin.estimation.alarm_task import ROW
+from rope_twin.estimation.causes import STUCK_PIN
+from rope_twin.estimation.worker import Motion
+from rope_twin.messages.cdr import typestore
+from rope_twin.messages.estimate import alarm_words, encode_alarm
+from rope_twin.messages.status import Level
+from rope_twin.topics import ALARM_TOPIC, BY_NAME
+from rope_twin.twin.measured.readings import Measurement
+
+STUCK_S, SECONDS = 70.0, 75.0
+
+
+def test_a_stuck_load_pin_is_an_alarm_until_it_is_acknowledged(tmp_path: Path) -> None:
+    """Found after 1 s; the row is an error, learning is frozen, the remark reaches the twin."""
+    twin, queue, learning = new_learning(tmp_path)
+    learning.start(twin)
+    learning.worker.stop()
+    learning.worker._stopping.clear()
+    assert learning.alarms.row().level is Level.OK
+    assert learning.acknowledge() == (False, "there is no alarm to acknowledge")
+    series = lift()
+    line = dict(series.line_out.table)
+    queue.advance(1)
+    held = float(series.tension.table[round(STUCK_S / 0.05), 1])
+    for k in range(round(SECONDS / 0.05)):
+        at, force = (float(one) for one in series.tension.table[k])
+        z, v = (float(one) for one in series.heave.table[k, 1:])
+        force = held if at >= STUCK_S else force
+        learning.hear(Measurement.of_winch(round(at * 1e9), line[at], 0.0, force))
+        learning.worker.take(Motion(at, z, v, line[at]))
+        if k % 100 == 99:
+            learning.worker.work()
+    assert NOISE_N > 0.0
+    alarm = learning.alarms.newest
+    assert alarm is not None
+    assert alarm.causes == (STUCK_PIN,)
+    assert alarm.found_s == pytest.approx(STUCK_S + 1.0, abs=0.06)
+    row = learning.alarms.row()
+    assert (row.name, row.level) == (ROW, Level.ERROR)
+    assert row.values["causes"] == STUCK_PIN
+    assert STUCK_PIN in learning.learner.trouble
+    (words, *reminders) = learning.new_alarms()
+    assert words == alarm.words
+    assert not reminders
+    queue.advance(1)
+    assert any(STUCK_PIN in one.warning for one in twin.snapshot().inputs.values())
+    (told,) = learning.alarms.as_json()
+    assert STUCK_PIN in alarm_words(told)
+    ok, _ = learning.acknowledge()
+    assert ok
+    learning.worker.work()
+    assert list(learning.new_alarms())[0] == ""
+    assert learning.learner.trouble == ""
+
+
+def test_the_message_is_the_alarm_in_words() -> None:
+    """A string, as the topic table says."""
+    data = encode_alarm("line slip, since 12 s")
+    message = typestore().deserialize_cdr(data, BY_NAME[ALARM_TOPIC].type_name)
+    assert message.data == "line slip, since 12 s"
