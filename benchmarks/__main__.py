@@ -23,6 +23,7 @@ from benchmarks import (
     ensemble_speed,
     error_interval,
     fleet_speed,
+    lane_gain,
     line_speed,
     orders,
     performance_page,
@@ -186,6 +187,14 @@ def _fleet(args: argparse.Namespace, progress: CaseProgress) -> int:
         print()
         print_table(fleet_speed.state_table(found.states))
     return 1 if any(row.failed for row in found.rows) else 0
+
+
+def _lanes(args: argparse.Namespace, progress: CaseProgress) -> int:
+    """Run the benchmark of SIMD lanes; exit code 1 if a member differs from stepping alone."""
+    cases = lane_gain.QUICK if args.quick else lane_gain.FULL
+    rows = lane_gain.gain_rows(cases, progress.show)
+    _tell(args, [asdict(row) for row in rows], lane_gain.gain_table(rows))
+    return 1 if any(row.unequal for row in rows) else 0
 
 
 def _statics(args: argparse.Namespace, progress: CaseProgress) -> int:
@@ -375,6 +384,11 @@ ACTIONS = {
         "Runs 100 members, and four orders of the winch in 48 seas, for a minute of twin time "
         "(some two minutes).",
         (_json_option,),
+    ),
+    "lanes": Action(
+        _lanes,
+        "gain of SIMD lanes by effect, steps given up and equality with members alone",
+        options=(_json_option,),
     ),
     "lines": Action(
         _lines,

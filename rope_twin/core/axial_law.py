@@ -34,6 +34,8 @@ from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit_within
 from rope_twin.core.jit.rows import HeldType
+from rope_twin.core.jit.wide import WideType, choose
+from rope_twin.core.jit.wide_calls import whole
 from rope_twin.core.loads.hooks import axial_place, kernel_of
 from rope_twin.core.state import POSITION, Floats, Table
 
@@ -215,7 +217,7 @@ def _by_stiffness(
 
 @jit_within
 def _by_table(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
-    tension, tangent = tension_at(law, int(section[e]), extension / rest)
+    tension, tangent = tension_at(law, whole(section[e]), extension / rest)
     k = tangent / rest
     stiffness[e] = k
     return tension, k
@@ -233,18 +235,53 @@ def _by_fibre(law: Any, section: Any, stiffness: Any, e: int, extension: float, 
 
 
 @jit_within
-def tension_at(law: Any, section: int, strain: float) -> Any:
+def tension_at(law: Any, section: int, strain: Any) -> Any:
     """Return T and dT/dstrain [N] of a section; linear below the first and beyond the last knot."""
+    knot, tension, slope, curve, bend = _piece_at(law, section, strain)
+    u = strain - knot
+    v = max(u, 0.0)
+    return (
+        tension + slope * u + v * v * (curve + bend * v),
+        slope + v * (2.0 * curve + 3.0 * bend * v),
+    )
+
+
+@jit_within
+def _piece(law: Any, section: int, j: int) -> Any:
+    return (
+        law.knot[section, j], law.tension[section, j], law.slope[section, j],
+        law.curve[section, j], law.bend[section, j],
+    )  # fmt: skip
+
+
+@jit_within
+def _piece_of_one(law: Any, section: int, strain: float) -> Any:
     j = 0
     while j + 1 < law.knot.shape[1] and strain >= law.knot[section, j + 1]:
         j += 1
-    u = strain - law.knot[section, j]
-    v = max(u, 0.0)
-    slope, curve, bend = law.slope[section, j], law.curve[section, j], law.bend[section, j]
-    return (
-        law.tension[section, j] + slope * u + v * v * (curve + bend * v),
-        slope + v * (2.0 * curve + 3.0 * bend * v),
-    )
+    return _piece(law, section, j)
+
+
+@jit_within
+def _piece_of_lanes(law: Any, section: int, strain: Any) -> Any:
+    knot, tension, slope, curve, bend = _piece(law, section, 0)
+    for j in range(1, law.knot.shape[1]):
+        beyond, own = strain >= law.knot[section, j], _piece(law, section, j)
+        knot, tension = choose(beyond, own[0], knot), choose(beyond, own[1], tension)
+        slope, curve = choose(beyond, own[2], slope), choose(beyond, own[3], curve)
+        bend = choose(beyond, own[4], bend)
+    return knot, tension, slope, curve, bend
+
+
+def _piece_at(law: Any, section: int, strain: Any) -> Any:
+    """Return knot, tension, slope, curve and bend of the piece of a table that has this strain."""
+    return _piece_of_one(law, section, strain)
+
+
+@overload(_piece_at, jit_options=_WITHIN, strict=False)
+def _choose_piece(law: Any, section: int, strain: Any) -> Any:
+    chosen = _piece_of_lanes if isinstance(strain, WideType) else _piece_of_one
+    return lambda law, section, strain: chosen(law, section, strain)
 
 
 @jit_within

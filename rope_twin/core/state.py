@@ -150,6 +150,17 @@ class Stage(NamedTuple):
     V: float  # payout speed dL/dt [m/s]
 
 
+class LaneStage(NamedTuple):
+    """One implicit stage of a batch of ropes (core/lanes)."""
+
+    time: float  # [s]
+    p: float  # [s²]
+    q: float  # [s]
+    V: Any  # payout speed of each lane [m/s]
+    lanes: int  # those that are evaluated, as bits; effects keep the internal variables of others
+    each: Any  # data of each lane alone (core/lanes/by_lane), or None
+
+
 def new_state(capacity: int) -> State:
     """Return a state of zeros with space for `capacity` nodes."""
     return State(

@@ -260,9 +260,9 @@ def _flow_up(current: Any, share: Any, work: Any, low: int, high: int) -> None:
         up[i] += share * (current.U[2, layer] + current.slope[2, layer] * inside)
 
 
-@wide_kernel("flow", Current)
-def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add U(z) to flow for a SIMD batch, over the layers that each rope's nodes reach."""
+@jit_within
+def _flow_wide(current: Any, share: Any, work: Any, low: int, high: int) -> None:
+    """Add share·U(z) to flow for a SIMD batch, over the layers that each rope's nodes reach."""
     last = current.z.shape[0] - 1
     for start in range(low, high, TOGETHER):
         count = min(start + TOGETHER, high) - start
@@ -276,6 +276,7 @@ def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
             reached = current.z[layer] <= bottom
             base_east = choose(reached, current.U[0, layer], base_east)
             base_north = choose(reached, current.U[1, layer], base_north)
+        base_east, base_north = share * base_east, share * base_north
         for i in range(count):
             east[i] += base_east
             north[i] += base_north
@@ -283,17 +284,17 @@ def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
             own = current.z[layer + 1] > bottom  # lanes whose ropes do not begin above the layer
             if bits(own) != 0 and bits(current.z[layer] < top) != 0:
                 low_face, rise = current.z[layer], choose(own, current.rise[layer], 0.0)
-                slope_east, slope_north = current.slope[0, layer], current.slope[1, layer]
+                slope_east = share * current.slope[0, layer]
+                slope_north = share * current.slope[1, layer]
                 for i in range(count):
                     inside = min(max(z[i] - low_face, 0.0), rise)
                     east[i] += slope_east * inside
                     north[i] += slope_north * inside
 
 
-@wide_kernel("flow", RisingCurrent)
-def rising_flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add U(z) with its vertical component to flow for a SIMD batch."""
-    flow_wide(current, work, stage, low, high)
+@jit_within
+def _flow_up_wide(current: Any, share: Any, work: Any, low: int, high: int) -> None:
+    """Add share·U_z(z) to the vertical flow for a SIMD batch."""
     _, _, z = rows(work, POSITION, low)
     _, _, up = rows(work, FLOW, low)
     for i in range(high - low):
@@ -303,7 +304,54 @@ def rising_flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -
             inside = min(max(z[i] - current.z[layer], 0.0), current.rise[layer])
             here = current.U[2, layer] + current.slope[2, layer] * inside
             own = choose(current.z[layer] <= z[i], here, own)
-        up[i] += own
+        up[i] += share * own
+
+
+@jit_within
+def _share_wide(current: Any, stage: Any) -> Any:
+    """Return the time factor of each lane."""
+    last = current.time.shape[0] - 1
+    share = current.share[0]
+    if last > 0:
+        low, high, then = current.time[0], current.time[1], current.share[1]
+        for i in range(1, last):
+            beyond = current.time[i] <= stage.time
+            low, high = (
+                choose(beyond, current.time[i], low),
+                choose(beyond, current.time[i + 1], high),
+            )
+            share = choose(beyond, current.share[i], share)
+            then = choose(beyond, current.share[i + 1], then)
+        part = (stage.time - low) / (high - low)
+        share += min(max(part, 0.0), 1.0) * (then - share)
+    return share
+
+
+@wide_kernel("flow", Current)
+def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add U(z) to flow for a SIMD batch."""
+    _flow_wide(current, 1.0, work, low, high)
+
+
+@wide_kernel("flow", RisingCurrent)
+def rising_flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add U(z) with its vertical component to flow for a SIMD batch."""
+    _flow_wide(current, 1.0, work, low, high)
+    _flow_up_wide(current, 1.0, work, low, high)
+
+
+@wide_kernel("flow", CurrentInTime)
+def flow_in_time_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add share(t)·U(z) to flow for a SIMD batch."""
+    _flow_wide(current.current, _share_wide(current, stage), work, low, high)
+
+
+@wide_kernel("flow", RisingCurrentInTime)
+def rising_flow_in_time_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Add share(t)·U(z) with its vertical component to flow for a SIMD batch."""
+    share = _share_wide(current, stage)
+    _flow_wide(current.current, share, work, low, high)
+    _flow_up_wide(current.current, share, work, low, high)
 
 
 @kernel("flow", Current)

@@ -22,6 +22,7 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.guards import DIVISOR_MIN, SPEED2_MIN
 from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.wide_calls import interpolate
 from rope_twin.core.loads.balance import Load
 from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel
@@ -203,7 +204,7 @@ def load(drag: Any, node: Any, stage: Any) -> Any:
     return _load(drag.kn, drag.kt, node, relative, stage.q)
 
 
-@kernel("load", OscillatingDrag)
+@kernel("load", OscillatingDrag, wide=True)
 def oscillating_load(drag: Any, node: Any, stage: Any) -> Any:
     """Return the drag with the factor 1; the rest comes with the nodes' own factors."""
     relative = (node.vx - node.ux, node.vy - node.uy, node.vz - node.uz)
@@ -214,18 +215,10 @@ def oscillating_load(drag: Any, node: Any, stage: Any) -> Any:
 def _factor(drag: Any, speed: float, node: Any) -> Any:
     """Return the factor on kn at a normal speed; constant beyond the table's last row."""
     re = drag.scale * speed * node.volume / (node.frontal + DIVISOR_MIN)
-    at = log(max(re, DIVISOR_MIN))
-    last = drag.log_re.shape[0] - 1
-    i = 0
-    while i < last - 1 and drag.log_re[i + 1] < at:
-        i += 1
-    if last == 0:
-        return drag.factor[0]
-    share = (at - drag.log_re[i]) / (drag.log_re[i + 1] - drag.log_re[i])
-    return drag.factor[i] + min(max(share, 0.0), 1.0) * (drag.factor[i + 1] - drag.factor[i])
+    return interpolate(drag.log_re, drag.factor, log(max(re, DIVISOR_MIN)))
 
 
-@kernel("load", ReynoldsDrag)
+@kernel("load", ReynoldsDrag, wide=True)
 def reynolds_load(drag: Any, node: Any, stage: Any) -> Any:
     """Return the drag with kn from the table; also omitted in A: the factor's change with speed."""
     x, y, z = node.tx, node.ty, node.tz
@@ -236,7 +229,7 @@ def reynolds_load(drag: Any, node: Any, stage: Any) -> Any:
     return _load(kn, drag.drag.kt, node, (rx, ry, rz), stage.q)
 
 
-@kernel("load", CurrentDrag)
+@kernel("load", CurrentDrag, wide=True)
 def current_load(drag: Any, node: Any, stage: Any) -> Any:
     """Return the drag of a rope at zero velocity."""
     relative = (-node.ux, -node.uy, -node.uz)

@@ -20,6 +20,7 @@ from rope_twin.core.energy import account
 from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.lanes.by_lane import by_lane
 from rope_twin.core.loads.growth import FAIRINGS, grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
@@ -157,6 +158,10 @@ def towed_end(fairing: Any, work: Any, stage: Any) -> None:
     Rx[0] += share * fairing.force * fairing.x
     Ry[0] += share * fairing.force * fairing.y
     Rz[0] += share * fairing.force * fairing.z
+
+
+by_lane(Fairing, "load_end")
+by_lane(TowedFairing, "load_end")
 
 
 @account("power_end", Fairing)

@@ -18,6 +18,7 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.lanes.by_lane import by_lane
 from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.panel import (
@@ -135,6 +136,9 @@ def load_end(net: Any, work: Any, stage: Any) -> None:
     Ayy[0] += load.yy
     Ayz[0] += load.yz
     Azz[0] += load.zz
+
+
+by_lane(Net, "load_end")
 
 
 @account("power_end", Net)

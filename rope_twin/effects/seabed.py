@@ -30,8 +30,9 @@ from rope_twin.core.bed import (
 from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.wide import ALL, bits, choose
 from rope_twin.core.loads.balance import Load
-from rope_twin.core.loads.hooks import kernel, switching
+from rope_twin.core.loads.hooks import kernel, switching, wide_kernel
 from rope_twin.core.state import BLOCK, CORRECTION, POSITION, RESIDUAL, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 
@@ -133,7 +134,7 @@ def _contact(soil: Any, k: float, place: Any, v: Any, stage: Any) -> Any:
     push = k * d * gain
     tx, ty, tz = vx - away * nx, vy - away * ny, vz - away * nz
     rub = soil.mu * push / sqrt(tx * tx + ty * ty + tz * tz + CREEP * CREEP)
-    touches = 1.0 if push > 0.0 else 0.0
+    touches = choose(push > 0.0, 1.0, 0.0)
     across = stage.q * rub
     along = touches * (stage.p * k * gain + stage.q * soil.chi * k * d) - across
     return Load(
@@ -149,7 +150,7 @@ def _at_node(soil: Any, place: Any, node: Any, stage: Any) -> Any:
     return _contact(soil, k, place, (node.vx, node.vy, node.vz), stage)
 
 
-@kernel("load", Plane)
+@kernel("load", Plane, wide=True)
 def plane_load(bed: Any, node: Any, stage: Any) -> Any:
     """Return the contact force of a plane seabed on a node of the rope."""
     z, east, north = plane_bed(bed, node.x, node.y)
@@ -185,7 +186,7 @@ def _at_end(soil: Any, bed: Any, work: Any, stage: Any) -> None:
     Azz[0] += push.zz
 
 
-@kernel("load_end", Plane)
+@kernel("load_end", Plane, wide=True)
 def plane_load_end(bed: Any, work: Any, stage: Any) -> None:
     """Add the contact force of a plane seabed on the payload."""
     x, y, _ = rows(work, POSITION, 0)
@@ -218,6 +219,19 @@ def plane_calm(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     """Return whether nothing touches the seabed."""
     plane = (bed.height, bed.east, bed.north)
     return bool(_is_clear(plane, work, share * stage.p, n))
+
+
+@wide_kernel("calm", Plane)
+def plane_calm_wide(bed: Any, work: Any, stage: Any, n: int, share: float) -> int:
+    """Return the lanes of a SIMD batch of which nothing touches the seabed, as bits."""
+    x, y, z = rows(work, POSITION, 0)
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    calm, p = ALL, share * stage.p
+    for i in range(n):
+        above = z[i] - (bed.height + bed.east * x[i] + bed.north * y[i])
+        change = p * (dz[i] - bed.east * dx[i] - bed.north * dy[i])
+        calm &= bits(min(above, above + change) > 0.0)
+    return calm
 
 
 @kernel("calm", Grid)

@@ -20,6 +20,7 @@ from rope_twin.core.energy import account
 from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.lanes.by_lane import by_lane
 from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.state import (
@@ -148,6 +149,7 @@ def calm(zone: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     return bool(min(wet, then) >= 1.0 or max(wet, then) <= 0.0)
 
 
+by_lane(SplashZone, "load_end", "calm")
 for _kind in (SplashZone, ManySplashZones):
     switching(_kind)
 

@@ -38,6 +38,7 @@ from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.joined.stack import stacks
+from rope_twin.core.lanes.by_lane import by_lane
 from rope_twin.core.loads.balance import Load
 from rope_twin.core.loads.growth import grows
 from rope_twin.core.loads.hooks import kernel
@@ -312,7 +313,7 @@ def flow(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
     add_water(waves, _ramp(waves, stage.time), work, stage.time, low, high)
 
 
-@kernel("load", Waves)
+@kernel("load", Waves, wide=True)
 def load(waves: Any, node: Any, stage: Any) -> Any:
     """Return F = ρ·volume·(a + Ca·a - (Ca - Ct)·(a·τ)·τ) with the water's acceleration a."""
     x, y, z = node.tx, node.ty, node.tz
@@ -325,7 +326,7 @@ def load(waves: Any, node: Any, stage: Any) -> Any:
     )  # fmt: skip
 
 
-@kernel("load_end", Waves)
+@kernel("load_end", Waves, wide=True)
 def load_end(waves: Any, work: Any, stage: Any) -> None:
     """Add (ρ·V + added mass)·a on each axis to R_0."""
     ax, ay, az = rows(work, FLOW_RATE, 0)
@@ -333,6 +334,9 @@ def load_end(waves: Any, work: Any, stage: Any) -> None:
     Rx[0] += waves.Mx * ax[0]
     Ry[0] += waves.My * ay[0]
     Rz[0] += waves.Mz * az[0]
+
+
+by_lane(Waves, "flow")
 
 
 @account("power", Waves)

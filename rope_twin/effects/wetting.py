@@ -27,8 +27,9 @@ from rope_twin.core.energy import account_soaked, wets
 from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.balance import Node
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.hooks import kernel, wide_kernel
 from rope_twin.core.state import FLOW, FLOW_RATE, LENGTH, POSITION, SURFACE, VOLUME
 
 PER_AREA = 1.1283791670955126  # diameter over the root of the section's area, √(4/π)
@@ -83,7 +84,28 @@ def flow(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
             wx[i] = wy[i] = wz[i] = 0.0
 
 
-@kernel("soak", Wetting)
+@wide_kernel("flow", Wetting)
+def flow_wide(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Set the water to rest at dry nodes of a SIMD batch."""
+    ux, uy, uz = rows(work, FLOW, low)
+    wx, wy, wz = rows(work, FLOW_RATE, low)
+    _, _, z = rows(work, POSITION, low)
+    surface, length, volume = (
+        row(work, SURFACE, low),
+        row(work, LENGTH, low),
+        row(work, VOLUME, low),
+    )
+    for i in range(max(low, 1) - low, high - low):
+        dry = z[i] - surface[i] > 0.5 * length[i] + _diameter(volume[i], length[i])
+        ux[i] = choose(dry, 0.0, ux[i])
+        uy[i] = choose(dry, 0.0, uy[i])
+        uz[i] = choose(dry, 0.0, uz[i])
+        wx[i] = choose(dry, 0.0, wx[i])
+        wy[i] = choose(dry, 0.0, wy[i])
+        wz[i] = choose(dry, 0.0, wz[i])
+
+
+@kernel("soak", Wetting, wide=True)
 def soak(wetting: Any, node: Any) -> Any:
     """Return the node with the volume and the areas of its wetted part."""
     d = _diameter(node.volume, node.length)

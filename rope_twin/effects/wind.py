@@ -61,7 +61,7 @@ def _height(z: float, surface: float) -> float:
     return max(z - surface, LOWEST_M) / REFERENCE_M
 
 
-@kernel("load", Wind)
+@kernel("load", Wind, wide=True)
 def load(wind: Any, node: Any, stage: Any) -> Any:
     """Return F = -k·|n|·n on the dry area and A = q·k·(|n|·(I - ττᵀ) + nnᵀ/|n|)."""
     x, y, z = node.tx, node.ty, node.tz

@@ -14,13 +14,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 from uuid import uuid4
 
 from rope_twin.alerts.monitor import AlertMonitor
 from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.errors import InputError, phrase
-from rope_twin.estimation.live import LiveLearning
 from rope_twin.messages import Encoder, Level, Status, statuses
 from rope_twin.messages.alerts import encode_alerts
 from rope_twin.messages.diagnostics import BreachWords
@@ -47,6 +46,9 @@ from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.saving.autosave import AutoSave, SavingStatus
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+
+if TYPE_CHECKING:
+    from rope_twin.estimation.live import LiveLearning
 
 MOTION_ROW = "simulation: input heave"
 CLOCK_STEP_S = 0.05  # tolerance of ROS time against the steady clock
@@ -285,7 +287,7 @@ class PacedTwin:
         )
         if self.ladder is not None:
             self.pacer.watch(self.ladder.judge)
-        self.learning = LiveLearning(scene, self._inputs) if params.learn else None
+        self.learning = _learning(scene, self._inputs) if params.learn else None
         watch = None if self.learning is None else self.learning.see
         self.alerts = AlertMonitor(scene)
         self._publisher = Publisher(
@@ -449,6 +451,13 @@ class PacedTwin:
         assert self._clocks is not None
         begun = self._clocks
         return ((now.ros_ns - begun.ros_ns) - (now.steady_ns - begun.steady_ns)) * 1e-9
+
+
+def _learning(scene: Scene, inputs: InputQueue) -> LiveLearning:
+    """Return the learning beside the twin, whose modules only such a run loads."""
+    from rope_twin.estimation.live import LiveLearning
+
+    return LiveLearning(scene, inputs)
 
 
 def _begin(scene: Scene, setup: Setup, params: SimulationParams) -> tuple[Twin, str]:

@@ -249,14 +249,16 @@ def test_sections_of_one_rope(tmp_path: Path) -> None:
     ("name", "reason"),
     [
         ("deep_lift", ""),
-        ("hybrid_lift", "a table of stiffness"),
+        ("hybrid_lift", ""),
+        ("polyester_lift", "a dynamic stiffness"),
         ("riser_300m", "bending"),
-        ("wave_zone", "waves"),
-        ("landing", "seabed"),
+        ("wave_zone", ""),
+        ("landing", ""),
+        ("chain_on_bottom", "bed_friction"),
     ],
 )
 def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
-    """Ropes with a table of stiffness, effects that couple nodes, effects that branch."""
+    """Ropes with a dynamic stiffness, effects that couple nodes, friction that sticks."""
     rope = build(load_scene(name))
     assert why_alone(rope) == reason
     assert (kind_of(rope) is None) == bool(reason)

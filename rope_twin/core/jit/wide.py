@@ -328,7 +328,9 @@ class TableType(types.Type):  # type: ignore[misc]
 @register_model(TableType)
 class _TableModel(models.StructModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Any) -> None:
-        members = [("data", types.CPointer(WIDE)), ("columns", types.intp)]
+        members = [
+            ("data", types.CPointer(WIDE)), ("columns", types.intp), ("height", types.intp),
+        ]  # fmt: skip
         super().__init__(manager, kind, members)
 
 
@@ -338,6 +340,9 @@ class WideRowType(types.Type):  # type: ignore[misc]
     def __init__(self, scope: str, stride: int) -> None:
         super().__init__(name=f"WideRow({scope}, {stride})")
         self.scope, self.stride = scope, stride
+
+
+_ROW = WideRowType("memory", 1)  # of an effect's table
 
 
 @register_model(WideRowType)
@@ -370,14 +375,14 @@ class _TableAttributes(AttributeTemplate):  # type: ignore[misc]
     key = TableType
 
     def resolve_shape(self, kind: TableType) -> Any:
-        """Return the shape's type, for a table of one row only."""
-        return types.UniTuple(types.intp, 1) if kind.ndim == 1 else None
+        """Return the shape's type, for tables that are stored row by row."""
+        return types.UniTuple(types.intp, kind.ndim) if not kind.rows else None
 
 
 @lower_getattr(TableType, "shape")
 def _shape(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    size = builder.extract_value(value, 1)
-    return context.make_tuple(builder, types.UniTuple(types.intp, 1), [size])
+    sizes = [builder.extract_value(value, k) for k in (2, 1)][2 - kind.ndim :]
+    return context.make_tuple(builder, types.UniTuple(types.intp, kind.ndim), sizes)
 
 
 def _index_kind(kind: TableType, index: Any) -> Any:
@@ -385,7 +390,20 @@ def _index_kind(kind: TableType, index: Any) -> Any:
     if kind.ndim == 1:
         return types.intp if isinstance(index, types.Integer) else None
     if isinstance(index, types.BaseTuple) and len(index) == 2:
-        return types.UniTuple(types.intp, 2)
+        whole = all(isinstance(kind, types.Integer) for kind in index)
+        return types.UniTuple(types.intp, 2) if whole else None
+    return None
+
+
+def _row_kind(kind: TableType, index: Any) -> Any:
+    """Return the type that `k` or `k, low:` is converted to, for a row of a table; else None."""
+    if kind.ndim == 1 or kind.rows:
+        return None
+    if isinstance(index, types.Integer):
+        return types.intp
+    pair = isinstance(index, types.BaseTuple) and len(index) == 2
+    if pair and isinstance(index[0], types.Integer) and isinstance(index[1], types.SliceType):
+        return types.Tuple([types.intp, index[1]])
     return None
 
 
@@ -397,6 +415,10 @@ class _Get(AbstractTemplate):  # type: ignore[misc]
             return signature(WIDE, source, types.intp)
         if isinstance(source, TableType) and _index_kind(source, index) is not None:
             return signature(WIDE, source, _index_kind(source, index))
+        if isinstance(source, TableType) and _row_kind(source, index) is not None:
+            return signature(_ROW, source, _row_kind(source, index))
+        if isinstance(source, WideRowType) and isinstance(index, types.SliceType):
+            return signature(source, source, index)
         return None
 
 
@@ -421,6 +443,12 @@ def _get_of_row(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
     return value
 
 
+@lower_builtin(operator.getitem, WideRowType, types.SliceType)
+def _rest_of_row(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+    low = context.make_helper(builder, sig.args[1], arguments[1]).start
+    return builder.gep(arguments[0], [builder.mul(low, ir.Constant(low.type, sig.args[0].stride))])
+
+
 @lower_builtin(operator.setitem, WideRowType, types.Integer, types.Any)
 def _set_of_row(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
     pointer, index, value = arguments
@@ -432,6 +460,15 @@ def _set_of_row(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
 
 @lower_builtin(operator.getitem, TableType, types.Any)
 def _get_of_table(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+    if isinstance(sig.return_type, WideRowType):
+        table, row = arguments
+        low = ir.Constant(ir.IntType(64), 0)
+        if isinstance(sig.args[1], types.BaseTuple):
+            part = builder.extract_value(row, 1)
+            low = context.make_helper(builder, sig.args[1][1], part).start
+            row = builder.extract_value(row, 0)
+        at = builder.add(builder.mul(row, builder.extract_value(table, 1)), low)
+        return builder.gep(builder.extract_value(table, 0), [at])
     return _aligned(builder.load(_place(context, builder, sig.args[0], *arguments)))
 
 
@@ -452,6 +489,7 @@ def _table(array: Any, rows: int) -> Any:
         columns = builder.extract_value(source.shape, max(array.ndim - 2, 0))
         made = cgutils.create_struct_proxy(kind)(context, builder)
         made.data, made.columns = data, columns
+        made.height = builder.extract_value(source.shape, 0)
         return made._getvalue()
 
     return kind, generate

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import config
 
+from rope_twin.core.axial_law import Fibre
 from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.jit.decorators import compiled
-from rope_twin.core.jit.wide import ALIGNMENT, ALL, LANES
+from rope_twin.core.jit.wide import ALL, LANES
+from rope_twin.core.lanes.by_lane import Each, any_by_lane, is_by_lane
+from rope_twin.core.lanes.layout import (
+    aligned,
+    layout_of,
+    make_each,
+    make_wide,
+    put_each,
+    put_wide,
+)
 from rope_twin.core.lanes.step import FOLDS, LEAST, TALLIES, Run, advance_lanes_steps
 from rope_twin.core.loads import hooks
+from rope_twin.core.loads.memory import count_known, numbers_carried
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     COUNTS,
@@ -51,7 +61,23 @@ class Kind(NamedTuple):
     first_free: int
     step: float
     absorb: float
-    effects: tuple[Any, ...]  # types and field shapes
+    effects: tuple[Any, ...]  # layouts of their data
+    law: Any  # the same of a table of stiffness, or None
+
+    @property
+    def plain(self) -> bool:
+        """Whether ropes differ in arrays only, which a stack of them holds (`begin_stacked`)."""
+        return self.law is None and not any(
+            numbers_carried(own[0])
+            or is_by_lane(own[0])
+            or any(isinstance(part[0], type) for part in own[1:])
+            for own in self.effects
+        )
+
+    @property
+    def types(self) -> tuple[type, ...]:
+        """Types that select the compiled code."""
+        return (*(own[0] for own in self.effects), type(self.law))
 
 
 def why_alone(rope: Rope) -> str:
@@ -61,8 +87,8 @@ def why_alone(rope: Rope) -> str:
     """
     if config.DISABLE_JIT:
         return "plain Python"
-    if rope.law is not None:
-        return "a table of stiffness"
+    if any(isinstance(effect, Fibre) for effect in rope.effects):
+        return "a dynamic stiffness"
     if rope.state.counts[ELEMENTS] < 2:
         return "a single element"
     kinds = [type(effect) for effect in rope.effects if not hooks.all_wide([type(effect)])]
@@ -85,20 +111,27 @@ def kind_of(rope: Rope) -> Kind | None:
     if sections > 1:
         lower_ends = rope.state.s[:elements] + SAME_PLACE
         place = tuple(np.searchsorted(rope.sections[END], lower_ends, side="right").tolist())
-    effects = tuple(
-        (type(effect), *(getattr(field, "shape", ()) for field in effect))
-        for effect in rope.effects
+    return Kind(
+        elements=elements,
+        place=place,
+        sections=sections,
+        first_free=rope.model.first_free,
+        step=rope.model.step,
+        absorb=rope.model.absorb,
+        effects=tuple(layout_of(effect) for effect in rope.effects),
+        law=None if rope.law is None else layout_of(rope.law),
     )
-    model = rope.model
-    return Kind(elements, place, sections, model.first_free, model.step, model.absorb, effects)
 
 
-def aligned(*shape: int) -> Floats:
-    """Return zeros of this shape, aligned so that each SIMD vector lies in one cache line."""
-    size = prod(shape)
-    raw = np.zeros(size + ALIGNMENT // 8)
-    first = -raw.ctypes.data % ALIGNMENT // 8
-    return raw[first : first + size].reshape(shape)
+def _on_columns(layout: Any, columns: int) -> Any:
+    """Return an effect's layout, with the memory of internal variables on a batch's columns."""
+    kind, *parts = layout
+    if not numbers_carried(kind) or is_by_lane(kind):
+        return layout
+    place = kind._fields.index("memory")
+    code, (height, _) = parts[place]
+    parts[place] = code, (height, columns + 1)
+    return (kind, *parts)
 
 
 class Group:
@@ -122,13 +155,14 @@ class Group:
             np.zeros(HEALTH, np.int64),
         )
         state.counts[ELEMENTS] = kind.elements
-        effects = tuple(
-            effect(*(aligned(*shape, LANES) for shape in shapes))
-            for effect, *shapes in kind.effects
-        )
+        effects = tuple(make_wide(_on_columns(own, columns)) for own in kind.effects)
         sections = aligned(SECTION_ROWS, kind.sections, LANES)
         work = aligned(columns, WORK_ROWS, LANES)
-        self._rope = Rope(model, state, work, sections, effects)
+        law = None if kind.law is None else make_wide(kind.law)
+        self._rope = Rope(model, state, work, sections, effects, law)
+        own_each = any_by_lane(own[0] for own in kind.effects)
+        self._each: Any = self._new_each() if own_each else None
+        self._late = 0  # lanes whose internal variables belong to other nodes, as bits
         self._place = np.zeros(kind.elements, np.int64)
         if kind.place:
             self._place[:] = kind.place
@@ -144,23 +178,31 @@ class Group:
 
         Unused lanes get a copy of the first rope.
         """
-        self._tally[:] = 0.0
+        self.load(ropes)
         for lane in range(LANES):
             of = lane if lane < len(ropes) else 0
-            self._put(lane, ropes[of])
             for table, own in zip(self.boundary, boundaries[of], strict=True):
                 table[: len(own), :, lane] = own
 
+    def load(self, ropes: list[Rope]) -> None:
+        """Copy in ropes of the group's kind, and clear counters and folds."""
+        self._clear()
+        for lane in range(LANES):
+            self._put(lane, ropes[lane if lane < len(ropes) else 0])
+
+    def _clear(self) -> None:
+        self._tally[:] = 0.0
+        self.folds[:] = 0.0
+        self.folds[:, LEAST] = np.inf
+
     def begin_stacked(self, ropes: Rope, of: Ints) -> None:
-        """Copy in the ropes `of` of a stack, all of the group's kind, and clear the folds.
+        """Copy in the ropes `of` of a stack, all of the group's plain kind, and clear the folds.
 
         ropes: arrays of state and sections, and the fields of its effects that differ from rope to
         rope, have all ropes of the stack as their first axis. Unused lanes get a copy of the first.
         """
         own, theirs, n, count = self._rope, ropes.state, self.kind.elements, len(of)
-        self._tally[:] = 0.0
-        self.folds[:] = 0.0
-        self.folds[:, LEAST] = np.inf
+        self._clear()
         for name in _OWN_FIGURES:
             getattr(own.model, name)[:] = getattr(ropes.model, name)
         _fill(own.sections, ropes.sections[of], count)
@@ -197,41 +239,83 @@ class Group:
             getattr(own.model, name)[lane] = getattr(rope.model, name)
         own.sections[..., lane] = rope.sections
         for effect, theirs in zip(own.effects, rope.effects, strict=True):
-            for field, value in zip(effect, theirs, strict=True):
-                field[..., lane] = value
-        self.put(lane, rope.state)
+            if not numbers_carried(type(theirs)):
+                put_wide(effect, theirs, lane)
+            elif not is_by_lane(type(theirs)):
+                put_wide(effect[1:], theirs[1:], lane)
+        if own.law is not None:
+            put_wide(own.law, rope.law, lane)
+        if self._each is not None:
+            put_each(self._each.effects, rope.effects, lane)
+            self._each.sections[lane] = rope.sections
+            self._each.tolerance[lane] = rope.model.tolerance
+        self.put(lane, rope)
 
-    def put(self, lane: int, state: State) -> None:
-        """Copy a rope's state into a lane."""
-        own, n = self._rope.state, self.kind.elements
+    def put(self, lane: int, rope: Rope) -> None:
+        """Copy a rope's state and internal variables into a lane."""
+        own, n, state = self._rope.state, self.kind.elements, rope.state
+        self._late &= ~(1 << lane)
+        for i, (effect, theirs) in enumerate(zip(self._rope.effects, rope.effects, strict=True)):
+            if not numbers_carried(type(theirs)):
+                continue
+            self._late |= (count_known(theirs) != n) << lane
+            if is_by_lane(type(theirs)):
+                put_each(self._each.effects[i], theirs, lane)
+                continue
+            for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
+                effect.memory[:, columns, lane] = theirs.memory[:, columns]
         own.nodes[: n + 1, :, lane] = state.nodes[:, : n + 1].T
         own.s[: n + 1, lane] = state.s[: n + 1]
         own.offset[:n, lane] = state.offset[:n]
         self._lowest[lane] = state.counts[LOWEST_OFFSET]
 
-    def take(self, lane: int, state: State) -> None:
-        """Copy a lane's state back to its rope."""
-        own, n = self._rope.state, self.kind.elements
+    def take(self, lane: int, rope: Rope) -> None:
+        """Copy a lane's state and internal variables back to its rope."""
+        own, n, state = self._rope.state, self.kind.elements, rope.state
+        for i, (effect, theirs) in enumerate(zip(self._rope.effects, rope.effects, strict=True)):
+            if not numbers_carried(type(theirs)):
+                continue
+            if is_by_lane(type(theirs)):
+                for part, value in zip(self._each.effects[i], theirs, strict=True):
+                    if isinstance(value, np.ndarray):
+                        value[...] = part[lane]
+                continue
+            for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
+                theirs.memory[:, columns] = effect.memory[:, columns, lane]
         state.nodes[:, : n + 1] = own.nodes[: n + 1, :, lane].T
         state.s[: n + 1] = own.s[: n + 1, lane]
         state.offset[:n] = own.offset[:n, lane]
         state.counts[LOWEST_OFFSET] = self._lowest[lane]
+
+    def late(self, steps: int) -> int:
+        """Return the lanes that take the step after `steps` steps of the run alone, as bits.
+
+        They initialise internal variables, or interpolate them to other nodes.
+        """
+        remembers = any(numbers_carried(own[0]) for own in self.kind.effects)
+        return ALL if remembers and steps == 0 else self._late
+
+    def _new_each(self) -> Each:
+        """Return zeros for the data of each lane alone."""
+        kind, columns = self.kind, len(self._rope.work)
+        return Each(
+            work=self._rope.work,
+            own=np.zeros((WORK_ROWS, columns)),
+            s=np.zeros(columns),
+            counts=self._rope.state.counts,
+            health=self._rope.state.health,
+            tolerance=np.zeros(LANES),
+            sections=np.zeros((LANES, SECTION_ROWS, kind.sections)),
+            effects=tuple(make_each(own) for own in kind.effects),
+        )
 
     def advance(self, run: Run) -> tuple[int, list[int]]:
         """Advance the batch; return the step reached, and the lanes that failed to do the last one.
 
         It stops before the last step if there are such lanes.
         """
-        code = _advance(
-            self._rope,
-            self._place,
-            self._lowest,
-            self._tally,
-            self.boundary,
-            self.pulls,
-            self.folds,
-            run,
-        )
+        known = self._place, self._lowest, self._tally
+        code = _advance(self._rope, self._each, known, self.boundary, self.pulls, self.folds, run)
         left = code & ALL
         return code // (ALL + 1), [lane for lane in range(LANES) if left >> lane & 1]
 
@@ -262,7 +346,7 @@ _COMPILED: dict[tuple[type, ...], Any] = {}
 
 def _advance(*arguments: Any) -> int:
     """Call `advance_lanes_steps`, compiled for the types of the rope's effects."""
-    kinds = tuple(map(type, arguments[0].effects))
+    kinds = (*map(type, arguments[0].effects), type(arguments[0].law))
     found = _COMPILED.get(kinds)
     if found is None:
         found = _COMPILED[kinds] = compiled(advance_lanes_steps, arguments)

@@ -19,7 +19,9 @@ from rope_twin.core.integrator import TRAPEZOID, correct, predict_bdf2, predict_
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.jit.wide import ALL, bits, choose, mask_of
+from rope_twin.core.lanes.by_lane import on_lanes
 from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
+from rope_twin.core.lanes.memory import calm_lanes, predict_lanes
 from rope_twin.core.loads.balance import (
     load_lowest,
     load_of,
@@ -45,12 +47,14 @@ def solve_stage(rope: Any, stage: Any, kind: int, wanted: int, again: int, pendi
     n, first = rope.state.counts[ELEMENTS], rope.model.first_free
     _evaluate(rope, stage, kind, pending)
     again &= wanted
+    again &= calm_lanes(rope.effects, rope.work, on_lanes(stage, again), n, 0.0)
     none = 0.0 * rope.model.tolerance
     active, given_up, count, going = wanted & (ALL - again), 0, none, none
     if again != 0:
         push_wide(rope.work, first, n)
         substitute_wide(rope.work, first, n, 0, (n - first - 1) // 2)
         given_up = again & count_left(rope, stage, CHUNK)
+        given_up |= _restless(rope, stage, again & (ALL - given_up))
         going = choose(mask_of(again & (ALL - given_up)), 1.0, 0.0)
         count += choose(mask_of(again), 1.0, 0.0)
         if active == 0:
@@ -61,17 +65,42 @@ def solve_stage(rope: Any, stage: Any, kind: int, wanted: int, again: int, pendi
         eliminate_wide(rope.work, first, n, mask_of(active))
         going = choose(mask_of(active), 1.0, 0.0)
         count += going
-        active &= ALL - _look_ahead(rope, stage)
-        if active == 0 or correction == SEARCH_FROM:
+        agreeing = active & _look_ahead(rope, stage)
+        left = _restless(rope, stage, agreeing)
+        active &= ALL - (agreeing & (ALL - left))
+        if active == 0 or (correction == SEARCH_FROM and left == 0):
             break
         correct(rope.work, stage.p, stage.q, going, first, n)
+        going = none
         stretch_all(rope, stage)
-        _reload(rope, stage)
+        _reload(rope, on_lanes(stage, active))
+        if left != 0:
+            active &= ALL - (left & _balanced(rope))
+            if active == 0:
+                break
     if bits(going > 0.0) != wanted & (ALL - given_up):  # some converged before the others
         correct(rope.work, stage.p, stage.q, going, first, n)
         stretch_all(rope, stage)  # the look ahead moved them by a correction that is not theirs
         going = none
     return active | given_up, count, going
+
+
+@jit
+def _restless(rope: Any, stage: Any, lanes: int) -> int:
+    """Return those of these lanes that an active set keeps from being solved by the correction."""
+    n = rope.state.counts[ELEMENTS]
+    calm = calm_lanes(rope.effects, rope.work, on_lanes(stage, lanes), n, 1.0)
+    return int(lanes & (ALL - calm))
+
+
+@jit
+def _balanced(rope: Any) -> int:
+    """Return the lanes with all residuals below the tolerance, none NaN."""
+    Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
+    most, fine = rope.model.tolerance * rope.model.tolerance, ALL
+    for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
+        fine &= bits(Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= most)
+    return int(fine)
 
 
 @jit
@@ -93,6 +122,7 @@ def _evaluate(rope: Any, stage: Any, kind: int, pending: Any) -> None:
             last = n
             stretch(law_of(rope), work, state.offset, p, q, n - 1, n)
         set_flow(rope.effects, work, stage, done, last)
+        predict_lanes(rope.effects, rope, stage, kind, done, last)
         _load_nodes(rope.effects, work, stage, max(done, 1), last)
     load_lowest(rope.effects, work, stage)
 

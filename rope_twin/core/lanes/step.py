@@ -10,14 +10,15 @@ from __future__ import annotations
 from math import exp
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
 from rope_twin.core.elements import SAME_PLACE, set_element, set_top_of
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID, accept, correct
-from rope_twin.core.jit.decorators import LINKED, jit, jit_entry
+from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.jit.floats import flush, restore
 from rope_twin.core.jit.rows import node_rows, row, rows
 from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of, table, tiles, wide
+from rope_twin.core.lanes.by_lane import on_lanes
+from rope_twin.core.lanes.layout import wide_data
+from rope_twin.core.lanes.memory import accept_lanes, settle_lanes
 from rope_twin.core.lanes.stage import solve_stage
 from rope_twin.core.payout import (
     OFFSET_GONE,
@@ -44,9 +45,9 @@ from rope_twin.core.state import (
     VELOCITY,
     WORK_ROWS,
     Boundary,
+    LaneStage,
     Model,
     Rope,
-    Stage,
     State,
 )
 
@@ -65,26 +66,7 @@ class Run(NamedTuple):
     wanted: int  # active lanes, as bits
     before: int  # steps since the start of the run, at the start of the batch
     look: int  # interval of slack detection, in steps
-
-
-def _wide_effects(effects: Any) -> Any:
-    """Return effects whose array fields (last axis LANES) are SIMD vectors and tables."""
-    raise TypeError("SIMD vectors exist in compiled code only; plain Python steps ropes one by one")
-
-
-@overload(_wide_effects, jit_options=LINKED, strict=False)
-def _compose_effects(effects: Any) -> Any:
-    scope: dict[str, Any] = {"wide": wide, "table": table}
-    made = []
-    for i, effect in enumerate(effects):
-        scope[f"Effect_{i}"] = effect.instance_class
-        fields = [
-            f"{'wide' if kind.ndim == 1 else 'table'}(effects[{i}].{name})"
-            for name, kind in zip(effect.fields, effect.types, strict=True)
-        ]
-        made.append(f"Effect_{i}({', '.join(fields)}),")
-    exec(f"def written_out(effects):\n    return ({' '.join(made)})", scope)
-    return scope["written_out"]
+    late: int  # lanes that take the next step by themselves, as bits
 
 
 @jit
@@ -110,8 +92,8 @@ def _wide_rope(rope: Any) -> Any:
         ),
         tiles(rope.work, WORK_ROWS),
         table(rope.sections),
-        _wide_effects(rope.effects),
-        None,
+        wide_data(rope.effects),
+        wide_data(rope.law),
     )
 
 
@@ -210,24 +192,33 @@ def _fade_offsets(rope: Any, state: Any, lowest: Any, kept: int) -> None:
 
 
 @jit
-def _stage_at(rope: Any, place: Any, boundary: Any, step: int, kind: int, time: float) -> Any:
-    """Set the boundary condition at the stage's fraction of the step and return the stage."""
+def _stage_at(rope: Any, place: Any, boundary: Any, step: int, kind: int, of: Any) -> Any:
+    """Set the boundary condition at the stage's fraction of the step and return the stage.
+
+    of: time, wanted lanes, and their data.
+    """
+    time, lanes, each = of
     n, h = rope.state.counts[ELEMENTS], rope.model.step
     part = GAMMA if kind == TRAPEZOID else 1.0
     c = 0.5 * GAMMA * h
     L, V, _ = place_hang_off(rope.work, boundary, step, part, h, n)
     places = place[n - 1], place[n - 2]
     set_top_of(rope.work, rope.state.s, rope.sections, n, (L, V), places)
-    return Stage(time + part * h, c * c, c, V)
+    return LaneStage(time + part * h, c * c, c, V, lanes, each)
 
 
 @jit
-def _finish(rope: Any, place: Any, boundary: Any, pull: Any, step: int, time: float) -> None:
-    """Complete step `step`, which ends at `time`: report the tension on the hang-off."""
+def _finish(rope: Any, place: Any, boundary: Any, pull: Any, step: int, of: Any) -> None:
+    """Complete step `step`: report the tension on the hang-off.
+
+    of: time at the step's end, lanes, and their data.
+    """
+    time, lanes, each = of
     L, V, A = prescribed(boundary, step, LINE_COLUMN, 1.0, rope.model.step)
     n = rope.state.counts[ELEMENTS]
     rope.state.s[n] = L
-    load_trials_of(rope, Stage(time, 1.0, 0.0, V), A, 0.0, place[n - 1], place[n - 2])
+    stage = LaneStage(time, 1.0, 0.0, V, lanes, each)
+    load_trials_of(rope, stage, A, 0.0, place[n - 1], place[n - 2])
     report_tension(rope, pull, step)
 
 
@@ -257,20 +248,24 @@ def _fold(rope: Any, folds: Any, look: int, kept: Any) -> None:
 
 @jit_entry
 def advance_lanes_steps(
-    arrays: Any, place: Any, lowest: Any, tally: Any, boundary: Any, pull: Any, fold: Any, run: Any
+    arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, fold: Any, run: Any
 ) -> int:
-    """Entry point of the compiled code behind `Group.advance`."""
+    """Entry point of the compiled code behind `Group.advance`.
+
+    known: section of each element; each lane's lowest length correction, and counters.
+    """
     was = flush()
-    done = _advance(arrays, place, lowest, tally, boundary, pull, fold, run)
+    done = _advance(arrays, each, known, boundary, pull, fold, run)
     restore(was)
     return int(done)
 
 
 @jit
 def _advance(
-    arrays: Any, place: Any, lowest: Any, tally: Any, boundary: Any, pull: Any, fold: Any, run: Any
+    arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, fold: Any, run: Any
 ) -> int:
     rope = _wide_rope(arrays)
+    place, lowest, tally = known
     borders = Boundary(table(boundary.value), table(boundary.rate))
     pulls, tallies, folds = table(pull), table(tally), table(fold)
     first, steps, wanted, time, h = run.first, run.steps, run.wanted, run.time, rope.model.step
@@ -283,17 +278,21 @@ def _advance(
         now = time + step * h
         L, V, _ = prescribed(borders, step, LINE_COLUMN, 1.0, h)
         kept = wanted & (ALL - _eventful(rope, place, sections, L, V))
+        if step == first:
+            kept &= ALL - run.late
         solves, most, pending, again = 0.0 * L, 0.0 * L, 0.0 * L, 0
         for kind in (TRAPEZOID, BDF2):
-            stage = _stage_at(rope, place, borders, step, kind, now)
+            stage = _stage_at(rope, place, borders, step, kind, (now, kept, each))
             left, count, pending = solve_stage(rope, stage, kind, kept, again, pending)
             again = bits(count <= 1.0)
             kept &= ALL - left
+            pending = settle_lanes(rope.effects, rope, on_lanes(stage, kept), kind, pending)
             solves += count
             most = max(most, count)
         mask = mask_of(kept)
         _keep(rope, mask, pending)
-        _finish(rope, place, borders, pulls, step, now + h)
+        accept_lanes(rope.effects, each, rope.state.counts[ELEMENTS], kept)
+        _finish(rope, place, borders, pulls, step, (now + h, kept, each))
         _fade_offsets(rope, arrays.state, lowest, kept)
         tallies[SOLVES_DONE] = tallies[SOLVES_DONE] + choose(mask, solves, 0.0)
         tallies[SOLVES_MOST] = max(tallies[SOLVES_MOST], choose(mask, most, 0.0))

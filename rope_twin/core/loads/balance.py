@@ -23,6 +23,7 @@ from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.guards import TANGENT2_MIN
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_sum, jit_within
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.wide_calls import renewed
 from rope_twin.core.loads.growth import Growth, grown
 from rope_twin.core.loads.hooks import (
     couples,
@@ -211,7 +212,7 @@ def load_rows(work: Floats, low: int) -> Any:
 def load_lowest(effects: Any, work: Floats, stage: Stage) -> None:
     """Set residual and block of node 0, which has no element below it."""
     for k in range(3):
-        work[TANGENT + k, 0] = work[DIRECTION + k, 0]
+        work[TANGENT + k, 0] = renewed(stage, work[DIRECTION + k, 0], work[TANGENT + k, 0])
         work[RESIDUAL + k, 0] = work[TENSION, 0] * work[DIRECTION + k, 0]
     add_load(effects, work, stage, ZERO, ZERO + 1)
     add_end(effects, work, stage)
@@ -247,7 +248,7 @@ def load_remembering(
     """Add the loads of effects with internal variables; `tangents`: compute the tangents first."""
     calls = members("load_nodes", grown(effects, stage.time))
     if tangents and calls:
-        _set_tangents(work, low, high)
+        _set_tangents(work, stage, low, high)
     for effect, call in calls:
         call(effect, work, stage, low, high)
 
@@ -258,13 +259,17 @@ def _compose_remembering(
 ) -> Any:
     calls, growth = kernels("load_nodes", effects, work), Growth(effects)
     lines = [f"kernel_{i}({growth.of(i)}, work, stage, low, high)" for i in calls]
-    lines = ["if tangents: set_tangents(work, low, high)", *growth.lines, *lines] if calls else []
+    lines = (
+        ["if tangents: set_tangents(work, stage, low, high)", *growth.lines, *lines]
+        if calls
+        else []
+    )
     head, names = "effects, work, stage, low, high, tangents", {"set_tangents": _set_tangents}
     return written_out(head, [*lines, "return None"], calls, **names, **growth.names)
 
 
 @jit
-def _set_tangents(work: Floats, low: int, high: int) -> None:
+def _set_tangents(work: Floats, stage: Any, low: int, high: int) -> None:
     """Set TANGENT of the nodes 1 <= low <= i < high to the mean direction of adjacent elements."""
     tx, ty, tz = rows(work, DIRECTION, low)
     bx, by, bz = rows(work, DIRECTION, low - 1)
@@ -272,9 +277,9 @@ def _set_tangents(work: Floats, low: int, high: int) -> None:
     for i in range(high - low):
         x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
         inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
-        mx[i] = x * inverse
-        my[i] = y * inverse
-        mz[i] = z * inverse
+        mx[i] = renewed(stage, x * inverse, mx[i])
+        my[i] = renewed(stage, y * inverse, my[i])
+        mz[i] = renewed(stage, z * inverse, mz[i])
 
 
 @jit

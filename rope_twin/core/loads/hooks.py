@@ -38,7 +38,8 @@ same tuple.
 
 A kernel whose arithmetic also holds for SIMD vectors (core/lanes) is registered with `wide=True`; a
 kernel that branches on values that differ from rope to rope has a SIMD variant, `@wide_kernel(hook,
-Type)`. If one of its effects has neither, a scene's rope is stepped individually.
+Type)`, or is called for each lane in turn (core/lanes/by_lane). If one of its effects has none of
+these, a scene's rope is stepped individually. A SIMD `calm` returns the calm lanes as bits.
 """
 
 from __future__ import annotations
@@ -109,11 +110,20 @@ def wide_kernel(hook: str, effect: type) -> Callable[[Any], Any]:
     return register
 
 
+def register_wide(hook: str, effect: type, compiled: Any) -> None:
+    """Register a compiled kernel as the SIMD variant of an effect's kernel."""
+    _WIDE[hook][effect] = compiled
+
+
 def all_wide(kinds: Iterable[type]) -> bool:
-    """Return whether ropes with effects of these types can be stepped as a SIMD batch."""
-    kinds = tuple(kinds)
-    wide = all(kind in _WIDE[hook] for kind in kinds for hook in hooks_of(kind))
-    return wide and not switches(kinds)
+    """Return whether ropes with effects of these types can be stepped as a SIMD batch.
+
+    A batch does not begin at time 0, and is no multi-line system.
+    """
+    for kind in kinds:
+        if not all(kind in _WIDE[hook] for hook in set(hooks_of(kind)) - {"start", "face"}):
+            return False
+    return True
 
 
 def hooks_of(effect: type) -> tuple[str, ...]:

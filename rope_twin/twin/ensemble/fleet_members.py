@@ -63,7 +63,7 @@ class FleetMembers:
         """Apply the factors to the kernel data."""
         kind = kind_of(self.rope)
         sections = stacked_sections(self.rope.sections, self.factors)
-        effects = stacked_effects(self.rope.effects, self.factors) if kind else ()
+        effects = stacked_effects(self.rope.effects, self.factors) if kind and kind.plain else ()
         self._kind, self._alone = kind, dict[int, Rope]()
         self.stack = self.rope._replace(state=self.states, sections=sections, effects=effects)
 

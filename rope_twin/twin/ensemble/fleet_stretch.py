@@ -161,12 +161,14 @@ class Stretch:
         while going and done < self._steps:
             wanted = sum(1 << lane for lane in going)
             end = min(done + some, self._steps)
-            run = Run(self._time_s, done, end, wanted, self._first, look)
+            late = group.late(self._steps_before + done)
+            run = Run(self._time_s, done, end, wanted, self._first, look, late)
             done, left = group.advance(run)
             for lane in left:
                 member = going[lane]
-                state = all_.state_of(member)
-                group.take(lane, state)
+                rope = all_.alone(member)
+                state = rope.state
+                group.take(lane, rope)
                 if self._step_lane(group, lane, member, done - 1, own):
                     alone[lane] += 1
                     if state.counts[rows.ELEMENTS] != kind.elements:
@@ -174,14 +176,13 @@ class Stretch:
                     elif alone[lane] > OFTEN_LEAST + OFTEN * (done - began):
                         often.append((member, done))
                     else:
-                        group.put(lane, state)
+                        group.put(lane, rope)
                         continue
                 group.account(lane, state.health)
                 del going[lane]
         self._harvest(group, members, began)
         if going:
-            lanes = np.array(list(going), dtype=np.int64)
-            group.take_stacked(all_.states, members[lanes], lanes)
+            self._take(group, members, list(going))
         for member, at in often:
             self._alone(member, at, own)
         return [(np.array(left, dtype=np.int64), at) for at, left in changed.items()]
@@ -190,13 +191,27 @@ class Stretch:
         """Return the arrays of a group with its members, and their motion after `done` steps."""
         looks = (self._first + self._steps - 1) // self._course.look_steps - self._first_look + 1
         group = own.group(kind, self._steps, looks)
-        group.begin_stacked(self._members.stack, members)
+        if kind.plain:
+            group.begin_stacked(self._members.stack, members)
+        else:
+            group.load([self._members.alone(k) for k in members.tolist()])
         ahead = Boundary(*(table[done : self._steps + 1] for table in group.boundary))
         self._course.fill(ahead, members, self._first + done)
         nodes = self._members.states.nodes[members, : rows.Z, kind.elements].T  # stays aside there
         ahead.value[:, : rows.Z, : len(members)] = nodes
         ahead.value[:, : rows.Z, len(members) :] = nodes[:, :1]
         return group
+
+    def _take(self, group: Group, members: Ints, lanes: list[int]) -> None:
+        """Copy the states of these lanes back to their members, with solver counts."""
+        if group.kind.plain:
+            chosen = np.array(lanes, dtype=np.int64)
+            group.take_stacked(self._members.states, members[chosen], chosen)
+            return
+        for lane in lanes:
+            rope = self._members.alone(int(members[lane]))
+            group.take(lane, rope)
+            group.account(lane, rope.state.health)
 
     def _step_lane(self, group: Group, lane: int, member: int, step: int, own: Scratch) -> bool:
         """Do a step for one lane alone; return whether it went."""

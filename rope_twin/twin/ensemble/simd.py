@@ -41,9 +41,9 @@ def sort_into_groups(
 def compile_lanes(groups: Iterable[Sequence[SteppedMember]]) -> None:
     """Compile the SIMD step for groups of several members, if it is not compiled yet."""
     kinds = (some[0].kind() for some in groups if len(some) > 1)
-    by_types = {tuple(own[0] for own in kind.effects): kind for kind in kinds if kind is not None}
+    by_types = {kind.types: kind for kind in kinds if kind is not None}
     for kind in by_types.values():
-        Group(kind, 0).advance(Run(0.0, 0, 0, 0, 0, 1))  # no step at all
+        Group(kind, 0).advance(Run(0.0, 0, 0, 0, 0, 1, 0))  # no step at all
 
 
 def advance_group(
@@ -80,7 +80,8 @@ class _Turn:
         done = 0
         while self._members and done < self._steps:
             wanted = sum(1 << lane for lane in self._members)
-            run = Run(self._time, done, self._steps, wanted, self._before, self._look_steps)
+            late = self._group.late(self._before + done)
+            run = Run(self._time, done, self._steps, wanted, self._before, self._look_steps, late)
             done, left = self._group.advance(run)
             for lane in left:
                 self._step_alone(lane, done)
@@ -91,7 +92,7 @@ class _Turn:
         """Do the last of `done` steps for the rope of one lane."""
         member, group = self._members[lane], self._group
         state, work = member.rope.state, self._scratch.work(member.work_shape)
-        group.take(lane, state)
+        group.take(lane, member.rope)
         member.steps = self._before + done - 1
         boundary = Boundary(*(table[done - 1 : done + 1] for table in self._boundaries[lane]))
         batch = Batch(boundary, np.zeros((1, PULL_COLUMNS)))
@@ -106,13 +107,13 @@ class _Turn:
         if state.counts[ELEMENTS] != group.kind.elements or len(alone) > OFTEN_LEAST + OFTEN * done:
             self._leave(lane, done)
         else:
-            group.put(lane, state)
+            group.put(lane, member.rope)
 
     def _leave(self, lane: int, done: int) -> None:
         """Take a rope out of the group after `done` steps; it completes the batch alone."""
         member, group, alone = self._members.pop(lane), self._group, self._alone[lane]
         if not member.failure and not (alone and alone[-1] == done):
-            group.take(lane, member.rope.state)
+            group.take(lane, member.rope)
             self._tension[lane] = group.tension(lane)
         steps, slack = group.account(lane, member.rope.state.health)
         member.lane_steps += steps

@@ -1,0 +1,42 @@
+"""The row on the gain of lanes: consistent numbers, and a check of equality that can fail."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+import benchmarks.lane_gain as study
+from benchmarks.__main__ import main
+from benchmarks.lane_gain import FULL, QUICK, gain_rows, gain_table
+from rope_twin import load_scene
+from rope_twin.core.jit.wide import LANES
+from rope_twin.core.lanes.group import why_alone
+from rope_twin.scene.model.rope import build
+
+
+def test_a_row_is_consistent() -> None:
+    """All members are in lanes, none differs, and the gain is that of the two times."""
+    (row,) = gain_rows(QUICK)
+    assert (row.members, row.in_lanes, row.unequal, row.failed) == (LANES, LANES, 0, 0)
+    assert 0.0 <= row.given_up <= 0.05
+    assert row.gain_least <= row.gain <= row.gain_most
+    assert row.gain == pytest.approx(row.alone_ns_per_node_step / row.lanes_ns_per_node_step)
+    heads, cells = gain_table([row])
+    assert dict(zip(heads, cells, strict=True))["equal to alone"] == f"{LANES} of {LANES}"
+
+
+def test_what_differs_is_counted(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command fails if a member has other bits than alone."""
+    assert main(["lanes", "--quick", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"][0]["unequal"] == 0
+    monkeypatch.setattr(study, "_same", lambda together, alone, number: number > 0)
+    assert main(["lanes", "--quick"]) == 1
+    assert f"{LANES - 1} of {LANES}" in capsys.readouterr().out
+
+
+def test_every_scene_of_the_benchmark_steps_in_lanes() -> None:
+    """So that a row never compares members alone with themselves."""
+    assert not [case.scene for case in FULL if why_alone(build(load_scene(case.scene)))]

@@ -1,0 +1,129 @@
+"""Effects that branch, in SIMD lanes: equal to the bit to the members alone, and not given up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from lone_twins import SECOND_NS, alone, differing, sea
+
+from rope_twin import load_scene
+from rope_twin.core.jit.wide import LANES
+from rope_twin.core.lanes.group import why_alone
+from rope_twin.scene.change import Change
+from rope_twin.scene.model.rope import build
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
+from rope_twin.twin.motion.heave_series import HeaveSeries
+
+EVERYTHING = """\
+about: a load in the splash zone or on the bed, on a rope of a stiffness table
+source: made up
+look_at: nothing
+ropes:
+  - name: hoist
+    rope:
+      about: a wire, stiffer under load
+      diameter_m: 0.05
+      mass_kg_per_m: 9.0
+      hydrodynamic_diameter_m: 0.05
+      axial_stiffness: {table: [[0.0, 0.0], [0.001, 6.0e+4], [0.003, 2.5e+5], [0.01, 1.2e+6]]}
+      breaking_load_n: 1500000.0
+    length_m: 12.0
+    elements: 8
+    damping: {fraction_of_first_axial_mode: 0.05}
+    to: tool
+payloads:
+  - name: tool
+    mass_kg: 8000.0
+    shape: {box: {length_m: 2.0, width_m: 1.5, height_m: 1.0}}
+    displaced_volume_m3: 1.5
+ship:
+  hang_off_m: [0.0, 0.0, 12.0]
+  motion_ramp_s: 2.0
+effects:
+  - current:
+      profile: [[0.0, [0.5, 0.1]], [-3.0, [0.3, 0.3]], [-50.0, [0.0, 0.0]]]
+      over_time: [[0.0, 0.5], [1.0, 1.0], [3.0, 0.8]]
+  - waves:
+      jonswap: {significant_height_m: 0.6, peak_period_s: 5.0}
+      components: 32
+      depth_m: 8.0
+      ramp_s: 1.0
+  - wetting: {}
+  - wind: {velocity_m_per_s: [9.0, -4.0]}
+  - weight: {}
+  - drag:
+      normal: 1.2
+      tangential: 0.03
+      over_reynolds: [[1.0e+3, 1.0], [1.0e+5, 1.2], [1.0e+6, 0.6]]
+  - added_mass: {normal: 1.0}
+  - seabed: {depth_m: 8.0}
+  - payload: {}
+  - splash_zone: {height_m: 1.0, bottom_area_m2: 3.0}
+  - net: {width_m: 1.0, height_m: 1.0, solidity: 0.2}
+  - fairing: {face_m2: 1.0}
+time: {step_s: 0.01}
+"""
+SHIPPED = (
+    "rov_tether", "hybrid_lift", "landing", "wave_zone", "splash_zone", "tow_with_net",
+)  # fmt: skip
+PLACES = (12.0, 16.0, 18.5, 20.02)  # through the surface, below it, and from the bed on
+
+
+def member(number: int) -> Variation:
+    """One with its own length, water and motion."""
+    changes = (
+        Change("ropes[0].length_m", PLACES[number % len(PLACES)]),
+        Change("effects.drag.normal", 1.0 + 0.1 * number),
+        Change("effects.waves.seed", float(number)),
+        Change("effects.seabed.friction", 0.2 + 0.1 * number),
+    )
+    heave = HeaveSeries.of(sea(0.15, 5.0 + 0.3 * number, 30.0))
+    return Variation(changes, heave.starting_at(number * SECOND_NS // 3))
+
+
+@pytest.mark.long
+def test_effects_that_branch(tmp_path: Path) -> None:
+    """A table, waves, wetting, wind, splash zone, seabed, net and fairing together."""
+    path = tmp_path / "everything.yaml"
+    path.write_text(EVERYTHING)
+    scene = load_scene(path)
+    assert not why_alone(build(scene))
+    own = [member(number) for number in range(LANES)]
+    ensemble = Ensemble(scene, own, threads=1)
+    assert ensemble.lanes().members == LANES
+    ensemble.advance(1)
+    ensemble.advance(3)
+    for number, variation in enumerate(own):
+        assert not differing(ensemble.snapshot(number), alone(scene, variation, 4)), number
+    told = ensemble.lanes()
+    assert told.steps + told.given_up == 400 * LANES
+    assert told.given_up < 0.2 * told.steps  # the first step, and where a load hits bed or water
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_scenes(name: str) -> None:
+    """Each in lanes and without them: the same states, internal variables and figures."""
+    scene = load_scene(name)
+    own = [heaving(scene, number) for number in range(LANES)]
+    together = Ensemble(scene, own, threads=1)
+    lone = Ensemble(scene, own, threads=1, abreast=1)
+    assert together.lanes().members == LANES
+    steps = round(6.0 / scene.time.step_s)
+    for some in (1, steps // 4, steps - 1 - steps // 4):
+        together.advance(some * scene.time.step_s)
+        lone.advance(some * scene.time.step_s)
+    assert together.figures() == lone.figures()
+    for number in range(LANES):
+        assert not differing(together.snapshot(number), lone.snapshot(number)), number
+    told = together.lanes()
+    assert told.given_up < 0.1 * told.steps
+
+
+def heaving(scene: Scene, number: int) -> Variation:
+    """One with a motion of its own, small where the rope is held and would fall slack."""
+    held = scene.ropes[0].fixed_at_m is not None
+    heave = HeaveSeries.of(sea(0.05 if held else 0.4, 6.0 + 0.3 * number, 30.0))
+    return Variation(heave=heave.starting_at(number * SECOND_NS // 3))
