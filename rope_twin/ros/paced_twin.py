@@ -454,8 +454,12 @@ class PacedTwin:
 
 
 def _learning(scene: Scene, inputs: InputQueue) -> LiveLearning:
-    """Return the learning beside the twin, whose modules only such a run loads."""
-    from rope_twin.estimation.live import LiveLearning
+    """Return learning beside the twin; without it nothing of the estimator is loaded.
+
+    Raises:
+        InputError: the scene cannot be learned yet.
+    """
+    from rope_twin.estimation.live import LiveLearning  # with SciPy's solvers
 
     return LiveLearning(scene, inputs)
 
