@@ -274,7 +274,8 @@ class FaultWatch:
         except SolverError:
             responses = [], *(np.zeros(0),) * 3  # the causes of first order remain
         causes = _named(name_causes(tests, responses))
-        self.alarm = replace(alarm, begun_s=onset_s, causes=causes, named_after_s=after_s)
+        begun_s = onset_s if onset_s <= alarm.found_s else alarm.begun_s
+        self.alarm = replace(alarm, begun_s=begun_s, causes=causes, named_after_s=after_s)
 
     def _lost_payload(self, now_s: float, measured: Floats, predicted: Floats) -> None:
         reference = self._reference

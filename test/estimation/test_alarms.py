@@ -40,8 +40,9 @@ def tension(weight: float) -> np.ndarray:
     for some in (slice(0, at + 1), slice(at, None)):
         record = fleet.advance(FleetInputs(z[some], v[some], line[some], speed[some]), 100)
         parts.append(record.top_tension_n[:, 0])
-        factor = max(weight, 0.02)
-        fleet.set_figures({"submerged_weight": factor, "oscillating_mass": factor})
+        # were its mass to change as much, it would be a gain of the load pin on so short a rope
+        mass = 0.02 if weight == 0.0 else 1.0 - 0.4 * (1.0 - weight)
+        fleet.set_figures({"submerged_weight": max(weight, 0.02), "oscillating_mass": mass})
     return np.concatenate([parts[0][:1], *parts])
 
 

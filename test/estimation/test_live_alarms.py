@@ -59,7 +59,7 @@ def test_a_stuck_load_pin_is_an_alarm_until_it_is_acknowledged(tmp_path: Path) -
     ok, _ = learning.acknowledge()
     assert ok
     learning.worker.work()
-    assert next(iter(learning.new_alarms())) == ""
+    assert next(learning.new_alarms()) == ""
     assert learning.learner.trouble == ""
 
 
