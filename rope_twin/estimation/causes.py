@@ -51,7 +51,7 @@ SIGNATURES = (
     Signature(SENSOR_GAIN, {HEAVE_GAIN: 0.05}),
     Signature(SENSOR_DELAY, {HEAVE_DELAY: 0.10}),
 )
-PIN = frozenset({PIN_OFFSET, PIN_DRIFT})  # "load pin", where its two cannot be told apart
+PIN = frozenset({PIN_OFFSET, PIN_DRIFT})  # "load pin", where its two cannot be distinguished
 
 W, M, K = "submerged_weight", "oscillating_mass", "payload_drag"
 ONSETS = 5  # that are tried, one of them from the tests
