@@ -40,6 +40,8 @@ ARGUMENTS = (
     ("out", "", "bag directory to create; empty: rope_twin_DATE_TIME"),
     ("view", "false", "show the run in rerun"),
     ("view_file", "", "write this .rrd file instead of opening a window"),
+    ("console", "", "HOST:PORT of the operator console, a web page; empty: none"),
+    ("control", "false", "let its pages command the winch, with the token that it prints"),
     ("allow_cut", "false", "listen to ropes/cut: whoever publishes there cuts the rope"),
     ("network", "false", "let other machines take part; false: loopback interface only"),
     (
@@ -93,6 +95,11 @@ def generate_launch_description() -> LaunchDescription:
     read = PythonExpression(["'", value("feed"), "' != ''"])
     instruments = {"settings": ParameterValue(value("feed"), **text)}
     picture = {"file": ParameterValue(value("view_file"), **text)}
+    asked = PythonExpression(["'", value("console"), "' != ''"])
+    served = {
+        "address": ParameterValue(value("console"), **text),
+        "control": ParameterValue(value("control"), value_type=bool),
+    }
     return LaunchDescription(
         [
             *(
@@ -113,6 +120,13 @@ def generate_launch_description() -> LaunchDescription:
                 parameters=[file, picture],
                 condition=IfCondition(value("view")),
                 **shown,
+            ),
+            Node(
+                executable="console_node",
+                name="console",
+                parameters=[file, scene, served],
+                condition=IfCondition(asked),
+                **common,
             ),
             Node(
                 executable="sea_state_node",

@@ -25,6 +25,7 @@ NODES = {
     "forecast": params.ForecastParams,
     "recorder": params.RecorderParams,
     "viewer": params.ViewerParams,
+    "console": params.ConsoleParams,
 }
 # What a row reports, in the terms of a reader of /diagnostics; test/docs holds the list complete.
 ROWS_MEAN = {

@@ -298,10 +298,9 @@ class Desk:
 
     def _winches(self) -> tuple[str, ...]:
         """Return the names of the winches: of the scene, or as they publish their state."""
-        known = self._pages.facts.get("winches")
-        return tuple(
-            known or (row["name"] for row in self._pages.readings.values.get("winches", ()))
-        )
+        values = self._pages.readings.values
+        named = (row["name"] for row in values.get("winches", ()))
+        return tuple(self._pages.facts.get("winches") or named)
 
     def _effect(self, one: _Awaited) -> str:
         """Return the twin's words on what a command has done, or "" while it is not seen."""

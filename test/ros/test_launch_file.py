@@ -26,6 +26,7 @@ CLASSES = {
     "feed": params.FeedParams,
     "recorder": params.RecorderParams,
     "viewer": params.ViewerParams,
+    "console": params.ConsoleParams,
 }
 
 
@@ -102,7 +103,7 @@ def test_it_runs_where_launch_is_installed() -> None:
     spec.loader.exec_module(module)
     entities = module.generate_launch_description().entities
     variables = 0 if "ROS_AUTOMATIC_DISCOVERY_RANGE" in os.environ else 2
-    assert len(entities) == len(module.ARGUMENTS) + variables + 6
+    assert len(entities) == len(module.ARGUMENTS) + variables + 7
 
 
 def test_it_keeps_to_the_loopback_interface_and_starts_again_what_dies(tree: ast.Module) -> None:
