@@ -180,7 +180,7 @@ def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() ->
     inputs = profiles["simulation"].subscribe
     assert inputs == {*INPUTS, ALERT_COMMAND, "clock"} - {CUT_TOPIC}
     assert {name for name, one in profiles.items() if one.publish & set(INPUTS)} == {
-        "sea_state", "winch_schedule", "feed"
+        "sea_state", "winch_schedule", "feed", "console"
     }  # fmt: skip
 
 
