@@ -47,6 +47,7 @@ FULL = (
     Case("landing", "seabed"),
     Case("wave_zone", "waves"),
     Case("splash_zone", "waves, wetting, wind, splash_zone"),
+    Case("viv_in_heave", "wake_oscillator"),
     Case("tow_with_net", "net"),
 )
 QUICK = (Case("smooth_2km", "quick", LANES, 1.0, 1.0, 1),)

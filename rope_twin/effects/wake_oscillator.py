@@ -39,6 +39,7 @@ from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.integrator import BDF2, GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.wide_calls import renewed
 from rope_twin.core.loads.growth import VORTICES, grows
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
@@ -203,13 +204,15 @@ def start(wake: Any, rope: Any, upto: int) -> None:
         memory[WAKE_RATE, i] = memory[EPSILON, i] * omega * p
 
 
-@kernel("predict", WakeOscillator)
+@kernel("predict", WakeOscillator, wide=True)
 def predict(wake: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set the explicit parts of q and p, and the quantities that are constant in the stage."""
     memory, c = wake.memory, stage.q
     _set_figures(wake, rope.work, low, high)
     if stage.time <= 0.0:  # static equilibrium, sought in long steps
-        memory[STRENGTH, low:high] = 0.0
+        strength = memory[STRENGTH, low:]
+        for i in range(high - low):
+            strength[i] = 0.0
     q0, rate0 = memory[Q, low:], memory[RATE, low:]
     wake0, wake_rate0 = memory[WAKE, low:], memory[WAKE_RATE, low:]
     hat, wake_hat, guess = memory[HAT, low:], memory[WAKE_HAT, low:], memory[GUESS, low:]
@@ -228,7 +231,7 @@ def predict(wake: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
         guess[i] = hat[i] + c * (rate1[i] + GROWTH * (rate1[i] - rate0[i]))
 
 
-@kernel("load_nodes", WakeOscillator)
+@kernel("load_nodes", WakeOscillator, wide=True)
 def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Add F = k·q·|U × t|·(U × t), k = ½·ρ·D·l·C_L0/2, and its block.
 
@@ -248,7 +251,7 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
         drive, felt = faded(bx[i] * vx[i] + by[i] * vy[i] + bz[i] * vz[i], omega[i])
         begun = (hat[i], wake_hat[i], guess[i])
         q, slope = solve_wake(stage.q, FIRST, begun, (omega[i], epsilon[i]), drive)
-        guess[i] = q
+        guess[i] = renewed(stage, q, guess[i])
         x, y, z = tx[i], ty[i], tz[i]
         u, v, w = ux[i] - vx[i], uy[i] - vy[i], uz[i] - vz[i]
         along = u * x + v * y + w * z
@@ -270,7 +273,7 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
         Azz[i] += 2.0 * lz * cz
 
 
-@kernel("settle", WakeOscillator)
+@kernel("settle", WakeOscillator, wide=True)
 def settle(wake: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store q, p and their rates of the converged stage; update the mean tangent once a step."""
     memory, work = wake.memory, rope.work

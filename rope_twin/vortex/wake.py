@@ -37,6 +37,7 @@ from rope_twin.core.elements import end_rope, stretch_all
 from rope_twin.core.guards import DIVISOR_MIN, RATE_MIN, TANGENT2_MIN
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.balance import set_flow
 from rope_twin.core.state import (
     DIRECTION,
@@ -119,8 +120,8 @@ def _shed(wake: Any, water: Any, tangent: Any) -> Any:
     speed = sqrt(cx * cx + cy * cy + cz * cz)
     along = u * x + v * y + w * z
     upright = along * along < wake.critical * wake.critical * (u * u + v * v + w * w)
-    A = wake.A if upright else wake.A_inclined
-    epsilon = wake.epsilon if upright else wake.epsilon_inclined
+    A = choose(upright, wake.A, wake.A_inclined)
+    epsilon = choose(upright, wake.epsilon, wake.epsilon_inclined)
     return (cx, cy, cz), speed, A, epsilon
 
 
@@ -161,7 +162,8 @@ def smooth_noise(share: float) -> Any:
 @jit_within
 def faded(drive: Any, omega: Any) -> Any:
     """Return the reduced driving term A·y' and its derivative to A·y'."""
-    x, limit = drive * drive, (FASTEST * omega) ** 2
+    x, root = drive * drive, FASTEST * omega
+    limit = root * root
     s = limit * limit / (limit * limit + x * x + DIVISOR_MIN)
     return s * drive, s * (4.0 * s - 3.0)
 
@@ -183,7 +185,8 @@ def solve_wake(c: float, count: int, start: Any, figures: Any, drive: Any) -> An
     """
     hat, wake_hat, q = start
     omega, epsilon = figures
-    k, slope = c * omega, 1.0
+    k = c * omega
+    slope = 0.0 * k
     for _ in range(count):
         own = k * epsilon * (q * q - 1.0)
         miss = (q - hat) * (1.0 + own) - k * (wake_hat - k * q) - c * drive
