@@ -32,7 +32,10 @@ NEAR_LIMIT = 0.95  # of a limit of the scene: a warning
 WITHOUT_LIMIT = 0.5  # of the MBL, where a scene gives no limit: codes allow less (UNOLS: 1/FS)
 SLACK_MARGIN = 0.1  # of the static submerged weight, as DNV-RP-N103 4.4 is quoted
 SLACK_WINDOW_NS = 60 * SECOND
+AT_LIMIT_SHARE = 0.1  # of LIMIT_WINDOW_NS
+LIMIT_WINDOW_NS = 60 * SECOND
 POOR_INDEX, DOUBTFUL_INDEX = 0.7, 0.5  # of a quality index
+WAVES_S = 30.0  # two of the longest waves: what each crest exceeds is one situation
 EVENT_S = 10.0  # an event, such as a landing too fast, is a present situation for so long
 CAUTION, WARNING, ALARM = Priority.CAUTION, Priority.WARNING, Priority.ALARM
 
@@ -49,12 +52,13 @@ class Measure(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """What is known at one time."""
+    """Knowledge about the lift at one time."""
 
     shot: Snapshot
     rows: Mapping[str, Status]  # newest rows of the diagnostics by name, at times older
     scene: SceneFigures
     least_payload_n: float  # tension at the payload over the last minute; NaN: does not count
+    at_limit: float  # share of the last minute that the winch was at one of its limits
 
 
 @dataclass(frozen=True)
@@ -111,9 +115,15 @@ def _slack(at: Moment) -> Iterator[Measure]:
 
 
 def _winch(at: Moment) -> Iterator[Measure]:
-    """Find a limit of a winch: speed, acceleration, torque, stroke of its compensation."""
-    if at.shot.winch_at_limit:
-        yield _present("winch", WARNING, f"winch: {at.shot.winch_at_limit}")
+    """Find a winch that is often at a limit: speed, acceleration, torque, stroke of its AHC.
+
+    In waves it is there for a second or two of each; the share of a minute tells it from an end of
+    a movement.
+    """
+    if at.at_limit > 0.0:
+        words = at.shot.winch_at_limit or "at a limit of late"
+        text = f"winch: {words}; at a limit for {at.at_limit:.0%} of a minute"
+        yield Measure("winch", at.at_limit, ((AT_LIMIT_SHARE, WARNING),), text)
 
 
 def _stroke(at: Moment) -> Iterator[Measure]:
@@ -208,10 +218,11 @@ def _cut(at: Moment) -> Iterator[Measure]:
 
 
 def _numerics(at: Moment) -> Iterator[Measure]:
-    """Find steps that did not converge, or that failed."""
+    """Find steps that did not converge, or that failed a short time ago."""
     row = at.rows.get("simulation: solver")
-    if at.shot.doubtful or (row is not None and row.level > Level.OK):
-        words = row.message if row is not None and row.level > Level.OK else "doubtful steps"
+    failed = row is not None and row.level >= Level.ERROR
+    if at.shot.doubtful or failed:
+        words = row.message if row is not None and failed else "a step did not converge"
         yield _present("solver", WARNING, words)
 
 
@@ -221,8 +232,8 @@ def _pace(at: Moment) -> Iterator[Measure]:
 
 
 def _supervision(at: Moment) -> Iterator[Measure]:
-    """Find trouble with publishing, saving, clocks or double sources."""
-    names = "publishing", "saving", "clocks", "sources", "messages", "senders"
+    """Find trouble with saving, clocks, messages or double sources."""
+    names = "saving", "clocks", "sources", "messages", "senders"
     yield from _rows(at, tuple(f"simulation: {name}" for name in names), CAUTION)
 
 
@@ -239,16 +250,16 @@ def _present(where: str, priority: Priority, text: str) -> Measure:
 
 
 KINDS = (
-    Kind(10001, "top tension", _tension, category="A"),
+    Kind(10001, "top tension", _tension, hold_s=WAVES_S, category="A"),
     Kind(10002, "slack", _slack, category="A", deadband=0.05),
-    Kind(10003, "winch at its limit", _winch, delay_s=5.0, hold_s=10.0),
+    Kind(10003, "winch at its limit", _winch, hold_s=10.0),
     Kind(10004, "end of stroke", _stroke, hold_s=60.0, category="A"),
     Kind(10005, "measured and computed apart", _apart, delay_s=30.0, hold_s=10.0, category="A"),
     Kind(10006, "touchdown", _touchdown, hold_s=10.0),
     Kind(10007, "input", _inputs, delay_s=1.0),
-    Kind(10008, "quality", _quality, delay_s=10.0, hold_s=10.0, deadband=0.05),
-    Kind(10009, "numerics", _numerics, delay_s=5.0, hold_s=10.0),
-    Kind(10010, "payload limit", _payload, category="A"),
+    Kind(10008, "quality", _quality, delay_s=10.0, hold_s=10.0, deadband=0.0),
+    Kind(10009, "numerics", _numerics, hold_s=60.0),
+    Kind(10010, "payload limit", _payload, hold_s=WAVES_S, category="A"),
     Kind(10011, "limit broken", _broken, hold_s=0.0, category="A"),
     Kind(10012, "emergency stop", _stopped, hold_s=0.0),
     Kind(10013, "rope cut", _cut, category="A"),
@@ -287,6 +298,8 @@ class Watch:
         self._gates: dict[tuple[int, str], dict[float, _Gate]] = {}
         self._texts: dict[tuple[int, str], tuple[Levels, str]] = {}
         self._payload: deque[tuple[int, float]] = deque()  # rising tensions: least first
+        self._limited: deque[tuple[int, int]] = deque()  # time at a limit of the winch [ns]
+        self._seen_ns: int | None = None
 
     def take_rows(self, rows: list[Status]) -> None:
         """Take the newest rows of the diagnostics."""
@@ -294,7 +307,8 @@ class Watch:
 
     def look(self, shot: Snapshot) -> list[Situation]:
         """Return the situations at the time of a snapshot."""
-        moment = Moment(shot, self._rows, self._scene, self._least_payload_n(shot))
+        least, share = self._least_payload_n(shot), self._share_at_limit(shot)
+        moment = Moment(shot, self._rows, self._scene, least, share)
         found: list[Situation] = []
         for kind in KINDS:
             measures = {one.where: one for one in kind.find(moment)}
@@ -324,6 +338,16 @@ class Watch:
         if highest is None:
             return None
         return Situation(kind.identifier, kind.name, kind.category, where, highest, text)
+
+    def _share_at_limit(self, shot: Snapshot) -> float:
+        """Return the share of LIMIT_WINDOW_NS that the winch was at one of its limits."""
+        past_ns = 0 if self._seen_ns is None else shot.stamp_ns - self._seen_ns
+        self._seen_ns = shot.stamp_ns
+        if shot.winch_at_limit and past_ns > 0:
+            self._limited.append((shot.stamp_ns, past_ns))
+        while self._limited and self._limited[0][0] <= shot.stamp_ns - LIMIT_WINDOW_NS:
+            self._limited.popleft()
+        return sum(some for _, some in self._limited) / LIMIT_WINDOW_NS
 
     def _least_payload_n(self, shot: Snapshot) -> float:
         """Return the least tension at the payload over SLACK_WINDOW_NS [N].

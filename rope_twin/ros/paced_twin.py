@@ -212,7 +212,7 @@ class Publisher:
 
     def _publish_snapshot(self, encoder: Encoder, snapshot: Snapshot) -> None:
         if self._watch is not None:
-            self._watch(snapshot)
+            self._attempt(ESTIMATE_TOPIC, partial(self._watch, snapshot))
         for name in due_topics(*slot_of(snapshot), snapshot):
             self._attempt(name, partial(encoder.encode, name, snapshot))
         if self._alerts is not None:
@@ -443,7 +443,6 @@ class PacedTwin:
             rows += [self.learning.row(health.granted_s), self.learning.alarms.row()]
         if self.border.epoch_ns is not None:
             rows.append(clock_row(self._clock_moved_s(now)))
-        self.alerts.take_rows(rows)
         return rows
 
     def _clock_moved_s(self, now: Clocks) -> float:

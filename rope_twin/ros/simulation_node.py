@@ -371,6 +371,7 @@ class SimulationNode(LifecycleNode):
             rows = [Status("simulation: state", Level.ERROR, self._sentence)]
         if self.paced is not None:
             rows += with_hint(self.paced.rows(now), self._motion_hint)
+            self.paced.alerts.take_rows(rows)
         self._publish("diagnostics", encode_diagnostics(now.ros_ns, rows))
 
     def _motion_hint(self) -> str:
