@@ -237,6 +237,17 @@ def _supervision(at: Moment) -> Iterator[Measure]:
     yield from _rows(at, tuple(f"simulation: {name}" for name in names), CAUTION)
 
 
+def _faults(at: Moment) -> Iterator[Measure]:
+    """Find a fault that the tests beside learning have found, or tests that do not run.
+
+    The row exists while the twin learns. The alert ends when the fault alarm is acknowledged by its
+    service, which lets learning go on.
+    """
+    row = at.rows.get("simulation: faults")
+    if row is not None and row.level > Level.OK:
+        yield _present("faults", WARNING if row.level >= Level.ERROR else CAUTION, row.message)
+
+
 def _rows(at: Moment, names: tuple[str, ...], priority: Priority) -> Iterator[Measure]:
     for name in names:
         row = at.rows.get(name)
@@ -265,6 +276,7 @@ KINDS = (
     Kind(10013, "rope cut", _cut, category="A"),
     Kind(10014, "twin late", _pace, delay_s=5.0, hold_s=10.0),
     Kind(10015, "supervision", _supervision, delay_s=5.0, hold_s=10.0),
+    Kind(10016, "fault alarm", _faults, hold_s=0.0, category="A"),
 )
 
 

@@ -144,6 +144,26 @@ def test_inputs_quality_and_diagnostics(scene: Any) -> None:
     assert course.see(11.0) == {}
 
 
+def test_a_fault_alarm_lasts_until_its_service_ends_it(scene: Any) -> None:
+    """10016 follows the row that the fault tests publish, at once, both ways."""
+    course, key = Course(scene), (10016, "faults")
+    watch = course.watch
+    watch.take_rows([Status("simulation: faults", Level.OK, "no fault, tested until 300 s")])
+    assert course.see(1.0) == {}
+    words = "load pin offset or snag since 312 s"
+    watch.take_rows([Status("simulation: faults", Level.ERROR, words)])
+    assert course.see(0.02) == {key: Priority.WARNING}
+    (found,) = watch.look(replace(course.quiet, stamp_ns=course.time_ns))
+    assert (found.name, found.category, found.text) == ("fault alarm", "A", words)
+    watch.take_rows([Status("simulation: faults", Level.OK, "no fault, tested until 400 s")])
+    assert course.see(0.02) == {}
+    stands = "the rope of the tests cannot be stepped (step 7)"
+    watch.take_rows([Status("simulation: faults", Level.WARN, stands)])
+    assert course.see(0.02) == {key: Priority.CAUTION}
+    watch.take_rows([])
+    assert course.see(0.02) == {}, "a run that does not learn has no row"
+
+
 def test_events_and_modes(scene: Any) -> None:
     course = Course(scene)
     fast = replace(course.quiet).payload_velocity_m_per_s.copy()
