@@ -12,15 +12,25 @@ from typing import Any
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode, read_cloud
+from rope_twin.messages.estimate import COLUMNS as FIGURE_COLUMNS
+from rope_twin.messages.estimate import STATES, UNITS
+from rope_twin.messages.forecast import (
+    COLUMNS,
+    FORECAST_TOPICS,
+    QUIET_TOPIC,
+    RISK_TOPIC,
+    band_columns,
+)
+from rope_twin.messages.forecast import TENSION_TOPIC as FORECAST
 from rope_twin.messages.templates import NANOSECONDS
-from rope_twin.topics import ALERTS, BY_NAME
+from rope_twin.topics import ALARM_TOPIC, ALERTS, BY_NAME, ESTIMATE_TOPIC
 from rope_twin.twin.quality import CAUSES
 
 Values = dict[str, Any]
 Triple = tuple[float, float, float]
 
 TENSION, NODES, EPOCH = "ropes/tension_top", "ropes/nodes", "twin/epoch"
-SESSION, DIAGNOSTICS, FORECAST = "twin/session", "diagnostics", "forecast/tension"
+SESSION, DIAGNOSTICS = "twin/session", "diagnostics"
 SHORTEST_LIMIT_S = 0.7  # age above which a value of a fast topic is stale
 PERIODS = 3.0  # of its topic: age above which a value of a slow one is stale
 SLOW_EVERY = 4  # calls of `update`
@@ -101,9 +111,11 @@ class Readings:
     @property
     def time_s(self) -> float | None:
         """Return the twin's time of the newest top tension [s]; None: not known yet."""
-        if self.stamp_ns is None or self.epoch_ns is None:
-            return None
-        return (self.stamp_ns - self.epoch_ns) / NANOSECONDS
+        return None if self.stamp_ns is None else self._twin_s(self.stamp_ns)
+
+    def _twin_s(self, stamp_ns: int) -> float | None:
+        """Return the twin's time of a stamp [s]; None: t = 0 is not known yet."""
+        return None if self.epoch_ns is None else (stamp_ns - self.epoch_ns) / NANOSECONDS
 
     def forget(self) -> None:
         """Forget all messages, as before a jump in a recording."""
@@ -114,11 +126,14 @@ class Readings:
             self.epoch_ns = message.sec * NANOSECONDS + message.nanosec
             return {"epoch_s": self.epoch_ns / NANOSECONDS}
         if topic == TENSION:
-            stamp = message.header.stamp
-            self.stamp_ns = stamp.sec * NANOSECONDS + stamp.nanosec
+            self.stamp_ns = _stamp_ns(message)
             if self.epoch_ns is None:
                 self.epoch_ns = self.stamp_ns
-        return _READERS[topic](message)
+        values = _READERS[topic](message)
+        if topic in _DATED:  # their stamp is of the data they were made from, some time ago
+            for table in values.values():
+                table["at_s"] = self._twin_s(_stamp_ns(message))
+        return values
 
 
 def stale_limits_s() -> dict[str, float]:
@@ -151,6 +166,25 @@ def _rows(message: Any) -> list[Values]:
         else:
             columns[name] = _numbers(column)
     return [dict(zip(names, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _stamp_ns(message: Any) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec * NANOSECONDS + stamp.nanosec)
+
+
+def _rows_with(topic: str, wanted: Iterable[str], message: Any) -> list[Values]:
+    """Return the points of a table that must have certain columns.
+
+    Raises:
+        InputError: a column is missing.
+    """
+    names = {field.name for field in message.fields}
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        what = f"the table has no column {', '.join(missing)}"
+        raise InputError(phrase(topic, what, "publish it with this version of rope_twin"))
+    return _rows(message)
 
 
 def _tension_top(message: Any) -> Values:
@@ -272,6 +306,38 @@ def _alerts(message: Any) -> Values:
     return {"alerts": rows}
 
 
+def _forecast(message: Any) -> Values:
+    """Return the band of the top tension over the lead, a list for each of its columns."""
+    low, median, high = columns = band_columns("top_tension_n")
+    rows = _rows_with(FORECAST, ("lead_s", *columns), message)
+    shown = {"lead_s": "lead_s", "low_n": low, "median_n": median, "high_n": high}
+    return {"forecast": {name: [row[column] for row in rows] for name, column in shown.items()}}
+
+
+def _risk(message: Any) -> Values:
+    """Return the risk of each span, and whether it is known or the climatology of this sea."""
+    rows = _rows_with(RISK_TOPIC, COLUMNS[RISK_TOPIC], message)
+    for row in rows:
+        span, horizon = row["span_s"], row["horizon_s"]
+        row["climatology"] = span is None or horizon is None or span > horizon
+    return {"risk": {"rows": rows}}
+
+
+def _quiet(message: Any) -> Values:
+    return {"quiet": {"rows": _rows_with(QUIET_TOPIC, COLUMNS[QUIET_TOPIC], message)}}
+
+
+def _figures(message: Any) -> Values:
+    """Return the learned figures, with their units and state in words."""
+    rows = _rows_with(ESTIMATE_TOPIC, FIGURE_COLUMNS.split(), message)
+    for row in rows:
+        state = row["state"]
+        known = state is not None and 0 <= state < len(STATES)
+        row["state"] = STATES[int(state)] if known else ""
+        row["unit"] = UNITS.get(row["name"], "")
+    return {"learned": {"rows": rows}}
+
+
 def _table(name: str) -> Callable[[Any], Values]:
     return lambda message: {name: _rows(message)}
 
@@ -302,13 +368,18 @@ _READERS: Mapping[str, Callable[[Any], Values]] = {
     "twin/quality": _quality,
     DIAGNOSTICS: _diagnostics,
     ALERTS: _alerts,
-    FORECAST: _table("forecast"),
+    FORECAST: _forecast,
+    RISK_TOPIC: _risk,
+    QUIET_TOPIC: _quiet,
+    ESTIMATE_TOPIC: _figures,
+    ALARM_TOPIC: _text("fault_alarm"),
 }
-_UNSTAMPED = ("winch/mode", "winch/seat")
+_UNSTAMPED = ("winch/mode", "winch/seat", ALARM_TOPIC)
+_DATED = (*FORECAST_TOPICS, ESTIMATE_TOPIC)
 _SLOW = frozenset(
     ("ropes/tension_bottom", "ropes/utilisation", "ropes/bend_radius", "payloads/body",
      "seabed/contact", "seabed/touchdown", "lines/crossings", "sea/elevation", "winch/state",
-     "compensator/state", "twin/quality", FORECAST)
+     "compensator/state", "twin/quality", ESTIMATE_TOPIC, *FORECAST_TOPICS)
 )  # fmt: skip
 # topics that the console subscribes to
 SHOWN = tuple(name for name in (EPOCH, SESSION, NODES, *_READERS) if name in BY_NAME)

@@ -27,6 +27,7 @@ from rope_twin.estimation.figures import (
     Prior,
 )
 from rope_twin.estimation.impedance import bar_of
+from rope_twin.messages.estimate import UNITS as FIGURE_UNITS
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 
@@ -35,10 +36,6 @@ LEARNED, WEAK, NOT_OBSERVABLE = "learned", "weak", "not observable"
 LEARNED_BELOW, WEAK_BELOW = 0.5, 0.9  # posterior over prior standard deviation
 LEAST_CORRELATION = 0.5  # that is reported
 LEAST_GAIN = 0.15  # an action is proposed if it narrows a figure by this share
-FIGURE_UNITS = {
-    "submerged_weight": "N", "oscillating_mass": "kg", "payload_drag": "m²",
-    "axial_stiffness": "N", "axial_damping": "N·s", "tangential_drag": "kg/m²", "current": "-",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -103,7 +100,7 @@ def estimates(
         found.append(
             FigureEstimate(
                 name=name,
-                unit=FIGURE_UNITS.get(name, UNITS[name]),
+                unit=FIGURE_UNITS[name],
                 prior=float(start),
                 value=float(ends[1]),
                 low=float(ends[0]),

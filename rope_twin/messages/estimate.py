@@ -14,6 +14,13 @@ from rope_twin.messages.status import Level, Status
 
 COLUMNS = "name value low high prior prior_sd sd state correlation"
 STATES = "not observable", "weak", "learned"  # numbers 0, 1, 2 of the column `state`
+# of value, low, high and prior
+UNITS = {
+    "submerged_weight": "N", "oscillating_mass": "kg", "payload_drag": "m²",
+    "axial_stiffness": "N", "axial_damping": "N·s", "tangential_drag": "kg/m²", "current": "-",
+    "tension_bias": "N", "tension_gain": "-", "heave_gain": "-", "heave_delay": "s",
+    "sheave_friction": "-",
+}  # fmt: skip
 ROW = "simulation: learned figures"
 
 

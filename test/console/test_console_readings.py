@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 
 import numpy as np
 import pytest
-from console_rig import EPOCH_NS
+from console_rig import EPOCH_NS, forecast_tables
 from hypothesis import given
 from hypothesis import strategies as st
 from sample_snapshot import hanging_body, hanging_rope
 
 from rope_twin import messages
 from rope_twin.console.profile import POINTS, RopeProfile, Trend
-from rope_twin.console.readings import SHORTEST_LIMIT_S, SHOWN, Readings, number, stale_limits_s
+from rope_twin.console.readings import (
+    SHORTEST_LIMIT_S,
+    SHOWN,
+    SLOW_EVERY,
+    Readings,
+    number,
+    stale_limits_s,
+)
+from rope_twin.estimation.figures import NAMES
+from rope_twin.estimation.report import FigureEstimate
 from rope_twin.messages import Level, Status
+from rope_twin.messages.estimate import UNITS, encode_alarm, encode_estimate
+from rope_twin.messages.forecast import encode_forecast
 from rope_twin.topics import BY_NAME
 
 
@@ -151,3 +163,76 @@ def test_a_trend_begins_again_with_another_run() -> None:
         if time_s == 5.05 and row is None:
             assert trend.columns()["time_s"] == [5.0, 5.05]  # a row for each new time
     assert trend.columns()["time_s"] == [1.0]
+
+
+ORIGIN_NS = EPOCH_NS + 1_500_000_000
+
+
+def forecast_of(readings: Readings) -> None:
+    """Give readings the tables of a forecast that began 1 s before the snapshot's 2.5 s."""
+    for topic, rows in forecast_tables(horizon_s=20.0).items():
+        readings.take(topic, encode_forecast(topic, ORIGIN_NS, "map", rows), 11.0)
+
+
+def test_a_forecast_is_shown_from_its_origin() -> None:
+    readings = read("ropes/tension_top")
+    forecast_of(readings)
+    for _ in range(SLOW_EVERY):
+        readings.update()
+    values = readings.values
+    band = values["forecast"]
+    assert band["at_s"] == pytest.approx(1.5), "twin time of the origin, not of the arrival"
+    assert len(band["lead_s"]) == len(band["low_n"]) == len(band["median_n"]) == 120
+    assert (band["lead_s"][3], band["low_n"][3], band["high_n"][3]) == (2.0, 3.192e5, 3.208e5)
+    risk = values["risk"]
+    assert risk["at_s"] == pytest.approx(1.5)
+    assert [row["climatology"] for row in risk["rows"]] == [False, False, True, True]
+    assert [row["tension"] for row in risk["rows"]] == pytest.approx([0.02, 0.04, 0.06, 0.12])
+    assert risk["rows"][0]["contact"] is None, "no seabed: NaN"
+    quiet = values["quiet"]["rows"]
+    assert [(row["begin_s"], row["length_s"]) for row in quiet][1] == (2.0, 10.0)
+    assert quiet[3]["probability"] == pytest.approx(0.5)
+    json.dumps(values, allow_nan=False)
+
+
+def test_a_forecast_before_the_epoch_is_known_has_no_time() -> None:
+    readings = Readings()
+    forecast_of(readings)
+    assert readings.update()["forecast"]["at_s"] is None
+
+
+def test_a_table_of_other_columns_is_a_fault_in_words() -> None:
+    readings = read()
+    data = encode_forecast("forecast/quiet", ORIGIN_NS, "map", [{"begin_s": 0.0}])
+    for topic in ("forecast/tension", "forecast/risk", "estimate/figures"):
+        readings.take(topic, data, 11.0)
+    for _ in range(SLOW_EVERY):
+        readings.update()
+    assert "lead_s, top_tension_5_n" in readings.values["fault forecast/tension"]
+    assert "span_s" in readings.values["fault forecast/risk"]
+    assert "prior_sd" in readings.values["fault estimate/figures"]
+    assert "forecast" not in readings.values
+
+
+def test_learned_figures_have_units_and_words() -> None:
+    readings = read("ropes/tension_top")
+    figure = FigureEstimate("payload_drag", "m²", 12.0, 14.5, 13.0, 16.0, 0.3, 0.06, "learned")
+    pin = FigureEstimate("tension_bias", "N", 0.0, 900.0, -50.0, 1850.0, 2e3, 600.0, "weak")
+    data = encode_estimate(EPOCH_NS + 120_000_000_000, [asdict(figure), asdict(pin)])
+    readings.take("estimate/figures", data, 11.0)
+    readings.take("estimate/alarms", encode_alarm("snag since 312 s"), 11.0)
+    for _ in range(SLOW_EVERY):
+        readings.update()
+    learned = readings.values["learned"]
+    assert learned["at_s"] == pytest.approx(120.0)
+    drag, bias = learned["rows"]
+    assert (drag["name"], drag["unit"], drag["state"]) == ("payload_drag", "m²", "learned")
+    assert (drag["low"], drag["value"], drag["high"], drag["prior"]) == (13.0, 14.5, 16.0, 12.0)
+    assert (bias["name"], bias["unit"], bias["state"]) == ("tension_bias", "N", "weak")
+    assert readings.values["fault_alarm"] == "snag since 312 s"
+    readings.take("estimate/alarms", encode_alarm(""), 12.0)
+    assert readings.update()["fault_alarm"] == "", "acknowledged"
+
+
+def test_every_figure_that_is_learned_has_a_unit() -> None:
+    assert set(UNITS) == set(NAMES)

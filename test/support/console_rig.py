@@ -16,6 +16,7 @@ from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.messages import Level, Status
 from rope_twin.messages.alerts import encode_alerts
+from rope_twin.messages.forecast import band_columns, encode_forecast
 from rope_twin.twin.winch.commands import WinchCommand
 
 EPOCH_NS = 1_763_700_000_000_000_000
@@ -61,6 +62,7 @@ class SnapshotSource:
         self.mode, self.seat = "winch: speed 0 m/s", "winch: winch_schedule"
         self.alerts: list[Alert] = []
         self.rows = [Status("simulation: pacing", Level.OK, "on time")]
+        self.horizon_s: float | None = None  # of a forecast; None: there is none
         self._polls = 0
 
     def poll(self, readings: Readings, now_s: float) -> None:
@@ -79,6 +81,10 @@ class SnapshotSource:
         alerts = encode_alerts(stamp_ns, self.shot.stamp_ns, self.alerts)
         readings.take("alerts", alerts, now_s)
         readings.take("diagnostics", messages.encode_diagnostics(stamp_ns, self.rows), now_s)
+        if self.horizon_s is not None:
+            for topic, rows in forecast_tables(self.horizon_s).items():
+                origin_ns = stamp_ns - 1_000_000_000
+                readings.take(topic, encode_forecast(topic, origin_ns, "map", rows), now_s)
 
     def state(self) -> Values:
         return {}
@@ -90,6 +96,27 @@ class SnapshotSource:
 def encode_text(words: str) -> bytes:
     """A std_msgs/String."""
     return messages.encode_seat(words)
+
+
+def forecast_tables(horizon_s: float) -> dict[str, list[dict[str, float]]]:
+    """Rows of a forecast's topics: a band that widens, risks that grow, windows at four begins."""
+    low, median, high = band_columns("top_tension_n")
+    return {
+        "forecast/tension": [
+            {"lead_s": 0.5 * k, low: 3.2e5 - 200 * k, median: 3.2e5, high: 3.2e5 + 200 * k}
+            for k in range(1, 121)
+        ],
+        "forecast/risk": [
+            {"span_s": span, "tension": 0.002 * span, "slack": 0.001 * span,
+             "tension_limit_n": 5e5, "horizon_s": horizon_s, "coverage": 0.91, "age_s": 0.4}
+            for span in (10.0, 20.0, 30.0, 60.0)
+        ],
+        "forecast/quiet": [
+            {"begin_s": begin, "length_s": 10.0, "probability": 0.05 * begin,
+             "speed_limit_m_per_s": 0.3, "age_s": 0.4}
+            for begin in (0.0, 2.0, 5.0, 10.0)
+        ],
+    }  # fmt: skip
 
 
 TENSION_ALARM = Alert(
