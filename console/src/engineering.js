@@ -1,6 +1,6 @@
-// Third page: diagnostics, residuals, components of the quality index, solver and link.
+// Third page: diagnostics, residuals, components of the quality index, learned figures, solver and link.
 
-import { $, figures, icon, make } from "./page.js";
+import { $, figures, icon, make, write } from "./page.js";
 import { state } from "./link.js";
 import { fixed, force, known, metres, units } from "./units.js";
 
@@ -21,6 +21,7 @@ export function draw() {
   }), "Nothing is measured");
   table("components", (values.quality ?? []).map((row) => [row.name.replace("_", " "), fixed(row.index, 2),
     ...["input", "numerics", "discretisation", "validity", "residual", "history"].map((one) => known(row[one]) ? fixed(row[one], 2) : "unknown")]), "No index");
+  learned(values);
   const run = diagnosed("solver"), accuracy = diagnosed("accuracy level"), error = values.error_interval?.[0];
   const pace = diagnosed("pacing") ?? diagnosed("pace");
   figures($("solver-figures"), [
@@ -31,6 +32,25 @@ export function draw() {
     ["Rows received", String(state.rows), ""], ["Rows lost", String(state.lost), ""],
     run ? ["Solver", run.message, "", "wide"] : null,
   ]);
+}
+
+// Figures learned from the measured tension, and the alarm of the fault tests beside learning.
+function learned(values) {
+  const until = values.learned?.at_s, alarm = values.fault_alarm;
+  write($("learned-until"), known(until) ? `until ${fixed(until, 0)} s` : "");
+  write($("fault-alarm"), alarm ? `Fault alarm: ${alarm}` : alarm === "" ? "Fault alarm acknowledged" : "No fault alarm");
+  $("fault-alarm").className = alarm ? "fault" : "quiet";
+  table("learned", (values.learned?.rows ?? []).map((row) => {
+    const unit = row.unit === "-" ? "" : ` ${row.unit}`;
+    return [row.name.replaceAll("_", " "), digits(row.value) + unit, `${digits(row.low)} to ${digits(row.high)}`,
+      digits(row.prior), row.state, fixed(row.correlation, 2, true)];
+  }), "Nothing is learned");
+}
+
+// Four significant digits, with an exponent from a million up.
+function digits(value) {
+  if (!known(value)) return "–";
+  return (Math.abs(value) < 1e6 ? String(Number(value.toPrecision(4))) : value.toExponential(3).replace("e+", "e")).replaceAll("-", "−");
 }
 
 const diagnosed = (name) => state.values[`diagnostics simulation: ${name}`];

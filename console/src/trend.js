@@ -2,11 +2,11 @@
 
 import uPlot from "uplot";
 import { $, colour } from "./page.js";
-import { facts, state } from "./link.js";
+import { facts, stale, state } from "./link.js";
 import { force, known, units } from "./units.js";
 
 const WINDOW_S = 60, AHEAD_S = 30;
-let chart = null, columns = null, dirty = false, toLimit = false, hasForecast = false;
+let chart = null, columns = null, dirty = false, toLimit = false, hasForecast = false, horizonAt = null;
 
 export function start() {
   columns = { time: [], tension: [], low: [], high: [], measured: [] };
@@ -46,15 +46,30 @@ export function draw() {
   if (!dirty || !chart || !columns.time.length) return;
   dirty = false;
   const scale = units().newton, scaled = (values) => values.map((one) => one === null ? null : one * scale);
-  const forecast = state.values.forecast ?? [];
   const now = columns.time[columns.time.length - 1];
-  const leads = forecast.filter((row) => known(row.lead_s));
-  if (leads.length > 0 !== hasForecast) { hasForecast = leads.length > 0; legend(); }
-  const time = [...columns.time, ...leads.map((row) => now + row.lead_s)];
-  const past = (values) => [...scaled(values), ...leads.map(() => null)];
-  const ahead = (name) => [...columns.time.map(() => null), ...leads.map((row) => row[name] === null ? null : row[name] * scale)];
-  chart.setData([time.map((one) => one - now), past(columns.tension), past(columns.measured),
-    past(columns.low), past(columns.high), ahead("lower_n"), ahead("median_n"), ahead("upper_n")]);
+  const band = ahead(now);
+  if (band.length > 0 !== hasForecast) { hasForecast = band.length > 0; legend(); }
+  horizonAt = hasForecast ? horizon(now) : null;
+  const past = (values) => [...scaled(values), ...band.map(() => null)];
+  const next = (name) => [...columns.time.map(() => null), ...scaled(band.map((row) => row[name]))];
+  chart.setData([[...columns.time.map((one) => one - now), ...band.map((row) => row.at)], past(columns.tension),
+    past(columns.measured), past(columns.low), past(columns.high), next("low"), next("median"), next("high")]);
+}
+
+// The forecast band after now. Its leads count from its origin, which is older than the newest tension.
+function ahead(now) {
+  const { at_s: origin, lead_s: leads, low_n: low, median_n: median, high_n: high } = state.values.forecast ?? {};
+  if (!known(origin) || stale("forecast/tension")) return [];
+  return leads.map((lead, number) => ({ at: origin + lead - now, low: low[number], median: median[number], high: high[number] }))
+    .filter((row) => row.at > 0 && row.at <= AHEAD_S);
+}
+
+// Time after now from which the band is the climatology of this sea; null: unknown, or not within the chart.
+function horizon(now) {
+  const risk = state.values.risk, origin = risk?.at_s, reach = risk?.rows?.[0]?.horizon_s;
+  if (!known(origin) || !known(reach)) return null;
+  const at = Math.max(0, origin + reach - now);
+  return at < AHEAD_S ? at : null;
 }
 
 export const repaint = () => { if (chart) { chart.destroy(); build(); dirty = true; } };
@@ -108,6 +123,17 @@ function marks(self) {
     ctx.moveTo(x, bbox.top);
     ctx.lineTo(x, bbox.top + bbox.height);
     ctx.stroke();
+    if (horizonAt !== null) {
+      const from = self.valToPos(horizonAt, "x", true);
+      ctx.setLineDash([3 * ratio, 4 * ratio]);
+      ctx.beginPath();
+      ctx.moveTo(from, bbox.top);
+      ctx.lineTo(from, bbox.top + bbox.height);
+      ctx.stroke();
+      ctx.textAlign = "left";
+      ctx.fillStyle = colour("--element-neutral-color");
+      if (bbox.left + bbox.width - from > 80 * ratio) ctx.fillText("climatology", from + 5 * ratio, bbox.top + bbox.height - 6 * ratio);
+    }
   }
   ctx.restore();
 }

@@ -10,7 +10,7 @@ export function draw() {
   payload(values);
   sea(values);
   gear(values, winch);
-  risk(values, rope);
+  risk(values);
   quality(values);
 }
 
@@ -155,18 +155,35 @@ function layer(radius, winch) {
   return Math.max(1, Math.round((radius - winch.drum_radius_m) / winch.layer_rise_m + 0.5));
 }
 
-function risk(values, rope) {
-  const rows = values.forecast ?? [], holder = $("risk");
-  holder.classList.toggle("known", rows.length > 0);
-  holder.classList.toggle("empty", rows.length === 0);
-  if (!rows.length) { if (holder.textContent !== "No forecast") holder.replaceChildren("No forecast"); return; }
-  const leads = [10, 20, 30].map((lead) => rows.filter((row) => row.lead_s <= lead));
-  holder.replaceChildren(...leads.map((within, number) => {
-    const cell = make("div"), highest = Math.max(...within.map((row) => row.upper_n ?? -Infinity));
-    cell.append(make("div", "k", `${10 * (number + 1)} s, 95 %`),
-      make("div", "v", known(rope.allowed_n) && Number.isFinite(highest) ? `${fixed(100 * highest / rope.allowed_n, 0)} %` : force(highest)));
-    return cell;
-  }));
+const SPANS = [10, 20, 30];
+function risk(values) {
+  const rows = SPANS.map((span) => values.risk?.rows.find((row) => row.span_s === span)).filter(Boolean), holder = $("risk");
+  const key = JSON.stringify([rows, quiet(values), units().name]);
+  if (holder.dataset.key === key) return;
+  holder.dataset.key = key;
+  holder.className = rows.length ? "known" : "empty";
+  if (!rows.length) { holder.replaceChildren("No forecast"); return; }
+  const limit = rows[0].tension_limit_n, heads = rows.map((row) => `${row.span_s} s`);
+  const line = (label, texts, kind) => [make("span", "k", label), ...texts.map((text) => make("span", kind, text))];
+  const chance = (name) => rows.map((row) => known(row[name]) ? `${fixed(100 * row[name], 0)} %` : "–");
+  const guess = make("span", "k", "climatology"), sure = rows.filter((row) => !row.climatology);
+  guess.style.gridColumn = `span ${Math.max(1, rows.length - sure.length)}`;
+  holder.replaceChildren(
+    ...line("", heads, "k"), ...line(`P(> ${fixed(limit * units().newton, 0)} ${units().force})`, chance("tension"), "v"),
+    ...line("P(slack)", chance("slack"), "v"),
+    ...line("Heave", sure.map(() => "known"), "k"), ...(sure.length < rows.length ? [guess] : []),
+    make("div", "k all", quiet(values)));
+}
+
+// The surest quiet window, or the first of those that are equally sure; begins are from the origin.
+function quiet(values) {
+  const windows = (values.quiet?.rows ?? []).filter((row) => known(row.probability));
+  if (!windows.length) return "Quiet window unknown";
+  const best = windows.reduce((one, other) => other.probability > one.probability ? other : one);
+  const begin = known(values.quiet.at_s) && known(state.timeS) ? values.quiet.at_s + best.begin_s - state.timeS : best.begin_s;
+  const from = begin < 0.5 ? "now" : `in ${fixed(begin, 0)} s`, reach = values.risk?.rows[0]?.horizon_s;
+  const doubt = known(reach) && best.begin_s + best.length_s <= reach ? "" : ", climatology";
+  return `Quiet ${fixed(best.length_s, 0)} s (< ${speed(best.speed_limit_m_per_s)} ${units().speed}) ${from}: ${fixed(100 * best.probability, 0)} %${doubt}`;
 }
 
 const LABELS = { top_tension: "Top tension", payload_depth: "Payload depth", slack: "Slack", fatigue: "Fatigue" };

@@ -56,6 +56,7 @@ class Served:
 
     def reset(self) -> None:
         self.source.lost, self.source.alerts = False, []
+        self.source.horizon_s = None
         self.source.seat, self.source.mode = "winch: winch_schedule", "winch: speed 0 m/s"
 
 
@@ -135,6 +136,19 @@ def test_numbers_are_those_of_the_topics(open_page: Callable[..., Any], served: 
     page.keyboard.press("u")
     page.keyboard.press("u")
     until(page, "document.getElementById('line-speed').textContent === '+0.50'")
+
+
+def test_risk_and_quiet_window_of_a_forecast(open_page: Callable[..., Any], served: Served) -> None:
+    served.source.horizon_s = 12.0
+    page = open_page()
+    until(page, "document.getElementById('risk').classList.contains('known')")
+    words = re.sub(r"\s+", " ", text(page, "risk"))
+    assert "10 s 20 s 30 s P(> 500 kN) 2 % 4 % 6 % P(slack) 1 % 2 % 3 %" in words
+    assert "Heave known climatology" in words
+    assert "Quiet 10 s (< 18.0 m/min) in 9 s: 50 %, climatology" in words
+    assert "forecast 5–95 %" in text(page, "trend-legend")
+    root = "document.documentElement"
+    assert page.evaluate(f"[{root}.scrollWidth, {root}.scrollHeight]") == [1280, 800]
 
 
 def test_loss_of_the_twin_goes_grey_within_a_second(
