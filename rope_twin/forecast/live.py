@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.forecast.heave_process import (
+    AHEAD_S,
     PAST_S,
     RECORD_S,
     SAMPLE_S,
@@ -29,7 +30,7 @@ from rope_twin.forecast.heave_process import (
 from rope_twin.forecast.kept import KeptForecasts
 from rope_twin.forecast.nominal_rope import NominalRope, scene_at_line
 from rope_twin.forecast.recorded_lift import seabed_depth_m
-from rope_twin.forecast.risk import Limits, QuietWindow, Risk, quiet_windows, risks
+from rope_twin.forecast.risk import BEGINS_S, Limits, QuietWindow, Risk, quiet_windows, risks
 from rope_twin.forecast.tension_forecast import (
     ForecastSettings,
     Known,
@@ -81,9 +82,13 @@ class Series:
         while self._rows[0][0] < time_s - KEPT_S:
             self._rows.popleft()
 
+    def rows(self) -> Floats:
+        """Return all times and values that are kept, (n, 2)."""
+        return np.array(list(self._rows.copy()), np.float64).reshape(-1, 2)
+
     def table(self) -> Floats:
         """Return times and values after the last gap, (n, 2)."""
-        rows = np.array(list(self._rows.copy()), np.float64).reshape(-1, 2)
+        rows = self.rows()
         gaps = np.flatnonzero(np.diff(rows[:, 0]) > LARGEST_GAP_S)
         return rows[gaps[-1] + 1 :] if len(gaps) else rows
 
@@ -98,11 +103,25 @@ class Heard:
     waves: deque[tuple[float, float, float]] = field(
         default_factory=lambda: deque(maxlen=20_000)
     )  # time, distance up-sea, elevation
+    compensation_on: bool | None = None  # None: not heard, as when the run began
 
     def clear(self) -> None:
         """Forget everything, as after a pause."""
         self.heave_m, self.line_out_m, self.tension_n = Series(), Series(), Series()
         self.waves.clear()
+        self.compensation_on = None
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """All series at the instants that heave and line out span, SAMPLE_S apart."""
+
+    time_s: Floats
+    heave_m: Floats
+    line_out_m: Floats
+    tension_n: Floats  # at the instant; NaN: missing
+    mean_n: Floats  # over the SAMPLE_S before; NaN: missing
+    tension_until_s: float  # newest tension
 
 
 @dataclass(frozen=True)
@@ -135,14 +154,17 @@ class LiveForecaster:
         self._begun_s = 0.0  # time of the nominal rope's beginning
         self._depth_m = seabed_depth_m(scene)
         self.kept: KeptForecasts | None = None
-        self._seen_s = -np.inf
+        self._seen_s = self._last_s = -np.inf  # newest tension judged by, newest origin
 
     def waits_for(self, heard: Heard) -> str:
         """Return what is missing for a forecast, in words; "": nothing."""
-        grid = self._grid(heard)
-        if grid is None:
+        return self._missing(_sampled(heard))
+
+    def _missing(self, own: _Samples | None) -> str:
+        if own is None:
             return "heave, line out and tension"
-        known, least = float(grid[-1] - grid[0]), PAST_S + max(SHORTEST_RECORD_S - PAST_S, 0.0)
+        known = float(own.time_s[-1] - own.time_s[0])
+        least = PAST_S + max(SHORTEST_RECORD_S - PAST_S, 0.0)
         return f"{least - known:.0f} s more of heave" if known < least + SAMPLE_S else ""
 
     def forecast(self, heard: Heard, now_s: Callable[[], float]) -> LiveForecast:
@@ -154,11 +176,16 @@ class LiveForecaster:
             InputError: too little was heard yet.
             RopeTwinError: the rope cannot be forecast.
         """
-        if words := self.waits_for(heard):
+        own = _sampled(heard)  # once: the series grow, or begin again, meanwhile
+        if words := self._missing(own):
             raise InputError(phrase("forecast", f"it waits for {words}", "wait"))
-        grid = self._grid(heard)
-        assert grid is not None
-        heave, line, mean, tension = self._sampled(heard, grid)
+        assert own is not None
+        grid, heave, line, mean = own.time_s, own.heave_m, own.line_out_m, own.mean_n
+        if grid[-1] < self._last_s:  # the clock went back: what is kept is of another run
+            self._nominal = self.kept = None
+            self._seen_s = -np.inf
+            _forget_other_runs(heard.waves)
+        self._last_s = float(grid[-1])
         if self._nominal is None or grid[0] > self._begun_s + self._nominal.time_s:
             self._begin(grid, line)
         assert self._nominal is not None
@@ -169,18 +196,18 @@ class LiveForecaster:
             origin_s - self.settings.burn_in_s - self._begun_s,
             float(grid[0]) - self._begun_s, heave, line,
         )  # fmt: skip
-        for at, value in zip(grid, tension, strict=True):
-            if at > self._seen_s:
+        for at, value in zip(grid, own.tension_n, strict=True):
+            if self._seen_s < at <= own.tension_until_s:
                 self.kept.see(float(at), float(value))
                 self._seen_s = float(at)
-        winch = self._scene.winch
+        winch, is_on = self._scene.winch, heard.compensation_on
         waves = self._waves(heard, origin_s)
         response = None
         if waves is not None:
             response = heave_response(BoxHull(), heave_spectrum(heave).frequency_hz)
         known = Known(
             origin_s, heave, line, mean, waves, response,
-            compensated=bool(winch and winch.heave_compensation),
+            compensated=bool(winch and winch.heave_compensation) and is_on is not False,
         )  # fmt: skip
         (made,) = self._forecaster.forecast(
             known, self._nominal.states()[0], factor=self.kept.factor()
@@ -191,38 +218,14 @@ class LiveForecaster:
             tuple(quiet_windows(made, self._limits)), self.kept.coverage(), now_s() - origin_s,
         )  # fmt: skip
 
-    def _grid(self, heard: Heard) -> Floats | None:
-        """Return the instants that all series span, every SAMPLE_S; None: none."""
-        tables = [one.table() for one in (heard.heave_m, heard.line_out_m, heard.tension_n)]
-        if any(len(one) < 2 for one in tables):
-            return None
-        first = np.ceil(max(one[0, 0] for one in tables) / SAMPLE_S)
-        last = np.floor(min(one[-1, 0] for one in tables) / SAMPLE_S)
-        return np.asarray(SAMPLE_S * np.arange(first, last + 1.0)) if last > first else None
-
-    def _sampled(self, heard: Heard, grid: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return heave, line out, mean tension and tension on the grid."""
-        heave, line, tension = (
-            one.table() for one in (heard.heave_m, heard.line_out_m, heard.tension_n)
-        )
-        summed = np.concatenate([[0.0], np.cumsum(tension[:, 1])])
-        last = np.searchsorted(tension[:, 0], grid, side="right")
-        first = np.searchsorted(tension[:, 0], grid - SAMPLE_S, side="right")
-        count = last - first
-        with np.errstate(invalid="ignore"):
-            mean = np.where(count > 0, (summed[last] - summed[first]) / count, np.nan)
-        return (
-            np.interp(grid, heave[:, 0], heave[:, 1]), np.interp(grid, line[:, 0], line[:, 1]),
-            mean, np.interp(grid, tension[:, 0], tension[:, 1]),
-        )  # fmt: skip
-
     def _begin(self, grid: Floats, line: Floats) -> None:
         """Build the fleet for the present line out, and the nominal rope from rest."""
         scene = scene_at_line(self._scene, float(line[0]))
         self._forecaster = TensionForecaster(scene, self.settings)
         self._nominal = NominalRope(scene, self.settings)
-        self._begun_s, self._seen_s = float(grid[0]), -np.inf
-        self.kept = KeptForecasts(self._forecaster.leads)
+        self._begun_s, leads = float(grid[0]), self._forecaster.leads
+        if self.kept is None or not np.array_equal(self.kept.leads, leads):
+            self.kept = KeptForecasts(leads)
 
     def _waves(self, heard: Heard, origin_s: float) -> MeasuredWaves | None:
         """Return the elevations of the last WAVES_S, thinned; None: too few."""
@@ -238,6 +241,40 @@ class LiveForecaster:
         table = np.array(kept[-MOST_WAVES:])
         height = table[:, 2] - table[:, 2].mean()
         return MeasuredWaves(table[:, 0] - origin_s, table[:, 1], height, self._wave_noise_m)
+
+
+def _forget_other_runs(waves: deque[tuple[float, float, float]]) -> None:
+    """Remove the waves from before their time went back; all if it has not."""
+    times = np.array([row[0] for row in waves.copy()])
+    back = np.flatnonzero(np.diff(times) < -LARGEST_GAP_S)
+    for _ in range(int(back[-1]) + 1 if len(back) else len(times)):
+        waves.popleft()
+
+
+def _sampled(heard: Heard) -> _Samples | None:
+    """Return all series at the instants that heave and line out span; None: there are none.
+
+    Tension may have gaps, in which it is NaN; it must have been heard at all.
+    """
+    heave, line = heard.heave_m.table(), heard.line_out_m.table()
+    tension = heard.tension_n.rows()
+    if len(heave) < 2 or len(line) < 2 or not len(tension):
+        return None
+    first = np.ceil(max(heave[0, 0], line[0, 0]) / SAMPLE_S)
+    last = np.floor(min(heave[-1, 0], line[-1, 0]) / SAMPLE_S)
+    if last <= first:
+        return None
+    grid: Floats = np.asarray(SAMPLE_S * np.arange(first, last + 1.0))
+    summed = np.concatenate([[0.0], np.cumsum(tension[:, 1])])
+    until = np.searchsorted(tension[:, 0], grid, side="right")
+    count = until - (since := np.searchsorted(tension[:, 0], grid - SAMPLE_S, side="right"))
+    with np.errstate(invalid="ignore"):
+        mean = np.where(count > 0, (summed[until] - summed[since]) / count, np.nan)
+    return _Samples(
+        grid, np.interp(grid, heave[:, 0], heave[:, 1]), np.interp(grid, line[:, 0], line[:, 1]),
+        np.where(count > 0, np.interp(grid, tension[:, 0], tension[:, 1]), np.nan), mean,
+        float(tension[-1, 0]),
+    )  # fmt: skip
 
 
 def tables_of(made: LiveForecast, limits: Limits) -> dict[str, list[Row]]:
@@ -307,17 +344,18 @@ class ForecastWorker:
                 self.waits = self._forecaster.waits_for(self._heard)
                 if not self.waits:
                     made = self._forecaster.forecast(self._heard, self._now_s)
-                    if made.forecast.origin_s > newest:
+                    if made.forecast.origin_s != newest:  # earlier ones too: the clock went back
                         newest = made.forecast.origin_s
                         self._publish(made)
                         self.made += 1
                     self.trouble = ""
             except RopeTwinError as error:
                 self.trouble = str(error)
-            except Exception as error:  # the run goes on without forecasts, and says why
-                _log.exception("no more forecasts")
-                self.trouble = f"{type(error).__name__}: {error}"
-                return
+            except Exception as error:  # the run goes on, says why, and the next one is tried
+                words = f"{type(error).__name__}: {error}"
+                if words != self.trouble:
+                    _log.exception("no forecast")
+                self.trouble = words
             self.processor_s = time.thread_time()
             self._closing.wait(max(self._interval_s - (time.monotonic() - began), 0.05))
 
@@ -329,9 +367,13 @@ def usual_limits(scene: Scene, given: Sequence[float]) -> Limits:
     tension limit of 0 is that of the scene: its own, or its utilisation times the MBL.
 
     Raises:
-        InputError: a limit that is not positive.
+        InputError: a limit that is not positive, or a window longer than the forecast allows.
     """
     tension_n, contact, quiet, length_s = given
     own = scene.limits
+    longest_s = AHEAD_S - max(BEGINS_S)
+    if length_s > longest_s:
+        right = f"give at most {longest_s:g} s, so that the latest window ends with the forecast"
+        raise InputError(phrase("limit quiet_s", f"it is {length_s:g} s", right))
     usual_n = own.tension_n or own.utilisation * scene.ropes[0].breaking_load_n
     return Limits(tension_n or usual_n, contact, quiet, length_s)

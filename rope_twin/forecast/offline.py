@@ -168,8 +168,8 @@ class RecordingForecaster:
         for span in SPANS_S:
             count = round(span / SAMPLE_S)
             told = np.array([(one.peak_n[:count].max(axis=0) > limit_n).mean() for one in made])
-            came = np.nanmax(peak[:, :count], axis=1) > limit_n
-            events.append(EventScore(span, brier(told[whole], came[whole])))
+            came = np.nanmax(peak[whole, :count], axis=1) > limit_n
+            events.append(EventScore(span, brier(told[whole], came)))
         factor, at = self.kept.factor(), [round(s / SAMPLE_S) - 1 for s in SCORED_LEADS_S]
         return RecordingScore(
             int(whole.sum()), limit_n, coverage(bands[:, 0], bands[:, 2], truth[whole]),

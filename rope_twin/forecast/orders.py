@@ -97,6 +97,7 @@ class LinePath:
     out_m: Floats
     speed_m_per_s: Floats
     note: str = ""  # which limit holds the order back
+    is_whole: bool = False  # what the compensation adds is in it
 
 
 def check_order(order: Order, winch: Winch | None, now: LineNow) -> None:

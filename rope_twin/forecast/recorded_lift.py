@@ -21,6 +21,7 @@ from rope_twin.forecast.heave_process import PAST_S, RECORD_S, SAMPLE_S, SHORTES
 from rope_twin.forecast.nominal_rope import scene_at_line
 from rope_twin.forecast.orders import LinePath
 from rope_twin.forecast.tension_forecast import ForecastSettings, Known
+from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
 from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.recording.recorded_run import read_content
@@ -30,6 +31,7 @@ from rope_twin.scene.schema import Scene
 Floats = NDArray[np.float64]
 
 LARGEST_GAP_S = 2.0  # bridged by interpolation
+WINCH_STATE = "winch/state"
 HANG_OFF = "hang_off/odometry"
 HEAVE_TOPICS = ("ship/heave", HANG_OFF)
 LINE_TOPICS = ("winch/measured", "ropes/length")
@@ -42,13 +44,14 @@ class RecordedLift:
     """Series of a recording, every SAMPLE_S from its first common instant on."""
 
     scene: Scene  # with the line out of the first sample
-    begin_s: float  # of the first sample, in the recording's own time
+    begin_s: float  # of the first sample; read_lift counts from it: 0
     heave_m: Floats  # (n,) of the hang-off about its rest
     line_out_m: Floats  # (n,)
     tension_n: Floats  # (n,) at the sample; NaN: missing
     mean_n: Floats  # (n,) over the SAMPLE_S before
     peak_n: Floats  # (n,) largest of it
     sources: tuple[str, str, str]  # topics of heave, line out and tension
+    compensated: NDArray[np.bool_] | None = None  # (n,) AHC is on; None: not recorded, always on
 
     @property
     def first_origin(self) -> int:
@@ -60,16 +63,17 @@ class RecordedLift:
         first = max(sample - round(RECORD_S / SAMPLE_S) + 1, 0)
         own = slice(first, sample + 1)
         winch = self.scene.winch
+        is_on = self.compensated is None or bool(self.compensated[sample])
         return Known(
             self.begin_s + sample * SAMPLE_S, self.heave_m[own], self.line_out_m[own],
-            self.mean_n[own], compensated=bool(winch and winch.heave_compensation),
+            self.mean_n[own], compensated=bool(winch and winch.heave_compensation) and is_on,
             to_contact_m=to_contact_m,
         )  # fmt: skip
 
     def plan_at(self, sample: int, settings: ForecastSettings, ahead_s: float) -> LinePath:
         """Return the line out that the recording has after a sample, at the forecast's steps.
 
-        Beyond the recording it stays as it is at its end.
+        What the heave compensation added is in it. Beyond the recording it stays as at its end.
         """
         from scipy.interpolate import CubicSpline  # slow to import
 
@@ -78,7 +82,7 @@ class RecordedLift:
         own = np.concatenate([own, np.full(count + 1 - len(own), own[-1])])
         spline = CubicSpline(SAMPLE_S * np.arange(count + 1), own)
         at = settings.step_s * np.arange(round(ahead_s / settings.step_s) + 1)
-        return LinePath(spline(at), spline(at, 1))
+        return LinePath(spline(at), spline(at, 1), is_whole=True)
 
 
 def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
@@ -94,6 +98,8 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
         heave = _first(reader, HEAVE_TOPICS, lambda m: float(m.pose.pose.position.z), "heave")
         line = _first(reader, LINE_TOPICS, lambda m: _number(m.position), "line out")
         tension = _first(reader, TENSION_TOPICS, lambda m: _number(m.effort), "tension")
+        has_one = own.winch is not None and own.winch.heave_compensation is not None
+        switched = _compensation(reader) if has_one else np.empty((0, 2))
     begin = max(series[1][0] for series in (heave, line, tension))
     end = min(series[1][-1] for series in (heave, line, tension))
     count = math.floor((end - begin) / SAMPLE_S + 1e-6) + 1
@@ -108,7 +114,7 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
     top, mean, peak = _tension_on(*tension[1:], at)
     return RecordedLift(
         scene_at_line(own, float(out[0])), 0.0, z, out, top, mean, peak,
-        (heave[0], line[0], tension[0]),
+        (heave[0], line[0], tension[0]), _on_at(switched, at),
     )  # fmt: skip
 
 
@@ -155,6 +161,29 @@ def _first(
                 return wanted, table[rising, 0], table[rising, 1]
     words = " nor ".join(topics)
     raise BagError(phrase(f"bag {reader.path}", f"it has no {what}", f"neither {words} has one"))
+
+
+def _compensation(reader: BagReader) -> Floats:
+    """Return times [s] and whether active heave compensation is on, (n, 2), of `winch/state`."""
+    rows = []
+    for name in reader.topics:
+        if not f"/{name.lstrip('/')}".endswith(f"/{WINCH_STATE}"):
+            continue
+        for _, data in reader.messages(name):
+            message = deserialise(reader.topics[name].type_name, data)
+            table, stamp = read_cloud(message), message.header.stamp
+            if len(table) and "compensation_on" in (table.dtype.names or ()):
+                rows.append((stamp.sec + 1e-9 * stamp.nanosec, float(table["compensation_on"][0])))
+    return np.array(sorted(rows), np.float64).reshape(-1, 2)
+
+
+def _on_at(switched: Floats, at: Floats) -> NDArray[np.bool_] | None:
+    """Return whether it is on at times: the last state heard, at first on; None: never heard."""
+    switched = switched[np.isfinite(switched).all(axis=1)]
+    if not len(switched):
+        return None
+    states = np.concatenate([[True], switched[:, 1] > 0.5])
+    return np.asarray(states[np.searchsorted(switched[:, 0], at, side="right")])
 
 
 def _on_grid(path: Path, time: Floats, values: Floats, at: Floats, what: str) -> Floats:

@@ -71,6 +71,7 @@ ERROR_MARGIN = 1.6
 PIN_S = 40.0  # of load pin readings that shift the members
 PIN_FACTOR = 3.0  # on its noise, for what the rope model lacks
 FADING_S = 8.0  # of the shift over the lead
+LINE_SPEED_S = 3.0  # of line out whose least-squares slope is its speed at the origin
 JOIN_S = 5.0  # over which a member leaves the heave of the state that it begins from
 LEAST_MEMBERS = 19  # for a 90 % band by ranks
 CLIMATOLOGY_SKILL = 0.5  # of heave below which a lead is called climatology
@@ -320,8 +321,9 @@ class TensionForecaster:
 
     def _now(self, known: Known) -> LineNow:
         """Return the line at the origin; its speed without what the compensation adds."""
-        _, rate = self._line_of(known)
-        speed = float(rate[-1])
+        over = round(LINE_SPEED_S / SAMPLE_S)  # by all its samples: one is a counter's step off
+        since = SAMPLE_S * (np.arange(over + 1) - 0.5 * over)
+        speed = float(since @ known.line_out_m[-1 - over :] / (since @ since))
         params = self.scene.winch.heave_compensation if self.scene.winch else None
         if known.command_m_per_s is not None:
             speed = known.command_m_per_s
@@ -382,7 +384,7 @@ class TensionForecaster:
         begins, stays = now.compensated, now.compensated
         if order.kind == COMPENSATION:
             stays = bool(order.compensation)
-        if params is not None and (begins or stays):
+        if params is not None and (begins or stays) and not line.is_whole:
             first = max(border - round(20.0 / own.step_s), 0)
             at = border - first
             until = len(v) if stays else at + 1
@@ -432,9 +434,8 @@ class TensionForecaster:
         notes = [line.note] if line.note else []
         if not good.all():
             lost = int((~good).sum())
-            notes.append(
-                f"{lost} of {len(good)} members failed; they and the load pin are left out"
-            )
+            out = "they and the load pin are" if weights is not None else "they are"
+            notes.append(f"{lost} of {len(good)} members failed; {out} left out")
         return TensionForecast(
             known.time_s, order.name, self.leads, values, by_lead.max(axis=1),
             paths.skill()[-leads:], own, "; ".join(notes),

@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import MotionError
 from rope_twin.forecast.live import (
+    LARGEST_GAP_S,
     ForecastWorker,
     Heard,
     LiveForecast,
@@ -24,7 +25,7 @@ from rope_twin.forecast.live import (
     usual_limits,
 )
 from rope_twin.forecast.tension_forecast import ERROR_MARGIN, ForecastSettings
-from rope_twin.messages import Level, Status, decode, encode_diagnostics
+from rope_twin.messages import Level, Status, decode, encode_diagnostics, read_cloud
 from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import ForecastParams, declare
@@ -32,11 +33,13 @@ from rope_twin.ros.qos import listen, publish
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import BY_NAME, MEASURED_ELEVATION, WINCH_MEASURED
 
+_WINCH_STATE = "winch/state"
 _HEARD = ("ship/heave", "hang_off/odometry", "ropes/length", "ropes/tension_top",
-          WINCH_MEASURED, MEASURED_ELEVATION)  # fmt: skip
+          WINCH_MEASURED, MEASURED_ELEVATION, _WINCH_STATE)  # fmt: skip
 _DEPTH = 200  # messages that may queue in the middleware
 _DIAGNOSTICS_S = 1.0
-_SILENT_S = 2.0  # after which the simulation's values stand in for measured ones
+# after which the simulation's values stand in for measured ones: less than a gap that ends a series
+_SILENT_S = 0.5 * LARGEST_GAP_S
 
 
 class ForecastNode(Node):
@@ -104,6 +107,11 @@ class ForecastNode(Node):
 
     def _take(self, name: str, message: Any) -> None:
         """Append what a message says; the simulation's values only where nothing is measured."""
+        if name == _WINCH_STATE:
+            table = read_cloud(message)
+            if len(table) and "compensation_on" in (table.dtype.names or ()):
+                self._heard.compensation_on = bool(table["compensation_on"][0] > 0.5)
+            return
         at = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         heard = self._heard
         if name in ("ship/heave", "hang_off/odometry"):

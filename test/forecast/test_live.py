@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from rope_twin.forecast.live import (
     LiveForecast,
     LiveForecaster,
     Series,
+    _sampled,
     tables_of,
     usual_limits,
 )
@@ -144,3 +147,68 @@ def test_usual_limits(scene: Scene, tmp_path: Path) -> None:
     assert usual_limits(scene, (5e4, 0.5, 0.3, 10.0)).tension_n == 5e4
     with pytest.raises(InputError, match="quiet_s"):
         usual_limits(scene, (0.0, 0.5, 0.3, 0.0))
+    assert usual_limits(scene, (0.0, 0.5, 0.3, 50.0)).quiet_s == 50.0
+    with pytest.raises(InputError, match="at most 50 s"):
+        usual_limits(scene, (0.0, 0.5, 0.3, 55.0))
+
+
+def test_a_hole_of_tension_does_not_begin_again(scene: Scene) -> None:
+    """Heave and line out go on: the record stays as long, and no value is made up in the hole."""
+    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
+    feed(heard, 0.0, 50.0)
+    for k in range(500, 600):
+        heard.heave_m.add(BEGIN_S + 0.1 * k, 0.1)
+        heard.line_out_m.add(BEGIN_S + 0.1 * k, 200.0)
+    feed(heard, 60.0, 70.0)
+    assert forecaster.waits_for(heard) == "50 s more of heave"
+    own = _sampled(heard)
+    assert own is not None
+    hole = (own.time_s > BEGIN_S + 50.5) & (own.time_s < BEGIN_S + 60.0)
+    assert np.isnan(own.tension_n[hole]).all()
+    assert np.isnan(own.mean_n[hole]).all()
+    assert np.isfinite(own.tension_n[own.time_s > BEGIN_S + 60.0]).all()
+
+
+def test_forecasts_begin_again_when_the_clock_goes_back(scene: Scene) -> None:
+    """Another run of earlier times is forecast, kept, and without the old one's waves."""
+    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
+    feed(heard, 1000.0, 1125.0)
+    heard.waves.append((BEGIN_S + 1100.0, 300.0, 0.3))
+    forecaster.forecast(heard, lambda: BEGIN_S)
+    old = forecaster.kept
+    feed(heard, 0.0, 125.0)
+    made = forecaster.forecast(heard, lambda: BEGIN_S)
+    assert made.forecast.origin_s == BEGIN_S + 124.5
+    assert forecaster.kept is not None
+    assert forecaster.kept is not old
+    assert len(forecaster.kept) == 1
+    assert not heard.waves
+
+
+class _Surprised:
+    """A forecaster that fails once by what nobody expects, then forecasts an earlier origin."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def waits_for(self, heard: Heard) -> str:
+        return ""
+
+    def forecast(self, heard: Heard, now_s: object) -> SimpleNamespace:
+        self.calls += 1
+        if self.calls == 2:
+            raise IndexError("a surprise")
+        return SimpleNamespace(forecast=SimpleNamespace(origin_s=100.0 - self.calls))
+
+
+def test_worker_goes_on_after_a_surprise() -> None:
+    """It says what happened, tries again, and publishes origins before the last one."""
+    made, own = list[Any](), _Surprised()
+    worker = ForecastWorker(cast("Any", own), Heard(), made.append, lambda: 0.0, 0.01)
+    worker.start()
+    until = time.monotonic() + 20.0
+    while len(made) < 2 and time.monotonic() < until:
+        time.sleep(0.01)
+    worker.close()
+    assert [one.forecast.origin_s for one in made[:2]] == [99.0, 97.0]
+    assert not worker.trouble
