@@ -36,6 +36,7 @@ from rope_twin.forecast.tension_forecast import (
     Known,
     TensionForecast,
     TensionForecaster,
+    unlearned_spread,
 )
 from rope_twin.messages.forecast import (
     QUANTITIES,
@@ -104,10 +105,14 @@ class Heard:
         default_factory=lambda: deque(maxlen=20_000)
     )  # time, distance up-sea, elevation
     compensation_on: bool | None = None  # None: not heard, as when the run began
+    pin_n: Series = field(default_factory=Series)  # tension that was measured; judges forecasts
+    # mean and standard deviation of the logarithms of learned figures; None: nothing is learned
+    figures: tuple[Mapping[str, float], Mapping[str, float]] | None = None
 
     def clear(self) -> None:
         """Forget everything, as after a pause."""
         self.heave_m, self.line_out_m, self.tension_n = Series(), Series(), Series()
+        self.pin_n = Series()
         self.waves.clear()
         self.compensation_on = None
 
@@ -119,9 +124,9 @@ class _Samples:
     time_s: Floats
     heave_m: Floats
     line_out_m: Floats
-    tension_n: Floats  # at the instant; NaN: missing
-    mean_n: Floats  # over the SAMPLE_S before; NaN: missing
-    tension_until_s: float  # newest tension
+    mean_n: Floats  # tension over the SAMPLE_S before; NaN: missing
+    pin_n: Floats  # measured tension at the instant; NaN: missing
+    pin_until_s: float  # newest of it; -inf: none
 
 
 @dataclass(frozen=True)
@@ -147,7 +152,7 @@ class LiveForecaster:
     ) -> None:
         """Take a scene of one rope; wave_noise_m: standard deviation of measured elevations."""
         self._scene, self._limits = scene, limits
-        self.settings = settings or ForecastSettings()
+        self.settings = settings or ForecastSettings(spread=unlearned_spread(scene.learning))
         self._wave_noise_m = wave_noise_m
         self._forecaster: TensionForecaster | None = None
         self._nominal: NominalRope | None = None
@@ -186,6 +191,10 @@ class LiveForecaster:
             self._seen_s = -np.inf
             _forget_other_runs(heard.waves)
         self._last_s = float(grid[-1])
+        if heard.figures is not None:
+            self.settings = self.settings.with_figures(*heard.figures)
+            if self._forecaster is not None:
+                self._forecaster.settings = self.settings
         if self._nominal is None or grid[0] > self._begun_s + self._nominal.time_s:
             self._begin(grid, line)
         assert self._nominal is not None
@@ -196,8 +205,8 @@ class LiveForecaster:
             origin_s - self.settings.burn_in_s - self._begun_s,
             float(grid[0]) - self._begun_s, heave, line,
         )  # fmt: skip
-        for at, value in zip(grid, own.tension_n, strict=True):
-            if self._seen_s < at <= own.tension_until_s:
+        for at, value in zip(grid, own.pin_n, strict=True):
+            if self._seen_s < at <= own.pin_until_s:
                 self.kept.see(float(at), float(value))
                 self._seen_s = float(at)
         winch, is_on = self._scene.winch, heard.compensation_on
@@ -266,15 +275,23 @@ def _sampled(heard: Heard) -> _Samples | None:
         return None
     grid: Floats = np.asarray(SAMPLE_S * np.arange(first, last + 1.0))
     summed = np.concatenate([[0.0], np.cumsum(tension[:, 1])])
-    until = np.searchsorted(tension[:, 0], grid, side="right")
-    count = until - (since := np.searchsorted(tension[:, 0], grid - SAMPLE_S, side="right"))
+    since, until = _before(tension, grid)
     with np.errstate(invalid="ignore"):
-        mean = np.where(count > 0, (summed[until] - summed[since]) / count, np.nan)
+        mean = np.where(until > since, (summed[until] - summed[since]) / (until - since), np.nan)
+    pin, pin_n = heard.pin_n.rows(), np.full(len(grid), np.nan)
+    if len(pin):
+        since, until = _before(pin, grid)
+        pin_n = np.where(until > since, np.interp(grid, pin[:, 0], pin[:, 1]), np.nan)
     return _Samples(
         grid, np.interp(grid, heave[:, 0], heave[:, 1]), np.interp(grid, line[:, 0], line[:, 1]),
-        np.where(count > 0, np.interp(grid, tension[:, 0], tension[:, 1]), np.nan), mean,
-        float(tension[-1, 0]),
+        mean, pin_n, float(pin[-1, 0]) if len(pin) else -np.inf,
     )  # fmt: skip
+
+
+def _before(rows: Floats, grid: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return first and end of the rows in the SAMPLE_S up to each instant."""
+    since = np.searchsorted(rows[:, 0], grid - SAMPLE_S, side="right")
+    return since, np.searchsorted(rows[:, 0], grid, side="right")
 
 
 def tables_of(made: LiveForecast, limits: Limits) -> dict[str, list[Row]]:

@@ -109,9 +109,11 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
         raise BagError(phrase(f"bag {path}", what, right))
     at = begin + SAMPLE_S * np.arange(count)
     rest_m = own.ship.hang_off_m[2] if heave[0] == HANG_OFF else 0.0
+    known_m = own.measured.line_out.bias if line[0] == LINE_TOPICS[0] else 0.0
+    known_n = own.measured.tension.bias if tension[0] == TENSION_TOPICS[0] else 0.0
     z = _on_grid(path, *heave[1:], at, "heave") - rest_m
-    out = _on_grid(path, *line[1:], at, "line out")
-    top, mean, peak = _tension_on(*tension[1:], at)
+    out = _on_grid(path, *line[1:], at, "line out") - known_m
+    top, mean, peak = (one - known_n for one in _tension_on(*tension[1:], at))
     return RecordedLift(
         scene_at_line(own, float(out[0])), 0.0, z, out, top, mean, peak,
         (heave[0], line[0], tension[0]), _on_at(switched, at),

@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,7 @@ from rope_twin.forecast.orders import (
     line_path,
 )
 from rope_twin.forecast.score import member_quantiles
+from rope_twin.scene.learning import Learning
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import (
     FIGURES,
@@ -66,6 +68,7 @@ LEARNED_SPREAD: Mapping[str, float] = {
     "submerged_weight": 0.005, "oscillating_mass": 0.02, "payload_drag": 0.06,
     "axial_stiffness": 0.018, "axial_damping": 0.2, "tangential_drag": 0.12,
 }  # fmt: skip
+MOST_SPREAD = 2.0  # as the section `learning` of a scene allows
 # of the coloured error assumed, flat over its whole band, over that of a sensor from 8 to 30 s
 ERROR_MARGIN = 1.6
 PIN_S = 40.0  # of load pin readings that shift the members
@@ -88,6 +91,7 @@ class ForecastSettings:
     motion_error: MotionError = field(default_factory=MotionError)
     load_pin_deviation_n: float = 1200.0  # of a mean over SAMPLE_S
     spread: Mapping[str, float] = field(default_factory=lambda: dict(LEARNED_SPREAD))
+    mean: Mapping[str, float] = field(default_factory=dict)  # of logarithms; absent: the scene's, 0
     fading_s: float = FADING_S
     seed: int = 1
 
@@ -108,10 +112,33 @@ class ForecastSettings:
             what = f"load pin {self.load_pin_deviation_n:g} N, fading {self.fading_s:g} s"
             raise InputError(phrase("forecast", what, "give positive numbers"))
         for name, value in self.spread.items():
-            if name not in FIGURES or not 0.0 <= value <= 1.0:
+            if name not in FIGURES or not 0.0 <= value <= MOST_SPREAD:
                 what = f"the spread of {name} is {value:g}"
-                right = f"give 0 to 1 for {', '.join(FIGURES)}"
+                right = f"give 0 to {MOST_SPREAD:g} for {', '.join(FIGURES)}"
                 raise InputError(phrase("forecast", what, right))
+        for name, value in self.mean.items():
+            if name not in FIGURES or not math.isfinite(value):
+                what = f"the mean logarithm of {name} is {value:g}"
+                right = f"give a finite number for {', '.join(FIGURES)}"
+                raise InputError(phrase("forecast", what, right))
+
+    def with_figures(self, mean: Mapping[str, float], spread: Mapping[str, float]) -> Self:
+        """Return settings with these means and standard deviations of the figures' logarithms.
+
+        Figures that are not named, and names that are no figure of a fleet, are left out.
+
+        Raises:
+            InputError: a number is not possible.
+        """
+        return replace(
+            self, mean={name: mean[name] for name in FIGURES if name in mean},
+            spread={name: spread[name] for name in FIGURES if name in spread},
+        )  # fmt: skip
+
+
+def unlearned_spread(learning: Learning) -> dict[str, float]:
+    """Return the spread of the figures before anything is learned, by a scene's `learning`."""
+    return {name: 0.01 * getattr(learning, f"{name}_pct") for name in LEARNED_SPREAD}
 
 
 @dataclass(frozen=True)
@@ -300,12 +327,13 @@ class TensionForecaster:
         return np.ascontiguousarray(z), np.ascontiguousarray(v)
 
     def _draw_figures(self) -> None:
-        """Set figures of all members, log-normal about the scene's own."""
+        """Set figures of all members, log-normal about what is known of them."""
         factors: dict[str, float | Floats] = {}
         for name, spread in self.settings.spread.items():
             draws = self._random.standard_normal(self.settings.members)
             if name in self.fleet.figures:
-                factors[name] = np.asarray(np.exp(spread * draws - 0.5 * spread**2))
+                middle = self.settings.mean.get(name, 0.0) - 0.5 * spread**2
+                factors[name] = np.asarray(np.exp(middle + spread * draws))
         if factors:
             self.fleet.set_figures(factors)
 

@@ -24,18 +24,23 @@ from rope_twin.forecast.live import (
     tables_of,
     usual_limits,
 )
-from rope_twin.forecast.tension_forecast import ERROR_MARGIN, ForecastSettings
+from rope_twin.forecast.tension_forecast import (
+    ERROR_MARGIN,
+    LEARNED_SPREAD,
+    ForecastSettings,
+    unlearned_spread,
+)
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, read_cloud
 from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import ForecastParams, declare
 from rope_twin.ros.qos import listen, publish
 from rope_twin.scene.load import load_scene
-from rope_twin.topics import BY_NAME, MEASURED_ELEVATION, WINCH_MEASURED
+from rope_twin.topics import BY_NAME, ESTIMATE_TOPIC, MEASURED_ELEVATION, WINCH_MEASURED
 
 _WINCH_STATE = "winch/state"
 _HEARD = ("ship/heave", "hang_off/odometry", "ropes/length", "ropes/tension_top",
-          WINCH_MEASURED, MEASURED_ELEVATION, _WINCH_STATE)  # fmt: skip
+          WINCH_MEASURED, MEASURED_ELEVATION, _WINCH_STATE, ESTIMATE_TOPIC)  # fmt: skip
 _DEPTH = 200  # messages that may queue in the middleware
 _DIAGNOSTICS_S = 1.0
 # after which the simulation's values stand in for measured ones: less than a gap that ends a series
@@ -66,7 +71,10 @@ class ForecastNode(Node):
         self._limits = usual_limits(scene, given)
         self._hang_off = scene.ship.hang_off_m
         error = MotionError(coloured_m=ERROR_MARGIN * own.motion_error_m)
-        settings = ForecastSettings(members=own.members, motion_error=error)
+        settings = ForecastSettings(
+            members=own.members, motion_error=error, spread=unlearned_spread(scene.learning)
+        )
+        self._bias_m, self._bias_n = scene.measured.line_out.bias, scene.measured.tension.bias
         forecaster = LiveForecaster(scene, self._limits, settings, own.wave_noise_m)
         self.worker = ForecastWorker(
             forecaster, self._heard, self._send, self._now_s, own.interval_s
@@ -112,6 +120,9 @@ class ForecastNode(Node):
             if len(table) and "compensation_on" in (table.dtype.names or ()):
                 self._heard.compensation_on = bool(table["compensation_on"][0] > 0.5)
             return
+        if name == ESTIMATE_TOPIC:
+            self._heard.figures = learned_figures(message)
+            return
         at = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         heard = self._heard
         if name in ("ship/heave", "hang_off/odometry"):
@@ -132,14 +143,16 @@ class ForecastNode(Node):
             self._take_line(at, name == WINCH_MEASURED, message)
 
     def _take_line(self, at: float, measured: bool, message: Any) -> None:
-        rows = (("line", message.position, self._heard.line_out_m),
-                ("tension", message.effort, self._heard.tension_n))  # fmt: skip
-        for what, values, series in rows:
-            value = float(values[0]) if len(values) else math.nan
+        rows = (("line", message.position, self._heard.line_out_m, self._bias_m),
+                ("tension", message.effort, self._heard.tension_n, self._bias_n))  # fmt: skip
+        for what, values, series, bias in rows:
+            value = float(values[0]) - bias * measured if len(values) else math.nan
             if not math.isfinite(value):
                 continue
             if measured:
                 self._measured_s[what] = at
+                if what == "tension":  # the twin's own would only judge itself
+                    self._heard.pin_n.add(at, value)
             if measured or at > self._measured_s[what] + _SILENT_S:
                 series.add(at, value)
 
@@ -155,6 +168,17 @@ class ForecastNode(Node):
         row = Status("forecast: worker", level, words, values)
         now_ns = self.get_clock().now().nanoseconds
         self._diagnostics.publish(encode_diagnostics(now_ns, [row]))
+
+
+def learned_figures(message: Any) -> tuple[dict[str, float], dict[str, float]]:
+    """Return mean and standard deviation of the logarithms of the figures of estimate/figures."""
+    mean, spread = dict[str, float](), dict[str, float]()
+    for row in read_cloud(message):
+        name = bytes(row["name"]).rstrip(b"\0").decode()
+        value, scene_value, sd = (float(row[key]) for key in ("value", "prior", "sd"))
+        if name in LEARNED_SPREAD and value * scene_value > 0.0 and math.isfinite(sd):
+            mean[name], spread[name] = math.log(value / scene_value), sd / abs(value)
+    return mean, spread
 
 
 def main(args: list[str] | None = None) -> int:

@@ -17,10 +17,11 @@ from rope_twin.errors import BagError, InputError
 from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
 from rope_twin.forecast.offline import RecordingForecaster
 from rope_twin.forecast.orders import read_order
-from rope_twin.forecast.recorded_lift import RecordedLift, read_lift
+from rope_twin.forecast.recorded_lift import RecordedLift, _on_at, read_lift
 from rope_twin.forecast.tension_forecast import TENSION, ForecastSettings
 from rope_twin.messages import encode_heave, encode_measurement
 from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.scene.winch import HeaveCompensation
 from rope_twin.topics import BY_NAME
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 from rope_twin.twin.measured.readings import Measurement
@@ -28,6 +29,10 @@ from rope_twin.twin.motion.heave_track import ramp
 
 LENGTH_S = 420.0
 PERIOD_S = 0.05
+AHC = HeaveCompensation(
+    efficiency=0.95, lag_s=0.1, stroke_m=3.0, speed_limit_m_per_s=2.0,
+    acceleration_limit_m_per_s2=2.0,
+)  # fmt: skip
 SETTINGS = ForecastSettings(members=19, burn_in_s=30.0)
 
 
@@ -139,3 +144,30 @@ def test_recordings_that_do_not_serve(tmp_path: Path) -> None:
         read_lift("sea_2p5m", str(tmp_path / "small.yaml"))
     with pytest.raises(BagError, match="session"):
         read_lift("sea_2p5m")
+
+
+def test_compensation_is_on_as_recorded(lift: RecordedLift) -> None:
+    """On before the first state that was heard, then as the last one said; unheard: on."""
+    switched = np.array([[1.0, 0.0], [2.0, 1.0]])
+    assert _on_at(switched, np.array([0.5, 1.0, 1.5, 2.5])) is not None
+    assert np.array(_on_at(switched, np.array([0.5, 1.0, 1.5, 2.5]))).tolist() == [
+        True, False, False, True,
+    ]  # fmt: skip
+    assert _on_at(np.empty((0, 2)), np.array([0.5])) is None
+    assert lift.scene.winch is not None
+    winch = replace(lift.scene.winch, heave_compensation=AHC)
+    off = np.arange(len(lift.heave_m)) >= 500
+    own = replace(lift, scene=replace(lift.scene, winch=winch), compensated=~off)
+    assert own.known_at(499).compensated
+    assert not own.known_at(500).compensated
+    assert replace(own, compensated=None).known_at(500).compensated
+
+
+def test_known_offsets_are_subtracted(folder: Path, lift: RecordedLift, tmp_path: Path) -> None:
+    """Of the load cell and of the line-out counter."""
+    scene = tmp_path / "offset.yaml"
+    offsets = "measured: {tension: {bias_n: 500.0}, line_out: {bias_m: 2.0}}\n"
+    scene.write_text((folder / "small.yaml").read_text() + offsets)
+    own = read_lift(folder / "lift", str(scene))
+    assert own.tension_n == pytest.approx(lift.tension_n - 500.0)
+    assert own.line_out_m == pytest.approx(lift.line_out_m - 2.0)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,10 +14,11 @@ from small_scene import small_scene
 from rope_twin.errors import InputError, SceneError
 from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
 from rope_twin.forecast.nominal_rope import nominal_states, scene_at_line
-from rope_twin.forecast.orders import read_order
+from rope_twin.forecast.orders import LineNow, LinePath, Order, read_order
 from rope_twin.forecast.risk import compare
 from rope_twin.forecast.tension_forecast import (
     DEPTH,
+    LEARNED_SPREAD,
     MARGIN,
     TENSION,
     ForecastSettings,
@@ -23,14 +26,21 @@ from rope_twin.forecast.tension_forecast import (
     TensionForecast,
     TensionForecaster,
     smoother_gain,
+    unlearned_spread,
 )
+from rope_twin.scene.learning import Learning
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.winch import HeaveCompensation
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 
 STILL_FIGURES = {"axial_damping": 0.0}
 SETTINGS = ForecastSettings(
     members=19, burn_in_s=30.0, motion_error=MotionError(coloured_m=0.0), spread=STILL_FIGURES,
     load_pin_deviation_n=50.0,
+)  # fmt: skip
+AHC = HeaveCompensation(
+    efficiency=0.95, lag_s=0.1, stroke_m=3.0, speed_limit_m_per_s=2.0,
+    acceleration_limit_m_per_s2=2.0,
 )  # fmt: skip
 ORIGIN = 1300  # sample
 
@@ -189,3 +199,50 @@ def test_scene_at_another_line(tmp_path: Path) -> None:
     own = small_scene(tmp_path)
     assert scene_at_line(own, 200.0) is own
     assert scene_at_line(own, 250.0).ropes[0].length_m == 250.0
+
+
+def test_figures_have_the_mean_and_spread_that_were_learned() -> None:
+    """Unknown names are left out; before anything is learned the scene's uncertainties hold."""
+    own = SETTINGS.with_figures({"submerged_weight": 0.1, "tension_bias": 0.2},
+                                {"submerged_weight": 0.01, "tension_bias": 0.4})  # fmt: skip
+    assert (own.mean, own.spread) == ({"submerged_weight": 0.1}, {"submerged_weight": 0.01})
+    spread = unlearned_spread(Learning(submerged_weight_pct=7.0))
+    assert spread["submerged_weight"] == pytest.approx(0.07)
+    assert set(spread) == set(LEARNED_SPREAD)
+    with pytest.raises(InputError, match="mean logarithm of submerged_weight"):
+        dataclasses.replace(SETTINGS, mean={"submerged_weight": np.nan})
+
+
+def test_line_speed_is_not_a_step_of_the_counter(scene: Scene) -> None:
+    """0.2 m/s read in centimetres: a sample off by one shifts the slope by less than 1 cm/s."""
+    forecaster = TensionForecaster.__new__(TensionForecaster)
+    forecaster.scene, forecaster.settings = scene, SETTINGS
+    line = 200.0 + 0.2 * SAMPLE_S * np.arange(-299.0, 1.0)
+    line[-2] += 0.01
+    now = forecaster._now(Known(0.0, np.zeros(300), line))
+    assert now.speed_m_per_s == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_recorded_line_has_the_compensation_in_it(lift_with_compensation: Scene) -> None:
+    """Every member follows the planned line as it is, and the compensated one besides an order."""
+    forecaster = TensionForecaster.__new__(TensionForecaster)
+    forecaster.scene, forecaster.settings, forecaster._steps = lift_with_compensation, SETTINGS, 10
+    given = list[FleetInputs]()
+    forecaster.fleet = cast("Fleet", SimpleNamespace(advance=lambda own, _: given.append(own)))
+    at = 0.05 * np.arange(1801.0)[:, None]
+    motion = 0.5 * np.sin(0.6 * at), 0.3 * np.cos(0.6 * at)
+    known = Known(0.0, np.zeros(300), np.full(300, 200.0), compensated=True)
+    now, line = LineNow(200.0, 0.0, compensated=True), np.full(1201, 200.0)
+    for is_whole in (True, False):
+        plan = LinePath(line, 0.0 * line, is_whole=is_whole)
+        forecaster._ahead(known, motion, Order("continue"), plan, now)
+    assert np.array_equal(given[0].line_out_m, line)
+    assert np.ptp(given[1].line_out_m) > 0.5
+
+
+@pytest.fixture
+def lift_with_compensation(scene: Scene) -> Scene:
+    """The lift, with active heave compensation."""
+    assert scene.winch is not None
+    winch = dataclasses.replace(scene.winch, heave_compensation=AHC)
+    return dataclasses.replace(scene, winch=winch)

@@ -9,7 +9,15 @@ import pytest
 from ros_bench import Bench
 from small_scene import small_scene
 
-from rope_twin.messages import encode_elevation, encode_heave, encode_measurement, read_cloud
+from rope_twin.messages import (
+    decode,
+    encode_elevation,
+    encode_heave,
+    encode_measurement,
+    read_cloud,
+)
+from rope_twin.messages.estimate import encode_estimate
+from rope_twin.ros.forecast_node import learned_figures
 from rope_twin.ros.params import node_parameters
 from rope_twin.run.options import RunOptions
 from rope_twin.twin.measured.readings import Measurement
@@ -67,3 +75,15 @@ def test_a_run_without_it_has_no_such_node() -> None:
     """`--ahead` alone starts it."""
     assert "forecast" not in node_parameters(RunOptions())
     assert node_parameters(RunOptions(ahead=True))["forecast"] == {"scene": "deep_lift"}
+
+
+def test_learned_figures_are_heard() -> None:
+    """Factors on the scene's figures, as mean and deviation of their logarithms; no others."""
+    row = {"low": 0.0, "high": 0.0, "prior_sd": 1.0, "state": "learned", "correlation": 0.0}
+    rows = [
+        {**row, "name": "submerged_weight", "value": 88e3, "prior": 80e3, "sd": 880.0},
+        {**row, "name": "tension_bias", "value": 900.0, "prior": 0.0, "sd": 50.0},
+    ]
+    mean, spread = learned_figures(decode("estimate/figures", encode_estimate(0, rows)))
+    assert mean == pytest.approx({"submerged_weight": math.log(1.1)}, rel=1e-6)
+    assert spread == pytest.approx({"submerged_weight": 0.01}, rel=1e-6)
