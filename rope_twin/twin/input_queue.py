@@ -9,6 +9,7 @@ includes changes of the accuracy level, since these follow the CPU load.
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -71,7 +72,7 @@ class InputQueue:
         self._waiting: list[Call] = []
         self._waiting_numbers = 0
         self._level = twin.level
-        self._due: list[Callable[[], None]] = []
+        self._due: deque[Callable[[], None]] = deque()
         self.refused = 0  # inputs rejected because the queue was full
 
     @property
@@ -81,7 +82,8 @@ class InputQueue:
 
     def begin(self) -> None:
         """Start a session of the log; its header must state the accuracy level."""
-        self._level, self._due = self._twin.level, []
+        self._level = self._twin.level
+        self._due.clear()
 
     def at_next_slot(self, call: Callable[[], None]) -> None:
         """Make the stepping thread call a function once, before the inputs of its next cycle."""
@@ -93,10 +95,8 @@ class InputQueue:
         Raises:
             SolverError: a step failed.
         """
-        if self._due:
-            calls, self._due = self._due, []
-            for call in calls:
-                call()
+        while self._due:
+            self._due.popleft()()
         self._apply()
         self._stepper.advance(steps)
 

@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.state import Rope
+from rope_twin.core.state import Rope, Table
 from rope_twin.errors import phrase
 from rope_twin.twin.ensemble.figures import (
     FIGURES,
+    copied_law,
     figures_of,
     scaled_fields,
+    scaled_law,
     scaled_sections,
 )
 from rope_twin.twin.health import InputCounter
@@ -69,10 +71,8 @@ class LearnedFigures:
 
     def at(self, now_ns: int) -> dict[str, float]:
         """Return the factors at a time, by the names of FIGURES; 1: the scene's value."""
-        share = 1.0
-        since_ns = max(now_ns - self.begin_ns, 0)
-        if since_ns < self.ramp_ns:
-            share = since_ns // UPDATE_NS * UPDATE_NS / self.ramp_ns
+        stair_ns = max(now_ns - self.begin_ns, 0) // UPDATE_NS * UPDATE_NS
+        share = stair_ns / self.ramp_ns if stair_ns < self.ramp_ns else 1.0
         now = self._before + share * (self._target - self._before)
         return dict(zip(FIGURES, now.tolist(), strict=True))
 
@@ -111,23 +111,30 @@ class FigureBase:
     def __init__(self, rope: Rope) -> None:
         """Keep what factors apply to."""
         self._sections = rope.sections.copy()
+        self._law = copied_law(rope.law)
         self._effects = rope.effects
         self._used: dict[str, float] = {}
         self._seen: tuple[Any, ...] = ()  # effects that have these factors
-        self._scaled = self._sections  # sections with them
+        self._scaled, self._scaled_law = self._sections, self._law  # sections and law with them
 
     def apply(
         self, factors: Mapping[str, float], rope: Rope, effects: tuple[Any, ...]
     ) -> tuple[Any, ...]:
-        """Set factors in the rope's sections, in place; return the effects with them.
+        """Set factors in the rope's sections and axial law, in place; return the effects with them.
 
         rope: the present one; effects: those in use, whose memory and current are kept.
         """
         used = dict(factors)
         same = np.array_equal(rope.sections, self._scaled)  # not after a return to an earlier state
+        if isinstance(rope.law, Table):
+            same = same and np.array_equal(rope.law.tension, self._scaled_law.tension)
         if used == self._used and effects is self._seen and same:
             return effects
         rope.sections[:] = self._scaled = scaled_sections(self._sections, factors)
+        self._scaled_law = scaled_law(self._law, factors["axial_stiffness"])
+        if isinstance(rope.law, Table):
+            for mine, scaled in zip(rope.law, self._scaled_law, strict=True):
+                mine[:] = scaled
         made = scaled_fields(self._effects, effects, factors)
         self._used, self._seen = used, made
         return made

@@ -9,10 +9,13 @@ import pytest
 from small_scene import small_scene
 
 from rope_twin import Twin
+from rope_twin.core.state import Table
 from rope_twin.errors import InputError
 from rope_twin.scene.change import Change, change_scene
+from rope_twin.twin.ensemble.figures import FIGURES
+from rope_twin.twin.ensemble.live_state import live_state
 from rope_twin.twin.input_queue import InputQueue, LogEntry, apply, calls_of, plain_calls
-from rope_twin.twin.learned_figures import LearnedFigures
+from rope_twin.twin.learned_figures import FigureBase, LearnedFigures
 
 
 @pytest.fixture
@@ -135,3 +138,33 @@ def test_a_second_ramp_begins_where_the_first_is(twin: Twin) -> None:
     assert then["payload_drag"] == pytest.approx(1.0)
     assert figures.at(60_000_000_000)["payload_drag"] == 2.0
     assert "cut" in figures.offer(rope, {"payload_drag": 1.0}, 1.0, 0, True)
+
+
+def test_figures_change_at_stairs_only() -> None:
+    """A ramp of 0.25 s ends at the stair of 0.3 s, however the steps are divided."""
+    figures = LearnedFigures()
+    figures._target = 2.0 * figures._before
+    figures.active, figures.ramp_ns = True, 250_000_000
+    seen = [figures.at(k * 10_000_000)["submerged_weight"] for k in range(40)]
+    changes = [k for k in range(1, 40) if seen[k] != seen[k - 1]]
+    assert changes == [10, 20, 30]
+    assert seen[30] == 2.0
+
+
+def test_a_stiffness_table_is_scaled_and_a_live_state_has_its_own(twin: Twin) -> None:
+    """All tensions of the table times the factor, from the scene's each time; copies stay."""
+    rope = twin.rope
+    knots = np.array([[0.0, 0.01]])
+    table = Table(knots, *(np.array([[1.0, 2.0]]) * k for k in (0.0, 1e7, 2e7, 3e7)))
+    rope = rope._replace(law=table, sections=rope.sections.copy())
+    first = [one.copy() for one in table]
+    base = FigureBase(rope)
+    for share in (1.2, 0.9):
+        factors = dict.fromkeys(FIGURES, 1.0) | {"axial_stiffness": share}
+        base.apply(factors, rope, rope.effects)
+        assert np.array_equal(table.knot, first[0])
+        for mine, own in zip(table[1:], first[1:], strict=True):
+            np.testing.assert_allclose(mine, share * own)
+    twin.advance(1)
+    live = live_state(twin)
+    assert not np.shares_memory(live.rope.sections, twin.rope.sections)

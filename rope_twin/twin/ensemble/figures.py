@@ -126,14 +126,24 @@ def stacked_effects(effects: tuple[Any, ...], factors: Mapping[str, Floats]) -> 
     return tuple(_scaled(effect, factors, np.multiply.outer) for effect in effects)
 
 
+def scaled_law(law: Any, share: float) -> Any:
+    """Return an axial law with the tensions of a stiffness table multiplied; others as they are."""
+    if not isinstance(law, Table):
+        return law
+    return law._replace(**{name: share * getattr(law, name) for name in _TABLE_FIELDS})
+
+
+def copied_law(law: Any) -> Any:
+    """Return an axial law with own arrays, if it is a stiffness table; others as they are."""
+    return Table(*(one.copy() for one in law)) if isinstance(law, Table) else law
+
+
 def scaled_rope(rope: Rope, factors: Mapping[str, float], effects: tuple[Any, ...]) -> Rope:
     """Return the rope of one member; effects: its own so far, whose memory it keeps."""
     sections = rope.sections.copy()
     for name, row in _SECTION_ROWS.items():
         sections[row] *= factors[name]
-    law, share = rope.law, factors["axial_stiffness"]
-    if isinstance(law, Table):
-        law = law._replace(**{name: share * getattr(law, name) for name in _TABLE_FIELDS})
+    law = scaled_law(rope.law, factors["axial_stiffness"])
     made = []
     for base, own in zip(rope.effects, effects, strict=True):
         scaled = _scaled(base, factors, np.multiply)

@@ -187,6 +187,13 @@ class Fleet:
                 what = f"a state with space for {one.rope.s.size} nodes, not {room[1]}"
                 right = "give states of a fleet of this scene and mesh"
                 raise InputError(phrase("fleet", what, right))
+        if members.remember:
+            count = sum(1 for _ in state_arrays(members.effects[0]))
+            for one in given:
+                if len(one.memories) != count:
+                    what = f"a state with {len(one.memories)} internal variables, not {count}"
+                    right = "give states that `Fleet.state` returned for this scene"
+                    raise InputError(phrase("fleet", what, right))
         if isinstance(states, FleetState):
             members.set_all(states.rope)
         else:

@@ -23,6 +23,7 @@ from rope_twin.errors import InputError, StateError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.twin.elements import Elements, elements_of, offsets_for
+from rope_twin.twin.ensemble.figures import copied_law
 from rope_twin.twin.internal_variables import has_state, on_nodes, own_copies
 from rope_twin.twin.twin import Twin
 
@@ -68,8 +69,9 @@ def live_state(twin: Twin) -> LiveState:
         state.health.copy(),
     )
     own = rope._replace(
-        state=copied, effects=own_copies(rope.effects), work=rope.work[rows.TENSION, :n].copy()
-    )
+        state=copied, effects=own_copies(rope.effects), work=rope.work[rows.TENSION, :n].copy(),
+        sections=rope.sections.copy(), law=copied_law(rope.law),
+    )  # fmt: skip
     pull = view.pull[rows.PULL_X : rows.PULL_Z + 1].copy()
     return LiveState(twin.scene, twin.time_ns, own, pull, float(view.boundary.rate[0, rows.LINE]))
 
