@@ -77,8 +77,8 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         _draw(args.bag, estimator.results, base, args.out)
     if args.json:
-        told = report.as_json(found, estimator.results, derived)
-        print_json({"bag": str(args.bag), "scene": scene.name, "tared": args.tared} | told)
+        learned = report.as_json(found, estimator.results, derived)
+        print_json({"bag": str(args.bag), "scene": scene.name, "tared": args.tared} | learned)
         return ExitCode.OK
     for problem in recorded.problems:
         print(problem, file=sys.stderr)

@@ -40,7 +40,12 @@ class AlarmTask:
     def take(self, inputs: Input) -> None:
         """Begin again after the learner did; it keeps the measured series for both."""
         if isinstance(inputs, Begin):
-            self._estimator = None
+            self._estimator, self._stands = None, ""
+
+    def tare(self) -> None:
+        """Forget what the tests know of the load pin's zero. Call it in the worker."""
+        if self._watch is not None:
+            self._watch.tare()
 
     def acknowledge(self) -> None:
         """End the alarm, if one is on: learning goes on. Call it in the worker."""
@@ -56,7 +61,10 @@ class AlarmTask:
         if estimator is None or self._stands:
             return False
         if estimator is not self._estimator:
-            self._estimator, self._watch = estimator, FaultWatch(self._scene, estimator)
+            made = FaultWatch(self._scene, estimator)
+            if self._watch is not None:
+                made.keep_rules(self._watch, estimator.state_s)
+            self._estimator, self._watch = estimator, made
             self._blocks = len(estimator.results)
         watch = self._watch
         assert watch is not None

@@ -33,12 +33,12 @@ from rope_twin.estimation.causes import (
 from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, LEAST_USED, Estimator
 from rope_twin.estimation.fault_tests import FaultTests, Suspicion
 from rope_twin.estimation.figures import NAMES, factors_of
-from rope_twin.estimation.lift_model import STEP_S, Prediction
+from rope_twin.estimation.lift_model import Prediction
 from rope_twin.estimation.measured_lift import MEAN_S
 from rope_twin.estimation.plain_rules import LostPayload, RepeatedSample, StuckEncoder
 from rope_twin.estimation.slow_drift import SlowDrift
 from rope_twin.scene.model.rope import build
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import Scene, Winch
 from rope_twin.twin.ensemble.fleet import FleetState
 from rope_twin.twin.statics import solve_scene_statics
 
@@ -50,6 +50,7 @@ LEAD = 6.0  # likelihood gain by which a cause must lead to be named alone
 NAMED_S = 5.0, 20.0, 60.0  # after the alarm
 SETTLED_BLOCKS = 2  # learned before the watch begins
 CAPACITY_S = 3 * BLOCK_S + 10.0  # a reference of two blocks ago, and the last naming
+HEAVE_AHEAD_S = 1.0  # of heave beyond the tested means, at least
 TAIL_S = 10.0  # after which the sheave's friction has forgotten where it began
 # what figures and heave leave out: friction, water; its correlation time
 MODEL_ERROR, MODEL_ERROR_S = 0.18, 3.0  # over the white noise of a mean
@@ -83,6 +84,15 @@ class _Reference:
     at_s: float
     colour: Floats  # autocovariance of the coloured error [N²], (means of CAPACITY_S,)
     white_n: float
+    heave_ahead_s: float  # heave that its delay asks for
+
+
+def largest_deceleration(winch: Winch | None) -> float:
+    """Return the largest deceleration of the line [m/s²], by an emergency stop if it has one."""
+    if winch is None:
+        return 0.0
+    stop, limit = winch.emergency_stop, winch.acceleration_limit_m_per_s2
+    return limit if stop is None else max(limit, stop.deceleration_m_per_s2)
 
 
 class FaultWatch:
@@ -113,7 +123,7 @@ class FaultWatch:
         self._lost = LostPayload()
         self._pin, self._sensor = RepeatedSample(), RepeatedSample()
         winch = scene.winch
-        limit = winch.acceleration_limit_m_per_s2 if winch is not None else 0.0
+        limit = largest_deceleration(winch)
         self._encoder = StuckEncoder(limit, scene.measured.line_out.resolution_m)
         self._heard_s = [-np.inf, -np.inf, -np.inf]
         self._drift = SlowDrift(DRIFT_SPREAD * static_n)
@@ -132,6 +142,15 @@ class FaultWatch:
             )
         return made
 
+    def keep_rules(self, before: FaultWatch, begin_s: float) -> None:
+        """Go on with the plain rules of the watch before, so that a sensor stuck then is found.
+
+        begin_s: time at which this watch begins [s]; rules that heard later samples are left.
+        """
+        if max(before._heard_s) <= begin_s + 1.0:
+            self._pin, self._sensor, self._encoder = before._pin, before._sensor, before._encoder
+            self._heard_s = before._heard_s
+
     @property
     def frozen(self) -> bool:
         """Return whether learning waits for an alarm to be acknowledged."""
@@ -140,7 +159,14 @@ class FaultWatch:
     def acknowledge(self) -> None:
         """End an alarm: learning goes on, and the watch begins again after two blocks."""
         self.alarm = None
-        self._reference = self._next = self.tests = None
+        self._begin_again()
+
+    def tare(self) -> None:
+        """Begin again after two blocks, since the load pin has another zero; an alarm stays on."""
+        self._begin_again()
+
+    def _begin_again(self) -> None:
+        self._reference = self._next = self.tests = self._before = None
         self._blocks = 0
         self._drift.restart()
 
@@ -158,7 +184,7 @@ class FaultWatch:
         colour = colour + model_n**2 * np.exp(-lag_s / MODEL_ERROR_S)
         new = _Reference(
             estimator.theta.copy(), estimator.belief.covariance.copy(), estimator.state, end_s,
-            colour, noise.white_n,
+            colour, noise.white_n, max(HEAVE_AHEAD_S, estimator.heave_ahead_s),
         )  # fmt: skip
         if self._blocks >= SETTLED_BLOCKS:
             self._reference, self._next = self._next or new, new
@@ -202,7 +228,7 @@ class FaultWatch:
         tests, reference = self.tests, self._reference
         if tests is None or reference is None or self._prediction is None:
             return self.alarm
-        known_s = self._lift.known_until_s(1.0)
+        known_s = self._lift.known_until_s(reference.heave_ahead_s)
         end_s = min(until_s, known_s, reference.at_s + CAPACITY_S)
         means = round(1.0 / MEAN_S)
         first_s = tests.now_s
@@ -229,7 +255,8 @@ class FaultWatch:
         """Return residual, columns and predicted tension of the means of an interval."""
         assert self._prediction is not None
         from_s = max(reference.at_s, first_s - MEAN_S)
-        self._prediction = _since(self._prediction, min(first_s - TAIL_S, from_s))
+        begin_s = min(first_s - TAIL_S, from_s)
+        self._prediction = self._model.trimmed(self._prediction, begin_s)
         predicted, J = self._model.linearised(self._prediction, from_s)
         measured, _ = self._lift.tension_means(first_s, end_s)
         new = slice(len(predicted) - len(measured), None)
@@ -305,7 +332,8 @@ class FaultWatch:
     def _plain_rules(self, until_s: float) -> None:
         """Give new samples to the rules on stuck sensors."""
         lift = self._lift
-        for k, series in enumerate((lift.tension, lift.heave, lift.line_out)):
+        counter = lift.counter if np.isfinite(lift.counter.newest_s) else lift.line_out
+        for k, series in enumerate((lift.tension, lift.heave, counter)):
             table = series.table
             first = np.searchsorted(table[:, 0], self._heard_s[k], side="right")
             last = np.searchsorted(table[:, 0], until_s, side="right")
@@ -318,20 +346,6 @@ class FaultWatch:
                     cause = (STUCK_PIN, STUCK_SENSOR, STUCK_ENCODER)[k]
                     found_s = time_s if self.alarm is None else self.alarm.found_s
                     self.alarm = Alarm(found_s, rule.since_s, 0.0, (cause,))
-
-
-def _since(whole: Prediction, time_s: float) -> Prediction:
-    """Return a prediction without the pieces that end before a time."""
-    begin_s, first = whole.begin_s, 0
-    for piece in whole.tension_n:
-        end_s = begin_s + STEP_S * len(piece)
-        if end_s > time_s:
-            break
-        begin_s, first = end_s, first + 1
-    return replace(
-        whole, begin_s=begin_s, tension_n=whole.tension_n[first:],
-        line_out_m=whole.line_out_m[first:],
-    )  # fmt: skip
 
 
 def _pairs(found: list[Suspicion]) -> list[tuple[str, float]]:

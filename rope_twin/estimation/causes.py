@@ -107,6 +107,8 @@ class FaultLanes:
         self._model = model
         self.pairs = [(onset, lane) for onset in range(ONSETS) for lane in LANES]
         self._fleet = Fleet(scene, 1 + len(self.pairs), elements=ELEMENTS, step_s=STEP_S)
+        if model.live is not None:  # its current, not the scene's
+            self._fleet.begin_from(model.live)
         known = set(self._fleet.figures)
         self.pairs = [(onset, lane) for onset, lane in self.pairs if set(lane.factors) <= known]
 

@@ -163,7 +163,10 @@ class Estimator:
     def _learn(
         self, measured: Floats, predicted: Floats, J: Floats, R: Floats, autocovariance: Floats
     ) -> tuple[Gaussian, Floats, float]:
-        """Move θ to its posterior mean; return the posterior, the used samples and the NIS."""
+        """Move θ to its posterior mean; return the posterior, the used samples and the NIS.
+
+        Where the gate leaves less than LEAST_USED, nothing is learned.
+        """
         assert self.noise is not None
         begin_s, end_s = self.block_begin_s, self.block_end_s
         count = ITERATIONS if self.results else FIRST_ITERATIONS
@@ -174,6 +177,9 @@ class Estimator:
             residual = measured - predicted
             middle = np.nanmedian(residual) if iteration == 0 else 0.0
             used = gate(residual - middle, R, J, self.belief)
+            if used.mean() < LEAST_USED:
+                self.theta = self.belief.mean.copy()
+                return self.belief, used, np.nan
             whiten = Whitening(R, used)
             step = gauss_newton_step(
                 self.theta, self.belief, residual, J, whiten,

@@ -119,6 +119,8 @@ class Prior:
         """Return the names of figures at the limits of `within`."""
         reach = MOST_SDS * self.sd * (1.0 - 1e-9)
         far = np.abs(theta - self.mean) >= reach
+        k = INDEX[FRICTION]
+        far[k] |= theta[k] <= 0.0 < self.mean[k]
         return tuple(name for name, one in zip(NAMES, far, strict=True) if one)
 
 

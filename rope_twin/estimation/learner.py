@@ -6,6 +6,8 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.estimation import report
 from rope_twin.estimation.estimator import BURN_IN_S, LEAST_USED, SPECTRUM_S, Estimator
@@ -38,9 +40,9 @@ class Estimate:
     def words(self) -> str:
         """Return the figures that are learned, in one sentence."""
         known = [one for one in self.figures if one.state == report.LEARNED]
-        told = ", ".join(f"{one.name} {one.value:.4g} {one.unit}" for one in known)
+        listed = ", ".join(f"{one.name} {one.value:.4g} {one.unit}" for one in known)
         head = f"after {self.minutes} min"
-        return f"{head}: {told}" if told else f"{head}: no figure is known better than before"
+        return f"{head}: {listed}" if listed else f"{head}: no figure is known better than before"
 
 
 class Learner:
@@ -98,9 +100,13 @@ class Learner:
         self._frozen = f"frozen: {why}" if why else ""
 
     def tare(self) -> None:
-        """Take the load pin's zero as set with an empty hook; call it in the worker."""
+        """Take the load pin's zero as set with an empty hook; call it in the worker.
+
+        Tension with the zero of before is forgotten.
+        """
         self._tared = True
         self._prior = self._prior.tared()
+        self._lift.tension.drop_before(np.nextafter(self._lift.tension.newest_s, np.inf))
         if self._estimator is not None:
             self._estimator.tare()
 
@@ -111,6 +117,7 @@ class Learner:
             self._lift.line_out.add(inputs.time_s, inputs.line_out_m)
         elif isinstance(inputs, Reading):
             self._lift.tension.add(inputs.time_s, inputs.tension_n - self._bias_n)
+            self._lift.counter.add(inputs.time_s, inputs.line_out_m)
         elif isinstance(inputs, Begin):
             self._begin(inputs)
 
@@ -128,7 +135,10 @@ class Learner:
     def work(self) -> bool:
         """Step the estimator on; return whether it did something."""
         estimator = self._estimator
-        if estimator is None or self.trouble:
+        if estimator is None:
+            return False
+        if self.trouble:  # it begins again from a live state, not from the series
+            self._lift.drop_before(self._lift.heave.newest_s - KEPT_S)
             return False
         before = len(estimator.results)
         try:

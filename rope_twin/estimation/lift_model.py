@@ -9,7 +9,7 @@ not a shift of the predicted tension: the line out is not late.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -50,6 +50,14 @@ class Prediction:
     states: list[FleetState]  # of the members at the end
     tension_n: list[Floats] = field(default_factory=list)  # (steps, members) each
     line_out_m: list[Floats] = field(default_factory=list)  # (steps,) each
+    # of the rope over the sheave before `begin_s`: friction state and position; None: none
+    sheave: Floats | None = None  # (2, members)
+
+    def sheave_of(self, member: int) -> tuple[float, float] | None:
+        """Return friction state and position [m] of a member before `begin_s`; None: none."""
+        if self.sheave is None:
+            return None
+        return float(self.sheave[0, member]), float(self.sheave[1, member])
 
 
 class LiftModel:
@@ -74,11 +82,12 @@ class LiftModel:
         self.bar: Bar = bar_of(scene)
         self.pin = LoadPin(scene.learning, float(self.bar.EA_n[-1]))
         self.rest = self._lone.state(0)
-        self._ramp_begin_s = -np.inf
+        self.ramp_begin_s = -np.inf
+        self.live: LiveState | None = None  # from which it began, with the current in force
 
     def begin_at_rest(self, time_s: float) -> FleetState:
         """Return the static equilibrium as the state at a time; the ship's motion builds up."""
-        self._ramp_begin_s = time_s
+        self.ramp_begin_s = time_s
         return FleetState(round(time_s * 1e9), self.rest.rope, self.rest.memories)
 
     def begin_live(self, live: LiveState) -> FleetState:
@@ -87,9 +96,10 @@ class LiftModel:
         Raises:
             InputError: it is a state of another scene.
         """
-        self._ramp_begin_s = -np.inf
+        self.ramp_begin_s = -np.inf
         self._fleet.begin_from(live)
         self._lone.begin_from(live)
+        self.live = live
         return self._lone.state(0)
 
     def begin(self, theta: Floats, state: FleetState, begin_s: float) -> Prediction:
@@ -118,6 +128,30 @@ class LiftModel:
         prediction.end_s = float(times[-1])
         prediction.states = [self._fleet.state(k) for k in range(len(self._fleet))]
 
+    def trimmed(self, whole: Prediction, time_s: float) -> Prediction:
+        """Return a prediction without the pieces that end before a time [s].
+
+        The friction of the sheave goes on from where they left it.
+        """
+        begin_s, first = whole.begin_s, 0
+        for piece in whole.tension_n:
+            end_s = begin_s + STEP_S * len(piece)
+            if end_s > time_s:
+                break
+            begin_s, first = end_s, first + 1
+        if first == 0:
+            return whole
+        tension = np.concatenate(whole.tension_n[:first])
+        line = np.concatenate(whole.line_out_m[:first])
+        sheave = np.empty((2, tension.shape[1]))
+        for k, own in enumerate(tension.T):
+            sheave[0, k] = self.pin.friction_state(own, line, whole.sheave_of(k))[-1]
+            sheave[1, k] = self.pin.position(own, line)[-1]
+        return replace(
+            whole, begin_s=begin_s, tension_n=whole.tension_n[first:],
+            line_out_m=whole.line_out_m[first:], sheave=sheave,
+        )  # fmt: skip
+
     def predict(self, theta: Floats, state: FleetState, begin_s: float, end_s: float) -> Prediction:
         """Return the prediction from a state at begin to end [s]. Raises SolverError."""
         prediction = self.begin(theta, state, begin_s)
@@ -133,7 +167,7 @@ class LiftModel:
         tension, line = np.concatenate(prediction.tension_n), np.concatenate(prediction.line_out_m)
         theta = prediction.theta
         skipped = round((from_s - prediction.begin_s) / MEAN_S)
-        friction = self.pin.friction_state(tension[:, 0], line)
+        friction = self.pin.friction_state(tension[:, 0], line, prediction.sheave_of(0))
 
         def means(reading: Floats) -> Floats:
             return np.asarray(reading.reshape(-1, STEPS_PER_MEAN).mean(axis=1)[skipped:])
@@ -141,7 +175,8 @@ class LiftModel:
         predicted = means(self.pin.measured(tension[:, 0], friction, theta))
         jacobian = np.zeros((len(predicted), COUNT))
         for member, name in enumerate(self.lanes, start=1):
-            own = self.pin.friction_state(tension[:, member], line)
+            before = prediction.sheave_of(member)
+            own = self.pin.friction_state(tension[:, member], line, before)
             column = means(self.pin.measured(tension[:, member], own, theta)) - predicted
             if np.isfinite(column).all():
                 jacobian[:, INDEX[name]] = column / LANE_STEPS[name]
@@ -187,10 +222,10 @@ class LiftModel:
             of = (pairs == pair).all(axis=1)
             z, v = self.lift.heave_motion(times_s, float(pair[1]), float(pair[0]))
             position[:, of], rate[:, of] = z[:, None], v[:, None]
-        since = times_s - self._ramp_begin_s
+        since = times_s - self.ramp_begin_s
         if since[0] < RAMP_S:
             share = np.clip(since / RAMP_S, 0.0, 1.0)[:, None]
-            share_rate = np.where(share < 1.0, 1.0 / RAMP_S, 0.0)
+            share_rate = np.where((since[:, None] >= 0.0) & (share < 1.0), 1.0 / RAMP_S, 0.0)
             rate = share * rate + share_rate * position
             position = share * position
         return FleetInputs(position, rate, line, speed)

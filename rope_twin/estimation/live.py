@@ -7,10 +7,11 @@ of inputs, which logs them: a replay has the same figures at the same times.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.estimation.alarm_task import AlarmTask
 from rope_twin.estimation.learner import Estimate, Learner
 from rope_twin.estimation.worker import Ask, Begin, Motion, Reading, Task, Worker
@@ -45,8 +46,9 @@ class LiveLearning:
         self._inputs = inputs
         self._source = WINCH_SENSORS if scene.measured.tension.at == SHEAVE else MOTOR
         self._names = ("", *winches_by_name(scene), scene.ropes[0].name)
-        self._told: Estimate | None = None
+        self._taken: Estimate | None = None
         self._reminded_s = 0.0
+        self._twin: Twin | None = None
 
     def register(self, task: Task) -> None:
         """Add a further task of the worker, before `start`."""
@@ -54,8 +56,21 @@ class LiveLearning:
 
     def start(self, twin: Twin) -> None:
         """Begin at the twin's next cycle, and work."""
-        self._inputs.at_next_slot(lambda: self.worker.take(Begin(live_state(twin))))
+        self._twin = twin
+        self._inputs.at_next_slot(lambda: self._begin(twin))
         self.worker.start()
+
+    def _begin(self, twin: Twin, *before: Ask) -> None:
+        """Begin from the twin's present state, after calls in the worker; the twin steps on."""
+        for call in before:
+            self.worker.take(call)
+        try:
+            begin = Begin(live_state(twin))
+        except RopeTwinError as error:
+            words = str(error)
+            self.worker.take(Ask(lambda: self.learner.freeze(words)))
+            return
+        self.worker.take(begin)
 
     def stop(self) -> None:
         """Stop the thread; what was learned is kept."""
@@ -67,19 +82,21 @@ class LiveLearning:
         self.worker.take(Motion(shot.stamp_ns * 1e-9, shot.heave_m, rate, shot.line_out_m))
 
     def hear(self, measurement: Measurement) -> None:
-        """Pass measured tension of the first winch on."""
-        if measurement.source != self._source:
+        """Pass measured tension and line out of the first winch on."""
+        if measurement.source not in (self._source, WINCH_SENSORS):
             return
-        for name, _, _, tension in measurement.rows:
-            if name in self._names and tension is not None:
-                self.worker.take(Reading(measurement.stamp_ns * 1e-9, tension))
+        for name, line_out, _, tension in measurement.rows:
+            tension_n = tension if measurement.source == self._source else None
+            if name in self._names and not (tension_n is None and line_out is None):
+                values = (math.nan if one is None else one for one in (tension_n, line_out))
+                self.worker.take(Reading(measurement.stamp_ns * 1e-9, *values))
 
     def take_new(self) -> Estimate | None:
         """Return what was learned since the last call; None: nothing."""
         newest = self.learner.newest
-        if newest is self._told:
+        if newest is self._taken:
             return None
-        self._told = newest
+        self._taken = newest
         return newest
 
     def apply(self) -> tuple[bool, str]:
@@ -91,20 +108,28 @@ class LiveLearning:
         refusal = self._inputs.offer_figures(ramp_s=RAMP_S, **factors)
         if refusal:
             return False, refusal
-        told = ", ".join(f"{name} × {value:.4g}" for name, value in factors.items())
-        return True, f"taken over in {RAMP_S:g} s: {told}"
+        listed = ", ".join(f"{name} × {value:.4g}" for name, value in factors.items())
+        return True, f"taken over in {RAMP_S:g} s: {listed}"
 
     def tare(self) -> tuple[bool, str]:
         """Report that the load pin was set to zero with an empty hook; return success and text."""
         self.worker.take(Ask(self.learner.tare))
+        self.worker.take(Ask(self.alarms.tare))
         return True, "the load pin's bias is learned from its zero of now"
 
     def acknowledge(self) -> tuple[bool, str]:
-        """End the alarm that is on; return success and text."""
+        """End the alarm that is on; return success and text.
+
+        Learning goes on from the twin's state of then: nothing measured under the fault is learned.
+        """
         alarm = self.alarms.newest
         if alarm is None:
             return False, "there is no alarm to acknowledge"
-        self.worker.take(Ask(self.alarms.acknowledge))
+        twin, ask = self._twin, Ask(self.alarms.acknowledge)
+        if twin is None:
+            self.worker.take(ask)
+        else:
+            self._inputs.at_next_slot(lambda: self._begin(twin, ask))
         return True, f"acknowledged: {alarm.words}; learning goes on"
 
     def new_alarms(self) -> Iterator[str]:

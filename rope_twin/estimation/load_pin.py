@@ -44,13 +44,21 @@ class LoadPin:
         self._slip_m = learning.friction_slip_m
         self._stretch_m_per_n = learning.friction_rope_m / EA_n
 
-    def friction_state(self, tension_n: Floats, line_out_m: Floats) -> Floats:
-        """Return ξ at each time, (steps,), positive while paying out; 0 at the first one.
+    def position(self, tension_n: Floats, line_out_m: Floats) -> Floats:
+        """Return where the rope lies over the sheave at each time [m], (steps,)."""
+        return np.asarray(line_out_m + tension_n * self._stretch_m_per_n)
 
-        tension_n, line_out_m: (steps,) at the same times.
+    def friction_state(
+        self, tension_n: Floats, line_out_m: Floats, before: tuple[float, float] | None = None
+    ) -> Floats:
+        """Return ξ at each time, (steps,), positive while paying out.
+
+        tension_n, line_out_m: (steps,) at the same times. before: ξ and position [m] of the step
+        before the first one; None: ξ is 0 at the first one.
         """
-        position = line_out_m + tension_n * self._stretch_m_per_n
-        return dahl_states(np.diff(position, prepend=position[0]), self._slip_m)
+        position = self.position(tension_n, line_out_m)
+        state, last_m = (0.0, float(position[0])) if before is None else before
+        return dahl_states(np.diff(position, prepend=last_m), self._slip_m, state)
 
     def measured(self, tension_n: Floats, friction_state: Floats, theta: Floats) -> Floats:
         """Return the reading y = (1 + g)·T·(1 - μ·ξ) + b [N]; theta: in the order of NAMES."""

@@ -88,6 +88,7 @@ def expected_after(estimator: Estimator, scene: Scene) -> list[tuple[str, Gaussi
     line_out = float(model.lift.line_motion(np.array([estimator.state_s]))[0][0])
     state = dataclasses.replace(estimator.state, time_ns=0)
     measured, found = model.lift, []
+    ramp_begin_s, model.ramp_begin_s = model.ramp_begin_s, -np.inf  # the ship moves already
     try:
         for words, t, line in planned_lines(scene, line_out):
             planned = MeasuredLift(measured.pin_noise_n)
@@ -102,5 +103,5 @@ def expected_after(estimator: Estimator, scene: Scene) -> list[tuple[str, Gaussi
             covariance = inverse(inverse(posterior.covariance) + gained)
             found.append((words, Gaussian(posterior.mean, covariance)))
     finally:
-        model.lift = measured
+        model.lift, model.ramp_begin_s = measured, ramp_begin_s
     return found

@@ -70,27 +70,28 @@ class ResidualNoise:
     def learn(self, residual: Floats, used: Floats, autocovariance: Floats) -> None:
         """Add the residual that a block left, (k,), and choose α and σ by the last blocks.
 
-        used: (k,) bool; the others count as zero, which costs little where most are used.
+        used: (k,) bool; the others have no part in the likelihood.
         """
-        self._left.append((np.where(used, residual, 0.0), used))
-        whole = [one for one, _ in self._left if len(one) == len(residual)]
+        self._left.append((residual.copy(), used.astype(bool)))
+        whole = [one for one in self._left if len(one[0]) == len(residual)]
         if len(whole) < 2:
             return
-        columns = np.array(whole).T
+        alike: dict[bytes, list[Floats]] = {}  # blocks that use the same rows share a factor
+        for left, rows in whole:
+            alike.setdefault(rows.tobytes(), []).append(left[rows])
+        groups = [(np.frombuffer(key, bool), np.array(own).T) for key, own in alike.items()]
         coloured = toeplitz(autocovariance)
         best = -np.inf
         for level in LEVELS:
             for share in WHITES:
                 white = share * self.nominal_white_n
-                factor = cholesky(
-                    level**2 * coloured + white**2 * np.eye(len(residual)), lower=True
-                )
-                squares = solve_triangular(factor, columns, lower=True) ** 2
-                told = (
-                    -0.5 * np.minimum(squares, MOST_SQUARE).sum()
-                    - len(whole) * np.log(np.diag(factor)).sum()
-                    - 0.5 * (np.log(level) / LEVEL_SD) ** 2
-                    - 0.5 * (np.log(share) / WHITE_SD) ** 2
-                )
-                if told > best:
-                    best, self.level, self.white_n = told, level, white
+                R = level**2 * coloured + white**2 * np.eye(len(residual))
+                score = -0.5 * (np.log(level) / LEVEL_SD) ** 2
+                score -= 0.5 * (np.log(share) / WHITE_SD) ** 2
+                for rows, columns in groups:
+                    factor = cholesky(R[np.ix_(rows, rows)], lower=True)
+                    squares = solve_triangular(factor, columns, lower=True) ** 2
+                    score -= 0.5 * np.minimum(squares, MOST_SQUARE).sum()
+                    score -= columns.shape[1] * np.log(np.diag(factor)).sum()
+                if score > best:
+                    best, self.level, self.white_n = score, level, white

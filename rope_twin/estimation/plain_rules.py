@@ -37,6 +37,7 @@ class RepeatedSample:
         self._count = 0
         self._ended: deque[tuple[float, float]] = deque()  # end and length of runs that ended
         self._begun_s = math.nan
+        self._changed = False  # a sensor that has not begun to move is not stuck
 
     def take(self, time_s: float, value: float) -> None:
         """Take a sample; one that is not finite is missing."""
@@ -47,6 +48,7 @@ class RepeatedSample:
         else:
             if self._count >= LEAST_REPEATS:
                 self._end(self._now_s)
+            self._changed |= not math.isnan(self._value)
             self._value, self._since_s, self._count = value, time_s, 1
         if math.isnan(self._begun_s):
             self._begun_s = time_s
@@ -55,8 +57,8 @@ class RepeatedSample:
             self._ended.popleft()
 
     def _end(self, time_s: float) -> None:
-        """Keep a run that ended; of a stuck sensor it is no ordinary one."""
-        if not self.stuck:
+        """Keep a run that ended; of a stuck sensor, or before it moved, it is no ordinary one."""
+        if self._changed and not self.stuck:
             self._ended.append((time_s, time_s - self._since_s))
 
     @property
@@ -78,15 +80,17 @@ class RepeatedSample:
 
     @property
     def stuck(self) -> bool:
-        """Return whether the sensor repeats its value for too long."""
-        return self._count >= LEAST_REPEATS and self.length_s >= self.limit_s - 1e-9
+        """Return whether the sensor repeats its value for too long, after it had another one."""
+        if not self._changed or self._count < LEAST_REPEATS:
+            return False
+        return self.length_s >= self.limit_s - 1e-9
 
 
 class StuckEncoder:
     """Line out that repeats while the line must have moved."""
 
     def __init__(self, acceleration_limit_m_per_s2: float, resolution_m: float) -> None:
-        """Take the winch's acceleration limit, and the resolution of the line out [m]."""
+        """Take the largest deceleration of the winch, and the resolution of the line out [m]."""
         self._limit = acceleration_limit_m_per_s2
         self._resolution_m = max(resolution_m, COARSE_M)
         self._repeat = RepeatedSample()

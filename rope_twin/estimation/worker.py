@@ -8,6 +8,7 @@ lock. A task that fails stands, says why, and leaves the others alone.
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -32,10 +33,11 @@ class Motion(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """Measured tension, in twin time."""
+    """Readings of the winch's sensors, in twin time; NaN: not measured."""
 
     time_s: float
     tension_n: float
+    line_out_m: float = math.nan
 
 
 class Begin(NamedTuple):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.linalg import toeplitz
 
 from rope_twin.errors import InputError
-from rope_twin.estimation.figures import BIAS, COUNT, INDEX, NAMES, Gaussian, prior_of
+from rope_twin.estimation.figures import BIAS, COUNT, FRICTION, INDEX, NAMES, Gaussian, prior_of
 from rope_twin.estimation.gauss_newton import (
     Whitening,
     gate,
@@ -280,3 +280,37 @@ def test_prior_of_a_scene() -> None:
         prior.gaussian.with_figure("tension_bia", 0.0, 1.0)
     with pytest.raises(InputError, match="positive deviation"):
         prior.gaussian.with_figure(BIAS, np.nan, 1.0)
+
+
+def test_friction_goes_on_over_a_cut_of_its_history() -> None:
+    """In two pieces ξ is what it is in one, to rounding."""
+    t = 0.05 * np.arange(800)
+    tension, line = 3e5 + 4e4 * np.sin(0.6 * t), 200.0 + 0.02 * np.sin(0.1 * t)
+    pin = LoadPin(Learning(), 5e7)
+    whole = pin.friction_state(tension, line)
+    first = slice(None, 333)
+    before = float(whole[332]), float(pin.position(tension[first], line[first])[-1])
+    rest = pin.friction_state(tension[333:], line[333:], before)
+    assert np.ptp(whole) > 0.1
+    np.testing.assert_allclose(rest, whole[333:], atol=1e-12)
+
+
+def test_friction_at_zero_is_reported_as_held() -> None:
+    """The limit of what is possible lies within the standard deviations of the prior."""
+    prior = prior_of(Learning(friction_pct=2.0, friction_uncertainty_pct=1.0), 3e5)
+    theta = prior.mean.copy()
+    assert prior.held(theta) == ()
+    theta[INDEX[FRICTION]] = -0.001
+    assert prior.held(prior.within(theta)) == (FRICTION,)
+
+
+def test_samples_that_are_not_used_do_not_lower_the_noise() -> None:
+    """White noise of 1.6 times the nominal one is found with a third of the samples missing."""
+    rng = np.random.default_rng(4)
+    noise = ResidualNoise(1000.0)
+    for _ in range(5):
+        left, used = 1600.0 * rng.standard_normal(240), np.ones(240, dtype=bool)
+        used[80:160] = False
+        left[80:160] = np.nan
+        noise.learn(left, used, 1.0 * (np.arange(240) == 0))
+    assert noise.white_n == 1600.0

@@ -56,9 +56,16 @@ def test_a_stuck_load_pin_is_an_alarm_until_it_is_acknowledged(tmp_path: Path) -
     assert any(STUCK_PIN in one.warning for one in twin.snapshot().inputs.values())
     (told,) = learning.alarms.as_json()
     assert STUCK_PIN in alarm_words(told)
+    queue.advance(round(SECONDS / (1e-9 * twin.step_ns)))
     ok, _ = learning.acknowledge()
     assert ok
+    queue.advance(1)  # the slot in which the state to begin from is taken
     learning.worker.work()
+    estimator = learning.learner.estimator
+    assert estimator is not None
+    assert estimator.state_s == pytest.approx(SECONDS, abs=0.2)  # the fault is not learned
+    assert estimator.model.lift.tension.table[0, 0] > SECONDS - 1.5
+    assert len(estimator.model.lift.counter.table) > 0
     assert next(learning.new_alarms()) == ""
     assert learning.learner.trouble == ""
 

@@ -11,7 +11,7 @@ from learned_lift import NOISE_N, SECONDS, lift, recorded
 from small_scene import SMALL_SCENE
 
 from rope_twin import load_scene
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, StateError
 from rope_twin.estimation.figures import BIAS, INDEX
 from rope_twin.estimation.live import LiveLearning
 from rope_twin.estimation.worker import Ask, Input, Motion, Reading, Worker
@@ -158,3 +158,37 @@ def test_scenes_that_cannot_be_learned_are_refused_at_the_start() -> None:
     scene = load_scene("landing")
     with pytest.raises(InputError, match="seabed"):
         LiveLearning(scene, None)  # type: ignore[arg-type]
+
+
+def test_a_twin_without_a_state_to_begin_from_steps_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cut rope freezes the learner with the reason; the paced thread does not fail."""
+
+    def refuse(twin: Twin) -> None:
+        raise StateError("live state: the rope was cut")
+
+    monkeypatch.setattr("rope_twin.estimation.live.live_state", refuse)
+    twin, queue, learning = new_learning(tmp_path)
+    learning.start(twin)
+    learning.worker.stop()
+    learning.worker._stopping.clear()
+    queue.advance(1)
+    learning.worker.work()
+    assert "the rope was cut" in learning.learner.trouble
+
+
+def test_tension_before_a_tare_is_forgotten(tmp_path: Path) -> None:
+    """Its zero was another; the raw line out and the motion stay."""
+    _, _, learning = new_learning(tmp_path)
+    for k in range(10):
+        learning.hear(Measurement.of_winch(k * 50_000_000, 200.0 + k, 0.0, 1e5 + k))
+    learning.worker.work()
+    lift = learning.learner._lift
+    assert lift.counter.table[:, 1].tolist() == [200.0 + k for k in range(10)]
+    assert len(lift.tension.table) == 10
+    learning.tare()
+    learning.hear(Measurement.of_winch(500_000_000, 210.0, 0.0, 0.9e5))
+    learning.worker.work()
+    assert lift.tension.table.tolist() == [[0.5, 0.9e5]]
+    assert len(lift.counter.table) == 11

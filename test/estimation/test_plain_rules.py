@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from rope_twin import load_scene
+from rope_twin.estimation.alarms import largest_deceleration
 from rope_twin.estimation.plain_rules import LostPayload, RepeatedSample, StuckEncoder
+from rope_twin.scene.winch import EmergencyStop
 
 RATE_HZ = 20.0
 
@@ -133,3 +138,32 @@ def test_a_storm_that_unloads_the_rope_is_no_lost_payload() -> None:
     measured = 318e3 + 110e3 * np.sin(0.6 * (0.25 * k - 0.5))
     assert lost_at(measured, predicted)[0] is None
     assert lost_at(np.full(2400, np.nan), predicted)[0] is None
+
+
+def test_a_sensor_that_has_not_begun_to_move_is_not_stuck() -> None:
+    """A minute of exact zeros before the first message; after that a repeat is a fault."""
+    values = np.concatenate([np.zeros(1200), np.random.default_rng(2).standard_normal(2400)])
+    rule = RepeatedSample()
+    assert stuck_at(rule, values) is None
+    for k in range(60):
+        rule.take(180.0 + k / RATE_HZ, 0.5)
+    assert rule.stuck
+
+
+def test_an_emergency_stop_is_no_stuck_encoder() -> None:
+    """1 m/s stops by 2 m/s², far beyond the ordinary 0.3 m/s², and the winch stands."""
+    winch = load_scene("deep_lift").winch
+    assert winch is not None
+    hard = dataclasses.replace(
+        winch,
+        acceleration_limit_m_per_s2=0.3,
+        emergency_stop=EmergencyStop(deceleration_m_per_s2=2.0),
+    )
+    assert largest_deceleration(None) == 0.0
+    assert largest_deceleration(dataclasses.replace(hard, emergency_stop=None)) == 0.3
+    rule = StuckEncoder(largest_deceleration(hard), 0.01)
+    for time_s in times(40.0):
+        slowing = min(max(time_s - 20.0, 0.0), 0.5)
+        line = 3000.0 + min(time_s, 20.0) + slowing - slowing**2
+        rule.take(float(time_s), round(float(line), 2))
+        assert not rule.stuck
