@@ -83,13 +83,13 @@ def judge_heave(case: HeaveCase, origins: int, progress: Progress, seed: int = S
         random = np.random.default_rng(seed + number)
         sea = DrawnSea.draw(spectrum, random)
         truth = sea.heave_m(past + ahead, SAMPLE_S)
-        told = truth[:past] + WHITE_M * random.standard_normal(past)
+        measured = truth[:past] + WHITE_M * random.standard_normal(past)
         if case.motion_error_m:
-            told += motion_error(past, SAMPLE_S, case.motion_error_m, random)
-        process = HeaveProcess.of_record(told, assumed_error(case.motion_error_m))
+            measured += motion_error(past, SAMPLE_S, case.motion_error_m, random)
+        process = HeaveProcess.of_record(measured, assumed_error(case.motion_error_m))
         waves = _seen(sea, case, past, random) if case.waves_at_m else None
         response = heave_response(BoxHull(), process.spectrum.frequency_hz)
-        paths = process.paths(told, waves=waves, response=response).for_unknown_spectrum()
+        paths = process.paths(measured, waves=waves, response=response).for_unknown_spectrum()
         future = slice(round(PAST_S / SAMPLE_S), None)
         mean, deviation = paths.mean_m[future], paths.deviation_m()[future]
         y = truth[past:]
@@ -113,8 +113,8 @@ def _seen(sea: DrawnSea, case: HeaveCase, past: int, random: np.random.Generator
         values.append(own)
     seen = np.concatenate(values)
     noise = case.waves_noise * float(np.std(seen))
-    told = seen + noise * random.standard_normal(len(seen))
-    return MeasuredWaves(np.concatenate(times), np.concatenate(distances), told, noise)
+    reported = seen + noise * random.standard_normal(len(seen))
+    return MeasuredWaves(np.concatenate(times), np.concatenate(distances), reported, noise)
 
 
 def _scored(

@@ -121,12 +121,12 @@ def judge_tension(
     group = 0
     while len(scored) < origins:
         random = np.random.default_rng(seed + group)
-        heave, told = _seas(case, random)
+        heave, measured = _seas(case, random)
         hidden = _hide(case, heave, own, random)
         at = [round((RECORD_S + APART_S * k) / SAMPLE_S) for k in range(ORIGINS_EACH)]
         line = np.full(len(heave), scene.ropes[0].length_m)
         before = round(own.burn_in_s / SAMPLE_S)
-        starts = nominal_states(scene, told, line, [one - before for one in at], own)
+        starts = nominal_states(scene, measured, line, [one - before for one in at], own)
         for rope in range(SIDE_BY_SIDE):
             for number, sample in enumerate(at):
                 if len(scored) == origins:
@@ -138,7 +138,7 @@ def judge_tension(
                 pin[begins + 1 :] = hidden.mean_n[: sample - begins, rope]
                 pin += deviation * random.standard_normal(len(pin))
                 known = Known(
-                    shift_s + sample * SAMPLE_S, told[first : sample + 1, rope],
+                    shift_s + sample * SAMPLE_S, measured[first : sample + 1, rope],
                     line[first : sample + 1], pin[first:],
                 )  # fmt: skip
                 began = time.thread_time()
@@ -163,15 +163,15 @@ def _seas(case: TensionCase, random: np.random.Generator) -> tuple[Floats, Float
     span_s = RECORD_S + APART_S * (ORIGINS_EACH - 1) + AHEAD_S + 1.0
     count = round(span_s / SAMPLE_S) + 1
     spectrum = recorded_spectrum(case.sea)
-    rows, told = [], []
+    rows, known = [], []
     for _ in range(SIDE_BY_SIDE):
         heave = DrawnSea.draw(spectrum, random).heave_m(count, SAMPLE_S)
         seen = heave + WHITE_M * random.standard_normal(count)
         if case.motion_error_m:
             seen += motion_error(count, SAMPLE_S, case.motion_error_m, random)
         rows.append(heave)
-        told.append(seen)
-    return np.array(rows).T, np.array(told).T
+        known.append(seen)
+    return np.array(rows).T, np.array(known).T
 
 
 def _hide(
@@ -233,11 +233,11 @@ def _events(
     for span in SPANS_S:
         count = round(span / SAMPLE_S)
         highest = np.array([row[2][:count].max() for row in scored])
-        told = np.array([made.peak_n[:count].max(axis=0) for made, *_ in scored])
+        forecast = np.array([made.peak_n[:count].max(axis=0) for made, *_ in scored])
         for share in LIMITS:
             limit = float(np.quantile(highest, share))
             name = f"T > {limit / 1e3:.0f} kN"
-            found.append(_event(name, span, (told > limit).mean(axis=1), highest > limit))
+            found.append(_event(name, span, (forecast > limit).mean(axis=1), highest > limit))
         loose = np.array([(row[3][:count] <= 0.0).any() for row in scored])
         if loose.any() and not loose.all():
             chance = [

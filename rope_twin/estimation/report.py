@@ -1,4 +1,4 @@
-"""Results of learning in the units of the field, with what can and what cannot be told.
+"""Results of learning in the units of the field, and which causes can be distinguished.
 
 A figure is *learned* where the data halved its standard deviation, *weak* where they reduced it by
 a tenth, *not observable* where they did not.

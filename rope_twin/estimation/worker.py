@@ -24,7 +24,7 @@ _log = logging.getLogger(__name__)
 
 
 class Motion(NamedTuple):
-    """What moved the rope at one instant, in twin time."""
+    """Motion and winch that drove the rope at one instant, in twin time."""
 
     time_s: float
     heave_m: float  # of the hang-off, relative to its rest

@@ -287,10 +287,10 @@ class HeaveProcess:
         between = np.abs(number[:, None] - number)
         lag_s: Floats = np.asarray(number * sample_s, np.float64)
         true = self.spectrum.autocovariance(lag_s)
-        told = true[:count] + self.error.autocovariance(lag_s[:count])
-        told[0] += self.white_m**2
+        measured = true[:count] + self.error.autocovariance(lag_s[:count])
+        measured[0] += self.white_m**2
         prior, cross = true[between], true[between[:, :count]]
-        observed, values = told[between[:count, :count]], record[-count:]
+        observed, values = measured[between[:count, :count]], record[-count:]
         lead_s: Floats = np.asarray(lag_s - lag_s[count - 1])
         if waves is not None:
             block = _WaveBlock.between(self.spectrum, waves, response)

@@ -167,9 +167,9 @@ class RecordingForecaster:
         events = []
         for span in SPANS_S:
             count = round(span / SAMPLE_S)
-            told = np.array([(one.peak_n[:count].max(axis=0) > limit_n).mean() for one in made])
+            stated = np.array([(one.peak_n[:count].max(axis=0) > limit_n).mean() for one in made])
             came = np.nanmax(peak[whole, :count], axis=1) > limit_n
-            events.append(EventScore(span, brier(told[whole], came)))
+            events.append(EventScore(span, brier(stated[whole], came)))
         factor, at = self.kept.factor(), [round(s / SAMPLE_S) - 1 for s in SCORED_LEADS_S]
         return RecordingScore(
             int(whole.sum()), limit_n, coverage(bands[:, 0], bands[:, 2], truth[whole]),

@@ -131,13 +131,13 @@ def brier(probability: Floats, happened: Bools, bins: int = BINS) -> BrierScore:
         count = int(mine.sum())
         if not count:
             continue
-        told, came = float(p[mine].mean()), float(o[mine].mean())
+        stated, came = float(p[mine].mean()), float(o[mine].mean())
         share = count / len(p)
-        reliability += share * (told - came) ** 2
+        reliability += share * (stated - came) ** 2
         resolution += share * (came - base) ** 2
-        spread = p[mine] - told
+        spread = p[mine] - stated
         within += share * float(np.mean(spread**2 - 2.0 * spread * (o[mine] - came)))
-        classes.append(Reliability(told, came, count))
+        classes.append(Reliability(stated, came, count))
     return BrierScore(
         float(np.mean((p - o) ** 2)), reliability, resolution, base * (1.0 - base), within, base,
         len(p), tuple(classes),

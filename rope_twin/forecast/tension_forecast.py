@@ -316,12 +316,12 @@ class TensionForecaster:
         at = own.step_s * np.arange(count) - own.burn_in_s
         z, v = spline(at).T, spline(at, 1).T
         past = min(len(known.heave_m), round(PAST_S / SAMPLE_S))
-        told = CubicSpline(SAMPLE_S * np.arange(1 - past, 1), known.heave_m[-past:])
+        known_m = CubicSpline(SAMPLE_S * np.arange(1 - past, 1), known.heave_m[-past:])
         early = at < JOIN_S - own.burn_in_s
         begun = (at[early] + own.burn_in_s) / JOIN_S
         share = (0.5 - 0.5 * np.cos(np.pi * begun))[:, None]
         slope = (0.5 * np.pi / JOIN_S * np.sin(np.pi * begun))[:, None]
-        base, base_rate = told(at[early])[:, None], told(at[early], 1)[:, None]
+        base, base_rate = known_m(at[early])[:, None], known_m(at[early], 1)[:, None]
         v[early] = base_rate + share * (v[early] - base_rate) + slope * (z[early] - base)
         z[early] = base + share * (z[early] - base)
         return np.ascontiguousarray(z), np.ascontiguousarray(v)

@@ -13,7 +13,7 @@ from rope_twin.twin.ensemble.fleet import FleetInputs
 
 
 def test_a_cost_has_its_error(capsys: pytest.CaptureFixture[str]) -> None:
-    """As JSON: the settings, then the orders; and the copies of states."""
+    """The JSON has the settings, then the orders; and the copies of states."""
     assert main(["fleet", "--quick", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     *settings, orders = found["rows"]

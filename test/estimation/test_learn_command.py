@@ -33,9 +33,9 @@ def test_learn_prints_json(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     picture = tmp_path / "learned.png"
     words = ["learn", str(bag), "--scene", str(file), "--json", "--out", str(picture)]
     assert main(words) == 0
-    told = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
     theta, _, _ = recorded()
-    own = {one["name"]: one for one in told["figures"]}
+    own = {one["name"]: one for one in printed["figures"]}
     base = report.base_values(scene())
     for k, name in enumerate(NAMES[:3]):
         truth = base[name] * np.exp(theta[k])
@@ -45,8 +45,8 @@ def test_learn_prints_json(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert own["submerged_weight"]["prior"] == pytest.approx(9.80665 * (8000.0 - 1.5 * 1025.0))
     assert "tare" in own["submerged_weight"]["advice"]
     assert own["submerged_weight"]["correlated"] in (BIAS, GAIN)
-    assert [block["end_s"] for block in told["blocks"]] == [120.0, 180.0]
-    assert set(told["derived"]) == {"mass_in_air_kg", "added_mass_kg"}
+    assert [block["end_s"] for block in printed["blocks"]] == [120.0, 180.0]
+    assert set(printed["derived"]) == {"mass_in_air_kg", "added_mass_kg"}
     assert picture.stat().st_size > 10_000
 
 
@@ -61,7 +61,7 @@ def test_learn_refuses_a_short_bag(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 def test_a_bag_without_a_scene_or_tension(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What lacks is named."""
+    """The message names the missing part."""
     assert main(["learn", str(bag)]) != 0
     assert "--scene" in capsys.readouterr().err
     assert main(["learn", "sea_2p5m", "--scene", "deep_lift"]) != 0

@@ -54,8 +54,8 @@ def test_a_stuck_load_pin_is_an_alarm_until_it_is_acknowledged(tmp_path: Path) -
     assert not reminders
     queue.advance(1)
     assert any(STUCK_PIN in one.warning for one in twin.snapshot().inputs.values())
-    (told,) = learning.alarms.as_json()
-    assert STUCK_PIN in alarm_words(told)
+    (reported,) = learning.alarms.as_json()
+    assert STUCK_PIN in alarm_words(reported)
     queue.advance(round(SECONDS / (1e-9 * twin.step_ns)))
     ok, _ = learning.acknowledge()
     assert ok

@@ -143,7 +143,7 @@ def test_words_of_faults(words: str, made: LineFaults) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reason"),
     [
         ("lots:0.1", "did you mean 'lost'"),
         ("lost:1.1", "give a number from 0 to 1"),
@@ -155,8 +155,8 @@ def test_words_of_faults(words: str, made: LineFaults) -> None:
         ("seed:-1", "give a whole number"),
     ],
 )
-def test_impossible_faults_are_one_sentence(words: str, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_impossible_faults_are_one_sentence(words: str, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
         read_faults(words)
 
 

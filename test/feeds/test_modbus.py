@@ -157,7 +157,7 @@ def test_a_line_holds_a_value_to_a_billionth(value: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "change", "told"),
+    ("name", "change", "reason"),
     [
         ("payout", {"word_order": ""}, "word_order of int32 is missing; there is no default"),
         ("speed", {"word_order": "big"}, "word_order has no effect with int16; remove it"),
@@ -168,9 +168,9 @@ def test_a_line_holds_a_value_to_a_billionth(value: float) -> None:
     ],
 )
 def test_an_impossible_register_is_one_sentence(
-    name: str, change: dict[str, Any], told: str
+    name: str, change: dict[str, Any], reason: str
 ) -> None:
-    assert told in str(Register(**{**MAP[name], **change}).check())
+    assert reason in str(Register(**{**MAP[name], **change}).check())
 
 
 def test_settings_that_cannot_be_are_refused() -> None:

@@ -117,20 +117,20 @@ def test_drawn_paths_have_mean_and_covariance() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sea", "told_m", "error"),
+    ("sea", "sensor_error_m", "error"),
     [("sea_2p5m", 0.0, PERFECT), ("sea_6p5m", 0.04, MotionError(coloured_m=0.064))],
     ids=["perfect sensor", "coloured error"],
 )
-def test_bands_are_calibrated(sea: str, told_m: float, error: MotionError) -> None:
+def test_bands_are_calibrated(sea: str, sensor_error_m: float, error: MotionError) -> None:
     """90 % bands over 60 drawn seas: mean square of the normalised error near 1, PIT flat."""
     seas, off, skills = 60, [], []
     for seed in range(seas):
         random = np.random.default_rng(40_000 + seed)
         truth = DrawnSea.draw(recorded_spectrum(sea), random).heave_m(RECORD + 120, SAMPLE_S)
-        told = truth + 0.005 * random.standard_normal(len(truth))
-        if told_m:
-            told += motion_error(len(truth), SAMPLE_S, told_m, random)
-        paths = HeaveProcess.of_record(told[:RECORD], error).paths(told[:RECORD])
+        measured = truth + 0.005 * random.standard_normal(len(truth))
+        if sensor_error_m:
+            measured += motion_error(len(truth), SAMPLE_S, sensor_error_m, random)
+        paths = HeaveProcess.of_record(measured[:RECORD], error).paths(measured[:RECORD])
         paths = paths.for_unknown_spectrum()
         ahead = slice(sample_of(0.0) + 1, None)
         off.append((truth[RECORD:] - paths.mean_m[ahead]) / paths.deviation_m()[ahead])
@@ -154,8 +154,8 @@ def test_waves_up_sea_carry_the_horizon() -> None:
         random = np.random.default_rng(50_000 + seed)
         sea = DrawnSea.draw(recorded_spectrum("sea_6p5m"), random)
         truth = sea.heave_m(RECORD + 120, SAMPLE_S)
-        told = truth[:RECORD] + 0.005 * random.standard_normal(RECORD)
-        process = HeaveProcess.of_record(told, PERFECT)
+        measured = truth[:RECORD] + 0.005 * random.standard_normal(RECORD)
+        process = HeaveProcess.of_record(measured, PERFECT)
         seen = sea.elevation_m(RECORD, SAMPLE_S, 800.0)[RECORD - 480 :: 4]
         noise = 0.3 * float(np.std(seen))
         waves = MeasuredWaves(
@@ -165,8 +165,8 @@ def test_waves_up_sea_carry_the_horizon() -> None:
         response = heave_response(BoxHull(), process.spectrum.frequency_hz)
         at = sample_of(45.0)
         for kept, paths in (
-            (alone, process.paths(told)),
-            (ahead, process.paths(told, waves=waves, response=response)),
+            (alone, process.paths(measured)),
+            (ahead, process.paths(measured, waves=waves, response=response)),
         ):
             window = slice(at - 20, at + 20)
             future = truth[RECORD:][window.start - sample_of(0.0) - 1 :][:40]

@@ -124,9 +124,9 @@ def test_command(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["ahead", str(folder / "lift"), "--scene", str(folder / "small.yaml"), "--at", "5min",
              "--members", "19", "--what-if", "lower:0.5", "stop", "--limit", "80kN"]  # fmt: skip
     assert main(words) == 0
-    told = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for part in ("origin 300 s", "95 %", "P(T > 80 kN)", "lower:0.5", "lower in", "climatology"):
-        assert part in told
+        assert part in printed
     assert main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [one["order"] for one in found["forecasts"]] == ["hold", "lower:0.5", "stop"]

@@ -111,8 +111,8 @@ def test_orders_are_compared_member_by_member() -> None:
         compare(forecast(origin_s=1.0), base)
 
 
-@pytest.mark.parametrize(("told", "expected"), [(1.0, 1.0), (0.5, 2.0), (2.0, 0.5)])
-def test_spread_factor_follows_the_bands(told: float, expected: float) -> None:
+@pytest.mark.parametrize(("spread", "expected"), [(1.0, 1.0), (0.5, 2.0), (2.0, 0.5)])
+def test_spread_factor_follows_the_bands(spread: float, expected: float) -> None:
     """Bands half as wide as right are widened, by what a hundred forecasts prove."""
     random = np.random.default_rng(2)
     kept = KeptForecasts(LEADS)
@@ -120,7 +120,7 @@ def test_spread_factor_follows_the_bands(told: float, expected: float) -> None:
         origin = number * 70.0
         truth = random.standard_normal(120)
         # what is known of it: nothing but its distribution
-        members = told * random.standard_normal((120, MEMBERS))
+        members = spread * random.standard_normal((120, MEMBERS))
         kept.keep(forecast(origin, members))
         kept.see(origin, 0.0)
         for lead, value in zip(LEADS, truth, strict=True):
@@ -128,7 +128,7 @@ def test_spread_factor_follows_the_bands(told: float, expected: float) -> None:
     assert len(kept) == KEPT
     weight = KEPT / (KEPT + 40.0)
     assert np.exp(np.log(kept.factor()).mean()) == pytest.approx(expected**weight, rel=0.08)
-    if told == 1.0:
+    if spread == 1.0:
         assert kept.coverage() == pytest.approx(0.9, abs=0.02)
     else:
         assert abs(kept.coverage() - 0.9) > 0.05

@@ -57,7 +57,7 @@ def heave_at(time: np.ndarray) -> np.ndarray:
 
 
 def test_smoother_is_the_kalman_update() -> None:
-    """Of a normal variable with one reading: mean K·y, variance (1 - K)·P with K = P/(P + R)."""
+    """A normal variable with one reading has mean K·y, variance (1 - K)·P with K = P/(P + R)."""
     random = np.random.default_rng(1)
     members, P, R, y = 4000, 4.0, 1.0, 3.0
     x = 2.0 * random.standard_normal((1, members))
@@ -195,7 +195,7 @@ def test_refusals(scene: Scene) -> None:
 
 
 def test_scene_at_another_line(tmp_path: Path) -> None:
-    """The same rope with more of it paid out."""
+    """The scene has its rope with more of it paid out."""
     own = small_scene(tmp_path)
     assert scene_at_line(own, 200.0) is own
     assert scene_at_line(own, 250.0).ropes[0].length_m == 250.0

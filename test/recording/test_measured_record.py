@@ -56,7 +56,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def measured(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What a load cell that reads too much would have measured on a run of the scene."""
+    """Record the readings of a load cell that reads too much on a run of the scene."""
     folder = tmp_path_factory.mktemp("run")
     run(scene, record=folder / "run")
     readings = []
@@ -64,8 +64,8 @@ def measured(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         for _, data in recorded.messages("/ropes/tension_top"):
             message = decode("ropes/tension_top", data)
             at_ns = message.header.stamp.sec * S + message.header.stamp.nanosec
-            told = Measurement.of_winch(at_ns, tension_n=float(message.effort[0]) + BIAS_N)
-            readings.append((at_ns, told))
+            reading = Measurement.of_winch(at_ns, tension_n=float(message.effort[0]) + BIAS_N)
+            readings.append((at_ns, reading))
     assert len(readings) > 100
     return bag(folder / "measured", readings, EPOCH_NS)
 
@@ -133,7 +133,7 @@ def test_messages_that_are_none_are_counted_and_a_bag_without_any_is_refused(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reason"),
     [
         (["--measured", "bag"], "give --speed 0 too"),
         (["--follow-measured", "--speed", "0", "--duration", "1s"], "nothing is measured"),
@@ -141,7 +141,7 @@ def test_messages_that_are_none_are_counted_and_a_bag_without_any_is_refused(
     ],
 )
 def test_impossible_options_are_one_sentence(
-    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], reason: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["run", "still_water", "--no-record", *words]) == 1
-    assert told in capsys.readouterr().err
+    assert reason in capsys.readouterr().err

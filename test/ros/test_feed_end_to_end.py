@@ -115,7 +115,7 @@ def rounded(*values: float) -> tuple[float, ...]:
 
 
 class Board:
-    """What is heard on board: values, residuals and the last row of each name."""
+    """Messages heard on board: values, residuals and the last row of each name."""
 
     def __init__(self) -> None:
         self.line: list[tuple[float, ...]] = []

@@ -35,11 +35,11 @@ def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
     names = ("ship/heave", "winch/measured", "sea/measured_elevation")
     publishers = {name: bench.publisher(name) for name in names}
     tables = {name: bench.listen(f"forecast/{name}") for name in ("tension", "risk", "quiet")}
-    told = bench.listen("diagnostics")
+    heard = bench.listen("diagnostics")
     node.begin()
     for publisher in publishers.values():
         bench.until(publisher.get_subscription_count, "the node listens")
-    bench.until(lambda: any("waits for" in one.status[0].message for one in told), "it waits")
+    bench.until(lambda: any("waits for" in one.status[0].message for one in heard), "it waits")
     count = round(125.0 / PERIOD_S)
     for k in range(count):
         at, ns = PERIOD_S * k, BEGIN_NS + round(PERIOD_S * k * 1e9)

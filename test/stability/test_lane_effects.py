@@ -101,9 +101,9 @@ def test_effects_that_branch(tmp_path: Path) -> None:
         lone.advance(seconds)
     for number in range(LANES):
         assert not differing(ensemble.snapshot(number), lone.snapshot(number)), number
-    told = ensemble.lanes()
-    assert told.steps + told.given_up == 400 * LANES
-    assert told.given_up <= 0.01 * told.steps  # the first step, with internal variables
+    lanes = ensemble.lanes()
+    assert lanes.steps + lanes.given_up == 400 * LANES
+    assert lanes.given_up <= 0.01 * lanes.steps  # the first step, with internal variables
 
 
 @pytest.mark.long
@@ -122,8 +122,8 @@ def test_shipped_scenes(name: str) -> None:
     assert together.figures() == lone.figures()
     for number in range(LANES):
         assert not differing(together.snapshot(number), lone.snapshot(number)), number
-    told = together.lanes()
-    assert told.given_up < 0.1 * told.steps
+    lanes = together.lanes()
+    assert lanes.given_up < 0.1 * lanes.steps
 
 
 def heaving(scene: Scene, number: int) -> Variation:

@@ -109,9 +109,9 @@ def test_any_number_of_members(
     ensemble = Ensemble(scene, own, threads=1)
     ensemble.advance(4)
     assert not unequal(scene, ensemble, own, 4)
-    told = ensemble.lanes()
-    assert told.steps + told.given_up == 400 * told.members
-    assert told.given_up <= 0.01 * told.steps
+    lanes = ensemble.lanes()
+    assert lanes.steps + lanes.given_up == 400 * lanes.members
+    assert lanes.given_up <= 0.01 * lanes.steps
     rest = members % LANES
     expected = [LANES] * (members // LANES) + [rest] * (rest >= lanes_module.MIN_GROUP)
     assert groups == (expected if members >= LANES else [])
@@ -133,9 +133,9 @@ def test_a_fixed_lower_end(tmp_path: Path) -> None:
     ensemble = Ensemble(scene, own, threads=1)
     ensemble.advance(4)
     assert not unequal(scene, ensemble, own, 4)
-    told = ensemble.lanes()
-    assert told.steps + told.given_up == 400 * LANES
-    assert told.given_up <= 0.01 * told.steps
+    lanes = ensemble.lanes()
+    assert lanes.steps + lanes.given_up == 400 * LANES
+    assert lanes.given_up <= 0.01 * lanes.steps
 
 
 def test_a_vertical_current(tmp_path: Path) -> None:

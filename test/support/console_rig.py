@@ -191,7 +191,7 @@ class ConsoleRig:
 
 
 def frames(page: Page) -> list[dict[str, Any]]:
-    """What waits for a page."""
+    """Return the frames that wait for a page."""
     found = []
     while not page.queue.empty():
         found.append(json.loads(page.queue.get_nowait()))

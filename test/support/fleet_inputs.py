@@ -52,7 +52,7 @@ def driven(
         assert not twin.offer_speed(0, speed)
     view = twin.inspect()
     values, rates = [view.boundary.value[0].copy()], [view.boundary.rate[0].copy()]
-    told, live = [], None
+    outputs, live = [], None
     for step in range(steps):
         if step == live_at:
             live = live_state(twin)
@@ -63,13 +63,13 @@ def driven(
         n = int(view.rope.state.counts[rows.ELEMENTS])
         tension = view.rope.work[rows.TENSION, :n]
         depth = -view.rope.state.nodes[rows.POSITION + 2, 0]
-        told.append((twin.top_pull_n, tension.min(), depth, tension[0]))
+        outputs.append((twin.top_pull_n, tension.min(), depth, tension[0]))
     value, rate = np.array(values), np.array(rates)
     rest_z = scene.ship.hang_off_m[2]
     inputs = FleetInputs(
         value[:, rows.Z] - rest_z, rate[:, rows.Z], value[:, rows.LINE], rate[:, rows.LINE]
     )
-    return Driven(twin, inputs, *np.array(told).T, live)
+    return Driven(twin, inputs, *np.array(outputs).T, live)
 
 
 def cut(inputs: FleetInputs, first: int, every: int = 1) -> FleetInputs:

@@ -259,15 +259,15 @@ def _same(value: float) -> float:
     return value
 
 
-def _with_row(told: Measurement, place: Value, speed: Value, tension: Value) -> Measurement:
+def _with_row(reported: Measurement, place: Value, speed: Value, tension: Value) -> Measurement:
     """Return a measurement whose known values are changed."""
     changes = place, speed, tension
     rows = tuple(
         (name, *(None if one is None else change(one)
                  for change, one in zip(changes, given, strict=True)))
-        for name, *given in told.rows
+        for name, *given in reported.rows
     )  # fmt: skip
-    return told._replace(rows=rows)  # type: ignore[arg-type]
+    return reported._replace(rows=rows)  # type: ignore[arg-type]
 
 
 def _readings(place: Value = _same, speed: Value = _same, tension: Value = _same) -> Change:

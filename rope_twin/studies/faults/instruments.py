@@ -72,11 +72,11 @@ def readings(scene: Scene, truths: Sequence[Truth], latency_ns: int, seed: int) 
         tension_n = one.tension_n + rng.gauss(0.0, cell.uncertainty(one.tension_n) or 0.0)
         length_m = one.line_out_m + rng.gauss(0.0, counter.uncertainty(one.line_out_m) or 0.0)
         depth_m = one.depth_m + rng.gauss(0.0, sounder.uncertainty(one.depth_m) or 0.0)
-        told = Measurement.of_winch(
+        reported = Measurement.of_winch(
             one.stamp_ns, length_m + counter.bias, one.speed_m_per_s, tension_n + cell.bias, winch
         )
         sounded = Measurement.of_depth(one.stamp_ns, depth_m + sounder.bias)
         arrival_ns = one.stamp_ns + latency_ns
-        found.append(Message(SENSORS, arrival_ns, one.stamp_ns, told, "winch"))
+        found.append(Message(SENSORS, arrival_ns, one.stamp_ns, reported, "winch"))
         found.append(Message(DEPTH, arrival_ns, one.stamp_ns, sounded, "sounder"))
     return found
