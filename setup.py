@@ -105,6 +105,7 @@ setup(
             "recorder_node = rope_twin.ros.recorder_node:main",
             "viewer_node = rope_twin.ros.viewer_node:main",
             "console_node = rope_twin.ros.console_node:main",
+            "forecast_node = rope_twin.ros.forecast_node:main",
         ]
     },
 )

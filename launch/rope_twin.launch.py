@@ -36,6 +36,7 @@ ARGUMENTS = (
     ("follow_measured", "false", "winches follow winch/measured; with it schedule:=false"),
     ("learn", "false", "learn weight, mass, drag and stiffness from winch/measured"),
     ("apply_learned", "false", "with it: take the figures over after each minute"),
+    ("ahead", "false", "forecast tension, risks and quiet windows of the next minute"),
     ("record", "false", "record every topic"),
     ("out", "", "bag directory to create; empty: rope_twin_DATE_TIME"),
     ("view", "false", "show the run in rerun"),
@@ -120,6 +121,13 @@ def generate_launch_description() -> LaunchDescription:
                 parameters=[file, picture],
                 condition=IfCondition(value("view")),
                 **shown,
+            ),
+            Node(
+                executable="forecast_node",
+                name="forecast",
+                parameters=[file, scene],
+                condition=IfCondition(value("ahead")),
+                **common,
             ),
             Node(
                 executable="console_node",

@@ -34,7 +34,10 @@ _KEEP_ALIVE = {"TCP_KEEPIDLE": 5, "TCP_KEEPINTVL": 2, "TCP_KEEPCNT": 3}
 _SECOND_NS = 1_000_000_000
 UDP, TCP, TCP_SERVER, SERIAL, FILE = "udp", "tcp", "tcp-server", "serial", "file"
 MODBUS = "modbus"
-ADDRESSES = "FILE, udp://HOST:PORT, tcp://HOST:PORT, tcp-server://HOST:PORT or serial:DEVICE@BAUD"
+ADDRESSES = (
+    "FILE, udp://HOST:PORT, tcp://HOST:PORT, tcp-server://HOST:PORT, modbus://HOST:PORT or "
+    "serial:DEVICE@BAUD"
+)
 _NETWORK = re.compile(r"(udp|tcp|tcp-server|modbus)://(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})/?")
 _SERIAL = re.compile(r"serial:(?://)?([^@]+)@(\d{2,7})")
 _LOGGED = re.compile(rb"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?Z?)[ \t,]+")

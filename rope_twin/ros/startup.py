@@ -75,7 +75,10 @@ def _build(options: RunOptions) -> None:
     Twin(scene, options.monitors)
 
 
-NODES = ("simulation", "sea_state", "winch_schedule", "forecast", "recorder", "viewer")
+# nodes of a run, which a spare may have to become
+NODES = (
+    "simulation", "sea_state", "winch_schedule", "forecast", "console", "recorder", "viewer",
+)  # fmt: skip
 _COMM = Path("/proc/self/comm")  # the name that `ps` and `top` show, on Linux
 
 

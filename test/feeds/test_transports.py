@@ -255,6 +255,13 @@ def test_an_address_that_cannot_be_is_refused(words: str, fault: str) -> None:
         read_address(words)
 
 
+def test_a_refused_address_is_answered_by_all_kinds() -> None:
+    with pytest.raises(InputError) as refused:
+        read_address("http://host:80")
+    for kind in ("udp", "tcp", "tcp-server", "modbus"):
+        assert f" {kind}://HOST:PORT" in str(refused.value)
+
+
 def test_a_way_in_is_no_way_out() -> None:
     with pytest.raises(InputError, match="a way out"):
         open_source(settings("tss1", source="tcp-server://:4001"), Heard().take)

@@ -27,6 +27,7 @@ CLASSES = {
     "recorder": params.RecorderParams,
     "viewer": params.ViewerParams,
     "console": params.ConsoleParams,
+    "forecast": params.ForecastParams,
 }
 
 
@@ -103,7 +104,7 @@ def test_it_runs_where_launch_is_installed() -> None:
     spec.loader.exec_module(module)
     entities = module.generate_launch_description().entities
     variables = 0 if "ROS_AUTOMATIC_DISCOVERY_RANGE" in os.environ else 2
-    assert len(entities) == len(module.ARGUMENTS) + variables + 7
+    assert len(entities) == len(module.ARGUMENTS) + variables + len(CLASSES)
 
 
 def test_it_keeps_to_the_loopback_interface_and_starts_again_what_dies(tree: ast.Module) -> None:

@@ -16,7 +16,8 @@ from pathlib import Path
 import pytest
 
 from rope_twin.ros import startup
-from rope_twin.ros.startup import Precompilation
+from rope_twin.ros.params import node_parameters
+from rope_twin.ros.startup import NODES, Precompilation
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import StopSignal
 
@@ -34,6 +35,13 @@ Twin(load_scene("still_water"))
 stats = advance_steps.stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 """
+
+
+def test_a_spare_can_become_each_node_of_a_run() -> None:
+    everything = RunOptions(
+        scene="still_water", record=Path("bag"), console="127.0.0.1:0", ahead=True
+    )
+    assert sorted(node_parameters(everything)) == sorted(NODES)
 
 
 @pytest.fixture
