@@ -16,6 +16,7 @@ from typing import Any
 
 import rclpy
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from rope_twin.console.casts import Log
@@ -47,7 +48,12 @@ class SuiteSource:
     def __init__(self, like: Node) -> None:
         """Subscribe in the domain and namespace of a node."""
         self._node = rclpy.create_node(
-            "console_view", namespace=like.get_namespace(), context=like.context
+            "console_view",
+            namespace=like.get_namespace(),
+            context=like.context,
+            enable_rosout=False,  # it has no topic nor service that `console` does not have
+            start_parameter_services=False,
+            parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
         self._taken = {
             name: (

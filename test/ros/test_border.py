@@ -7,7 +7,7 @@ import math
 import os
 import time
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from feed_samples import SETTINGS
 from ros_bench import Bench
 from ros_process import Process, Processes, until_running
 
+from rope_twin.console.readings import SHOWN
 from rope_twin.messages import encode_cut
 from rope_twin.ros.feed_node import FeedNode, FeedSimulator
 from rope_twin.ros.middleware import DISCOVERY_RANGE
@@ -28,9 +29,12 @@ from rope_twin.topics import (
     BY_NAME,
     CUT_TOPIC,
     INPUTS,
+    RELEASE,
     SERVICES,
+    TAKE,
     TOPICS,
     WINCH_TOPICS,
+    service_name,
 )
 
 pytestmark = pytest.mark.ros
@@ -139,6 +143,7 @@ class Profile:
     publish: set[str]
     subscribe: set[str]
     reply: set[str]
+    request: set[str] = field(default_factory=set)
 
 
 def policy() -> dict[str, Profile]:
@@ -174,6 +179,12 @@ def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() ->
         assert profile.reply >= offered
         assert profile.reply - own == offered - own
         assert CUT_TOPIC not in profile.publish | profile.subscribe
+    assert profiles["console"].subscribe == {*SHOWN, "clock"}
+    calls = {service_name("winch", what) for what in ("emergency_stop", TAKE, RELEASE)}
+    assert {name: one.request for name, one in profiles.items() if one.request} == {
+        "console": calls
+    }
+    assert calls <= profiles["simulation"].reply
     for topic in TOPICS:
         if topic.publisher and topic.name != CUT_TOPIC:
             assert topic.name in profiles[topic.publisher].publish
@@ -187,19 +198,23 @@ def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() ->
 def test_the_policy_allows_what_the_nodes_do_and_nothing_else(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:
-    """As the graph of a running suite tells it."""
+    """The graph of a suite that runs with all its nodes shows it."""
     profiles = policy()
+    heard = bench.listen("ropes/tension_top")
     processes.cli(
-        "run", "shallow_lift", "--processes", "--headless", "--out", str(tmp_path / "bag")
-    )
+        "run", "shallow_lift", "--processes", "--headless", "--out", str(tmp_path / "bag"),
+        "--learn", "--ahead", "--console", "127.0.0.1:0", "--control",
+    )  # fmt: skip
     own = bench.own
     for name in FEEDS:
         del profiles[name]  # not of the suite: test_the_policy_allows_what_feeds_do
     bench.until(lambda: set(profiles) <= set(own.get_node_names()), "all nodes are there")
+    until_running(bench, heard, "the simulation, whose services are there from then on")
     not_always = {  # by scene and option
         "ship/heave", "ship/odometry", *WINCH_TOPICS, "clock",
     }  # fmt: skip
     assert profiles[STANDBY].subscribe == profiles["recorder"].subscribe
+    together = {"console": ("console", "console_view")}  # nodes of one process, with one enclave
     for name, profile in profiles.items():
         if name == STANDBY:  # it listens when it has taken over
             continue
@@ -210,7 +225,8 @@ def test_the_policy_allows_what_the_nodes_do_and_nothing_else(
         ):
 
             def used(name: str = name, read: Any = read) -> set[str]:
-                return {one.removeprefix("/") for one, _ in read(name, "/")}
+                nodes = together.get(name, (name,))
+                return {one.removeprefix("/") for node in nodes for one, _ in read(node, "/")}
 
             bench.until(
                 lambda allowed=allowed, used=used: allowed - not_always <= used() <= allowed,
