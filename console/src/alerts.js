@@ -4,7 +4,7 @@
 // priority "emergency", "alarm", "warning" or "caution"; state "unacknowledged", "silenced",
 // "acknowledged", "transferred" or "rectified"; since_s: time of the twin. The topic `alerts` has them
 // in order. In a recording without it, rows of the diagnostics at WARN and ERROR stand in for them, as
-// warnings and alarms that nobody can acknowledge.
+// warnings and alarms that nobody can acknowledge. Faults of the console itself always precede the list.
 
 import { $, icon, make, toast, write } from "./page.js";
 import { on, request, stale, state } from "./link.js";
@@ -14,11 +14,11 @@ const began = new Map();
 let shown = "", audio = null, nextMs = 0;
 
 function current() {
-  if (Array.isArray(state.values.alerts)) return state.values.alerts.filter((one) => !one.shelved);
+  const listed = Array.isArray(state.values.alerts);
   const found = [];
   for (const [key, row] of Object.entries(state.values)) {
     const diagnosed = key.startsWith("diagnostics ");
-    if (!diagnosed && !(key.startsWith("fault ") && row)) continue;
+    if (diagnosed ? listed : !(key.startsWith("fault ") && row)) { began.delete(key); continue; }
     if (diagnosed && !row.level) { began.delete(key); continue; }
     const bad = diagnosed ? row.level >= 2 : true;
     if (!began.has(key)) began.set(key, state.timeS);
@@ -28,7 +28,8 @@ function current() {
       text: diagnosed ? row.message : row, since_s: began.get(key), revision: 0,
     });
   }
-  return found.sort((one, two) => one.priority.localeCompare(two.priority));
+  found.sort((one, two) => one.priority.localeCompare(two.priority));
+  return listed ? [...found, ...state.values.alerts.filter((one) => !one.shelved)] : found;
 }
 
 const clock = (timeS) => {
@@ -50,12 +51,15 @@ async function act(action, id) {
 
 // Two tones that cannot be confused: an alarm is three short high ones, a warning two lower ones.
 export function start() {
-  document.addEventListener("pointerdown", () => { audio ??= new AudioContext(); audio.resume(); });
+  for (const kind of ["pointerdown", "keydown"]) { // browsers allow sound only after one of them
+    document.addEventListener(kind, () => { audio ??= new AudioContext(); if (audio.state !== "running") audio.resume(); });
+  }
   $("silence").onclick = () => act("silence", "all");
   on("link", () => { shown = ""; });
 }
 
 export function sound(nowMs) {
+  $("sound-off").hidden = audio?.state === "running";
   const loud = current().filter((one) => one.sounds);
   if (!audio || !loud.length || stale("ropes/tension_top") || nowMs < nextMs) return;
   const alarm = loud.some((one) => one.priority !== "warning");

@@ -27,9 +27,15 @@ export function start() {
   on("hello", async () => {
     signedIn = false;
     const token = sessionStorage.getItem("token");
-    if (token && state.control?.allowed) signedIn = (await request({ do: "sign_in", token })).ok;
+    if (token && state.control?.allowed) {
+      const answer = await request({ do: "sign_in", token });
+      signedIn = answer.ok;
+      // A token of an earlier start would count as a wrong one each time that the page connects.
+      if (!answer.ok && answer.id !== undefined) sessionStorage.removeItem("token");
+    }
     draw();
   });
+  on("notice", (frame) => toast(frame.words, false));
   on("seat_wanted", async (frame) => {
     const agreed = await ask("Release the seat?", `${frame.by} asks for the seat of the winch.`, "Release");
     if (agreed) toast((await request({ do: "release_seat" })).words);

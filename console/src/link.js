@@ -4,11 +4,14 @@ export const state = {
   hello: null, values: {}, profile: [], trend: null, control: {}, source: {}, timeS: null,
   ages: {}, receivedMs: -Infinity, connected: false, lost: 0, rows: 0, page: 0,
 };
-const listeners = { hello: [], row: [], profile: [], state: [], reply: [], seat_wanted: [], link: [] };
+const listeners = { hello: [], row: [], profile: [], state: [], reply: [], seat_wanted: [], notice: [], link: [] };
 export const on = (kind, act) => listeners[kind].push(act);
 const tell = (kind, content) => { for (const act of listeners[kind]) act(content); };
 
-let socket = null, waitMs = 250, number = 0, last = 0;
+const ANSWER_MS = 8000; // the server answers a command without effect after 2.5 s
+const ALIVE_MS = 500; // the server gives up the seat of a page that is silent for 2 s
+
+let socket = null, waitMs = 250, number = 0, last = 0, aliveMs = -Infinity;
 const waiting = new Map();
 
 export function connect() {
@@ -26,6 +29,15 @@ export function connect() {
   };
 }
 
+// Sent as rows arrive, not by a timer, which browsers slow down in a tab in the background.
+function alive() {
+  const now = performance.now(), holder = state.control?.holder ?? null;
+  if (holder === null || holder !== state.page || now - aliveMs < ALIVE_MS) return;
+  if (socket?.readyState !== WebSocket.OPEN) return;
+  aliveMs = now;
+  socket.send(JSON.stringify({ do: "alive" }));
+}
+
 function take(frame) {
   if (frame.type === "row") {
     if (frame.whole) state.values = {};
@@ -36,6 +48,7 @@ function take(frame) {
     state.timeS = frame.time_s;
     state.receivedMs = performance.now();
     state.rows += 1;
+    alive();
   } else if (frame.type === "profile") {
     state.profile = frame.ropes;
   } else if (frame.type === "hello") {
@@ -60,9 +73,13 @@ export function request(content, progress = () => {}) {
       return;
     }
     const id = ++number;
+    const late = setTimeout(() => {
+      waiting.delete(id);
+      resolve({ ok: false, words: "no answer of the console's server", stage: "done" });
+    }, ANSWER_MS);
     waiting.set(id, (frame) => {
       progress(frame);
-      if (frame.stage === "done" || !frame.ok) resolve(frame);
+      if (frame.stage === "done" || !frame.ok) { clearTimeout(late); resolve(frame); }
     });
     socket.send(JSON.stringify({ ...content, id }));
   });

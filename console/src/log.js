@@ -2,6 +2,7 @@
 
 import { $, ask, toast } from "./page.js";
 import { request, state } from "./link.js";
+import { signIn } from "./control.js";
 import { duration, force, metres, units } from "./units.js";
 import { table } from "./engineering.js";
 
@@ -9,17 +10,21 @@ export function start() {
   $("mark").onsubmit = async (event) => {
     event.preventDefault();
     const text = $("mark-text").value.trim();
-    if (!text) return;
+    if (!text || !(await mayWrite())) return;
     const answer = await request({ do: "mark", text });
     if (answer.ok) $("mark-text").value = "";
     else toast(answer.words, false);
   };
   $("new-cast").onclick = async () => {
     if (!(await ask("Begin a new cast?", "Highest and lowest values of the cast start again.", "Begin"))) return;
+    if (!(await mayWrite())) return;
     const answer = await request({ do: "new_cast" });
     if (!answer.ok) toast(answer.words, false);
   };
 }
+
+// With control, entries need the token: the log belongs to those who may command.
+const mayWrite = async () => !state.control?.allowed || signIn();
 
 const clock = (seconds) => seconds === null || seconds === undefined ? "–" : new Date(seconds * 1000).toISOString().slice(0, 19).replace("T", " ");
 

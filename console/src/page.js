@@ -87,7 +87,11 @@ for (const kind of ["click", "keydown"]) {
 }
 
 // Ask a question; resolves to true (or the text of the input), or to null if it was cancelled.
-export function ask(title, text, ok, input = null) {
+// Questions follow one another: there is one dialog, and one click must not answer two.
+let asked = Promise.resolve();
+export const ask = (...question) => (asked = asked.then(() => askNow(...question)));
+
+function askNow(title, text, ok, input = null) {
   const dialog = $("dialog"), field = $("dialog-input");
   $("dialog-title").textContent = title;
   $("dialog-text").textContent = text;

@@ -60,8 +60,13 @@ function place(mark, share) {
 }
 
 // Measured beside computed with the residual, or other words where nothing is measured.
-function compare(element, row, text, other) {
-  if (!row || !known(row.measured)) { write(element, other); return; }
+export function compare(element, row, text, other) {
+  // A residual keeps the last reading of an instrument that is lost: only its age tells.
+  if (!row || !known(row.measured) || row.age_s > 3) {
+    delete element.dataset.key;
+    if (element.textContent !== other) element.textContent = other;
+    return;
+  }
   const outside = known(row.upper) && (row.residual > row.upper || row.residual < row.lower);
   const key = `measured ${text(row.measured, false)}  Δ ${text(row.residual, true)}`;
   if (element.dataset.key === key + outside) return;
