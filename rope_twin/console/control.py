@@ -12,7 +12,7 @@ import hmac
 import math
 import secrets
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -28,13 +28,16 @@ from rope_twin.twin.winch.commands import (
 )
 
 LOST_S = 3.0  # after the page with the seat has disconnected until the seat is given up
+ALIVE_S = 2.0  # without a message of the page with the seat until it counts as disconnected
 _SLACK_S = 0.01  # of the server's clock
 REPEAT_S = 0.1  # a set-point is repeated so often, as the twin expects of a commander
 FEEDBACK_S = 2.5  # how long the twin's answer to a command is awaited
+ENTRIES, ENTRIES_WITHIN_S = 20, 10.0  # markers and casts that all pages may add
 ALERT_ACTIONS = "acknowledge", "silence", "transfer"
 TRIES, TRIES_IN_ALL, TRIES_WITHIN_S = 5, 20, 60.0  # wrong tokens of an address, and of all
 
 
+_ENTRIES = "mark", "new_cast"
 _STOP = WinchCommand(SPEED, 0.0)
 
 
@@ -42,6 +45,9 @@ class Commander(Protocol):
     """Way of commands to a winch."""
 
     name: str  # of its node
+
+    def look(self, winches: Sequence[str]) -> None:
+        """Prepare for the winches known by now; called regularly."""
 
     def take(self, winch: str) -> None:
         """Prepare to command; a seat that another node of the same priority has is requested."""
@@ -117,7 +123,12 @@ class Desk:
         self._left_s: float | None = None  # since when the holder's page is gone
         self._awaited: list[_Awaited] = []
         self._set_points: dict[str, WinchCommand] = {}  # newest of each winch, repeated
+        self._set_s: dict[str, float] = {}  # when each of them was given
+        self._confirmed: set[str] = (
+            set()
+        )  # winches of which the twin has given the console the seat
         self._repeated_s = 0.0
+        self._entries: deque[float] = deque(maxlen=ENTRIES)  # times of markers and casts
         self.further: dict[str, Callable[[Page, Mapping[str, Any]], str]] = {}
         pages.extra["control"] = self.state
 
@@ -134,8 +145,13 @@ class Desk:
     def take(self, page: Page, content: Mapping[str, Any]) -> None:
         """Act on a message of a page and send the answer; a faulty one is refused."""
         what, number = content.get("do"), content.get("id")
+        page.heard_s = self._clock()
+        if what == "alive":
+            if page is self._holder:
+                self._left_s = None
+            return
         if isinstance(what, str) and what in self.further:
-            words = self.further[what](page, content)
+            words = self._entry_fault(page, what) or self.further[what](page, content)
             self._answer(page, number, not words, words)
             return
         acts = {
@@ -166,8 +182,13 @@ class Desk:
     def look(self) -> None:
         """Answer the commands whose effect is seen or overdue; give up the seat of a lost page."""
         now_s = self._clock()
+        if self._commander is not None:
+            self._commander.look(self._winches())
+        if self._holder and self._left_s is None and now_s - self._holder.heard_s > ALIVE_S:
+            self.leave(self._holder)
         if self._left_s is not None and now_s - self._left_s >= LOST_S:
             self._give_up()
+        self._watch_seat(now_s)
         self._repeat(now_s)
         left = []
         for one in self._awaited:
@@ -175,7 +196,7 @@ class Desk:
                 self._answer(one.page, one.number, True, words, stage="done")
             elif now_s - one.sent_s >= FEEDBACK_S:
                 if not self._commands(one.winch):
-                    self._set_points.pop(one.winch, None)
+                    self._drop(one.winch)
                 self._answer(one.page, one.number, False, self._why_not(one), stage="done")
             else:
                 left.append(one)
@@ -197,6 +218,8 @@ class Desk:
             words = phrase("seat", f"{holder.name} has it", "it was asked to release it")
             self._answer(page, number, False, words)
             return
+        if holder is not page:  # the set-points are those of the page before
+            self._drop_all()
         self._holder, self._left_s = page, None
         for winch in self._winches():
             self._commander.take(winch)
@@ -223,6 +246,7 @@ class Desk:
         command = WinchCommand(str(kind), float(value) if kind in CONTROL_MODES else 0.0)  # type: ignore[arg-type]
         if command.kind in CONTROL_MODES:
             self._set_points[str(winch)] = command
+            self._set_s[str(winch)] = self._clock()
         elif command.kind == EMERGENCY_STOP and str(winch) in self._set_points:
             self._set_points[str(winch)] = _STOP
         self._commander.send(str(winch), command)
@@ -267,8 +291,50 @@ class Desk:
     def _give_up(self) -> None:
         assert self._commander is not None
         self._holder, self._left_s = None, None
-        self._set_points.clear()
+        self._drop_all()
         self._commander.release()
+
+    def _watch_seat(self, now_s: float) -> None:
+        """Drop the set-point of a winch whose seat was lost, or was not given in time.
+
+        Repeated further, it would start the winch once the seat is free again.
+        """
+        for winch in list(self._set_points):
+            if self._commands(winch):
+                self._confirmed.add(winch)
+                continue
+            lost = winch in self._confirmed
+            if not lost and now_s - self._set_s[winch] <= FEEDBACK_S + REPEAT_S:
+                continue
+            self._drop(winch)
+            if self._holder is not None:
+                what = "another commander has it" if lost else "it was not given to the console"
+                right = "the set-point is no longer repeated; send it again to command"
+                words = phrase(f"seat of {winch}", what, right)
+                self._pages.send(self._holder, {"type": "notice", "words": words})
+
+    def _drop(self, winch: str) -> None:
+        self._set_points.pop(winch, None)
+        self._set_s.pop(winch, None)
+        self._confirmed.discard(winch)
+
+    def _drop_all(self) -> None:
+        self._set_points.clear()
+        self._set_s.clear()
+        self._confirmed.clear()
+
+    def _entry_fault(self, page: Page, what: str) -> str:
+        """Return why an entry of the log is refused, or ""."""
+        if self._token is not None and not page.authorised:
+            return phrase("console", "this page has no control", "give the token first")
+        if what in _ENTRIES:
+            now_s = self._clock()
+            full = len(self._entries) == ENTRIES
+            if full and now_s - self._entries[0] < ENTRIES_WITHIN_S:
+                wait_s = math.ceil(self._entries[0] + ENTRIES_WITHIN_S - now_s)
+                return phrase("log", "too many entries at once", f"try again in {wait_s} s")
+            self._entries.append(now_s)
+        return ""
 
     def _repeat(self, now_s: float) -> None:
         """Repeat the set-points; after an emergency stop, whoever gave it, only speed 0."""

@@ -9,19 +9,22 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import math
 from collections.abc import Callable
 from typing import Any, Protocol
 
 from rope_twin.console.profile import RopeProfile, Trend
 from rope_twin.console.readings import Readings, Values, stale_limits_s
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, phrase
 
 PROTOCOL = 1  # raised when a page of an earlier version would misread a frame
 RATE_HZ = 20.0  # of rows
 PROFILE_EVERY = 5  # rows
 _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 QUEUE = 40  # frames that wait for a page: 2 s
+FAULT = "fault console"  # value: why the server could not make a row
+_log = logging.getLogger(__name__)
 
 
 class Source(Protocol):
@@ -48,6 +51,7 @@ class Page:
         self.lost = 0  # frames that it was too slow for
         self.behind = False  # whether it has lost frames since its last whole one
         self.authorised = False  # whether it has given the token of --control
+        self.heard_s = -math.inf  # steady time of its last message
 
     @property
     def name(self) -> str:
@@ -134,8 +138,8 @@ class Pages:
 
     def look_back(self) -> None:
         """Add the newest messages to the trend without sending anything."""
-        self.readings.update()
-        self.trend.add(self.readings)
+        self.readings.take_changed()
+        self.trend.add(self.readings, self.facts)
         self._read_profile()
 
     def resend(self) -> None:
@@ -155,12 +159,12 @@ class Pages:
             act()
         readings = self.readings
         self.source.poll(readings, now_s)
-        changed = readings.update()
+        changed = readings.take_changed()
         if self._read_session and (session := readings.take_session()):
             self.facts = self._read_session(session)
             self.resend()
         self._rows += 1
-        row = self.trend.add(readings)
+        row = self.trend.add(readings, self.facts)
         if row is not None:
             for take in self.rows:
                 take(row)
@@ -169,11 +173,30 @@ class Pages:
             self._send_profile()
             self._send_state()
 
+    def tick_or_report(self) -> None:
+        """Do `tick`; a fault in it is logged and shown on the pages, which go on receiving rows."""
+        try:
+            self.tick()
+        except Exception as error:  # whatever it is, pages must not freeze in silence
+            words = phrase("console", f"{type(error).__name__}: {error}", "see the console's log")
+            if self.readings.values.get(FAULT) != words:
+                _log.exception("a row for the pages could not be made")
+            self.readings.put(FAULT, words)
+            for page in self.pages.values():
+                page.behind = True  # what the failed tick has taken is sent in a whole frame
+            try:
+                self._send_row({}, None, self._clock())
+            except Exception:
+                _log.exception("the fault could not be shown on the pages")
+        else:
+            if self.readings.values.get(FAULT):
+                self.readings.put(FAULT, "")
+
     async def run(self) -> None:
         """Send rows until cancelled; a row that is late is not made up for."""
         period_s, due_s = 1.0 / RATE_HZ, self._clock()
         while True:
-            self.tick()
+            self.tick_or_report()
             due_s = max(due_s + period_s, self._clock())
             await asyncio.sleep(due_s - self._clock())
 
@@ -187,7 +210,10 @@ class Pages:
             if page.behind:
                 whole = whole or _json({**head, "values": self.readings.values, "whole": True})
                 page.behind = False
+                page.offer(self._hello(page))  # what was dropped may have been state
                 page.offer(whole)
+                if self._newest_profile:
+                    page.offer(self._newest_profile)
             else:
                 page.offer(frame)
 

@@ -24,8 +24,10 @@ from rope_twin.errors import BagError, phrase
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
+from rope_twin.topics import BY_NAME
 
-_SPACING_NS = NANOSECONDS // 25  # kept messages of a topic are at least so far apart
+_FAST_HZ = 25.0  # messages of a topic of a higher rate are kept _SPACING_NS apart
+_SPACING_NS = round(NANOSECONDS / _FAST_HZ)
 _NODES_NS = NANOSECONDS // 5  # likewise of ropes/nodes
 _PIECE, _REST_S = 200, 0.001  # records between rests of the thread that reads
 _LOOK_BACK_RATE_HZ = 5.0  # of the trend behind a jump
@@ -157,8 +159,9 @@ class Recording:
 
     def _keep(self, name: str, record: StoredMessage) -> None:
         times = self._times[name]
-        spacing_ns = _NODES_NS if name == NODES else _SPACING_NS
-        if name != "diagnostics" and times and record.log_ns - times[-1] < spacing_ns:
+        fast = BY_NAME[name].rate_hz > _FAST_HZ  # of others, as those on change, each one counts
+        spacing_ns = _NODES_NS if name == NODES else _SPACING_NS if fast else 0
+        if times and record.log_ns - times[-1] < spacing_ns:
             return
         self._first_ns = self._first_ns or record.log_ns
         self._last_ns = max(self._last_ns, record.log_ns)

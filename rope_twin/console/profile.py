@@ -11,13 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.console.readings import Readings, number
+from rope_twin.console.readings import Readings, Values, number
 from rope_twin.messages import decode, read_cloud
 
 Vector = NDArray[np.float64]
 
 WINDOW_S = 60.0  # of the range and of the trend
 POINTS = 41  # of a rope on the page
+OLD_S = 1.0  # age from which the reading of an instrument is no longer drawn as measured
 _FRACTIONS = np.linspace(0.0, 1.0, POINTS)
 
 
@@ -95,9 +96,12 @@ class Trend:
     def __init__(self, rate_hz: float) -> None:
         self._rows: deque[tuple[float | None, ...]] = deque(maxlen=round(WINDOW_S * rate_hz) + 1)
 
-    def add(self, readings: Readings) -> dict[str, float | None] | None:
+    def add(
+        self, readings: Readings, facts: Values | None = None
+    ) -> dict[str, float | None] | None:
         """Add and return a row of the newest values; None if the twin's time has not advanced.
 
+        facts: of the scene; heave counts from its mean hang-off, or from z = 0 where none is known.
         A time before that of the last row belongs to another run: the rows before are dropped.
         """
         time_s = readings.time_s
@@ -108,7 +112,7 @@ class Trend:
             if time_s == last:
                 return None
             self._rows.clear()
-        row = _trend_row(readings, time_s)
+        row = _trend_row(readings, time_s, facts or {})
         self._rows.append(tuple(row[name] for name in TREND))
         return row
 
@@ -122,13 +126,16 @@ class Trend:
         self._rows.clear()
 
 
-def _trend_row(readings: Readings, time_s: float) -> dict[str, float | None]:
+def _trend_row(readings: Readings, time_s: float, facts: Values) -> dict[str, float | None]:
     values = readings.values
     payloads, interval = values.get("payloads"), values.get("error_interval")
     depth = payloads[0]["place_m"][2] if payloads else None
-    hang_off = values.get("hang_off_m")
+    hang_off, mean = values.get("hang_off_m"), facts.get("hang_off_m")
+    height_m = hang_off[2] if hang_off else None
+    # a residual keeps its last reading for ever: only its age shows that the instrument is lost
     measured = next((row["measured"] for row in values.get("residuals", ())
-                     if row["quantity"] == "top_tension_n"), None)  # fmt: skip
+                     if row["quantity"] == "top_tension_n" and (row["age_s"] or 0.0) < OLD_S),
+                    None)  # fmt: skip
     return {
         "time_s": round(time_s, 3),
         "tension_n": _first(values.get("tension_n")),
@@ -138,7 +145,7 @@ def _trend_row(readings: Readings, time_s: float) -> dict[str, float | None]:
         "line_out_m": _first(values.get("line_out_m")),
         "line_speed_m_per_s": _first(values.get("line_speed_m_per_s")),
         "depth_m": None if depth is None else -depth,
-        "heave_m": hang_off[2] if hang_off else None,
+        "heave_m": None if height_m is None else height_m - (mean[2] if mean else 0.0),
     }
 
 

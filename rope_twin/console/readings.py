@@ -45,6 +45,7 @@ class Readings:
         self._pending: dict[str, bytes] = {}
         self._texts: dict[str, bytes] = {}  # last message of a topic of text, which often repeats
         self._updates = 0
+        self._changed: Values = {}  # since the last `take_changed`
         self.values: Values = {}
         self.stamp_ns: int | None = None  # ROS time of the newest top tension
         self.epoch_ns: int | None = None  # ROS time of the twin's t = 0
@@ -87,8 +88,20 @@ class Readings:
                 if topic in _UNSTAMPED:
                     self._texts[topic] = data
         self._pending = left
+        self._changed |= changed
         self.values |= changed
         return changed
+
+    def take_changed(self) -> Values:
+        """Decode what has arrived; return the values changed since the last call, once."""
+        self.update()
+        found, self._changed = self._changed, {}
+        return found
+
+    def put(self, name: str, value: Any) -> None:
+        """Set a value of the console's own, such as a fault, if it differs."""
+        if self.values.get(name) != value:
+            self._changed[name] = self.values[name] = value
 
     def take_nodes(self) -> bytes | None:
         """Return the newest ropes/nodes message, once."""

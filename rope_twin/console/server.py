@@ -29,6 +29,7 @@ from rope_twin.errors import InputError, phrase
 LOOPBACK, PORT = "127.0.0.1", 8420
 MOST_PAGES = 60
 MOST_MESSAGE_BYTES = 4096  # of a message from a page
+PING_S, PONG_S = 1.0, 2.0  # between pings, and until a page without an answer is lost
 FOLDER = Path(__file__).with_name("page")
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -221,7 +222,8 @@ class Server:
         config = uvicorn.Config(
             app, log_level="warning", access_log=False, ws="websockets-sansio", lifespan="on",
             ws_max_size=MOST_MESSAGE_BYTES * 4, ws_per_message_deflate=False,
-            timeout_graceful_shutdown=1, server_header=False,
+            ws_ping_interval=PING_S, ws_ping_timeout=PONG_S, timeout_graceful_shutdown=1,
+            server_header=False,
         )  # fmt: skip
         self._server = uvicorn.Server(config)
         self._thread: threading.Thread | None = None

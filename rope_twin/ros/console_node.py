@@ -8,10 +8,11 @@ with publishers that exist only while a page has the seat.
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import rclpy
@@ -33,10 +34,11 @@ from rope_twin.ros.qos import listen as subscribe
 from rope_twin.ros.qos import message_type, publish
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import ALERT_COMMAND, BY_NAME, RELEASE, TAKE, WINCH_TOPICS, Qos, service_name
-from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
 TOKEN = "ROPE_TWIN_CONSOLE_TOKEN"  # environment: the token of --control
 _DIAGNOSTICS_DEPTH = 10  # several nodes publish there within one poll
+_RETRY_S, _RETRIES_S = 0.1, 2.0  # between tries of a service that is not there, and in all
 NODE = "console"
 
 
@@ -92,7 +94,26 @@ class WinchCommander:
         self._publishers: dict[str, Any] = {}
         self._winches: list[str] = []
         self._clients: dict[str, Any] = {}
+        self._queued: dict[str, float] = {}  # calls of services not there yet: until when to try
+        self._looked_s = -math.inf
         self._alerts = publish(node, BY_NAME[ALERT_COMMAND])
+
+    def look(self, winches: Sequence[str]) -> None:
+        """Make the clients of the winches, so that they are matched in time; repeat lost calls."""
+        for winch in winches:
+            for act in (EMERGENCY_STOP, TAKE, RELEASE):
+                self._client(service_name(winch, act))
+        now_s = time.monotonic()
+        if not self._queued or now_s - self._looked_s < _RETRY_S:
+            return
+        self._looked_s = now_s
+        for name, until_s in list(self._queued.items()):
+            client = self._client(name)
+            if client.service_is_ready():
+                client.call_async(Trigger.Request())
+            elif now_s <= until_s:
+                continue
+            del self._queued[name]
 
     def take(self, winch: str) -> None:
         """Make the publishers, and request the seat if the service is there."""
@@ -106,14 +127,18 @@ class WinchCommander:
     def send(self, winch: str, command: WinchCommand) -> None:
         """Publish a command that applies immediately."""
         topic, data = encode_order(0, command, winch)
-        if topic not in self._publishers:  # an emergency stop of a page without the seat
+        publisher = self._publishers.get(topic)
+        stop = command.kind == EMERGENCY_STOP
+        # an emergency stop of a page without the seat, or before the twin has found the publisher
+        if publisher is None or (stop and not publisher.get_subscription_count()):
             self._call(service_name(winch, command.kind))
             return
-        self._publishers[topic].publish(data)
+        publisher.publish(data)
 
     def release(self) -> None:
         """Release the seats and remove the publishers."""
         for winch in self._winches:
+            self._queued.pop(service_name(winch, TAKE), None)
             self._call(service_name(winch, RELEASE))
         self._winches.clear()
         for one in self._publishers.values():
@@ -125,11 +150,21 @@ class WinchCommander:
         self._alerts.publish(encode_command(words))
 
     def _call(self, name: str) -> None:
-        """Call a service without waiting; `winch/seat` and the winch's mode show the outcome."""
+        """Call a service without waiting; `winch/seat` and the winch's mode show the outcome.
+
+        A call before the service is found would be lost: it is tried again for _RETRIES_S.
+        """
+        client = self._client(name)
+        if client.service_is_ready():
+            client.call_async(Trigger.Request())
+        else:
+            self._queued[name] = time.monotonic() + _RETRIES_S
+
+    def _client(self, name: str) -> Any:
         client = self._clients.get(name)
         if client is None:
             client = self._clients[name] = self._node.create_client(Trigger, name)
-        client.call_async(Trigger.Request())
+        return client
 
 
 class ConsoleNode(Node):

@@ -8,8 +8,17 @@ import io
 import pytest
 from console_rig import TENSION_ALARM, TOKEN, ConsoleRig, frames, replies
 
-from rope_twin.console.control import FEEDBACK_S, LOST_S, TRIES, TRIES_WITHIN_S
+from rope_twin.console.control import (
+    ALIVE_S,
+    ENTRIES,
+    ENTRIES_WITHIN_S,
+    FEEDBACK_S,
+    LOST_S,
+    TRIES,
+    TRIES_WITHIN_S,
+)
 from rope_twin.console.pages import QUEUE
+from rope_twin.messages import Level, Status
 from rope_twin.twin.winch.commands import WinchCommand
 
 
@@ -232,8 +241,9 @@ def test_alerts_are_shown_and_acknowledged_with_the_token() -> None:
 
 def test_casts_hold_their_extremes_and_markers_their_time() -> None:
     rig = ConsoleRig()
-    page = rig.page()
+    page = rig.page(True)
     rig.tick(5)
+    frames(page)
     rig.desk.take(page, {"do": "mark", "text": " lift off \n", "id": 1})
     rig.desk.take(page, {"do": "mark", "text": "", "id": 2})
     rig.desk.take(page, {"do": "mark", "text": "=1+1", "id": 3})
@@ -250,3 +260,153 @@ def test_casts_hold_their_extremes_and_markers_their_time() -> None:
     assert float(rows[0]["time_s"]) == pytest.approx(2.75)
     assert len(list(csv.DictReader(io.StringIO(rig.log.trend_csv())))) == 10
     assert len(list(csv.DictReader(io.StringIO(rig.log.casts_csv())))) == 2
+
+
+def test_values_decoded_between_ticks_reach_the_pages() -> None:
+    rig = ConsoleRig()
+    rig.tick(5)
+    page = rig.page()
+    frames(page)
+    rig.source.mode = "winch: speed 0.5 m/s"
+    rig.source.rows = [Status("simulation: pacing", Level.WARN, "late")]
+    rig.tick()
+    values = next(one for one in frames(page) if one["type"] == "row")["values"]
+    assert values["winch_mode"] == "winch: speed 0.5 m/s"
+    assert values["diagnostics simulation: pacing"]["message"] == "late"
+    assert values["tension_n"]
+
+
+def test_a_set_point_ends_with_the_seat_of_its_winch() -> None:
+    rig = ConsoleRig()
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    rig.desk.take(page, {"do": "command", "kind": "speed", "value": 0.5, "winch": "winch", "id": 2})
+    rig.tick(80)
+    frames(page)
+    assert rig.commander.sent[-1][1] == WinchCommand("speed", 0.5)
+    rig.commander.obeys = False
+    rig.source.seat = "winch: local_panel"
+    rig.tick(3)
+    (notice,) = [one for one in frames(page) if one["type"] == "notice"]
+    assert "another commander" in notice["words"]
+    rig.commander.sent.clear()
+    rig.source.seat = "winch: nobody"  # the panel leaves: the winch must not start by itself
+    rig.tick(60)
+    assert rig.commander.sent == []
+
+
+def test_another_page_does_not_inherit_a_set_point() -> None:
+    rig = ConsoleRig()
+    first, second = rig.page(True), rig.page(True)
+    rig.tick()
+    rig.desk.take(first, {"do": "take_seat", "id": 1})
+    rig.desk.take(
+        first, {"do": "command", "kind": "speed", "value": 0.5, "winch": "winch", "id": 2}
+    )
+    rig.tick(10)
+    rig.desk.leave(first)
+    rig.pages.disconnect(first)
+    rig.desk.take(second, {"do": "take_seat", "id": 3})
+    rig.commander.sent.clear()
+    rig.tick(20)
+    assert rig.commander.sent == []
+
+
+def test_a_page_that_hangs_gives_up_the_seat() -> None:
+    rig = ConsoleRig()
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    rig.tick(200)
+    assert rig.desk.state()["holder"] == page.number
+    rig.silent.add(page.number)
+    rig.tick(round((ALIVE_S + LOST_S) / 0.05) - 4)
+    assert rig.commander.released == 0
+    rig.tick(8)
+    assert rig.commander.released == 1
+    assert rig.desk.state()["holder"] is None
+
+
+def test_a_page_that_answers_again_in_time_keeps_the_seat() -> None:
+    rig = ConsoleRig()
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    rig.silent.add(page.number)
+    rig.tick(round((ALIVE_S + LOST_S / 2.0) / 0.05))
+    rig.silent.clear()
+    rig.tick(200)
+    assert rig.commander.released == 0
+    assert rig.desk.state()["holder"] == page.number
+
+
+def test_a_fault_of_a_row_is_shown_and_ends() -> None:
+    rig = ConsoleRig()
+    page = rig.page()
+    rig.tick(3)
+    frames(page)
+    rig.source.broken = True
+    rig.tick(20)
+    rows = [one for one in frames(page) if one["type"] == "row"]
+    assert len(rows) == 20
+    assert "no such subscription" in rows[0]["values"]["fault console"]
+    rig.source.broken = False
+    rig.tick(3)
+    rows = [one for one in frames(page) if one["type"] == "row"]
+    assert rows[-1]["trend"] is not None
+    assert rig.pages.readings.values["fault console"] == ""
+
+
+def test_a_slow_page_is_sent_the_state_again() -> None:
+    rig = ConsoleRig()
+    slow, other = rig.page(True), rig.page(True)
+    rig.tick()
+    frames(slow)
+    rig.desk.take(other, {"do": "take_seat", "id": 1})
+    for _ in range(3):
+        slow.offer("{}")  # fill its queue up to the loss of what waits
+        while not slow.behind:
+            slow.offer("{}")
+        rig.tick()
+    hellos = [one for one in frames(slow) if one.get("type") == "hello"]
+    assert hellos
+    assert hellos[-1]["control"]["holder"] == other.number
+
+
+def test_with_control_only_a_signed_in_page_writes_the_log() -> None:
+    rig = ConsoleRig()
+    stranger, page = rig.page(), rig.page(True)
+    rig.tick()
+    casts = len(rig.log.casts)
+    frames(stranger)
+    for what in ("mark", "new_cast"):
+        rig.desk.take(stranger, {"do": what, "text": "words", "id": 1})
+        assert "token" in replies(stranger)[-1]["words"]
+    assert (len(rig.log.casts), rig.log.markers) == (casts, [])
+    for number in range(ENTRIES + 1):
+        rig.desk.take(page, {"do": "mark", "text": f"{number}", "id": number})
+    assert "too many" in replies(page)[-1]["words"]
+    assert len(rig.log.markers) == ENTRIES
+    rig.clock.now_s += ENTRIES_WITHIN_S
+    rig.desk.take(page, {"do": "mark", "text": "later", "id": 99})
+    assert replies(page)[-1]["ok"]
+
+
+def test_heave_counts_from_the_mean_hang_off() -> None:
+    rig = ConsoleRig()
+    rig.pages.facts = {**rig.pages.facts, "hang_off_m": [0.0, 0.0, 12.0]}
+    rig.tick(3)
+    height_m = rig.pages.readings.values["hang_off_m"][2]
+    assert rig.pages.trend.columns()["heave_m"][-1] == pytest.approx(height_m - 12.0)
+
+
+def test_the_trend_shows_no_reading_of_a_dead_instrument() -> None:
+    rig = ConsoleRig()
+    rig.tick(2)
+    row = {"quantity": "top_tension_n", "name": "winch", "measured": 2.0e5, "age_s": 0.4}
+    for age_s, expected in ((0.4, 2.0e5), (5.0, None)):
+        rig.pages.readings.values["residuals"] = [{**row, "age_s": age_s}]
+        rig.source.topics = ("ropes/tension_top",)
+        rig.tick()
+        assert rig.pages.trend.columns()["measured_n"][-1] == expected

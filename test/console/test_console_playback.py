@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from console_rig import EPOCH_NS, Clock, frames
+from console_rig import EPOCH_NS, Clock, encode_text, frames
 from sample_snapshot import hanging_rope
 
 from rope_twin import messages
@@ -115,3 +115,18 @@ def test_what_is_no_bag_of_a_twin_is_refused(tmp_path: Path) -> None:
     writer.close()
     with pytest.raises(BagError, match="no topic of a twin"):
         Recording(tmp_path / "empty")
+
+
+def test_of_a_topic_on_change_the_newest_message_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "modes"
+    writer = BagWriter(path, [BY_NAME["winch/mode"], BY_NAME["ropes/length"]])
+    encoder = messages.Encoder(EPOCH_NS)
+    for number in range(50):
+        shot = hanging_rope(nodes=5, length_m=1000.0, time_s=0.1 * number)
+        writer.write("ropes/length", EPOCH_NS + shot.stamp_ns, encoder.encode("ropes/length", shot))
+    for after_ns, words in ((0, "winch: speed 1 m/s"), (10_000_000, "winch: emergency stop")):
+        writer.write("winch/mode", EPOCH_NS + after_ns, encode_text(words))
+    writer.close()
+    player = Player(path)
+    player.tick(20)
+    assert player.pages.readings.values["winch_mode"] == "winch: emergency stop"

@@ -116,3 +116,13 @@ def test_an_address_in_use_is_refused_in_words() -> None:
             Server(rig.pages, rig.desk, rig.log, "127.0.0.1", first.port)
     finally:
         first.close()
+
+
+def test_a_connection_without_answers_is_lost_within_seconds() -> None:
+    rig = ConsoleRig()
+    server = Server(rig.pages, rig.desk, rig.log, "127.0.0.1", 0)
+    try:
+        config = server._server.config
+        assert float(config.ws_ping_interval or 0.0) + float(config.ws_ping_timeout or 0.0) <= 3.0
+    finally:
+        server._socket.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -64,10 +65,13 @@ class SnapshotSource:
         self.rows = [Status("simulation: pacing", Level.OK, "on time")]
         self.horizon_s: float | None = None  # of a forecast; None: there is none
         self._polls = 0
+        self.broken = False
 
     def poll(self, readings: Readings, now_s: float) -> None:
         if self.lost:
             return
+        if self.broken:
+            raise RuntimeError("no such subscription")
         self._polls += 1
         if self._polls == 1:
             readings.take("twin/epoch", messages.encode_epoch(EPOCH_NS), now_s)
@@ -85,6 +89,7 @@ class SnapshotSource:
             for topic, rows in forecast_tables(self.horizon_s).items():
                 origin_ns = stamp_ns - 1_000_000_000
                 readings.take(topic, encode_forecast(topic, origin_ns, "map", rows), now_s)
+        readings.update()  # as a running suite does after each message of the diagnostics
 
     def state(self) -> Values:
         return {}
@@ -141,6 +146,10 @@ class FakeCommander:
     released: int = 0
     alert_words: list[str] = field(default_factory=list)
     obeys: bool = True
+    known: tuple[str, ...] = ()
+
+    def look(self, winches: Sequence[str]) -> None:
+        self.known = tuple(winches)
 
     def take(self, winch: str) -> None:
         self.taken.append(winch)
@@ -169,6 +178,7 @@ class ConsoleRig:
         self.commander = FakeCommander(self.source)
         token = Token(TOKEN, self.clock) if control else None
         self.desk = Desk(self.pages, self.clock, self.commander, token)
+        self.silent: set[int] = set()  # pages that hang: they are connected and say nothing
         self.pages.before_tick.append(self.desk.look)
         self.log = Log(self.pages)
         self.log.connect(self.desk)
@@ -180,7 +190,10 @@ class ConsoleRig:
             if not self.source.lost:
                 time_s = self.source.shot.time_s + step_s
                 self.source.shot = hanging_rope(time_s=time_s, heave_m=0.4)
-            self.pages.tick()
+            for page in list(self.pages.pages.values()):
+                if page.number not in self.silent:
+                    self.desk.take(page, {"do": "alive"})
+            self.pages.tick_or_report()
 
     def page(self, signed_in: bool = False) -> Page:
         """A connected page; `signed_in`: that has given the token."""
