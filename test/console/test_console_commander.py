@@ -58,7 +58,7 @@ class Bench:
         self.node, self.now_s = FakeNode(), 100.0
         self.publishers: list[FakePublisher] = []
         monkeypatch.setattr(console_node, "publish", self._publish)
-        monkeypatch.setattr(console_node.time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr("rope_twin.ros.console_node.time.monotonic", lambda: self.now_s)
         self.commander = console_node.WinchCommander(self.node)  # type: ignore[arg-type]
 
     def _publish(self, node: Any, topic: Any) -> FakePublisher:
