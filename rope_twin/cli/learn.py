@@ -44,8 +44,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 def run(args: argparse.Namespace) -> int:
     """Learn and print the table. Raises RopeTwinError with one sentence if it cannot be done."""
     from rope_twin.estimation import manoeuvre, report
+    from rope_twin.estimation.estimator import begin_at_rest
     from rope_twin.estimation.recorded_lift import read_lift
-    from rope_twin.estimation.session import begin_at_rest
     from rope_twin.scene.load import load_scene
 
     if args.out is not None:

@@ -7,17 +7,19 @@ acknowledged; each change of it (found, named) is kept for the twin's threads.
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rope_twin.errors import SolverError
 from rope_twin.estimation.alarms import Alarm, FaultWatch
-from rope_twin.estimation.estimator import Estimator
-from rope_twin.estimation.learner import Learner
 from rope_twin.estimation.worker import Begin, Input
 from rope_twin.messages.status import Level, Status
 from rope_twin.scene.schema import Scene
+
+if TYPE_CHECKING:
+    from rope_twin.estimation.estimator import Estimator
+    from rope_twin.estimation.learner import Learner
 
 ROW = "simulation: faults"
 KEPT_CHANGES = 100

@@ -29,13 +29,16 @@ from rope_twin.estimation.gauss_newton import (
     gate,
     gauss_newton_step,
 )
+from rope_twin.estimation.learnable_scene import check_learnable, scene_prior
 from rope_twin.estimation.lift_model import LiftModel, Prediction
-from rope_twin.estimation.measured_lift import MEAN_S
+from rope_twin.estimation.measured_lift import MEAN_S, MeasuredLift
 from rope_twin.estimation.noise import (
     ResidualNoise,
     heave_spectrum,
     tension_error_autocovariance,
 )
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import FleetState
 
 BLOCK_S, BURN_IN_S = 60.0, 60.0
@@ -45,6 +48,7 @@ LEAST_USED = 0.25  # share of a block's means that must be there to learn from i
 SPECTRUM_S = 240.0  # of heave for the linearised drag
 SPECTRUM_INTERVAL_S = 0.05
 SPARE_HEAVE_S = 0.25  # beyond the delay, so that its lane has heave at the end of a block
+SAME_LENGTH_M = 0.01  # a measured line out that is the scene's
 SEGMENT_S = 15.0  # the members are stepped so far at a time
 
 
@@ -230,3 +234,26 @@ class Estimator:
         R = noise.covariance(self._coloured[:count])
         predicted, J = self.model.linearised(self._running, begin_s)
         return self._innovation(measured - predicted[:count], J[:count], R, begin_s)
+
+
+def begin_at_rest(scene: Scene, lift: MeasuredLift, *, tared: bool = False) -> Estimator:
+    """Return an estimator of measured series that begin with the rope at rest.
+
+    The rope begins with the measured line out. Its first block begins a minute later.
+
+    Raises:
+        InputError: the scene cannot be learned yet, or the series are empty.
+        SceneError: the measured line out is not possible in this scene.
+    """
+    check_learnable(scene)
+    begin_s = lift.begin_s
+    if not np.isfinite(begin_s):
+        what = "tension, heave or line out has no sample"
+        raise InputError(phrase("measured lift", what, "give all three"))
+    line, _ = lift.line_motion(np.array([begin_s]))
+    if abs(float(line[0]) - scene.ropes[0].length_m) > SAME_LENGTH_M:
+        scene = change_scene(scene, [Change("ropes[0].length_m", float(line[0]))])
+    prior = scene_prior(scene, tared)
+    lift.pin_noise_n = prior.pin_noise_n
+    model = LiftModel(scene, lift)
+    return Estimator(model, prior, model.begin_at_rest(begin_s), begin_s)
