@@ -14,7 +14,8 @@ from rope_twin import cli
 
 def _parser() -> argparse.ArgumentParser:
     modules = {
-        name.replace("_", "-"): import_module(f"rope_twin.cli.{name}") for name in cli.COMMANDS
+        name.replace("_", "-"): import_module(f"rope_twin.cli.{cli.MODULES.get(name, name)}")
+        for name in cli.COMMANDS
     }
     return cli._parser(modules)
 

@@ -146,7 +146,7 @@ def diagnostic_rows() -> dict[str, set[str]]:
     the same function names.
     """
     found: dict[str, set[str]] = {}
-    for folder in ("messages", "ros", "run"):
+    for folder in ("messages", "estimation", "ros", "run"):
         for path in sorted((PACKAGE / folder).rglob("*.py")):
             tree = ast.parse(path.read_text("utf-8"))
             constants = _text_constants(tree)

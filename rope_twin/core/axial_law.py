@@ -34,8 +34,7 @@ from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit_within
 from rope_twin.core.jit.rows import HeldType
-from rope_twin.core.jit.wide import WideType, choose
-from rope_twin.core.jit.wide_calls import whole
+from rope_twin.core.jit.wide import WideType, choose, whole
 from rope_twin.core.loads.hooks import axial_place, kernel_of
 from rope_twin.core.state import POSITION, Floats, Table
 

@@ -20,18 +20,20 @@ from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.summary import RunSummary
 from rope_twin.run.unpaced import run_unpaced
-from rope_twin.topics import MEASURED_TOPICS, TOPICS, WINCH_TOPICS
+from rope_twin.topics import MEASURED_ELEVATION, MEASURED_TOPICS, TOPICS, WINCH_TOPICS
 from rope_twin.twin.saving.saved_state import load_state
 
 SCENE = "shallow_lift"
 EPOCH_NS = 10**18
 # Not compared: computing times; epoch and session, which every bag begins with; the log of inputs,
 # which is numbered by session.
-OF_ONE_BAG = ("diagnostics", "twin/epoch", "winch/seat", "twin/session", "twin/inputs")
+OF_ONE_BAG = ("diagnostics", "alerts", "twin/epoch", "winch/seat", "twin/session", "twin/inputs")
 # by a scene of heave and speeds only, with no bed, no topic of current and no error interval
 NOT_TOLD = {
     "current", "ship/odometry", "seabed/contact", "ropes/vibration",
-    "ropes/fatigue", "ropes/cut", *WINCH_TOPICS, *MEASURED_TOPICS,
+    "ropes/fatigue", "ropes/cut", *WINCH_TOPICS, *MEASURED_TOPICS, MEASURED_ELEVATION,
+    "estimate/figures", "estimate/alarms", "alerts/command",
+    "forecast/tension", "forecast/risk", "forecast/quiet",
 } - {"winch/speed_command"}  # fmt: skip
 COMPARED = [topic.name for topic in TOPICS if topic.name not in OF_ONE_BAG and not topic.only_with]
 

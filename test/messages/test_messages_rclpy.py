@@ -10,6 +10,9 @@ import pytest
 from sample_snapshot import hanging_body, rolled_ship
 
 from rope_twin import messages
+from rope_twin.alerts.alert_list import Alert, AlertList, Priority, Situation
+from rope_twin.messages.alerts import encode_alerts
+from rope_twin.messages.estimate import COLUMNS, STATES, encode_alarm, encode_estimate
 from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast
 from rope_twin.recording.input_log import encode_json
 from rope_twin.topics import BY_NAME, TOPICS
@@ -23,6 +26,15 @@ ONE_OF_EACH = [
     WinchCommand("set_brake"),
 ]
 STAMP_NS = 1_763_700_000_123_456_789
+LEARNED = dict.fromkeys(COLUMNS.split(), 0.5) | {"name": "payload_drag", "state": STATES[0]}
+
+
+def alerts_of(count: int) -> list[Alert]:
+    """Return a list of so many alarms."""
+    found = AlertList()
+    places = (f"rope {k}" for k in range(count))
+    found.update([Situation(10001, "tension", "A", one, Priority.ALARM, one) for one in places], 0)
+    return found.listed()
 
 
 def encoded(topic: str, nodes: int) -> bytes:
@@ -44,6 +56,9 @@ def encoded(topic: str, nodes: int) -> bytes:
             name: encode_forecast(name, STAMP_NS, "map", nodes * [{"age_s": 0.2}])
             for name in FORECAST_TOPICS
         },
+        "estimate/figures": encode_estimate(STAMP_NS, nodes * [LEARNED]),
+        "estimate/alarms": encode_alarm("payload lost since 12.0 s"),
+        "alerts": encode_alerts(STAMP_NS, STAMP_NS, alerts_of(nodes)),
         "diagnostics": messages.encode_diagnostics(STAMP_NS, messages.statuses(snapshot, None)),
     }[topic]
 

@@ -98,7 +98,9 @@ def spread(builder: Any, value: Any) -> Any:
     """A double in all lanes; what is wide stays as it is."""
     if value.type == REGISTER:
         return value
-    one = builder.insert_element(ir.Constant(REGISTER, ir.Undefined), value, ir.Constant(_INDEX, 0))
+    one = builder.insert_element(
+        ir.Constant(REGISTER, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
+    )
     first = ir.Constant(ir.VectorType(_INDEX, LANES), [0] * LANES)
     return builder.shuffle_vector(one, ir.Constant(REGISTER, ir.Undefined), first)
 
@@ -521,3 +523,24 @@ def wide(context: Any, array: Any) -> Any:
         return value
 
     return WIDE(array), generate
+
+
+@intrinsic
+def _first_lane(context: Any, value: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        one = builder.extract_element(arguments[0], ir.Constant(ir.IntType(32), 0))
+        return builder.fptosi(one, ir.IntType(64))
+
+    return types.int64(value), generate
+
+
+def whole(value: Any) -> int:
+    """Return a whole number kept as a double; of wide numbers, which have it in common, too."""
+    return int(value)
+
+
+@overload(whole, jit_options=_INLINED, strict=False)
+def _compose_whole(value: Any) -> Any:
+    if isinstance(value, WideType):
+        return lambda value: _first_lane(value)
+    return lambda value: int(value)

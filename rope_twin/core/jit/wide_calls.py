@@ -14,7 +14,7 @@ from llvmlite import ir
 from numba import types
 from numba.core.imputils import impl_ret_untracked
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, overload
+from numba.extending import lower_builtin, overload
 
 from rope_twin.core.jit.decorators import LINKED, jit_within
 from rope_twin.core.jit.wide import LANES, WIDE, TableType, WideType, choose, mask_of, spread
@@ -59,27 +59,6 @@ def _each_lane(function: Any, count: int) -> None:
 _each_lane(math.exp, 1)
 _each_lane(math.log, 1)
 _each_lane(operator.pow, 2)
-
-
-@intrinsic
-def _first_lane(context: Any, value: Any) -> Any:
-    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        one = builder.extract_element(arguments[0], ir.Constant(_INDEX, 0))
-        return builder.fptosi(one, ir.IntType(64))
-
-    return types.int64(value), generate
-
-
-def whole(value: Any) -> int:
-    """Return a whole number kept as a double; of wide numbers, which have it in common, too."""
-    return int(value)
-
-
-@overload(whole, jit_options={**LINKED, "forceinline": True}, strict=False)
-def _compose_whole(value: Any) -> Any:
-    if isinstance(value, WideType):
-        return lambda value: _first_lane(value)
-    return lambda value: int(value)
 
 
 @jit_within
