@@ -528,7 +528,7 @@ def wide(context: Any, array: Any) -> Any:
 @intrinsic
 def _first_lane(context: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        one = builder.extract_element(arguments[0], ir.Constant(ir.IntType(32), 0))
+        one = builder.extract_element(arguments[0], ir.Constant(_INDEX, 0))
         return builder.fptosi(one, ir.IntType(64))
 
     return types.int64(value), generate
