@@ -23,6 +23,7 @@ from rope_twin.console.server import Server
 
 CHROMIUM = Path("/usr/bin/chromium")
 pytestmark = [
+    pytest.mark.long,  # a browser on a busy machine is late
     pytest.mark.console,
     pytest.mark.skipif(not CHROMIUM.exists(), reason="the console in a browser: no Chromium here"),
 ]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from sample_snapshot import hanging_rope
+from sample_snapshot import RESIDUAL, hanging_rope
 
 from rope_twin import Snapshot, messages
 from rope_twin.alerts.alert_list import Alert, Priority, State
@@ -189,7 +189,9 @@ class ConsoleRig:
             self.clock.now_s += step_s
             if not self.source.lost:
                 time_s = self.source.shot.time_s + step_s
-                self.source.shot = hanging_rope(time_s=time_s, heave_m=0.4)
+                fresh = replace(RESIDUAL, at_s=time_s - 0.1)
+                shot = hanging_rope(time_s=time_s, heave_m=0.4)
+                self.source.shot = replace(shot, residuals=(fresh,))
             for page in list(self.pages.pages.values()):
                 if page.number not in self.silent:
                     self.desk.take(page, {"do": "alive"})
