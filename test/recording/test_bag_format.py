@@ -24,7 +24,10 @@ from rope_twin.messages import (
     encode_seat,
     statuses,
 )
+from rope_twin.messages.alerts import encode_alerts, encode_command
 from rope_twin.messages.cdr import deserialise, new, serialise
+from rope_twin.messages.estimate import COLUMNS, STATES, encode_alarm, encode_estimate
+from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.input_log import encode_json
@@ -44,6 +47,7 @@ MEASURED = [
     Measurement.of_motor(0, 1.3e5),
     Measurement.of_depth(0, 1490.0),
 ]
+LEARNED = dict.fromkeys(COLUMNS.split(), 0.5) | {"name": "payload_drag", "state": STATES[0]}
 EPOCH_NS = 1_700_000_000_000_000_000
 NOTES = {"seed": "7", "source": "a test: with 'quotes', #hash and\nlines", "number": "12"}
 
@@ -64,6 +68,15 @@ def all_messages(stamp_ns: int) -> dict[str, bytes]:
         "winch/seat": encode_seat("winch: console"),
         "twin/session": encode_json({"session": 1}),
         "twin/inputs": encode_json({"number": 1}),
+        "sea/measured_elevation": encode_elevation(stamp_ns, 1.5),
+        "estimate/figures": encode_estimate(stamp_ns, [LEARNED]),
+        "estimate/alarms": encode_alarm("payload lost since 12.0 s"),
+        "alerts": encode_alerts(stamp_ns, 0, []),
+        "alerts/command": encode_command("acknowledge all"),
+        **{
+            name: encode_forecast(name, stamp_ns, "map", [{"age_s": 0.2}])
+            for name in FORECAST_TOPICS
+        },
         "diagnostics": encode_diagnostics(stamp_ns, statuses(snapshot, None)),
         "current": serialise(
             new("std_msgs/msg/Float64MultiArray", layout=layout, data=hanging_rope().arc_length_m)
