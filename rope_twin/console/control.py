@@ -1,4 +1,4 @@
-"""What a page may ask for: the token, the seat among pages, winch commands, and their feedback.
+"""Requests of a page: the token, the seat among pages, winch commands, and their feedback.
 
 The console is one node to the twin, whatever number of pages it serves, so one page at a time has
 its seat. The node's publishers exist only while a page has it: when that page disappears they are

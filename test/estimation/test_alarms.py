@@ -106,7 +106,7 @@ def alarm_of(watch: FaultWatch) -> Alarm:
 
 
 def test_a_lift_in_order_raises_no_alarm() -> None:
-    """Nothing for the seconds that are tested, and all blocks are learned."""
+    """The seconds that are tested have none, and all blocks are learned."""
     watch, estimator = watched()
     assert watch.alarm is None
     assert watch.now_s >= SECONDS - 4.0

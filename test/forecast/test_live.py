@@ -67,7 +67,7 @@ def test_series() -> None:
 
 
 def test_it_says_what_it_waits_for(scene: Scene) -> None:
-    """Nothing heard, then too little of it."""
+    """Too little heard is no forecast."""
     forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
     assert forecaster.waits_for(heard) == "heave, line out and tension"
     feed(heard, 0.0, 50.0)
