@@ -28,6 +28,7 @@ REFUSED: dict[str, tuple[Callable[[Twin], str], str]] = {
         lambda twin: twin.offer_measurement(Measurement.of_winch(0, math.inf)),
         "finite",
     ),
+    "offer_figures": (lambda twin: twin.offer_figures(submerged_weight=-1.0), "submerged_weight"),
     "offer_cut": (lambda twin: twin.offer_cut(None, 0.1), "of rope stay there"),
 }
 
