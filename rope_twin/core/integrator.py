@@ -9,7 +9,7 @@ and v_hat are not stored, since a correction of a changes x by p and v by q time
 
 from __future__ import annotations
 
-from math import sqrt
+from math import floor, sqrt
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,15 @@ K2 = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))  # and of the start
 # numba compiles again for each Python literal.
 TRAPEZOID, BDF2, SEARCH = np.int64(0), np.int64(1), np.int64(2)
 NOT_FINITE, UNCONVERGED, CONVERGED, PENDING = -1, 0, 1, 2  # outcomes, from worst to best
+
+
+@jit_within
+def step_start(time: float, row: int, step: float) -> float:
+    """Return the time [s] at which step `row` from a call's time begins, to the nanosecond.
+
+    Otherwise the last bit, and with it the phase of a wave, would depend on how calls are divided.
+    """
+    return float(floor((time + row * step) * 1e9 + 0.5) * 1e-9)
 
 
 @jit_within

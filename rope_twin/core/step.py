@@ -24,6 +24,7 @@ from rope_twin.core.integrator import (
     TRAPEZOID,
     UNCONVERGED,
     accept,
+    step_start,
 )
 from rope_twin.core.jit.decorators import compiled, jit, jit_entry, jit_sum
 from rope_twin.core.jit.floats import flush, restore
@@ -342,7 +343,7 @@ def _advance(
     _load_start(held, held_boundary, first)
     h = step_of(held)
     for row in range(first, steps):
-        now = time + row * h
+        now = step_start(time, row, h)
         for r in range(count_ropes(held)):
             rope = rope_at(held, r)
             begin_step(rope.effects, rope, now, count_loaded(held, r))

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from determinism_process import run
 
+from rope_twin import Twin
+
 
 def in_a_process_of_its_own(every: int) -> str:
     """The digest that a fresh process finds."""
@@ -33,3 +35,14 @@ def test_two_processes_agree_to_the_bit() -> None:
 def test_the_pieces_of_a_run_do_not_matter() -> None:
     """One step at a time or a second at once."""
     assert run(1) == run(100)
+
+
+def test_the_phase_of_waves_neither() -> None:
+    """Time is counted in steps, not added up: the last bit of a wave's phase is always the same."""
+    pieces = []
+    for every in (1, 7, 350):
+        twin = Twin("wave_zone")
+        for _ in range(1400 // every):
+            twin.advance(every)
+        pieces.append(twin.snapshot().node_velocity_m_per_s.tobytes())
+    assert pieces[0] == pieces[1] == pieces[2]

@@ -138,6 +138,20 @@ def test_a_fixed_lower_end(tmp_path: Path) -> None:
     assert lanes.given_up <= 0.01 * lanes.steps
 
 
+def test_ropes_paid_out_alike_stay_together(tmp_path: Path) -> None:
+    """Their elements split at the same steps; the group goes on with one more, not each alone."""
+    scene = small_scene(tmp_path)
+    own = [Variation(heave=calm(k).heave, commands=paying(0).commands) for k in range(LANES)]
+    ensemble = Ensemble(scene, own, threads=1)
+    ensemble.advance(14)
+    assert not unequal(scene, ensemble, own, 14)
+    splits = ensemble.snapshot(0).solver.splits
+    assert splits
+    lanes = ensemble.lanes()
+    assert lanes.steps + lanes.given_up == 1400 * LANES
+    assert lanes.given_up <= (splits + 1 + 14) * LANES
+
+
 def test_a_vertical_current(tmp_path: Path) -> None:
     """Members whose currents well up, each by its own rows."""
     path = tmp_path / "up.yaml"

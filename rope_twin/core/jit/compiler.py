@@ -117,6 +117,12 @@ for _kind in _TUPLES:
 class _Lower(lowering.Lower):  # type: ignore[misc]
     """Translation of one kernel, in which no references are counted."""
 
+    def setup_function(self, fndesc: Any) -> None:
+        """Begin; a sum in any order stays apart: among other code LLVM could choose another."""
+        super().setup_function(fndesc)
+        if "reassoc" in self.flags.fastmath.flags:
+            self.function.attributes.add("noinline")
+
     def storevar(self, value: Any, name: str, argidx: Any = None) -> None:
         """Set a variable; numba reads the old value first, to count a reference less."""
         self._alloca_var(name, self.typeof(name))

@@ -11,7 +11,7 @@ from math import exp
 from typing import Any, NamedTuple
 
 from rope_twin.core.elements import SAME_PLACE, set_element, set_top_of
-from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID, accept, correct
+from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID, accept, correct, step_start
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.jit.floats import flush, restore
 from rope_twin.core.jit.rows import node_rows, row, rows
@@ -275,7 +275,7 @@ def _advance(
         for k in range(NODE_ROWS):
             rope.work[k, 0] = rope.state.nodes[k, 0]
     for step in range(first, steps):
-        now = time + step * h
+        now = step_start(time, step, h)
         L, V, _ = prescribed(borders, step, LINE_COLUMN, 1.0, h)
         kept = wanted & (ALL - _eventful(rope, place, sections, L, V))
         if step == first:

@@ -151,6 +151,11 @@ class Member:
         boundary = self.borders.through(self.steps, steps)
         self.go_on(Batch(boundary, scratch.pulls[:steps]), 0, look_steps, scratch)
 
+    def open_batch(self, steps: int) -> Batch:
+        """Return the next batch of steps, with a place of its own for the results."""
+        pulls = np.zeros((steps, rows.PULL_COLUMNS))
+        return Batch(self.borders.through(self.steps, steps), pulls)
+
     def go_on(self, batch: Batch, done: int, look_steps: int, scratch: Scratch) -> None:
         """Complete a batch of which `done` steps are done, and close it; the member may fail."""
         steps = len(batch.pulls)

@@ -2,12 +2,13 @@
 
 Each member gets bit-identical results to stepping alone, so the grouping does not matter. Rare
 events (a step that is halved or needs a line search, an element that splits or merges) are computed
-for the member alone; a member with many of them leaves the group until the end of the batch.
+for the member alone; one with many of them leaves the group until the end of the batch.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,35 +50,62 @@ def compile_lanes(groups: Iterable[Sequence[SteppedMember]]) -> None:
 def advance_group(
     members: Sequence[SteppedMember], steps: int, look_steps: int, scratch: Scratch
 ) -> None:
-    """Advance the members of a group by a batch of steps."""
+    """Advance the members of a group by a batch of steps.
+
+    Those whose elements change at the same step, as of ropes that are paid out alike, go on as a
+    group of their new number of elements.
+    """
     if len(members) == 1:
         members[0].advance(steps, look_steps, scratch)
-    else:
-        ropes = [one for one in members if isinstance(one, Member)]
-        _Turn(ropes, steps, look_steps, scratch).run()
+        return
+    waiting = [_Begun(one, one.open_batch(steps), 0) for one in members if isinstance(one, Member)]
+    while waiting:
+        alike = [one for one in waiting if one.goes_with(waiting[0])]
+        waiting = [one for one in waiting if not one.goes_with(waiting[0])]
+        if alike[0].member.kind() is not None and len(alike) >= MIN_GROUP:
+            waiting += _Turn(alike, look_steps, scratch).run()
+        else:
+            for member, batch, done in alike:
+                member.given_up += steps - done
+                member.go_on(batch, done, look_steps, scratch)
+
+
+class _Begun(NamedTuple):
+    """A member, and how many steps of a batch it has done."""
+
+    member: Member
+    batch: Batch
+    done: int
+
+    def goes_with(self, other: _Begun) -> bool:
+        """Whether both can go on in one group."""
+        return self.done == other.done and self.member.kind() == other.member.kind()
 
 
 class _Turn:
-    """A batch of steps of members of one kind."""
+    """The rest of a batch for members of one kind that have done as many of its steps."""
 
-    def __init__(
-        self, members: Sequence[Member], steps: int, look_steps: int, scratch: Scratch
-    ) -> None:
-        kind = members[0].kind()
+    def __init__(self, begun: Sequence[_Begun], look_steps: int, scratch: Scratch) -> None:
+        kind = begun[0].member.kind()
         assert kind is not None
-        self._steps, self._look_steps, self._scratch = steps, look_steps, scratch
-        self._before = members[0].steps
+        self._look_steps, self._scratch = look_steps, scratch
+        self._first, self._steps = begun[0].done, len(begun[0].batch.pulls)
+        self._before = begun[0].member.steps - self._first
         self._time = self._before * round(kind.step * 1e9) * 1e-9
-        self._boundaries = [member.borders.through(self._before, steps) for member in members]
+        self._batches = [one.batch for one in begun]
         self._group = scratch.group(kind)
-        self._group.begin([member.rope for member in members], self._boundaries)
-        self._members = dict(enumerate(members))  # by lane, those still in the group
+        self._group.begin(
+            [one.member.rope for one in begun], [one.boundary for one in self._batches]
+        )
+        # By lane, those still in the group.
+        self._members = {lane: one.member for lane, one in enumerate(begun)}
         self._alone: dict[int, list[int]] = {lane: [] for lane in self._members}  # steps alone
         self._tension: dict[int, Floats] = {}  # by lane, after the last step alone
+        self._left: list[_Begun] = []
 
-    def run(self) -> None:
-        """Do all steps of the batch."""
-        done = 0
+    def run(self) -> list[_Begun]:
+        """Do the steps; return the members that left with other elements, and where they are."""
+        done = self._first
         while self._members and done < self._steps:
             wanted = sum(1 << lane for lane in self._members)
             late = self._group.late(self._before + done)
@@ -87,44 +115,53 @@ class _Turn:
                 self._step_alone(lane, done)
         for lane in list(self._members):
             self._leave(lane, done)
+        return self._left
 
     def _step_alone(self, lane: int, done: int) -> None:
         """Do the last of `done` steps for the rope of one lane."""
-        member, group = self._members[lane], self._group
+        member, group, batch = self._members[lane], self._group, self._batches[lane]
         state, work = member.rope.state, self._scratch.work(member.work_shape)
         group.take(lane, member.rope)
         member.steps = self._before + done - 1
-        boundary = Boundary(*(table[done - 1 : done + 1] for table in self._boundaries[lane]))
-        batch = Batch(boundary, np.zeros((1, PULL_COLUMNS)))
-        member.step(batch, 0, 1, self._look_steps, work)
+        boundary = Boundary(*(table[done - 1 : done + 1] for table in batch.boundary))
+        alone = self._alone[lane]
+        one = Batch(boundary, np.zeros((1, PULL_COLUMNS)))
+        member.step(one, 0, 1, self._look_steps, work)
         self._tension[lane] = work[TENSION, : state.counts[ELEMENTS]].copy()
         if member.failure:
             self._leave(lane, done - 1)
             return
-        alone = self._alone[lane]
         alone.append(done)
-        group.pulls[done - 1, :, lane] = batch.pulls[0]
-        if state.counts[ELEMENTS] != group.kind.elements or len(alone) > OFTEN_LEAST + OFTEN * done:
-            self._leave(lane, done)
+        group.pulls[done - 1, :, lane] = one.pulls[0]
+        often = len(alone) > OFTEN_LEAST + OFTEN * (done - self._first)
+        if often or state.counts[ELEMENTS] != group.kind.elements:
+            self._leave(lane, done, often)
         else:
             group.put(lane, member.rope)
 
-    def _leave(self, lane: int, done: int) -> None:
-        """Take a rope out of the group after `done` steps; it completes the batch alone."""
+    def _leave(self, lane: int, done: int, often: bool = False) -> None:
+        """Take a rope out of the group after `done` steps.
+
+        often: it was alone too often, and completes the batch so.
+        """
         member, group, alone = self._members.pop(lane), self._group, self._alone[lane]
+        batch, first = self._batches[lane], self._first
         if not member.failure and not (alone and alone[-1] == done):
             group.take(lane, member.rope)
             self._tension[lane] = group.tension(lane)
         steps, slack = group.account(lane, member.rope.state.health)
         member.lane_steps += steps
-        member.given_up += self._steps - steps if not member.failure else done - steps
+        member.given_up += done - first - steps
         looks = [self._before + step for step in alone]
-        whole = (self._before + done) // self._look_steps - self._before // self._look_steps
+        whole = (self._before + done) // self._look_steps
+        whole -= (self._before + first) // self._look_steps
         member.count_looks(whole - sum(at % self._look_steps == 0 for at in looks), slack)
         member.steps = self._before + done
-        pulls = np.ascontiguousarray(group.pulls[: self._steps, :, lane])
-        batch = Batch(self._boundaries[lane], pulls)
+        batch.pulls[first:done] = group.pulls[first:done, :, lane]
         if member.failure or done == self._steps:
             member.close(batch, done, self._tension[lane])
-        else:
+        elif often:
+            member.given_up += self._steps - done
             member.go_on(batch, done, self._look_steps, self._scratch)
+        else:
+            self._left.append(_Begun(member, batch, done))
