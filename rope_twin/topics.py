@@ -198,8 +198,8 @@ TOPICS: tuple[Topic, ...] = (
           only_with="residuals"),
     Topic("twin/quality", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
           "quality index of each functional element: name (top_tension, payload_depth, slack, "
-          "fatigue); index, 0 to 1; cause, number of the component that limits it; input, "
-          "numerics, discretisation, validity, residual, history, the components; NaN: unknown",
+          "fatigue, forecast); index, 0 to 1; cause, number of the component that limits it; "
+          "input, numerics, discretisation, validity, residual, history: components; NaN: unknown",
           only_with="quality"),
     Topic("estimate/figures", "sensor_msgs/msg/PointCloud2", Qos.COMMAND, 0.0, "simulation",
           "figures learned from the measured tension, after each minute: name; value with low, "
@@ -230,7 +230,8 @@ TOPICS: tuple[Topic, ...] = (
     Topic("forecast/risk", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
           "probabilities within span_s of the origin: tension above tension_limit_n; slack; "
           "contact with the seabed above contact_limit_m_per_s; landing; horizon_s, to which heave "
-          "is known; coverage of the last 100 bands; age_s; NaN: unknown", of_snapshot=False,
+          "is known; coverage of the last 100 bands; judged, how many are known; factor on the "
+          "spread, mean; age_s; NaN: unknown", of_snapshot=False,
           in_view=False),
     Topic("forecast/quiet", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
           "quiet windows: begin_s after the origin; length_s; probability that the payload stays "
@@ -268,7 +269,9 @@ MEASURED_DEPTH = "payload/measured_depth"
 MEASURED_ELEVATION = "sea/measured_elevation"
 MEASURED_TOPICS = WINCH_MEASURED, MOTOR_TENSION, MEASURED_DEPTH
 ALERTS, ALERT_COMMAND = "alerts", "alerts/command"
-# topics with which the twin is driven and judged; the simulation subscribes to ALERT_COMMAND too
+FORECAST_RISK = "forecast/risk"  # its score is judged by the quality index
+# topics with which the twin is driven and judged; the simulation subscribes to ALERT_COMMAND and
+# FORECAST_RISK too
 INPUTS = (*MOTION_TOPICS, *WINCH_TOPICS, CUT_TOPIC, "current", *MEASURED_TOPICS)
 
 

@@ -84,9 +84,17 @@ class KeptForecasts:
                 part = (one.origin_s + self.leads[k] - before[0]) / (time_s - before[0])
                 one.truth[k] = before[1] + part * (value - before[1])
 
+    @property
+    def judged(self) -> int:
+        """Number of kept forecasts of which something is known."""
+        return len(self._judged())
+
+    def _judged(self) -> list[_Kept]:
+        return [one for one in self._kept if np.isfinite(one.truth).any()]
+
     def coverage(self) -> float:
         """Return the fraction of judged leads inside their bands; NaN: too few are judged."""
-        closed = [one for one in self._kept if np.isfinite(one.truth).any()]
+        closed = self._judged()
         if len(closed) < LEAST_JUDGED:
             return math.nan
         truth = np.array([one.truth for one in closed])

@@ -137,6 +137,7 @@ class LiveForecast:
     risks: tuple[Risk, ...]
     quiet: tuple[QuietWindow, ...]
     coverage: float  # of the kept bands; NaN: not yet known
+    judged: int  # number of kept forecasts that it is of
     age_s: float  # of the newest input when the forecast was ready
 
 
@@ -224,7 +225,8 @@ class LiveForecaster:
         self.kept.keep(made)
         return LiveForecast(
             made, tuple(risks(made, self._limits, self._depth_m)),
-            tuple(quiet_windows(made, self._limits)), self.kept.coverage(), now_s() - origin_s,
+            tuple(quiet_windows(made, self._limits)), self.kept.coverage(), self.kept.judged,
+            now_s() - origin_s,
         )  # fmt: skip
 
     def _begin(self, grid: Floats, line: Floats) -> None:
@@ -311,7 +313,8 @@ def tables_of(made: LiveForecast, limits: Limits) -> dict[str, list[Row]]:
         {"span_s": one.span_s, "tension": one.tension, "slack": one.slack, "contact": one.contact,
          "landing": one.landing, "tension_limit_n": limits.tension_n,
          "contact_limit_m_per_s": limits.contact_m_per_s, "horizon_s": own.horizon_s,
-         "coverage": made.coverage, "age_s": made.age_s}
+         "coverage": made.coverage, "judged": made.judged, "factor": float(own.factor.mean()),
+         "age_s": made.age_s}
         for one in made.risks
     ]  # fmt: skip
     quiet: list[Row] = [

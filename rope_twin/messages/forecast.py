@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from rope_twin.errors import InputError, phrase
 from rope_twin.messages import templates
-from rope_twin.messages.cdr import new, serialise
+from rope_twin.messages.cdr import decode, new, serialise
+from rope_twin.topics import FORECAST_RISK
 
-TENSION_TOPIC, RISK_TOPIC, QUIET_TOPIC = "forecast/tension", "forecast/risk", "forecast/quiet"
+TENSION_TOPIC, RISK_TOPIC, QUIET_TOPIC = "forecast/tension", FORECAST_RISK, "forecast/quiet"
+SCORE = "coverage", "judged", "factor", "age_s"  # how the last forecasts turned out
 FORECAST_TOPICS = TENSION_TOPIC, RISK_TOPIC, QUIET_TOPIC
 QUANTITIES = (
     "top_tension_n", "payload_tension_n", "payload_depth_m", "payload_speed_m_per_s",
@@ -33,7 +36,7 @@ COLUMNS = {
     TENSION_TOPIC: ("lead_s", *_BANDS, "heave_skill", "factor", "age_s"),
     RISK_TOPIC: (
         "span_s", "tension", "slack", "contact", "landing", "tension_limit_n",
-        "contact_limit_m_per_s", "horizon_s", "coverage", "age_s",
+        "contact_limit_m_per_s", "horizon_s", "coverage", "judged", "factor", "age_s",
     ),
     QUIET_TOPIC: ("begin_s", "length_s", "probability", "speed_limit_m_per_s", "age_s"),
 }  # fmt: skip
@@ -55,3 +58,16 @@ def encode_forecast(
     sec, nanosec = templates.split(origin_ns)
     message.header.stamp = new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
     return serialise(message)
+
+
+def read_score(data: bytes) -> dict[str, float]:
+    """Return the columns of SCORE of a message on RISK_TOPIC; each of its rows has them.
+
+    Raises:
+        InputError: it is no such message, or has no row.
+    """
+    table = templates.read_cloud(decode(RISK_TOPIC, data))
+    if not len(table) or not set(SCORE).issubset(table.dtype.names or ()):
+        what, right = f"{len(table)} rows without {', '.join(SCORE)}", "send the forecast node's"
+        raise InputError(phrase(RISK_TOPIC, what, right))
+    return {name: float(table[name][0]) for name in SCORE}

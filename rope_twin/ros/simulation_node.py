@@ -48,6 +48,7 @@ from rope_twin.topics import (
     APPLY_ESTIMATE,
     BY_NAME,
     CUT_TOPIC,
+    FORECAST_RISK,
     INPUT_LOG_TOPIC,
     INPUTS,
     MEASURED_TOPICS,
@@ -93,7 +94,7 @@ class SimulationNode(LifecycleNode):
             topic.name: publish(self, topic) for topic in TOPICS if topic.publisher == "simulation"
         }
         self._inputs = tuple(n for n in INPUTS if n != CUT_TOPIC or self._params.allow_cut)
-        for name in (*self._inputs, ALERT_COMMAND):
+        for name in (*self._inputs, ALERT_COMMAND, FORECAST_RISK):
             topic = BY_NAME[name]
             self.create_subscription(
                 message_type(topic), name, self._taker(name), profile(topic.qos), raw=True
@@ -343,6 +344,8 @@ class SimulationNode(LifecycleNode):
                 return
             if name == CUT_TOPIC:
                 self.paced.border.take_cut(data)
+            elif name == FORECAST_RISK:
+                self.paced.border.take_forecast(data)
             elif name in MEASURED_TOPICS:
                 self.paced.border.take_measurement(name, data)
             else:

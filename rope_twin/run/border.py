@@ -18,6 +18,7 @@ from typing import TypeVar
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status
+from rope_twin.messages.forecast import read_score
 from rope_twin.messages.inputs import (
     read_current,
     read_cut,
@@ -27,7 +28,7 @@ from rope_twin.messages.inputs import (
     read_pose,
 )
 from rope_twin.run.seat import Command, Seats
-from rope_twin.topics import CUT_TOPIC, INPUTS, MEASURED_TOPICS, MOTION_TOPICS
+from rope_twin.topics import CUT_TOPIC, FORECAST_RISK, INPUTS, MEASURED_TOPICS, MOTION_TOPICS
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.motion.ship_pose import ShipPose
@@ -103,7 +104,7 @@ class InputBorder:
         """
         self._twin, self._inputs, self._now_s = twin, inputs, now_s
         self._lock = threading.Lock()
-        self._malformed = {name: Refusals() for name in INPUTS}
+        self._malformed = {name: Refusals() for name in (*INPUTS, FORECAST_RISK)}
         self._strangers = {name: Refusals() for name in MOTION_TOPICS}
         self._senders = {name: MotionSender() for name in MOTION_TOPICS}
         self._ignored = 0
@@ -202,6 +203,12 @@ class InputBorder:
         if content is not None:
             self._inputs.offer_current(content)
 
+    def take_forecast(self, data: bytes) -> None:
+        """Accept or reject a message on FORECAST_RISK: how the last forecasts turned out."""
+        content = self._read(FORECAST_RISK, lambda: read_score(data))
+        if content is not None and self._epoch() is not None:
+            self._inputs.offer_forecast_score(**content)
+
     def rows(self) -> list[Status]:
         """Return the diagnostics rows of seats, messages and senders."""
         with self._lock:
@@ -227,7 +234,7 @@ class InputBorder:
             with self._lock:
                 now_s = self._now_s()
                 self._malformed[topic].add(str(error), now_s)
-                if topic not in (CUT_TOPIC, *MEASURED_TOPICS):
+                if topic not in (CUT_TOPIC, FORECAST_RISK, *MEASURED_TOPICS):
                     self._remark(str(error), now_s)
             return None
 

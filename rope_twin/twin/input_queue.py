@@ -134,6 +134,10 @@ class InputQueue:
         """Queue factors on the scene's figures; return "" or the reason for their rejection."""
         return self._put(Call("offer_figures", (), dict(named)))
 
+    def offer_forecast_score(self, **score: float) -> str:
+        """Queue the score of a forecast; return "" or the reason for its rejection."""
+        return self._put(Call("offer_forecast_score", (), dict(score)))
+
     def take_remark(self, words: str) -> str:
         """Queue a remark on inputs that were kept from the twin; return "" or its rejection."""
         return self._put(Call(_REMARK, (words,), {}))

@@ -14,6 +14,7 @@ from rope_twin.scene.validation.rigging import is_joined, winches_by_name
 from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
 from rope_twin.twin.current_input import CurrentInput
 from rope_twin.twin.cutting.cut_input import CutInput
+from rope_twin.twin.forecast_input import ForecastInput
 from rope_twin.twin.health import InputCounter
 from rope_twin.twin.learned_figures import RAMP_S, FigureBase, LearnedFigures
 from rope_twin.twin.measured.readings import Measurement
@@ -21,7 +22,7 @@ from rope_twin.twin.measured.residuals import MeasuredInputs
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.ropes import Ropes
-from rope_twin.twin.snapshot import BORDER, InputHealth
+from rope_twin.twin.snapshot import BORDER, InputHealth, Snapshot, amended
 from rope_twin.twin.state import Clock
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
 from rope_twin.twin.winch.winch import Winch, winch_of_rope
@@ -41,6 +42,7 @@ class InputState(NamedTuple):
     measured: MeasuredInputs
     border: InputCounter
     figures: LearnedFigures
+    forecast: ForecastInput
 
 
 class TwinInputs:
@@ -59,6 +61,7 @@ class TwinInputs:
         self.measured = MeasuredInputs(scene)
         self.border = InputCounter(BORDER)  # what was kept from the twin, in words
         self.figures = LearnedFigures()
+        self.forecast = ForecastInput()
         self._base = FigureBase(ropes.first)
         self.validity = StudyValidity(scene)
         self._digest = self.validity.digest  # a run may resume in a scene with another schedule
@@ -74,12 +77,12 @@ class TwinInputs:
     def state(self) -> InputState:
         """Return the inputs' state; its parts are the inputs themselves."""
         own = self.heave, self.winch, self.current, self.cut, self.validity, self._profiles
-        return InputState(*own, self.measured, self.border, self.figures)
+        return InputState(*own, self.measured, self.border, self.figures, self.forecast)
 
     def restore(self, state: InputState) -> None:
         """Continue with the inputs of a state."""
         self.heave, self.winch, self.current, self.cut, self.validity = state[:5]
-        self._profiles, self.measured, self.border, self.figures = state[5:]
+        self._profiles, self.measured, self.border, self.figures, self.forecast = state[5:]
         self._apply_figures()
         self.validity.resume(self._digest)
 
@@ -206,6 +209,23 @@ class TwinInputs:
                 self.validity.invalidate(f"learned figures were taken over at {at_s:.2f} s")
             return refusal
 
+    def offer_forecast_score(
+        self, coverage: float, judged: float, factor: float, age_s: float
+    ) -> str:
+        """Report how the last forecasts turned out; return "" or the reason for the rejection.
+
+        coverage: share of the measured tensions inside their bands, NaN: unknown; judged: number of
+        forecasts that it is of; factor: on the members' spread; age_s: of the inputs [s].
+        """
+        with self.lock:
+            now_s = self._clock.time_ns * 1e-9
+            return self.forecast.offer(now_s, coverage, judged, factor, age_s)
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """Factors on the scene's figures that are in use by name; empty: the scene's own."""
+        return self.figures.at(self._clock.time_ns) if self.figures.active else {}
+
     def steps_before(self, now_ns: int, step_ns: int, steps: int) -> int:
         """Return the number of steps before the next cut or change of figures, at most `steps`."""
         steps = self.cut.steps_before(now_ns, step_ns, steps)
@@ -256,6 +276,13 @@ class TwinInputs:
             self._profiles = accepted
             at_s = self._clock.time_ns * 1e-9
             self.validity.invalidate(f"a current profile came from elsewhere at {at_s:.2f} s")
+
+    def complete(self, taken: Snapshot) -> Snapshot:
+        """Add the residuals, and the score of a forecast that runs, to a snapshot."""
+        with self.lock:
+            if self.measured.active:
+                amended(taken, residuals=self.measured.residuals(taken))
+            return amended(taken, forecast_score=self.forecast.at(taken.time_s))
 
     def health(self) -> dict[str, InputHealth]:
         """Return the health of each input; call it under the lock."""

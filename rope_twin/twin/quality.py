@@ -1,11 +1,12 @@
 """Quality index of the twin: how far each of its results may be relied on now, and why not.
 
 After the assurance of digital twins by functional element (DNV-RP-A204): each element (top tension,
-payload depth, slack, fatigue) supports a decision, and has an index of 0 to 1, the smallest of six
-components: input, numerics, discretisation, validity, residual and history. It is never a mean: one
-broken part is not healed by five good ones. The index falls at once and rises to its components
-over RISE_S. Without a measurement to compare with, or without a known discretisation error, it is
-UNPROVEN at most.
+payload depth, slack, fatigue, forecast) supports a decision, and has an index of 0 to 1, the
+smallest of six components: input, numerics, discretisation, validity, residual and history. It is
+never a mean: one broken part is not healed by five good ones. The index falls at once and rises to
+its components over RISE_S. Without a measurement to compare with, or without a known discretisation
+error, it is UNPROVEN at most. An element that does not exist in a run (fatigue that is not counted,
+a forecast that does not run) has no index.
 
 It is evaluated in snapshots, every EVALUATED_NS of twin time, from what the snapshot tells; it acts
 on nothing. The thresholds are those of the project (docs/reference/quality_index.md). The pace of a
@@ -15,6 +16,7 @@ real-time run is left out (`simulation: pacing` has it), as a replay must find t
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -22,12 +24,23 @@ import numpy as np
 
 from rope_twin.twin.measured.readings import MOTOR_TENSION, PAYLOAD_DEPTH, WINCH_MEASURED
 from rope_twin.twin.measured.residuals import COVERAGE
-from rope_twin.twin.snapshot import BORDER, InputHealth, Quality, Residual, Snapshot, amended
+from rope_twin.twin.model_range import LINE_FOLLOWING, Finding, falling
+from rope_twin.twin.snapshot import (
+    BORDER,
+    ForecastScore,
+    InputHealth,
+    Quality,
+    Residual,
+    Snapshot,
+    amended,
+)
 
 INPUT, NUMERICS, DISCRETISATION, VALIDITY, RESIDUAL, HISTORY = CAUSES = (
     "input", "numerics", "discretisation", "validity", "residual", "history",
 )  # fmt: skip
-TENSION, DEPTH, SLACK, FATIGUE = ELEMENTS = "top_tension", "payload_depth", "slack", "fatigue"
+TENSION, DEPTH, SLACK, FATIGUE, FORECAST = ELEMENTS = (
+    "top_tension", "payload_depth", "slack", "fatigue", "forecast",
+)  # fmt: skip
 
 RISE_S = 60.0  # from 0 to 1
 EVALUATED_NS = 200_000_000  # of twin time between two evaluations
@@ -45,15 +58,21 @@ RMS_GOOD, BIAS_GOOD, WORTHLESS = 1.5, 1.96, 5.0  # residual over its standard un
 COMPARED_LEAST, COMPARED_S = 10, 10.0  # readings compared, and the newest one's age at most
 OUTSIDE_SHARE, OUTSIDE_SPAN_S = 0.25, 10.0  # of readings; 5 % are expected outside
 DISAGREED = 0.5  # at most, while it does
+VARIANCE_GOOD, VARIANCE_BAD = 4.0, 8.0  # normal deviate of the variance of 5 min: from 1 to that
+TOO_GOOD = 0.2  # scatter over the instrument's own uncertainty: less proves nothing
 HISTORY_HOURS, HISTORY_LEAST_S = 24, 600.0  # of comparisons, and before which they tell nothing
 HISTORY_GOOD, HISTORY_BAD = 0.95, 0.8  # share of the time in agreement
+FAULTS_S, SAME_FAULT_S = 3600.0, 10.0  # that count, and apart by more than that
+EACH_FAULT, FAULTS_AT_LEAST = 0.1, 0.5  # less for each but one, and at least
+FORECAST_LATE_S, INPUTS_LATE_S = (3.0, 10.0), (5.0, 15.0)  # age of a forecast, and of its inputs
+COVERED, COVERED_BAD = 0.9, 0.5  # share of truths in the bands, as promised, and worth nothing
+FACTOR_GOOD, FACTOR_BAD = 1.5, 3.0  # on the members' spread, that makes the bands hold
 
 # input groups of measurements: they judge the twin and do not drive it
 _TENSIONS, _DEPTHS, _LENGTHS = "top_tension_n", "payload_depth_m", "line_out_m"
 _WORDS = {_TENSIONS: "top tension", _DEPTHS: "payload depth", _LENGTHS: "line out"}
 _SENSORS = WINCH_MEASURED, MOTOR_TENSION, PAYLOAD_DEPTH
-_JUDGED_BY = {TENSION: _TENSIONS, SLACK: _TENSIONS, FATIGUE: _TENSIONS, DEPTH: _DEPTHS}
-LINE_FOLLOWING = "line_following"  # input of a winch that follows its measured line
+_JUDGED_BY = dict.fromkeys(ELEMENTS, _TENSIONS) | {DEPTH: _DEPTHS}
 _COMMANDS_ONLY = ("cut",)  # a refused cut leaves the twin as good as it was
 
 
@@ -64,12 +83,7 @@ class Component(NamedTuple):
     reason: str = ""
 
 
-_GOOD = Component(1.0)
-
-
-def falling(value: float, good: float, bad: float) -> float:
-    """Return 1 up to `good`, 0 from `bad` on, and linear between them."""
-    return min(1.0, max(0.0, (bad - value) / (bad - good)))
+_GOOD, _UNKNOWN = Component(1.0), Component(None)
 
 
 class ElementIndex:
@@ -81,12 +95,16 @@ class ElementIndex:
         self.index, self.cause, self.reason = 0.0, VALIDITY, ""
         self.components: tuple[float | None, ...] = (None,) * len(CAUSES)
         self._settled = False  # whether the start-up is over
+        self._faults: deque[tuple[float, str]] = deque()  # of the last FAULTS_S: time and reason
+        self._faulty_s = -math.inf  # when one was last seen
         self.lowest, self.lowest_at_s, self.lowest_reason = 1.0, -1.0, ""
 
     def take(
         self, parts: tuple[Component, ...], past_s: float, now_s: float, building: bool
     ) -> None:
         """Take the components, in the order of CAUSES; past_s: since the last evaluation [s]."""
+        if not building:
+            parts = (*parts[:-1], self._with_faults(parts, now_s))
         values = [_ceiling(cause, part) for cause, part in zip(CAUSES, parts, strict=True)]
         number = min(range(len(values)), key=values.__getitem__)
         target, why = values[number], parts[number].reason
@@ -100,6 +118,33 @@ class ElementIndex:
         self._settled = self._settled or (self.index == target and not building)
         if self._settled and (self.lowest_at_s < 0.0 or self.index < self.lowest):
             self.lowest, self.lowest_at_s, self.lowest_reason = self.index, now_s, self.reason
+
+    def _with_faults(self, parts: tuple[Component, ...], now_s: float) -> Component:
+        """Count the faults of the last hour, and return the component of history with them.
+
+        A fault is a time in which a component other than discretisation and history is at WARNED at
+        most; one that comes and goes within SAME_FAULT_S is the same.
+        """
+        *present, history = parts
+        known = [part for cause, part in zip(CAUSES, present, strict=False)
+                 if cause != DISCRETISATION and part.value is not None]  # fmt: skip
+        worst = min(known, key=lambda one: one.value)  # type: ignore[arg-type, return-value]
+        if worst.value is not None and worst.value <= WARNED:
+            if now_s - self._faulty_s > SAME_FAULT_S:
+                self._faults.append((now_s, worst.reason))
+            self._faulty_s = now_s
+        while self._faults and self._faults[0][0] < now_s - FAULTS_S:
+            self._faults.popleft()
+        if len(self._faults) < 2:
+            return history
+        at_s, why = self._faults[-1]
+        value = max(FAULTS_AT_LEAST, 1.0 - EACH_FAULT * (len(self._faults) - 1))
+        words = f"{len(self._faults)} faults in the last hour, the last one at {at_s:.0f} s: {why}"
+        return _worst((history, Component(value, words)))
+
+    def leave(self) -> None:
+        """Have no index from now on, until the next components are taken."""
+        self.used = False
 
     @property
     def result(self) -> Quality:
@@ -134,16 +179,19 @@ class QualityIndex:
         self._failed_ns = now_ns
         self._at_ns -= EVALUATED_NS  # the next snapshot evaluates it
 
-    def judge(self, shot: Snapshot) -> Snapshot:
-        """Return the snapshot with the index of each element, evaluated if that is due."""
+    def judge(self, shot: Snapshot, outside: Iterable[Finding] = ()) -> Snapshot:
+        """Return the snapshot with the index of each element, evaluated if that is due.
+
+        outside: what is outside the model's range now; it is read only if that is due.
+        """
         if self._at_ns < 0 or shot.stamp_ns - self._at_ns >= EVALUATED_NS:
             past_s = 0.0 if self._at_ns < 0 else (shot.stamp_ns - self._at_ns) * 1e-9
             self._at_ns = shot.stamp_ns
-            self._evaluate(shot, past_s)
+            self._evaluate(shot, past_s, validity_of(shot, outside))
         return amended(shot, quality=tuple(one.result for one in self._elements if one.used))
 
-    def _evaluate(self, shot: Snapshot, past_s: float) -> None:
-        heard, solved, valid = inputs_of(shot), self._numerics(shot), validity_of(shot)
+    def _evaluate(self, shot: Snapshot, past_s: float, valid: Component) -> None:
+        heard, solved = inputs_of(shot), self._numerics(shot)
         counted = shot.fatigue is not None or any(one.fatigue is not None for one in shot.ropes)
         building = shot.motion_ramp < 1.0
         histories = {
@@ -154,10 +202,19 @@ class QualityIndex:
             name = element.name
             if name == FATIGUE and not counted:
                 continue
-            parts = (
-                heard, solved, discretisation_of(name, shot), valid, residual_of(name, shot),
-                histories[_JUDGED_BY[name]],
-            )  # fmt: skip
+            score = shot.forecast_score
+            if name == FORECAST and score is None:
+                element.leave()
+                continue
+            if name == FORECAST and score is not None:
+                late, known = lateness_of(score, shot.time_s), calibration_of(score)
+                # what its own numerics and mesh miss is in what became of the last ones
+                parts = (_worst((heard, late)), _GOOD, _GOOD, valid, known, _UNKNOWN)
+            else:
+                parts = (
+                    heard, solved, discretisation_of(name, shot), valid, residual_of(name, shot),
+                    histories[_JUDGED_BY[name]],
+                )  # fmt: skip
             element.take(parts, past_s, shot.time_s, building)
 
     def _numerics(self, shot: Snapshot) -> Component:
@@ -247,9 +304,9 @@ def discretisation_of(element: str, shot: Snapshot) -> Component:
     return Component(value, f"{words}, tolerance {tolerance:g} %")
 
 
-def validity_of(shot: Snapshot) -> Component:
-    """Return the component of the model's validity now."""
-    return _worst(_validity(shot))
+def validity_of(shot: Snapshot, outside: Iterable[Finding] = ()) -> Component:
+    """Return the component of the model's validity now; outside: what is outside its range."""
+    return _worst((*_validity(shot), *(Component(*one) for one in outside)))
 
 
 def _validity(shot: Snapshot) -> Iterator[Component]:
@@ -310,7 +367,51 @@ def _residual(one: Residual) -> Component:
     if disagrees(one):
         value = min(value, DISAGREED)
     words = f"{label}: residual of 60 s {rms:.2g} times its standard uncertainty"
-    return Component(value, f"{words}, mean {bias:.2g} times")
+    now = Component(value, f"{words}, mean {bias:.2g} times")
+    return _worst((now, *_tested(one, label)))
+
+
+def _tested(one: Residual, label: str) -> Iterator[Component]:
+    """Yield the components of the tests over minutes: variance, scatter and slow drift."""
+    tests = one.tests
+    if tests is None:
+        return
+    share = falling(tests.deviate, VARIANCE_GOOD, VARIANCE_BAD)
+    words = f"{label}: residual of {tests.span_s / 60.0:.0f} min {math.sqrt(tests.variance):.2g} "
+    words += "times its standard uncertainty, more than chance explains"
+    yield Component(1.0 - (1.0 - DISAGREED) * (1.0 - share), words)
+    if tests.scatter < TOO_GOOD:
+        words = f"{label}: it scatters by {tests.scatter:.2g} times the instrument's uncertainty, "
+        words += "so that the comparison proves little: state a smaller one, or check its source"
+        yield Component(UNPROVEN, words)
+    if tests.drift is not None:
+        words = f"{label}: its residual has drifted by {tests.drift:+.2g} times its standard "
+        yield Component(DISAGREED, f"{words}uncertainty in the last {tests.drift_s / 60.0:.0f} min")
+
+
+def lateness_of(score: ForecastScore, now_s: float) -> Component:
+    """Return the component of a forecast's own age, and that of its inputs."""
+    silent_s = now_s - score.at_s
+    value = min(falling(silent_s, *FORECAST_LATE_S), falling(score.age_s, *INPUTS_LATE_S))
+    words = f"the last forecast came {silent_s:.0f} s ago, from inputs {score.age_s:.0f} s old"
+    return Component(value, words)
+
+
+def calibration_of(score: ForecastScore) -> Component:
+    """Return the component of what became of the last forecasts; None: nothing judges them.
+
+    Two standard deviations of a share of n forecasts, each taken as one draw, are allowed.
+    """
+    if math.isnan(score.coverage) or score.judged == 0:
+        return Component(None, "no measured tension to judge forecasts by")
+    least = COVERED - 2.0 * math.sqrt(COVERED * (1.0 - COVERED) / score.judged)
+    least = max(least, COVERED_BAD + 0.01)
+    value = min(
+        falling(-score.coverage, -least, -COVERED_BAD),
+        falling(score.factor, FACTOR_GOOD, FACTOR_BAD),
+    )
+    words = f"{score.coverage:.0%} of the truth in the 90 % bands of the last {score.judged} "
+    return Component(value, f"{words}forecasts, whose spread is widened by {score.factor:.2g}")
 
 
 def _worst(parts: Iterable[Component]) -> Component:

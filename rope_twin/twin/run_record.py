@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from rope_twin.core import state as rows
@@ -17,6 +18,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.bend_radius import BendMonitor, watches_bends
 from rope_twin.twin.contacts import hull_contacts
 from rope_twin.twin.limits import LoadRecord, LoadRules
+from rope_twin.twin.model_range import ModelRange
 from rope_twin.twin.quality import QualityIndex
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import Snapshot, amended
@@ -63,6 +65,7 @@ class RunRecord:
         self._has_hull = scene.listed(HullContactParams) is not None
         self._has_body = body_of(ropes.lowest(ropes.first)) is not None
         self._bends = BendMonitor(scene) if watches_bends(scene) else None
+        self._range = ModelRange(scene)
         self.quality = QualityIndex()
 
     def state(self) -> RecordState:
@@ -129,3 +132,9 @@ class RunRecord:
         looked = self._loads.look(shot, self._rules, added.get("bends", ()))
         added["strength"], added["breaches"] = looked
         return amended(shot, **added)
+
+    def judge(
+        self, shot: Snapshot, effects: tuple[Any, ...], factors: Mapping[str, float]
+    ) -> Snapshot:
+        """Add the quality indices; arguments as of `ModelRange.outside`."""
+        return self.quality.judge(shot, self._range.outside(shot, effects, factors))

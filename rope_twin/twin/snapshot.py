@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.scene.card import KnownError
+from rope_twin.twin.measured.residual_tests import ResidualTests
 from rope_twin.twin.multi_line.clearance_results import LineEvent, LinesShot
 from rope_twin.twin.results import EnergyBalance, TensionInterval
 from rope_twin.vortex.results import MaterialFatigue, RopeVibration
@@ -205,6 +206,7 @@ class Residual:
     outside: float | None  # fraction of the readings outside their interval; None: unknown
     span_s: float  # time covered by the readings
     sensors: str = ""  # their group in Snapshot.inputs
+    tests: ResidualTests | None = None  # of the last minutes; None: too few, or no uncertainty
 
     @property
     def residual(self) -> float:
@@ -212,11 +214,21 @@ class Residual:
         return self.measured - self.computed
 
 
+class ForecastScore(NamedTuple):
+    """How the last forecasts of the top tension turned out (twin/forecast_input.py)."""
+
+    at_s: float  # twin time at which it came
+    age_s: float  # of the newest input of the forecast, when that was ready
+    coverage: float  # share of the measured tensions inside their 90 % bands; NaN: unknown
+    judged: int  # number of forecasts that it is of
+    factor: float  # on the spread of the members, mean over the lead
+
+
 @dataclass(frozen=True)
 class Quality:
     """Quality index of one functional element (twin/quality.py)."""
 
-    element: str  # top_tension, payload_depth, slack or fatigue
+    element: str  # top_tension, payload_depth, slack, fatigue or forecast
     index: float  # 0 to 1
     cause: str  # the component that limits it, or from which it still rises
     reason: str  # in words; "": nothing limits it
@@ -373,6 +385,7 @@ class Snapshot:
     lines: LinesShot | None = None  # two lines around one sheave, at their last sampling
     line_events: tuple[LineEvent, ...] = ()  # line crossings that began or ended since then
     residuals: tuple[Residual, ...] = ()  # of what is measured, once it was compared
+    forecast_score: ForecastScore | None = None  # of the forecasts heard; None: none runs
     quality: tuple[Quality, ...] = ()  # index of each functional element
 
     @property

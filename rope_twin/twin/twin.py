@@ -137,6 +137,10 @@ class Twin:
         """Lead figures over to factors on the scene's; return "" or the rejection (TwinInputs)."""
         return self.inputs.offer_figures(**named)
 
+    def offer_forecast_score(self, **score: float) -> str:
+        """Report how forecasts turned out; return "" or the rejection (TwinInputs)."""
+        return self.inputs.offer_forecast_score(**score)
+
     def prescribe_motion(self) -> None:
         """Accept computed heave (step, pluck, stop): only order, range, finiteness are checked."""
         self.inputs.prescribe_motion()
@@ -380,14 +384,10 @@ class Twin:
         if self._viv_drag is not None:
             taken = with_vibration(self.scene, taken, self._viv_drag.shots(self._all_ropes))
         inputs.validity.look(taken, inputs.motion_judged)
-        taken = record.add_loads(taken, first, ropes)
-        amended(taken, card_error=self.card_error)
+        taken = amended(record.add_loads(taken, first, ropes), card_error=self.card_error)
         for monitor in self._monitors:
             taken = monitor.amend(self.inspect(), taken)
-        if inputs.measured.active:
-            with inputs.lock:
-                amended(taken, residuals=inputs.measured.residuals(taken))
-        return record.quality.judge(taken)
+        return record.judge(inputs.complete(taken), effects, inputs.factors)
 
     # Changes of the ropes between steps
 

@@ -7,9 +7,11 @@ from collections.abc import Callable
 import pytest
 
 from rope_twin.messages import Level, Status, encode_current, encode_heave, encode_order
+from rope_twin.messages.forecast import encode_forecast
 from rope_twin.run.border import MESSAGES_ROW, SENDERS_ROW, InputBorder, MotionSender
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.load import load_scene
+from rope_twin.topics import FORECAST_RISK
 from rope_twin.twin.input_queue import InputQueue, LogEntry
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
@@ -129,3 +131,17 @@ def test_who_has_not_the_seat_is_refused(rig: Rig) -> None:
         None
     ]
     assert rig.row("simulation: seat winch").level == Level.WARN
+
+
+def test_what_became_of_forecasts_reaches_the_quality_index(rig: Rig) -> None:
+    """One score for each message; a malformed one is counted, and is no fault of an input."""
+    row = {"span_s": 10.0, "coverage": 0.88, "judged": 40.0, "factor": 1.25, "age_s": 0.5}
+    data = encode_forecast(FORECAST_RISK, EPOCH_NS, "map", [row, row | {"span_s": 60.0}])
+    rig.border.take_forecast(data)
+    assert [name for name, _ in rig.calls()] == ["offer_forecast_score"]
+    (one,) = (q for q in rig.inputs.snapshot().quality if q.element == "forecast")
+    assert one.components[4] == 1.0
+    rig.border.take_forecast(data[:40])
+    rig.border.take_forecast(encode_forecast(FORECAST_RISK, EPOCH_NS, "map", []))
+    assert rig.row(MESSAGES_ROW).values[FORECAST_RISK] == "2"
+    assert not rig.remarks()

@@ -113,7 +113,8 @@ def forecast_tables(horizon_s: float) -> dict[str, list[dict[str, float]]]:
         ],
         "forecast/risk": [
             {"span_s": span, "tension": 0.002 * span, "slack": 0.001 * span,
-             "tension_limit_n": 5e5, "horizon_s": horizon_s, "coverage": 0.91, "age_s": 0.4}
+             "tension_limit_n": 5e5, "horizon_s": horizon_s, "coverage": 0.91, "judged": 40.0,
+             "factor": 1.1, "age_s": 0.4}
             for span in (10.0, 20.0, 30.0, 60.0)
         ],
         "forecast/quiet": [

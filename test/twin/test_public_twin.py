@@ -29,6 +29,10 @@ REFUSED: dict[str, tuple[Callable[[Twin], str], str]] = {
         "finite",
     ),
     "offer_figures": (lambda twin: twin.offer_figures(submerged_weight=-1.0), "submerged_weight"),
+    "offer_forecast_score": (
+        lambda twin: twin.offer_forecast_score(coverage=1.5, judged=5, factor=1.0, age_s=0.1),
+        "a coverage of 1.5",
+    ),
     "offer_cut": (lambda twin: twin.offer_cut(None, 0.1), "of rope stay there"),
 }
 

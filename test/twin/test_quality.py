@@ -16,27 +16,38 @@ from small_scene import small_scene
 
 from rope_twin.messages import Level, statuses
 from rope_twin.scene.card import KnownError
+from rope_twin.twin.measured.residual_tests import ResidualTests
+from rope_twin.twin.model_range import falling
 from rope_twin.twin.quality import (
     CAUSES,
     DEPTH,
+    DISAGREED,
     ELEMENTS,
     EVALUATED_NS,
     FATIGUE,
+    FORECAST,
     RISE_S,
     TENSION,
     TOLERANCES_PCT,
     UNPROVEN,
     WARNED,
     QualityIndex,
+    calibration_of,
     discretisation_of,
-    falling,
     input_of,
     inputs_of,
     residual_of,
     validity_of,
 )
 from rope_twin.twin.results import TensionInterval
-from rope_twin.twin.snapshot import InputHealth, Quality, RopeStrength, Snapshot, SolverHealth
+from rope_twin.twin.snapshot import (
+    ForecastScore,
+    InputHealth,
+    Quality,
+    RopeStrength,
+    Snapshot,
+    SolverHealth,
+)
 from rope_twin.twin.twin import Twin
 
 SOUND = replace(hanging_rope(), error_interval=None, card_error=KnownError(0.5, 0.1, "by a study"))
@@ -79,7 +90,7 @@ def test_without_a_measurement_or_a_known_error_it_is_capped_and_says_why() -> N
 
 def test_fatigue_has_an_index_only_where_it_is_counted() -> None:
     names = [one.element for one in QualityIndex().judge(SOUND).quality]
-    assert names == list(ELEMENTS)
+    assert names == [one for one in ELEMENTS if one != FORECAST]
     names = [one.element for one in QualityIndex().judge(replace(SOUND, fatigue=None)).quality]
     assert FATIGUE not in names
 
@@ -117,7 +128,7 @@ def test_a_refused_cut_leaves_the_twin_as_good_as_it_was() -> None:
     assert inputs_of(replace(UNMEASURED, inputs={"cut": cut})).value == 1.0
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("element", TOLERANCES_PCT)
 def test_discretisation_falls_from_its_tolerance_to_three_times_that(element: str) -> None:
     by_study, by_interval = TOLERANCES_PCT[element]
     for share, value in ((0.5, 1.0), (1.0, 1.0), (2.0, 0.5), (3.0, 0.0), (9.0, 0.0)):
@@ -235,6 +246,75 @@ def test_history_is_the_share_of_time_in_agreement() -> None:
     for time_s in range(3600, 86400 + 3600, 60):  # a day later the bad quarter is forgotten
         shot = index.judge(at(good, float(time_s)))
     assert of(shot).components[-1] == 1.0
+
+
+def test_faults_of_the_last_hour_are_remembered() -> None:
+    """One is healed after its minute; the second of an hour leaves 0.9, and the tenth 0.5."""
+    index, good = QualityIndex(), replace(SOUND, residuals=(MEASURED,))
+    bad = replace(heard(stale=True, note="no heave"), residuals=(MEASURED,))
+    for number, value in enumerate((None, 0.9, 0.8, 0.7, 0.6, 0.5, 0.5, 0.5, 0.5)):
+        at_s = 100.0 * (number + 1)
+        index.judge(at(bad, at_s))
+        index.judge(at(bad, at_s + 8.0))  # the same fault
+        now = of(index.judge(at(good, at_s + 99.0)))
+        assert now.components[-1] == (None if value is None else pytest.approx(value))
+        assert now.index == pytest.approx(value or 1.0)
+    assert now.reason.startswith("9 faults in the last hour, the last one at 900 s: heave")
+    for time_s in np.arange(1000.0, 4800.0, 10.0):
+        shot = index.judge(at(good, float(time_s)))
+    assert of(shot).index == 1.0
+
+
+@pytest.mark.parametrize(
+    ("tests", "value", "words"),
+    [
+        (ResidualTests(1.0, 0.0, 0.9, 300.0, None, 0.0), 1.0, ""),
+        (ResidualTests(3.0, 6.0, 1.7, 300.0, None, 0.0), 0.75, "5 min 1.7 times"),
+        (ResidualTests(9.0, 13.0, 3.0, 300.0, None, 0.0), DISAGREED, "more than chance"),
+        (ResidualTests(0.1, -6.0, 0.1, 300.0, None, 0.0), UNPROVEN, "proves little"),
+        (ResidualTests(1.0, 0.0, 0.9, 300.0, -0.8, 900.0), DISAGREED, "drifted by -0.8 times"),
+    ],
+)
+def test_the_residual_follows_its_tests_over_minutes(
+    tests: ResidualTests, value: float, words: str
+) -> None:
+    shot = replace(SOUND, residuals=(replace(MEASURED, tests=tests),))
+    one = of(QualityIndex().judge(shot))
+    assert one.components[4] == one.index == pytest.approx(value)
+    assert words in one.reason
+
+
+def scored(time_s: float, **figures: float) -> Snapshot:
+    """Sound, with a forecast that came half a second ago."""
+    given = {"at_s": time_s - 0.5, "age_s": 0.5, "coverage": 0.9, "judged": 40, "factor": 1.0}
+    return at(replace(UNMEASURED, forecast_score=ForecastScore(**(given | figures))), time_s)  # type: ignore[arg-type]
+
+
+def test_a_forecast_has_an_index_only_while_it_runs() -> None:
+    index = QualityIndex()
+    assert FORECAST not in [one.element for one in index.judge(at(UNMEASURED, 1.0)).quality]
+    shot = index.judge(scored(2.0))
+    assert (of(shot, FORECAST).index, of(shot).index) == (1.0, UNPROVEN)
+    silent = of(index.judge(scored(20.0, at_s=2.0)), FORECAST)
+    assert silent.index == 0.0
+    assert silent.reason.startswith("the last forecast came 18 s ago")
+    assert FORECAST not in [one.element for one in index.judge(at(UNMEASURED, 90.0)).quality]
+    assert of(index.judge(scored(91.0)), FORECAST).index == 1.0, "another one begins afresh"
+
+
+def test_a_forecast_is_as_good_as_its_last_bands_held() -> None:
+    """Within two deviations of a share of n draws about 90 %; none judged: unproven."""
+    for coverage, judged, value in (
+        (0.9, 100, 1.0), (0.85, 100, 1.0), (0.67, 100, 0.5), (0.5, 100, 0.0), (0.3, 100, 0.0),
+        (0.7, 5, 1.0), (1.0, 100, 1.0),
+    ):  # fmt: skip
+        score = ForecastScore(0.0, 0.5, coverage, judged, 1.0)
+        assert calibration_of(score).value == pytest.approx(value)
+    assert calibration_of(ForecastScore(0.0, 0.5, 0.9, 100, 2.25)).value == pytest.approx(0.5)
+    unknown = of(QualityIndex().judge(scored(2.0, coverage=math.nan, judged=0)), FORECAST)
+    assert (unknown.index, unknown.cause) == (UNPROVEN, "residual")
+    late = of(QualityIndex().judge(scored(2.0, age_s=10.0)), FORECAST)
+    assert (late.index, late.cause) == (pytest.approx(0.5), "input")
 
 
 @given(value=st.floats(-1e9, 1e9), step=st.floats(0.0, 1e9))

@@ -172,7 +172,23 @@ def sense_checks(scene: Scene) -> list[str]:
     Raises:
         SceneError: the payload's properties are incomplete.
     """
-    return [words for words in _warnings(scene) if not any(a.matches(words) for a in scene.accept)]
+    return _without_accepted(scene, _warnings(scene))
+
+
+def _without_accepted(scene: Scene, warnings: list[str]) -> list[str]:
+    return [words for words in warnings if not any(a.matches(words) for a in scene.accept)]
+
+
+def validity_warnings(scene: Scene) -> list[str]:
+    """Return the warnings on what the scene's model leaves out or has in an unlikely size.
+
+    Those that the scene does not accept. Mesh and step belong to its convergence study, loads and
+    schedules to its limits.
+
+    Raises:
+        SceneError: the payload's properties are incomplete.
+    """
+    return _without_accepted(scene, _warnings(scene, OF_VALIDITY))
 
 
 def accepted_warnings(scene: Scene) -> tuple[list[str], list[str]]:
@@ -191,24 +207,29 @@ def accepted_warnings(scene: Scene) -> tuple[list[str], list[str]]:
     return accepted, idle
 
 
-def _warnings(scene: Scene) -> list[str]:
+def _warnings(scene: Scene, checks: tuple[Check, ...] | None = None) -> list[str]:
+    """Return all warnings of some checks (default: all)."""
+    checks = CHECKS if checks is None else checks
     if is_joined(scene):
-        return list(_joined(scene))
+        return list(_joined(scene, checks))
     figures = lift_figures(scene)
-    return [warning for check in CHECKS for warning in check(scene, figures)]
+    return [warning for check in checks for warning in check(scene, figures)]
 
 
-def _joined(scene: Scene) -> Iterator[str]:
+def _joined(scene: Scene, checks: tuple[Check, ...]) -> Iterator[str]:
     """Check the first rope with the total suspended load, and mesh and properties of the others."""
-    yield from load_together(scene)
+    if check_load in checks:
+        yield from load_together(scene)
     first = alone(scene, 0)
-    for check in CHECKS:
+    for check in checks:
         if check is not check_load:
             yield from check(first, lift_figures(first))
     for number in range(1, len(scene.ropes)):
         own = alone(scene, number)
         figures = lift_figures(own)
-        for check in (_elements, _bend_radius, _rope_figures, _damping):
+        for check in filter(
+            checks.__contains__, (_elements, _bend_radius, _rope_figures, _damping)
+        ):
             for warning in check(own, figures):
                 yield warning.replace("ropes[0]", f"ropes[{number}]", 1)
 
@@ -465,6 +486,22 @@ CHECKS: tuple[Check, ...] = (
     check_current,
     check_depth_profiles,
     check_vortex_resolution,
+    check_vortex_inputs,
+    check_environment,
+)
+# checks of what the model contains, and of figures that are unlikely
+OF_VALIDITY: tuple[Check, ...] = (
+    _rope_figures,
+    _drag,
+    _payload_floats,
+    _effects,
+    _bending,
+    _damping,
+    check_water,
+    check_body,
+    _dry_rope,
+    check_current,
+    check_depth_profiles,
     check_vortex_inputs,
     check_environment,
 )

@@ -35,6 +35,7 @@ from rope_twin.twin.measured.readings import (
     Row,
     WinchReadings,
 )
+from rope_twin.twin.measured.residual_tests import ResidualMonitor
 from rope_twin.twin.snapshot import InputHealth, Residual, Snapshot
 
 SAMPLE_NS = 20_000_000  # at least this far apart are the kept values of the twin
@@ -100,6 +101,8 @@ class Comparison:
         # second, readings, Σr, Σr², outside, with an interval, Σc, Σc²: r residual, c computed
         self._bins: deque[tuple[int, int, float, float, int, int, float, float]] = deque()
         self._level = 0.0  # from which c counts
+        judged = sensor.uncertainty(1.0) is not None
+        self._monitor = ResidualMonitor() if judged else None
         self._equal = (0.0, 0, 0, 0.0, 0.0)  # value, since [ns], readings, range of the computed
 
     @property
@@ -142,6 +145,8 @@ class Comparison:
         half = _half_width(u, twin)
         second = stamp_ns // 1_000_000_000
         known, outside = int(half is not None), int(half is not None and abs(r) > half)
+        if self._monitor is not None and half and u:
+            self._monitor.take(stamp_ns, r, half / COVERAGE, u)
         if self._bins and self._bins[-1][0] == second:
             _, n, sum_r, sum_rr, out, with_half, sum_c, sum_cc = self._bins.pop()
         else:
@@ -205,6 +210,7 @@ class Comparison:
             outside=out / known if known else None,
             span_s=float(self._bins[-1][0] - self._bins[0][0] + 1),
             sensors=self.group,
+            tests=None if self._monitor is None else self._monitor.result(),
         )
 
 

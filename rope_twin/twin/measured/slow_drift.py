@@ -96,6 +96,7 @@ class SlowDrift:
         """
         self._least_n = spread_n
         self._limit = limit_for(run_length_blocks)
+        _normal_of_t(0.0, 1)  # imports SciPy now: a step must not wait for it
         self.restart()
 
     def restart(self) -> None:
