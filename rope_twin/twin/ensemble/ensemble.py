@@ -21,6 +21,8 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
+from rope_twin.core.lanes.step import FOLDS
+from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.model.rope import build
@@ -101,8 +103,8 @@ class Lanes:
 class _OfThread(threading.local):
     """Scratch arrays of each thread, made on first use."""
 
-    def __init__(self, steps: int) -> None:
-        self.scratch = Scratch(steps)
+    def __init__(self, steps: int, watched: bool) -> None:
+        self.scratch = Scratch(steps, watched)
 
 
 class Ensemble:
@@ -115,6 +117,7 @@ class Ensemble:
         look_s: float = SAMPLING_S,
         threads: int | None = None,
         abreast: int = LANES,
+        watched: bool = False,
     ) -> None:
         """Build all members and solve for the static equilibrium of each.
 
@@ -124,6 +127,7 @@ class Ensemble:
             look_s: interval at which each rope is checked for slack [s].
             threads: number of parallel threads; None: as many as there are cores.
             abreast: maximum number of ropes in one SIMD step; 1: all step alone.
+            watched: record every step of each rope (`watched`), and look for slack at every step.
 
         A member without a static equilibrium to start from is marked as failed, like one that fails
         later.
@@ -134,7 +138,8 @@ class Ensemble:
         """
         self.step_s = scene.time.step_s
         self._step_ns = round(self.step_s * 1e9)
-        self._look_steps = whole_steps("look_s", look_s, self.step_s)
+        self._look_steps = 1 if watched else whole_steps("look_s", look_s, self.step_s)
+        self._watched = watched
         self.threads = cores() if threads is None else threads
         if not 1 <= abreast <= LANES:
             right = f"give 1 to {LANES}"
@@ -151,6 +156,9 @@ class Ensemble:
             is_joined(one) or not is_known_in_advance(one.winch, own.commands)
             for one, own in zip(scenes, variations, strict=True)
         ]
+        if watched and any(by_twin):
+            what = "ropes that meet, or a winch with tension feedback, are not watched"
+            raise InputError(phrase("ensemble", what, "step them with `rope_twin run`"))
         starts = self._find_starts(list(dict.fromkeys(zip(scenes, by_twin, strict=True))))
         self._heaves = {id(own.heave): own.heave for own in variations if own.heave}
         self._members: list[AnyMember] = []
@@ -184,7 +192,7 @@ class Ensemble:
         self._interrupted = True
         while steps > 0:
             batch = min(steps, max(1, round(BATCH_S / self.step_s)))
-            own = _OfThread(batch)
+            own = _OfThread(batch, self._watched)
 
             def turn(some: list[SteppedMember], batch: int = batch, own: _OfThread = own) -> None:
                 advance_group(some, batch, self._look_steps, own.scratch)
@@ -226,6 +234,18 @@ class Ensemble:
     def scene_of(self, number: int) -> Scene:
         """Return the scene of a member, with its changes."""
         return self._members[number].scene
+
+    def watched(self, number: int) -> Floats:
+        """Return what was recorded of a member since the last call, (steps, 1 + FOLDS).
+
+        Columns are the top tension [N], then those of a look (`fold_of`). It has fewer rows than
+        steps if the member failed, none without `watched`.
+        """
+        member = self._members[number]
+        parts = member.watched if isinstance(member, Member) else []
+        found: Floats = np.concatenate(parts) if parts else np.zeros((0, 1 + FOLDS))
+        parts.clear()
+        return found
 
     def snapshot(self, number: int) -> Snapshot:
         """Return a frozen copy of a member's present.

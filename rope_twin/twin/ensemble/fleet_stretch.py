@@ -14,14 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.body.energy import pose_of
 from rope_twin.core.lanes.group import Group, Kind
-from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING, Run
+from rope_twin.core.lanes.step import FOLDS, LEAST, Run
 from rope_twin.core.state import Boundary, Floats, Ints, Rope, columns_for, new_work
 from rope_twin.core.step import advance
 from rope_twin.twin.ensemble.fleet_members import FleetMembers
+from rope_twin.twin.ensemble.member import fold_of
 from rope_twin.twin.recovery import step_failure
-from rope_twin.twin.snapshot_builder import body_of
 
 STRETCH_STEPS = 1200  # at most: a minute of 50 ms
 CALL_NODES = 16_000  # nodes times steps of a call of the lanes, 1 to 2 ms
@@ -265,13 +264,4 @@ class Stretch:
             self._members.failures[member] = step_failure(self._steps_before + step + 1, time_s)
             self._record.fail(at, at // self._course.look_steps, member)
             return None
-        tension = own.work[rows.TENSION, : int(state.counts[rows.ELEMENTS])]
-        now = np.empty(FOLDS)
-        now[LEAST], now[LOWEST] = tension.min(), tension[0]
-        now[DEPTH] = -state.nodes[rows.POSITION + 2, 0]
-        now[SINKING] = -state.nodes[rows.VELOCITY + 2, 0]
-        body = body_of(rope)
-        if body is not None:
-            pose = pose_of(body)
-            now[DEPTH], now[SINKING] = -pose.place(body.middle)[2], -pose.speed(body.middle)[2]
-        return now
+        return fold_of(rope, own.work[rows.TENSION, : int(state.counts[rows.ELEMENTS])])

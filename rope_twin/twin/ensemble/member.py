@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.body.energy import pose_of
 from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone
+from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
@@ -22,6 +24,7 @@ from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.snapshot_builder import (
     Extremes,
     SnapshotInputs,
+    body_of,
     build_snapshot,
     with_body,
     with_compensator,
@@ -32,9 +35,10 @@ from rope_twin.vortex.coupled import VivDragAmplification
 class Scratch:
     """Scratch arrays of a thread; nothing in them outlives a call of the step."""
 
-    def __init__(self, steps: int) -> None:
-        """Allocate arrays for batches of at most `steps` steps."""
+    def __init__(self, steps: int, watched: bool = False) -> None:
+        """Allocate arrays for batches of at most `steps` steps; watched: with folds of each."""
         self.pulls = np.zeros((steps, rows.PULL_COLUMNS))
+        self.folds: Floats | None = np.zeros((steps, FOLDS)) if watched else None
         self._work: dict[tuple[int, int], Floats] = {}
         self._group: Group | None = None
 
@@ -47,7 +51,8 @@ class Scratch:
     def group(self, kind: Kind) -> Group:
         """Return arrays for ropes of this kind in SIMD lanes; those of another kind are dropped."""
         if self._group is None or self._group.kind != kind:
-            self._group = Group(kind, len(self.pulls))
+            looks = 0 if self.folds is None else len(self.folds)
+            self._group = Group(kind, len(self.pulls), looks)
         return self._group
 
 
@@ -57,6 +62,24 @@ class Batch:
 
     boundary: Boundary  # (steps + 1, rows.MOTIONS) each
     pulls: Floats  # result: force on the hang-off [N], (steps, rows.PULL_COLUMNS)
+    folds: Floats | None = None  # result: what a look at each step sees, (steps, FOLDS)
+
+
+def fold_of(rope: Rope, tension: Floats) -> Floats:
+    """Return what a look at a rope sees, (FOLDS,); tension: of its elements [N].
+
+    Least tension of any element and tension of the lowest [N]; depth of the payload [m] and its
+    speed downward [m/s], those of its middle if it is a rigid body.
+    """
+    state, now = rope.state, np.empty(FOLDS)
+    now[LEAST], now[LOWEST] = tension.min(), tension[0]
+    now[DEPTH] = -state.nodes[rows.POSITION + 2, 0]
+    now[SINKING] = -state.nodes[rows.VELOCITY + 2, 0]
+    body = body_of(rope)
+    if body is not None:
+        pose = pose_of(body)
+        now[DEPTH], now[SINKING] = -pose.place(body.middle)[2], -pose.speed(body.middle)[2]
+    return now
 
 
 @dataclass(frozen=True)
@@ -122,6 +145,7 @@ class Member:
         self._recent.take([float(start.pull[rows.PULL])])
         self._looks = self._slack_looks = 0
         self._unconverged = 0
+        self.watched: list[Floats] = []  # top tension and folds of steps, (steps, 1 + FOLDS) each
 
     @property
     def rope(self) -> Rope:
@@ -149,12 +173,14 @@ class Member:
     def advance(self, steps: int, look_steps: int, scratch: Scratch) -> None:
         """Advance, and check for slack after every `look_steps` steps; the member may fail."""
         boundary = self.borders.through(self.steps, steps)
-        self.go_on(Batch(boundary, scratch.pulls[:steps]), 0, look_steps, scratch)
+        folds = None if scratch.folds is None else scratch.folds[:steps]
+        self.go_on(Batch(boundary, scratch.pulls[:steps], folds), 0, look_steps, scratch)
 
-    def open_batch(self, steps: int) -> Batch:
+    def open_batch(self, steps: int, scratch: Scratch) -> Batch:
         """Return the next batch of steps, with a place of its own for the results."""
         pulls = np.zeros((steps, rows.PULL_COLUMNS))
-        return Batch(self.borders.through(self.steps, steps), pulls)
+        folds = None if scratch.folds is None else np.zeros((steps, FOLDS))
+        return Batch(self.borders.through(self.steps, steps), pulls, folds)
 
     def go_on(self, batch: Batch, done: int, look_steps: int, scratch: Scratch) -> None:
         """Complete a batch of which `done` steps are done, and close it; the member may fail."""
@@ -183,6 +209,9 @@ class Member:
             self._viv_drag.look((rope,), now, self.steps, 0)
         if self.steps % look_steps == 0:
             self._look(work)
+        if batch.folds is not None:  # then it looks at every step
+            tension = work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]
+            batch.folds[done] = fold_of(rope, tension)
         return stepped
 
     def close(self, batch: Batch, done: int, tension: Floats) -> None:
@@ -195,6 +224,9 @@ class Member:
             some.take(batch.pulls[:done, rows.PULL].tolist())
             self._seen.join(some)
             self._recent.join(some)
+            if batch.folds is not None:
+                top = batch.pulls[:done, rows.PULL]
+                self.watched.append(np.column_stack([top, batch.folds[:done]]))
 
     def count_looks(self, looks: int, slack: int) -> None:
         """Add slack checks made elsewhere, of which `slack` found the rope slack."""

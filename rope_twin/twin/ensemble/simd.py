@@ -14,7 +14,7 @@ import numpy as np
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import Group, Kind
-from rope_twin.core.lanes.step import Run
+from rope_twin.core.lanes.step import FOLDS, LEAST, Run
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
 from rope_twin.twin.ensemble.member import Batch, Member, Scratch
 from rope_twin.twin.ensemble.twin_member import SteppedMember
@@ -58,7 +58,9 @@ def advance_group(
     if len(members) == 1:
         members[0].advance(steps, look_steps, scratch)
         return
-    waiting = [_Begun(one, one.open_batch(steps), 0) for one in members if isinstance(one, Member)]
+    waiting = [
+        _Begun(one, one.open_batch(steps, scratch), 0) for one in members if isinstance(one, Member)
+    ]
     while waiting:
         alike = [one for one in waiting if one.goes_with(waiting[0])]
         waiting = [one for one in waiting if not one.goes_with(waiting[0])]
@@ -125,7 +127,8 @@ class _Turn:
         member.steps = self._before + done - 1
         boundary = Boundary(*(table[done - 1 : done + 1] for table in batch.boundary))
         alone = self._alone[lane]
-        one = Batch(boundary, np.zeros((1, PULL_COLUMNS)))
+        folds = None if batch.folds is None else np.zeros((1, FOLDS))
+        one = Batch(boundary, np.zeros((1, PULL_COLUMNS)), folds)
         member.step(one, 0, 1, self._look_steps, work)
         self._tension[lane] = work[TENSION, : state.counts[ELEMENTS]].copy()
         if member.failure:
@@ -133,6 +136,8 @@ class _Turn:
             return
         alone.append(done)
         group.pulls[done - 1, :, lane] = one.pulls[0]
+        if folds is not None:
+            group.folds[done - 1, :, lane] = folds[0]
         often = len(alone) > OFTEN_LEAST + OFTEN * (done - self._first)
         if often or state.counts[ELEMENTS] != group.kind.elements:
             self._leave(lane, done, often)
@@ -150,6 +155,10 @@ class _Turn:
             group.take(lane, member.rope)
             self._tension[lane] = group.tension(lane)
         steps, slack = group.account(lane, member.rope.state.health)
+        if batch.folds is not None:
+            batch.folds[first:done] = group.folds[first:done, :, lane]
+            own = [step - 1 - first for step in alone if step <= done]
+            slack = int((np.delete(batch.folds[first:done, LEAST], own) <= 0.0).sum())
         member.lane_steps += steps
         member.given_up += done - first - steps
         looks = [self._before + step for step in alone]

@@ -1,0 +1,77 @@
+"""Steps that an ensemble records, against those of a fleet with the same inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rope_twin.core.jit.wide import LANES
+from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
+from rope_twin.errors import InputError
+from rope_twin.scene.change import at_setting
+from rope_twin.scene.load import load_scene
+from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
+from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
+from rope_twin.twin.motion.heave_series import HeaveSeries
+
+STEP_S, SECONDS = 0.05, 20.0
+
+
+def heaves(members: int, amplitude_m: float) -> list[HeaveSeries]:
+    """Return sines of different periods, sampled at 20 Hz."""
+    stamps = np.arange(-2, round(SECONDS / 0.05) + 20, dtype=np.int64) * 50_000_000
+    time_s = stamps * 1e-9
+    made = []
+    for k in range(members):
+        omega = 2.0 * np.pi / (5.0 + k)
+        z, v = np.sin(omega * time_s), omega * np.cos(omega * time_s)
+        made.append(HeaveSeries(stamps, amplitude_m * z, amplitude_m * v))
+    return made
+
+
+@pytest.mark.parametrize("members", [LANES, 1])
+@pytest.mark.parametrize("amplitude_m", [0.8, 6.0])  # the second makes the rope slack
+def test_watched_steps_are_those_of_a_fleet(members: int, amplitude_m: float) -> None:
+    """Top tension, least tension, depth, speed and payload tension agree to the bit."""
+    scene = at_setting(load_scene("shallow_lift"), 39, STEP_S)
+    moved = heaves(members, amplitude_m)
+    ensemble = Ensemble(scene, [Variation((), one) for one in moved], threads=1, watched=True)
+    inputs = [border_motion(ensemble, k) for k in range(members)]
+    ensemble = Ensemble(scene, [Variation((), one) for one in moved], threads=1, watched=True)
+    first = SECONDS / 4.0
+    ensemble.advance(first)
+    parts = [[ensemble.watched(k)] for k in range(members)]
+    ensemble.advance(SECONDS - first)
+    for k, own in enumerate(parts):
+        own.append(ensemble.watched(k))
+    fleet = Fleet(scene, members, elements=39, step_s=STEP_S)
+    stacked = (np.stack(columns, axis=1) for columns in zip(*inputs, strict=True))
+    record = fleet.advance(FleetInputs(*stacked), look_steps=1)
+    assert not record.failures
+    for k, own in enumerate(parts):
+        top, *folds = np.concatenate(own).T
+        np.testing.assert_array_equal(top, record.top_tension_n[:, k])
+        np.testing.assert_array_equal(folds[LEAST], record.least_tension_n[:, k])
+        np.testing.assert_array_equal(folds[DEPTH], record.payload_depth_m[:, k])
+        np.testing.assert_array_equal(folds[SINKING], record.payload_speed_m_per_s[:, k])
+        np.testing.assert_array_equal(folds[LOWEST], record.payload_tension_n[:, k])
+        slack = float((record.least_tension_n[:, k] <= 0.0).mean())
+        assert ensemble.figures()[k].slack_share == pytest.approx(slack, abs=1e-12)
+    slackest = max(one.slack_share for one in ensemble.figures())
+    assert (slackest > 0.0) == (amplitude_m > 5.0)
+
+
+def border_motion(ensemble: Ensemble, member: int) -> tuple[np.ndarray, ...]:
+    """Return heave, its rate, line out and line speed of a member at all step borders."""
+    borders = ensemble._members[member].borders
+    steps = round(SECONDS / STEP_S)
+    value, rate = borders.through(0, steps)
+    rest_m = ensemble.scene.ship.hang_off_m[2]
+    return value[:, 2] - rest_m, rate[:, 2], value[:, 3], rate[:, 3]
+
+
+def test_ropes_that_meet_are_not_watched() -> None:
+    """They step by a twin each, which records nothing."""
+    scene = load_scene("bridle_lift")
+    with pytest.raises(InputError, match="are not watched; step them with"):
+        Ensemble(scene, [Variation()], watched=True)
