@@ -49,7 +49,8 @@ def test_watched_steps_are_those_of_a_fleet(members: int, amplitude_m: float) ->
     record = fleet.advance(FleetInputs(*stacked), look_steps=1)
     assert not record.failures
     for k, own in enumerate(parts):
-        top, *folds = np.concatenate(own).T
+        top, *folds, line_out = np.concatenate(own).T
+        np.testing.assert_array_equal(line_out, inputs[k][2][1:])
         np.testing.assert_array_equal(top, record.top_tension_n[:, k])
         np.testing.assert_array_equal(folds[LEAST], record.least_tension_n[:, k])
         np.testing.assert_array_equal(folds[DEPTH], record.payload_depth_m[:, k])

@@ -21,7 +21,6 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
-from rope_twin.core.lanes.step import FOLDS
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.change import Change, change_scene
@@ -34,7 +33,14 @@ from rope_twin.twin.ensemble.boundary_conditions import (
     WinchMotion,
     is_known_in_advance,
 )
-from rope_twin.twin.ensemble.member import Member, MemberResults, Scratch, Start, UnstartedMember
+from rope_twin.twin.ensemble.member import (
+    WATCHED,
+    Member,
+    MemberResults,
+    Scratch,
+    Start,
+    UnstartedMember,
+)
 from rope_twin.twin.ensemble.simd import advance_group, compile_lanes, sort_into_groups
 from rope_twin.twin.ensemble.twin_member import SteppedMember, TwinMember
 from rope_twin.twin.motion.heave_series import HeaveSeries
@@ -236,14 +242,14 @@ class Ensemble:
         return self._members[number].scene
 
     def watched(self, number: int) -> Floats:
-        """Return what was recorded of a member since the last call, (steps, 1 + FOLDS).
+        """Return what was recorded of a member since the last call, (steps, WATCHED).
 
-        Columns are the top tension [N], then those of a look (`fold_of`). It has fewer rows than
-        steps if the member failed, none without `watched`.
+        Columns are the top tension [N], those of a look (`fold_of`), and the line out [m]. It has
+        fewer rows than steps if the member failed, none without `watched`.
         """
         member = self._members[number]
         parts = member.watched if isinstance(member, Member) else []
-        found: Floats = np.concatenate(parts) if parts else np.zeros((0, 1 + FOLDS))
+        found: Floats = np.concatenate(parts) if parts else np.zeros((0, WATCHED))
         parts.clear()
         return found
 

@@ -31,6 +31,9 @@ from rope_twin.twin.snapshot_builder import (
 )
 from rope_twin.vortex.coupled import VivDragAmplification
 
+# Columns of a watched step: top tension [N], those of a look at its end, line out [m]
+TOP, LINE_OUT, WATCHED = 0, FOLDS + 1, FOLDS + 2
+
 
 class Scratch:
     """Scratch arrays of a thread; nothing in them outlives a call of the step."""
@@ -145,7 +148,7 @@ class Member:
         self._recent.take([float(start.pull[rows.PULL])])
         self._looks = self._slack_looks = 0
         self._unconverged = 0
-        self.watched: list[Floats] = []  # top tension and folds of steps, (steps, 1 + FOLDS) each
+        self.watched: list[Floats] = []  # steps, (steps, WATCHED) each
 
     @property
     def rope(self) -> Rope:
@@ -225,8 +228,9 @@ class Member:
             self._seen.join(some)
             self._recent.join(some)
             if batch.folds is not None:
+                line_out = batch.boundary.value[1 : done + 1, rows.LINE]
                 top = batch.pulls[:done, rows.PULL]
-                self.watched.append(np.column_stack([top, batch.folds[:done]]))
+                self.watched.append(np.column_stack([top, batch.folds[:done], line_out]))
 
     def count_looks(self, looks: int, slack: int) -> None:
         """Add slack checks made elsewhere, of which `slack` found the rope slack."""
