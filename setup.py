@@ -27,6 +27,7 @@ VIZ = ["rerun-sdk==0.41.0", "pillow>=10"]
 PLOT = ["matplotlib>=3.8", "pyarrow>=14"]  # pictures, and tables as Parquet
 MODBUS = ["pymodbus>=3.13"]  # feeds from a PLC
 STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on clusters too
+PLANNING = ["h5netcdf[h5py]>=1.4"]  # RAOs from netCDF files of Capytaine
 CONSOLE = ["starlette>=0.46", "uvicorn>=0.35", "websockets>=14"]  # the operator console
 DOCS = [
     "sphinx>=8,<10",
@@ -53,6 +54,7 @@ TEST = [
     *CONSOLE,
     *MODBUS,
     *STUDY,
+    *PLANNING,
     *DOCS,
 ]
 
@@ -91,6 +93,7 @@ setup(
         "console": CONSOLE,
         "modbus": MODBUS,
         "study": STUDY,
+        "planning": PLANNING,
         "docs": DOCS,
         "test": TEST,
         "dev": [*TEST, "colcon-common-extensions", "build", "pre-commit"],

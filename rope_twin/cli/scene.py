@@ -13,9 +13,11 @@ import sys
 import textwrap
 from collections.abc import Iterator
 from dataclasses import asdict, fields
+from pathlib import Path
 from typing import Any
 
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json
+from rope_twin.cli.scene_raos import add_raos, run_raos
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
@@ -54,7 +56,7 @@ of one lift (OrcaFlex: model). Wherever a command takes a SCENE, a name and a pa
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `scene` with its actions."""
-    about = "list, show, check and measure scenes; look up keys; print the JSON Schema"
+    about = "list, show, check and measure scenes; look up keys; print the JSON Schema; show RAOs"
     parser = add_command(subparsers, "scene", about, EXAMPLES, MORE)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     shipped = add_command(actions, "list", "list the shipped scenes", EXAMPLES[:2])
@@ -92,6 +94,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "editor. It is always one JSON object; --json puts it on one line.",
     )  # fmt: skip
     add_json(schema)
+    add_raos(actions)
     parser.set_defaults(run=run)
 
 
@@ -104,6 +107,8 @@ def run(args: argparse.Namespace) -> int:
             return _keys(args.part, args.json)
         if args.action == "schema":
             return _schema(args.json)
+        if args.action == "raos":
+            return run_raos(args)
         if args.action == "check":
             return _check(args.scene, args.json)
         scene = load_scene(args.scene)
@@ -336,7 +341,8 @@ def _sea(sea: SeaState) -> str:
     if sea.heave is not None:
         return f"regular heave, ±{sea.heave.amplitude_m:g} m every {sea.heave.period_s:g} s"
     if sea.on_waves is not None:
-        return "vessel driven by RAOs in the waves of the scene"
+        table = Path(sea.on_waves.responses).name or "of a box-like hull"
+        return f"vessel driven by RAOs ({table}) in the waves of the scene"
     if sea.path:
         return f"prescribed motion of the hang-off, {sea.path}"
     if sea.poses is not None:

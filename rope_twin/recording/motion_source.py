@@ -24,14 +24,9 @@ from rope_twin.recording.heave import HeaveSample, open_heave, sample_of
 from rope_twin.recording.poses import open_poses
 from rope_twin.scene.schema import RecordedPoses, RegularHeave, Scene
 from rope_twin.sea.components import Waves
-from rope_twin.sea.ship_motion import (
-    BoxHull,
-    Responses,
-    Way,
-    heave_response,
-    read_responses,
-    read_way,
-)
+from rope_twin.sea.rao_files import read_responses
+from rope_twin.sea.raos import Responses
+from rope_twin.sea.ship_motion import BoxHull, Way, heave_response, read_way
 from rope_twin.sea.tables import Vector
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_series import HeaveSeries
@@ -310,6 +305,7 @@ def sea_of_waves(scene: Scene) -> WaveSea | ShipOnWaves | None:
     assert params is not None, "checked when the scene was read"
     waves = components_of(params, scene.environment.gravity_m_per_s2)
     if riding.responses:
-        return ShipOnWaves(waves, read_responses(riding.responses), scene)
+        responses = read_responses(riding.responses, riding.conventions)
+        return ShipOnWaves(waves, responses, scene)
     x, y, _ = scene.ship.hang_off_m
     return WaveSea(waves, riding.hull, x, y)

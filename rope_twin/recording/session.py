@@ -35,7 +35,8 @@ from rope_twin.scene.card import OTHER_SEA, card_path
 from rope_twin.scene.change import at_setting, following_measured
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.sea.ship_motion import RESPONSES_FOLDER, WAYS_FOLDER
+from rope_twin.sea.rao_files import RESPONSES_FOLDER
+from rope_twin.sea.ship_motion import WAYS_FOLDER
 from rope_twin.sea.tables import find_table
 from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
@@ -48,6 +49,7 @@ from rope_twin.vortex.settings import MonitorSettings
 
 FORMAT = 3
 _SHARED = "share/"  # before names of files that come with the package
+_BINARY = "data:application/octet-stream;base64,"  # before the content of a file that is no text
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CPUINFO = Path("/proc/cpuinfo")
 
@@ -110,7 +112,7 @@ def describe_run(scene: Scene, setup: Setup, speed: float) -> dict[str, Any]:
             "name": scene.name,
             "file": _name_of(scene.path, root),
             "folder": str(root),
-            "files": {_name_of(path, root): path.read_text(encoding="utf-8") for path in files},
+            "files": {_name_of(path, root): _text(path) for path in files},
             "figures": _figures(scene, root),
         },
         "seeds": dict(_seeds(scene, "")),
@@ -258,7 +260,7 @@ class Session:
             if not name.startswith(_SHARED):
                 path = _inside(place, name)
                 path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_text(text, encoding="utf-8")
+                path.write_bytes(_bytes(text))
         return self._load(place)
 
     def _load(self, folder: Path) -> Scene:
@@ -356,10 +358,22 @@ def _inside(folder: Path, name: str) -> Path:
 
 
 def _text(path: Path) -> str | None:
+    """Return a file's text, or that of its bytes if it is none; None: it cannot be read."""
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        data = path.read_bytes()
+    except OSError:
         return None
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return _BINARY + base64.b64encode(data).decode("ascii")
+
+
+def _bytes(text: str) -> bytes:
+    """Return the bytes of a file from what `_text` makes of it."""
+    if text.startswith(_BINARY):
+        return base64.b64decode(text.removeprefix(_BINARY))
+    return text.encode()
 
 
 def _figures(scene: Scene, root: Path) -> str:

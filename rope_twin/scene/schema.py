@@ -24,6 +24,7 @@ from rope_twin.scene.stiffness import StiffnessTable
 from rope_twin.scene.winch import BendingSheave
 from rope_twin.scene.winch import ScheduleRow as ScheduleRow
 from rope_twin.scene.winch import Winch as Winch
+from rope_twin.sea.raos import NO_CONVENTIONS, RaoConventions
 from rope_twin.sea.ship_motion import BoxHull
 
 Fault = tuple[str, str, str]  # path in the scene's file, fault, remedy
@@ -150,14 +151,26 @@ class RegularHeave:
     period_s: float = quantity("period", "s", 0.2, 100.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class OnWaves:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class OnWaves(SparingRepr):
     """Ship moved by RAOs in the waves of the effect `waves`: same components, same phases."""
 
+    _later = frozenset(("crane_tip_m", "conventions"))
+
     hull: BoxHull = text("box-like hull in head seas, heave only", BoxHull())
-    responses: str = text("RAOs in six degrees of freedom: name in config/responses/ or path", "")
+    responses: str = text(
+        "RAOs in six degrees of freedom: name in config/responses/, or path of a CSV, OrcaFlex "
+        "YAML, WAMIT .4 or Capytaine netCDF file", "",
+    )  # fmt: skip
     heading_deg: float = quantity(
         "heading of the bow with `responses`: 0 east, 90 north", "°", -360.0, 360.0, default=0.0
+    )
+    crane_tip_m: Triple | None = quantity(
+        "hang-off (crane tip) in the axes of the RAO file: x forward, y to port, z up; instead of "
+        "ship.reference_m", "m", -1e3, 1e3, default=None,
+    )  # fmt: skip
+    conventions: RaoConventions = text(
+        "conventions that the RAO file does not state", NO_CONVENTIONS
     )
 
 

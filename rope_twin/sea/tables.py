@@ -39,7 +39,8 @@ def find_table(name_or_path: str, folder: str) -> Path:
 
 def is_path(name_or_path: str) -> bool:
     """Return whether a table is given by a path instead of a name."""
-    return "/" in name_or_path or name_or_path.startswith(".") or name_or_path.endswith(".csv")
+    endings = (".csv", ".4", ".yml", ".yaml", ".nc")
+    return "/" in name_or_path or name_or_path.startswith(".") or name_or_path.endswith(endings)
 
 
 class Table(NamedTuple):

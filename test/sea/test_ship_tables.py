@@ -19,7 +19,9 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Ship
 from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.sea.components import DEEP, irregular_waves
-from rope_twin.sea.ship_motion import COLUMNS, Responses, read_responses, read_way
+from rope_twin.sea.rao_files import COLUMNS, read_responses
+from rope_twin.sea.raos import Responses
+from rope_twin.sea.ship_motion import read_way
 from rope_twin.sea.spectrum import jonswap
 from rope_twin.share import share_dir
 from rope_twin.twin.motion.hang_off import HangOffTrack

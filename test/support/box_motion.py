@@ -15,7 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rope_twin.sea.ship_motion import AMPLITUDES, COLUMNS, PHASES, Answers, BoxHull, Responses
+from rope_twin.sea.rao_files import AMPLITUDES, COLUMNS, PHASES
+from rope_twin.sea.raos import Answers, Responses
+from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.tables import Vector
 
 GRAVITY_M_PER_S2 = 9.80665

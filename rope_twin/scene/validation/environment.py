@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import pi
+from math import cos, pi, radians, sin
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,10 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams, WaveSystem
 from rope_twin.errors import InputError, did_you_mean
-from rope_twin.scene.schema import Fault, Rule, Scene
-from rope_twin.sea.ship_motion import FASTEST_M_PER_S, read_responses, read_way
+from rope_twin.scene.schema import Fault, OnWaves, Rule, Scene, Triple
+from rope_twin.sea.rao_files import read_responses
+from rope_twin.sea.raos import NO_CONVENTIONS, Responses
+from rope_twin.sea.ship_motion import FASTEST_M_PER_S, read_way
 from rope_twin.sea.spectrum import WaveSpectrum, breaking_fault, jonswap
 from rope_twin.sea.tables import is_path
 from rope_twin.share import share_dir
@@ -263,15 +265,67 @@ def _responses(scene: Scene) -> Iterator[Fault]:
     riding = scene.sea_state.on_waves
     if riding is None:
         return
+    where = "sea_state.on_waves"
     if not riding.responses:
         if riding.heading_deg != 0.0:
             right = "give `responses`, or remove `heading_deg`"
-            yield "sea_state.on_waves", "a box hull is in head seas at any heading", right
+            yield where, "a box hull is in head seas at any heading", right
+        if riding.crane_tip_m is not None or riding.conventions != NO_CONVENTIONS:
+            right = "give `responses`, or remove them"
+            yield where, "`crane_tip_m` and `conventions` are those of an RAO file", right
         return
     try:
-        read_responses(beside(scene, riding.responses))
+        table = _table_of(scene, riding)
     except InputError as error:
-        yield "sea_state.on_waves.responses", *_halves(error)
+        yield f"{where}.responses", *_halves(error)
+        return
+    if riding.crane_tip_m is not None:
+        if scene.ship.reference_m is not None:
+            what = "both `crane_tip_m` and `ship.reference_m` are given"
+            yield where, what, "keep `crane_tip_m` for a file with an origin"
+        if table.origin_m is None:
+            what = "the table does not state the point that its RAOs are for"
+            right = "give `conventions: {origin_m: [x, y, z]}`, or `ship.reference_m` alone"
+            yield f"{where}.crane_tip_m", what, right
+    elif table.origin_m is not None and scene.ship.reference_m is None:
+        x, y, z = table.origin_m
+        what = f"its RAOs are those of the point [{x:g}, {y:g}, {z:g}] m of the vessel"
+        right = "give `crane_tip_m`, the hang-off in the same axes"
+        yield where, what, right
+
+
+def _table_of(scene: Scene, riding: OnWaves) -> Responses:
+    """Return the RAOs of a scene's vessel. Raises InputError."""
+    return read_responses(beside(scene, riding.responses), riding.conventions)
+
+
+def vessel_raos(scene: Scene) -> Responses | None:
+    """Return the RAOs that a scene's ship moves by; None if it has no table of them.
+
+    Raises:
+        InputError: the file is invalid.
+    """
+    riding = scene.sea_state.on_waves
+    return None if riding is None or not riding.responses else _table_of(scene, riding)
+
+
+def reference_point_m(scene: Scene) -> Triple:
+    """Return the mean position of the point that poses and RAOs are for: x, y, z.
+
+    With `crane_tip_m` it follows from the hang-off, the RAO file's own origin and the heading of
+    the bow; else it is `ship.reference_m`, or the hang-off.
+
+    Raises:
+        InputError: the RAO file is invalid.
+    """
+    riding, at = scene.sea_state.on_waves, scene.ship.hang_off_m
+    if riding is None or riding.crane_tip_m is None:
+        return scene.ship.reference_m or at
+    origin = _table_of(scene, riding).origin_m
+    assert origin is not None, "checked when the scene was read"
+    x, y, z = (tip - own for tip, own in zip(riding.crane_tip_m, origin, strict=True))
+    c, s = cos(radians(riding.heading_deg)), sin(radians(riding.heading_deg))
+    return at[0] - (c * x - s * y), at[1] - (s * x + c * y), at[2] - z
 
 
 def _halves(error: InputError) -> tuple[str, str]:

@@ -17,9 +17,14 @@ from rope_twin.effects.waves import RegularWave, WavesParams, components_of
 from rope_twin.errors import phrase
 from rope_twin.scene.model.lift import LiftFigures
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.environment import bed_at, beside, spectrum_of
+from rope_twin.scene.validation.environment import (
+    bed_at,
+    reference_point_m,
+    spectrum_of,
+    vessel_raos,
+)
 from rope_twin.scene.validation.rigging import places, winches_by_name
-from rope_twin.sea.ship_motion import FADE, read_responses
+from rope_twin.sea.raos import FADE, long_wave_doubts
 from rope_twin.sea.spectrum import BREAKING, steepness_warning
 
 LONGEST_ARM_M = 400.0  # the longest ships
@@ -136,10 +141,11 @@ def _reach_of_responses(scene: Scene) -> Iterator[str]:
     if riding is None or not riding.responses or waves is None:
         return
     sea = components_of(waves, scene.environment.gravity_m_per_s2)
-    table = read_responses(beside(scene, riding.responses))
+    table = vessel_raos(scene)
+    assert table is not None, "its file is named"
     lowest, highest = (float(one) for one in table.frequency_hz[[0, -1]])
     x, y, z = scene.ship.hang_off_m
-    a, b, c = scene.ship.reference_m or scene.ship.hang_off_m
+    a, b, c = reference_point_m(scene)
     where, frequency = "sea_state.on_waves.responses", sea.omega / (2.0 * pi)
     lost = table.share_left_out(sea, radians(riding.heading_deg), (x - a, y - b, z - c))
     if lost > LEFT_OUT:
@@ -157,6 +163,7 @@ def _reach_of_responses(scene: Scene) -> Iterator[str]:
             f"is below, where its first RAOs are used (from {frequency.min():.3g} Hz)"
         )
         yield phrase(where, what, "give a table from lower frequencies")
+    yield from (f"{where}: {doubt}" for doubt in long_wave_doubts(table))
 
 
 def _depth_of_waves(scene: Scene) -> Iterator[str]:
@@ -183,9 +190,10 @@ def _depth_of_waves(scene: Scene) -> Iterator[str]:
 
 
 def _arm(scene: Scene) -> Iterator[str]:
-    if scene.ship.reference_m is None:
+    reference = reference_point_m(scene)
+    if reference == scene.ship.hang_off_m:
         return
-    arm = dist(scene.ship.reference_m, scene.ship.hang_off_m)
+    arm = dist(reference, scene.ship.hang_off_m)
     if arm > LONGEST_ARM_M:
         what = f"it is {arm:.0f} m from the hang-off"
         yield phrase("ship.reference_m", what, f"plausible are at most {LONGEST_ARM_M:g} m")

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from rope_twin.errors import phrase
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.environment import reference_point_m
 from rope_twin.scene.validation.rigging import places
 from rope_twin.twin.health import STUCK_NS, UNJUDGED, Judgement, SenderClock, StuckDetector
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S, HeaveTrack
@@ -59,9 +60,12 @@ def lever_arm(scene: Scene, place_m: Vector3 | None = None) -> Vector3:
     """Return the vector from the ship's reference point to a point on it, or the hang-off [m].
 
     Both are in the ship's mean position and attitude.
+
+    Raises:
+        InputError: the scene's RAO file is invalid.
     """
     x, y, z = place_m or scene.ship.hang_off_m
-    a, b, c = scene.ship.reference_m or scene.ship.hang_off_m
+    a, b, c = reference_point_m(scene)
     return x - a, y - b, z - c
 
 

@@ -1,0 +1,193 @@
+"""RAO files by their ending: CSV of this package, WAMIT `.4`, OrcaFlex YAML, Capytaine netCDF.
+
+Conventions come from the file or from `RaoConventions`; nothing is assumed. A CSV has a row per
+heading_deg and frequency_hz with amplitudes and phases in the conventions of `raos`; headings reach
+from 0 to 180, or to 360 for a vessel without symmetry. The other formats:
+
+* WAMIT `.4` (WAMIT User Manual 7.4, 4.9): PER, BETA, mode, modulus, phase, real and imaginary part;
+  the time factor is exp(iωt), so that phases lead, relative to the wave at the global origin; BETA
+  is the direction of propagation; rotations are made dimensionless with the length ULEN.
+* OrcaFlex: `orcaflex_raos`. Capytaine: `capytaine_raos`.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.sea.capytaine_raos import read_capytaine
+from rope_twin.sea.orcaflex_raos import read_orcaflex
+from rope_twin.sea.raos import (
+    NO_CONVENTIONS,
+    SHIFTS,
+    TURNS,
+    Answers,
+    RaoConventions,
+    Responses,
+    Written,
+    assemble,
+)
+from rope_twin.sea.tables import Vector, find_table, read_grid
+
+RESPONSES_FOLDER = "responses"
+AMPLITUDES = (*(f"{name}_m_per_m" for name in SHIFTS), *(f"{name}_deg_per_m" for name in TURNS))
+PHASES = tuple(f"{name}_phase_deg" for name in (*SHIFTS, *TURNS))
+HEADING, FREQUENCY = "heading_deg", "frequency_hz"
+COLUMNS = (HEADING, FREQUENCY, *AMPLITUDES, *PHASES)
+ENDINGS = (".csv", ".4", ".yml", ".yaml", ".nc")
+LARGEST_FILE_BYTES = 100_000_000
+_MODES = 6
+_WAMIT = "PER BETA mode modulus phase real imaginary"
+_ROUNDED = 2e-4  # of the modulus: difference between both forms of a number with few digits
+
+
+def read_responses(name_or_path: str, conventions: RaoConventions = NO_CONVENTIONS) -> Responses:
+    """Read RAOs from a table in config/responses/ or from a file in one of ENDINGS.
+
+    conventions: what the file does not state; see `RaoConventions`.
+
+    Raises:
+        InputError: the file is invalid, or a convention is missing or given twice; one sentence.
+    """
+    path = find_table(name_or_path, RESPONSES_FOLDER).resolve()
+    about = path.stat()
+    if about.st_size > LARGEST_FILE_BYTES:
+        what = f"it is larger than {LARGEST_FILE_BYTES // 1_000_000} MB"
+        raise InputError(phrase(str(path), what, "give a table of RAOs"))
+    return _read(path, conventions, about.st_mtime_ns, about.st_size)
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, conventions: RaoConventions, _time_ns: int, _size: int) -> Responses:
+    """Read a file once while it does not change: scenes ask several times for theirs."""
+    match path.suffix.lower():
+        case ".4":
+            return assemble(read_wamit(path, conventions))
+        case ".yml" | ".yaml":
+            return assemble(read_orcaflex(path, conventions))
+        case ".nc":
+            return assemble(read_capytaine(path, conventions))
+    return read_csv(path, conventions)
+
+
+def read_csv(path: Path, conventions: RaoConventions) -> Responses:
+    """Read a table of COLUMNS.
+
+    Raises:
+        InputError: the table is invalid.
+    """
+    where, names = str(path), (*AMPLITUDES, *PHASES)
+    needed = () if conventions.origin_m is None else ("origin_m",)
+    conventions.require(where, needed, "a CSV has fixed conventions but for its `origin_m`")
+    headings, frequencies, columns = read_grid(path, (HEADING, FREQUENCY), names)
+    if headings[0] != 0.0 or headings[-1] not in (180.0, 360.0):
+        what = f"headings from {headings[0]:g}° to {headings[-1]:g}°"
+        raise InputError(phrase(where, what, "they must reach from 0° to 180°, or to 360°"))
+    if frequencies[0] <= 0.0:
+        what = f"frequencies from {frequencies[0]:g} Hz"
+        raise InputError(phrase(where, what, "give them above 0"))
+    for name in AMPLITUDES:
+        if (columns[name] < 0.0).any():
+            raise InputError(phrase(where, f"{name} is negative", "give 0 or more, and a phase"))
+    amplitude = np.stack([columns[name] for name in AMPLITUDES])
+    amplitude[3:] = np.radians(amplitude[3:])
+    phases = np.radians(np.stack([columns[name] for name in PHASES]))
+    answer: Answers = np.asarray(amplitude * np.exp(1j * phases), np.complex128)
+    mirrored = headings[-1] == 180.0
+    if not mirrored and not np.allclose(answer[:, 0], answer[:, -1], rtol=1e-6, atol=1e-9):
+        what = "RAOs at 0° and at 360° differ"
+        raise InputError(phrase(where, what, "give the same, they are one heading"))
+    return Responses(headings, frequencies, answer, where, mirrored, conventions.origin_m)
+
+
+def read_wamit(path: Path, conventions: RaoConventions) -> Written:
+    """Read the RAOs of one body from a WAMIT `.4` file; one line of titles may come first.
+
+    Raises:
+        InputError: the file is invalid, or one of the four conventions that it lacks is missing.
+    """
+    where = str(path)
+    needed = ("scale_length_m", "origin_m", "phase_origin_m", "symmetry")
+    conventions.require(where, needed, "a WAMIT file has one vessel at one draught")
+    origin, phases = conventions.origin_m, conventions.phase_origin_m
+    assert origin is not None, "required above"
+    assert phases is not None, "required above"
+    assert conventions.scale_length_m is not None, "required above"
+    rows, lines = _wamit_rows(path)
+    period, heading = (_grouped(rows[:, column]) for column in (0, 1))
+    i, j = _index(heading, rows[:, 1]), _index(period, rows[:, 0])
+    mode = rows[:, 2].astype(np.int64) - 1
+    counts = np.zeros((_MODES, len(heading), len(period)), np.int64)
+    np.add.at(counts, (mode, i, j), 1)
+    if (counts != 1).any():
+        k, h, t = (int(one[0]) for one in np.nonzero(counts != 1))
+        fault = "is missing" if counts[k, h, t] == 0 else "is double"
+        what = f"mode {k + 1} at PER {period[t]:g} and BETA {heading[h]:g} {fault}"
+        raise InputError(phrase(where, what, "give six modes for each period and heading once"))
+    value = rows[:, 5] + 1j * rows[:, 6]
+    polar = rows[:, 3] * np.exp(1j * np.radians(rows[:, 4]))
+    off = np.abs(value - polar) > _ROUNDED * np.abs(value) + 1e-6
+    if off.any():
+        what = "modulus and phase are not those of real and imaginary part"
+        right = "give them as WAMIT writes them, the phase in degrees"
+        raise InputError(phrase(f"{where}, line {lines[int(np.argmax(off))]}", what, right))
+    answer = np.zeros(counts.shape, np.complex128)
+    answer[mode, i, j] = value
+    answer[3:] /= conventions.scale_length_m
+    return Written(where, f"{where}, WAMIT", heading, 1.0 / period, answer,
+                   conventions.symmetry, origin, phases)  # fmt: skip
+
+
+def _wamit_rows(path: Path) -> tuple[Vector, list[int]]:
+    """Return the numbers, (rows, 7), and the line of each. Raises InputError."""
+    try:
+        text = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        what = f"it cannot be read ({error})"
+        raise InputError(phrase(str(path), what, "give a text file")) from None
+    rows, lines = list[list[float]](), list[int]()
+    for number, line in enumerate(text, 1):
+        where = f"{path}, line {number}"
+        cells = line.replace("D", "E").split()
+        if not cells:
+            continue
+        try:
+            values = [float(cell) for cell in cells]
+        except ValueError:
+            if number == 1:
+                continue  # titles
+            what = f"'{line.strip()[:40]}' are not numbers"
+            raise InputError(phrase(where, what, f"a row is {_WAMIT}")) from None
+        if len(values) != 7:
+            raise InputError(phrase(where, f"{len(values)} numbers", f"a row is {_WAMIT}"))
+        if not np.isfinite(values).all():
+            raise InputError(phrase(where, "a number is not finite", f"a row is {_WAMIT}"))
+        if values[0] <= 0.0:
+            right = "give periods in seconds above 0 (WAMIT: IPEROUT = 1)"
+            raise InputError(phrase(where, f"PER is {values[0]:g}", right))
+        if values[2] not in range(1, _MODES + 1):
+            right = "give the six rigid modes of one body, 1 to 6"
+            raise InputError(phrase(where, f"mode {values[2]:g}", right))
+        if values[3] < 0.0:
+            raise InputError(phrase(where, f"modulus {values[3]:g}", "give 0 or more"))
+        rows.append(values)
+        lines.append(number)
+    if not rows:
+        raise InputError(phrase(str(path), "it has no rows", f"a row is {_WAMIT}"))
+    return np.array(rows), lines
+
+
+def _grouped(values: Vector) -> Vector:
+    """Return the different values in order; those equal to seven digits are one."""
+    ordered = np.unique(values)
+    new = np.append(True, np.diff(ordered) > 1e-7 * np.abs(ordered[1:]))
+    return np.asarray(ordered[new])
+
+
+def _index(axis: Vector, values: Vector) -> NDArray[np.int64]:
+    """Return the number of each value on its axis."""
+    return np.asarray(np.abs(values[:, None] - axis[None, :]).argmin(axis=1), np.int64)
