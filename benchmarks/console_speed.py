@@ -24,6 +24,7 @@ from rope_twin import messages
 from rope_twin.console import server as console_server
 from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk
+from rope_twin.console.files import FOLDER
 from rope_twin.console.pages import Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.errors import InputError, phrase
@@ -281,7 +282,7 @@ def _cost_s(psutil: Any, before: set[int]) -> float:
 def _wheel_mb() -> float:
     """Return the size of the console's files, compressed as in a wheel [MB]."""
     held = io.BytesIO()
-    folder = console_server.FOLDER.parent
+    folder = FOLDER.parent
     with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(folder.rglob("*")):
             if path.is_file() and "__pycache__" not in path.parts:

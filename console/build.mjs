@@ -49,7 +49,7 @@ await build({
 const own = readFileSync("src/style.css", "utf8") +
   [...fills].map((one) => `.fill-${one}{fill:var(--${one})}\n`).join("");
 writeFileSync("src/style.gen.css", readFileSync(`${modules}/uplot/dist/uPlot.min.css`, "utf8") + own);
-await build({ entryPoints: ["src/style.gen.css"], minify: true, outfile: `${out}/console.css` });
+const sheetOf = await build({ entryPoints: ["src/style.gen.css"], minify: true, write: false });
 
 // palettes: the variables that the page uses, and those that they refer to
 const sheet = readFileSync(`${openbridge}/openbridge.css`, "utf8");
@@ -70,10 +70,11 @@ while (wanted.length) {
   used.add(name);
   for (const [, known] of themes) if (known.has(name)) wanted.push(...uses(known.get(name)));
 }
-writeFileSync(`${out}/palettes.css`, themes.map(([name, known]) =>
+const palettes = themes.map(([name, known]) =>
   `:root[data-obc-theme="${name}"]{color-scheme:${["dusk", "night"].includes(name) ? "dark" : "light"};` +
   [...known].filter(([one]) => used.has(one)).map(([one, value]) => `${one}:${value}`).join(";") +
-  "}\n").join(""));
+  "}\n").join("");
+writeFileSync(`${out}/console.css`, palettes + sheetOf.outputFiles[0].text); // one request for both
 
 copyFileSync("src/index.html", `${out}/index.html`);
 copyFileSync("font/NotoSans-latin.woff", `${out}/NotoSans-latin.woff`);

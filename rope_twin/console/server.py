@@ -17,12 +17,12 @@ import sys
 import threading
 import time
 from collections.abc import AsyncIterator
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk
+from rope_twin.console.files import page_files
 from rope_twin.console.pages import Page, Pages, Source
 from rope_twin.errors import InputError, phrase
 
@@ -30,7 +30,6 @@ LOOPBACK, PORT = "127.0.0.1", 8420
 MOST_PAGES = 60
 MOST_MESSAGE_BYTES = 4096  # of a message from a page
 PING_S, PONG_S = 1.0, 2.0  # between pings, and until a page without an answer is lost
-FOLDER = Path(__file__).with_name("page")
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'; object-src 'none'",
@@ -83,9 +82,8 @@ def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) 
     try:
         from starlette.applications import Starlette
         from starlette.middleware import Middleware
-        from starlette.responses import FileResponse, JSONResponse, PlainTextResponse
-        from starlette.routing import Mount, Route, WebSocketRoute
-        from starlette.staticfiles import StaticFiles
+        from starlette.responses import JSONResponse, PlainTextResponse, Response
+        from starlette.routing import Route, WebSocketRoute
     except ImportError as error:
         raise _not_installed(error) from error
     own = {"localhost", socket.gethostname().lower()} | {one.lower() for one in hosts or ()}
@@ -129,8 +127,14 @@ def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) 
         else:
             await PlainTextResponse(why, status_code=403)(scope, receive, send)
 
-    async def index(request: Any) -> Any:
-        return FileResponse(FOLDER / "index.html")
+    files = page_files()
+
+    async def file(request: Any) -> Any:
+        found = files.get(request.path_params.get("name", "index.html"))
+        if found is None:
+            return PlainTextResponse("no such file", status_code=404)
+        status, body, headers = found.answer(request.headers)
+        return Response(body, status, headers)
 
     async def health(request: Any) -> Any:
         return JSONResponse({"pages": len(pages.pages), "time_s": pages.readings.time_s,
@@ -166,11 +170,11 @@ def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) 
         ticking.cancel()
 
     routes = [
-        Route("/", index),
+        Route("/", file),
         Route("/health", health),
         Route("/export/{name}.csv", export),
         WebSocketRoute("/live", connect),
-        Mount("/page", StaticFiles(directory=FOLDER)),
+        Route("/page/{name:path}", file),
     ]
     return Starlette(routes=routes, middleware=[Middleware(Guard)], lifespan=lifespan)
 

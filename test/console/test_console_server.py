@@ -11,7 +11,8 @@ from console_rig import ConsoleRig
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from rope_twin.console.server import FOLDER, Server, is_own_host, make_app, read_address
+from rope_twin.console.files import FOLDER
+from rope_twin.console.server import Server, is_own_host, make_app, read_address
 from rope_twin.errors import InputError
 
 HOST = "127.0.0.1:8420"
@@ -33,6 +34,21 @@ def test_everything_comes_with_a_strict_policy(client: TestClient) -> None:
         assert "default-src 'self'" in policy
         assert "unsafe" not in policy
         assert answer.headers["x-content-type-options"] == "nosniff"
+
+
+def test_a_file_is_sent_compressed_and_not_again(client: TestClient) -> None:
+    whole = (FOLDER / "console.js").read_bytes()
+    first = client.get("/page/console.js", headers={"accept-encoding": "gzip"})
+    assert first.headers["content-encoding"] == "gzip"
+    assert first.content == whole  # the client has unpacked it
+    assert int(first.headers["content-length"]) < len(whole) / 2
+    plain = client.get("/page/console.js", headers={"accept-encoding": "identity"})
+    assert "content-encoding" not in plain.headers
+    assert plain.content == whole
+    again = client.get("/page/console.js", headers={"if-none-match": first.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    assert client.get("/page/licences/uPlot.txt").status_code == 200
+    assert client.get("/page/../server.py").status_code == 404
 
 
 def test_the_page_has_no_inline_script_or_style() -> None:
