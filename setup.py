@@ -28,7 +28,8 @@ PLOT = ["matplotlib>=3.8", "pyarrow>=14"]  # pictures, and tables as Parquet
 MODBUS = ["pymodbus>=3.13"]  # feeds from a PLC
 STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on clusters too
 PLANNING = ["h5netcdf[h5py]>=1.4"]  # RAOs from netCDF files of Capytaine
-CONSOLE = ["starlette>=0.46", "uvicorn>=0.35", "websockets>=14"]  # the operator console
+# the operator console: in browsers, and by Textual in a terminal
+CONSOLE = ["starlette>=0.46", "uvicorn>=0.35", "websockets>=14", "textual>=8"]
 DOCS = [
     "sphinx>=8,<10",
     "furo>=2025.12",

@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import closing
 
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.console.server import announce
@@ -19,11 +20,12 @@ EXAMPLES = (
     "console",
     "console --control",
     "console lift",
-    "console --address 0.0.0.0:8420",
+    "console --terminal",
 )
 MORE = """Opens a page for any browser: line out, speed, tension with its limits and trend, payload,
 winch, quality and diagnostics. With BAG it plays a recorded run for debriefing. It is served to
-this machine only, unless --address names another, and is read-only unless --control is given."""
+this machine only, unless --address names another, and is read-only unless --control is given.
+With --terminal it shows the first page's numbers, trend and alerts in the terminal, as over SSH."""
 
 
 def add_parser(subparsers: Parsers) -> None:
@@ -42,6 +44,11 @@ def add_parser(subparsers: Parsers) -> None:
         "--control",
         action="store_true",
         help="let pages command the winch after they have given the token that is printed",
+    )
+    add(
+        "--terminal",
+        action="store_true",
+        help="show the first page in this terminal, read-only, and serve nothing",
     )
     add(
         "--network",
@@ -65,6 +72,8 @@ def _announce(args: argparse.Namespace) -> Callable[[str, str], None]:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until Ctrl-C, and return the exit code. Raises RopeTwinError."""
+    if args.terminal:
+        return _terminal(args)
     if args.bag is None:
         return _live(args)
     if args.control:
@@ -84,6 +93,42 @@ def _live(args: argparse.Namespace) -> int:
     given = overrides({"address": args.address, "control": args.control})
     tell = _announce(args)
     return run_node(lambda: ConsoleNode(tell, parameter_overrides=given), ["rope_twin"])
+
+
+def _terminal(args: argparse.Namespace) -> int:
+    """Show the console in the terminal. Raises RopeTwinError."""
+    if args.control or args.json or args.address != CONSOLE:
+        given = "--control" if args.control else "--json" if args.json else "--address"
+        what = "the terminal console only shows, and serves no page"
+        raise InputError(phrase(f"--terminal {given}", what, f"leave {given} out"))
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        what = "standard input and output are no terminal"
+        raise InputError(phrase("--terminal", what, "run it in one, over SSH with `ssh -t`"))
+    try:
+        from rope_twin.console.terminal import TerminalConsole
+    except ImportError as error:
+        what = f"{error.name} is not installed"
+        right = "install it with `pip install 'rope_twin[console]'`"
+        raise InputError(phrase("--terminal", what, right)) from error
+    from rope_twin.console.control import Desk
+    from rope_twin.console.facts import session_facts
+    from rope_twin.console.pages import Pages
+    from rope_twin.console.playback import Recording, connect_playback
+    from rope_twin.ros.console_node import suite_source
+    from rope_twin.ros.middleware import keep_to_loopback
+
+    stop = StopSignal(signal.SIG_DFL)
+    try:
+        if args.bag is None and not args.network:
+            keep_to_loopback()
+        with suite_source() if args.bag is None else closing(Recording(args.bag)) as source:
+            pages = Pages(source, time.monotonic, read_session=session_facts)
+            if isinstance(source, Recording):
+                connect_playback(source, pages, Desk(pages, time.monotonic))
+            TerminalConsole(pages, stopped=lambda: stop.requested).run()
+    finally:
+        stop.restore()
+    return ExitCode.OK
 
 
 def _recorded(args: argparse.Namespace) -> int:

@@ -107,6 +107,7 @@ class Pages:
         self.rows: list[Callable[[Values], None]] = []  # each is called with a row of the trend
         self._number = 0
         self._rows = 0
+        self.profile: list[Values] = []  # tension along each rope
         self._newest_profile = ""
         self._began_s = clock()
 
@@ -223,11 +224,11 @@ class Pages:
         if nodes is None or time_s is None:
             return False
         try:
-            ropes = self._profile.update(nodes, time_s)
+            self.profile = self._profile.update(nodes, time_s)
         except InputError as error:
             self.readings.values["fault ropes/nodes"] = str(error)
             return False
-        self._newest_profile = _json({"type": "profile", "ropes": ropes})
+        self._newest_profile = _json({"type": "profile", "ropes": self.profile})
         return True
 
     def _send_profile(self) -> None:

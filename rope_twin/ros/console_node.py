@@ -12,7 +12,8 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
@@ -28,7 +29,7 @@ from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.console.server import Server, announce, read_address
 from rope_twin.messages import encode_order
 from rope_twin.messages.alerts import encode_command
-from rope_twin.ros.entry import run_node
+from rope_twin.ros.entry import middleware, run_node
 from rope_twin.ros.params import ConsoleParams, declare
 from rope_twin.ros.qos import listen as subscribe
 from rope_twin.ros.qos import message_type, publish
@@ -47,12 +48,12 @@ class SuiteSource:
 
     kind = "live"
 
-    def __init__(self, like: Node) -> None:
-        """Subscribe in the domain and namespace of a node."""
+    def __init__(self, like: Node | None = None) -> None:
+        """Subscribe in the domain and namespace of a node; None: those of this process."""
         self._node = rclpy.create_node(
             "console_view",
-            namespace=like.get_namespace(),
-            context=like.context,
+            namespace=like.get_namespace() if like else None,
+            context=like.context if like else None,
             enable_rosout=False,  # it has no topic nor service that `console` does not have
             start_parameter_services=False,
             parameter_overrides=[Parameter("start_type_description_service", value=False)],
@@ -82,6 +83,17 @@ class SuiteSource:
     def close(self) -> None:
         """Unsubscribe."""
         self._node.destroy_node()
+
+
+@contextmanager
+def suite_source() -> Iterator[SuiteSource]:
+    """Open a suite as a source in a process that is no node of it; logs go to no terminal."""
+    with middleware("--disable-stdout-logs"):
+        source = SuiteSource()
+        try:
+            yield source
+        finally:
+            source.close()
 
 
 class WinchCommander:

@@ -128,6 +128,21 @@ def run_node(
     return code
 
 
+@contextmanager
+def middleware(*ros_args: str) -> Iterator[None]:
+    """Hold the middleware for a block that is no node of the suite, and release it in time.
+
+    Raises:
+        InputError: an argument is invalid.
+    """
+    initialise(["rope_twin", "--ros-args", *ros_args])
+    try:
+        yield
+    finally:
+        with _ended_in_time(0):
+            _release(None, None)
+
+
 def _orphaned() -> bool:
     """Return whether the parent process of this node is gone, so that nothing would stop it."""
     parent = os.environ.get(PARENT)

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from console_rig import EPOCH_NS, Clock, encode_text, frames
+from console_rig import EPOCH_NS, Clock, encode_text, frames, recorded_lift
 from sample_snapshot import hanging_rope
 
 from rope_twin import messages
@@ -17,24 +17,12 @@ from rope_twin.errors import BagError
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import BY_NAME
 
-TOPICS = "ropes/tension_top", "ropes/length", "ropes/nodes"
 LASTS_S = 100.0
 
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """100 s with a line out of 1000 m + 1 m/s."""
-    path = tmp_path_factory.mktemp("bags") / "lift"
-    writer, encoder = BagWriter(path, [BY_NAME[one] for one in (*TOPICS, "twin/epoch")]), None
-    encoder = messages.Encoder(EPOCH_NS)
-    writer.write("twin/epoch", EPOCH_NS, messages.encode_epoch(EPOCH_NS))
-    for number in range(round(LASTS_S * 10)):
-        time_s = 0.1 * number
-        shot = hanging_rope(nodes=5, length_m=1000.0 + time_s, time_s=time_s)
-        for topic in TOPICS:
-            writer.write(topic, EPOCH_NS + shot.stamp_ns, encoder.encode(topic, shot))
-    writer.close()
-    return path
+    return recorded_lift(tmp_path_factory.mktemp("bags") / "lift", LASTS_S)
 
 
 class Player:

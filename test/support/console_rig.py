@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from sample_snapshot import RESIDUAL, hanging_rope
@@ -18,6 +19,8 @@ from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.messages import Level, Status
 from rope_twin.messages.alerts import encode_alerts
 from rope_twin.messages.forecast import band_columns, encode_forecast
+from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.topics import BY_NAME
 from rope_twin.twin.winch.commands import WinchCommand
 
 EPOCH_NS = 1_763_700_000_000_000_000
@@ -204,6 +207,21 @@ class ConsoleRig:
         if signed_in:
             self.desk.take(page, {"do": "sign_in", "token": TOKEN, "id": 0})
         return page
+
+
+def recorded_lift(path: Path, lasts_s: float) -> Path:
+    """Write a bag with a line out of 1000 m + 1 m/s, and return its path."""
+    topics = "ropes/tension_top", "ropes/length", "ropes/nodes"
+    writer = BagWriter(path, [BY_NAME[one] for one in (*topics, "twin/epoch")])
+    encoder = messages.Encoder(EPOCH_NS)
+    writer.write("twin/epoch", EPOCH_NS, messages.encode_epoch(EPOCH_NS))
+    for number in range(round(lasts_s * 10)):
+        time_s = 0.1 * number
+        shot = hanging_rope(nodes=5, length_m=1000.0 + time_s, time_s=time_s)
+        for topic in topics:
+            writer.write(topic, EPOCH_NS + shot.stamp_ns, encoder.encode(topic, shot))
+    writer.close()
+    return path
 
 
 def frames(page: Page) -> list[dict[str, Any]]:

@@ -1,0 +1,252 @@
+"""Figures of the first page as text, for screens that are not a browser.
+
+They are made from the same values as the page's, which it shows by the same rules (`console/src`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from rope_twin.console.readings import Values
+from rope_twin.console.units import UNKNOWN, Units, fixed, known
+
+LOST_S = 3.0  # age from which a residual's reading is that of an instrument that is lost
+RISK_SPANS_S = (10.0, 20.0, 30.0)
+_ELEMENTS = {"top_tension": "Top tension", "payload_depth": "Payload depth", "slack": "Slack",
+             "fatigue": "Fatigue"}  # fmt: skip
+
+
+class Figure(NamedTuple):
+    """One figure of the screen."""
+
+    label: str
+    text: str
+    unit: str
+    topic: str  # whose age is that of the figure
+    note: str = ""
+    warns: bool = False  # its measurement lies outside the interval, or a limit is exceeded
+
+
+class AlertRow(NamedTuple):
+    """One alert of the list."""
+
+    priority: str
+    state: str
+    title: str
+    text: str
+    since_s: float | None  # time of the twin
+    sounds: bool
+
+
+def big_figures(values: Values, facts: Values, units: Units) -> list[Figure]:
+    """Return line out, line speed, tension and utilisation of the first rope."""
+    winch = first_winch(facts)
+    rope = _at(facts.get("ropes"))
+    length, rate, tension = (_value(values.get(name)) for name in
+                             ("line_out_m", "line_speed_m_per_s", "tension_n"))  # fmt: skip
+    reach = ""
+    if known(winch.get("most_line_out_m")):
+        least, most = winch.get("least_line_out_m"), winch["most_line_out_m"]
+        reach = f"{fixed(least, 0)} to {fixed(most, 0)} m"
+    out, out_warns = _compared(values, "line_out_m", lambda one, sign: fixed(one, 2, sign), reach)
+    note, warns = _compared(values, "top_tension_n", units.forces, _computed(values, units))
+    allowed = rope.get("allowed_n")
+    over = known(allowed) and known(tension) and tension > allowed
+    limit = winch.get("speed_limit_m_per_s")
+    way = _direction(rate, units)
+    if known(limit):
+        way += f", limit ±{units.speeds(limit)}"
+    return [
+        Figure("Line out", fixed(length, 1), "m", "ropes/length", out, out_warns),
+        Figure("Line speed", units.speeds(rate, True), units.speed, "ropes/length", way),
+        Figure("Tension", units.forces(tension), units.force, "ropes/tension_top", note,
+               warns or over),
+        _utilisation(values, rope, tension, units),
+    ]  # fmt: skip
+
+
+def payload_figures(values: Values, profile: Sequence[Values], facts: Values,
+                    units: Units) -> list[Figure]:  # fmt: skip
+    """Return depth, speed, height above the bed and slack margin of 60 s of the first payload."""
+    payload, topic = _at(values.get("payloads")), "payloads/state"
+    place, speed = payload.get("place_m") or [None] * 3, payload.get("velocity_m_per_s")
+    down = speed[2] if speed else None
+    height, rows = height_above_bed_m(values, facts), []
+    rows.append(Figure("Payload depth", fixed(_negated(place[2]), 1), "m", topic))
+    arrow = "" if not known(down) else "↓ " if down < 0.0 else "↑ "
+    size = abs(down) if known(down) else None
+    rows.append(Figure("Vertical speed", arrow + units.speeds(size), units.speed, topic))
+    if height is not None:
+        rows.append(Figure("Above the bed", fixed(height, 1), "m", topic))
+    least = _at(profile).get("least_n")
+    if known(least):
+        limit = (facts.get("limits") or {}).get("min_tension_n")
+        margin = least - (limit if known(limit) else 0.0)
+        text = units.forces(margin)
+        rows.append(Figure("Slack margin", text, units.force, "ropes/nodes", "", margin < 0))
+    return rows
+
+
+def height_above_bed_m(values: Values, facts: Values) -> float | None:
+    """Return the payload's height above the bed [m]; None: there is no bed, or not known."""
+    height = _at(values.get("bed")).get("payload_height_m")
+    if known(height):
+        return float(height)
+    place, bed = _at(values.get("payloads")).get("place_m"), facts.get("bed_m")
+    if place is None or not known(place[2]) or not known(bed):
+        return None
+    return float(place[2]) - float(bed)
+
+
+def sea_figures(values: Values, facts: Values) -> list[Figure]:
+    """Return heave of the first hang-off and the sea."""
+    topic, place, speed = (
+        "hang_off/odometry",
+        values.get("hang_off_m"),
+        values.get("hang_off_m_per_s"),
+    )
+    mean = facts.get("hang_off_m")
+    heave = place[2] - (mean[2] if mean else 0.0) if place and known(place[2]) else None
+    rows = [
+        Figure("Heave", fixed(heave, 2, True), "m", topic),
+        Figure("Heave rate", fixed(speed[2] if speed else None, 2, True), "m/s", topic),
+    ]
+    sea = facts.get("sea") or {}
+    if known(sea.get("significant_height_m")):
+        text = f"{fixed(sea['significant_height_m'], 1)}, {fixed(sea.get('peak_period_s'), 1)}"
+        rows.append(Figure("Sea Hs, Tp", text, "m, s", ""))
+    return rows
+
+
+def winch_figures(values: Values, facts: Values) -> list[Figure]:
+    """Return mode, brake, compensation, drum layer and seat of the first winch."""
+    row, winch, topic = _at(values.get("winches")), first_winch(facts), "winch/state"
+    mode = str(values.get("winch_mode", "")).partition(";")[0].partition(": ")[2] or UNKNOWN
+    rows = [Figure("Mode", mode, "", "winch/mode", "", "(" in mode)]
+    if "brake_holds" in row:
+        rows.append(Figure("Brake", "set" if row["brake_holds"] else "released", "", topic))
+    if "compensation_on" in row:
+        on = "on" if row["compensation_on"] else "off"
+        stroke = row.get("compensation_m")
+        rows.append(Figure("Compensation", f"{on}, {fixed(stroke, 2, True)}", "m", topic))
+    radius, core, rise = (row.get("drum_radius_m"), winch.get("drum_radius_m"),
+                          winch.get("layer_rise_m"))  # fmt: skip
+    if known(radius) and known(core) and known(rise):
+        layer = max(1, round((radius - core) / rise + 0.5))
+        rows.append(Figure("Drum layer", str(layer), "", topic))
+    seat = str(values.get("seat", "")).partition(";")[0].partition(": ")[2]
+    rows.append(Figure("Seat", seat or UNKNOWN, "", "winch/seat"))
+    return rows
+
+
+def quality_lines(values: Values) -> list[str]:
+    """Return each quality index, and the reason of the lowest."""
+    rows = [f"{_ELEMENTS.get(row['name'], row['name'])} {fixed(row['index'], 2)}"
+            for row in values.get("quality", ())]  # fmt: skip
+    said = values.get("diagnostics simulation: quality", {}).get("message", "")
+    return [" · ".join(rows), said] if rows else []
+
+
+def risk_lines(values: Values, units: Units) -> list[str]:
+    """Return the risk of the next 10, 20 and 30 s, as far as there is a forecast."""
+    found = {row["span_s"]: row for row in (values.get("risk") or {}).get("rows", ())}
+    rows = [found[span] for span in RISK_SPANS_S if span in found]
+    if not rows:
+        return []
+    limit = f"{units.forces(rows[0]['tension_limit_n'])} {units.force}"
+    spans = "/".join(f"{row['span_s']:.0f}" for row in rows)
+    lines = [
+        f"{name} in {spans} s: {'/'.join(_percent(row[key]) for row in rows)} %"
+        for name, key in ((f"P(> {limit})", "tension"), ("P(slack)", "slack"))
+    ]
+    if any(row["climatology"] for row in rows):
+        lines[-1] += ", the last by climatology"
+    return lines
+
+
+def alert_rows(values: Values) -> list[AlertRow]:
+    """Return the alerts in their order, faults of the console first.
+
+    Without the topic `alerts`, as in an old recording, rows of the diagnostics stand in for them.
+    """
+    rows = [AlertRow("alarm", "acknowledged", name, str(words), None, False)
+            for name, words in values.items() if name.startswith("fault ") and words]  # fmt: skip
+    if "alerts" not in values:
+        found = [(row["level"], name.removeprefix("diagnostics "), row["message"])
+                 for name, row in values.items()
+                 if name.startswith("diagnostics ") and row["level"]]  # fmt: skip
+        return rows + [
+            AlertRow("alarm" if level >= 2 else "warning", "acknowledged", name, words, None, False)
+            for level, name, words in sorted(found, key=lambda one: (-one[0], one[1]))
+        ]
+    return rows + [
+        AlertRow(one["priority"], one["state"],
+                 one["title"] + (" (first)" if one["first_out"] else ""), one["text"],
+                 one["since_s"], one["sounds"])
+        for one in values["alerts"] if not one["shelved"]
+    ]  # fmt: skip
+
+
+def first_winch(facts: Values) -> Values:
+    """Return the facts of the first winch; empty: not known."""
+    return next(iter((facts.get("winches") or {}).values()), {})
+
+
+def _utilisation(values: Values, rope: Values, tension: float | None, units: Units) -> Figure:
+    used, breaking = _at(values.get("utilisation")), rope.get("breaking_load_n")
+    highest, most = used.get("max_tension_n"), used.get("utilisation")
+    load = highest / most if known(highest) and known(most) and most else breaking
+    note = ""
+    if known(load):
+        note = f"of MBL {units.forces(load)} {units.force}"
+        if known(highest):
+            amplification = fixed(used.get("dynamic_amplification"), 2)
+            note += f", highest {units.forces(highest)}, DAF {amplification}"
+    share = 100.0 * tension / load if known(tension) and known(load) else None
+    return Figure("Utilisation", fixed(share, 1), "%", "ropes/utilisation", note)
+
+
+def _computed(values: Values, units: Units) -> str:
+    interval = _at(values.get("error_interval"))
+    upper, lower = interval.get("upper_n"), interval.get("lower_n")
+    if known(upper) and known(lower):
+        half = units.forces((upper - lower) / 2.0)
+        return f"computed ± {half} {units.force} (95 %)"
+    if known(interval.get("rms_pct")):
+        return f"computed, error ≤ {fixed(interval['rms_pct'], 2)} % RMS"
+    return "computed"
+
+
+def _compared(values: Values, quantity: str, text: Any, other: str) -> tuple[str, bool]:
+    """Return measured and residual in words, or `other`; and whether it is outside its interval."""
+    row = next((one for one in values.get("residuals", ()) if one["quantity"] == quantity), None)
+    if row is None or not known(row["measured"]) or (row["age_s"] or 0.0) > LOST_S:
+        return other, False
+    upper, lower, off = row.get("upper"), row.get("lower"), row["residual"]
+    outside = known(upper) and known(lower) and known(off) and not lower <= off <= upper
+    return f"measured {text(row['measured'], False)}, Δ {text(off, True)}", outside
+
+
+def _direction(rate: float | None, units: Units) -> str:
+    if not known(rate) or not re.search(r"[1-9]", units.speeds(rate)):
+        return "standing"
+    return "↓ paying out" if rate > 0.0 else "↑ hauling in"
+
+
+def _percent(share: float | None) -> str:
+    return fixed(None if share is None else 100.0 * share, 0)
+
+
+def _negated(value: float | None) -> float | None:
+    return None if value is None else -value
+
+
+def _at(rows: Sequence[Values] | None) -> Values:
+    """Return the first of some rows; of none, an empty one."""
+    return rows[0] if rows else {}
+
+
+def _value(numbers: Sequence[float | None] | None) -> float | None:
+    return numbers[0] if numbers else None

@@ -1,0 +1,300 @@
+"""Terminal console: the first page's numbers, trend and alerts in a terminal, as over SSH.
+
+It reads the same values as the web page and commands nothing. Textual draws it.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from typing import ClassVar
+
+from rich.table import Table
+from rich.text import Text
+from textual.app import App, ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Grid, Horizontal, Vertical
+from textual.theme import Theme
+from textual.widgets import Digits, Footer, Static
+
+from rope_twin.console.chart import Styles, curves, draw
+from rope_twin.console.figures import (
+    Figure,
+    alert_rows,
+    big_figures,
+    payload_figures,
+    quality_lines,
+    risk_lines,
+    sea_figures,
+    winch_figures,
+)
+from rope_twin.console.pages import RATE_HZ, Pages
+from rope_twin.console.playback import Recording
+from rope_twin.console.readings import TENSION, stale_limits_s
+from rope_twin.console.units import UNITS, Units, known
+
+DRAW_HZ = 4.0
+SEEK_S = 10.0  # a step in a recording
+_SOUND_S = {"alarm": 2.0, "warning": 4.0}  # between two bells of the terminal
+_THEMES = (
+    Theme("day", primary="#0a5a9c", foreground="#1a1a1a", background="#f0f0f0", surface="#ffffff",
+          panel="#e2e2e2", warning="#a05a00", error="#b00020", dark=False),
+    Theme("dusk", primary="#6ab0e8", foreground="#dddddd", background="#14181c", surface="#1c2126",
+          panel="#262c33", warning="#ffa000", error="#ff5a40", dark=True),
+    Theme("night", primary="#b06000", foreground="#a85a00", background="#000000", surface="#0a0500",
+          panel="#140a00", warning="#c07800", error="#d03000", dark=True),
+)  # fmt: skip
+_STATES = {"unacknowledged": "!!", "silenced": "!", "acknowledged": " ", "transferred": " ",
+           "rectified": "~"}  # fmt: skip
+
+
+class _Big(Vertical):
+    """One big figure with what stands below it."""
+
+    def compose(self) -> ComposeResult:
+        """Make head, digits and note."""
+        yield Static(classes="head")
+        yield Digits("", classes="digits")
+        yield Static(classes="note")
+
+    def show(self, figure: Figure, age: str, old: bool) -> None:
+        """Show a figure; `age`: of its topic, in words; `old`: it is stale."""
+        name, unit = figure.label, f" {figure.unit}"
+        fits = len(name) + len(unit) + len(age) + 2 <= self.content_size.width
+        if old and not fits:
+            unit = ""  # the age matters more
+        head = Text.assemble((name, "bold"), unit, no_wrap=True)
+        if fits or old:
+            head.append(f"  {age}", "reverse" if old else "dim")
+        self.query_one(".head", Static).update(head, layout=False)
+        text = figure.text.replace("−", "-").replace("–", "-")  # those that Digits can draw
+        self.query_one(Digits).update(text)
+        self.query_one(".note", Static).update(figure.note, layout=False)
+        self.set_class(old, "old")
+        self.set_class(figure.warns and not old, "warns")
+
+
+class TerminalConsole(App[None]):
+    """The console in a terminal, of a running suite or of a recording."""
+
+    CSS = """
+    Screen { layout: vertical; }
+    #top { height: 1; background: $panel; }
+    #bigs { grid-size: 4 1; grid-gutter: 0 1; height: 6; }
+    _Big { background: $surface; padding: 0 1; height: 6; }
+    _Big .digits { width: 1fr; color: $foreground; text-style: bold; }
+    _Big .head { height: 1; }
+    _Big .note { height: 2; }
+    _Big.warns .digits { color: $error; }
+    _Big.old .digits, _Big.old .note { color: $foreground 40%; }
+    #middle { height: 1fr; min-height: 6; }
+    #trend { width: 2fr; height: 100%; background: $surface; padding: 0 1; }
+    #right { width: 1fr; min-width: 30; margin-left: 1; }
+    #alerts { height: 1fr; background: $surface; padding: 0 1; }
+    #lines { height: auto; max-height: 7; background: $surface; padding: 0 1; margin-top: 1; }
+    #rows { grid-size: 3 1; grid-gutter: 0 1; height: 5; margin-top: 1; }
+    #rows Static { background: $surface; padding: 0 1; height: 100%; }
+    """
+    TITLE = "rope_twin console"
+    ENABLE_COMMAND_PALETTE = False
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("u", "units", "Units"),
+        Binding("p", "palette", "Palette"),
+        Binding("r", "range", "Range"),
+        Binding("b", "sound", "Bell"),
+        Binding("space", "pause", "Pause", show=False),
+        Binding("left", "seek(-1)", "Back", show=False),
+        Binding("right", "seek(1)", "On", show=False),
+        Binding("q,ctrl+c", "quit", "Quit"),
+    ]
+
+    def __init__(
+        self,
+        pages: Pages,
+        clock: Callable[[], float] = time.monotonic,
+        stopped: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Make the console of the pages' source.
+
+        Args:
+            pages: values of a source; no page need be connected.
+            clock: that of the pages [s].
+            stopped: asked before each row: whether the console is to end.
+        """
+        super().__init__()
+        self.pages, self._clock, self._stopped = pages, clock, stopped
+        self._units, self._to_limit, self._bell = 0, False, True
+        self._stale_s = stale_limits_s()
+        self._sounded_s = 0.0
+        logging.getLogger("rope_twin").addHandler(logging.NullHandler())  # a fault is an alert here
+
+    @property
+    def units(self) -> Units:
+        """Return the units that are shown."""
+        return UNITS[self._units]
+
+    def compose(self) -> ComposeResult:
+        """Make the parts of the screen."""
+        yield Static(id="top")
+        with Grid(id="bigs"):
+            for number in range(4):
+                yield _Big(id=f"big-{number}")
+        with Horizontal(id="middle"):
+            yield Static(id="trend")
+            with Vertical(id="right"):
+                yield Static(id="alerts")
+                yield Static(id="lines")
+        with Grid(id="rows"):
+            for name in ("payload", "sea", "winch"):
+                yield Static(id=name)
+        yield Footer()
+
+    def on_mount(self) -> None:
+        """Begin to read and to draw."""
+        for theme in _THEMES:
+            self.register_theme(theme)
+        self.theme = "dusk"
+        self.set_interval(1.0 / RATE_HZ, self._read)
+        self.set_interval(1.0 / DRAW_HZ, self.draw)
+
+    def draw(self) -> None:
+        """Draw what has arrived."""
+        if not self.is_running or not self.query("#top"):
+            return  # it is about to end
+        values, facts, units = self.pages.readings.values, self.pages.facts, self.units
+        ages = self.pages.readings.ages(self._clock())
+        self.query_one("#top", Static).update(self._head(ages), layout=False)
+        for number, figure in enumerate(big_figures(values, facts, units)):
+            age, old = self._age(figure.topic, ages)
+            self.query_one(f"#big-{number}", _Big).show(figure, age, old)
+        self._draw_trend(ages)
+        self.query_one("#alerts", Static).update(self._alerts(), layout=False)
+        lines = [*risk_lines(values, units), *quality_lines(values)]
+        self.query_one("#lines", Static).update("\n".join(lines) or "No forecast, no quality index")
+        payload = payload_figures(values, self.pages.profile, facts, units)
+        for name, rows in (("payload", payload), ("sea", sea_figures(values, facts)),
+                           ("winch", winch_figures(values, facts))):  # fmt: skip
+            self.query_one(f"#{name}", Static).update(self._table(rows, ages), layout=False)
+
+    def action_units(self) -> None:
+        """Show other units."""
+        self._units = (self._units + 1) % len(UNITS)
+        self.draw()
+
+    def action_palette(self) -> None:
+        """Show another palette."""
+        names = [theme.name for theme in _THEMES]
+        self.theme = names[(names.index(self.theme) + 1) % len(names)]
+        self.draw()
+
+    def action_range(self) -> None:
+        """Show the trend up to the limit, or its own range."""
+        self._to_limit = not self._to_limit
+        self.draw()
+
+    def action_sound(self) -> None:
+        """Turn the terminal's bell off or on."""
+        self._bell = not self._bell
+        self.draw()
+
+    def action_pause(self) -> None:
+        """Pause a recording, or play on."""
+        if isinstance(source := self.pages.source, Recording):
+            source.paused = not source.paused
+
+    def action_seek(self, steps: int) -> None:
+        """Show an earlier or later time of a recording."""
+        if isinstance(source := self.pages.source, Recording):
+            source.seek(source.position_s + steps * SEEK_S)
+
+    def _read(self) -> None:
+        if self._stopped():
+            self.exit()
+            return
+        self.pages.tick_or_report()
+
+    def _age(self, topic: str, ages: dict[str, float]) -> tuple[str, bool]:
+        """Return the age of a topic in words, and whether it is stale."""
+        age, limit = ages.get(topic), self._stale_s.get(topic)
+        if age is None:
+            return "", False
+        return f"{age:.1f} s", limit is not None and age > limit
+
+    def _head(self, ages: dict[str, float]) -> Text:
+        source, readings = self.pages.source, self.pages.readings
+        time_s = readings.time_s
+        if isinstance(source, Recording):
+            words, lost = "PAUSED" if source.paused else "RECORDING", False
+            where = f"{source.position_s:.0f} of {source.duration_s:.0f} s"
+        else:
+            lost = time_s is None or self._age(TENSION, ages)[1]
+            words = "NO TWIN" if time_s is None else "TWIN LOST" if lost else "LIVE"
+            where = f"{time.strftime('%H:%M:%S', time.gmtime())} UTC"
+        name = self.pages.facts.get("scene") or "rope_twin"
+        twin = "" if time_s is None else f"twin {time_s:.1f} s"
+        style = f"bold {self._styles.limit}" if lost else "bold"
+        rest = f"  {where}  {twin}  {self.units.name}" + ("" if self._bell else "  bell off")
+        return Text.assemble(f" {name} ", (words, style), rest, no_wrap=True)
+
+    def _draw_trend(self, ages: dict[str, float]) -> None:
+        place = self.query_one("#trend", Static)
+        width, height = place.content_size
+        if width < 20 or height < 4:
+            return
+        values, units, styles = self.pages.readings.values, self.units, self._styles
+        limits = self.pages.facts.get("limits") or {}
+        ropes = self.pages.facts.get("ropes")
+        known_n = (ropes[0].get("allowed_n") if ropes else None, limits.get("min_tension_n"))
+        marks = [one * units.per_newton for one in known_n if known(one)]
+        shown = curves(self.pages.trend.columns(), values.get("forecast"), units, styles)
+        head = Text.assemble(
+            (f"Tension [{units.force}]  ", "bold"), ("computed", styles.computed), "  ",
+            ("measured", styles.measured), "  ", ("limit", styles.limit),
+            "  range to the limit" if self._to_limit else "", "\n", no_wrap=True,
+        )  # fmt: skip
+        chart = draw(shown, marks, width, height - 1, styles, self._to_limit, units.force_digits)
+        if self._age(TENSION, ages)[1]:
+            chart.stylize("dim")
+        place.update(head + chart, layout=False)
+
+    def _alerts(self) -> Text:
+        rows = alert_rows(self.pages.readings.values)
+        self._sound([one.priority for one in rows if one.sounds])
+        text = Text.assemble((f"Alerts ({len(rows)})", "bold"))
+        alarm, warning = self._styles.limit, self._styles.measured
+        colours = {"emergency": alarm, "alarm": alarm, "warning": warning}
+        for one in rows:
+            colour = colours.get(one.priority, self._styles.axis)
+            style = f"{colour} reverse" if one.state == "unacknowledged" else colour
+            mark = f"{_STATES.get(one.state, ' ')}{one.priority.upper()}"
+            text.append("\n")
+            text.append(mark, style)
+            text.append(f" {one.title}: {one.text}")
+        if not rows:
+            text.append("\nNo alert", "dim")
+        return text
+
+    def _sound(self, priorities: Sequence[str]) -> None:
+        """Ring the terminal's bell for what sounds on the page."""
+        if not priorities or not self._bell:
+            return
+        kind = "warning" if set(priorities) <= {"warning"} else "alarm"
+        now_s = self._clock()
+        if now_s - self._sounded_s >= _SOUND_S[kind]:
+            self._sounded_s = now_s
+            self.bell()
+
+    def _table(self, rows: Sequence[Figure], ages: dict[str, float]) -> Table:
+        table = Table.grid(padding=(0, 1, 0, 0))
+        for one in rows:
+            age, old = self._age(one.topic, ages)
+            style = "dim" if old else self._styles.limit if one.warns else "bold"
+            text = f"{one.text} {one.unit}".rstrip() + (f" ({age} old)" if old else "")
+            table.add_row(Text(one.label, no_wrap=True), Text(text, style, no_wrap=True))
+        return table
+
+    @property
+    def _styles(self) -> Styles:
+        theme = self.current_theme
+        return Styles(theme.primary, theme.warning or "", "dim", theme.error or "", "dim")
