@@ -51,6 +51,7 @@ TEST = [
     "types-PyYAML",
     "httpx2>=2",  # requests of Starlette's test client
     "playwright>=1.50",  # the console in a browser, where there is Chromium
+    "axe-playwright-python>=0.1.8",  # axe-core for it
     *VIZ,
     *CONSOLE,
     *MODBUS,

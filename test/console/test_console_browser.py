@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import axe_playwright_python
 import pytest
 from console_rig import FACTS, TENSION_ALARM, TOKEN, FakeCommander, SnapshotSource
 from sample_snapshot import RESIDUAL, hanging_rope
@@ -32,6 +33,8 @@ pytestmark = [
 PATIENCE_S = 60.0
 FRESHNESS_S = 0.15 + 0.05  # interval at which the page looks at the ages, and a row
 PALETTES = "bright", "day", "dusk", "night"
+PAGES = "winch", "survey", "engineering", "log"
+AXE = Path(axe_playwright_python.__file__).with_name("axe.min.js")
 
 
 class RunningSource(SnapshotSource):
@@ -178,14 +181,15 @@ def test_loss_of_the_twin_goes_grey_within_a_second(
     assert limits_s["ropes/tension_top"] + FRESHNESS_S < 1.0
 
 
-@pytest.mark.parametrize(
-    ("palette", "width", "height"),
-    [*((one, 1280, 800) for one in PALETTES), ("day", 1024, 768), ("day", 1920, 1080)],
-)
+@pytest.mark.parametrize(("width", "height"), [(1024, 768), (1280, 720), (1920, 1080)])
 def test_one_screen_without_scrolling(
-    open_page: Callable[..., Any], palette: str, width: int, height: int
+    open_page: Callable[..., Any], width: int, height: int
 ) -> None:
-    page = open_page(palette=palette, width=width, height=height)
+    assert_one_screen(open_page(width=width, height=height), width, height)
+
+
+def assert_one_screen(page: Any, width: int, height: int) -> None:
+    """Check that the first page needs no scrolling, and that nothing on it is cut off."""
     root = "document.documentElement"
     assert page.evaluate(f"[{root}.scrollWidth, {root}.scrollHeight]") == [width, height]
     outside = page.evaluate(
@@ -211,9 +215,12 @@ def luminance(colour: str) -> float:
 
 
 @pytest.mark.parametrize("palette", PALETTES)
-def test_contrast_of_every_palette(open_page: Callable[..., Any], palette: str) -> None:
+def test_one_screen_and_contrast_in_every_palette(
+    open_page: Callable[..., Any], palette: str
+) -> None:
     """Big numbers 7:1, text 4.5:1, notes 3:1 (WCAG 2.2, 1.4.3 and 1.4.6); night stays dark."""
     page = open_page(palette=palette)
+    assert_one_screen(page, 1280, 800)
     for selector, least in (("#tension", 7.0), ("#tension-measured", 4.5), (".big h2", 4.5),
                             ("#payload-figures .k", 3.0), ("#risk", 3.0)):  # fmt: skip
         front, back = page.evaluate(
@@ -232,11 +239,69 @@ def test_contrast_of_every_palette(open_page: Callable[..., Any], palette: str) 
         assert luminance(ground) < 0.01
 
 
+AXE_RUN = """axe.run(document, {resultTypes: ["violations"]}).then((found) => found.violations
+  .map((one) => `${one.impact} ${one.id}: ${one.nodes.map((node) => node.target).join(", ")}`))"""
+
+
+@pytest.mark.parametrize("palette", PALETTES)
+def test_axe_finds_nothing_in_any_page(
+    open_page: Callable[..., Any], served: Served, palette: str
+) -> None:
+    """Rules of axe-core 4 on every page, with an alert, the panel of commands and a question."""
+    served.source.alerts, served.source.horizon_s = [TENSION_ALARM], 12.0
+    page = open_page(palette=palette)
+    page.evaluate(AXE.read_text())
+    until_shown(page, "alerts", "510 kN")
+    for key, name in enumerate(PAGES, 1):
+        page.keyboard.press(str(key))
+        until(page, f"!document.getElementById('{name}').hidden")
+        assert page.evaluate(AXE_RUN) == [], name
+    page.keyboard.press("1")
+    sign_in_and_take_the_seat(page)
+    until_shown(page, "seat", "In command")
+    page.fill("#set-point", "12")
+    page.press("#set-point", "Enter")
+    until_shown(page, "dialog-title", "Confirm the command")
+    assert page.evaluate(AXE_RUN) == []
+
+
+def test_a_tablet_is_used_by_touch_alone(browser: Any, served: Served) -> None:
+    served.reset()
+    size = {"width": 1024, "height": 768}
+    context = browser.new_context(viewport=size, has_touch=True)
+    page = context.new_page()
+    page.goto(served.server.address)
+    until_shown(page, "link", "LIVE")
+    for name in (*PAGES[1:], PAGES[0]):
+        page.tap(f"#tab-{name}")
+        until(page, f"!document.getElementById('{name}').hidden")
+    small = page.evaluate(
+        """() => [...document.querySelectorAll('button, .button, input, select')].filter((one) => {
+             const box = one.getBoundingClientRect();
+             return box.width && (box.width < 24 || box.height < 24);
+           }).map((one) => one.id)"""
+    )
+    assert small == []  # WCAG 2.2, 2.5.8
+    page.tap("#palette")
+    until_shown(page, "palette", "Dusk")
+    page.tap("#stop")
+    until_shown(page, "dialog-title", "Control of the winch")
+    context.close()
+
+
 def test_keys_reach_every_page(open_page: Callable[..., Any]) -> None:
     page = open_page()
-    for key, name in (("2", "survey"), ("3", "engineering"), ("4", "log"), ("1", "winch")):
-        page.keyboard.press(key)
-        until(page, f"!document.getElementById('{name}').hidden")
+    for key in (2, 3, 4, 1):
+        page.keyboard.press(str(key))
+        until(page, f"!document.getElementById('{PAGES[key - 1]}').hidden")
+    page.focus("#tab-winch")
+    page.keyboard.press("ArrowRight")
+    until(page, "document.activeElement.id === 'tab-survey'")
+    reached = set()
+    for _ in range(20):  # the Tab key alone
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.id"))
+    assert {"units", "palette", "seat", "stop", "true-scale"} <= reached
     page.keyboard.press("3")
     until(page, "document.querySelector('#diagnostics tbody').rows.length > 0")
     page.keyboard.press("p")
