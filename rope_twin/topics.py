@@ -236,6 +236,15 @@ TOPICS: tuple[Topic, ...] = (
     Topic("forecast/quiet", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
           "quiet windows: begin_s after the origin; length_s; probability that the payload stays "
           "below speed_limit_m_per_s; age_s", of_snapshot=False, in_view=False),
+    Topic("forecast/what_if", "std_msgs/msg/String", Qos.COMMAND, 0.0, "",
+          "orders that the next forecast compares with hold, such as: lower:0.5 stop "
+          "compensation:off; nothing is commanded (text)", of_snapshot=False, in_view=False),
+    Topic("forecast/orders", "sensor_msgs/msg/PointCloud2", Qos.COMMAND, 0.0, "forecast",
+          "answer to forecast/what_if, stamped with its origin, a row for each order and span_s: "
+          "name of the order; tension, slack, contact, landing as in forecast/risk; change of the "
+          "span's highest tension against hold on the same heave, 5, 50 and 95 %: "
+          "peak_change_5_n ...; lower, share of members whose highest tension is lower",
+          of_snapshot=False, in_view=False),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
           "pacing, solver and inputs: OK, WARN or ERROR with the reason; also of the recorder",
           of_snapshot=False),
@@ -269,6 +278,7 @@ MEASURED_DEPTH = "payload/measured_depth"
 MEASURED_ELEVATION = "sea/measured_elevation"
 MEASURED_TOPICS = WINCH_MEASURED, MOTOR_TENSION, MEASURED_DEPTH
 ALERTS, ALERT_COMMAND = "alerts", "alerts/command"
+WHAT_IF, WHAT_IF_ORDERS = "forecast/what_if", "forecast/orders"
 FORECAST_RISK = "forecast/risk"  # its score is judged by the quality index
 # topics with which the twin is driven and judged; the simulation subscribes to ALERT_COMMAND and
 # FORECAST_RISK too

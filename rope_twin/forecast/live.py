@@ -29,8 +29,17 @@ from rope_twin.forecast.heave_process import (
 )
 from rope_twin.forecast.kept import KeptForecasts
 from rope_twin.forecast.nominal_rope import NominalRope, scene_at_line
-from rope_twin.forecast.recorded_lift import seabed_depth_m
-from rope_twin.forecast.risk import BEGINS_S, Limits, QuietWindow, Risk, quiet_windows, risks
+from rope_twin.forecast.orders import CONTINUE, Order, check_order
+from rope_twin.forecast.recorded_lift import line_to_contact_m, seabed_depth_m
+from rope_twin.forecast.risk import (
+    BEGINS_S,
+    Limits,
+    QuietWindow,
+    Risk,
+    compare,
+    quiet_windows,
+    risks,
+)
 from rope_twin.forecast.tension_forecast import (
     ForecastSettings,
     Known,
@@ -49,7 +58,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.sea.ship_motion import BoxHull, heave_response
 
 Floats = NDArray[np.float64]
-Row = Mapping[str, float]
+Row = Mapping[str, float | str]
 
 INTERVAL_S = 1.0
 LARGEST_GAP_S = 2.0  # of a series that is bridged
@@ -108,6 +117,7 @@ class Heard:
     pin_n: Series = field(default_factory=Series)  # tension that was measured; judges forecasts
     # mean and standard deviation of the logarithms of learned figures; None: nothing is learned
     figures: tuple[Mapping[str, float], Mapping[str, float]] | None = None
+    asked: tuple[Order, ...] = ()  # orders that the next forecast compares
 
     def clear(self) -> None:
         """Forget everything, as after a pause."""
@@ -139,6 +149,8 @@ class LiveForecast:
     coverage: float  # of the kept bands; NaN: not yet known
     judged: int  # number of kept forecasts that it is of
     age_s: float  # of the newest input when the forecast was ready
+    orders: tuple[TensionForecast, ...] = ()  # that were asked for, on the same heave
+    refused: tuple[str, ...] = ()  # orders that the scene cannot follow, a sentence each
 
 
 class LiveForecaster:
@@ -218,16 +230,34 @@ class LiveForecaster:
         known = Known(
             origin_s, heave, line, mean, waves, response,
             compensated=bool(winch and winch.heave_compensation) and is_on is not False,
+            to_contact_m=line_to_contact_m(self._scene, float(line[-1])),
         )  # fmt: skip
-        (made,) = self._forecaster.forecast(
-            known, self._nominal.states()[0], factor=self.kept.factor()
+        asked, heard.asked = heard.asked, ()
+        possible, refused = self._possible(asked, known)
+        made, *compared = self._forecaster.forecast(
+            known, self._nominal.states()[0], (Order(CONTINUE), *possible), self.kept.factor()
         )
         self.kept.keep(made)
         return LiveForecast(
             made, tuple(risks(made, self._limits, self._depth_m)),
             tuple(quiet_windows(made, self._limits)), self.kept.coverage(), self.kept.judged,
-            now_s() - origin_s,
+            now_s() - origin_s, tuple(compared), refused,
         )  # fmt: skip
+
+    def _possible(
+        self, asked: Sequence[Order], known: Known
+    ) -> tuple[list[Order], tuple[str, ...]]:
+        """Return the orders that the scene can follow, and why it cannot follow the others."""
+        assert self._forecaster is not None
+        possible, refused = list[Order](), list[str]()
+        now = self._forecaster.line_now(known)
+        for order in asked:
+            try:
+                check_order(order, self._scene.winch, now)
+                possible.append(order)
+            except InputError as error:
+                refused.append(str(error))
+        return possible, tuple(refused)
 
     def _begin(self, grid: Floats, line: Floats) -> None:
         """Build the fleet for the present line out, and the nominal rope from rest."""
@@ -296,8 +326,23 @@ def _before(rows: Floats, grid: Floats) -> tuple[NDArray[np.intp], NDArray[np.in
     return since, np.searchsorted(rows[:, 0], grid, side="right")
 
 
+def orders_of(made: LiveForecast, limits: Limits, seabed_m: float | None) -> list[Row]:
+    """Return the rows of the orders that were asked for: risks, and change against the first."""
+    rows = list[Row]()
+    for forecast in made.orders:
+        for one in risks(forecast, limits, seabed_m):
+            change = compare(forecast, made.orders[0], one.span_s)
+            peaks = zip(band_columns("peak_change_n"), change.peak_n, strict=True)
+            rows.append(
+                {"name": forecast.order, "span_s": one.span_s, "tension": one.tension,
+                 "slack": one.slack, "contact": one.contact, "landing": one.landing, **dict(peaks),
+                 "lower": change.lower}
+            )  # fmt: skip
+    return rows
+
+
 def tables_of(made: LiveForecast, limits: Limits) -> dict[str, list[Row]]:
-    """Return the rows of each topic of `messages.forecast`."""
+    """Return the rows of each topic of `messages.forecast` but those of orders."""
     own = made.forecast
     bands = {
         column: row

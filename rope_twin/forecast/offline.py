@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from rope_twin.forecast.heave_process import AHEAD_S, SAMPLE_S
 from rope_twin.forecast.kept import KeptForecasts
 from rope_twin.forecast.nominal_rope import nominal_states
 from rope_twin.forecast.orders import CONTINUE, Order
-from rope_twin.forecast.recorded_lift import RecordedLift, seabed_depth_m
+from rope_twin.forecast.recorded_lift import RecordedLift, line_to_contact_m, seabed_depth_m
 from rope_twin.forecast.risk import SPANS_S
 from rope_twin.forecast.score import BrierScore, LeadScore, brier, coverage, score_lead
 from rope_twin.forecast.tension_forecast import (
@@ -138,13 +138,8 @@ class RecordingForecaster:
         return self._forecaster.forecast(known, start, orders, self.kept.factor(), plan)
 
     def _known(self, sample: int) -> Known:
-        known = self.lift.known_at(sample)
-        if self.depth_m is None:
-            return known
-        # line to pay out: the depth that is missing, as the rope hangs nearly straight
-        height = self.lift.scene.ship.hang_off_m[2]
-        missing = self.depth_m - (float(known.line_out_m[-1]) - height)
-        return replace(known, to_contact_m=max(missing, 0.0))
+        to_contact = line_to_contact_m(self.lift.scene, float(self.lift.line_out_m[sample]))
+        return self.lift.known_at(sample, to_contact)
 
     def _scored(
         self, made: list[TensionForecast], samples: list[int], limit_n: float

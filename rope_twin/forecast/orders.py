@@ -27,6 +27,7 @@ CONTINUE, HOLD, STOP, LOWER, HAUL, LAND, COMPENSATION = (
 KINDS = (CONTINUE, HOLD, STOP, LOWER, HAUL, LAND, COMPENSATION)
 WITH_SPEED = (LOWER, HAUL, LAND)
 SLACK_AFTER_LANDING_M = 2.0  # line paid out beyond first contact
+MOST_ORDERS = 6  # compared at once: each takes as long as a forecast
 USUAL_ACCELERATION = 0.3  # m/s², of a scene without a winch
 USUAL_SPEED = 0.5  # m/s, of `lower`, `haul` and `land` without one
 _WORD = re.compile(r"([a-z]+)(?::(.+))?")
@@ -77,6 +78,19 @@ def read_order(word: str) -> Order:
         right = f"give metres per second above 0, like {kind}:0.5"
         raise InputError(phrase("order", f"the speed of '{word}' is {value}", right))
     return Order(kind, speed)
+
+
+def read_orders(words: str) -> tuple[Order, ...]:
+    """Return `hold` and the orders of a text such as `lower:0.5 stop`, each once.
+
+    Raises:
+        InputError: no order, an unknown one, or more than MOST_ORDERS.
+    """
+    asked = words.split()
+    if not 0 < len(asked) <= MOST_ORDERS:
+        right = f"give one to {MOST_ORDERS}, like lower:0.5 stop"
+        raise InputError(phrase("orders", f"there are {len(asked)}", right))
+    return tuple(dict.fromkeys([Order(HOLD), *map(read_order, asked)]))
 
 
 @dataclass(frozen=True)

@@ -129,6 +129,17 @@ def seabed_depth_m(scene: Scene) -> float | None:
     return None
 
 
+def line_to_contact_m(scene: Scene, line_out_m: float) -> float | None:
+    """Return the line to pay out until the payload lands [m], at least 0; None: no seabed.
+
+    The depth that is missing, as if the rope hung straight.
+    """
+    depth = seabed_depth_m(scene)
+    if depth is None:
+        return None
+    return max(depth - (line_out_m - scene.ship.hang_off_m[2]), 0.0)
+
+
 def _scene_of(path: Path) -> Scene:
     """Return the scene of the newest session in a bag. Raises BagError."""
     return read_content(path).sessions[-1].session.scene()

@@ -264,7 +264,7 @@ class TensionForecaster:
             SolverError: fewer than LEAST_MEMBERS members came through.
         """
         winch = self.scene.winch
-        now = self._now(known)
+        now = self.line_now(known)
         ahead = len(self.leads) * self._steps
         lines = [
             plan if plan is not None and order.kind == CONTINUE
@@ -347,7 +347,7 @@ class TensionForecaster:
         at = own.step_s * np.arange(round(own.burn_in_s / own.step_s) + 1) - own.burn_in_s
         return spline(at), spline(at, 1)
 
-    def _now(self, known: Known) -> LineNow:
+    def line_now(self, known: Known) -> LineNow:
         """Return the line at the origin; its speed without what the compensation adds."""
         over = round(LINE_SPEED_S / SAMPLE_S)  # by all its samples: one is a counter's step off
         since = SAMPLE_S * (np.arange(over + 1) - 0.5 * over)

@@ -21,9 +21,12 @@ from rope_twin.forecast.live import (
     Heard,
     LiveForecast,
     LiveForecaster,
+    orders_of,
     tables_of,
     usual_limits,
 )
+from rope_twin.forecast.orders import read_orders
+from rope_twin.forecast.recorded_lift import seabed_depth_m
 from rope_twin.forecast.tension_forecast import (
     ERROR_MARGIN,
     LEARNED_SPREAD,
@@ -36,11 +39,18 @@ from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import ForecastParams, declare
 from rope_twin.ros.qos import listen, publish
 from rope_twin.scene.load import load_scene
-from rope_twin.topics import BY_NAME, ESTIMATE_TOPIC, MEASURED_ELEVATION, WINCH_MEASURED
+from rope_twin.topics import (
+    BY_NAME,
+    ESTIMATE_TOPIC,
+    MEASURED_ELEVATION,
+    WHAT_IF,
+    WHAT_IF_ORDERS,
+    WINCH_MEASURED,
+)
 
 _WINCH_STATE = "winch/state"
 _HEARD = ("ship/heave", "hang_off/odometry", "ropes/length", "ropes/tension_top",
-          WINCH_MEASURED, MEASURED_ELEVATION, _WINCH_STATE, ESTIMATE_TOPIC)  # fmt: skip
+          WINCH_MEASURED, MEASURED_ELEVATION, _WINCH_STATE, ESTIMATE_TOPIC, WHAT_IF)  # fmt: skip
 _DEPTH = 200  # messages that may queue in the middleware
 _DIAGNOSTICS_S = 1.0
 # after which the simulation's values stand in for measured ones: less than a gap that ends a series
@@ -69,7 +79,7 @@ class ForecastNode(Node):
         scene = load_scene(own.scene)
         given = own.tension_limit_n, own.contact_limit_m_per_s, own.quiet_m_per_s, own.quiet_s
         self._limits = usual_limits(scene, given)
-        self._hang_off = scene.ship.hang_off_m
+        self._hang_off, self._seabed_m = scene.ship.hang_off_m, seabed_depth_m(scene)
         error = MotionError(coloured_m=ERROR_MARGIN * own.motion_error_m)
         settings = ForecastSettings(
             members=own.members, motion_error=error, spread=unlearned_spread(scene.learning)
@@ -101,15 +111,23 @@ class ForecastNode(Node):
     def _send(self, made: LiveForecast) -> None:
         """Publish the tables of a forecast, stamped with its origin (in the worker's thread)."""
         origin_ns = round(made.forecast.origin_s * 1e9)
-        for name, rows in tables_of(made, self._limits).items():
+        tables = tables_of(made, self._limits)
+        if made.orders:
+            tables[WHAT_IF_ORDERS] = orders_of(made, self._limits, self._seabed_m)
+        for name, rows in tables.items():
             self._own_publishers[name].publish(encode_forecast(name, origin_ns, "map", rows))
+        for words in made.refused:
+            self.get_logger().warning(words)
 
     def _taker(self, name: str) -> Any:
         def take(data: bytes, info: dict[str, Any]) -> None:
             try:
                 self._take(name, decode(name, data))
             except (InputError, IndexError, AttributeError) as error:
-                self.get_logger().warning(f"{name}: {error}", once=True)
+                if name == WHAT_IF:  # someone waits for the answer
+                    self.get_logger().warning(f"{name}: {error}")
+                else:
+                    self.get_logger().warning(f"{name}: {error}", once=True)
 
         return take
 
@@ -119,6 +137,9 @@ class ForecastNode(Node):
             table = read_cloud(message)
             if len(table) and "compensation_on" in (table.dtype.names or ()):
                 self._heard.compensation_on = bool(table["compensation_on"][0] > 0.5)
+            return
+        if name == WHAT_IF:
+            self._heard.asked = read_orders(message.data)
             return
         if name == ESTIMATE_TOPIC:
             self._heard.figures = learned_figures(message)

@@ -33,7 +33,7 @@ NOT_TOLD = {
     "current", "ship/odometry", "seabed/contact", "ropes/vibration",
     "ropes/fatigue", "ropes/cut", *WINCH_TOPICS, *MEASURED_TOPICS, MEASURED_ELEVATION,
     "estimate/figures", "estimate/alarms", "alerts/command",
-    "forecast/tension", "forecast/risk", "forecast/quiet",
+    "forecast/tension", "forecast/risk", "forecast/quiet", "forecast/what_if", "forecast/orders",
 } - {"winch/speed_command"}  # fmt: skip
 COMPARED = [topic.name for topic in TOPICS if topic.name not in OF_ONE_BAG and not topic.only_with]
 

@@ -21,9 +21,11 @@ from rope_twin.forecast.live import (
     LiveForecaster,
     Series,
     _sampled,
+    orders_of,
     tables_of,
     usual_limits,
 )
+from rope_twin.forecast.orders import read_orders
 from rope_twin.forecast.risk import Limits
 from rope_twin.forecast.tension_forecast import TENSION, ForecastSettings
 from rope_twin.messages import decode, read_cloud
@@ -130,6 +132,41 @@ def test_worker_publishes_and_ends(scene: Scene) -> None:
     )  # fmt: skip
     assert tension["top_tension_50_n"] == pytest.approx(made[0].forecast.band()[1])
     assert (tension["top_tension_5_n"] <= tension["top_tension_95_n"]).all()
+
+
+def test_orders_are_compared_once(scene: Scene) -> None:
+    """On the seas of the forecast, beside hold; one that the scene cannot follow says why."""
+    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
+    feed(heard, 0.0, 130.0)
+    heard.asked = read_orders("lower:0.5 haul:0.5 land:0.2 hold")
+    made = forecaster.forecast(heard, lambda: BEGIN_S + 130.0)
+    assert [one.order for one in made.orders] == ["hold", "lower:0.5", "haul:0.5"]
+    assert "no seabed" in made.refused[0]
+    assert len(made.refused) == 1
+    rows = orders_of(made, LIMITS, None)
+    topic = "forecast/orders"
+    table = read_cloud(decode(topic, encode_forecast(topic, 0, "map", rows)))
+    assert table.dtype.names == COLUMNS[topic]
+    names = [bytes(name).decode() for name in table["name"]]
+    assert names == 4 * ["hold"] + 4 * ["lower:0.5"] + 4 * ["haul:0.5"]
+    first = table[:4]
+    assert (first["peak_change_5_n"] == 0.0).all()
+    assert (first["lower"] == 0.0).all()
+    assert table["span_s"][:4].tolist() == [10.0, 20.0, 30.0, 60.0]
+    # hauling in begins with the payload's mass times the winch's acceleration, and its rebound
+    jerk_n = scene.payloads[0].mass_kg * 0.3
+    assert jerk_n < table["peak_change_50_n"][8] < 4.0 * jerk_n
+    feed(heard, 130.0, 131.0)
+    after = forecaster.forecast(heard, lambda: BEGIN_S + 131.0)
+    assert not after.orders
+    assert not after.refused
+
+
+@pytest.mark.parametrize("words", ["", "hold " * 7, "lower:fast", "swim"])
+def test_orders_that_are_none(words: str) -> None:
+    """One sentence says what is wrong and what would be right."""
+    with pytest.raises(InputError, match=r"give|known: compensation"):
+        read_orders(words)
 
 
 def test_topics_of_forecasts() -> None:

@@ -27,7 +27,7 @@ from rope_twin.messages import (
 from rope_twin.messages.alerts import encode_alerts, encode_command
 from rope_twin.messages.cdr import deserialise, new, serialise
 from rope_twin.messages.estimate import COLUMNS, STATES, encode_alarm, encode_estimate
-from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast
+from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast, encode_what_if
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.input_log import encode_json
@@ -73,6 +73,7 @@ def all_messages(stamp_ns: int) -> dict[str, bytes]:
         "estimate/alarms": encode_alarm("payload lost since 12.0 s"),
         "alerts": encode_alerts(stamp_ns, 0, []),
         "alerts/command": encode_command("acknowledge all"),
+        "forecast/what_if": encode_what_if("lower:0.5 stop"),
         **{
             name: encode_forecast(name, stamp_ns, "map", [{"age_s": 0.2}])
             for name in FORECAST_TOPICS

@@ -17,6 +17,7 @@ from rope_twin.messages import (
     read_cloud,
 )
 from rope_twin.messages.estimate import encode_estimate
+from rope_twin.messages.forecast import encode_what_if
 from rope_twin.ros.forecast_node import learned_figures
 from rope_twin.ros.params import node_parameters
 from rope_twin.run.options import RunOptions
@@ -32,9 +33,11 @@ def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
     """Two minutes of measured motion, then a forecast stamped with the newest instant of it."""
     scene = small_scene(tmp_path)
     node = bench.make("forecast", scene=str(scene.path), members=19, tension_limit_n=80e3)
-    names = ("ship/heave", "winch/measured", "sea/measured_elevation")
+    names = ("ship/heave", "winch/measured", "sea/measured_elevation", "forecast/what_if")
     publishers = {name: bench.publisher(name) for name in names}
-    tables = {name: bench.listen(f"forecast/{name}") for name in ("tension", "risk", "quiet")}
+    tables = {
+        name: bench.listen(f"forecast/{name}") for name in ("tension", "risk", "quiet", "orders")
+    }
     heard = bench.listen("diagnostics")
     node.begin()
     for publisher in publishers.values():
@@ -55,7 +58,18 @@ def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
                 lambda before=length: len(node._heard.heave_m.table()) >= before, "it keeps up"
             )
         bench._spin(0.002)
-    bench.until(lambda: all(tables.values()), "forecasts")
+    bench.until(lambda: all(tables[name] for name in ("tension", "risk", "quiet")), "forecasts")
+    publishers["forecast/what_if"].publish(encode_what_if("swim"))  # a warning, and no more
+    publishers["forecast/what_if"].publish(encode_what_if("lower:0.5 stop"))
+    bench.until(lambda: node._heard.asked, "the orders are heard")
+    ns += round(0.5e9)
+    publishers["ship/heave"].publish(encode_heave(ns, 0.1, 0.0))
+    publishers["winch/measured"].publish(
+        encode_measurement(ns, Measurement.of_winch(ns, 200.0, 0.0, 76e3))[1]
+    )
+    bench.until(lambda: tables["orders"], "orders are compared")
+    answer = read_cloud(tables["orders"][0])
+    assert {bytes(name) for name in answer["name"]} == {b"hold", b"lower:0.5", b"stop"}
     message = tables["tension"][0]
     newest_s = BEGIN_NS // S + math.floor((count - 1) * PERIOD_S / 0.5) * 0.5
     assert message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec <= newest_s
