@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rope_twin.alerts.alert_list import EVERY, Alert, AlertList
 from rope_twin.alerts.situations import Watch
@@ -31,6 +31,11 @@ class AlertMonitor:
         """Take the newest rows of the diagnostics."""
         with self._lock:
             self._watch.take_rows(list(rows))
+
+    def take_risks(self, rows: Sequence[Mapping[str, float]]) -> None:
+        """Take the risks of the newest forecast, as forecast/risk has them."""
+        with self._lock:
+            self._watch.take_risks(rows)
 
     def look(self, shot: Snapshot) -> bool:
         """Judge a snapshot; return whether the list is to be published."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -36,6 +36,9 @@ AT_LIMIT_SHARE = 0.1  # of LIMIT_WINDOW_NS
 LIMIT_WINDOW_NS = 60 * SECOND
 POOR_INDEX, DOUBTFUL_INDEX = 0.7, 0.5  # of a quality index
 WAVES_S = 30.0  # two of the longest waves: what each crest exceeds is one situation
+RISK_SPAN_S = 30.0  # within which a crew can still stop, haul or lower through
+POSSIBLE, LIKELY = 0.1, 0.5  # probabilities that call for a caution and a warning
+RISK_AGE_NS = 5 * SECOND  # of the last forecast heard: an older one is of the past
 EVENT_S = 10.0  # an event, such as a landing too fast, is a present situation for so long
 CAUTION, WARNING, ALARM = Priority.CAUTION, Priority.WARNING, Priority.ALARM
 
@@ -59,6 +62,7 @@ class Moment(NamedTuple):
     scene: SceneFigures
     least_payload_n: float  # tension at the payload over the last minute; NaN: does not count
     at_limit: float  # share of the last minute that the winch was at one of its limits
+    risk: Mapping[str, float]  # of RISK_SPAN_S ahead, as forecast/risk has it; empty: unknown
 
 
 @dataclass(frozen=True)
@@ -248,6 +252,22 @@ def _faults(at: Moment) -> Iterator[Measure]:
         yield _present("faults", WARNING if row.level >= Level.ERROR else CAUTION, row.message)
 
 
+def _forecast(at: Moment) -> Iterator[Measure]:
+    """Find what the forecast node expects within RISK_SPAN_S."""
+    risk, levels = at.risk, ((POSSIBLE, CAUTION), (LIKELY, WARNING))
+    if not risk:
+        return
+    limits = {
+        "tension": f"tension above {risk['tension_limit_n'] / 1e3:.1f} kN",
+        "slack": "a slack rope",
+        "contact": f"landing faster than {risk['contact_limit_m_per_s']:g} m/s",
+    }
+    for name, words in limits.items():
+        if math.isfinite(risk[name]):
+            text = f"{words} within {RISK_SPAN_S:g} s: probability {risk[name]:.0%}"
+            yield Measure(name, risk[name], levels, text)
+
+
 def _rows(at: Moment, names: tuple[str, ...], priority: Priority) -> Iterator[Measure]:
     for name in names:
         row = at.rows.get(name)
@@ -277,6 +297,7 @@ KINDS = (
     Kind(10014, "twin late", _pace, delay_s=5.0, hold_s=10.0),
     Kind(10015, "supervision", _supervision, delay_s=5.0, hold_s=10.0),
     Kind(10016, "fault alarm", _faults, hold_s=0.0, category="A"),
+    Kind(10017, "forecast", _forecast, delay_s=3.0, hold_s=10.0, deadband=0.3),
 )
 
 
@@ -312,6 +333,13 @@ class Watch:
         self._payload: deque[tuple[int, float]] = deque()  # rising tensions: least first
         self._limited: deque[tuple[int, int]] = deque()  # time at a limit of the winch [ns]
         self._seen_ns: int | None = None
+        self._risk: Mapping[str, float] = {}
+        self._risk_ns = 0
+
+    def take_risks(self, rows: Sequence[Mapping[str, float]]) -> None:
+        """Take the risks of the newest forecast, as forecast/risk has them."""
+        self._risk = next((row for row in rows if row["span_s"] == RISK_SPAN_S), {})
+        self._risk_ns = self._seen_ns or 0
 
     def take_rows(self, rows: list[Status]) -> None:
         """Take the newest rows of the diagnostics."""
@@ -320,7 +348,8 @@ class Watch:
     def look(self, shot: Snapshot) -> list[Situation]:
         """Return the situations at the time of a snapshot."""
         least, share = self._least_payload_n(shot), self._share_at_limit(shot)
-        moment = Moment(shot, self._rows, self._scene, least, share)
+        risk = self._risk if shot.stamp_ns - self._risk_ns <= RISK_AGE_NS else {}
+        moment = Moment(shot, self._rows, self._scene, least, share, risk)
         found: list[Situation] = []
         for kind in KINDS:
             measures = {one.where: one for one in kind.find(moment)}

@@ -70,14 +70,15 @@ def encode_what_if(words: str) -> bytes:
     return serialise(new("std_msgs/msg/String", data=words))
 
 
-def read_score(data: bytes) -> dict[str, float]:
-    """Return the columns of SCORE of a message on RISK_TOPIC; each of its rows has them.
+def read_risks(data: bytes) -> list[dict[str, float]]:
+    """Return the rows of a message on RISK_TOPIC.
 
     Raises:
-        InputError: it is no such message, or has no row.
+        InputError: it is no such message, has no row, or a row lacks a column.
     """
     table = templates.read_cloud(decode(RISK_TOPIC, data))
-    if not len(table) or not set(SCORE).issubset(table.dtype.names or ()):
+    columns = COLUMNS[RISK_TOPIC]
+    if not len(table) or not set(columns).issubset(table.dtype.names or ()):
         what, right = f"{len(table)} rows without {', '.join(SCORE)}", "send the forecast node's"
         raise InputError(phrase(RISK_TOPIC, what, right))
-    return {name: float(table[name][0]) for name in SCORE}
+    return [{name: float(row[name]) for name in columns} for row in table]

@@ -345,7 +345,7 @@ class SimulationNode(LifecycleNode):
             if name == CUT_TOPIC:
                 self.paced.border.take_cut(data)
             elif name == FORECAST_RISK:
-                self.paced.border.take_forecast(data)
+                self.paced.alerts.take_risks(self.paced.border.take_forecast(data))
             elif name in MEASURED_TOPICS:
                 self.paced.border.take_measurement(name, data)
             else:

@@ -18,7 +18,7 @@ from typing import TypeVar
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status
-from rope_twin.messages.forecast import read_score
+from rope_twin.messages.forecast import SCORE, read_risks
 from rope_twin.messages.inputs import (
     read_current,
     read_cut,
@@ -203,11 +203,15 @@ class InputBorder:
         if content is not None:
             self._inputs.offer_current(content)
 
-    def take_forecast(self, data: bytes) -> None:
-        """Accept or reject a message on FORECAST_RISK: how the last forecasts turned out."""
-        content = self._read(FORECAST_RISK, lambda: read_score(data))
-        if content is not None and self._epoch() is not None:
-            self._inputs.offer_forecast_score(**content)
+    def take_forecast(self, data: bytes) -> list[dict[str, float]]:
+        """Accept or reject a message on FORECAST_RISK; return its risks, none if it is rejected.
+
+        Each of its rows says how the last forecasts turned out.
+        """
+        rows = self._read(FORECAST_RISK, lambda: read_risks(data)) or []
+        if rows and self._epoch() is not None:
+            self._inputs.offer_forecast_score(**{name: rows[0][name] for name in SCORE})
+        return rows
 
     def rows(self) -> list[Status]:
         """Return the diagnostics rows of seats, messages and senders."""

@@ -164,6 +164,31 @@ def test_a_fault_alarm_lasts_until_its_service_ends_it(scene: Any) -> None:
     assert course.see(0.02) == {}, "a run that does not learn has no row"
 
 
+def test_what_the_forecast_expects(scene: Any) -> None:
+    """10017: possible is a caution, likely a warning; a forecast that falls silent ends it."""
+    course = Course(scene)
+    row = {"tension": 0.05, "slack": 0.0, "contact": math.nan, "tension_limit_n": 1e5,
+           "contact_limit_m_per_s": 0.5}  # fmt: skip
+
+    def see(seconds: float, **risks: float) -> dict[tuple[int, str], Priority]:
+        found: dict[tuple[int, str], Priority] = {}
+        for _ in range(round(seconds)):
+            course.watch.take_risks([row | {"span_s": 10.0}, row | risks | {"span_s": 30.0}])
+            found = course.see(1.0)
+        return found
+
+    tension, slack = (10017, "tension"), (10017, "slack")
+    assert see(10) == {}
+    assert see(2, tension=0.2) == {}, "one forecast alone is not yet a reason"
+    assert see(3, tension=0.2) == {tension: Priority.CAUTION}
+    assert see(5, tension=0.6, slack=0.7) == {
+        tension: Priority.WARNING, slack: Priority.WARNING
+    }  # fmt: skip
+    assert see(20, tension=0.45) == {tension: Priority.WARNING}, "within the deadband"
+    assert see(12, tension=0.2) == {tension: Priority.CAUTION}
+    assert course.see(16.0) == {}, "the last forecast is older than 5 s"
+
+
 def test_events_and_modes(scene: Any) -> None:
     course = Course(scene)
     fast = replace(course.quiet).payload_velocity_m_per_s.copy()
