@@ -26,6 +26,7 @@ if "AMENT_PREFIX_PATH" not in os.environ:
 VIZ = ["rerun-sdk==0.41.0", "pillow>=10"]
 PLOT = ["matplotlib>=3.8", "pyarrow>=14"]  # pictures, and tables as Parquet
 MODBUS = ["pymodbus>=3.13"]  # feeds from a PLC
+OPCUA = ["asyncua>=2"]  # feeds from an OPC UA server; LGPL-3.0, so an extra that nothing needs
 STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on clusters too
 PLANNING = ["h5netcdf[h5py]>=1.4"]  # RAOs from netCDF files of Capytaine
 # the operator console: in browsers, and by Textual in a terminal
@@ -55,6 +56,7 @@ TEST = [
     *VIZ,
     *CONSOLE,
     *MODBUS,
+    *OPCUA,
     *STUDY,
     *PLANNING,
     *DOCS,
@@ -94,6 +96,7 @@ setup(
         "plot": PLOT,
         "console": CONSOLE,
         "modbus": MODBUS,
+        "opcua": OPCUA,
         "study": STUDY,
         "planning": PLANNING,
         "docs": DOCS,

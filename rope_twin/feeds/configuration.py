@@ -14,7 +14,7 @@ from typing import NamedTuple
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.feeds import line_monitors, motion_sensors
 from rope_twin.feeds.readings import Parser
-from rope_twin.feeds.registers import START, Register
+from rope_twin.feeds.registers import OPCUA_START, START, OpcNode, Register
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.document import Place, read_document
 from rope_twin.scene.reader import read_object
@@ -42,16 +42,17 @@ SIGNS: dict[str, dict[str, float]] = {
     "roll": {"port_up": 1.0, "starboard_up": -1.0},  # REP 103: x forward, y to port
     "pitch": {"bow_down": 1.0, "bow_up": -1.0},
 }
-MODBUS = "modbus"
+MODBUS, OPCUA = "modbus", "opcua"
 LINE, MOTION = "line monitor", "motion sensor"
 LOAD_PIN, MOTOR = "load_pin", "motor"
 CRANE_TIP, REFERENCE = "crane_tip", "reference"
 ARRIVAL, INSTRUMENT = "arrival", "instrument"
 EM3000 = "em3000"  # the only binary format: records without an end of line
 _QUANTITIES = ("tension", "speed", "payout")
+MAPPED = {MODBUS: "registers", OPCUA: "nodes"}  # formats that are polled by the map of a key
 _SPECIAL = (  # keys of some formats only
     "tension_of", "channel", "length_at", "checksum", "start", "columns", "sentences", "heave_of",
-    "rest_heading_deg", "registers",
+    "rest_heading_deg", "registers", "nodes", "stale_after_s",
 )  # fmt: skip
 
 
@@ -61,7 +62,8 @@ class FeedSettings:
 
     format: str = text("format of its lines, such as lci90 or psxn")
     source: str = text(
-        "where its lines come from: FILE, udp://HOST:PORT, tcp://HOST:PORT or serial:DEVICE@BAUD",
+        "where its lines come from: FILE, udp://HOST:PORT, tcp://HOST:PORT, serial:DEVICE@BAUD, "
+        "modbus://HOST:PORT or opc.tcp://HOST:PORT/PATH",
         "",
     )
     units: dict[str, str] = field(
@@ -85,7 +87,14 @@ class FeedSettings:
         default_factory=dict, metadata={"about": "modbus: registers of each quantity"}
     )
     device: int = quantity("modbus: unit identifier of the device", "", 0, 255, default=1)
-    poll_rate_hz: float = quantity("modbus: polls a second", "Hz", 0.1, 100.0, default=10.0)
+    nodes: dict[str, OpcNode] = field(
+        default_factory=dict, metadata={"about": "opcua: node of each quantity"}
+    )
+    stale_after_s: float | None = quantity(
+        "opcua: a value is missing once its source timestamp has stood still for so long", "s",
+        0.01, 600.0, default=None,
+    )  # fmt: skip
+    poll_rate_hz: float = quantity("modbus, opcua: polls a second", "Hz", 0.1, 100.0, default=10.0)
     heave_of: str = text("point whose heave is meant: crane_tip or reference", "")
     rest_heading_deg: float | None = quantity(
         "true heading of the bow in the scene's rest attitude", "°", 0.0, 360.0, default=None
@@ -127,8 +136,8 @@ class FeedSettings:
         if self.forward and not self.forward.startswith("tcp-server://"):
             return f"forward is '{self.forward}'; give tcp-server://HOST:PORT"
         fault = self._columns_fault() if self.format == "columns" else None
-        if self.format == MODBUS:
-            fault = self._registers_fault()
+        if self.format in MAPPED:
+            fault = self._map_fault(MAPPED[self.format])
         if fault := fault or self._idle_key():
             return fault
         return _table_fault("units", self.units, form.units_of(self), UNITS) or _table_fault(
@@ -146,8 +155,10 @@ class FeedSettings:
             taken.add("tension_of")
         if self.format == "columns":
             taken |= {"start", "columns"}
-        if self.format == MODBUS:
-            taken = taken - {"channel"} | {"registers"}
+        if self.format in MAPPED:
+            taken = taken - {"channel"} | {MAPPED[self.format]}
+        if self.format == OPCUA:
+            taken.add("stale_after_s")
         for one in _SPECIAL:
             if getattr(self, one) not in ("", None, {}) and one not in taken:
                 return f"{one} has no effect with {self.format}; remove it"
@@ -172,13 +183,13 @@ class FeedSettings:
             return "columns has no quantity; give tension, speed or payout"
         return None
 
-    def _registers_fault(self) -> str | None:
-        known = (*_QUANTITIES, "motor_tension")
-        for name in self.registers:
+    def _map_fault(self, key: str) -> str | None:
+        given, known = getattr(self, key), (*_QUANTITIES, "motor_tension")
+        for name in given:
             if name not in known:
-                return f"registers has '{name}'; {did_you_mean(name, known)}"
-        if not set(self.registers) & set(_QUANTITIES):
-            return "registers has no quantity; give tension, speed or payout"
+                return f"{key} has '{name}'; {did_you_mean(name, known)}"
+        if not set(given) & set(_QUANTITIES):
+            return f"{key} has no quantity; give tension, speed or payout"
         return None
 
     def parser(self) -> Parser:
@@ -232,10 +243,10 @@ class Format(NamedTuple):
 
 
 def _measured(names: tuple[str, ...], settings: FeedSettings) -> tuple[str, ...]:
-    """Return the quantities that a feed by columns or registers has, or all of another one."""
-    if settings.format not in ("columns", MODBUS):
+    """Return the quantities that a feed by columns or a map has, or all of another one."""
+    if settings.format not in ("columns", *MAPPED):
         return names
-    given = {*settings.columns, *settings.registers}
+    given = {*settings.columns, *settings.registers, *settings.nodes}
     given |= {"tension"} if "motor_tension" in given else set()
     return tuple(name for name in names if name in given)
 
@@ -270,6 +281,10 @@ FORMATS: dict[str, Format] = {
         lambda s: line_monitors.columns(
             START, {name: k for k, name in enumerate(s.registers, 1)}, "xor"
         ),
+        _QUANTITIES, _LINE_SIGNS,
+    ),
+    OPCUA: Format(
+        LINE, "OPC UA by a map of nodes", lambda s: line_monitors.polled(OPCUA_START, (*s.nodes,)),
         _QUANTITIES, _LINE_SIGNS,
     ),
     "psxn": Format(

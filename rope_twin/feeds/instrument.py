@@ -17,6 +17,7 @@ from rope_twin.feeds.readings import (
     LENGTH,
     MAX_LINE_BYTES,
     ORDER,
+    LineReading,
     MotionReading,
     Reading,
     Refusal,
@@ -181,6 +182,8 @@ class Instrument:
             self._refuse(sample)
             return None
         counts.accepted += 1
+        if isinstance(reading, LineReading) and reading.missing is not None:
+            self._refuse(reading.missing)
         return sample
 
     def _sample(self, reading: Reading | Refusal, line: bytes, arrival_ns: int) -> Sample | Refusal:

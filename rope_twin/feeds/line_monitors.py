@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rope_twin.feeds.readings import (
+    BAD,
     CHECKSUM,
     INCOMPLETE,
     NUMBER,
@@ -183,5 +184,35 @@ def columns(
             return None
         measured: dict[str, Any] = dict(zip(quantities, values, strict=True))
         return LineReading(**measured, channel=found)
+
+    return parse
+
+
+def polled(start: str, names: tuple[str, ...]) -> Parser:
+    """Return the parser of the lines of a poll whose values can be missing one by one.
+
+    names: of the quantities in their order. A field of letters is the status that tells why its
+    value is missing; a line without any value is refused.
+    """
+
+    def parse(line: bytes) -> Parsed:
+        fields = sentence(line, (start[1:],), start[0])
+        if fields is None or isinstance(fields, Refusal):
+            return fields
+        if len(fields) != len(names) + 1:
+            return Refusal(INCOMPLETE, f"{len(fields) - 1} values after {start}")
+        given = dict(zip(names, fields[1:], strict=True))
+        bad = {name: words for name, words in given.items() if words[:1].isalpha()}
+        missing = None
+        if bad:
+            missing = Refusal(BAD, ", ".join(f"{name} {words}" for name, words in bad.items()))
+        if missing is not None and len(bad) == len(given):
+            return missing
+        known = [name for name in given if name not in bad]
+        values = numbers([given[name] for name in known])
+        if isinstance(values, Refusal):
+            return values
+        measured: dict[str, Any] = dict(zip(known, values, strict=True))
+        return LineReading(**measured, missing=missing)
 
     return parse

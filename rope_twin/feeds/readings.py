@@ -22,13 +22,16 @@ INCOMPLETE = "incomplete"
 CHECKSUM = "checksum"
 NUMBER = "not a number"
 INVALID = "flagged invalid"
+BAD = "bad status"
 RANGE = "out of range"
 DUPLICATE = "duplicate"
 ORDER = "out of order"
 LATE = "late"
 TIME = "no time"
 LENGTH = "too long"
-REASONS = (INCOMPLETE, CHECKSUM, NUMBER, INVALID, RANGE, DUPLICATE, ORDER, LATE, TIME, LENGTH)
+REASONS = (
+    INCOMPLETE, CHECKSUM, NUMBER, INVALID, BAD, RANGE, DUPLICATE, ORDER, LATE, TIME, LENGTH,
+)  # fmt: skip
 
 NAN = math.nan
 _NUMBER = re.compile(r"[+-]?(?:\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})")
@@ -55,6 +58,7 @@ class LineReading:
     motor_tension: float = NAN  # computed from the motor's pressure, torque or current
     channel: str = ""  # number of the winch or of the display in the telegram
     time_ns: int | None = None  # by the instrument's clock, since 1970
+    missing: Refusal | None = None  # why a part of the line is not measured
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,21 @@
-"""Map of the registers of a PLC: place, type and scale of each quantity, and the line of a poll.
+"""Maps of a PLC: the place of each quantity in registers or nodes, and the line of a poll.
 
 Modbus has no standard map, so the settings of a feed say where each quantity is: address (counted
 from 0), table, type, word order of types of several registers, and scale; its unit is in `units`.
+OPC UA has types, and nodes with names that each PLC chooses.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rope_twin.feeds.readings import nmea
 from rope_twin.quantity import quantity, text
 
-START = "$MODBUS"
+START, OPCUA_START = "$MODBUS", "$OPCUA"
 # type and number of registers
 TYPES = {"int16": 1, "uint16": 1, "int32": 2, "uint32": 2, "int64": 4, "uint64": 4,
          "float32": 2, "float64": 4}  # fmt: skip
@@ -69,7 +71,31 @@ def requests(registers: Mapping[str, Register]) -> list[tuple[str, int, int]]:
     return found
 
 
-def line_of(values: list[float]) -> bytes:
-    """Return the line of one poll; a value that is not finite is left as it is, to be refused."""
-    fields = [f"{one:.9f}" if math.isfinite(one) else str(one) for one in values]
-    return nmea(",".join([START[1:], *fields]))
+_NODE = re.compile(r"(?:(?:ns=\d{1,5}|nsu=[^;]+);)?(?:i=\d{1,10}|[sgb]=.+)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpcNode:
+    """Node of one quantity in the address space of an OPC UA server."""
+
+    id: str = text("its identifier, such as ns=2;s=Hoist.Load or nsu=URI;i=5001")
+    scale: float = quantity("factor from its value to the value in its unit", "",
+                            -1e12, 1e12, default=1.0)  # fmt: skip
+
+    def check(self) -> str | None:
+        """Return what is wrong and what would be right, or None."""
+        if not _NODE.fullmatch(self.id):
+            return f"id is '{self.id}'; give one such as ns=2;s=Hoist.Load or nsu=URI;i=5001"
+        return "scale is 0; give the value of one count" if self.scale == 0.0 else None
+
+
+def line_of(values: Sequence[float | str], start: str = START) -> bytes:
+    """Return the line of one poll; a value that is not finite is left as it is, to be refused.
+
+    values: in the order of the map; text: why a value is missing, or is no number.
+    """
+    fields = [
+        one if isinstance(one, str) else f"{one:.9f}" if math.isfinite(one) else str(one)
+        for one in values
+    ]
+    return nmea(",".join([start[1:], *fields]))

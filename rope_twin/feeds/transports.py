@@ -21,6 +21,7 @@ from typing import Any
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import EM3000, FeedSettings
+from rope_twin.feeds.configuration import OPCUA as OPCUA_FORMAT
 from rope_twin.feeds.motion_sensors import EM3000_BYTES
 from rope_twin.feeds.readings import DAY_NS, iso_time_ns
 
@@ -33,12 +34,13 @@ _BYTES = 65536
 _KEEP_ALIVE = {"TCP_KEEPIDLE": 5, "TCP_KEEPINTVL": 2, "TCP_KEEPCNT": 3}
 _SECOND_NS = 1_000_000_000
 UDP, TCP, TCP_SERVER, SERIAL, FILE = "udp", "tcp", "tcp-server", "serial", "file"
-MODBUS = "modbus"
+MODBUS, OPCUA = "modbus", "opc.tcp"
 ADDRESSES = (
-    "FILE, udp://HOST:PORT, tcp://HOST:PORT, tcp-server://HOST:PORT, modbus://HOST:PORT or "
-    "serial:DEVICE@BAUD"
+    "FILE, udp://HOST:PORT, tcp://HOST:PORT, tcp-server://HOST:PORT, modbus://HOST:PORT, "
+    "opc.tcp://HOST:PORT/PATH or serial:DEVICE@BAUD"
 )
-_NETWORK = re.compile(r"(udp|tcp|tcp-server|modbus)://(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})/?")
+_HOST = r"(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})"
+_NETWORK = re.compile(rf"(udp|tcp|tcp-server|modbus)://{_HOST}/?|(opc\.tcp)://{_HOST}(/\S*)?")
 _SERIAL = re.compile(r"serial:(?://)?([^@]+)@(\d{2,7})")
 _LOGGED = re.compile(rb"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?Z?)[ \t,]+")
 _INSIDE = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?")
@@ -51,13 +53,14 @@ class Address:
     kind: str
     name: str
     number: int = 0
+    endpoint: str = ""  # opc.tcp: path on the host
 
     def __str__(self) -> str:
         if self.kind == FILE:
             return self.name
         if self.kind == SERIAL:
             return f"serial:{self.name}@{self.number}"
-        return f"{self.kind}://{self.name}:{self.number}"
+        return f"{self.kind}://{self.name}:{self.number}{self.endpoint}"
 
 
 def read_address(words: str) -> Address:
@@ -67,10 +70,11 @@ def read_address(words: str) -> Address:
         InputError: it is none, or a port that cannot be.
     """
     if found := _NETWORK.fullmatch(words):
-        port = int(found[3])
+        kind, host, digits = found.groups()[:3] if found[1] else found.groups()[3:6]
+        port = int(digits)
         if not 1 <= port <= 65535:
             raise InputError(phrase(words, f"port {port}", "it must be 1 to 65535"))
-        return Address(found[1], found[2].strip("[]"), port)
+        return Address(kind, host.strip("[]"), port, found[7] or "")
     if found := _SERIAL.fullmatch(words):
         return Address(SERIAL, found[1], int(found[2]))
     if "://" in words or words.startswith("serial:") or not words.strip():
@@ -350,14 +354,22 @@ def open_source(
         InputError: the address or the file cannot be used.
     """
     address = read_address(settings.source)
-    if (address.kind == MODBUS) != (settings.format == MODBUS):
-        right = "the format modbus takes modbus://HOST:PORT, and no other format does"
-        raise InputError(phrase(settings.source, f"format {settings.format}", right))
+    for form, kind, right in (
+        (MODBUS, MODBUS, "modbus://HOST:PORT"),
+        (OPCUA_FORMAT, OPCUA, "opc.tcp://HOST:PORT/PATH"),
+    ):
+        if (address.kind == kind) != (settings.format == form):
+            right = f"the format {form} takes {right}, and no other format does"
+            raise InputError(phrase(settings.source, f"format {settings.format}", right))
     if address.kind == MODBUS:
         from rope_twin.feeds.modbus import ModbusSource  # which needs an extra
 
         rate_hz, device = settings.poll_rate_hz, settings.device
         return ModbusSource(address, take, settings.registers, rate_hz, device)
+    if address.kind == OPCUA:
+        from rope_twin.feeds.opcua import OpcUaSource  # which needs an extra
+
+        return OpcUaSource(address, take, settings)
     if address.kind == UDP:
         return UdpSource(address, take)
     if address.kind == TCP:

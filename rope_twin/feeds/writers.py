@@ -9,11 +9,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from rope_twin.feeds.configuration import CRANE_TIP, MODBUS, MOTOR, SIGNS, UNITS, FeedSettings
+from rope_twin.feeds.configuration import (
+    CRANE_TIP,
+    MODBUS,
+    MOTOR,
+    OPCUA,
+    SIGNS,
+    UNITS,
+    FeedSettings,
+)
 from rope_twin.feeds.conversion import LineSample, MotionSample, Sample
 from rope_twin.feeds.motion_sensors import EM3000_RECORD
 from rope_twin.feeds.readings import clock_of, nmea, sum_of
-from rope_twin.feeds.registers import line_of
+from rope_twin.feeds.registers import OPCUA_START, line_of
 
 Writer = Callable[[Sample], bytes]
 
@@ -67,9 +75,11 @@ class _LineWriter:
             clock = f"{moment:%Y-%m-%d},{moment:%H:%M:%S}.{moment.microsecond // 1000:03d}"
             body = ",".join(["$WIR", clock, *values, "00000000", "00000000", ""])
             return f"{body}{sum_of(body)}\r\n".encode("ascii")
-        if settings.format == MODBUS:
+        if settings.format in (MODBUS, OPCUA):
             motor = of("tension", sample.motor_tension_n)
             known = {"tension": tension, "speed": speed, "payout": payout, "motor_tension": motor}
+            if settings.format == OPCUA:
+                return line_of([known[name] for name in settings.nodes], OPCUA_START)
             return line_of([known[name] for name in settings.registers])
         if settings.format == "rcwd":
             motor = of("tension", sample.motor_tension_n)

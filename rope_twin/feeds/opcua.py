@@ -1,0 +1,164 @@
+"""Source that reads the nodes of an OPC UA server (crane or winch control), with asyncua.
+
+All nodes are read in one request at a rate, so that their values are of one moment and a server
+that does not answer is noticed; a subscription would report changes only, and could not tell a
+winch that stands still from one that has fallen silent. One read gives one line
+`$OPCUA,VALUE,...*hh`, stamped in the middle between request and reply. A value whose status is not
+Good (OPC 10000-4, 7.39), or whose source timestamp stands still, is missing: its status is in its
+place.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import math
+import time
+from collections.abc import Awaitable
+from datetime import datetime
+from typing import Any, TypeVar
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.feeds.configuration import FeedSettings
+from rope_twin.feeds.registers import OPCUA_START, line_of
+from rope_twin.feeds.transports import Address, Source, Take
+
+TIMEOUT_S = 2.0  # of a request, and of a connection
+STALE, NO_TIMESTAMP, NO_NUMBER = "Stale", "NoSourceTimestamp", "NoNumber"
+_UNKNOWN = "BadNodeIdUnknown", "BadNodeIdInvalid"
+_POLL_S = 0.2  # until a stop request is noticed
+
+Given = TypeVar("Given")
+
+
+def load_asyncua() -> Any:
+    """Return the package asyncua.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import asyncua
+    except ImportError as error:
+        right = "install it with: pip install '.[opcua]'"
+        raise InputError(phrase("source opc.tcp", f"asyncua is missing ({error})", right)) from None
+    return asyncua
+
+
+class Freshness:
+    """Whether the source timestamp of a node still moves, by a clock of the reader's own."""
+
+    def __init__(self, stale_after_s: float | None) -> None:
+        """Begin without a value; stale_after_s: None accepts any timestamp."""
+        self._limit_s = stale_after_s
+        self._newest: datetime | None = None
+        self._moved_s = 0.0
+
+    def fault(self, stamp: datetime | None, now_s: float) -> str:
+        """Return why the value with this source timestamp is missing, or ""."""
+        if self._limit_s is None:
+            return ""
+        if stamp is None:
+            return NO_TIMESTAMP
+        if stamp != self._newest:
+            self._newest, self._moved_s = stamp, now_s
+        return STALE if now_s - self._moved_s > self._limit_s else ""
+
+
+class OpcUaSource(Source):
+    """Reads the nodes of one server at a rate, and hands over a line for each read."""
+
+    def __init__(self, address: Address, take: Take, settings: FeedSettings) -> None:
+        """Prepare the reads.
+
+        Raises:
+            InputError: asyncua is not installed.
+        """
+        super().__init__(take)
+        self._asyncua = load_asyncua()
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # `fault` says it in one sentence
+        host = address.name or "127.0.0.1"
+        host = f"[{host}]" if ":" in host else host
+        self._url = f"opc.tcp://{host}:{address.number}{address.endpoint or '/'}"
+        self._nodes, self._period_s = dict(settings.nodes), 1.0 / settings.poll_rate_hz
+        self._stale_after_s = settings.stale_after_s
+
+    def _read(self) -> None:
+        asyncio.run(self._session())
+
+    async def _session(self) -> None:
+        """Connect and read until a stop is requested. Raises OSError."""
+        client = self._asyncua.Client(self._url, timeout=TIMEOUT_S)
+        await self._answer(client.connect())
+        try:
+            request = await self._answer(self._request(client))
+            fresh = [Freshness(self._stale_after_s) for _ in self._nodes]
+            due_s = time.monotonic()
+            while not self._stop.is_set():
+                before_ns = time.time_ns()
+                values = await self._answer(client.uaclient.read(request))
+                arrival_ns = (before_ns + time.time_ns()) // 2
+                fields = self._fields(values, fresh)
+                self.fault = ""
+                self._take(line_of(fields, OPCUA_START), arrival_ns, True)
+                # a read that took longer than the period is followed by the next one at once
+                due_s = max(due_s + self._period_s, time.monotonic())
+                while (left_s := due_s - time.monotonic()) > 0.0 and not self._stop.is_set():
+                    await asyncio.sleep(min(left_s, _POLL_S))
+        finally:
+            with contextlib.suppress(Exception):  # the server may be gone
+                await asyncio.wait_for(client.disconnect(), TIMEOUT_S)
+
+    async def _answer(self, asked: Awaitable[Given]) -> Given:
+        """Return the answer of the server. Raises OSError if there is none, or a refusal."""
+        try:
+            return await asyncio.wait_for(asked, 2.0 * TIMEOUT_S)
+        except TimeoutError:
+            raise OSError(None, f"no answer within {2.0 * TIMEOUT_S:g} s") from None
+        except OSError:
+            raise
+        except Exception as error:  # asyncua has its own kinds, for links and for answers
+            raise OSError(None, f"{type(error).__name__}: {error}") from error
+
+    async def _request(self, client: Any) -> Any:
+        """Return the request to read all values anew, not from a cache."""
+        ua, wanted = self._asyncua.ua, []
+        for one in self._nodes.values():
+            words = one.id
+            if words.startswith("nsu="):
+                uri, _, rest = words.removeprefix("nsu=").partition(";")
+                known = await client.get_namespace_array()
+                if uri not in known:
+                    raise OSError(None, f"it has no namespace '{uri}'")
+                words = f"ns={known.index(uri)};{rest}"
+            node = ua.NodeId.from_string(words)
+            wanted.append(ua.ReadValueId(NodeId=node, AttributeId=ua.AttributeIds.Value))
+        return ua.ReadParameters(
+            MaxAge=0, TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=wanted
+        )
+
+    def _fields(self, values: Any, fresh: list[Freshness]) -> list[float | str]:
+        """Return the value of each node in its unit, or why it is missing.
+
+        Raises:
+            OSError: the server does not have a node.
+        """
+        found: list[float | str] = []
+        now_s = time.monotonic()
+        for (name, node), read, moving in zip(self._nodes.items(), values, fresh, strict=True):
+            status, stamp = read.StatusCode, read.SourceTimestamp
+            if status is not None and not status.is_good():
+                if status.name in _UNKNOWN:
+                    raise OSError(None, f"{name}: node {node.id}: {status.name}")
+                found.append(status.name)
+                continue
+            value = None if read.Value is None else read.Value.Value
+            fault = moving.fault(stamp, now_s)
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                found.append(NO_NUMBER)
+            elif fault or not math.isfinite(value):
+                found.append(fault or NO_NUMBER)
+            else:
+                found.append(node.scale * value)
+        return found
