@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rope_twin.planning.run import plan
     from rope_twin.scene.load import load_scene
     from rope_twin.twin.ensemble.fleet import (
         Fleet,
@@ -35,6 +36,7 @@ __all__ = [
     "Twin",
     "live_state",
     "load_scene",
+    "plan",
 ]
 
 _FLEET = "rope_twin.twin.ensemble.fleet"
@@ -46,6 +48,7 @@ _HOMES = {
     "LiveState": _FLEET,
     "live_state": _FLEET,
     "load_scene": "rope_twin.scene.load",
+    "plan": "rope_twin.planning.run",
     "Snapshot": "rope_twin.twin.snapshot",
     "Twin": "rope_twin.twin.public",
 }

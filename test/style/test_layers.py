@@ -26,7 +26,7 @@ FLOORS = (
     ("forecast",),
     ("run",),
     ("ros",),
-    ("studies",),
+    ("studies", "planning"),
     ("cli", "__init__", "__main__"),  # the roof: doors that open what they are asked for
 )
 MOST_LINES = 600
@@ -36,7 +36,7 @@ COMPILER = PACKAGE / "core" / "jit"
 PUBLIC_NUMBA = {"numba.config", "numba.types", "numba.extending.overload"}
 PRINTERS = {"cli"}
 # the floors of public names
-PUBLIC = {"load_scene": "scene"} | dict.fromkeys(
+PUBLIC = {"load_scene": "scene", "plan": "planning"} | dict.fromkeys(
     ("Fleet", "FleetInputs", "FleetRecord", "FleetState", "LiveState", "Snapshot", "Twin",
      "live_state"),
     "twin",

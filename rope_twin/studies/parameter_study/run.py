@@ -9,11 +9,12 @@ import json
 import math
 import socket
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Self
+from typing import IO, TYPE_CHECKING, Any, Protocol, Self
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
@@ -201,17 +202,31 @@ def check_parquet() -> None:
         raise InputError(phrase("pyarrow", "a study writes its rows with it", right))
 
 
-class StudyFolder:
-    """The folder of one study; held by one process at a time.
+class Titled(Protocol):
+    """A study or plan, as far as its folder names it."""
 
-    Raises:
-        InputError: another process is at it, it holds another study, or it cannot be written.
-    """
+    @property
+    def name(self) -> str:
+        """Return its name."""
 
-    def __init__(self, folder: Path, study: Study, stamp: str) -> None:
-        """Open the folder; `stamp` identifies study, scene and solver of the rows found there."""
+    @property
+    def scene(self) -> str:
+        """Return the name of its scene."""
+
+
+class RowFolder(ABC):
+    """The folder of the rows of one study or plan; held by one process at a time."""
+
+    title = "study"
+
+    def __init__(self, folder: Path, study: Titled, stamp: str) -> None:
+        """Open the folder; `stamp` identifies study, scene and solver of the rows found there.
+
+        Raises:
+            InputError: another process is at it, it holds another study, or it cannot be written.
+        """
         check_parquet()
-        self._folder, self._study = folder, study
+        self._folder, self._titled = folder, study
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock: IO[str] = (folder / LOCK).open("w")
@@ -222,7 +237,7 @@ class StudyFolder:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             self._lock.close()
-            what = "another process is at this study"
+            what = f"another process is at this {self.title}"
             raise InputError(phrase(str(folder), what, "let it end, or stop it")) from error
         self._claim(stamp)
 
@@ -238,11 +253,12 @@ class StudyFolder:
             found = json.loads(mark.read_text(encoding="utf-8"))
             if found["stamp"] != stamp:
                 self._lock.close()
-                what = f"its rows are of another study, scene or solver ('{found['study']}')"
+                of = f"another {self.title}, scene or solver"
+                what = f"its rows are of {of} ('{found['study']}')"
                 right = "give another folder with --out, or remove this one"
                 raise InputError(phrase(str(self._folder), what, right))
             return
-        told = {"study": self._study.name, "scene": self._study.scene, "stamp": stamp}
+        told = {"study": self._titled.name, "scene": self._titled.scene, "stamp": stamp}
         write_whole(mark, json.dumps(told, ensure_ascii=False).encode())
 
     def done(self) -> set[int]:
@@ -285,6 +301,19 @@ class StudyFolder:
         sink = pyarrow.BufferOutputStream()
         parquet.write_table(table, sink)
         write_whole(path, sink.getvalue().to_pybytes())
+
+    @abstractmethod
+    def _schema(self, row: Row) -> pyarrow.Schema:
+        """Return the types by column, whichever values the first row lacks."""
+
+
+class StudyFolder(RowFolder):
+    """The folder of a parameter study."""
+
+    def __init__(self, folder: Path, study: Study, stamp: str) -> None:
+        """Open the folder, as any of rows."""
+        super().__init__(folder, study, stamp)
+        self._study = study
 
     def _schema(self, row: Row) -> pyarrow.Schema:
         """Return the types by column, whichever values the first row lacks."""

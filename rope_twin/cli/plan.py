@@ -1,0 +1,119 @@
+"""`rope_twin plan PLAN.yaml`: limiting sea states of a lift, by phase, peak period and heading.
+
+Exit code NEGATIVE if in some cell no sea state of the grid meets the criteria. The same command
+resumes a plan that was interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.errors import InputError, phrase
+from rope_twin.planning.plan_file import Plan
+from rope_twin.planning.plan_reader import plan_path, read_plan
+from rope_twin.planning.results import (
+    limits_figure,
+    result_object,
+    summary_lines,
+    table_rows,
+    write_results,
+)
+from rope_twin.planning.run import PlanFolder, cell_named, plan_stamp, run_plan
+from rope_twin.run.arguments import add_command, add_json, add_out
+from rope_twin.run.progress import FigureProgress
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.parameter_study.run import check_parquet
+from rope_twin.studies.picture import check_picture, write_picture
+
+PICTURE = "limits.png"
+EXAMPLE = "deep_installation"
+EXAMPLES = (
+    "plan deep_installation",
+    "plan my_lift.yaml --out results --json",
+    "plan deep_installation --cell at_depth,9,165",
+    "plan --example > my_lift.yaml",
+)
+MORE = """For each phase of the operation, peak period and heading: the largest Hs at which the
+characteristic hook load, uplift and landing speed keep their limits, by bisection over batches of
+seeds, with intervals, discretisation errors and the simplified method of DNV-RP-N103 beside it. The
+same command resumes a plan that was interrupted. Examples are in config/plans."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `plan`."""
+    about = "lift planning: limiting sea states, load chart and report of an operation"
+    parser = add_command(subparsers, "plan", about, EXAMPLES, MORE)
+    add = parser.add_argument
+    add("plan", metavar="PLAN", nargs="?", default="",
+        help="path of the plan file, or a name in config/plans")  # fmt: skip
+    add("--example", action="store_true", help="print a plan to begin from")
+    add_out(parser, "DIR", "folder of rows, load chart and pictures (default: plan_NAME)")
+    add("--threads", type=int, metavar="N", help="cells at a time (default: one a core)")
+    add("--cell", default="", metavar="PHASE,TP,HEADING",
+        help="run the governing run of one cell again, and draw it")  # fmt: skip
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run what is left of the plan and report the limits.
+
+    Raises:
+        RopeTwinError: one sentence on what cannot be.
+    """
+    if args.example:
+        print(plan_path(EXAMPLE).read_text(encoding="utf-8"), end="")
+        return ExitCode.OK
+    if not args.plan:
+        raise InputError(phrase("plan", "no plan is named", "give a file, or begin with --example"))
+    if args.threads is not None and not 1 <= args.threads <= 256:
+        raise InputError(phrase("--threads", f"{args.threads}", "give 1 to 256"))
+    plan, scene = read_plan(args.plan)
+    out = args.out or Path(f"plan_{plan.name}")
+    check_parquet()
+    check_picture(out / PICTURE)
+    if args.cell:
+        return _show(args, plan, scene, out)
+    progress, began = FigureProgress(), time.monotonic()
+
+    def report(done: int, total: int, runs: int) -> None:
+        if progress.due or done == total:
+            took = time.monotonic() - began
+            left = f", {took * (total - done) / done:.0f} s to go" if done else ""
+            progress.show(f"{done} of {total} cells, {runs} runs{left}")
+
+    with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
+        result = run_plan(plan, scene, folder, report, args.threads)
+        rows = folder.close_rows()
+    progress.finish()
+    write_results(result, out)
+    write_picture(limits_figure(result), out / PICTURE, 110)
+    if args.json:
+        print_json(result_object(result))
+    else:
+        print_table(table_rows(result))
+        print("\n" + "\n".join(summary_lines(result)))
+        files = f"rows: {rows}\nload chart: {out / 'load_chart.json'}\npicture: {out / PICTURE}"
+        print(files, file=sys.stderr)
+    none = any(cell.height_m is None for cell in result.cells)
+    return ExitCode.NEGATIVE if none else ExitCode.OK
+
+
+def _show(args: argparse.Namespace, plan: Plan, scene: Scene, out: Path) -> int:
+    """Run the governing run of a cell again, and draw it."""
+    from rope_twin.planning.cell_view import show_cell  # alone among the options it draws a run
+
+    cell = cell_named(plan, args.cell)
+    with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
+        found = show_cell(plan, scene, cell, folder, out)
+    if args.json:
+        print_json(found)
+    else:
+        for name, value in found.items():
+            print(f"{name}: {value}")
+    return ExitCode.OK

@@ -1,0 +1,315 @@
+"""Limiting sea state of a cell (phase, peak period, heading) by bisection on the grid of heights.
+
+A height is judged by as many seeds as the decision takes: they grow until the interval of each
+judged value is narrow, or lies on one side of its limit. All heights of a cell have the same seeds
+of the sea, so that the use of a limit grows with the height as smoothly as the physics has it. The
+search begins at the limit of the simplified method and evaluates heights near the limit only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from rope_twin.errors import RopeTwinError
+from rope_twin.planning.judgement import Judgement, Limit, judge, limits_of, simplified_uses
+from rope_twin.planning.phases import Leg
+from rope_twin.planning.plan_file import Plan
+from rope_twin.planning.runs import Row, Ship, run_seeds, sea_seed
+from rope_twin.planning.seas import SeaState
+from rope_twin.planning.simplified import Simplified, simplified
+from rope_twin.scene.card import Setting
+from rope_twin.scene.schema import Scene
+
+
+class RowStore(Protocol):
+    """Rows of finished runs, by their number."""
+
+    def get(self, run: int) -> Row | None:
+        """Return the row of a run; None if it is not done."""
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Keep the rows of finished runs."""
+
+
+@dataclass
+class MemoryStore:
+    """Rows kept in memory."""
+
+    rows: dict[int, Row] = field(default_factory=dict)
+
+    def get(self, run: int) -> Row | None:
+        """Return the row of a run; None if it is not done."""
+        return self.rows.get(run)
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Keep the rows of finished runs."""
+        self.rows |= {int(row["run"]): row for row in rows}
+
+
+@dataclass(frozen=True)
+class PhaseWork:
+    """A phase, ready to run: legs at their settings, criteria, ship."""
+
+    number: int
+    title: str
+    legs: tuple[Leg, ...]  # at their settings
+    settings: tuple[Setting, ...]
+    setting_errors: tuple[float, ...]  # measured when the setting was chosen; NaN: it was given
+    limits: tuple[Limit, ...]
+    ship: Ship
+
+    @property
+    def weight_n(self) -> float:
+        """Return the submerged weight of the payload [N]."""
+        return self.legs[0].payload_n
+
+    @property
+    def static_hook_n(self) -> float:
+        """Return the largest static hook load of the phase [N]."""
+        return max(leg.static_hook_n for leg in self.legs)
+
+
+@dataclass(frozen=True)
+class CellLimit:
+    """Limiting sea state of a cell, with the numbers there."""
+
+    phase: str
+    kind: str
+    period_s: float
+    heading_deg: float
+    height_m: float | None  # largest Hs of the grid that meets all criteria; None: none does
+    crossing_m: float  # Hs at which the use is 1, between heights of the grid
+    low_m: float  # interval of the crossing
+    high_m: float
+    capped: str  # why no higher sea was judged: the end of the grid, or breaking waves; "": judged
+    governing: str  # criterion that the next height breaks; at the cap that of the largest use
+    judged: Judgement | None  # at the limiting height
+    beyond: Judgement | None  # at the next height
+    simplified_height_m: float | None  # by the simplified method alone
+    simplified: tuple[Simplified, ...]  # at the limiting height, of each leg
+    error: float  # discretisation error of the governing run, over its hook load; NaN: unknown
+    heights: int  # that were judged
+    runs: int
+
+
+class Cell:
+    """Search for the limiting sea state of one cell."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        work: PhaseWork,
+        cell: tuple[int, int, int],
+        spreading: float | None,
+        store: RowStore,
+    ) -> None:
+        self.plan, self.work, self.store = plan, work, store
+        _, self._period, self._heading = self._cell = cell
+        self._spreading = spreading
+        self.heights_m = plan.heights_m(self._period, self._heading)
+        self.judged: dict[int, Judgement] = {}
+
+    def sea(self, height_m: float) -> SeaState:
+        """Return the sea state of a height."""
+        sea = self.plan.sea_state(height_m, self._period, self._heading)
+        return SeaState(sea.height_m, sea.period_s, sea.heading_deg, sea.gamma, self._spreading)
+
+    def run_number(self, height: int, leg: int, seed: int) -> int:
+        """Return the number of a run, which tells its place in the plan."""
+        plan = self.plan
+        periods, headings = len(plan.sea.tp_s), len(plan.sea.headings_deg)
+        phase, period, heading = self._cell
+        cell = (phase * periods + period) * headings + heading
+        heights = len(plan.sea.hs_m.values)
+        return ((cell * heights + height) * 50 + leg) * 10_000 + seed
+
+    def rows(self, height: int, seeds: int) -> list[Row]:
+        """Return the rows of the first seeds at a height; those that are not there are run.
+
+        Raises:
+            RopeTwinError: a run cannot start.
+        """
+        found = []
+        for leg in self.work.legs:
+            numbers = [self.run_number(height, leg.number, k) for k in range(seeds)]
+            kept = {number: self.store.get(number) for number in numbers}
+            lacking = [k for k, number in enumerate(numbers) if kept[number] is None]
+            if lacking:
+                made = self._run(height, leg, lacking)
+                self.store.add(made)
+                kept |= {int(row["run"]): row for row in made}
+            found += [row for row in kept.values() if row is not None]
+        return found
+
+    def _run(self, height: int, leg: Leg, seeds: Sequence[int]) -> list[Row]:
+        sea = self.sea(self.heights_m[height])
+        plan, work = self.plan, self.work
+        own = [sea_seed(plan.method.seed, work.number, leg.number, k) for k in seeds]
+        setting = work.settings[leg.number]
+        return [
+            {
+                "run": self.run_number(height, leg.number, k),
+                "phase": work.title,
+                "leg": leg.number,
+                "tp_s": sea.period_s,
+                "heading_deg": sea.heading_deg,
+                "hs_m": sea.height_m,
+                "seed": k,
+                **row,
+                "seconds": leg.seconds,
+                "elements": setting.elements,
+                "step_s": setting.step_s,
+                "setting_error": work.setting_errors[leg.number],
+            }
+            for k, row in zip(seeds, run_seeds(leg, work.ship, sea, own), strict=True)
+        ]
+
+    def judge(self, height: int, narrow: bool = False) -> Judgement:
+        """Return the judgement of a height, with seeds as many as the decision takes.
+
+        narrow: until the intervals are narrow, even if the decision is clear.
+        """
+        method = self.plan.method
+        before = self.judged.get(height)
+        seeds = before.seeds if before is not None and before.seeds else method.seeds.start
+        while True:
+            try:
+                rows = self.rows(height, seeds)
+            except RopeTwinError as error:
+                found = Judgement(self.heights_m[height], 0, {}, {}, 0.0, 0, str(error))
+                break
+            weight = self.work.weight_n
+            found = judge(self.plan, self.work.limits, rows, self.heights_m[height], weight)
+            if found.narrow(method.within) or (found.clear and not narrow) or found.failures:
+                break
+            if seeds >= method.seeds.most:
+                break
+            seeds = min(seeds + method.seeds.start, method.seeds.most)
+        self.judged[height] = found
+        return found
+
+    def simplified(self, height_m: float) -> list[Simplified]:
+        """Return the simplified method's values of each leg."""
+        tip, percentile = self.work.ship.tip, self.plan.method.percentile
+        sea = self.sea(height_m)
+        return [simplified(leg, tip, sea, leg.window_s, percentile) for leg in self.work.legs]
+
+    def simplified_limit(self) -> int:
+        """Return the index of the largest height within the limits by the simplified method; -1."""
+
+        def passes(height: int) -> bool:
+            found = self.simplified(self.heights_m[height])
+            uses = simplified_uses(self.work.limits, found, self.work.weight_n)
+            return max(uses.values(), default=0.0) <= 1.0
+
+        return bisect(len(self.heights_m), passes)
+
+    def find(self, refine: Callable[[Cell, int, Judgement], float] | None = None) -> CellLimit:
+        """Return the limiting sea state.
+
+        refine: returns the discretisation error of the governing run of a height.
+        """
+        simple = self.simplified_limit()
+        last = bisect(len(self.heights_m), lambda k: self.judge(k).passed, max(simple, 0))
+        at = self.judge(last, narrow=True) if last >= 0 else None
+        if at is not None and not at.passed:  # more seeds may turn a decision that was not clear
+            last = bisect(last, lambda k: self.judge(k, narrow=True).passed, last - 1)
+            at = self.judged[last] if last >= 0 else None
+        top = len(self.heights_m) - 1
+        beyond = self.judge(last + 1) if last < top else None
+        crossing, low, high = self._crossing(last)
+        decisive = beyond or at
+        assert decisive is not None
+        error = refine(self, last, at) if refine is not None and at is not None else math.nan
+        plan, work = self.plan, self.work
+        grid_end = top == len(plan.sea.hs_m.values) - 1
+        return CellLimit(
+            phase=work.title,
+            kind=plan.phases[work.number].kind,
+            period_s=plan.sea.tp_s[self._period],
+            heading_deg=plan.sea.headings_deg[self._heading],
+            height_m=self.heights_m[last] if last >= 0 else None,
+            crossing_m=crossing,
+            low_m=low,
+            high_m=high,
+            capped=("" if last < top else "end of the grid" if grid_end else "higher waves break"),
+            governing=decisive.governing or decisive.fault,
+            judged=at,
+            beyond=beyond,
+            simplified_height_m=self.heights_m[simple] if simple >= 0 else None,
+            simplified=tuple(self.simplified(self.heights_m[max(last, 0)])),
+            error=error,
+            heights=len(self.judged),
+            runs=sum(one.seeds for one in self.judged.values()) * len(work.legs),
+        )
+
+    def _crossing(self, last: int) -> tuple[float, float, float]:
+        """Return the height at which the largest use is 1, with its interval [m].
+
+        Linear between judged heights; at most the last of them, at least 0.
+        """
+        judged = [self.judged[k] for k in sorted(self.judged) if self.judged[k].uses]
+        heights = [0.0, *(one.height_m for one in judged)]
+
+        def crossing(side: str) -> float:
+            uses = [max(getattr(use, side) for use in one.uses.values()) for one in judged]
+            levels = np.maximum.accumulate([0.0, *uses])
+            above = np.flatnonzero(levels > 1.0)
+            if not above.size:
+                return heights[-1]
+            k = int(above[0])
+            share = (1.0 - levels[k - 1]) / (levels[k] - levels[k - 1])
+            return heights[k - 1] + float(share) * (heights[k] - heights[k - 1])
+
+        return crossing("value"), crossing("high"), crossing("low")
+
+
+def bisect(count: int, passes: Callable[[int], bool], guess: int | None = None) -> int:
+    """Return the last index that passes, of indices that pass up to some one; -1 if none does.
+
+    guess: where to look first; from there in doubled steps until the border is enclosed.
+    """
+    low, high, step = -1, count, 1
+    at = guess
+    while high - low > 1:
+        middle = (low + high) // 2 if at is None else min(max(at, low + 1), high - 1)
+        if passes(middle):
+            low = middle
+            at = None if at is None or high < count else low + step
+        else:
+            high = middle
+            at = None if at is None or low >= 0 else high - step
+        step *= 2
+    return low
+
+
+def phase_work(
+    plan: Plan,
+    scene: Scene,
+    number: int,
+    legs: Sequence[Leg],
+    settings: Sequence[tuple[Setting, float]],
+    ship: Ship,
+) -> PhaseWork:
+    """Return a phase with its legs at their settings.
+
+    settings: of each leg, with its measured error.
+
+    Raises:
+        SceneError: a leg does not take its setting.
+    """
+    placed = [leg.at_setting(setting) for leg, (setting, _) in zip(legs, settings, strict=True)]
+    return PhaseWork(
+        number=number,
+        title=plan.phases[number].title,
+        legs=tuple(placed),
+        settings=tuple(setting for setting, _ in settings),
+        setting_errors=tuple(error for _, error in settings),
+        limits=tuple(limits_of(plan.criteria, scene, placed)),
+        ship=ship,
+    )

@@ -1,0 +1,192 @@
+"""Legs of a phase: scene, winch commands and time window of the runs that stand for it.
+
+A leg begins in static equilibrium with the payload at its depth. The motion of the ship builds up
+and settles before the window in which extremes are counted; the winch starts with the window.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from rope_twin.core import state as rows
+from rope_twin.core.bed import clearance
+from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.planning.plan_file import Phase, Plan
+from rope_twin.scene.card import Setting
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.model.rope import build
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.statics import solve_scene_statics
+from rope_twin.twin.touchdown import seabed_of
+from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
+
+TRIALS, NEAR_M = 8, 1e-3  # of the length at which the payload hangs at a depth
+LANDED_M = 2.0  # line paid out after touchdown
+STATIC_ELEMENTS = 20
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Runs of one mesh, begin and schedule; a phase has one or more."""
+
+    number: int
+    scene: Scene  # rope as long as at the start
+    commands: tuple[CommandSample, ...]
+    first_s: float  # beginning of the window
+    seconds: float  # end of the window and of the run
+    from_m: float  # depth of the payload at the start and at the end
+    to_m: float
+    speed_m_per_s: float  # of the winch
+    static_hook_n: float  # largest static hook load of the leg
+    payload_n: float  # static submerged weight of the payload
+    bed_m: float | None = None  # depth of the seabed below the payload, of a landing
+
+    @property
+    def line_out_m(self) -> float:
+        """Return the line out at the end of the leg [m]."""
+        return self.scene.ropes[0].length_m + self.to_m - self.from_m
+
+    @property
+    def window_s(self) -> float:
+        """Return the exposure of the leg [s]."""
+        return self.seconds - self.first_s
+
+    def at_setting(self, setting: Setting) -> Leg:
+        """Return the leg with this mesh and step; times become whole steps.
+
+        Raises:
+            SceneError: the scene does not take them.
+        """
+        changes = [
+            Change("ropes[0].elements", setting.elements),
+            Change("time.step_s", setting.step_s),
+        ]
+        step = setting.step_s
+        seconds = math.ceil(self.seconds / step - 1e-6) * step
+        scene = change_scene(self.scene, changes)
+        return Leg(**{**vars(self), "scene": scene, "seconds": seconds})
+
+
+def legs_of(plan: Plan, scene: Scene, phase: Phase) -> list[Leg]:
+    """Return the legs of a phase, with the scene's own mesh and step.
+
+    Raises:
+        InputError: the winch cannot do it, or the payload cannot hang there; one sentence.
+    """
+    try:
+        return list(_legs(plan, scene, phase))
+    except RopeTwinError as error:
+        where = f"{plan.path}: phase '{phase.title}'"
+        raise InputError(f"{where}: {error}") from error
+
+
+def _legs(plan: Plan, scene: Scene, phase: Phase) -> Sequence[Leg]:
+    settled = scene.ship.motion_ramp_s + plan.method.settle_s
+    if phase.lowering is not None:
+        borders = phase.lowering.borders_m()
+        speed = phase.lowering.speed_m_per_s
+        pairs = pairwise(borders)
+        return [_leg(k, scene, settled, pair, speed) for k, pair in enumerate(pairs)]
+    if phase.at_depth is not None:
+        depth, exposure = phase.at_depth.depth_m, phase.at_depth.exposure_s
+        return [_leg(0, scene, settled, (depth, depth), 0.0, exposure)]
+    if phase.splash_zone is not None:
+        own = phase.splash_zone
+        return [_leg(0, scene, settled, (-own.above_m, own.below_m), own.speed_m_per_s)]
+    assert phase.landing is not None
+    return [_landing(scene, settled, phase.landing.above_m, phase.landing.speed_m_per_s)]
+
+
+def _leg(
+    number: int,
+    scene: Scene,
+    settled_s: float,
+    depths_m: tuple[float, float],
+    speed_m_per_s: float,
+    exposure_s: float = 0.0,
+    bed_m: float | None = None,
+) -> Leg:
+    start, end = depths_m
+    hung, _, _ = hung_at(scene, start)
+    seconds = exposure_s or (end - start) / speed_m_per_s
+    if speed_m_per_s > 0.0 and scene.winch is not None:
+        seconds += speed_m_per_s / scene.winch.acceleration_limit_m_per_s2  # its start and its end
+        _check_line(scene, hung.ropes[0].length_m + (end - start))
+    commands = [CommandSample(0, WinchCommand(SPEED, 0.0))] if scene.winch is not None else []
+    if speed_m_per_s > 0.0:
+        commands.append(CommandSample(round(settled_s * 1e9), WinchCommand(SPEED, speed_m_per_s)))
+    figures = lift_figures(scene)
+    lengths = (hung.ropes[0].length_m, hung.ropes[0].length_m + end - start)
+    return Leg(
+        number=number,
+        scene=hung,
+        commands=tuple(commands),
+        first_s=settled_s,
+        seconds=settled_s + seconds,
+        from_m=start,
+        to_m=end,
+        speed_m_per_s=speed_m_per_s,
+        static_hook_n=max(figures.top_tension_n(length) for length in lengths),
+        payload_n=figures.payload_weight_n,
+        bed_m=bed_m,
+    )
+
+
+def _landing(scene: Scene, settled_s: float, above_m: float, speed_m_per_s: float) -> Leg:
+    """Return the leg of a landing from this height above the seabed."""
+    near = scene.ropes[0].length_m
+    for _ in range(TRIALS):
+        _, depth, height = hung_at(scene, None, near)
+        if height is None or abs(height - above_m) <= NEAR_M:
+            break
+        near += height - above_m
+    assert height is not None, "checked when the plan was read"
+    bed = depth + height
+    return _leg(0, scene, settled_s, (depth, bed + LANDED_M), speed_m_per_s, bed_m=bed)
+
+
+def hung_at(
+    scene: Scene, depth_m: float | None, line_out_m: float | None = None
+) -> tuple[Scene, float, float | None]:
+    """Return the scene with its payload hanging at a depth, that depth, and its height above the
+    seabed.
+
+    Args:
+        scene: as loaded.
+        depth_m: of the payload's node below the water [m]; None: `line_out_m` counts.
+        line_out_m: unstretched length to begin with.
+
+    Raises:
+        SceneError: there is no equilibrium, or the length is out of range.
+    """
+    length = line_out_m or (depth_m or 0.0) + scene.ship.hang_off_m[2]
+    for _ in range(TRIALS):
+        count = max(min(STATIC_ELEMENTS, int(length / 2.0)), 3)
+        changes = [Change("ropes[0].length_m", length), Change("ropes[0].elements", count)]
+        made = change_scene(scene, changes)
+        rope = build(made)
+        solve_scene_statics(made, rope)
+        found = -float(rope.state.nodes[rows.POSITION + 2, 0])
+        if depth_m is None or abs(found - depth_m) <= NEAR_M:
+            break
+        length += depth_m - found
+    bed = seabed_of(rope)
+    place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, :1]
+    return made, found, None if bed is None else float(clearance(bed, place)[0])
+
+
+def _check_line(scene: Scene, longest_m: float) -> None:
+    """Check that the winch has so much line.
+
+    Raises:
+        InputError: it has not.
+    """
+    assert scene.winch is not None
+    most = scene.winch.most_line_out_m
+    if longest_m > most:
+        what = f"it takes {longest_m:.1f} m of line, the winch has {most:g} m"
+        raise InputError(phrase("winch", what, "raise most_line_out_m of the scene"))

@@ -1,0 +1,306 @@
+"""Keys of a plan file: scene, vessel, sea, phases, criteria and method."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rope_twin.planning.seas import SeaState
+from rope_twin.quantity import quantity, text
+from rope_twin.scene.schema import Triple
+from rope_twin.sea.spectrum import breaking_fault
+
+CELLS_MOST = 5_000
+HEIGHTS_MOST = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vessel:
+    """Ship whose motion moves the crane tip."""
+
+    responses: str = text("RAOs in six degrees of freedom: name in config/responses/ or path")
+    crane_tip_m: Triple = quantity(
+        "crane tip from the reference point of the RAOs: ahead, to port, up", "m", -500.0, 500.0
+    )
+    bow_deg: float = quantity(
+        "heading of the bow, for the current: 0 east, 90 north", "°", -360.0, 360.0, default=0.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heights:
+    """Significant wave heights of the grid, on which the limit is found."""
+
+    from_: float = quantity("lowest Hs", "m", 0.05, 20.0)
+    to: float = quantity("highest Hs", "m", 0.05, 20.0)
+    step: float = quantity("step of the grid", "m", 0.01, 5.0)
+
+    @property
+    def values(self) -> list[float]:
+        """Return the grid [m]."""
+        count = math.floor((self.to - self.from_) / self.step + 1e-9) + 1
+        return [round(self.from_ + k * self.step, 9) for k in range(count)]
+
+    def check(self) -> str | None:
+        """Return a fault of the range, or None."""
+        if self.from_ > self.to:
+            return f"from {self.from_:g} m is above to {self.to:g} m; give the lower one as `from`"
+        count = len(self.values)
+        if count > HEIGHTS_MOST:
+            return f"{count} heights; give at most {HEIGHTS_MOST}, with a larger `step`"
+        return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeaGrid:
+    """Sea states: JONSWAP spectra over heights, peak periods and headings."""
+
+    hs_m: Heights = text("significant wave heights: from, to, step")
+    tp_s: tuple[float, ...] = quantity("peak periods", "s", 1.0, 40.0)
+    headings_deg: tuple[float, ...] = quantity(
+        "where the waves travel to, from the bow to port: 0 from astern, 180 head seas", "°",
+        -180.0, 180.0,
+    )  # fmt: skip
+    gamma: float | None = quantity(
+        "peak enhancement γ; default: from Tp/√Hs by DNV-RP-C205", "", 1.0, 10.0, default=None
+    )
+    spreading: float | None = quantity(
+        "directional spreading exponent s, cos²ˢ form; default: the scene's, or long-crested", "",
+        1.0, 100.0, default=None,
+    )  # fmt: skip
+
+    def check(self) -> str | None:
+        """Return a fault of the lists, or None."""
+        for name, values in (("tp_s", self.tp_s), ("headings_deg", self.headings_deg)):
+            if not values:
+                return f"{name} is empty; give one value or more"
+            twice = next((one for one in values if values.count(one) > 1), None)
+            if twice is not None:
+                return f"{name} has {twice:g} twice; keep one of them"
+        if any(b <= a for a, b in zip(self.tp_s, self.tp_s[1:], strict=False)):
+            return "tp_s is not ascending; order it"
+        return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lowering:
+    """Lowering at constant speed through deep water; resonance may lie on the way."""
+
+    from_m: float = quantity("depth of the payload at the start", "m", 1.0, 1.2e4)
+    to_m: float = quantity("depth of the payload at the end", "m", 1.0, 1.2e4)
+    speed_m_per_s: float = quantity("speed of the winch", "m/s", 0.01, 5.0)
+    legs: int | None = quantity(
+        "legs with a mesh and a sea of their own; default: each ends at 1.5 times its depth", "",
+        1, 50, default=None,
+    )  # fmt: skip
+
+    def check(self) -> str | None:
+        """Return a fault of the depths, or None."""
+        if self.from_m < self.to_m:
+            return None
+        return f"from_m {self.from_m:g} is not above to_m {self.to_m:g}; give the lesser as from_m"
+
+    def borders_m(self) -> list[float]:
+        """Return depths between which the legs run, in a constant ratio [m]."""
+        ratio = self.to_m / self.from_m
+        count = self.legs or max(1, math.ceil(math.log(ratio) / math.log(LEG_RATIO) - 1e-9))
+        return [self.from_m * ratio ** (k / count) for k in range(count + 1)]
+
+
+LEG_RATIO = 1.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class AtDepth:
+    """Payload hanging at a depth, the winch at rest but for its heave compensation."""
+
+    depth_m: float = quantity("depth of the payload", "m", 1.0, 1.2e4)
+    exposure_s: float = quantity("time that it hangs there", "s", 60.0, 10_800.0, default=1800.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Landing:
+    """Lowering onto the seabed at constant speed."""
+
+    above_m: float = quantity("height above the seabed at the start", "m", 0.5, 100.0, default=5.0)
+    speed_m_per_s: float = quantity("speed of the winch", "m/s", 0.01, 5.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Splash:
+    """Lowering through the splash zone at constant speed."""
+
+    above_m: float = quantity("height of the payload's middle at the start", "m", 0.0, 100.0)
+    below_m: float = quantity("depth of the payload's middle at the end", "m", 0.0, 200.0)
+    speed_m_per_s: float = quantity("speed of the winch", "m/s", 0.01, 5.0)
+
+
+KINDS = ("lowering", "at_depth", "landing", "splash_zone")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Phase:
+    """A phase of the operation; exactly one of the four kinds."""
+
+    name: str = text("its name; default: its kind", "")
+    lowering: Lowering | None = text("lowering through deep water", None)
+    at_depth: AtDepth | None = text("hanging at a depth", None)
+    landing: Landing | None = text("landing on the seabed", None)
+    splash_zone: Splash | None = text("lowering through the splash zone", None)
+
+    @property
+    def kind(self) -> str:
+        """Return which of KINDS it is."""
+        return next(kind for kind in KINDS if getattr(self, kind) is not None)
+
+    @property
+    def title(self) -> str:
+        """Return its name, or its kind."""
+        return self.name or self.kind
+
+    @property
+    def speed_m_per_s(self) -> float:
+        """Return the speed of the winch; 0 at rest."""
+        return float(getattr(getattr(self, self.kind), "speed_m_per_s", 0.0))
+
+    def check(self) -> str | None:
+        """Return a fault unless exactly one kind is given, or None."""
+        given = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if len(given) == 1:
+            return None
+        what = " and ".join(given) if given else "no kind of phase"
+        return f"{what} given; give exactly one of {', '.join(KINDS)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Criteria:
+    """Limits that a phase must keep; the characteristic value of each is judged."""
+
+    swl_n: float | None = quantity(
+        "largest dynamic hook load at the crane tip", "N", 1e2, 1e9, default=None
+    )
+    safety_factor: float | None = quantity(
+        "factor on the largest hook load, below the MBL of the rope", "", 1.0, 20.0, default=None
+    )
+    uplift_share: float | None = quantity(
+        "largest hydrodynamic uplift over the static submerged weight: slack (DNV-RP-N103)", "",
+        0.1, 1.0, default=0.9,
+    )  # fmt: skip
+    least_tension_n: float | None = quantity(
+        "least tension anywhere in the rope", "N", 0.0, 1e9, default=None
+    )
+    landing_speed_m_per_s: float | None = quantity(
+        "largest landing velocity on the seabed", "m/s", 1e-3, 10.0, default=None
+    )
+    stroke_m: float | None = quantity(
+        "largest stroke of the heave compensation, in either direction", "m", 1e-2, 100.0,
+        default=None,
+    )  # fmt: skip
+    compensation_speed_m_per_s: float | None = quantity(
+        "largest speed of the heave compensation", "m/s", 1e-2, 10.0, default=None
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seeds:
+    """Number of seeds of a cell: it grows in steps of `start` until the interval is narrow."""
+
+    start: int = quantity("seeds to begin with, and to add at a time", "", 3, 1000, default=8)
+    most: int = quantity("most seeds of a cell", "", 3, 10_000, default=64)
+
+    def check(self) -> str | None:
+        """Return a fault of the numbers, or None."""
+        if self.start <= self.most:
+            return None
+        return f"start {self.start} is above most {self.most}; give the lesser one as start"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """Statistics of the extremes, and the accuracy of the runs."""
+
+    percentile: float = quantity(
+        "of the largest value of an exposure: the characteristic value", "%", 1.0, 99.9,
+        default=90.0,
+    )  # fmt: skip
+    confidence: float = quantity("of the intervals", "", 0.5, 0.99, default=0.9)
+    within: float = quantity(
+        "half width of the interval at the limit, over the value", "", 1e-3, 1.0, default=0.05
+    )
+    seeds: Seeds = text("number of seeds", Seeds())
+    seed: int = quantity("first random number of all seas", "", 0, 2**31 - 1, default=1)
+    settle_s: float = quantity(
+        "time after the ship's build-up that is not counted", "s", 0.0, 3600.0, default=60.0
+    )
+    error_within: float = quantity(
+        "discretisation error aimed at, over the characteristic hook load", "", 1e-4, 0.5,
+        default=0.02,
+    )  # fmt: skip
+    elements: int | None = quantity(
+        "elements of the rope; default: by `error_within`", "", 3, 2000, default=None
+    )
+    step_s: float | None = quantity(
+        "time step; default: by `error_within`", "s", 1e-4, 0.2, default=None
+    )
+
+    def check(self) -> str | None:
+        """Return a fault if half of a setting is given, or None."""
+        if (self.elements is None) == (self.step_s is None):
+            return None
+        given = "step_s" if self.elements is None else "elements"
+        return f"{given} alone; give elements and step_s, or neither"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Plan of a lift as written in its file."""
+
+    name: str
+    path: Path
+    digest: str  # SHA-256 of the file's text
+    about: str = text("one line: the operation", "")
+    source: str = text("source of the data", "")
+    scene: str = text("scene with rope, payload and winch: a name, or its path from this file")
+    vessel: Vessel | None = text("ship; default: that of the scene's `on_waves`", None)
+    sea: SeaGrid = text("sea states")
+    phases: tuple[Phase, ...] = text("phases of the operation")
+    criteria: Criteria = text("limits", Criteria())
+    method: Method = text("statistics and accuracy", Method())
+
+    @property
+    def grid(self) -> list[tuple[int, int, int]]:
+        """Return all cells as indices of phase, peak period and heading."""
+        counts = len(self.phases), len(self.sea.tp_s), len(self.sea.headings_deg)
+        return [(int(i), int(j), int(k)) for i, j, k in np.ndindex(*counts)]
+
+    def heights_m(self, period: int, heading: int) -> list[float]:
+        """Return the heights of the grid at which waves of a period do not break [m]."""
+        found = []
+        for height in self.sea.hs_m.values:
+            if breaking_fault(self.sea_state(height, period, heading).spectrum()):
+                break
+            found.append(height)
+        return found
+
+    def sea_state(self, height_m: float, period: int, heading: int) -> SeaState:
+        """Return the sea state of a cell."""
+        sea = self.sea
+        return SeaState(
+            height_m, sea.tp_s[period], sea.headings_deg[heading], sea.gamma, sea.spreading
+        )
+
+    def check(self) -> str | None:
+        """Return a fault of the phases, or None."""
+        if not self.phases:
+            return "phases is empty; give one phase or more"
+        names = [phase.title for phase in self.phases]
+        twice = next((name for name in names if names.count(name) > 1), "")
+        if twice:
+            return f"two phases are called '{twice}'; give one of them a `name`"
+        cells = len(self.grid)
+        if cells > CELLS_MOST:
+            return f"{cells} cells of phase, Tp and heading; give at most {CELLS_MOST}"
+        return None

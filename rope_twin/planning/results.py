@@ -1,0 +1,355 @@
+"""Results of a plan: tables, one object for programs, the load chart and the picture of limits."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rope_twin import __version__
+from rope_twin.planning.judgement import QUANTITIES, Judgement
+from rope_twin.scene.card import solver_version
+from rope_twin.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from rope_twin.planning.cells import CellLimit
+    from rope_twin.planning.extremes import Extreme
+    from rope_twin.planning.run import PlanResult
+    from rope_twin.planning.simplified import Simplified
+
+CHART_FORMAT = 1
+HEAD = ("phase", "Tp s", "heading °", "Hs m", "interval m", "governed by", "hook load kN", "DAF",
+        "least load kN", "uplift %", "slack %", "seeds", "error %", "simplified Hs m",
+        "simplified hook kN")  # fmt: skip
+NONE = "–"
+
+
+def height_words(cell: CellLimit) -> str:
+    """Return the limiting height in words."""
+    if cell.height_m is None:
+        return "none"
+    return f"{'≥ ' if cell.capped else ''}{cell.height_m:g}"
+
+
+def limit_words(result: PlanResult, cell: CellLimit) -> str:
+    """Return the governing criterion in words."""
+    limits = next(work.limits for work in result.works if work.title == cell.phase)
+    words = {limit.key: limit.words for limit in limits}
+    named = words.get(cell.governing, cell.governing)
+    return f"{cell.capped} ({named})" if cell.capped else named
+
+
+def daf(result: PlanResult, cell: CellLimit) -> float:
+    """Return the dynamic amplification: characteristic over static hook load; NaN: not judged."""
+    if cell.judged is None:
+        return math.nan
+    static = next(work.static_hook_n for work in result.works if work.title == cell.phase)
+    return cell.judged.values["hook_load"].value / static
+
+
+def table_rows(result: PlanResult) -> list[list[str]]:
+    """Return the limits as rows of text below a head."""
+    return [list(HEAD), *(_cells_of(result, cell) for cell in result.cells)]
+
+
+def _cells_of(result: PlanResult, cell: CellLimit) -> list[str]:
+    judged = cell.judged
+    begin = [cell.phase, f"{cell.period_s:g}", f"{cell.heading_deg:g}", height_words(cell),
+             f"{cell.low_m:.2f} to {cell.high_m:.2f}", limit_words(result, cell)]  # fmt: skip
+    simple = f"{cell.simplified_height_m:g}" if cell.simplified_height_m is not None else "none"
+    hook = f"{1e-3 * max(one.hook_n for one in cell.simplified):.0f}"
+    if judged is None or "hook_load" not in judged.values:
+        return [*begin, *[NONE] * 7, simple, hook]
+    weight = next(work.weight_n for work in result.works if work.title == cell.phase)
+    load, uplift = judged.values["hook_load"], judged.values["uplift"]
+    spread = 0.5e-3 * (load.high - load.low)
+    return [
+        *begin,
+        f"{1e-3 * load.value:.0f} ± {spread:.1f}",
+        f"{daf(result, cell):.2f}",
+        f"{1e-3 * weight * (1.0 - uplift.value):.0f}",
+        f"{100.0 * uplift.value:.0f}",
+        f"{100.0 * judged.slack_share:.2g}",
+        str(judged.seeds),
+        NONE if math.isnan(cell.error) else f"{100.0 * cell.error:.2g}",
+        simple,
+        hook,
+    ]
+
+
+def summary_lines(result: PlanResult) -> Iterator[str]:
+    """Yield what the table does not say."""
+    method = result.plan.method
+    yield (
+        f"characteristic values: P{method.percentile:g} of the largest in the exposure, Gumbel by "
+        f"maximum likelihood, intervals of {100.0 * method.confidence:g} %"
+    )
+    for work in result.works:
+        pairs = zip(work.legs, work.settings, work.setting_errors, strict=True)
+        for leg, setting, error in pairs:
+            told = "given" if math.isnan(error) else f"error {100.0 * error:.2g} %"
+            where = (
+                f"{leg.from_m:.0f} to {leg.to_m:.0f} m"
+                if leg.to_m > leg.from_m
+                else (f"{leg.from_m:.0f} m")
+            )
+            yield f"{work.title}, {where}: {setting}, {told}; exposure {leg.window_s:.0f} s"
+    yield f"card of scene '{result.scene.name}': {_card_words(result)}"
+    factor = result.simulated_s / result.elapsed_s if result.elapsed_s > 0.0 else 0.0
+    yield (
+        f"{result.runs} runs of {result.simulated_s / 3600.0:.0f} h in all, "
+        f"{result.elapsed_s:.0f} s ({factor:,.0f} times real time)"
+    )
+
+
+def _card_words(result: PlanResult) -> str:
+    card = result.card
+    if math.isnan(card.peak_pct):
+        return card.words
+    return f"maximum of the top tension within {card.peak_pct:.2g} %, {card.words}"
+
+
+def result_object(result: PlanResult) -> dict[str, Any]:
+    """Return everything as one object of plain values; unknown numbers are None."""
+    found = {
+        "plan": result.plan.name,
+        "plan_digest": result.plan.digest,
+        "scene": result.scene.name,
+        "scene_digest": result.scene.digest,
+        "solver": solver_version(result.scene),
+        "version": __version__,
+        "percentile": result.plan.method.percentile,
+        "confidence": result.plan.method.confidence,
+        "runs": result.runs,
+        "simulated_s": result.simulated_s,
+        "elapsed_s": result.elapsed_s,
+        "card_error_peak_pct": result.card.peak_pct,
+        "card_error_words": result.card.words,
+        "phases": [
+            {
+                "name": work.title,
+                "limits": {one.key: one.most for one in work.limits},
+                "static_hook_n": work.static_hook_n,
+                "payload_submerged_n": work.weight_n,
+                "legs": [
+                    {
+                        "from_m": leg.from_m, "to_m": leg.to_m, "exposure_s": leg.window_s,
+                        "elements": setting.elements, "step_s": setting.step_s, "error": error,
+                    }
+                    for leg, setting, error in zip(
+                        work.legs, work.settings, work.setting_errors, strict=True
+                    )
+                ],
+            }
+            for work in result.works
+        ],
+        "cells": [_cell_object(result, cell) for cell in result.cells],
+    }  # fmt: skip
+    return dict(_plain(found))
+
+
+def _cell_object(result: PlanResult, cell: CellLimit) -> dict[str, Any]:
+    return {
+        "phase": cell.phase,
+        "tp_s": cell.period_s,
+        "heading_deg": cell.heading_deg,
+        "limiting_hs_m": cell.height_m,
+        "crossing_hs_m": cell.crossing_m,
+        "crossing_low_m": cell.low_m,
+        "crossing_high_m": cell.high_m,
+        "capped": cell.capped,
+        "governing": cell.governing,
+        "daf": daf(result, cell),
+        "at_limit": _judgement_object(cell.judged),
+        "beyond": _judgement_object(cell.beyond),
+        "discretisation_error": cell.error,
+        "simplified_hs_m": cell.simplified_height_m,
+        "simplified": [vars(one) for one in cell.simplified],
+        "difference": difference(cell),
+        "judged_heights": cell.heights,
+        "runs": cell.runs,
+    }
+
+
+def difference(cell: CellLimit) -> dict[str, float]:
+    """Return what the runs' characteristic values are above the simplified method's.
+
+    Hook load over the simplified one less 1, and uplift less the simplified uplift; empty if no
+    height meets the criteria.
+    """
+    if cell.judged is None:
+        return {}
+    hook, uplift = _simple(cell.simplified)
+    values = cell.judged.values
+    return {
+        "hook_load": values["hook_load"].value / hook - 1.0,
+        "uplift": values["uplift"].value - uplift,
+    }
+
+
+def _simple(found: Sequence[Simplified]) -> tuple[float, float]:
+    return max(one.hook_n for one in found), max(one.uplift_share for one in found)
+
+
+def _judgement_object(judged: Judgement | None) -> dict[str, Any] | None:
+    if judged is None:
+        return None
+    return {
+        "hs_m": judged.height_m,
+        "seeds": judged.seeds,
+        "governing_seed": judged.governing_seed,
+        "values": {name: vars(one) for name, one in judged.values.items()},
+        "uses": {name: vars(one) for name, one in judged.uses.items()},
+        "slack_share": judged.slack_share,
+        "failures": judged.failures,
+        "fault": judged.fault,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with None for numbers that are not finite."""
+    if isinstance(value, Mapping):
+        return {key: _plain(own) for key, own in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(own) for own in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def load_chart(result: PlanResult) -> dict[str, Any]:
+    """Return the limits as a load chart: what is allowed at an Hs, Tp, heading and phase.
+
+    `limiting_hs_m` has a row for each peak period and a column for each heading; None: no height
+    of the grid is allowed. Between periods and headings the lower neighbour is to be taken, beyond
+    the chart nothing is allowed.
+    """
+    sea = result.plan.sea
+    charts = {}
+    for work in result.works:
+        cells = {(one.period_s, one.heading_deg): one for one in result.of_phase(work.title)}
+
+        def table(name: str, cells: Mapping[Any, CellLimit] = cells) -> list[list[Any]]:
+            return [
+                [_plain(getattr(cells[tp, heading], name)) for heading in sea.headings_deg]
+                for tp in sea.tp_s
+            ]
+
+        hook = [[_hook_n(cells[tp, heading]) for heading in sea.headings_deg] for tp in sea.tp_s]
+        charts[work.title] = {
+            "kind": result.plan.phases[work.number].kind,
+            "depth_m": [work.legs[0].from_m, work.legs[-1].to_m],
+            "limits": {one.key: one.most for one in work.limits},
+            "limiting_hs_m": table("height_m"),
+            "governing": table("governing"),
+            "hook_load_n": hook,
+        }
+    return {
+        "format": CHART_FORMAT,
+        "plan": result.plan.name,
+        "plan_digest": result.plan.digest,
+        "scene": result.scene.name,
+        "scene_digest": result.scene.digest,
+        "version": __version__,
+        "percentile": result.plan.method.percentile,
+        "tp_s": list(sea.tp_s),
+        "heading_deg": list(sea.headings_deg),
+        "phases": charts,
+    }
+
+
+def _hook_n(cell: CellLimit) -> float | None:
+    return None if cell.judged is None else cell.judged.values["hook_load"].value
+
+
+def allowed_height_m(
+    chart: Mapping[str, Any], phase: str, period_s: float, heading_deg: float
+) -> float:
+    """Return the Hs that a load chart allows in a phase [m]; 0 if none, or beyond the chart.
+
+    The lowest of the neighbouring periods and headings counts. A heading from the other side of
+    the bow is that of the chart if the chart has one side alone.
+    """
+    table = chart["phases"][phase]["limiting_hs_m"]
+    own = heading_deg
+    headings = list(chart["heading_deg"])
+    if own < 0.0 <= min(headings):
+        own = -own
+    rows = _neighbours(list(chart["tp_s"]), period_s)
+    columns = _neighbours(headings, own)
+    found = [table[j][k] for j in rows for k in columns]
+    return min((0.0 if one is None else float(one) for one in found), default=0.0)
+
+
+def _neighbours(axis: Sequence[float], value: float) -> list[int]:
+    """Return the indices of the values on either side; none beyond the axis."""
+    order = sorted(range(len(axis)), key=lambda k: axis[k])
+    below = [k for k in order if axis[k] <= value]
+    above = [k for k in order if axis[k] >= value]
+    return list(dict.fromkeys([below[-1], above[0]])) if below and above else []
+
+
+def write_results(result: PlanResult, folder: Path) -> None:
+    """Write `plan.json` and `load_chart.json`.
+
+    Raises:
+        OSError: they cannot be written.
+    """
+    for name, content in (("plan.json", result_object(result)),
+                          ("load_chart.json", load_chart(result))):  # fmt: skip
+        words = json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False)
+        write_whole(folder / name, words.encode())
+
+
+STYLES = ("-", "--", ":", "-.")
+
+
+def limits_figure(result: PlanResult) -> Any:
+    """Return the picture of limiting Hs over Tp: a panel for each phase, a line for each heading.
+
+    Bands are the intervals; thin lines are the simplified method.
+    """
+    from matplotlib.figure import Figure
+
+    count = len(result.works)
+    across = min(count, 3)
+    down = math.ceil(count / across)
+    figure = Figure(figsize=(4.2 * across, 3.4 * down), layout="constrained")
+    panels: list[Any] = figure.subplots(down, across, squeeze=False).ravel().tolist()
+    top = result.plan.sea.hs_m.to * 1.08
+    for axes, work in zip(panels, result.works, strict=False):
+        cells = result.of_phase(work.title)
+        for number, heading in enumerate(result.plan.sea.headings_deg):
+            own = [one for one in cells if one.heading_deg == heading]
+            _draw_limit(axes, own, number, f"{heading:g}°")
+        axes.set_title(work.title)
+        axes.set_xlabel("Tp [s]")
+        axes.set_ylabel("limiting Hs [m]")
+        axes.set_ylim(0.0, top)
+        axes.grid(True, linewidth=0.3)
+        axes.legend(fontsize="small", title="heading")
+    for axes in panels[count:]:
+        axes.set_axis_off()
+    return figure
+
+
+def _draw_limit(axes: Any, cells: Sequence[CellLimit], number: int, label: str) -> None:
+    periods = [one.period_s for one in cells]
+    colour, style = f"C{number}", STYLES[number % len(STYLES)]
+    heights = [one.height_m or 0.0 for one in cells]
+    axes.plot(periods, heights, f"o{style}", color=colour, markersize=4, label=label)
+    low, high = [one.low_m for one in cells], [one.high_m for one in cells]
+    axes.fill_between(periods, low, high, color=colour, alpha=0.2, linewidth=0.0)
+    simple = [one.simplified_height_m or 0.0 for one in cells]
+    axes.plot(periods, simple, color=colour, linewidth=0.7)
+
+
+def value_words(name: str, value: Extreme) -> str:
+    """Return a characteristic value with its interval and unit."""
+    quantity = QUANTITIES[name]
+    own = value.scaled(quantity.scale)
+    return f"{own.value:.4g} ({own.low:.4g} to {own.high:.4g}) {quantity.unit}".rstrip()

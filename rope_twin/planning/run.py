@@ -1,0 +1,260 @@
+"""A plan, run to its end on the cores of this machine: limits of all cells, rows of all runs.
+
+A row is kept when its run is done. The search for a limit depends on the rows alone, so a plan that
+was interrupted takes the same way again and runs only what is not there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.planning.cells import Cell, CellLimit, MemoryStore, PhaseWork, RowStore, phase_work
+from rope_twin.planning.phases import Leg, legs_of
+from rope_twin.planning.plan_file import Plan
+from rope_twin.planning.plan_reader import bow_of, read_plan, spreading_of, tip_of
+from rope_twin.planning.runs import Row, Ship
+from rope_twin.planning.settings import choose_setting, governing_error
+from rope_twin.scene.card import KnownError, Setting, known_error, solver_version
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.parameter_study.run import RowFolder
+from rope_twin.twin.ensemble.ensemble import cores
+
+VERSION = 1  # of what the rows mean
+Report = Callable[[int, int, int], None]  # cells done, cells in all, runs done
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """Limits of all cells of a plan, in the order of its grid."""
+
+    plan: Plan
+    scene: Scene
+    works: tuple[PhaseWork, ...]
+    cells: tuple[CellLimit, ...]
+    card: KnownError  # discretisation error of the scene at its own setting
+    runs: int  # of all cells
+    simulated_s: float  # time of all runs
+    elapsed_s: float  # real time of this call
+
+    def of_phase(self, title: str) -> list[CellLimit]:
+        """Return the cells of a phase."""
+        return [cell for cell in self.cells if cell.phase == title]
+
+
+class PlanFolder(RowFolder):
+    """Folder of a plan's rows, which threads share."""
+
+    title = "plan"
+
+    def __init__(self, folder: Path, plan: Plan, stamp: str) -> None:
+        """Open the folder.
+
+        Raises:
+            InputError: another process is at it, it holds another plan, or it cannot be written.
+        """
+        super().__init__(folder, plan, stamp)
+        self._guard = threading.Lock()
+        self._known: dict[int, Row] = {int(row["run"]): row for row in self.rows()}
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self._known)
+
+    def get(self, run: int) -> Row | None:
+        """Return the row of a run; None if it is not done."""
+        return self._known.get(run)
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Keep rows, on disk at once."""
+        with self._guard:
+            super().add(rows)
+            self._known |= {int(row["run"]): row for row in rows}
+
+    def _schema(self, row: Row) -> Any:
+        """Return the types by column."""
+        import pyarrow
+
+        whole = {"run", "leg", "seed", "sea_seed", "elements"}
+        kinds = {
+            name: pyarrow.int64()
+            if name in whole
+            else pyarrow.string()
+            if name in ("phase", "failure")
+            else pyarrow.float64()
+            for name in row
+        }
+        return pyarrow.schema(list(kinds.items()))
+
+
+def plan_stamp(plan: Plan, scene: Scene) -> str:
+    """Return a digest of plan, scene and solver, on which all rows depend."""
+    told = repr((VERSION, plan.digest, scene.digest, solver_version(scene)))
+    return hashlib.sha256(told.encode()).hexdigest()[:16]
+
+
+def plan(
+    name_or_path: str | Path, out: str | Path | None = None, threads: int | None = None
+) -> PlanResult:
+    """Run a plan and return the limits of its cells.
+
+    Args:
+        name_or_path: a name in config/plans, or the path of a plan file.
+        out: folder of the rows, so that an interrupted plan continues; None: rows stay in memory.
+        threads: number of parallel threads; None: as many as there are cores.
+
+    Raises:
+        RopeTwinError: the plan is invalid, or the folder holds another one; one sentence.
+    """
+    own, scene = read_plan(name_or_path)
+    if out is None:
+        return run_plan(own, scene, MemoryStore(), threads=threads)
+    with PlanFolder(Path(out), own, plan_stamp(own, scene)) as folder:
+        found = run_plan(own, scene, folder, threads=threads)
+        folder.close_rows()
+        return found
+
+
+def run_plan(
+    plan: Plan,
+    scene: Scene,
+    store: RowStore,
+    report: Report = lambda done, total, runs: None,
+    threads: int | None = None,
+) -> PlanResult:
+    """Find the limits of all cells.
+
+    Args:
+        plan: as read.
+        scene: of the plan.
+        store: rows that are done, and those to come.
+        report: called after each cell.
+        threads: number of cells at a time; None: as many as there are cores.
+
+    Raises:
+        RopeTwinError: a phase cannot be run; one sentence.
+    """
+    began = time.perf_counter()
+    counted = _Counted(store)
+    works = prepare(plan, scene)
+    cells = [cell_of(plan, scene, works, cell, counted) for cell in plan.grid]
+    report(0, len(cells), counted.made)
+    found: dict[int, CellLimit] = {0: cells[0].find(governing_error)}  # compiles
+    report(1, len(cells), counted.made)
+    with ThreadPoolExecutor(cores() if threads is None else threads) as pool:
+        rest = {pool.submit(cells[k].find, governing_error): k for k in range(1, len(cells))}
+        try:
+            for future in as_completed(rest):
+                found[rest[future]] = future.result()
+                report(len(found), len(cells), counted.made)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    ordered = tuple(found[k] for k in range(len(cells)))
+    used = {row["run"]: row["seconds"] for row in counted.used.values()}
+    return PlanResult(
+        plan=plan,
+        scene=scene,
+        works=works,
+        cells=ordered,
+        card=known_error(scene),
+        runs=len(used),
+        simulated_s=math.fsum(used.values()),
+        elapsed_s=time.perf_counter() - began,
+    )
+
+
+class _Counted:
+    """A store that counts what passes through it."""
+
+    def __init__(self, store: RowStore) -> None:
+        self._store = store
+        self.made = 0
+        self.used: dict[int, Row] = {}
+
+    def get(self, run: int) -> Row | None:
+        """Return the row of a run."""
+        row = self._store.get(run)
+        if row is not None:
+            self.used[run] = row
+        return row
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Keep rows."""
+        self._store.add(rows)
+        self.made += len(rows)
+        self.used |= {int(row["run"]): row for row in rows}
+
+
+def prepare(plan: Plan, scene: Scene) -> tuple[PhaseWork, ...]:
+    """Return all phases, ready to run.
+
+    Raises:
+        RopeTwinError: a phase cannot be run; one sentence.
+    """
+    ship = Ship(tip_of(plan, scene), bow_of(plan, scene))
+    works = []
+    for number, phase in enumerate(plan.phases):
+        legs = legs_of(plan, scene, phase)
+        works.append(phase_work(plan, scene, number, legs, _settings(plan, number, legs, ship,
+                                                                     scene), ship))  # fmt: skip
+    return tuple(works)
+
+
+def _settings(
+    plan: Plan, number: int, legs: Sequence[Leg], ship: Ship, scene: Scene
+) -> list[tuple[Setting, float]]:
+    """Return a setting for each leg, with its error in a sea of the middle of the grid.
+
+    The period is the shortest of the plan, which asks most of mesh and step.
+    """
+    heights = plan.heights_m(0, 0)
+    middle = plan.sea_state(heights[len(heights) // 2], 0, 0)
+    sea = replace(middle, spreading=spreading_of(plan, scene))
+    return [choose_setting(plan, number, leg, ship, sea) for leg in legs]
+
+
+def cell_of(
+    plan: Plan,
+    scene: Scene,
+    works: Sequence[PhaseWork],
+    cell: tuple[int, int, int],
+    store: RowStore,
+) -> Cell:
+    """Return the search of one cell."""
+    return Cell(plan, works[cell[0]], cell, spreading_of(plan, scene), store)
+
+
+def cell_named(plan: Plan, words: str) -> tuple[int, int, int]:
+    """Return the cell of `PHASE,TP,HEADING`, such as `at_depth,9,165`.
+
+    Raises:
+        InputError: there is no such cell.
+    """
+    parts = [part.strip() for part in words.split(",")]
+    where = f"--cell {words}"
+    if len(parts) != 3:
+        raise InputError(phrase(where, "it is no cell", "write PHASE,TP,HEADING"))
+    titles = [phase.title for phase in plan.phases]
+    if parts[0] not in titles:
+        right = f"known: {', '.join(titles)}"
+        raise InputError(phrase(where, f"there is no phase '{parts[0]}'", right))
+    found = [titles.index(parts[0])]
+    axes: Mapping[str, tuple[float, ...]] = {
+        "Tp": plan.sea.tp_s, "heading": plan.sea.headings_deg
+    }  # fmt: skip
+    for (name, values), word in zip(axes.items(), parts[1:], strict=True):
+        try:
+            found.append(values.index(float(word)))
+        except ValueError:
+            right = f"known: {', '.join(f'{value:g}' for value in values)}"
+            raise InputError(phrase(where, f"there is no {name} '{word}'", right)) from None
+    return found[0], found[1], found[2]

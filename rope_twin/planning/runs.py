@@ -1,0 +1,239 @@
+"""Runs of one leg in one sea: seeds stepped together in SIMD lanes, and the extremes of each."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
+from rope_twin.effects.waves import WavesParams, components_of
+from rope_twin.planning.phases import Leg
+from rope_twin.planning.seas import SeaState, TipTransfer, tip_on_waves, tip_record
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.sea.tables import Vector
+from rope_twin.twin.ensemble.boundary_conditions import WinchMotion
+from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation
+from rope_twin.twin.ensemble.member import LINE_OUT, TOP
+from rope_twin.twin.motion.heave_series import HeaveSeries
+
+AT_LEAST, AT_DEPTH, AT_SINKING, AT_LOWEST = (1 + k for k in (LEAST, DEPTH, SINKING, LOWEST))
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Ship:
+    """Motion of the crane tip over the scene's water."""
+
+    tip: TipTransfer
+    bow: float  # heading of the bow [rad]
+
+
+def sea_seed(first: int, phase: int, leg: int, number: int) -> int:
+    """Return the random number of a sea, from those of the plan, phase, leg and seed.
+
+    All seas of a phase have the same seeds, so that a higher sea is the same sea, but higher.
+    """
+    words = np.random.SeedSequence([first, phase, leg, number]).generate_state(1)
+    return int(words[0] >> 1)
+
+
+def variation(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Variation:
+    """Return the changes and inputs of a seed.
+
+    Raises:
+        InputError: the crane tip would move further or faster than inputs may.
+        SceneError: the waves do not take these numbers.
+    """
+    waves = leg.scene.listed(WavesParams)
+    if waves is None:
+        heave = tip_record(ship.tip, sea, seed, leg.seconds, ship.bow, ship.tip.headings)
+        return Variation((), heave, leg.commands)
+    heading = waves.heading_deg  # a hull that answers head seas has no bow to turn from
+    if ship.tip.headings:
+        heading = (math.degrees(ship.bow) + sea.heading_deg + 180.0) % 360.0 - 180.0
+    numbers: dict[str, float | None] = {
+        "jonswap.significant_height_m": sea.height_m,
+        "jonswap.peak_period_s": sea.period_s,
+        "jonswap.gamma": sea.gamma,
+        "spreading": sea.spreading,
+        "seed": seed,
+        "heading_deg": heading,
+    }
+    changes = tuple(
+        Change(f"effects.waves.{key}", value) for key, value in numbers.items() if value is not None
+    )
+    own = change_scene(leg.scene, changes)
+    heave = _on_waves(own, ship, leg.seconds)
+    return Variation(changes, heave, leg.commands)
+
+
+def _on_waves(scene: Scene, ship: Ship, seconds: float) -> HeaveSeries:
+    """Return the motion of a ship on the scene's waves."""
+    waves = scene.listed(WavesParams)
+    assert waves is not None
+    components = components_of(waves, scene.environment.gravity_m_per_s2)
+    x, y, _ = scene.ship.hang_off_m
+    arm = getattr(ship.tip, "arm_m", (0.0, 0.0, 0.0))
+    c, s = math.cos(ship.bow), math.sin(ship.bow)
+    reference = (x - (c * arm[0] - s * arm[1]), y - (s * arm[0] + c * arm[1]))
+    return tip_on_waves(ship.tip, components, reference, seconds, ship.bow, ship.tip.headings)
+
+
+class Extremes:
+    """Extremes of one run inside the window, taken from its steps a batch at a time."""
+
+    def __init__(self, leg: Leg) -> None:
+        self._leg = leg
+        self.top_max, self.top_min = -math.inf, math.inf
+        self.payload_min, self.least = math.inf, math.inf
+        self.depth_at_max = self.at_s = math.nan
+        self.landing = -math.inf
+        self.stroke = self.stroke_speed = 0.0
+        self._depth = self._sinking = -math.inf  # at the end of the last batch
+        self._line: tuple[float, float] | None = None
+        self._steps = self._slack = 0
+
+    @property
+    def landed(self) -> bool:
+        """Whether the payload has touched the seabed."""
+        return math.isfinite(self.landing)
+
+    def take(self, steps: Vector, time_s: Vector, nominal_m: Vector) -> None:
+        """Take steps (n, WATCHED) that end at these times, with the line out without
+        compensation.
+        """
+        self._take_line(steps[:, LINE_OUT], time_s, nominal_m)
+        counted = time_s > self._leg.first_s
+        afloat = counted.copy()
+        if self._leg.bed_m is not None:
+            afloat &= self._before_touchdown(steps)
+        if counted.any():
+            some = steps[counted]
+            k = int(np.argmax(some[:, TOP]))
+            if some[k, TOP] > self.top_max:
+                self.top_max = float(some[k, TOP])
+                self.depth_at_max, self.at_s = float(some[k, AT_DEPTH]), float(time_s[counted][k])
+        if afloat.any():
+            some = steps[afloat]
+            self.top_min = min(self.top_min, float(some[:, TOP].min()))
+            self.payload_min = min(self.payload_min, float(some[:, AT_LOWEST].min()))
+            self.least = min(self.least, float(some[:, AT_LEAST].min()))
+            self._steps += len(some)
+            self._slack += int((some[:, AT_LEAST] <= 0.0).sum())
+
+    def _before_touchdown(self, steps: Vector) -> Any:
+        """Return which steps end before the payload first touches, and note how fast it lands."""
+        bed = self._leg.bed_m
+        depth = np.concatenate([[self._depth], steps[:, AT_DEPTH]])
+        sinking = np.concatenate([[self._sinking], steps[:, AT_SINKING]])
+        touches = np.flatnonzero((depth[:-1] < bed) & (depth[1:] >= bed))
+        before = np.full(len(steps), not self.landed)
+        if touches.size:
+            if not self.landed:
+                before[touches[0] :] = False
+            fastest = np.maximum(sinking[touches], sinking[touches + 1]).max()
+            self.landing = max(self.landing, float(fastest))
+        self._depth, self._sinking = float(depth[-1]), float(sinking[-1])
+        return before
+
+    def _take_line(self, line_m: Vector, time_s: Vector, nominal_m: Vector) -> None:
+        """Note how far and how fast the heave compensation moves the line."""
+        extra = line_m - nominal_m
+        self.stroke = max(self.stroke, float(np.abs(extra).max(initial=0.0)))
+        if self._line is not None:
+            extra = np.concatenate([[self._line[1]], extra])
+            time_s = np.concatenate([[self._line[0]], time_s])
+        if len(extra) > 1:
+            speeds = np.abs(np.diff(extra) / np.diff(time_s))
+            self.stroke_speed = max(self.stroke_speed, float(speeds.max()))
+        self._line = float(time_s[-1]), float(extra[-1])
+
+    def row(self) -> Row:
+        """Return the run's results."""
+        return {
+            "top_max_n": self.top_max,
+            "top_min_n": self.top_min,
+            "payload_min_n": self.payload_min,
+            "least_n": self.least,
+            "depth_at_max_m": self.depth_at_max,
+            "at_s": self.at_s,
+            "slack_share": self._slack / self._steps if self._steps else 0.0,
+            "landing_speed_m_per_s": self.landing if self.landed else math.nan,
+            "stroke_m": self.stroke,
+            "stroke_speed_m_per_s": self.stroke_speed,
+        }
+
+
+def run_seeds(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list[Row]:
+    """Return the extremes of each seed; a run that failed has a sentence in `failure`.
+
+    leg: at its setting. seeds: random numbers of the seas.
+
+    Raises:
+        RopeTwinError: the sea moves the crane tip beyond what inputs may, or no run can start.
+    """
+    ensemble, found = _started(leg, ship, sea, seeds), [Extremes(leg) for _ in seeds]
+    for time_s, nominal, parts in _batches(leg, ensemble):
+        for own, steps in zip(found, parts, strict=True):
+            some = len(steps)
+            if some:
+                own.take(steps, time_s[:some], nominal[:some])
+    rows = []
+    for seed, own, member in zip(seeds, found, ensemble.figures(), strict=True):
+        lost = "" if leg.bed_m is None or own.landed or member.failure else "it did not land"
+        rows.append({"sea_seed": seed, **own.row(), "failure": member.failure or lost})
+    return rows
+
+
+def watch_seed(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Vector, Vector]:
+    """Return the time [s], (n,), and all steps of a run, (n, WATCHED).
+
+    Raises:
+        RopeTwinError: see `run_seeds`.
+    """
+    ensemble = _started(leg, ship, sea, [seed])
+    times, steps = [], []
+    for time_s, _, (own,) in _batches(leg, ensemble):
+        times.append(time_s[: len(own)])
+        steps.append(own)
+    return np.concatenate(times), np.concatenate(steps)
+
+
+def _started(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> Ensemble:
+    members = [variation(leg, ship, sea, seed) for seed in seeds]
+    return Ensemble(leg.scene, members, threads=1, watched=True)
+
+
+def _batches(leg: Leg, ensemble: Ensemble) -> Iterator[tuple[Vector, Vector, list[Vector]]]:
+    """Yield times [s], line out without compensation [m] and the members' steps, by batches."""
+    step = leg.scene.time.step_s
+    left, done = round(leg.seconds / step), 0
+    nominal = nominal_line(leg)
+    while left:
+        some = min(left, max(1, round(BATCH_S / step)))
+        ensemble.advance(some * step)
+        time_s = np.arange(done + 1.0, done + some + 1.0) * step
+        parts = [ensemble.watched(k) for k in range(len(ensemble))]
+        yield time_s, nominal[done : done + some], parts
+        left, done = left - some, done + some
+
+
+def nominal_line(leg: Leg) -> Vector:
+    """Return the line out at the end of each step without heave compensation [m], (steps,)."""
+    scene, step = leg.scene, leg.scene.time.step_s
+    winch = scene.winch and dataclasses.replace(scene.winch, heave_compensation=None)
+    motion = WinchMotion(winch, scene.ropes[0].length_m, leg.commands, step)
+    found: list[Vector] = []
+    steps, done = round(leg.seconds / step), 0
+    while done < steps:
+        some = min(steps - done, max(1, round(BATCH_S / step)))
+        found.append(motion.through(done, some)[1:, 0])
+        done += some
+    return np.concatenate(found)

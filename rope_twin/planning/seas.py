@@ -1,0 +1,259 @@
+"""Motion of the crane tip in a sea state: transfer functions, moments and records of a seed.
+
+The tip is moved rigidly with the ship at small angles: x_tip = x + θ × r for each frequency, with
+the arm r from the reference point of the RAOs, as DNV-RP-N103 (4.3.3) does.
+
+Records without waves on the rope are sums of components at multiples of 1/duration with random
+phases and Rayleigh-distributed amplitudes (DNV-RP-C205, 3.3.2), so that they are samples of a
+Gaussian sea whose own Hs differs from record to record. Where the scene has waves at rope and
+payload, the ship answers each of their components: same waves, same phases.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len
+
+from rope_twin.recording.motion_source import wave_at
+from rope_twin.sea.components import Waves, random_shares
+from rope_twin.sea.ship_motion import BoxHull, Responses, heave_response
+from rope_twin.sea.spectrum import WaveSpectrum, jonswap
+from rope_twin.sea.tables import Vector
+from rope_twin.twin.motion.heave_series import HeaveSeries
+
+Complex = NDArray[np.complex128]
+
+SAMPLE_NS = 50_000_000  # 20 Hz, the rate of ship/heave
+LEAD_SAMPLES = 4  # before time 0, so that it lies between two samples
+AFTER_SAMPLES = 40  # behind the end: the last step looks ahead
+CHUNK = 4096  # samples at once of a sum of components
+
+
+class TipTransfer(Protocol):
+    """Transfer function of the crane tip; whatever gives RAOs by heading can stand behind it."""
+
+    @property
+    def source(self) -> str:
+        """Return a description."""
+
+    @property
+    def headings(self) -> bool:
+        """Return whether it depends on the heading of the waves."""
+
+    def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return motion forward, to port and up per metre of wave amplitude, (3, n).
+
+        Positive phases lead the wave at the reference point. heading: direction that each wave
+        travels to, from the bow to port [rad]; 0 from astern, π head seas.
+        """
+
+
+@dataclass(frozen=True)
+class ResponsesTip:
+    """Crane tip of a ship with RAOs in six degrees of freedom."""
+
+    responses: Responses
+    arm_m: tuple[float, float, float]  # from the reference point: forward, to port, up
+    headings = True
+
+    @property
+    def source(self) -> str:
+        """Return a description."""
+        x, y, z = self.arm_m
+        return f"RAOs {self.responses.source}, crane tip {x:g} m ahead, {y:g} m to port, {z:g} m up"
+
+    def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return the rigid motion of the tip."""
+        return moved_rigidly(self.responses.at(frequency_hz, heading), self.arm_m)
+
+
+@dataclass(frozen=True)
+class HullTip:
+    """Hang-off that heaves with a box-like hull in head seas."""
+
+    hull: BoxHull
+    headings = False
+
+    @property
+    def source(self) -> str:
+        """Return a description."""
+        return self.hull.describe()
+
+    def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return the heave; no motion aside."""
+        found = np.zeros((3, len(frequency_hz)), np.complex128)
+        found[2] = heave_response(self.hull, frequency_hz)
+        return found
+
+
+def moved_rigidly(answer: Complex, arm_m: tuple[float, float, float]) -> Complex:
+    """Return the motion of a point of a ship from its RAOs, (6, n) -> (3, n).
+
+    arm_m: of the point, from the reference point of the RAOs: forward, to port, up.
+    """
+    x, y, z = arm_m
+    surge, sway, heave, roll, pitch, yaw = answer
+    return np.stack(
+        [surge + pitch * z - yaw * y, sway + yaw * x - roll * z, heave + roll * y - pitch * x]
+    )
+
+
+@dataclass(frozen=True)
+class SeaState:
+    """A cell's sea."""
+
+    height_m: float  # Hs
+    period_s: float  # Tp
+    heading_deg: float  # that the waves travel to, from the bow to port; 180: head seas
+    gamma: float | None = None  # of JONSWAP; None: by DNV-RP-C205, 3.5.5.5
+    spreading: float | None = None  # exponent s of cos²ˢ; None: long-crested
+
+    def spectrum(self) -> WaveSpectrum:
+        """Return the JONSWAP spectrum, scaled so that its Hs is exactly the height.
+
+        A_γ = 1 - 0.287·ln γ is a fit, off by up to 0.1 % of Hs.
+        """
+        raw = jonswap(self.height_m, self.period_s, self.gamma)
+        scale = (self.height_m / raw.significant_height_m) ** 2
+        return WaveSpectrum(raw.frequency_hz, scale * raw.density_m2_per_hz, raw.source)
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Vertical motion of the crane tip in a sea state."""
+
+    rms_m: float
+    rms_m_per_s: float
+    rms_m_per_s2: float
+
+    @property
+    def crossing_period_s(self) -> float:
+        """Return the mean zero-crossing period of the motion, 2π·σ/σ_v."""
+        return 2.0 * math.pi * self.rms_m / self.rms_m_per_s if self.rms_m_per_s > 0.0 else math.inf
+
+
+def tip_spectrum(tip: TipTransfer, sea: SeaState) -> tuple[Vector, Vector]:
+    """Return frequencies [Hz] and one-sided density of the tip's height [m²/Hz], (n,) each."""
+    spectrum = sea.spectrum()
+    f, density = spectrum.frequency_hz, spectrum.density_m2_per_hz
+    moved = np.zeros_like(f)
+    for turn, share in _directions(sea.spreading):
+        heading = np.full_like(f, math.radians(sea.heading_deg) + turn)
+        moved += share * np.abs(tip.at(f, heading)[2]) ** 2
+    return f, moved * density
+
+
+def tip_moments(tip: TipTransfer, sea: SeaState) -> Moments:
+    """Return the standard deviations of the tip's height, velocity and acceleration."""
+    f, density = tip_spectrum(tip, sea)
+    omega = 2.0 * np.pi * f
+    rms = [math.sqrt(float(np.trapezoid(omega ** (2 * k) * density, f))) for k in range(3)]
+    return Moments(*rms)
+
+
+def _directions(exponent: float | None) -> list[tuple[float, float]]:
+    """Return directions about the mean [rad] and their shares of the energy."""
+    if exponent is None:
+        return [(0.0, 1.0)]
+    turns = np.linspace(-math.pi, math.pi, 73)[:-1]
+    share = np.cos(0.5 * turns) ** (2.0 * exponent)
+    return list(zip(turns.tolist(), (share / share.sum()).tolist(), strict=True))
+
+
+def _turns(exponent: float | None, shares: Vector) -> Vector:
+    """Return a direction about the mean [rad] for each share in [0, 1) of the distribution."""
+    if exponent is None:
+        return np.zeros_like(shares)
+    angle = np.linspace(-math.pi, math.pi, 2001)
+    density = np.cos(0.5 * angle) ** (2.0 * exponent)
+    below = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
+    return np.interp(shares, below / below[-1], angle)
+
+
+def tip_record(
+    tip: TipTransfer, sea: SeaState, seed: int, seconds: float, bow: float, aside: bool
+) -> HeaveSeries:
+    """Return the motion of the crane tip in a record of a Gaussian sea.
+
+    Args:
+        tip: transfer function.
+        sea: the sea state.
+        seed: of the record.
+        seconds: time that it covers.
+        bow: heading of the bow, from east to north [rad].
+        aside: with motion east and north, not height alone.
+    """
+    samples = math.ceil(seconds * 1e9 / SAMPLE_NS) + LEAD_SAMPLES + AFTER_SAMPLES
+    count = next_fast_len(samples, real=True)
+    duration = count * SAMPLE_NS * 1e-9
+    spectrum = sea.spectrum()
+    first = max(math.ceil(spectrum.frequency_hz[0] * duration), 1)
+    last = min(math.floor(spectrum.frequency_hz[-1] * duration), count // 2 - 1)
+    order = np.arange(first, last + 1)
+    f = order / duration
+    shares = random_shares(seed, 3 * len(order)).reshape(3, -1)
+    energy = -np.log1p(-shares[1])  # of a Rayleigh amplitude over its mean
+    amplitude = np.sqrt(2.0 * spectrum.density_at(f) / duration * energy)
+    wave = amplitude * np.exp(2j * np.pi * shares[0])
+    heading = math.radians(sea.heading_deg) + _turns(sea.spreading, shares[2])
+    moved = wave * tip.at(f, heading)
+
+    def in_time(component: Complex) -> Vector:
+        half = np.zeros(count // 2 + 1, np.complex128)
+        half[order] = 0.5 * count * component
+        return np.asarray(irfft(half, count)[:samples])
+
+    omega = 2.0 * np.pi * f
+    tracks = [in_time(part) for part in _in_sea(moved, omega, bow, aside)]
+    return _series(tracks)
+
+
+def tip_on_waves(
+    tip: TipTransfer,
+    waves: Waves,
+    reference: tuple[float, float],
+    seconds: float,
+    bow: float,
+    aside: bool,
+) -> HeaveSeries:
+    """Return the motion of the crane tip of a ship that answers given waves.
+
+    reference: x and y of the ship's reference point [m]; others as for `tip_record`.
+    """
+    samples = math.ceil(seconds * 1e9 / SAMPLE_NS) + LEAD_SAMPLES + AFTER_SAMPLES
+    moved = wave_at(waves, *reference) * tip.at(waves.omega / (2.0 * np.pi), waves.heading - bow)
+    parts = np.stack(_in_sea(moved, waves.omega, bow, aside), axis=1)
+    time_s = (np.arange(samples) - LEAD_SAMPLES) * (SAMPLE_NS * 1e-9)
+    chunks = [
+        (np.exp(1j * np.outer(time_s[k : k + CHUNK], waves.omega)) @ parts).real
+        for k in range(0, samples, CHUNK)
+    ]
+    return _series(list(np.concatenate(chunks).T))
+
+
+def _in_sea(moved: Complex, omega: Vector, bow: float, aside: bool) -> list[Complex]:
+    """Return height and its rate; with `aside`, then east, north and their rates."""
+    forward, port, up = moved
+    found = [up, 1j * omega * up]
+    if aside:
+        c, s = math.cos(bow), math.sin(bow)
+        east, north = c * forward - s * port, s * forward + c * port
+        found += [east, north, 1j * omega * east, 1j * omega * north]
+    return found
+
+
+def _series(tracks: list[Vector]) -> HeaveSeries:
+    """Return the samples as a series whose time 0 is LEAD_SAMPLES behind the first.
+
+    Raises:
+        InputError: the motion is beyond what a ship can do.
+    """
+    z, v, *beside = tracks
+    stamps = (np.arange(len(z), dtype=np.int64) - LEAD_SAMPLES) * SAMPLE_NS
+    aside = np.ascontiguousarray(np.stack(beside)) if beside else None
+    return HeaveSeries(stamps, np.ascontiguousarray(z), np.ascontiguousarray(v), aside=aside)

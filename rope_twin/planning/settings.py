@@ -1,0 +1,126 @@
+"""Mesh and time step of a plan's runs, by the discretisation error that is measured in its seas.
+
+The error of a setting is the difference from twice its elements and half its step, in the same
+sea, times 4/3: what remains if it falls with the square of the step (Roache 1998).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rope_twin.errors import RopeTwinError
+from rope_twin.planning.phases import Leg
+from rope_twin.planning.runs import Row, Ship, run_seeds, sea_seed
+from rope_twin.scene.card import Setting
+
+if TYPE_CHECKING:
+    from rope_twin.planning.cells import Cell
+    from rope_twin.planning.judgement import Judgement
+    from rope_twin.planning.plan_file import Plan
+    from rope_twin.planning.seas import SeaState
+
+# From coarse to fine; each is compared with twice its elements and half its step.
+LADDER = tuple(
+    Setting(elements, step_s)
+    for elements, step_s in (
+        (10, 0.1), (15, 0.1), (15, 0.05), (20, 0.05), (30, 0.05), (30, 0.025), (40, 0.025),
+        (40, 0.0125), (60, 0.0125), (60, 0.00625), (80, 0.00625), (120, 0.003125),
+    )
+)  # fmt: skip
+TRIAL_S = 120.0  # of the window
+TRIAL_SEEDS = 4  # as many as step together
+SECOND_ORDER = 4.0 / 3.0
+
+
+def finer(setting: Setting) -> Setting:
+    """Return twice the elements and half the step."""
+    return Setting(2 * setting.elements, 0.5 * setting.step_s)
+
+
+def choose_setting(plan: Plan, number: int, leg: Leg, ship: Ship, sea: SeaState
+                   ) -> tuple[Setting, float]:  # fmt: skip
+    """Return the coarsest setting within the plan's error, and its error over the hook load.
+
+    The finest is returned if none is; the error is NaN if it could not be measured, or if the plan
+    gives the setting.
+
+    number: of the phase; sea: in which the error is measured.
+    """
+    method = plan.method
+    if method.elements is not None and method.step_s is not None:
+        return Setting(method.elements, method.step_s), math.nan
+    seeds = [sea_seed(method.seed, number, leg.number, k) for k in range(TRIAL_SEEDS)]
+    known: dict[Setting, list[Row] | None] = {}
+
+    def trial(setting: Setting) -> list[Row] | None:
+        if setting not in known:
+            known[setting] = _trial(leg, ship, sea, setting, seeds)
+        return known[setting]
+
+    best = LADDER[-1], math.nan
+    for setting in LADDER:
+        if setting.elements > leg.scene.ropes[0].length_m / SHORTEST_M:
+            break
+        rows = trial(setting)
+        reference = trial(finer(setting)) if rows is not None else None
+        if rows is None or reference is None:
+            continue
+        error = relative_error(rows, reference, leg.payload_n)
+        best = setting, error
+        if error <= method.error_within:
+            break
+    return best
+
+
+SHORTEST_M = 0.3  # element: a mesh that is finer than the payload is large resolves nothing
+
+
+def _trial(
+    leg: Leg, ship: Ship, sea: SeaState, setting: Setting, seeds: Sequence[int]
+) -> list[Row] | None:
+    """Return rows of the beginning of a leg; None if the scene does not run at the setting."""
+    try:
+        seconds = leg.seconds if leg.bed_m is not None else leg.first_s + TRIAL_S
+        short = Leg(**{**vars(leg), "seconds": min(leg.seconds, seconds)}).at_setting(setting)
+        rows = run_seeds(short, ship, sea, seeds)
+    except RopeTwinError:
+        return None
+    return None if any(row["failure"] for row in rows) else rows
+
+
+def relative_error(rows: Sequence[Row], reference: Sequence[Row], weight_n: float) -> float:
+    """Return the largest error of the hook load over itself, and of the payload's least load over
+    its weight.
+    """
+    errors = [
+        max(
+            abs(row["top_max_n"] - other["top_max_n"]) / other["top_max_n"],
+            abs(row["payload_min_n"] - other["payload_min_n"]) / weight_n,
+        )
+        for row, other in zip(rows, reference, strict=True)
+    ]
+    return float(SECOND_ORDER * max(errors))
+
+
+def governing_error(cell: Cell, height: int, judged: Judgement) -> float:
+    """Return the discretisation error of the run that governs a height, as `relative_error`.
+
+    NaN if it does not run at the finer setting.
+    """
+    if judged.governing_seed < 0:
+        return math.nan
+    work, leg = cell.work, cell.work.legs[judged.governing_leg]
+    seeds = [sea_seed(cell.plan.method.seed, work.number, leg.number, judged.governing_seed)]
+    sea = cell.sea(cell.heights_m[height])
+    try:
+        fine = leg.at_setting(finer(work.settings[leg.number]))
+        reference = run_seeds(fine, work.ship, sea, seeds)
+    except RopeTwinError:
+        return math.nan
+    run = cell.run_number(height, leg.number, judged.governing_seed)
+    own = cell.store.get(run)
+    if own is None or reference[0]["failure"]:
+        return math.nan
+    return relative_error([own], reference, leg.payload_n)

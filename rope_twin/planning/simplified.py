@@ -1,0 +1,277 @@
+"""Simplified method of DNV-RP-N103 (formerly H103), from the same inputs as the runs.
+
+Everything is linear or quadratic in a characteristic amplitude of the crane tip; no seed, no
+history. The formulas, with the sections of DNV-RP-H103 (April 2011), whose text is public:
+
+- Resonance (5.3.5): T0 = 2π·√((M + A33 + m·L/3)/k), k = EA/L.
+- Payload on a long rope (5.3.6): η/η_tip = kE/(kE·cos κL + h·sin κL), h = -ω²·(M + A33) + iω·Σ,
+  κ = ω·√(m/EA*)·√(1 - iσ/(mω)); Σ and σ are drag of payload and rope, linearised for a Gaussian
+  velocity about the lowering speed (Borgman 1967): slope 2·E|v_c + v|.
+- Splash zone (4.3): F_hyd = √((F_D + F_slam)² + (F_M - F_ρ)²), with the wave amplitude 0.9·Hs.
+- Snap (4.7.2): F_snap = v_snap·√(K·(M + A33)), v_snap = v_ff + C·v_r, with the free-fall velocity
+  v_ff = √(2·W/(ρ·C_D·A)), C = 1 up to v_ff = 0.2·v_r, cos(π·(v_ff/v_r - 0.2)) up to 0.7, then 0.
+
+Characteristic amplitudes are those that a Rayleigh distribution gives for the percentile and the
+exposure of the plan; the method of the rule takes the most probable largest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.planning.extremes import rayleigh_factor
+from rope_twin.planning.phases import Leg
+from rope_twin.planning.seas import SeaState, TipTransfer, tip_moments, tip_spectrum
+from rope_twin.scene.model.lift import lift_figures
+from rope_twin.sea.spectrum import zero_crossing_period_s
+from rope_twin.sea.tables import Vector
+
+Complex = NDArray[np.complex128]
+
+ROUNDS, SETTLED = 60, 1e-6  # of the linearisation
+AMPLITUDE = 0.9  # characteristic wave amplitude over Hs
+LOW, HIGH = 0.2, 0.7  # v_ff/v_r between which the correction of the snap velocity falls
+
+
+@dataclass(frozen=True)
+class Lift:
+    """Figures of a vertical rope with its payload, in SI units."""
+
+    length_m: float
+    EA_n: float
+    mass_kg_per_m: float
+    rope_damping_newton_seconds: float  # c of EA·strain + c·strain rate
+    rope_drag_kg_per_m2: float  # ½·ρ·C_t·π·d
+    mass_kg: float  # payload in air
+    added_mass_kg: float  # A33
+    drag_kg_per_m: float  # ½·ρ·C_D·A
+    weight_n: float  # submerged
+    displaced_kg: float  # ρ·V
+    static_hook_n: float
+
+    @property
+    def moved_kg(self) -> float:
+        """Return M + A33."""
+        return self.mass_kg + self.added_mass_kg
+
+    @property
+    def stiffness_n_per_m(self) -> float:
+        """Return k = EA/L."""
+        return self.EA_n / self.length_m
+
+
+def lift_of(leg: Leg) -> Lift:
+    """Return the figures at the end of a leg; sections of the rope act as springs in series."""
+    scene = leg.scene
+    figures = lift_figures(scene)
+    payload = figures.payload
+    assert payload is not None, "checked when the plan was read"
+    density = scene.environment.water_density_kg_per_m3
+    lengths = scene.ropes[0].lengths_m(leg.line_out_m)
+    bars = [
+        (bar, length) for bar, length in zip(figures.bars, lengths, strict=True) if length > 0.0
+    ]
+    whole = sum(length for _, length in bars)
+    EA = whole / sum(length / bar.stiffness_n for bar, length in bars)
+    drag = scene.listed(DragParams)
+    tangential = drag.tangential if drag is not None else 0.0
+    diameter = sum(bar.rope.diameter_m * length for bar, length in bars) / whole
+    return Lift(
+        length_m=whole,
+        EA_n=EA,
+        mass_kg_per_m=sum(bar.inertia_kg_per_m * length for bar, length in bars) / whole,
+        rope_damping_newton_seconds=max(figures.damping_newton_seconds),
+        rope_drag_kg_per_m2=0.5 * density * tangential * math.pi * diameter,
+        mass_kg=payload.mass_kg,
+        added_mass_kg=payload.added_mass_kg[2],
+        drag_kg_per_m=0.5 * density * payload.drag_area_m2[2],
+        weight_n=figures.payload_weight_n,
+        displaced_kg=density * payload.volume_m3,
+        static_hook_n=leg.static_hook_n,
+    )
+
+
+def resonance_period_s(lift: Lift) -> float:
+    """Return T0 = 2π·√((M + A33 + m·L/3)/k)."""
+    moved = lift.moved_kg + lift.mass_kg_per_m * lift.length_m / 3.0
+    return 2.0 * math.pi * math.sqrt(moved / lift.stiffness_n_per_m)
+
+
+def drag_slope(speed: float, rms: float) -> float:
+    """Return the slope of |v|·v linearised for a Gaussian velocity about a mean [m/s].
+
+    2·E|v_c + σ·ξ|; √(8/π)·σ about rest.
+    """
+    if rms <= 0.0:
+        return 2.0 * abs(speed)
+    u = abs(speed) / rms
+    mean = rms * math.sqrt(2.0 / math.pi) * math.exp(-0.5 * u * u)
+    return 2.0 * (mean + abs(speed) * math.erf(u / math.sqrt(2.0)))
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Response to the crane tip's height at frequencies ω, (n,) each."""
+
+    payload: Complex  # motion of the payload over that of the tip
+    payload_n_per_m: Complex  # dynamic force of the rope on the payload
+    hook_n_per_m: Complex  # dynamic force at the crane tip
+
+
+def rope_transfer(lift: Lift, omega: Vector, payload_slope: float, rope_slope: float) -> Transfer:
+    """Return the response of payload and rope with linear drag.
+
+    payload_slope, rope_slope: of `drag_slope` [m/s].
+    """
+    EA = lift.EA_n + 1j * omega * lift.rope_damping_newton_seconds
+    sigma = lift.rope_drag_kg_per_m2 * rope_slope
+    kappa = np.sqrt((lift.mass_kg_per_m * omega**2 - 1j * omega * sigma) / EA)
+    damping = lift.drag_kg_per_m * payload_slope
+    h = -(omega**2) * lift.moved_kg + 1j * omega * damping
+    c, s = np.cos(kappa * lift.length_m), np.sin(kappa * lift.length_m)
+    payload = 1.0 / (c + h / (EA * kappa) * s)
+    return Transfer(payload, h * payload, payload * (h * c - EA * kappa * s))
+
+
+@dataclass(frozen=True)
+class Simplified:
+    """Characteristic values by the simplified method; None where it has none."""
+
+    tip_m: float  # amplitude of the crane tip
+    tip_m_per_s: float
+    tip_m_per_s2: float
+    tip_period_s: float
+    resonance_s: float
+    hook_n: float  # largest hook load
+    payload_min_n: float  # least load of the payload
+    uplift_share: float  # hydrodynamic force over the submerged weight
+    snap_n: float  # snap force should the rope go slack
+    payload_m_per_s: float  # speed of the payload, with that of the winch
+    words: str  # which formulas
+
+
+def simplified(
+    leg: Leg, tip: TipTransfer, sea: SeaState, exposure_s: float, percentile: float
+) -> Simplified:
+    """Return the characteristic values of a leg in a sea."""
+    lift, moments = lift_of(leg), tip_moments(tip, sea)
+    factor = rayleigh_factor(exposure_s / moments.crossing_period_s, percentile)
+    amplitude, speed, acceleration = (
+        factor * rms for rms in (moments.rms_m, moments.rms_m_per_s, moments.rms_m_per_s2)
+    )
+    zone = leg.scene.listed(SplashZoneParams)
+    if leg.from_m <= 0.0 and zone is not None:
+        relative, hydro = splash_force(lift, leg, zone, sea, (amplitude, speed, acceleration))
+        hook = leg.static_hook_n + hydro
+        low, words = lift.weight_n - hydro, "splash zone, 4.3"
+    else:
+        hook, low, relative = _on_long_rope(lift, leg, tip, sea, exposure_s, percentile)
+        words = "rope with payload, 5.3.6"
+    return Simplified(
+        tip_m=amplitude,
+        tip_m_per_s=speed,
+        tip_m_per_s2=acceleration,
+        tip_period_s=moments.crossing_period_s,
+        resonance_s=resonance_period_s(lift),
+        hook_n=hook,
+        payload_min_n=low,
+        uplift_share=1.0 - low / lift.weight_n,
+        snap_n=snap_force_n(lift, relative),
+        payload_m_per_s=relative,
+        words=words,
+    )
+
+
+def _on_long_rope(
+    lift: Lift, leg: Leg, tip: TipTransfer, sea: SeaState, exposure_s: float, percentile: float
+) -> tuple[float, float, float]:
+    """Return hook load, least load of the payload [N], and its largest speed [m/s]."""
+    frequency, density = tip_spectrum(tip, sea)
+    omega = 2.0 * np.pi * frequency
+
+    def rms(response: NDArray[Any]) -> float:
+        return math.sqrt(float(np.trapezoid(np.abs(response) ** 2 * density, frequency)))
+
+    tip_speed = rms(1j * omega)
+    speed = tip_speed
+    for _ in range(ROUNDS):
+        slopes = (
+            drag_slope(leg.speed_m_per_s, speed),
+            drag_slope(leg.speed_m_per_s, 0.5 * (speed + tip_speed)),
+        )
+        answer = rope_transfer(lift, omega, *slopes)
+        found = rms(1j * omega * answer.payload)
+        if abs(found - speed) <= SETTLED * tip_speed:
+            break
+        speed = 0.5 * (speed + found)
+    period = 2.0 * math.pi * rms(answer.payload) / speed if speed > 0.0 else math.inf
+    factor = rayleigh_factor(exposure_s / period, percentile)
+    steady = (lift.drag_kg_per_m + lift.rope_drag_kg_per_m2 * lift.length_m) * leg.speed_m_per_s**2
+    held = lift.drag_kg_per_m * leg.speed_m_per_s**2  # takes load off the payload
+    hook = lift.static_hook_n - steady + factor * rms(answer.hook_n_per_m)
+    low = lift.weight_n - held - factor * rms(answer.payload_n_per_m)
+    return hook, low, leg.speed_m_per_s + factor * speed
+
+
+def splash_force(
+    lift: Lift,
+    leg: Leg,
+    zone: SplashZoneParams,
+    sea: SeaState,
+    motion: tuple[float, float, float],
+) -> tuple[float, float]:
+    """Return relative speed [m/s] and characteristic hydrodynamic force [N] in the splash zone.
+
+    The larger of two load cases: the bottom at the still water level, with slamming and varying
+    buoyancy; and the payload just submerged, with drag and mass force.
+
+    motion: characteristic amplitude, speed and acceleration of the crane tip.
+    """
+    eta, speed, acceleration = motion
+    water = leg.scene.environment
+    density, g = water.water_density_kg_per_m3, water.gravity_m_per_s2
+    period = zero_crossing_period_s(sea.spectrum())
+    omega = 2.0 * math.pi / period
+    wave = AMPLITUDE * sea.height_m
+    middle = math.exp(-(omega**2) * 0.5 * zone.height_m / g)
+    surface_speed = leg.speed_m_per_s + math.hypot(speed, wave * omega)
+    slam = 0.5 * density * zone.slamming * zone.bottom_area_m2 * surface_speed**2
+    column = lift.displaced_kg / zone.height_m  # ρ·A_w
+    buoyancy = column * g * min(math.hypot(wave, eta), 0.5 * zone.height_m)
+    entering = math.hypot(slam, buoyancy)
+    relative = leg.speed_m_per_s + math.hypot(speed, wave * omega * middle)
+    drag = lift.drag_kg_per_m * relative**2
+    mass = math.hypot(
+        lift.moved_kg * acceleration,
+        (lift.displaced_kg + lift.added_mass_kg) * wave * omega**2 * middle,
+    )
+    return relative, max(entering, math.hypot(drag, mass))
+
+
+def snap_force_n(lift: Lift, relative_m_per_s: float) -> float:
+    """Return v_snap·√(K·(M + A33)); 0 for a payload that does not sink."""
+    if lift.weight_n <= 0.0 or lift.drag_kg_per_m <= 0.0:
+        return 0.0
+    fall = math.sqrt(lift.weight_n / lift.drag_kg_per_m)
+    return snap_speed(fall, relative_m_per_s) * math.sqrt(lift.stiffness_n_per_m * lift.moved_kg)
+
+
+def snap_speed(fall_m_per_s: float, relative_m_per_s: float) -> float:
+    """Return v_snap = v_ff + C·v_r [m/s]."""
+    if relative_m_per_s <= 0.0:
+        return fall_m_per_s
+    ratio = fall_m_per_s / relative_m_per_s
+    if ratio < LOW:
+        factor = 1.0
+    elif ratio < HIGH:
+        factor = math.cos(math.pi * (ratio - LOW))
+    else:
+        factor = 0.0
+    return fall_m_per_s + factor * relative_m_per_s

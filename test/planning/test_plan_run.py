@@ -1,0 +1,291 @@
+"""Small plans run to their end: bisection against a full grid, resumption, determinism, output."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as parquet
+import pytest
+
+from rope_twin.cli import main
+from rope_twin.errors import InputError
+from rope_twin.planning.cells import Cell, CellLimit, MemoryStore, bisect
+from rope_twin.planning.plan_file import AtDepth, Phase
+from rope_twin.planning.plan_reader import read_plan
+from rope_twin.planning.results import allowed_height_m, load_chart, result_object
+from rope_twin.planning.run import PlanFolder, cell_named, cell_of, plan, plan_stamp, prepare
+from rope_twin.planning.run import run_plan as run
+from rope_twin.planning.runs import Row
+from rope_twin.scene.load import load_scene
+
+SMALL = """about: one depth, two periods
+scene: deep_lift
+vessel:
+  responses: vessel_120m
+  crane_tip_m: [10.0, 18.0, 12.0]
+sea:
+  hs_m: {from: 1.0, to: 5.0, step: 0.5}
+  tp_s: [9.0, 12.0]
+  headings_deg: [135.0]
+phases:
+  - at_depth: {depth_m: 2900.0, exposure_s: 120.0}
+criteria: {swl_n: 345000.0}
+method: {seeds: {start: 8, most: 16}, settle_s: 30.0, elements: 12, step_s: 0.1, within: 0.02}
+"""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the path of the small plan."""
+    path = tmp_path_factory.mktemp("plan") / "small.yaml"
+    path.write_text(SMALL)
+    return path
+
+
+def plain(found: dict) -> dict:
+    """Return an object of results without what differs from run to run."""
+    return {key: value for key, value in found.items() if key != "elapsed_s"}
+
+
+def test_limits_are_those_of_the_full_grid(small: Path) -> None:
+    """Bisection ends within one step of the last height that passes, and judges fewer."""
+    own, scene = read_plan(small)
+    store = MemoryStore()
+    found = run(own, scene, store, threads=1)
+    works = prepare(own, scene)
+    for cell, limit in zip(own.grid, found.cells, strict=True):
+        full = Cell(own, works[0], cell, None, store)
+        passed = [full.judge(k, narrow=True).passed for k in range(len(full.heights_m))]
+        last = passed.index(False) - 1
+        assert not any(passed[last + 1 :]), "the use grows with the height"
+        assert limit.height_m is not None
+        assert abs(full.heights_m.index(limit.height_m) - last) <= 1
+        assert limit.heights < len(passed)
+        assert limit.low_m <= limit.crossing_m <= limit.high_m
+        assert limit.height_m <= limit.crossing_m <= limit.height_m + 0.5
+        assert limit.governing == "swl_n"
+
+
+def test_no_random_number_but_the_seed(small: Path) -> None:
+    """The same plan gives the same rows to the bit, whatever the threads; another seed others."""
+    own, scene = read_plan(small)
+    stores = [MemoryStore(), MemoryStore(), MemoryStore()]
+    for store, threads in zip(stores[:2], (1, 2), strict=True):
+        run(own, scene, store, threads=threads)
+    assert stores[0].rows == stores[1].rows
+    other = replace(own, method=replace(own.method, seed=2))
+    run(other, scene, stores[2], threads=1)
+    some = min(stores[0].rows.keys() & stores[2].rows.keys())
+    assert stores[0].rows[some]["top_max_n"] != stores[2].rows[some]["top_max_n"]
+
+
+class Ending(MemoryStore):
+    """A store that is interrupted after some rows."""
+
+    def add(self, rows: list[Row]) -> None:  # type: ignore[override]
+        """Keep rows; then stop."""
+        super().add(rows)
+        if len(self.rows) >= 24:
+            raise KeyboardInterrupt
+
+
+def test_interrupted_plans_continue(small: Path) -> None:
+    """The rows that are there are not run again, and the limits are the same."""
+    own, scene = read_plan(small)
+    whole = MemoryStore()
+    expected = run(own, scene, whole, threads=1)
+    cut = Ending()
+    with pytest.raises(KeyboardInterrupt):
+        run(own, scene, cut, threads=1)
+    kept = dict(cut.rows)
+    assert 0 < len(kept) < len(whole.rows)
+    rest = MemoryStore(dict(kept))
+    made: list[int] = []
+    found = run(own, scene, rest, lambda done, total, runs: made.append(runs), threads=1)
+    assert rest.rows == whole.rows
+    assert made[-1] == len(whole.rows) - len(kept)
+    assert plain(result_object(found)) == plain(result_object(expected))
+
+
+def test_killed_plans_continue(small: Path, tmp_path: Path) -> None:
+    """A process that is killed leaves whole files; the command goes on from them."""
+    words = ["plan", str(small), "--out", str(tmp_path / "killed"), "--threads", "1", "--json"]
+    code = "import sys; from rope_twin.cli import main; sys.exit(main(sys.argv[1:]))"
+    child = subprocess.Popen(
+        [sys.executable, "-c", code, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end and not list(tmp_path.glob("killed/part-*.parquet")):
+        time.sleep(0.01)
+    os.kill(child.pid, signal.SIGKILL)
+    child.wait()
+    parts = list(tmp_path.glob("killed/part-*.parquet"))
+    assert parts
+    stamp = parts[0].stat().st_mtime_ns
+    own, scene = read_plan(small)
+    with PlanFolder(tmp_path / "killed", own, plan_stamp(own, scene)) as folder:
+        assert len(folder) > 0
+        assert parts[0].stat().st_mtime_ns == stamp
+        found = run(own, scene, folder, threads=1)
+    expected = run(own, scene, MemoryStore(), threads=1)
+    assert plain(result_object(found)) == plain(result_object(expected))
+
+
+def test_command_writes_rows_chart_and_picture(
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One object on stdout; a row for each run; the chart says what is allowed."""
+    out = tmp_path / "out"
+    assert main(["plan", str(small), "--out", str(out), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["plan"] == "small"
+    rows = parquet.read_table(out / "runs.parquet").to_pylist()
+    assert len(rows) >= found["runs"]
+    for key in ("seed", "sea_seed", "elements", "step_s", "top_max_n", "payload_min_n", "failure"):
+        assert key in rows[0]
+    assert (out / "limits.png").stat().st_size > 5000
+    assert json.loads((out / "plan.json").read_text())["cells"] == found["cells"]
+    chart = json.loads((out / "load_chart.json").read_text())
+    limit = found["cells"][0]["limiting_hs_m"]
+    assert allowed_height_m(chart, "at_depth", 9.0, 135.0) == limit
+    assert allowed_height_m(chart, "at_depth", 9.0, -135.0) == limit
+    both = [cell["limiting_hs_m"] for cell in found["cells"]]
+    assert allowed_height_m(chart, "at_depth", 10.0, 135.0) == min(both)
+    assert allowed_height_m(chart, "at_depth", 8.0, 135.0) == 0.0
+    cell = found["cells"][0]
+    assert 0.0 < cell["discretisation_error"] < 0.02
+    assert cell["daf"] == pytest.approx(
+        cell["at_limit"]["values"]["hook_load"]["value"] / found["phases"][0]["static_hook_n"]
+    )
+    assert main(["plan", str(small), "--out", str(out)]) == 0
+    table = capsys.readouterr()
+    assert "at_depth" in table.out
+    assert "345" not in table.err
+    assert main(["plan", str(small), "--out", str(out), "--cell", "at_depth,9,135", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    worst = max(
+        row["top_max_n"] for row in rows
+        if row["hs_m"] == shown["hs_m"] and row["tp_s"] == 9.0 and row["seed"] == shown["seed"]
+    )  # fmt: skip
+    assert shown["hook_load_max_n"] == worst
+    series = np.loadtxt(shown["series"], delimiter=",", skiprows=1)
+    assert series[:, 1].max() == pytest.approx(worst, rel=1e-5)
+    assert Path(shown["picture"]).stat().st_size > 5000
+
+
+def test_folder_of_another_plan_is_refused(small: Path, tmp_path: Path) -> None:
+    """Rows of other numbers do not mix."""
+    own, scene = read_plan(small)
+    with PlanFolder(tmp_path / "one", own, plan_stamp(own, scene)):
+        pass
+    other = tmp_path / "other.yaml"
+    other.write_text(SMALL.replace("345000.0", "350000.0"))
+    with pytest.raises(InputError, match="its rows are of another plan, scene or solver"):
+        plan(other, tmp_path / "one")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("at_depth,9", "it is no cell; write PHASE,TP,HEADING"),
+        ("lowering,9,135", "there is no phase 'lowering'; known: at_depth"),
+        ("at_depth,8,135", "there is no Tp '8'; known: 9, 12"),
+        ("at_depth,9,x", "there is no heading 'x'; known: 135"),
+    ],
+)
+def test_cells_that_are_not_there(words: str, said: str, small: Path) -> None:
+    """One sentence each."""
+    with pytest.raises(InputError, match=said):
+        cell_named(read_plan(small)[0], words)
+
+
+def test_command_without_a_plan(capsys: pytest.CaptureFixture[str]) -> None:
+    """It says how to begin; --example prints a plan that is read."""
+    assert main(["plan"]) == 1
+    assert "no plan is named; give a file, or begin with --example" in capsys.readouterr().err
+    assert main(["plan", "--example"]) == 0
+    assert capsys.readouterr().out.startswith("# rope_twin plan deep_installation")
+
+
+@pytest.mark.parametrize("border", range(-1, 9))
+@pytest.mark.parametrize("guess", [None, 0, 4, 7])
+def test_bisection_finds_every_border(border: int, guess: int | None) -> None:
+    """Last index that passes, with fewer calls than indices and none twice."""
+    asked: list[int] = []
+
+    def passes(k: int) -> bool:
+        asked.append(k)
+        return k <= border
+
+    assert bisect(8, passes, guess) == min(border, 7)
+    assert len(asked) == len(set(asked)) <= 6
+
+
+def test_limits_that_nothing_meets(small: Path) -> None:
+    """A crane that holds the static load alone: no height, not even the lowest, is allowed."""
+    own, scene = read_plan(small)
+    weak = replace(own, criteria=replace(own.criteria, swl_n=300e3))
+    found = run(weak, scene, MemoryStore(), threads=1)
+    limit: CellLimit = found.cells[0]
+    assert limit.height_m is None
+    assert limit.judged is None
+    assert limit.beyond is not None
+    chart = load_chart(found)
+    assert allowed_height_m(chart, "at_depth", 9.0, 135.0) == 0.0
+    assert result_object(found)["cells"][0]["limiting_hs_m"] is None
+
+
+def test_landing_speed_is_that_of_the_winch_in_flat_water() -> None:
+    """In a sea of 5 cm the payload lands at the speed of the winch, and did not slacken before."""
+    own, scene = read_plan("landing")
+    works = prepare(own, scene)
+    number = next(k for k, phase in enumerate(own.phases) if phase.kind == "landing")
+    cell = cell_of(own, scene, works, (number, 0, 0), MemoryStore())
+    cell.heights_m = [0.05]
+    rows = cell.rows(0, 4)
+    for row in rows:
+        assert row["landing_speed_m_per_s"] == pytest.approx(0.2, abs=0.03)
+        assert row["payload_min_n"] > 0.9 * works[number].weight_n
+        assert not row["failure"]
+
+
+def test_compensation_stroke_is_that_of_the_heave() -> None:
+    """With active compensation the line out follows the tip: stroke near the heave's largest."""
+    own, _ = read_plan("deep_installation")
+    ahc = load_scene("ahc_lift")
+    assert ahc.winch is not None
+    hanging = AtDepth(depth_m=ahc.ropes[0].length_m, exposure_s=120.0)
+    method = replace(own.method, elements=12, step_s=0.1, settle_s=30.0)
+    made = replace(own, phases=(Phase(at_depth=hanging),), method=method)
+    works = prepare(made, ahc)
+    cell = cell_of(made, ahc, works, (0, 1, 0), MemoryStore())
+    rows = cell.rows(2, 4)
+    assert all(0.05 < row["stroke_m"] < 2.0 for row in rows)
+    bare_winch = replace(ahc.winch, heave_compensation=None, schedule=(),
+                        schedule_repeats_every_s=None)  # fmt: skip
+    still = prepare(made, replace(ahc, winch=bare_winch))
+    bare = cell_of(made, ahc, still, (0, 1, 0), MemoryStore()).rows(2, 4)
+    assert all(row["stroke_m"] == 0.0 for row in bare)
+    for row, other in zip(rows, bare, strict=True):
+        assert row["top_max_n"] < other["top_max_n"]
+
+
+def test_rows_hold_finite_numbers(small: Path) -> None:
+    """Nothing that is not finite gets into judged columns."""
+    own, scene = read_plan(small)
+    store = MemoryStore()
+    run(own, scene, store, threads=1)
+    for row in store.rows.values():
+        assert all(
+            math.isfinite(row[key])
+            for key in ("top_max_n", "top_min_n", "payload_min_n", "least_n", "at_s", "stroke_m")
+        )
