@@ -54,7 +54,7 @@ window.WebSocket = class extends Plain {
     this.addEventListener("message", (event) => {
       for (const frame of JSON.parse(event.data)) {
         if (frame.type !== "row" || !frame.trend) continue;
-        const made = frame.trend.time_s;
+        const made = frame.trend[0].time_s;
         requestAnimationFrame(() => requestAnimationFrame(() => {
           window.delays.push(Date.now() / 1000 - EPOCH - made);
         }));

@@ -1,18 +1,18 @@
 // Tension along the rope with its range of the last minute, over the length down from the sheave.
 
 import { $, canvas, colour, ticks } from "./page.js";
-import { facts, state } from "./link.js";
+import { facts, rope as ropeFacts, state } from "./link.js";
 import { force, known, units } from "./units.js";
 
 let drawn = null;
 export const repaint = () => { drawn = null; };
 
 export function draw() {
-  const rope = state.profile[0];
+  const rope = state.profile[state.line];
   if (!rope || rope === drawn || !$("along").clientWidth) return;
   drawn = rope;
   const { context, width, height } = canvas($("along"));
-  const limit = facts().ropes?.[0]?.allowed_n, least = facts().limits?.min_tension_n;
+  const limit = ropeFacts().allowed_n, least = facts().limits?.min_tension_n;
   const low = Math.min(0, ...rope.low_n), high = Math.max(...rope.high_n) * 1.08;
   const length = rope.along_m[rope.along_m.length - 1];
   const box = { left: 44, right: width - 10, top: 22, bottom: height - 20 };
@@ -47,7 +47,7 @@ export function draw() {
   context.beginPath();
   rope.along_m.forEach((at, k) => context.lineTo(x(rope.tension_n[k]), y(at)));
   context.stroke();
-  context.strokeStyle = context.fillStyle = colour("--alert-alarm-color");
+  context.strokeStyle = context.fillStyle = colour("--bad");
   context.setLineDash([6, 4]);
   context.lineWidth = 2;
   for (const value of [limit, least]) {

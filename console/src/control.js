@@ -1,7 +1,7 @@
 // Seat and commands: every command is confirmed, and answered with what the twin did.
 
 import { $, ask, make, toast, write } from "./page.js";
-import { facts, on, request, state } from "./link.js";
+import { facts, on, request, said, state, winch as winchFacts, winchName, winchRow } from "./link.js";
 import { force, metres, speed, units } from "./units.js";
 
 const MODES = {
@@ -17,8 +17,9 @@ const SWITCHES = {
 };
 let mode = "speed", signedIn = false, built = "";
 
-const name = () => Object.keys(facts().winches ?? {})[0] ?? state.values.winches?.[0]?.name ?? "winch";
-const winch = () => facts().winches?.[name()] ?? { switches: [], modes: ["speed", "length", "depth"] };
+const winch = () => winchFacts() ?? { switches: [], modes: ["speed", "length", "depth"] };
+const stoppable = () => Object.entries(facts().winches ?? {}).filter(([, one]) => one.switches.includes("emergency_stop")).map(([name]) => name);
+const title = (name) => name === "winch" ? "Winch" : `Winch ${name}`;
 const holds = () => state.control?.holder !== null && state.control?.holder === state.page;
 
 export function start() {
@@ -78,22 +79,23 @@ function releaseWords() {
 
 async function emergencyStop() {
   if (!(await signIn())) return;
-  await send("emergency_stop", 0, "emergency stop");
+  await Promise.all(stoppable().map((name) => send("emergency_stop", 0, "emergency stop", name)));
 }
 
-async function send(kind, value, words) {
-  const answer = await request({ do: "command", winch: name(), kind, value },
+async function send(kind, value, words, name = winchName()) {
+  const answer = await request({ do: "command", winch: name, kind, value },
     (frame) => { if (frame.stage === "sent") toast(`${words}: sent`); });
   toast(answer.words, answer.ok);
 }
 
 async function confirmed(kind, value, words) {
-  if (await ask("Confirm the command", `Winch: ${words}`, "Send")) await send(kind, value, words);
+  const name = winchName(); // the one that is asked about, whatever is chosen meanwhile
+  if (await ask("Confirm the command", `${title(name)}: ${words}`, "Send")) await send(kind, value, words, name);
 }
 
 export function draw() {
   const control = state.control ?? {}, own = holds();
-  $("stop").hidden = !control.allowed || !winch().switches.includes("emergency_stop");
+  $("stop").hidden = !control.allowed || !stoppable().length;
   const holder = control.holder_name ? `Seat: ${control.holder_name.split(" (")[0]}` : "Take the seat";
   write($("seat"), !control.allowed ? (state.hello?.kind === "recording" ? "Recording" : "Read only") : own ? "In command" : holder);
   $("seat").setAttribute("aria-pressed", String(own));
@@ -103,9 +105,10 @@ export function draw() {
 }
 
 function panel() {
-  const row = state.values.winches?.[0] ?? {}, has = winch().switches;
-  const stopped = (state.values.winch_mode ?? "").includes("emergency stop");
-  const key = JSON.stringify([mode, has, row.brake_holds, row.compensation_on, stopped, units().name, winch().modes]);
+  const row = winchRow() ?? {}, has = winch().switches;
+  const stopped = said(state.values.winch_mode).startsWith("emergency stop");
+  if (!winch().modes.includes(mode)) mode = winch().modes[0];
+  const key = JSON.stringify([winchName(), mode, has, row.brake_holds, row.compensation_on, stopped, units().name, winch().modes]);
   if (key === built) return;
   built = key;
   const typed = $("set-point")?.value ?? "", field = make("input");

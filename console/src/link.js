@@ -3,7 +3,9 @@
 export const state = {
   hello: null, values: {}, profile: [], trend: null, control: {}, source: {}, timeS: null,
   ages: {}, receivedMs: -Infinity, connected: false, lost: 0, rows: 0, page: 0,
+  line: 0, // number of the rope that the pages show
 };
+const PROTOCOL = 2; // of the server's frames that this page reads
 const listeners = { hello: [], row: [], profile: [], state: [], reply: [], seat_wanted: [], notice: [], link: [] };
 export const on = (kind, act) => listeners[kind].push(act);
 const tell = (kind, content) => { for (const act of listeners[kind]) act(content); };
@@ -52,6 +54,10 @@ function take(frame) {
   } else if (frame.type === "profile") {
     state.profile = frame.ropes;
   } else if (frame.type === "hello") {
+    if (frame.protocol !== PROTOCOL && sessionStorage.getItem("reloaded") !== String(frame.protocol)) {
+      sessionStorage.setItem("reloaded", String(frame.protocol)); // the server is of another version
+      location.reload();
+    }
     last = 0;
     Object.assign(state, { hello: frame, control: frame.control, source: frame.source, page: frame.page });
   } else if (frame.type === "state") {
@@ -94,5 +100,26 @@ export function stale(topic) {
   const limit = state.hello?.stale_s?.[topic], now = age(topic);
   return now !== null && limit !== undefined && now > limit;
 }
-export const first = (name) => state.values[name]?.[0];
 export const facts = () => state.hello?.facts ?? {};
+
+// What belongs to the rope that is shown: values by its number, its winch and payload by their names.
+export const own = (name) => state.values[name]?.[state.line];
+export const rope = () => facts().ropes?.[state.line] ?? {};
+export const ropeNames = () => state.values.ropes ?? [];
+export const winchName = () => rope().winch || Object.keys(facts().winches ?? {})[0] || state.values.winches?.[0]?.name || "winch";
+export const winch = () => facts().winches?.[winchName()];
+export const winchRow = () => state.values.winches?.find((row) => row.name === winchName());
+export const payload = () => state.values.payloads?.find((row) => row.name === rope().payload) ?? state.values.payloads?.[0];
+
+// What a text such as "winch: speed 0 m/s; aft: brake" says of a winch.
+export function said(text, name = winchName()) {
+  const part = (text ?? "").split("; ").find((one) => one.startsWith(`${name}: `));
+  return part ? part.slice(name.length + 2) : "";
+}
+
+// Newest residual of a quantity at the winch or payload of the rope that is shown.
+export function residual(quantity) {
+  const rows = (state.values.residuals ?? []).filter((row) => row.quantity === quantity);
+  if (ropeNames().length < 2) return rows[0];
+  return rows.find((row) => [winchName(), rope().payload].includes(row.name));
+}

@@ -9,9 +9,9 @@ import * as player from "./player.js";
 import * as survey from "./survey.js";
 import * as trend from "./trend.js";
 import * as winch from "./winch.js";
-import { $, addIcons, forgetColours, write } from "./page.js";
-import { age, connect, facts, on, stale, state } from "./link.js";
-import { nextUnits, units } from "./units.js";
+import { $, addIcons, forgetColours, make, write } from "./page.js";
+import { age, connect, facts, on, ropeNames, stale, state } from "./link.js";
+import { force, metres, nextUnits, units } from "./units.js";
 
 const PALETTES = ["bright", "day", "dusk", "night"], TABS = ["winch", "survey", "engineering", "log"];
 const NUMBERS_MS = 100, FRESH_MS = 150;
@@ -43,6 +43,38 @@ function showUnits() {
   control.draw();
 }
 
+// Of several ropes the pages show one; the strip above them has the tension and line out of each.
+function chooseLine(number) {
+  state.line = number;
+  trend.repaint();
+  along.repaint();
+  survey.repaint();
+  numbersMs = 0;
+  fresh = true;
+  control.draw();
+}
+function lines() {
+  const names = ropeNames(), strip = $("lines");
+  strip.hidden = names.length < 2;
+  document.body.classList.toggle("several", names.length > 1);
+  if (names.length < 2) { state.line = 0; return; }
+  if (state.line >= names.length) chooseLine(0);
+  if (strip.dataset.names !== names.join("\n")) {
+    strip.dataset.names = names.join("\n");
+    strip.replaceChildren(...names.map((name, number) => {
+      const button = make("button");
+      button.append(make("b", "", name), make("span"));
+      button.onclick = () => chooseLine(number);
+      return button;
+    }));
+  }
+  names.forEach((_, number) => {
+    const button = strip.children[number];
+    button.setAttribute("aria-pressed", String(number === state.line));
+    write(button.lastChild, `${force(state.values.tension_n?.[number])} ${units().force} · ${metres(state.values.line_out_m?.[number])} m`);
+  });
+}
+
 function show(name) {
   tab = name;
   for (const one of TABS) {
@@ -65,6 +97,7 @@ function keys(event) {
   else if (key === "p") nextPalette();
   else if (key === "s") $("seat").click();
   else if (key === "r") trend.toggleScale();
+  else if (key === "l" && ropeNames().length > 1) { chooseLine((state.line + 1) % ropeNames().length); }
   else if (key === "m") { show("log"); $("mark-text").focus(); event.preventDefault(); }
   else if (event.target.matches("[role=tab]") && (key === "arrowright" || key === "arrowleft")) {
     show(TABS[(at + (key === "arrowright" ? 1 : 3)) % 4]);
@@ -89,6 +122,7 @@ function freshness() {
 }
 
 function numbers() {
+  lines();
   if (tab === "winch") { winch.draw(); along.draw(); }
   else if (tab === "survey") survey.draw();
   else if (tab === "engineering") engineering.draw();

@@ -1,7 +1,7 @@
 // Second page: profile to scale, touchdown, bend radius.
 
 import { $, canvas, colour, figures, ticks, write } from "./page.js";
-import { facts, state } from "./link.js";
+import { facts, payload, ropeNames, state } from "./link.js";
 import { fixed, force, known, metres, units } from "./units.js";
 import { payloadRows } from "./winch.js";
 
@@ -17,7 +17,10 @@ export function start() {
 }
 
 export function draw() {
-  const values = state.values, one = values.payloads?.[0], down = values.touchdowns?.[0], bend = values.bends?.[0];
+  const values = state.values, one = payload(), name = ropeNames()[state.line];
+  const named = (rows) => rows?.find((row) => row.name === name);
+  const down = named(values.touchdowns), bend = named(values.bends);
+  const [nearest, ...crossings] = values.crossings ?? []; // of two lines around a sheave
   figures($("survey-payload"), [
     ...payloadRows(values),
     one ? ["East", metres(one.place_m[0], 1, true), "m"] : null,
@@ -32,6 +35,11 @@ export function draw() {
     ["Smallest now", metres(bend.radius_m, 2), "m"], ["Since the start", metres(bend.smallest_radius_m, 2), "m"],
     ["Minimum (MBR)", metres(bend.minimum_radius_m, 2), "m"], ["At line out", metres(bend.line_out_m), "m"],
   ] : [["Bend radius", "not monitored", ""]]);
+  $("survey-lines").hidden = !nearest;
+  if (nearest) figures($("survey-crossings"), [
+    ["Crossings", String(crossings.length), ""], ["Nearest", metres(nearest.distance_m, 2), "m"],
+    ["Angle there", fixed(nearest.angle_deg, 1), "°"], ["Depth there", metres(known(nearest.z) ? -nearest.z : null), "m"],
+  ]);
   shape();
 }
 
@@ -78,9 +86,9 @@ function shape() {
     context.lineWidth = 4;
     stroke(context, [[box.left, y(bed)], [box.right, y(bed)]]);
   }
-  ropes.forEach((rope) => {
+  ropes.forEach((rope, number) => {
     context.strokeStyle = colour("--instrument-enhanced-primary-color");
-    context.lineWidth = 3;
+    context.lineWidth = number === state.line && ropes.length > 1 ? 5 : 2.5;
     stroke(context, rope.x_m.map((at, k) => [x(along(at, rope.y_m[k])), y(rope.z_m[k])]));
   });
   context.fillStyle = colour("--alert-warning-color");

@@ -2,14 +2,13 @@
 
 import uPlot from "uplot";
 import { $, colour } from "./page.js";
-import { facts, stale, state } from "./link.js";
+import { facts, rope, stale, state } from "./link.js";
 import { force, known, units } from "./units.js";
 
 const WINDOW_S = 60, AHEAD_S = 30;
-let chart = null, columns = null, dirty = false, toLimit = false, hasForecast = false, horizonAt = null;
+let chart = null, lines = [], dirty = false, toLimit = false, hasForecast = false, horizonAt = null;
 
 export function start() {
-  columns = { time: [], tension: [], low: [], high: [], measured: [] };
   build();
   new ResizeObserver(() => resize()).observe($("trend"));
   $("scale").onclick = toggleScale;
@@ -21,13 +20,23 @@ export function toggleScale() {
   dirty = true;
 }
 
-export function fill(trend) {
-  columns = { time: [...trend.time_s], tension: [...trend.tension_n], low: [...trend.low_n],
-    high: [...trend.high_n], measured: [...trend.measured_n] };
+const empty = () => ({ time: [], tension: [], low: [], high: [], measured: [] });
+
+// Columns of each rope, which the server sends when the page connects.
+export function fill(trends) {
+  lines = trends.map((trend) => ({ time: [...trend.time_s], tension: [...trend.tension_n], low: [...trend.low_n],
+    high: [...trend.high_n], measured: [...trend.measured_n] }));
   dirty = true;
 }
 
-export function add(row) {
+// Newest row of each rope.
+export function add(rows) {
+  while (lines.length < rows.length) lines.push(empty());
+  rows.forEach((row, number) => append(lines[number], row));
+  dirty = true;
+}
+
+function append(columns, row) {
   const { time, tension, low, high, measured } = columns;
   if (time.length && row.time_s < time[time.length - 1]) for (const one of Object.values(columns)) one.length = 0;
   time.push(row.time_s);
@@ -39,11 +48,11 @@ export function add(row) {
   let old = 0;
   while (time[old] < from) old += 1;
   if (old) for (const one of Object.values(columns)) one.splice(0, old);
-  dirty = true;
 }
 
 export function draw() {
-  if (!dirty || !chart || !columns.time.length) return;
+  const columns = lines[state.line];
+  if (!dirty || !chart || !columns?.time.length) return;
   dirty = false;
   const scale = units().newton, scaled = (values) => values.map((one) => one === null ? null : one * scale);
   const now = columns.time[columns.time.length - 1];
@@ -59,7 +68,7 @@ export function draw() {
 // The forecast band after now. Its leads count from its origin, which is older than the newest tension.
 function ahead(now) {
   const { at_s: origin, lead_s: leads, low_n: low, median_n: median, high_n: high } = state.values.forecast ?? {};
-  if (!known(origin) || stale("forecast/tension")) return [];
+  if (!known(origin) || state.line || stale("forecast/tension")) return []; // it is of the first rope
   return leads.map((lead, number) => ({ at: origin + lead - now, low: low[number], median: median[number], high: high[number] }))
     .filter((row) => row.at > 0 && row.at <= AHEAD_S);
 }
@@ -75,10 +84,10 @@ function horizon(now) {
 export const repaint = () => { if (chart) { chart.destroy(); build(); dirty = true; } };
 
 function limits() {
-  const rope = facts().ropes?.[0];
+  const { allowed_n: allowed, breaking_load_n: breaking } = rope();
   const found = [];
-  if (rope) found.push(["limit", rope.allowed_n]);
-  if (rope && rope.breaking_load_n > rope.allowed_n * 1.001) found.push(["MBL", rope.breaking_load_n]);
+  if (known(allowed)) found.push(["limit", allowed]);
+  if (known(allowed) && breaking > allowed * 1.001) found.push(["MBL", breaking]);
   const least = facts().limits?.min_tension_n;
   if (known(least)) found.push(["slack", least]);
   return found;
@@ -100,7 +109,7 @@ function marks(self) {
   for (const [name, newton] of limits()) {
     const y = self.valToPos(newton * units().newton, "y", true);
     const text = `${name} ${force(newton)} ${units().force}`;
-    ctx.strokeStyle = ctx.fillStyle = colour("--alert-alarm-color");
+    ctx.strokeStyle = ctx.fillStyle = colour("--bad");
     if (y >= bbox.top && y <= bbox.top + bbox.height) {
       ctx.lineWidth = 2 * ratio;
       ctx.setLineDash([8 * ratio, 5 * ratio]);

@@ -1,26 +1,25 @@
 // The first page: what a winch driver needs, on one screen.
 
 import { $, figures, make, write } from "./page.js";
-import { facts, first, state } from "./link.js";
+import { facts, own, payload, residual, rope, ropeNames, said, state, winch, winchName, winchRow } from "./link.js";
 import { fixed, force, known, metres, speed, units } from "./units.js";
 
 export function draw() {
-  const values = state.values, rope = facts().ropes?.[0] ?? {}, winch = Object.values(facts().winches ?? {})[0];
-  bigNumbers(values, rope, winch);
-  payload(values);
+  const values = state.values;
+  bigNumbers(rope(), winch());
+  load(values);
   sea(values);
-  gear(values, winch);
+  gear(values, winch());
   risk(values);
   quality(values);
 }
 
-const residual = (values, name) => values.residuals?.find((row) => row.quantity === name);
 const percent = (part) => `${Math.max(0, Math.min(100, 100 * part)).toFixed(1)}%`;
 
-function bigNumbers(values, rope, winch) {
-  const length = first("line_out_m"), rate = first("line_speed_m_per_s"), tension = first("tension_n");
+function bigNumbers(rope, winch) {
+  const length = own("line_out_m"), rate = own("line_speed_m_per_s"), tension = own("tension_n");
   write($("line-out"), metres(length));
-  compare($("line-out-measured"), residual(values, "line_out_m"), (one, signed) => `${metres(one, 2, signed)} m`,
+  compare($("line-out-measured"), residual("line_out_m"), (one, signed) => `${metres(one, 2, signed)} m`,
     winch ? `${metres(winch.least_line_out_m, 0)} to ${metres(winch.most_line_out_m, 0)} m` : "");
   $("line-out-meter").firstChild.style.width = winch && known(length) ? percent(length / winch.most_line_out_m) : "0%";
   write($("line-speed"), speed(rate, true));
@@ -33,12 +32,12 @@ function bigNumbers(values, rope, winch) {
   bar.style.left = `${50 + 50 * Math.min(0, share)}%`;
   bar.style.width = `${50 * Math.abs(share)}%`;
   write($("tension"), force(tension));
-  const interval = values.error_interval?.[0];
+  const interval = own("error_interval");
   const half = interval && known(interval.upper_n) ? (interval.upper_n - interval.lower_n) / 2 : null;
   const error = half !== null ? `computed ± ${force(half)} ${units().force} (95 %)`
     : known(interval?.rms_pct) ? `computed, error ≤ ${fixed(interval.rms_pct, 2)} % RMS` : "computed";
-  compare($("tension-measured"), residual(values, "top_tension_n"), (one, signed) => `${force(one, signed)} ${units().force}`, error);
-  const used = values.utilisation?.[0], highest = used?.max_tension_n, top = rope.allowed_n;
+  compare($("tension-measured"), residual("top_tension_n"), (one, signed) => `${force(one, signed)} ${units().force}`, error);
+  const used = own("utilisation"), highest = used?.max_tension_n, top = rope.allowed_n;
   const meter = $("tension-meter"), full = top ? top * 1.1 : null;
   meter.children[0].style.width = full && known(tension) ? percent(tension / full) : "0%";
   place(meter.children[1], full && known(highest) ? highest / full : null);
@@ -76,7 +75,7 @@ export function compare(element, row, text, other) {
 }
 
 export function payloadRows(values) {
-  const one = values.payloads?.[0], bed = values.bed?.[0];
+  const one = payload(), bed = values.bed?.[0];
   if (!one) return [["Depth", "–", "m"]];
   const [, , z] = one.place_m, [vx, vy, vz] = one.velocity_m_per_s;
   const away = Math.hypot(one.place_m[0] - (values.hang_off_m?.[0] ?? 0), one.place_m[1] - (values.hang_off_m?.[1] ?? 0));
@@ -94,14 +93,15 @@ export function payloadRows(values) {
   ];
 }
 
-function payload(values) {
-  write($("payload-name"), values.payloads?.[0]?.name ?? "");
-  const depth = residual(values, "payload_depth_m"), rows = payloadRows(values);
+function load(values) {
+  write($("payload-name"), payload()?.name ?? "");
+  const depth = residual("payload_depth_m"), rows = payloadRows(values);
   if (depth && known(depth.measured)) rows.push(["Measured, Δ", `${metres(depth.measured)}, ${metres(depth.residual, 1, true)}`, "m"]);
-  const rope = state.profile[0], weight = facts().payloads?.[0]?.submerged_n, least = facts().limits?.min_tension_n;
-  if (rope && known(rope.least_n)) {
-    const margin = rope.least_n - (known(least) ? least : 0);
-    const share = known(weight) && weight > 0 ? `, ${fixed(100 * rope.least_n / weight, 0)} %` : "";
+  const line = state.profile[state.line], least = facts().limits?.min_tension_n;
+  const weight = ropeNames().length < 2 ? facts().payloads?.[0]?.submerged_n : null; // else lines share it
+  if (line && known(line.least_n)) {
+    const margin = line.least_n - (known(least) ? least : 0);
+    const share = known(weight) && weight > 0 ? `, ${fixed(100 * line.least_n / weight, 0)} %` : "";
     rows.push(["Slack margin, 60 s", force(margin, margin < 0), `${units().force}${share}`]);
   }
   figures($("payload-figures"), rows);
@@ -135,9 +135,10 @@ function deviation(values) {
 }
 
 function gear(values, winch) {
-  const row = values.winches?.[0] ?? {}, text = values.winch_mode ?? "";
-  const [, mode = "–", limit = ""] = /^[^:]*: ([^(;]*?)(?: \((.*)\))?(?:;.*)?$/.exec(text) ?? [];
-  write($("mode"), mode);
+  const row = winchRow() ?? {};
+  const [, mode = "–", limit = ""] = /^([^(]*?)(?: \((.*)\))?$/.exec(said(values.winch_mode)) ?? [];
+  const name = ropeNames().length > 1 ? `${winchName()} · ` : "";
+  write($("mode"), name + (mode || "–"));
   const turn = layer(row.drum_radius_m, winch);
   const rows = [
     limit ? ["At its limit", limit, "", "wide"] : null,
@@ -149,7 +150,7 @@ function gear(values, winch) {
     known(row.drum_radius_m) && turn === null ? ["Drum radius", metres(row.drum_radius_m, 2), "m"] : null,
     known(row.motor_torque_n_m) ? ["Motor torque", fixed(row.motor_torque_n_m / 1000, 0, true), "kN·m"] : null,
     known(row.brake_torque_n_m) && row.brake_holds ? ["Brake torque", fixed(row.brake_torque_n_m / 1000, 0, true), "kN·m"] : null,
-    ["Seat", (values.seat ?? "–").replace(/^winch: /, ""), "", "wide"],
+    ["Seat", said(values.seat) || "–", "", "wide"],
   ];
   figures($("winch-figures"), rows);
 }

@@ -97,10 +97,14 @@ class Log:
         return _csv(names, [[getattr(one, name) for name in names] for one in self.markers])
 
     def trend_csv(self) -> str:
-        """Return the rows of the last minute as CSV."""
-        columns = self.pages.trend.columns()
-        rows = zip(*columns.values(), strict=True)
-        return _csv(list(columns), [list(row) for row in rows])
+        """Return the rows of the last minute as CSV, rope by rope."""
+        trend, named = self.pages.trend, self.pages.readings.values.get("ropes") or ()
+        rows: list[list[Any]] = []
+        for rope in range(trend.ropes):
+            name = named[rope] if rope < len(named) else ""
+            columns = trend.columns(rope)
+            rows += [[name, *row] for row in zip(*columns.values(), strict=True)]
+        return _csv(["rope", *trend.columns()], rows)
 
     def _begin(self) -> None:
         now_s = self.now_s()

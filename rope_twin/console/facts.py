@@ -41,6 +41,8 @@ def scene_facts(scene: Scene) -> dict[str, Any]:
                 "allowed_n": rules.allowed_n[number],
                 "length_m": line.length_m,
                 "minimum_bend_radius_m": rules.radius_m(line.name) or None,
+                "winch": line.from_ if winch_of(scene, line) else "",
+                "payload": line.to,
             }
             for number, line in enumerate(scene.ropes)
         ],

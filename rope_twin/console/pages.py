@@ -18,7 +18,7 @@ from rope_twin.console.profile import RopeProfile, Trend
 from rope_twin.console.readings import Readings, Values, stale_limits_s
 from rope_twin.errors import InputError, phrase
 
-PROTOCOL = 1  # raised when a page of an earlier version would misread a frame
+PROTOCOL = 2  # raised when a page of an earlier version would misread a frame
 RATE_HZ = 20.0  # of rows
 PROFILE_EVERY = 5  # rows
 _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
@@ -104,7 +104,8 @@ class Pages:
         self.pages: dict[int, Page] = {}
         self.extra: dict[str, Callable[[], Values]] = {}  # further parts of `state`, by name
         self.before_tick: list[Callable[[], None]] = []
-        self.rows: list[Callable[[Values], None]] = []  # each is called with a row of the trend
+        # each is called with a row of the trend of the first rope
+        self.rows: list[Callable[[Values], None]] = []
         self._number = 0
         self._rows = 0
         self.profile: list[Values] = []  # tension along each rope
@@ -165,11 +166,11 @@ class Pages:
             self.facts = self._read_session(session)
             self.resend()
         self._rows += 1
-        row = self.trend.add(readings, self.facts)
-        if row is not None:
+        rows = self.trend.add(readings, self.facts)
+        if rows is not None:
             for take in self.rows:
-                take(row)
-        self._send_row(changed, row, now_s)
+                take(rows[0])
+        self._send_row(changed, rows, now_s)
         if self._rows % PROFILE_EVERY == 0:
             self._send_profile()
             self._send_state()
@@ -201,7 +202,7 @@ class Pages:
             due_s = max(due_s + period_s, self._clock())
             await asyncio.sleep(due_s - self._clock())
 
-    def _send_row(self, changed: Values, trend: Values | None, now_s: float) -> None:
+    def _send_row(self, changed: Values, trend: list[Values] | None, now_s: float) -> None:
         if not self.pages:
             return
         head = {"type": "row", "seq": self._rows, "ages": self.readings.ages(now_s),
@@ -257,7 +258,7 @@ class Pages:
                 "kind": self.source.kind,
                 "facts": self.facts,
                 "stale_s": stale_limits_s(),
-                "trend": self.trend.columns(),
+                "trend": [self.trend.columns(rope) for rope in range(self.trend.ropes)],
                 **self._state(),
             }
         )

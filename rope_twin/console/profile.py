@@ -91,15 +91,16 @@ TREND = ("time_s", "tension_n", "low_n", "high_n", "measured_n", "line_out_m",
 
 
 class Trend:
-    """Rows of the trend of the first rope, for a page that connects or reconnects."""
+    """Rows of the trend of each rope, for a page that connects or reconnects."""
 
     def __init__(self, rate_hz: float) -> None:
-        self._rows: deque[tuple[float | None, ...]] = deque(maxlen=round(WINDOW_S * rate_hz) + 1)
+        self._most = round(WINDOW_S * rate_hz) + 1
+        self._rows: list[deque[tuple[float | None, ...]]] = [deque(maxlen=self._most)]
 
     def add(
         self, readings: Readings, facts: Values | None = None
-    ) -> dict[str, float | None] | None:
-        """Add and return a row of the newest values; None if the twin's time has not advanced.
+    ) -> list[dict[str, float | None]] | None:
+        """Add and return the newest values, a row for each rope; None if the time has not advanced.
 
         facts: of the scene; heave counts from its mean hang-off, or from z = 0 where none is known.
         A time before that of the last row belongs to another run: the rows before are dropped.
@@ -107,47 +108,65 @@ class Trend:
         time_s = readings.time_s
         if time_s is None:
             return None
-        last = self._rows[-1][0] if self._rows else None
+        last = self._rows[0][-1][0] if self._rows[0] else None
         if last is not None and time_s <= last:
             if time_s == last:
                 return None
-            self._rows.clear()
-        row = _trend_row(readings, time_s, facts or {})
-        self._rows.append(tuple(row[name] for name in TREND))
-        return row
+            self.forget()
+        rows = [
+            _trend_row(readings, time_s, facts or {}, rope)
+            for rope in range(max(1, len(readings.values.get("tension_n", ()))))
+        ]
+        while len(self._rows) < len(rows):
+            self._rows.append(deque(maxlen=self._most))
+        for kept, row in zip(self._rows, rows, strict=False):
+            kept.append(tuple(row[name] for name in TREND))
+        return rows
 
-    def columns(self) -> dict[str, list[float | None]]:
-        """Return all rows as columns."""
-        rows = list(self._rows)
+    def columns(self, rope: int = 0) -> dict[str, list[float | None]]:
+        """Return all rows of a rope as columns."""
+        rows = list(self._rows[rope])
         return {name: [row[place] for row in rows] for place, name in enumerate(TREND)}
+
+    @property
+    def ropes(self) -> int:
+        """Return the number of ropes that have rows, at least one."""
+        return len(self._rows)
 
     def forget(self) -> None:
         """Drop all rows."""
-        self._rows.clear()
+        self._rows = [deque(maxlen=self._most)]
 
 
-def _trend_row(readings: Readings, time_s: float, facts: Values) -> dict[str, float | None]:
+def _trend_row(
+    readings: Readings, time_s: float, facts: Values, rope: int
+) -> dict[str, float | None]:
     values = readings.values
+    named = facts.get("ropes") or ()
+    own = named[rope] if rope < len(named) else {}
     payloads, interval = values.get("payloads"), values.get("error_interval")
-    depth = payloads[0]["place_m"][2] if payloads else None
+    payload = next((one for one in payloads or () if one["name"] == own.get("payload")),
+                   payloads[0] if payloads else None)  # fmt: skip
+    depth = payload["place_m"][2] if payload else None
     hang_off, mean = values.get("hang_off_m"), facts.get("hang_off_m")
     height_m = hang_off[2] if hang_off else None
     # a residual keeps its last reading for ever: only its age shows that the instrument is lost
     measured = next((row["measured"] for row in values.get("residuals", ())
-                     if row["quantity"] == "top_tension_n" and (row["age_s"] or 0.0) < OLD_S),
+                     if row["quantity"] == "top_tension_n" and (row["age_s"] or 0.0) < OLD_S
+                     and (len(named) < 2 or row["name"] == own.get("winch"))),
                     None)  # fmt: skip
     return {
         "time_s": round(time_s, 3),
-        "tension_n": _first(values.get("tension_n")),
-        "low_n": interval[0]["lower_n"] if interval else None,
-        "high_n": interval[0]["upper_n"] if interval else None,
+        "tension_n": _at(values.get("tension_n"), rope),
+        "low_n": interval[rope]["lower_n"] if interval and rope < len(interval) else None,
+        "high_n": interval[rope]["upper_n"] if interval and rope < len(interval) else None,
         "measured_n": measured,
-        "line_out_m": _first(values.get("line_out_m")),
-        "line_speed_m_per_s": _first(values.get("line_speed_m_per_s")),
+        "line_out_m": _at(values.get("line_out_m"), rope),
+        "line_speed_m_per_s": _at(values.get("line_speed_m_per_s"), rope),
         "depth_m": None if depth is None else -depth,
         "heave_m": None if height_m is None else height_m - (mean[2] if mean else 0.0),
     }
 
 
-def _first(values: list[float | None] | None) -> float | None:
-    return values[0] if values else None
+def _at(values: list[float | None] | None, rope: int) -> float | None:
+    return values[rope] if values and rope < len(values) else None

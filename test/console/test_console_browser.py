@@ -14,7 +14,7 @@ from typing import Any
 import axe_playwright_python
 import pytest
 from console_rig import FACTS, TENSION_ALARM, TOKEN, FakeCommander, SnapshotSource
-from sample_snapshot import RESIDUAL, hanging_rope
+from sample_snapshot import RESIDUAL, hanging_rope, lifted
 
 from rope_twin.alerts.alert_list import State
 from rope_twin.console.casts import Log
@@ -40,11 +40,15 @@ AXE = Path(axe_playwright_python.__file__).with_name("axe.min.js")
 class RunningSource(SnapshotSource):
     """Advances with real time; a fixed shot shows the same numbers at every poll."""
 
+    several = False  # ropes
+
     def poll(self, readings: Readings, now_s: float) -> None:
         if not self.lost:
             time_s = now_s % 1e5
             shot = hanging_rope(time_s=time_s, heave_m=0.4)
             fresh = replace(RESIDUAL, at_s=time_s - 0.1)
+            if self.several:
+                shot = replace(lifted(), stamp_ns=shot.stamp_ns)
             self.shot = replace(shot, residuals=(fresh,))
         super().poll(readings, now_s)
 
@@ -65,7 +69,7 @@ class Served:
 
     def reset(self) -> None:
         self.source.lost, self.source.alerts = False, []
-        self.source.horizon_s = None
+        self.source.horizon_s, self.source.several = None, False
         self.source.seat, self.source.mode = "winch: winch_schedule", "winch: speed 0 m/s"
 
 
@@ -162,6 +166,22 @@ def test_risk_and_quiet_window_of_a_forecast(open_page: Callable[..., Any], serv
     until_shown(page, "trend-legend", "forecast 5–95 %")
     root = "document.documentElement"
     assert page.evaluate(f"[{root}.scrollWidth, {root}.scrollHeight]") == [1280, 800]
+
+
+def test_one_of_several_ropes_is_shown_as_chosen(
+    open_page: Callable[..., Any], served: Served
+) -> None:
+    served.source.several = True
+    page = open_page()
+    until_shown(page, "lines", "starboard 6.0 kN · 8.0 m")
+    assert_one_screen(page, 1280, 800)
+    until_shown(page, "tension", f"{served.source.shot.tension_top_n / 1e3:.1f}")
+    page.keyboard.press("l")
+    until_shown(page, "tension", "6.0")
+    until_shown(page, "line-out", "8.0")
+    page.click("#lines button:first-child")
+    until_shown(page, "line-out", "100.0")
+    assert page.locator("#lines button[aria-pressed=true]").inner_text().startswith("hoist")
 
 
 def test_loss_of_the_twin_goes_grey_within_a_second(

@@ -28,19 +28,19 @@ def test_a_page_first_receives_everything_and_then_what_changes() -> None:
     page = rig.page()
     hello, whole, *_ = frames(page)
     assert hello["type"] == "hello"
-    assert len(hello["trend"]["time_s"]) == 10
+    assert len(hello["trend"][0]["time_s"]) == 10
     assert hello["facts"]["ropes"][0]["allowed_n"] == 5.0e5
     assert whole["whole"]
     assert whole["values"]["line_out_m"] == [3000.0]
     rig.tick()
     row = next(one for one in frames(page) if one["type"] == "row")
-    assert row["trend"]["time_s"] == pytest.approx(rig.source.shot.time_s)
+    assert row["trend"][0]["time_s"] == pytest.approx(rig.source.shot.time_s)
 
 
 def test_a_page_that_reconnects_has_the_last_minute() -> None:
     rig = ConsoleRig(topics=("ropes/tension_top",))
     rig.tick(1500)
-    times = frames(rig.page())[0]["trend"]["time_s"]
+    times = frames(rig.page())[0]["trend"][0]["time_s"]
     assert times[-1] - times[0] == pytest.approx(60.0, abs=0.1)
 
 

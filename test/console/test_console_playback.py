@@ -74,7 +74,7 @@ def test_a_jump_brings_the_minute_before(bag: Path) -> None:
     player.tick(2)
     assert player.line_out_m == pytest.approx(1080.0, abs=0.2)
     hello = next(one for one in frames(player.page) if one["type"] == "hello")
-    times = hello["trend"]["time_s"]
+    times = hello["trend"][0]["time_s"]
     assert times[0] == pytest.approx(20.0, abs=0.3)
     assert times[-1] == pytest.approx(80.0, abs=0.3)
     player.ask(do="seek", time_s=5.0)  # and back

@@ -11,7 +11,7 @@ import pytest
 from console_rig import EPOCH_NS, forecast_tables
 from hypothesis import given
 from hypothesis import strategies as st
-from sample_snapshot import hanging_body, hanging_rope
+from sample_snapshot import hanging_body, hanging_rope, lifted
 
 from rope_twin import messages
 from rope_twin.console.profile import POINTS, RopeProfile, Trend
@@ -236,3 +236,21 @@ def test_learned_figures_have_units_and_words() -> None:
 
 def test_every_figure_that_is_learned_has_a_unit() -> None:
     assert set(UNITS) == set(NAMES)
+
+
+def test_a_trend_has_a_row_for_each_rope() -> None:
+    trend, encoder, readings = Trend(20.0), messages.Encoder(EPOCH_NS), Readings()
+    shot = lifted()
+    for topic in ("ropes/tension_top", "ropes/length", "payloads/state"):
+        readings.take(topic, encoder.encode(topic, shot), 0.0)
+    readings.update()
+    facts = {"ropes": [{"winch": "winch", "payload": ""}, {"winch": "", "payload": "port"},
+                       {"winch": "", "payload": "starboard"}]}  # fmt: skip
+    rows = trend.add(readings, facts)
+    assert rows is not None
+    assert [row["tension_n"] for row in rows] == [one.tension_top_n for one in shot.ropes]
+    assert [row["line_out_m"] for row in rows] == [100.0, 8.0, 8.0]
+    depths = [-one.position_m[2] for one in shot.payloads]
+    assert [row["depth_m"] for row in rows[1:]] == pytest.approx(depths)
+    assert trend.ropes == 3
+    assert trend.columns(1)["tension_n"] == [6e3]

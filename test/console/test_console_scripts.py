@@ -55,7 +55,7 @@ globalThis.WebSocket = class {
 globalThis.settle = () => new Promise((done) => setImmediate(done));
 globalThis.window = globalThis;
 """
-HELLO = """{ type: "hello", page: 1, kind: "live", facts: {}, source: {},
+HELLO = """{ type: "hello", protocol: 2, page: 1, kind: "live", facts: {}, source: {},
   control: { allowed: true, holder: 1 } }"""
 READER = HELLO.replace("holder: 1", "holder: null")
 ROW = """{ type: "row", seq: 1, ages: {}, time_s: 1, values: {} }"""
