@@ -11,6 +11,7 @@ import numpy as np
 from rope_twin.planning.seas import SeaState
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.schema import Triple
+from rope_twin.sea.raos import NO_CONVENTIONS, RaoConventions
 from rope_twin.sea.spectrum import breaking_fault
 
 CELLS_MOST = 5_000
@@ -21,9 +22,16 @@ HEIGHTS_MOST = 200
 class Vessel:
     """Ship whose motion moves the crane tip."""
 
-    responses: str = text("RAOs in six degrees of freedom: name in config/responses/ or path")
+    responses: str = text(
+        "RAOs in six degrees of freedom: name in config/responses/, or path of a CSV, OrcaFlex "
+        "YAML, WAMIT .4 or Capytaine netCDF file"
+    )
     crane_tip_m: Triple = quantity(
-        "crane tip from the reference point of the RAOs: ahead, to port, up", "m", -500.0, 500.0
+        "crane tip in the axes of the RAO file: ahead, to port, up; of one without an origin, from "
+        "its reference point", "m", -500.0, 500.0
+    )  # fmt: skip
+    conventions: RaoConventions = text(
+        "conventions that the RAO file does not state", NO_CONVENTIONS
     )
     bow_deg: float = quantity(
         "heading of the bow, for the current: 0 east, 90 north", "°", -360.0, 360.0, default=0.0

@@ -18,8 +18,9 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.rope import find_payload
 from rope_twin.scene.reader import read_object
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.environment import vessel_raos
 from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.sea.ship_motion import read_responses
+from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.tables import is_path
 from rope_twin.share import share_dir
 from rope_twin.twin.ensemble.boundary_conditions import is_known_in_advance
@@ -219,15 +220,19 @@ def tip_of(plan: Plan, scene: Scene) -> TipTransfer:
         name = plan.vessel.responses
         beside = plan.path.parent / name
         found = str(beside) if is_path(name) and beside.is_file() else name
-        return ResponsesTip(read_responses(found), plan.vessel.crane_tip_m)
+        table = read_responses(found, plan.vessel.conventions)
+        origin = table.origin_m or (0.0, 0.0, 0.0)
+        x, y, z = (a - b for a, b in zip(plan.vessel.crane_tip_m, origin, strict=True))
+        return ResponsesTip(table, (x, y, z))
     riding = scene.sea_state.on_waves
     assert riding is not None, "checked when the plan was read"
-    if not riding.responses:
+    own = vessel_raos(scene)
+    if own is None:
         return HullTip(riding.hull)
     x, y, z = lever_arm(scene)
     bow = math.radians(riding.heading_deg)
     c, s = math.cos(bow), math.sin(bow)
-    return ResponsesTip(read_responses(riding.responses), (c * x + s * y, c * y - s * x, z))
+    return ResponsesTip(own, (c * x + s * y, c * y - s * x, z))
 
 
 def bow_of(plan: Plan, scene: Scene) -> float:

@@ -21,7 +21,8 @@ from scipy.fft import irfft, next_fast_len
 
 from rope_twin.recording.motion_source import wave_at
 from rope_twin.sea.components import Waves, random_shares
-from rope_twin.sea.ship_motion import BoxHull, Responses, heave_response
+from rope_twin.sea.raos import Responses, moved_by
+from rope_twin.sea.ship_motion import BoxHull, heave_response
 from rope_twin.sea.spectrum import WaveSpectrum, jonswap
 from rope_twin.sea.tables import Vector
 from rope_twin.twin.motion.heave_series import HeaveSeries
@@ -69,7 +70,7 @@ class ResponsesTip:
 
     def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
         """Return the rigid motion of the tip."""
-        return moved_rigidly(self.responses.at(frequency_hz, heading), self.arm_m)
+        return moved_by(self.responses.at(frequency_hz, heading), self.arm_m)[:3]
 
 
 @dataclass(frozen=True)
@@ -89,18 +90,6 @@ class HullTip:
         found = np.zeros((3, len(frequency_hz)), np.complex128)
         found[2] = heave_response(self.hull, frequency_hz)
         return found
-
-
-def moved_rigidly(answer: Complex, arm_m: tuple[float, float, float]) -> Complex:
-    """Return the motion of a point of a ship from its RAOs, (6, n) -> (3, n).
-
-    arm_m: of the point, from the reference point of the RAOs: forward, to port, up.
-    """
-    x, y, z = arm_m
-    surge, sway, heave, roll, pitch, yaw = answer
-    return np.stack(
-        [surge + pitch * z - yaw * y, sway + yaw * x - roll * z, heave + roll * y - pitch * x]
-    )
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,15 @@ from rope_twin.planning.seas import (
     HullTip,
     ResponsesTip,
     SeaState,
-    moved_rigidly,
     tip_moments,
     tip_on_waves,
     tip_record,
 )
 from rope_twin.recording.motion_source import sea_of_waves
 from rope_twin.scene.load import load_scene
-from rope_twin.sea.ship_motion import BoxHull, read_responses
+from rope_twin.sea.rao_files import read_responses
+from rope_twin.sea.raos import moved_by
+from rope_twin.sea.ship_motion import BoxHull
 
 ARM_M = (10.0, 18.0, 12.0)
 TIP = ResponsesTip(read_responses("vessel_120m"), ARM_M)
@@ -31,7 +32,7 @@ def test_tip_moves_rigidly() -> None:
     random = np.random.default_rng(1)
     answer = random.standard_normal((6, 40)) + 1j * random.standard_normal((6, 40))
     expected = answer[:3].T + np.cross(answer[3:].T, np.array(ARM_M))
-    np.testing.assert_allclose(moved_rigidly(answer, ARM_M), expected.T, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(moved_by(answer, ARM_M)[:3], expected.T, rtol=1e-9, atol=1e-12)
 
 
 def test_height_of_the_spectrum_is_exact() -> None:
