@@ -20,6 +20,7 @@ NEIGHBOURS = 9  # samples of the median
 SPIKE_SDS = 5.0  # of the pin's noise, from that median
 LEAST_GOOD = 0.6  # share of a mean's samples that must be good
 SMOOTHED_SAMPLES, SMOOTHED_ORDER = 15, 3
+EDGE_S = 0.25  # of standing counts beside a change, which say less than the change
 LINE_HZ = 20.0  # grid of the line out
 HEAVE_HOLE_S, LINE_HOLE_S = 1.0, 2.0  # longer gaps are holes
 LATE_S = 5.0  # of the tension, behind heave and line out
@@ -97,6 +98,33 @@ def interval_means(
     spacing = float(np.median(np.diff(time_s))) if len(time_s) > 1 else MEAN_S
     least = max(1.0, LEAST_GOOD * MEAN_S / spacing - 1e-6)
     return np.where(number >= least, total / np.maximum(number, 1.0), np.nan), number
+
+
+def without_stairs(time_s: Floats, counts: Floats) -> tuple[Floats, Floats]:
+    """Return times and positions of a line from a counter of coarse resolution, (k,) each.
+
+    Where a count that repeats changes, the line passes the middle between both counts; the counts
+    less than EDGE_S from the change are left out. So a slow line has no stairs, whose smoothing
+    would let it run back a little: enough to reverse the friction of a sheave. Counts that never
+    repeat, and a line that stands, are kept.
+    """
+    changes = np.flatnonzero(np.diff(counts))  # between k and k + 1
+    if not len(changes):
+        return time_s, counts
+    first = np.concatenate([[0], changes + 1])
+    last = np.concatenate([changes, [len(counts) - 1]])
+    length = last - first + 1
+    begins, ends = time_s[first].copy(), time_s[last].copy()
+    begins[0], ends[-1] = -np.inf, np.inf  # no change is known there
+    from_change = np.minimum(time_s - np.repeat(begins, length), np.repeat(ends, length) - time_s)
+    kept = (np.repeat(length, length) == 1) | (from_change >= EDGE_S)
+    passed = changes[(length[:-1] > 1) | (length[1:] > 1)]
+    middles = (0.5 * (one[passed] + one[passed + 1]) for one in (time_s, counts))
+    times, positions = (
+        np.concatenate(pair) for pair in zip((time_s[kept], counts[kept]), middles, strict=True)
+    )
+    order = np.argsort(times)
+    return times[order], positions[order]
 
 
 class MeasuredLift:
@@ -189,7 +217,8 @@ class MeasuredLift:
         end = min(float(times_s[-1]) + margin, table[-1, 0])
         count = max(SMOOTHED_SAMPLES, round((end - begin) * LINE_HZ)) + 1
         grid = begin + np.arange(count) / LINE_HZ
-        raw = np.interp(grid, table[:, 0], table[:, 1])
+        near = slice(*np.searchsorted(table[:, 0], (begin - LINE_HOLE_S, end + LINE_HOLE_S)))
+        raw = np.interp(grid, *without_stairs(*table[near].T))
         smooth = savgol_filter(raw, SMOOTHED_SAMPLES, SMOOTHED_ORDER)
         spline = CubicSpline(grid, smooth)
         inside = np.clip(times_s, grid[0], grid[-1])

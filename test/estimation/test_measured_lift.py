@@ -14,6 +14,7 @@ from rope_twin.estimation.measured_lift import (
     Series,
     interval_means,
     without_spikes,
+    without_stairs,
 )
 
 
@@ -94,6 +95,34 @@ def test_line_out_of_a_counter_in_centimetres() -> None:
     assert np.abs(line - (500.0 + 2.0 * at + 0.01 * at**2)).max() < 0.005
     assert np.abs(speed - (2.0 + 0.02 * at)).max() < 0.06
     assert np.abs(speed - (2.0 + 0.02 * at)).std() < 0.02
+
+
+def test_a_counter_in_centimetres_does_not_run_back() -> None:
+    """A winch that slows down and stops goes on until it stands: stairs of a counter are no travel.
+
+    A reversal of 1 mm would turn the friction of a sheave, which needs some 5 mm for all of it.
+    """
+    t = np.arange(0.0, 20.0, 0.05)
+    slowing = np.clip(t - 5.0, 0.0, 10.0 / 3.0)
+    for phase in np.linspace(0.0, 0.01, 11):
+        x = phase + np.minimum(t, 5.0) + slowing - 0.15 * slowing**2
+        made = MeasuredLift(100.0)
+        made.line_out.extend(t, np.round(x / 0.01) * 0.01)
+        line, _ = made.line_motion(t)
+        assert np.minimum(np.diff(line), 0.0).sum() > -0.0008
+        assert abs(line - x).max() < 0.01
+
+
+def test_stairs_become_the_line_through_their_edges() -> None:
+    """A line of 0.02 m/s by a counter of 0.1 m at 10 Hz: known to the way in half a sample."""
+    t = np.arange(0.0, 60.0, 0.1)
+    times, positions = without_stairs(t, np.round(0.02 * t / 0.1) * 0.1)
+    edges = np.isin(times, t, invert=True)
+    assert abs(positions - 0.02 * times)[edges].max() < 0.02 * 0.05 + 1e-9
+    alike = np.full(600, 3000.0)
+    assert np.array_equal(without_stairs(t, alike)[1], alike)
+    fine = 3000.0 + np.sin(t)
+    assert np.array_equal(without_stairs(t, fine)[1], fine)
 
 
 def test_means_in_a_hole_of_heave_and_after_it_are_missing() -> None:
