@@ -47,6 +47,7 @@ DRIFT = 0.02  # growth of each standard deviation over √(1 min), in prior stan
 LEAST_USED = 0.25  # share of a block's means that must be there to learn from it
 SPECTRUM_S = 240.0  # of heave for the linearised drag
 SPECTRUM_INTERVAL_S = 0.05
+SPEEDS = 30  # of the line in a block, for the same
 SPARE_HEAVE_S = 0.25  # beyond the delay, so that its lane has heave at the end of a block
 SAME_LENGTH_M = 0.01  # a measured line out that is the scene's
 SEGMENT_S = 15.0  # the members are stepped so far at a time
@@ -137,11 +138,12 @@ class Estimator:
         """Return the autocovariance of the heave's error as a tension [N²], (count,)."""
         lift, learning = self.model.lift, self.prior.learning
         heave = lift.heave_grid(end_s - SPECTRUM_S, end_s, SPECTRUM_INTERVAL_S)
-        line, _ = lift.line_motion(np.array([end_s - 0.5 * BLOCK_S]))
+        line, speed = lift.line_motion(end_s - BLOCK_S + np.arange(SPEEDS) * BLOCK_S / SPEEDS)
         factors = {name: float(value) for name, value in factors_of(self.theta).items()}
-        bar = self.model.bar.at_length(float(line[0])).with_factors(factors)
+        bar = self.model.bar.at_length(float(line[SPEEDS // 2])).with_factors(factors)
         psd = heave_spectrum(heave, SPECTRUM_INTERVAL_S)
-        return tension_error_autocovariance(bar, psd, learning.heave_error_m, count, MEAN_S)
+        error_m = learning.heave_error_m
+        return tension_error_autocovariance(bar, psd, error_m, count, MEAN_S, speed)
 
     def _assimilate(self, prediction: Prediction) -> None:
         """Learn from the block whose end a prediction with the present figures has reached."""

@@ -6,7 +6,9 @@ The rope is a chain of uniform viscoelastic bars with a mass at the lower end. W
     u(l) = u(0)·cos kl + T(0)/(E*·k)·sin kl,   T(l) = T(0)·cos kl - E*·k·u(0)·sin kl,
 
 from T(0) = -(ω²M - iωd_0)·u(0) at the mass. Quadratic drag β·|v|·v is linearised for a Gaussian
-sea: d = √(8/π)·β·σ_v (Borgman 1969), with σ_v of the response itself, found by iteration.
+sea about the speed U of the line: d = 2β·E|v + U| = β·[√(8/π)·σ_v·exp(-U²/2σ_v²) +
+2U·erf(U/√2σ_v)], which for U = 0 is Borgman's √(8/π)·β·σ_v (1969), with σ_v of the response itself,
+found by iteration.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import erf
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
@@ -28,6 +31,8 @@ from rope_twin.scene.schema import Scene
 Complexes = NDArray[np.complex128]
 PIECES = 8  # of the rope, each with its own linearised drag
 BORGMAN = np.sqrt(8.0 / np.pi)
+LEAST_SIGMA = 1e-9  # m/s
+STANDING: Floats = np.zeros(1)  # speeds of a line that does not move
 TOLERANCE, MOST_ITERATIONS = 1e-4, 40
 
 
@@ -95,11 +100,25 @@ def _tangential(effects: tuple[Any, ...]) -> float:
     return 0.0
 
 
-def top_impedance(bar: Bar, frequency_hz: Floats, heave_psd: Floats | None = None) -> Complexes:
+def linear_drag(sigma: Floats, speeds: Floats) -> Floats:
+    """Return d/β = 2·E|v + U| [m/s], (k,), as the mean over the line's speeds U, (n,) [m/s].
+
+    sigma: standard deviation of v, (k,) [m/s].
+    """
+    sigma = np.maximum(sigma, LEAST_SIGMA)[:, None]
+    ratio = np.abs(speeds) / (np.sqrt(2.0) * sigma)
+    mean = BORGMAN * sigma * np.exp(-(ratio**2)) + 2.0 * np.abs(speeds) * erf(ratio)
+    return np.asarray(mean.mean(axis=1))
+
+
+def top_impedance(
+    bar: Bar, frequency_hz: Floats, heave_psd: Floats | None = None, speeds: Floats = STANDING
+) -> Complexes:
     """Return top tension per heave [N/m], (frequencies,) complex, for exp(+iωt).
 
     frequency_hz: positive and evenly spaced. heave_psd: one-sided spectrum of the heave [m²/Hz] at
-    these frequencies, for which drag is linearised; None: without drag.
+    these frequencies, for which drag is linearised; None: without drag. speeds: of the line, evenly
+    in time, (n,) [m/s].
     """
     w = 2.0 * np.pi * frequency_hz
     cut = np.repeat(bar.length_m / PIECES, PIECES)
@@ -114,8 +133,8 @@ def top_impedance(bar: Bar, frequency_hz: Floats, heave_psd: Floats | None = Non
     for _ in range(MOST_ITERATIONS):
         impedance, motion = _response(bar.end_mass_kg, w, cut, EA, C, mu, d_end, d)
         sigma = np.sqrt((np.abs(motion) ** 2 * w**2 * heave_psd).sum(axis=1) * df)
-        new_end = BORGMAN * bar.end_drag_kg_per_m * sigma[0]
-        new = BORGMAN * beta * 0.5 * (sigma[1:] + sigma[:-1])
+        per_beta = linear_drag(np.append(0.5 * (sigma[1:] + sigma[:-1]), sigma[0]), speeds)
+        new_end, new = bar.end_drag_kg_per_m * per_beta[-1], beta * per_beta[:-1]
         done = abs(new_end - d_end) <= TOLERANCE * new_end and np.all(
             np.abs(new - d) <= TOLERANCE * new
         )

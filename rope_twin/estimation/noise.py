@@ -15,7 +15,7 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 from scipy.signal import welch
 
 from rope_twin.core.state import Floats
-from rope_twin.estimation.impedance import Bar, top_impedance
+from rope_twin.estimation.impedance import STANDING, Bar, top_impedance
 
 FREQUENCY_STEP_HZ = 0.0025
 FREQUENCY_HZ = np.arange(0.005, 1.0, FREQUENCY_STEP_HZ)
@@ -43,10 +43,18 @@ def heave_error_spectrum(sd_m: float) -> Floats:
 
 
 def tension_error_autocovariance(
-    bar: Bar, heave_psd: Floats, error_sd_m: float, count: int, interval_s: float
+    bar: Bar,
+    heave_psd: Floats,
+    error_sd_m: float,
+    count: int,
+    interval_s: float,
+    speeds: Floats = STANDING,
 ) -> Floats:
-    """Return r at the lags k·interval_s, (count,) [N²]; r[0] is the variance."""
-    impedance = top_impedance(bar, FREQUENCY_HZ, heave_psd)
+    """Return r at the lags k·interval_s, (count,) [N²]; r[0] is the variance.
+
+    speeds: of the line, for which drag is linearised too, (n,) [m/s].
+    """
+    impedance = top_impedance(bar, FREQUENCY_HZ, heave_psd, speeds)
     spectrum = np.abs(impedance) ** 2 * heave_error_spectrum(error_sd_m)
     lags = interval_s * np.arange(count)
     waves = np.cos(2.0 * np.pi * np.outer(FREQUENCY_HZ, lags))

@@ -19,7 +19,7 @@ from rope_twin.estimation.gauss_newton import (
     huber_weights,
     inverse,
 )
-from rope_twin.estimation.impedance import BORGMAN, Bar, top_impedance
+from rope_twin.estimation.impedance import BORGMAN, Bar, linear_drag, top_impedance
 from rope_twin.estimation.load_pin import LoadPin, dahl_states
 from rope_twin.estimation.noise import (
     FREQUENCY_HZ,
@@ -192,6 +192,17 @@ def test_linearised_drag_dissipates_what_quadratic_drag_does() -> None:
     draws = sigma * np.random.default_rng(0).standard_normal(2_000_000)
     assert resistance == pytest.approx(7000.0 * (abs(draws) ** 3).mean() / sigma**2, rel=0.02)
     assert pytest.approx(1.5958, rel=1e-4) == BORGMAN
+
+
+def test_linearised_drag_about_the_speed_of_the_line() -> None:
+    """Price: the best slope of |v + U|·(v + U) is the mean of its derivative, 2·E|v + U|."""
+    v = np.random.default_rng(1).standard_normal(2_000_000)
+    for U in (0.0, 0.5, -2.0):
+        slope = (v * abs(v + U) * (v + U)).mean()
+        assert linear_drag(np.ones(1), np.array([U]))[0] == pytest.approx(slope, rel=0.01)
+    speeds = np.array([0.0, 0.5])
+    alone = [linear_drag(np.ones(2), speeds[k : k + 1]) for k in range(2)]
+    assert linear_drag(np.ones(2), speeds) == pytest.approx(np.mean(alone, axis=0))
 
 
 def test_error_spectrum_has_its_variance_and_its_band() -> None:
