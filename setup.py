@@ -28,7 +28,8 @@ PLOT = ["matplotlib>=3.8", "pyarrow>=14"]  # pictures, and tables as Parquet
 MODBUS = ["pymodbus>=3.13"]  # feeds from a PLC
 OPCUA = ["asyncua>=2"]  # feeds from an OPC UA server; LGPL-3.0, so an extra that nothing needs
 STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on clusters too
-PLANNING = ["h5netcdf[h5py]>=1.4"]  # RAOs from netCDF files of Capytaine
+# `rope_twin plan`: its report, and RAOs from netCDF files of Capytaine
+PLANNING = ["jinja2>=3.1", "h5netcdf[h5py]>=1.4", *PLOT]
 # the operator console: in browsers, and by Textual in a terminal
 CONSOLE = ["starlette>=0.46", "uvicorn>=0.35", "websockets>=14", "textual>=8"]
 DOCS = [
@@ -82,7 +83,9 @@ setup(
     license="BSD-3-Clause",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "console/page/*", "console/page/*/*"]},
+    package_data={
+        NAME: ["py.typed", "console/page/*", "console/page/*/*", "planning/*.j2"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -14,6 +14,7 @@ from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError, phrase
+from rope_twin.planning.notes import notes
 from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import plan_path, read_plan
 from rope_twin.planning.results import (
@@ -23,18 +24,25 @@ from rope_twin.planning.results import (
     table_rows,
     write_results,
 )
-from rope_twin.planning.run import PlanFolder, cell_named, plan_stamp, run_plan
+from rope_twin.planning.run import (
+    PlanFolder,
+    cell_named,
+    cell_of,
+    plan_stamp,
+    prepare,
+    run_plan,
+)
 from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.parameter_study.run import check_parquet
 from rope_twin.studies.picture import check_picture, write_picture
 
-PICTURE = "limits.png"
+PICTURE, REPORT = "limits.png", "report.html"
 EXAMPLE = "deep_installation"
 EXAMPLES = (
     "plan deep_installation",
-    "plan my_lift.yaml --out results --json",
+    "plan my_lift.yaml --out results --report",
     "plan deep_installation --cell at_depth,9,165",
     "plan --example > my_lift.yaml",
 )
@@ -53,6 +61,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="path of the plan file, or a name in config/plans")  # fmt: skip
     add("--example", action="store_true", help="print a plan to begin from")
     add_out(parser, "DIR", "folder of rows, load chart and pictures (default: plan_NAME)")
+    add("--report", action="store_true",
+        help="write report.html: inputs, limits, governing runs, errors")  # fmt: skip
     add("--threads", type=int, metavar="N", help="cells at a time (default: one a core)")
     add("--cell", default="", metavar="PHASE,TP,HEADING",
         help="run the governing run of one cell again, and draw it")  # fmt: skip
@@ -77,6 +87,10 @@ def run(args: argparse.Namespace) -> int:
     out = args.out or Path(f"plan_{plan.name}")
     check_parquet()
     check_picture(out / PICTURE)
+    if args.report:
+        from rope_twin.planning.report import check_report, write_report  # runs and draws more
+
+        check_report()
     if args.cell:
         return _show(args, plan, scene, out)
     progress, began = FigureProgress(), time.monotonic()
@@ -90,6 +104,8 @@ def run(args: argparse.Namespace) -> int:
     with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
         result = run_plan(plan, scene, folder, report, args.threads)
         rows = folder.close_rows()
+        if args.report:
+            write_report(result, folder, out / REPORT)
     progress.finish()
     write_results(result, out)
     write_picture(limits_figure(result), out / PICTURE, 110)
@@ -97,9 +113,10 @@ def run(args: argparse.Namespace) -> int:
         print_json(result_object(result))
     else:
         print_table(table_rows(result))
-        print("\n" + "\n".join(summary_lines(result)))
+        print("\n" + "\n".join([*summary_lines(result), *notes(result)]))
         files = f"rows: {rows}\nload chart: {out / 'load_chart.json'}\npicture: {out / PICTURE}"
-        print(files, file=sys.stderr)
+        report_words = f"\nreport: {out / REPORT}" if args.report else ""
+        print(files + report_words, file=sys.stderr)
     none = any(cell.height_m is None for cell in result.cells)
     return ExitCode.NEGATIVE if none else ExitCode.OK
 
@@ -110,7 +127,7 @@ def _show(args: argparse.Namespace, plan: Plan, scene: Scene, out: Path) -> int:
 
     cell = cell_named(plan, args.cell)
     with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
-        found = show_cell(plan, scene, cell, folder, out)
+        found = show_cell(cell_of(plan, scene, prepare(plan, scene), cell, folder), out)
     if args.json:
         print_json(found)
     else:

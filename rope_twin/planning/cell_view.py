@@ -8,11 +8,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.planning.cells import Cell, CellLimit, RowStore
-from rope_twin.planning.plan_file import Plan
-from rope_twin.planning.run import cell_of, prepare
+from rope_twin.planning.cells import Cell, CellLimit
 from rope_twin.planning.runs import AT_DEPTH, AT_LOWEST, sea_seed, watch_seed
-from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
 from rope_twin.studies.picture import write_picture
 from rope_twin.twin.ensemble.member import TOP
@@ -22,9 +19,7 @@ COLUMNS = ("time_s", "hook_load_n", "payload_tension_n", "payload_depth_m")
 AROUND_S = 60.0  # on either side of the largest load, in the lower panels
 
 
-def show_cell(
-    plan: Plan, scene: Scene, cell: tuple[int, int, int], store: RowStore, out: Path
-) -> dict[str, Any]:
+def show_cell(search: Cell, out: Path) -> dict[str, Any]:
     """Run the governing run of a cell's limiting height again; write its series and its picture.
 
     Returns its numbers, and the paths of the files. Rows that are not there are run first.
@@ -32,7 +27,6 @@ def show_cell(
     Raises:
         InputError: no height of the cell meets the criteria.
     """
-    search = cell_of(plan, scene, prepare(plan, scene), cell, store)
     limit = search.find()
     shown = limit.judged or limit.beyond
     if shown is None or shown.governing_seed < 0:

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from rope_twin.planning.simplified import Simplified
 
 CHART_FORMAT = 1
-HEAD = ("phase", "Tp s", "heading °", "Hs m", "interval m", "governed by", "hook load kN", "DAF",
+HEAD = ("phase", "Tp s", "heading °", "Hs m", "interval m", "governed by", "use %",
+        "hook load kN", "DAF",
         "least load kN", "uplift %", "slack %", "seeds", "error %", "simplified Hs m",
         "simplified hook kN")  # fmt: skip
 NONE = "–"
@@ -63,12 +64,13 @@ def _cells_of(result: PlanResult, cell: CellLimit) -> list[str]:
     simple = f"{cell.simplified_height_m:g}" if cell.simplified_height_m is not None else "none"
     hook = f"{1e-3 * max(one.hook_n for one in cell.simplified):.0f}"
     if judged is None or "hook_load" not in judged.values:
-        return [*begin, *[NONE] * 7, simple, hook]
+        return [*begin, *[NONE] * 8, simple, hook]
     weight = next(work.weight_n for work in result.works if work.title == cell.phase)
     load, uplift = judged.values["hook_load"], judged.values["uplift"]
     spread = 0.5e-3 * (load.high - load.low)
     return [
         *begin,
+        f"{100.0 * judged.use:.0f}",
         f"{1e-3 * load.value:.0f} ± {spread:.1f}",
         f"{daf(result, cell):.2f}",
         f"{1e-3 * weight * (1.0 - uplift.value):.0f}",
@@ -99,11 +101,12 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
             )
             yield f"{work.title}, {where}: {setting}, {told}; exposure {leg.window_s:.0f} s"
     yield f"card of scene '{result.scene.name}': {_card_words(result)}"
-    factor = result.simulated_s / result.elapsed_s if result.elapsed_s > 0.0 else 0.0
-    yield (
-        f"{result.runs} runs of {result.simulated_s / 3600.0:.0f} h in all, "
-        f"{result.elapsed_s:.0f} s ({factor:,.0f} times real time)"
-    )
+    whole = f"{result.runs} runs of {result.simulated_s / 3600.0:.0f} h in all"
+    if result.made:
+        factor = result.made_s / result.elapsed_s
+        here = f"{result.made} of them" if result.made < result.runs else "done"
+        whole += f", {here} in {result.elapsed_s:.0f} s ({factor:,.0f} times real time)"
+    yield whole
 
 
 def _card_words(result: PlanResult) -> str:

@@ -43,6 +43,8 @@ class PlanResult:
     card: KnownError  # discretisation error of the scene at its own setting
     runs: int  # of all cells
     simulated_s: float  # time of all runs
+    made: int  # runs of this call; the others were there
+    made_s: float  # time of them
     elapsed_s: float  # real time of this call
 
     def of_phase(self, title: str) -> list[CellLimit]:
@@ -168,6 +170,8 @@ def run_plan(
         card=known_error(scene),
         runs=len(used),
         simulated_s=math.fsum(used.values()),
+        made=counted.made,
+        made_s=counted.made_s,
         elapsed_s=time.perf_counter() - began,
     )
 
@@ -177,7 +181,7 @@ class _Counted:
 
     def __init__(self, store: RowStore) -> None:
         self._store = store
-        self.made = 0
+        self.made, self.made_s = 0, 0.0
         self.used: dict[int, Row] = {}
 
     def get(self, run: int) -> Row | None:
@@ -191,6 +195,7 @@ class _Counted:
         """Keep rows."""
         self._store.add(rows)
         self.made += len(rows)
+        self.made_s += math.fsum(row["seconds"] for row in rows)
         self.used |= {int(row["run"]): row for row in rows}
 
 

@@ -13,14 +13,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len
 
-from rope_twin.recording.motion_source import wave_at
-from rope_twin.sea.components import Waves, random_shares
+from rope_twin.sea.components import Waves, random_shares, wave_at
 from rope_twin.sea.raos import Responses, moved_by
 from rope_twin.sea.ship_motion import BoxHull, heave_response
 from rope_twin.sea.spectrum import WaveSpectrum, jonswap
@@ -66,7 +66,8 @@ class ResponsesTip:
     def source(self) -> str:
         """Return a description."""
         x, y, z = self.arm_m
-        return f"RAOs {self.responses.source}, crane tip {x:g} m ahead, {y:g} m to port, {z:g} m up"
+        table = Path(self.responses.source).name
+        return f"RAOs {table}, crane tip {x:g} m ahead, {y:g} m to port, {z:g} m up"
 
     def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
         """Return the rigid motion of the tip."""

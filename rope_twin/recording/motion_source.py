@@ -23,7 +23,7 @@ from rope_twin.messages import encode_heave, encode_pose
 from rope_twin.recording.heave import HeaveSample, open_heave, sample_of
 from rope_twin.recording.poses import open_poses
 from rope_twin.scene.schema import RecordedPoses, RegularHeave, Scene
-from rope_twin.sea.components import Waves
+from rope_twin.sea.components import Waves, wave_at
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import Responses
 from rope_twin.sea.ship_motion import BoxHull, Way, heave_response, read_way
@@ -233,12 +233,6 @@ class ShipOnWaves(ComputedSea):
         """Return the sample at a time."""
         surface = (self._surface * np.exp(1j * self._omega * (stamp_ns * 1e-9))).sum().real
         return sample_of(self.pose(stamp_ns), self._arm, float(surface))
-
-
-def wave_at(waves: Waves, x: float, y: float) -> NDArray[np.complex128]:
-    """Return a·exp(-i(k·x + φ)) of each component at a position [m], (components,)."""
-    along = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
-    return np.asarray(waves.amplitude_m * np.exp(-1j * (along + waves.phase)))
 
 
 class WayOfHangOff:

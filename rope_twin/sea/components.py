@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.sea.spectrum import WaveSpectrum
@@ -68,6 +69,12 @@ class Waves:
         along = self.wave_number * (x * np.cos(self.heading) + y * np.sin(self.heading))
         angle = (along + self.phase)[:, None] - self.omega[:, None] * time
         return np.asarray((self.amplitude_m[:, None] * np.cos(angle)).sum(axis=0))
+
+
+def wave_at(waves: Waves, x: float, y: float) -> NDArray[np.complex128]:
+    """Return a·exp(-i(k·x + φ)) of each component at a position [m], (components,)."""
+    along = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
+    return np.asarray(waves.amplitude_m * np.exp(-1j * (along + waves.phase)))
 
 
 def wave_numbers(omega: Vector, depth_m: float, gravity: float) -> Vector:

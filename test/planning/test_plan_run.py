@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -166,7 +167,8 @@ def test_command_writes_rows_chart_and_picture(
     assert cell["daf"] == pytest.approx(
         cell["at_limit"]["values"]["hook_load"]["value"] / found["phases"][0]["static_hook_n"]
     )
-    assert main(["plan", str(small), "--out", str(out)]) == 0
+    assert main(["plan", str(small), "--out", str(out), "--report"]) == 0
+    check_report((out / "report.html").read_text(), found)
     table = capsys.readouterr()
     assert "at_depth" in table.out
     assert "345" not in table.err
@@ -180,6 +182,54 @@ def test_command_writes_rows_chart_and_picture(
     series = np.loadtxt(shown["series"], delimiter=",", skiprows=1)
     assert series[:, 1].max() == pytest.approx(worst, rel=1e-5)
     assert Path(shown["picture"]).stat().st_size > 5000
+
+
+class Page(HTMLParser):
+    """Checks that elements are nested and closed, and collects addresses and names."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.names: list[str] = []
+        self.addresses: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note an element."""
+        if tag not in ("meta", "br", "link", "img"):
+            self.open.append(tag)
+        for key, value in attrs:
+            if key == "id" and value:
+                self.names.append(value)
+            if key in ("href", "src", "xlink:href") and value:
+                self.addresses.append(value)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note an element that is empty."""
+        self.handle_starttag(tag, attrs)
+        if self.open and self.open[-1] == tag:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        """Close the element that is open."""
+        assert self.open.pop() == tag
+
+
+def check_report(text: str, found: dict) -> None:
+    """Check that a report is one whole file with everything that was found."""
+    page = Page()
+    page.feed(text)
+    assert not page.open
+    assert len(page.names) == len(set(page.names))
+    names = {f"#{name}" for name in page.names}
+    assert page.addresses
+    assert set(page.addresses) <= names, "nothing outside the file is needed"
+    assert text.count("<svg") == 4
+    for words in (found["plan_digest"], found["scene_digest"], "What is not covered", "SWL",
+                  "Gumbel", "DNV-RP-N103", "vessel_120m", "Governing runs"):  # fmt: skip
+        assert words in text, words
+    for cell in found["cells"]:
+        assert f"<td>{1e-3 * max(one['hook_n'] for one in cell['simplified']):.0f}</td>" in text
+    assert "/tmp/" not in text
 
 
 def test_folder_of_another_plan_is_refused(small: Path, tmp_path: Path) -> None:
