@@ -39,6 +39,7 @@ from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import ForecastParams, declare
 from rope_twin.ros.qos import listen, publish
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import WINCH
 from rope_twin.topics import (
     BY_NAME,
     ESTIMATE_TOPIC,
@@ -84,6 +85,7 @@ class ForecastNode(Node):
         settings = ForecastSettings(
             members=own.members, motion_error=error, spread=unlearned_spread(scene.learning)
         )
+        self._winches = ("", WINCH, scene.ropes[0].name)  # as the simulation calls its winch
         self._bias_m, self._bias_n = scene.measured.line_out.bias, scene.measured.tension.bias
         forecaster = LiveForecaster(scene, self._limits, settings, own.wave_noise_m)
         self.worker = ForecastWorker(
@@ -164,10 +166,15 @@ class ForecastNode(Node):
             self._take_line(at, name == WINCH_MEASURED, message)
 
     def _take_line(self, at: float, measured: bool, message: Any) -> None:
+        own = 0
+        if measured:  # a message may have the readings of other winches too
+            own = next((k for k, name in enumerate(message.name) if name in self._winches), -1)
+            if own < 0:
+                return
         rows = (("line", message.position, self._heard.line_out_m, self._bias_m),
                 ("tension", message.effort, self._heard.tension_n, self._bias_n))  # fmt: skip
         for what, values, series, bias in rows:
-            value = float(values[0]) - bias * measured if len(values) else math.nan
+            value = float(values[own]) - bias * measured if len(values) > own else math.nan
             if not math.isfinite(value):
                 continue
             if measured:

@@ -49,7 +49,9 @@ def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
         z = 0.5 * math.sin(0.6 * at)
         publishers["ship/heave"].publish(encode_heave(ns, z, 0.3 * math.cos(0.6 * at)))
         reading = Measurement.of_winch(ns, 200.0, 0.0, 76e3 + 4e3 * z)
-        publishers["winch/measured"].publish(encode_measurement(ns, reading)[1])
+        other = ("tugger", 15.0, 0.0, 9e3)  # another winch on the same line monitor
+        both = reading._replace(rows=(other, *reading.rows))
+        publishers["winch/measured"].publish(encode_measurement(ns, both)[1])
         if k % 4 == 0:
             publishers["sea/measured_elevation"].publish(encode_elevation(ns, 0.4 * z))
         if k % 20 == 0:
@@ -70,6 +72,7 @@ def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
     bench.until(lambda: tables["orders"], "orders are compared")
     answer = read_cloud(tables["orders"][0])
     assert {bytes(name) for name in answer["name"]} == {b"hold", b"lower:0.5", b"stop"}
+    assert set(node._heard.line_out_m.table()[:, 1].tolist()) == {200.0}
     message = tables["tension"][0]
     newest_s = BEGIN_NS // S + math.floor((count - 1) * PERIOD_S / 0.5) * 0.5
     assert message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec <= newest_s
