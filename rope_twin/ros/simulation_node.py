@@ -347,7 +347,8 @@ class SimulationNode(LifecycleNode):
             elif name == FORECAST_RISK:
                 self.paced.alerts.take_risks(self.paced.border.take_forecast(data))
             elif name in MEASURED_TOPICS:
-                self.paced.border.take_measurement(name, data)
+                arrival_ns = self.paced.arrival_ns(self.get_clock().now().nanoseconds)
+                self.paced.border.take_measurement(name, data, arrival_ns)
             else:
                 self.paced.border.take_current(data)
 

@@ -188,12 +188,13 @@ class InputBorder:
             at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
             self._inputs.offer_cut(at_ns, below_m, rope)
 
-    def take_measurement(self, topic: str, data: bytes) -> None:
-        """Accept or reject a message on one of MEASURED_TOPICS."""
+    def take_measurement(self, topic: str, data: bytes, received_ns: int | None = None) -> None:
+        """Accept or reject a message on one of MEASURED_TOPICS; received_ns: as of motion."""
         content = self._read(topic, lambda: read_measurement(topic, data))
         if content is not None and (epoch_ns := self._epoch()) is not None:
             measurement = content._replace(stamp_ns=content.stamp_ns - epoch_ns)
-            self._inputs.offer_measurement(measurement)
+            arrival_ns = None if received_ns is None else received_ns - epoch_ns
+            self._inputs.offer_measurement(measurement, arrival_ns)
             if self.listener is not None:
                 self.listener(measurement)
 

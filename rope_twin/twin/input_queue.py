@@ -126,9 +126,9 @@ class InputQueue:
         """Queue a cut; return "" or the reason for its rejection."""
         return self._put(Call("offer_cut", arguments, named))
 
-    def offer_measurement(self, measurement: Measurement) -> str:
+    def offer_measurement(self, *arguments: Any, **named: Any) -> str:
         """Queue measured values; return "" or the reason for their rejection."""
-        return self._put(Call("offer_measurement", (measurement,), {}))
+        return self._put(Call("offer_measurement", arguments, named))
 
     def offer_figures(self, **named: float) -> str:
         """Queue factors on the scene's figures; return "" or the reason for their rejection."""

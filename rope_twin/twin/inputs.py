@@ -135,9 +135,10 @@ class TwinInputs:
             self.heave.prescribe()
 
     def judge_clocks(self, lead_s: float, correct: bool) -> None:
-        """Set the lead allowed to senders of motion [s], and whether their stamps are corrected."""
+        """Set the lead allowed to senders [s], and whether stamps of motion are corrected."""
         with self.lock:
             self.heave.clock.lead_s, self.heave.clock.correct = lead_s, correct
+            self.measured.lead_s = lead_s
 
     def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
         """Command a winch speed, + pays out (stamp None: at once); return "" or the rejection."""
@@ -187,13 +188,16 @@ class TwinInputs:
         with self.lock:
             return self.cut.offer(stamp_ns, below_m, self._clock.time_ns, rope)
 
-    def offer_measurement(self, measurement: Measurement) -> str:
-        """Submit measured values; return "" or the (first) reason for a rejection."""
+    def offer_measurement(self, measurement: Measurement, received_ns: int | None = None) -> str:
+        """Submit measured values; return "" or the (first) reason for a rejection.
+
+        received_ns: arrival in twin time, to see a sensor's clock that is ahead; None: unknown.
+        """
         with self.lock:
             called = self.winch_called  # "" stays: the only winch, or a fault
             rows = tuple((row[0] and called(row[0]), *row[1:]) for row in measurement.rows)
             named = measurement._replace(rows=rows)
-            return self.measured.offer(named, self._clock.time_ns, self._follow)
+            return self.measured.offer(named, self._clock.time_ns, self._follow, received_ns)
 
     def offer_figures(self, ramp_s: float = RAMP_S, **factors: float) -> str:
         """Lead the first rope's figures over to factors on the scene's; return "" or the rejection.

@@ -125,9 +125,9 @@ class Twin:
         """
         return self.inputs.offer_cut(stamp_ns, below_m, rope)
 
-    def offer_measurement(self, measurement: Measurement) -> str:
-        """Submit measured values of a winch or the payload; return "" or the first rejection."""
-        return self.inputs.offer_measurement(measurement)
+    def offer_measurement(self, measurement: Measurement, received_ns: int | None = None) -> str:
+        """Submit measured values of a winch or the payload; return and received_ns: TwinInputs."""
+        return self.inputs.offer_measurement(measurement, received_ns)
 
     def take_remark(self, words: str) -> str:
         """Report inputs that were kept from the twin, for its quality index; return ""."""

@@ -222,6 +222,20 @@ def test_a_jump_is_refused_and_a_hole_is_none(scene: Scene) -> None:
     assert "was the sensor reset?" in inputs.health(again)["winch_measured"].warning
 
 
+@pytest.mark.parametrize(("ahead_s", "doubted"), [(1.5, True), (0.3, False), (-5.0, False)])
+def test_a_clock_that_is_ahead_is_noticed(scene: Scene, ahead_s: float, doubted: bool) -> None:
+    """No reading arrives before it was made; one that comes late may have had a long way."""
+    inputs, lead_ns, second = MeasuredInputs(scene), round(ahead_s * 1e9), 1_000_000_000
+    for k in range(10):
+        at_ns = k * second // 10
+        told = Measurement.of_depth(at_ns + lead_ns, 100.0 + 0.01 * k)
+        assert inputs.offer(told, at_ns, received_ns=at_ns) == ""
+    words = inputs.health(second)["payload_depth"].warning
+    assert ("1.50 s ahead of their arrival" in words) == doubted
+    inputs.lead_s = 2.0  # of a replay
+    assert "ahead" not in inputs.health(second)["payload_depth"].warning
+
+
 def test_a_frozen_cell_is_noticed(scene: Scene) -> None:
     """Equal readings while the twin's tension swings by 10 %; none while the twin is as quiet."""
     for swing, frozen in ((1e4, True), (10.0, False)):

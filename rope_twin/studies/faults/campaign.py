@@ -162,7 +162,8 @@ class LoneTwin:
         elif message.topic == CURRENT:
             self._border.take_current(data)
         elif message.topic in JUDGING:
-            self._border.take_measurement(message.topic, data)
+            arrival_ns = EPOCH_NS + message.received_ns
+            self._border.take_measurement(message.topic, data, arrival_ns)
         else:
             self._senders.add(message.sender)
             self._border.take_order(message.topic, data, message.sender)

@@ -15,7 +15,16 @@ from typing import NamedTuple, Self
 from rope_twin.errors import phrase
 from rope_twin.scene.schema import RopeLine, Scene, Winch
 from rope_twin.scene.validation.rigging import places, winch_of
-from rope_twin.twin.health import AHEAD_NS, UNJUDGED, InputCounter, too_far_ahead, too_late
+from rope_twin.twin.health import (
+    AHEAD_NS,
+    CLOCK_SAMPLES_MIN,
+    CLOCK_WARN_S,
+    SENDER_LEAD_S,
+    UNJUDGED,
+    InputCounter,
+    too_far_ahead,
+    too_late,
+)
 from rope_twin.twin.snapshot import InputHealth
 
 WINCH_SENSORS, MOTOR, PAYLOAD = "winch", "motor", "payload"  # sources of a measurement
@@ -82,6 +91,7 @@ class Readings:
         self._place: tuple[int, float] | None = None  # newest stamp and value of line out or depth
         self.warning = ""  # on the sensor itself, such as a frozen value
         self.speed_doubt = ""  # why the measured speed does not fit the measured place
+        self._leads: deque[int] = deque(maxlen=CLOCK_SAMPLES_MIN)  # stamp minus arrival [ns]
         # of the last WAY_NS: stamp, place [m], integral of the speed [m] and speed [m/s]
         self._ways: deque[tuple[int, float, float, float]] = deque()
 
@@ -90,8 +100,13 @@ class Readings:
         self._newest_ns = self._place = None
         self._ways.clear()
 
-    def take(self, stamp_ns: int, row: Row, now_ns: int) -> str:
-        """Take a row; return "" or the reason for its rejection, counted."""
+    def take(self, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None = None) -> str:
+        """Take a row; return "" or the reason for its rejection, counted.
+
+        received_ns: its arrival, to see a clock that is ahead; None: unknown.
+        """
+        if received_ns is not None:
+            self._leads.append(stamp_ns - received_ns)
         fault = self._number_fault(row) or self._stamp_fault(stamp_ns, now_ns)
         fault = fault or self._jump_fault(stamp_ns, row, now_ns)
         if fault:
@@ -133,9 +148,25 @@ class Readings:
                 f"{moved:+.2f} m, by the line speed {ran:+.2f} m: frozen, or another unit or sign?"
             )
 
-    def health(self, now_ns: int) -> InputHealth:
-        """Return counts, age and warnings; without readings the twin itself is not at fault."""
-        words = [self.warning] if self.warning else []
+    def _clock_doubt(self, lead_s: float) -> str:
+        """Return the warning on a sensor's clock that is ahead, or "".
+
+        Readings may come late (an acoustic way takes seconds), but none before it was made.
+        """
+        if len(self._leads) < CLOCK_SAMPLES_MIN:
+            return ""
+        ahead_s = min(self._leads) * 1e-9
+        if ahead_s <= lead_s + CLOCK_WARN_S:
+            return ""
+        what = f"stamps lie {ahead_s:.2f} s ahead of their arrival, {lead_s:g} s are allowed"
+        return f"{what}: the sensor's clock is ahead"
+
+    def health(self, now_ns: int, lead_s: float = SENDER_LEAD_S) -> InputHealth:
+        """Return counts, age and warnings; without readings the twin itself is not at fault.
+
+        lead_s: allowed to a sender, as a replay publishes a reading before its time.
+        """
+        words = [one for one in (self.warning, self._clock_doubt(lead_s)) if one]
         if self._newest_ns is not None and self.stale(now_ns):
             gap_s = (now_ns - self._newest_ns) * 1e-9
             words.append(f"no reading for {gap_s:.1f} s; nothing is compared")

@@ -21,6 +21,7 @@ from rope_twin.scene.measured import MOTOR as AT_MOTOR
 from rope_twin.scene.measured import MeasuredLength, MeasuredTension
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import places
+from rope_twin.twin.health import SENDER_LEAD_S
 from rope_twin.twin.measured.readings import (
     HISTORY_NS,
     MOTOR,
@@ -228,6 +229,7 @@ class MeasuredInputs:
         lines = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in hung]
         self.names = tuple(line.from_ for _, line in lines)
         self.active = False  # whether a reading was accepted
+        self.lead_s = SENDER_LEAD_S  # allowed to senders
         self._heard = False  # whether a reading came
         self._motor_tells = sensors.tension.at == AT_MOTOR
         self._winches = tuple(WinchReadings(scene, line, "") for _, line in lines)
@@ -245,17 +247,20 @@ class MeasuredInputs:
         self._depths = Comparison(lower, DEPTH, -1, sensors.payload_depth, PAYLOAD_DEPTH)
         self._history = History()
 
-    def offer(self, measurement: Measurement, now_ns: int, follow: Follow | None = None) -> str:
+    def offer(
+        self, measurement: Measurement, now_ns: int, follow: Follow | None = None,
+        received_ns: int | None = None,
+    ) -> str:  # fmt: skip
         """Take a measurement, row by row; return "" or the first reason for a rejection.
 
         follow: is given name of the winch, stamp, line out less its offset, and line speed (None:
-        not measured, or in contradiction to the line out).
+        not measured, or in contradiction to the line out). received_ns: arrival; None: unknown.
         """
         source, stamp_ns, rows = measurement
         self._heard = True
         refusals = []
         for row in rows:
-            refusals.append(self._offer(source, stamp_ns, row, now_ns))
+            refusals.append(self._offer(source, stamp_ns, row, now_ns, received_ns))
             name, line_out, speed, _ = row
             if refusals[-1] or source != WINCH_SENSORS or line_out is None or follow is None:
                 continue
@@ -265,10 +270,12 @@ class MeasuredInputs:
             follow(name, stamp_ns, line_out - self._lengths[0].bias, speed)
         return next((words for words in refusals if words), "")
 
-    def _offer(self, source: str, stamp_ns: int, row: Row, now_ns: int) -> str:
+    def _offer(
+        self, source: str, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None
+    ) -> str:
         name, place, _, tension = row
         if source == PAYLOAD:
-            refusal = self._depth.take(stamp_ns, row, now_ns)
+            refusal = self._depth.take(stamp_ns, row, now_ns, received_ns)
             if not refusal and place is not None:
                 self.active = True
                 self._depths.offer(stamp_ns, place)
@@ -281,7 +288,7 @@ class MeasuredInputs:
             sentence = phrase("winch", f"there is no '{name}'", did_you_mean(name, self.names))
             return group[0].counter.refuse("impossible", sentence)
         at = self.names.index(name) if name else 0
-        refusal = group[at].take(stamp_ns, row, now_ns)
+        refusal = group[at].take(stamp_ns, row, now_ns, received_ns)
         if refusal:
             return refusal
         self.active = True
@@ -345,7 +352,7 @@ class MeasuredInputs:
                 motor.warning = part.frozen
         self._depth.warning = self._depths.frozen
         return {
-            one.counter.name: one.health(now_ns)
+            one.counter.name: one.health(now_ns, self.lead_s)
             for one in self._groups
             if one.counter.accepted or one.counter.refused
         }
