@@ -53,6 +53,7 @@ MAPPED = {MODBUS: "registers", OPCUA: "nodes"}  # formats that are polled by the
 _SPECIAL = (  # keys of some formats only
     "tension_of", "channel", "length_at", "checksum", "start", "columns", "sentences", "heave_of",
     "rest_heading_deg", "registers", "nodes", "stale_after_s",
+    "parity",
 )  # fmt: skip
 
 
@@ -86,6 +87,7 @@ class FeedSettings:
     registers: dict[str, Register] = field(
         default_factory=dict, metadata={"about": "modbus: registers of each quantity"}
     )
+    parity: str = text("modbus by a serial line: none, even or odd", "")
     device: int = quantity("modbus: unit identifier of the device", "", 0, 255, default=1)
     nodes: dict[str, OpcNode] = field(
         default_factory=dict, metadata={"about": "opcua: node of each quantity"}
@@ -121,6 +123,8 @@ class FeedSettings:
                 choices.append(("tension_of", self.tension_of, (LOAD_PIN, MOTOR)))
         else:
             choices.append(("heave_of", self.heave_of, (CRANE_TIP, REFERENCE)))
+        if self.parity:
+            choices.append(("parity", self.parity, ("none", "even", "odd")))
         choices += [(key, getattr(self, key), allowed) for key, allowed in form.keys.items()]
         for key, given, allowed in choices:
             if given not in allowed:
@@ -157,8 +161,7 @@ class FeedSettings:
             taken |= {"start", "columns"}
         if self.format in MAPPED:
             taken = taken - {"channel"} | {MAPPED[self.format]}
-        if self.format == OPCUA:
-            taken.add("stale_after_s")
+        taken |= {OPCUA: {"stale_after_s"}, MODBUS: {"parity"}}.get(self.format, set())
         for one in _SPECIAL:
             if getattr(self, one) not in ("", None, {}) and one not in taken:
                 return f"{one} has no effect with {self.format}; remove it"
@@ -277,7 +280,7 @@ FORMATS: dict[str, Format] = {
         _QUANTITIES, _LINE_SIGNS, {"checksum": line_monitors.SUM_KINDS},
     ),
     MODBUS: Format(
-        LINE, "Modbus TCP by a map of registers",
+        LINE, "Modbus TCP or RTU by a map of registers",
         lambda s: line_monitors.columns(
             START, {name: k for k, name in enumerate(s.registers, 1)}, "xor"
         ),

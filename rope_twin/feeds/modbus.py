@@ -1,4 +1,4 @@
-"""Source that polls the registers of a PLC by Modbus TCP, with pymodbus.
+"""Source that polls the registers of a PLC by Modbus TCP or RTU, with pymodbus.
 
 One poll gives one line `$MODBUS,VALUE,...*hh`, stamped in the middle between request and reply.
 The values of one poll are consistent if their registers fit into one request, as the specification
@@ -9,57 +9,67 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Mapping
 from typing import Any
 
 from rope_twin.errors import InputError, phrase
+from rope_twin.feeds.configuration import FeedSettings
 from rope_twin.feeds.registers import Register, line_of, requests
-from rope_twin.feeds.transports import Address, Source, Take
+from rope_twin.feeds.transports import SERIAL, Address, Source, Take
 
 _TIMEOUT_S = 1.0
 
 
+_PARITIES = {"none": "N", "even": "E", "odd": "O"}
+
+
 def load_pymodbus() -> Any:
-    """Return the client class of pymodbus.
+    """Return the clients of pymodbus.
 
     Raises:
         InputError: it is not installed.
     """
     try:
-        from pymodbus.client import ModbusTcpClient
+        from pymodbus import client
     except ImportError as error:
         right = "install it with: pip install '.[modbus]'"
         raise InputError(phrase("source modbus", f"pymodbus is missing ({error})", right)) from None
-    return ModbusTcpClient
+    return client
 
 
 class ModbusSource(Source):
     """Polls the registers of one device at a rate, and hands over a line for each poll."""
 
-    def __init__(
-        self,
-        address: Address,
-        take: Take,
-        registers: Mapping[str, Register],
-        rate_hz: float,
-        device: int,
-    ) -> None:
-        """Prepare the polls; `device`: unit identifier.
+    def __init__(self, address: Address, take: Take, settings: FeedSettings) -> None:
+        """Prepare the polls.
 
         Raises:
-            InputError: pymodbus is not installed.
+            InputError: pymodbus is not installed, or a serial line has no parity.
         """
         super().__init__(take)
-        self._client, self._address = load_pymodbus(), address
-        self._registers, self._requests = dict(registers), requests(registers)
-        self._period_s, self._device = 1.0 / rate_hz, device
+        if (address.kind == SERIAL) != bool(settings.parity):
+            what, right = "parity is missing", f"give {', '.join(_PARITIES)}; there is no default"
+            if settings.parity:
+                what, right = f"parity is '{settings.parity}'", "it is of a serial line; remove it"
+            raise InputError(phrase(f"source {address}", what, right))
+        self._clients, self._address, self._parity = load_pymodbus(), address, settings.parity
+        self._registers = dict(settings.registers)
+        self._requests = requests(self._registers)
+        self._period_s, self._device = 1.0 / settings.poll_rate_hz, settings.device
+
+    def _client(self) -> Any:
+        name, number = self._address.name, self._address.number
+        if self._address.kind == SERIAL:
+            return self._clients.ModbusSerialClient(
+                name, baudrate=number, parity=_PARITIES[self._parity], timeout=_TIMEOUT_S, retries=0
+            )
+        name = name or "127.0.0.1"
+        return self._clients.ModbusTcpClient(name, port=number, timeout=_TIMEOUT_S, retries=0)
 
     def _read(self) -> None:
-        host = self._address.name or "127.0.0.1"
-        client = self._client(host, port=self._address.number, timeout=_TIMEOUT_S, retries=0)
+        client = self._client()
         with contextlib.closing(client):
             if not client.connect():
-                raise OSError(None, "no connection to the Modbus server")
+                raise OSError(None, f"no connection to the Modbus {self._end}")
             due_s = time.monotonic()
             while not self._stop.is_set():
                 before_ns = time.time_ns()
@@ -70,6 +80,10 @@ class ModbusSource(Source):
                 # a poll that took longer than the period is followed by the next one at once
                 due_s = max(due_s + self._period_s, time.monotonic())
                 self._stop.wait(due_s - time.monotonic())
+
+    @property
+    def _end(self) -> str:
+        return "line" if self._address.kind == SERIAL else "server"
 
     def _poll(self, client: Any) -> list[float]:
         """Return the values of all registers. Raises OSError where the device refuses."""

@@ -39,6 +39,11 @@ ADDRESSES = (
     "FILE, udp://HOST:PORT, tcp://HOST:PORT, tcp-server://HOST:PORT, modbus://HOST:PORT, "
     "opc.tcp://HOST:PORT/PATH or serial:DEVICE@BAUD"
 )
+# kinds of address of the formats that are polled, and their form
+_POLLED = {
+    MODBUS: {MODBUS: "modbus://HOST:PORT", SERIAL: "serial:DEVICE@BAUD"},
+    OPCUA_FORMAT: {OPCUA: "opc.tcp://HOST:PORT/PATH"},
+}
 _HOST = r"(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})"
 _NETWORK = re.compile(rf"(udp|tcp|tcp-server|modbus)://{_HOST}/?|(opc\.tcp)://{_HOST}(/\S*)?")
 _SERIAL = re.compile(r"serial:(?://)?([^@]+)@(\d{2,7})")
@@ -354,18 +359,15 @@ def open_source(
         InputError: the address or the file cannot be used.
     """
     address = read_address(settings.source)
-    for form, kind, right in (
-        (MODBUS, MODBUS, "modbus://HOST:PORT"),
-        (OPCUA_FORMAT, OPCUA, "opc.tcp://HOST:PORT/PATH"),
-    ):
-        if (address.kind == kind) != (settings.format == form):
-            right = f"the format {form} takes {right}, and no other format does"
-            raise InputError(phrase(settings.source, f"format {settings.format}", right))
-    if address.kind == MODBUS:
+    kinds = _POLLED.get(settings.format, {})
+    if (kinds and address.kind not in kinds) or (not kinds and address.kind in (MODBUS, OPCUA)):
+        form = settings.format if kinds else {MODBUS: MODBUS, OPCUA: OPCUA_FORMAT}[address.kind]
+        right = f"the format {form} takes {' or '.join(_POLLED[form].values())}"
+        raise InputError(phrase(settings.source, f"format {settings.format}", right))
+    if settings.format == MODBUS:
         from rope_twin.feeds.modbus import ModbusSource  # which needs an extra
 
-        rate_hz, device = settings.poll_rate_hz, settings.device
-        return ModbusSource(address, take, settings.registers, rate_hz, device)
+        return ModbusSource(address, take, settings)
     if address.kind == OPCUA:
         from rope_twin.feeds.opcua import OpcUaSource  # which needs an extra
 

@@ -7,10 +7,12 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
+from serial_cable import cable
 
 from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import FeedSettings
@@ -20,7 +22,7 @@ from rope_twin.feeds.registers import MOST_REGISTERS, Register, line_of, request
 from rope_twin.feeds.transports import open_source
 
 pytest.importorskip("pymodbus", reason="pymodbus is missing: pip install '.[modbus]'")
-from pymodbus.server import ModbusTcpServer
+from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 DEVICE = 7
@@ -46,12 +48,8 @@ def settings(registers: dict[str, Any], **more: Any) -> FeedSettings:
     return FeedSettings(**given)
 
 
-@pytest.fixture(scope="module")
-def port() -> Iterator[int]:
-    """pymodbus's server of a PLC with -1234.56 m, 12.3 m/min, 52.5 kN and 61 kN."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        number = int(one.getsockname()[1])
+def plc() -> SimDevice:
+    """A PLC with -1234.56 m, 12.3 m/min, 52.5 kN and 61 kN."""
     none = [SimData(0, values=[False] * 16, datatype=DataType.BITS)]
     count = -123456 & 0xFFFFFFFF
     inputs = [SimData(100, values=[count & 0xFFFF, count >> 16], datatype=DataType.REGISTERS)]
@@ -62,12 +60,17 @@ def port() -> Iterator[int]:
         SimData(300, values=61, datatype=DataType.UINT16),
         SimData(400, values=math.nan, datatype=DataType.FLOAT32),
     ]
-    device = SimDevice(DEVICE, (none, none, holding, inputs))
+    return SimDevice(DEVICE, (none, none, holding, inputs))
+
+
+@contextmanager
+def served(make: Callable[[], Any]) -> Iterator[None]:
+    """pymodbus's server in a thread of its own."""
     loop = asyncio.new_event_loop()
     ready, servers = threading.Event(), []
 
     async def serve() -> None:
-        servers.append(ModbusTcpServer(device, address=("127.0.0.1", number)))
+        servers.append(make())
         await servers[0].serve_forever(background=True)
         ready.set()
 
@@ -75,11 +78,20 @@ def port() -> Iterator[int]:
     thread = threading.Thread(target=loop.run_forever, daemon=True)
     thread.start()
     assert ready.wait(20.0)
-    yield number
+    yield
     assert task.done()
     asyncio.run_coroutine_threadsafe(servers[0].shutdown(), loop).result(10.0)
     loop.call_soon_threadsafe(loop.stop)
     thread.join(10.0)
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        number = int(one.getsockname()[1])
+    with served(lambda: ModbusTcpServer(plc(), address=("127.0.0.1", number))):
+        yield number
 
 
 def polled(chosen: FeedSettings, wanted: int = 3) -> tuple[list[Any], Instrument, str]:
@@ -115,6 +127,38 @@ def test_registers_become_a_sample_in_si(port: int) -> None:
     assert before_ns <= first.stamp_ns < samples[1].stamp_ns <= time.time_ns()
     assert instrument.counts.accepted >= 3
     assert instrument.counts.refused_total == 0
+
+
+def test_registers_by_a_serial_line() -> None:
+    """RTU over a cable that is unplugged and plugged again."""
+    with cable() as line, served(lambda: ModbusSerialServer(plc(), port=line.back)):
+        chosen = settings(MAP, source=f"serial:{line.out}@19200", parity="none", poll_rate_hz=20.0)
+        assert chosen.check() is None
+        samples, instrument, fault = polled(chosen)
+        assert not fault
+        assert samples[0].payout_m == pytest.approx(1234.56)
+        assert (samples[0].tension_n, samples[0].motor_tension_n) == (52.5e3, 61e3)
+        assert instrument.counts.refused_total == 0
+        line.plugged = False
+        samples, _, fault = polled(chosen, 1)
+        assert "No response" in fault
+        assert not samples
+        line.plugged = True
+        samples, _, fault = polled(chosen)
+        assert not fault
+        assert len(samples) >= 3
+    _, _, fault = polled(settings(MAP, source="serial:/dev/none@19200", parity="even"), 1)
+    assert fault == "no connection to the Modbus line"
+
+
+def test_a_serial_line_needs_its_parity() -> None:
+    for source, parity, words in (
+        ("serial:/dev/ttyS0@19200", "", "parity is missing; give none, even, odd"),
+        ("modbus://plc:502", "even", "parity is 'even'; it is of a serial line; remove it"),
+    ):
+        with pytest.raises(InputError, match=words):
+            open_source(settings(MAP, source=source, parity=parity), lambda *_: None)
+    assert "parity is 'mark'; give none or even or odd" in str(settings(MAP, parity="mark").check())
 
 
 def test_a_number_that_is_none_is_refused(port: int) -> None:

@@ -10,16 +10,10 @@ board a feed node with a twin that follows and compares. `pytest -m long` runs i
 from __future__ import annotations
 
 import json
-import os
-import pty
-import select
 import signal
 import socket
-import threading
 import time
-import tty
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +23,7 @@ from conftest import free_domain
 from feed_samples import SETTINGS
 from ros_bench import Bench
 from ros_process import Processes
+from serial_cable import cable
 
 from rope_twin.feeds.configuration import FeedSettings
 from rope_twin.feeds.conversion import LineSample
@@ -45,44 +40,6 @@ measured:
   tension: {uncertainty_n: 2500.0}
   line_out: {uncertainty_m: 0.06, resolution_m: 0.01}
 """
-
-
-class Cable:
-    """A serial cable between two pseudo-terminals that can be unplugged."""
-
-    def __init__(self) -> None:
-        ends = [pty.openpty() for _ in range(2)]
-        for end in (one for pair in ends for one in pair):
-            tty.setraw(end)
-        (self._out, out), (self._back, back) = ends
-        self._ends = [self._out, out, self._back, back]
-        self.out, self.back = os.ttyname(out), os.ttyname(back)
-        self.plugged = True
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        while not self._stop.is_set():
-            if select.select([self._out], [], [], 0.1)[0]:
-                data = os.read(self._out, 4096)
-                if self.plugged:
-                    os.write(self._back, data)
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
-        for end in self._ends:
-            os.close(end)
-
-
-@contextmanager
-def cable() -> Iterator[Cable]:
-    made = Cable()
-    try:
-        yield made
-    finally:
-        made.close()
 
 
 def free_port() -> int:
