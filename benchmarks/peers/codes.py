@@ -23,14 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.peers.decks import (
-    CURRENT_FILE,
-    cabledyn_deck,
-    current_table,
-    figures,
-    moordyn_deck,
-)
+from benchmarks.peers.decks import cabledyn_deck, current_table, figures, moordyn_deck
 from rope_twin.errors import InputError, phrase
+from rope_twin.interchange.moordyn_deck import CURRENT_FILE
 from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.motion.heave_track import ramp

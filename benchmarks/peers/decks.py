@@ -15,11 +15,21 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.errors import InputError, phrase
+from rope_twin.interchange.moordyn import ABOVE_M
+from rope_twin.interchange.moordyn_deck import (
+    COUPLED,
+    FREE,
+    RULE,
+    Deck,
+    Line,
+    LineType,
+    Point,
+    current_text,
+    deck_text,
+)
 from rope_twin.scene.schema import Payload, Scene
 
-CURRENT_FILE = "current_profile.txt"  # the name that MoorDyn looks for beside its deck
-ABOVE_M = 50.0  # the current goes on so far above the water, where a hang-off may be
-RULE = "-" * 20
+TITLE = "rope_twin, bench peers"
 SAYS = (AddedMassParams, CurrentParams, DragParams, PayloadParams, WeightParams)
 
 
@@ -119,36 +129,23 @@ def _load_figures(name: str, load: Payload) -> tuple[float, float]:
 
 def moordyn_deck(given: Figures, segments: int, scheme: str, damping: float, step_s: float) -> str:
     """Return the deck for MoorDyn; negative damping: a fraction of an element's critical one."""
-    sheds = f" {given.lift!r} 0.08 0.18" if given.lift else ""  # Cl dF cF
-    return "\n".join(
-        [
-            "rope_twin, bench peers",
-            f"{RULE} LINE TYPES {RULE}",
-            "TypeName Diam Mass/m EA BA/-zeta EI Cd Ca CdAx CaAx",
-            "(name) (m) (kg/m) (N) (N-s/-) (N-m^2) (-) (-) (-) (-)",
-            f"rope {given.diameter!r} {given.mass!r} {given.EA!r} {damping!r} {given.EI:.12g} "
-            f"{given.Cdn!r} {given.Ca!r} {given.Cdt!r} 0{sheds}",
-            *_points(given),
-            f"{RULE} LINES {RULE}",
-            "Line LineType NodeA NodeB UnstrLen NumSegs Outputs",
-            "(#) (name) (#) (#) (m) (-) (-)",
-            f"1 rope 2 1 {given.length!r} {segments} -",
-            f"{RULE} OPTIONS {RULE}",
-            "0 writeLog",
-            "1 disableOutput",
-            "1 disableOutTime",
-            f"{given.gravity!r} g",
-            f"{given.density!r} WtrDnsty",
-            f"{2.0 * given.length!r} WtrDpth",
-            f"{scheme} tScheme",
-            f"{step_s!r} dtM",
-            "0 TmaxIC",
-            f"{1 if given.profile else 0} Currents",
-            f"{RULE} OUTPUTS {RULE}",
-            f"{RULE} need this line {RULE}",
-            "",
-        ]
+    rope = LineType(
+        "rope", given.diameter, given.mass, given.EA, damping, given.EI, given.Cdn, given.Ca,
+        given.Cdt, 0.0, (given.lift, 0.08, 0.18) if given.lift else (),  # Cl dF cF
+    )  # fmt: skip
+    load = (given.load, given.volume, given.area, given.load_Ca)
+    points = (
+        Point(1, COUPLED, (0.0, 0.0, 0.0)),
+        Point(2, FREE, (0.0, 0.0, -given.hanging_m), *load),
     )
+    options = (
+        ("0", "writeLog"), ("1", "disableOutput"), ("1", "disableOutTime"),
+        (repr(given.gravity), "g"), (repr(given.density), "WtrDnsty"),
+        (repr(2.0 * given.length), "WtrDpth"), (scheme, "tScheme"), (repr(step_s), "dtM"),
+        ("0", "TmaxIC"), ("1" if given.profile else "0", "Currents"),
+    )  # fmt: skip
+    lines = (Line(1, "rope", 2, 1, given.length, segments),)
+    return deck_text(Deck(TITLE, (rope,), points, lines, options))
 
 
 def cabledyn_deck(given: Figures, segments: int, step_s: float, seconds: float) -> str:
@@ -159,7 +156,7 @@ def cabledyn_deck(given: Figures, segments: int, step_s: float, seconds: float) 
         current = f"profile {z2!r} {x2!r} {y2!r} 0 {z1!r} {x1!r} {y1!r} 0 current"
     return "\n".join(
         [
-            "rope_twin, bench peers",
+            TITLE,
             f"{RULE} LINE TYPES {RULE}",
             "TypeName Diam MassDenInAir EA BA/-zeta EI Cd_n Cd_t Ca_n Ca_t",
             "(-) (m) (kg/m) (N) (N-s/-) (N-m^2) (-) (-) (-) (-)",
@@ -190,11 +187,9 @@ def cabledyn_deck(given: Figures, segments: int, step_s: float, seconds: float) 
 
 def current_table(given: Figures) -> str:
     """Return the current profile for MoorDyn, from the bottom up."""
-    rows = [(z, *velocity) for z, velocity in reversed(given.profile)]
-    rows += [(ABOVE_M, *given.profile[0][1])] if given.profile else []
-    body = [f"{z!r} {east!r} {north!r} 0" for z, east, north in rows]
-    head = ["rope_twin, bench peers", "current over height", "z (m) ux uy uz (m/s)"]
-    return "\n".join([*head, *body, ""])
+    rows = [(z, *velocity, 0.0) for z, velocity in reversed(given.profile)]
+    rows += [(ABOVE_M, *given.profile[0][1], 0.0)] if given.profile else []
+    return current_text(Deck(TITLE, (), (), (), (), tuple(rows)))
 
 
 def _points(given: Figures) -> list[str]:

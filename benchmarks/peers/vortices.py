@@ -20,16 +20,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.peers.codes import PEERS, require_peers, silence
-from benchmarks.peers.decks import (
-    CURRENT_FILE,
-    Figures,
-    current_table,
-    figures,
-    moordyn_deck,
-)
+from benchmarks.peers.decks import Figures, current_table, figures, moordyn_deck
 from rope_twin.core.state import Floats
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
+from rope_twin.interchange.moordyn_deck import CURRENT_FILE
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant

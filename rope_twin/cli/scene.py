@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json
+from rope_twin.cli.interchange import add_export, add_import, run_export, run_import
 from rope_twin.cli.scene_raos import add_raos, run_raos
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words
@@ -39,6 +40,7 @@ from rope_twin.twin.ensemble.ensemble import whole_steps
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import CONTROL_MODES, WinchCommand, motion_of
 
+FILES = {"raos": run_raos, "import": run_import, "export": run_export}
 NARROWEST = 40  # what a line of keys needs
 WIDEST = 100  # columns of the list, on a terminal that has more
 
@@ -56,7 +58,9 @@ of one lift (OrcaFlex: model). Wherever a command takes a SCENE, a name and a pa
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `scene` with its actions."""
-    about = "list, show, check and measure scenes; look up keys; print the JSON Schema; show RAOs"
+    about = (
+        "list, show, check and measure scenes; look up keys; print the JSON Schema; import, export"
+    )
     parser = add_command(subparsers, "scene", about, EXAMPLES, MORE)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     shipped = add_command(actions, "list", "list the shipped scenes", EXAMPLES[:2])
@@ -95,6 +99,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )  # fmt: skip
     add_json(schema)
     add_raos(actions)
+    add_import(actions)
+    add_export(actions)
     parser.set_defaults(run=run)
 
 
@@ -107,8 +113,8 @@ def run(args: argparse.Namespace) -> int:
             return _keys(args.part, args.json)
         if args.action == "schema":
             return _schema(args.json)
-        if args.action == "raos":
-            return run_raos(args)
+        if args.action in FILES:
+            return FILES[args.action](args)
         if args.action == "check":
             return _check(args.scene, args.json)
         scene = load_scene(args.scene)

@@ -18,6 +18,7 @@ from rope_twin.core.step import advance
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.lift import hung_together
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import places
 from rope_twin.scene.warnings.rope import SAFETY_FACTOR
 from rope_twin.twin.snapshot_builder import body_of
 
@@ -95,7 +96,8 @@ def check_equilibrium(scene: Scene, end: Equilibrium, highest_m: float) -> None:
                 "check that rope and payload sink, or fix the lower end",
             )
         )
-    if highest_m > max(scene.ship.hang_off_m[2], 0.0) + MAX_FLOAT_HEIGHT_M:
+    highest_hang_off_m = max(at[2] for at in places(scene).values())
+    if highest_m > max(highest_hang_off_m, 0.0) + MAX_FLOAT_HEIGHT_M:
         raise SceneError(
             phrase(
                 where,

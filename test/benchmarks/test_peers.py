@@ -98,7 +98,7 @@ def test_decks_say_the_figures() -> None:
     assert {"1 rope 2 1 2000.0 20 -", "RK2 tScheme", "0.01 dtM", "1 Currents"} <= set(ours)
     assert "profile -2000.0 0.0 0.0 0 0.0 0.5 0.0 0 current" in theirs
     assert current_table(given).splitlines()[3:] == [
-        "-2000.0 0.0 0.0 0", "0.0 0.5 0.0 0", "50.0 0.5 0.0 0",
+        "-2000.0 0 0 0", "0 0.5 0 0", "50.0 0.5 0 0",
     ]  # fmt: skip
     quiet = figures(load_scene("snap_vertical"))
     assert "0 Currents" in moordyn_deck(quiet, 20, "RK2", 5e5, 0.01).splitlines()

@@ -26,7 +26,7 @@ FLOORS = (
     ("forecast",),
     ("run",),
     ("ros",),
-    ("studies", "planning"),
+    ("studies", "planning", "interchange"),
     ("cli", "__init__", "__main__"),  # the roof: doors that open what they are asked for
 )
 MOST_LINES = 600

@@ -1,0 +1,115 @@
+"""`rope_twin scene import FILE` and `scene export SCENE`: models of other programs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.errors import InputError, phrase
+from rope_twin.interchange.moordyn import deck_of, scene_of
+from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
+from rope_twin.interchange.orcaflex import scene_of_model
+from rope_twin.interchange.scene_file import Imported, write_scene
+from rope_twin.run.arguments import add_command, add_json, add_out, add_scene, measure
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.warnings.rope import sense_checks
+
+IMPORTS = (
+    "scene import mooring.txt --breaking-load 5MN --out mooring.yaml",
+    "scene import lowering.yml --breaking-load 1.2MN --out lowering.yaml --json",
+)
+EXPORTS = (
+    "scene export smooth_2km --moordyn --out lines.txt",
+    "scene export my_lift.yaml --moordyn --out deck/lines.txt --json",
+)
+
+
+def add_import(actions: argparse._SubParsersAction[Any]) -> None:
+    """Add `import`."""
+    about = "make a scene of a MoorDyn deck or an OrcaFlex text data file"
+    more = (
+        "Reads lines, their ends, points or buoys, water, seabed, current and, from OrcaFlex "
+        "(.yml, .yaml), waves and the vessel with its RAOs. What has no equal is listed, here and "
+        "at the top of the scene's file. Neither format states a breaking load."
+    )
+    parser = add_command(actions, "import", about, IMPORTS, more)
+    parser.add_argument("file", metavar="FILE", help="deck of MoorDyn 2, or .yml of OrcaFlex")
+    words = "minimum breaking load (MBL) of the lines"
+    parser.add_argument(
+        "--breaking-load", type=measure("N"), required=True, metavar="FORCE", help=words
+    )
+    add_out(parser, "YAML", "scene file to write", required=True)
+    add_json(parser)
+
+
+def add_export(actions: argparse._SubParsersAction[Any]) -> None:
+    """Add `export`."""
+    about = "write a scene as the input of another program"
+    more = (
+        "Points are where the static equilibrium has them. What a deck cannot have is listed; "
+        f"a current goes to {CURRENT_FILE} beside the deck, where MoorDyn looks for it."
+    )
+    parser = add_command(actions, "export", about, EXPORTS, more)
+    add_scene(parser)
+    parser.add_argument("--moordyn", action="store_true", help="as a deck of MoorDyn 2")
+    add_out(parser, "FILE", "deck to write", required=True)
+    add_json(parser)
+
+
+def run_import(args: argparse.Namespace) -> int:
+    """Write a scene and return the exit code. Raises RopeTwinError."""
+    low, high = 1e2, 1e9
+    if not low <= args.breaking_load <= high:
+        what = f"it is {args.breaking_load:g} N"
+        raise InputError(phrase("--breaking-load", what, f"right is {low:g} to {high:g} N"))
+    if args.out.suffix not in (".yaml", ".yml"):
+        raise InputError(phrase("--out", f"'{args.out}' is no scene", "end it in .yaml"))
+    if Path(args.file).resolve() == args.out.resolve():
+        raise InputError(phrase("--out", "it is the file to import", "give another name"))
+    found = _imported(Path(args.file), args.breaking_load, args.out)
+    scene = write_scene(found, args.out)
+    warnings = sense_checks(scene)
+    if args.json:
+        print_json({"scene": args.out, "left_out": list(found.left_out), "warnings": warnings})
+        return ExitCode.OK
+    print(f"{args.out}: {len(scene.ropes)} ropes, {len(scene.payloads)} payloads")
+    for words in found.left_out:
+        print(f"not imported: {words}")
+    for warning in warnings:
+        print(f"warning: {warning}")
+    return ExitCode.OK
+
+
+def _imported(path: Path, breaking_load_n: float, out: Path) -> Imported:
+    """Return the scene of a file by its ending. Raises InputError."""
+    if path.suffix.lower() in (".yml", ".yaml"):
+        return scene_of_model(path, breaking_load_n, out.parent)
+    return scene_of(read_deck(path), path, breaking_load_n)
+
+
+def run_export(args: argparse.Namespace) -> int:
+    """Write a deck and return the exit code. Raises RopeTwinError."""
+    if not args.moordyn:
+        raise InputError(phrase("scene export", "no format is named", "give --moordyn"))
+    deck, left_out = deck_of(load_scene(args.scene))
+    files = [args.out]
+    try:
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        args.out.write_text(deck_text(deck), encoding="utf-8")
+        if deck.current:
+            files.append(args.out.parent / CURRENT_FILE)
+            files[1].write_text(current_text(deck), encoding="utf-8")
+    except OSError as error:
+        right = "give a place that can be written"
+        what = f"it cannot be written ({error.strerror})"
+        raise InputError(phrase(str(args.out), what, right)) from None
+    if args.json:
+        print_json({"files": files, "left_out": list(left_out)})
+        return ExitCode.OK
+    counts = f"{len(deck.lines)} lines, {len(deck.points)} points"
+    print(f"{' and '.join(map(str, files))}: {counts}")
+    for words in left_out:
+        print(f"not exported: {words}")
+    return ExitCode.OK

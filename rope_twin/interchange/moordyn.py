@@ -1,0 +1,518 @@
+"""Scenes to MoorDyn 2 decks and back.
+
+Both describe lines between points, in SI units and ENU axes, with coefficients on the diameter of
+the displaced volume. A deck has no winch, ship or waves of its own: its coupled points are moved by
+the program that calls MoorDyn. Whatever has no equal on the other side is listed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.weight import WeightParams
+from rope_twin.errors import InputError, phrase
+from rope_twin.interchange.moordyn_deck import (
+    COUPLED,
+    FIXED,
+    FREE,
+    Deck,
+    Line,
+    LineType,
+    Point,
+)
+from rope_twin.interchange.scene_file import STEP_S, Imported, Keys
+from rope_twin.scene.model.joined import alone, point_figures
+from rope_twin.scene.model.lift import listed_effects
+from rope_twin.scene.model.rope import find_payload, section_damping
+from rope_twin.scene.schema import WINCH, RopeLine, Scene
+from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
+from rope_twin.scene.validation.rigging import is_joined, places
+from rope_twin.twin.twin import Twin
+
+ABOVE_M = 50.0  # the current goes on so far above the water, where a hang-off may be
+BELOW = 1.2  # water depth over the depth of the lowest point, of a scene without seabed
+STABLE = 0.3  # step over the largest of an explicit scheme, for accuracy
+RELAXATION_S = 30.0  # for the initial shape of the lines
+SAME = 1e-9  # relative: coefficients that count as one
+_SAID = (AddedMassParams, BendingParams, CurrentParams, DragParams, PayloadParams, SeabedParams,
+         WeightParams)  # fmt: skip
+_READ = {"g": "g", "gravity": "g", "wtrdnsty": "rho", "rho": "rho", "wtrdpth": "depth",
+         "depth": "depth", "waterdepth": "depth", "kbot": "kb", "kb": "kb",
+         "frictioncoefficient": "mu", "currents": "currents"}  # fmt: skip
+_NUMERICS = frozenset(
+    ("dtm", "dt", "tmaxic", "tscheme", "cfl", "dtic", "icdt", "icdfac", "icthresh", "thresh_ic",
+     "cdscaleic", "threshic", "writelog", "disableoutput", "disableouttime", "dtout", "writeunits")
+)  # fmt: skip
+
+
+def deck_of(scene: Scene) -> tuple[Deck, tuple[str, ...]]:
+    """Return the deck of a scene and what it leaves out, a sentence each.
+
+    Points are where the twin's static equilibrium has them.
+
+    Raises:
+        InputError: a part of the scene that lines end at or run over has no equal.
+        SceneError: there is no static equilibrium.
+    """
+    where = f"scene {scene.name}"
+    for name, parts in (("sheaves", scene.sheaves), ("struts", scene.struts)):
+        if parts:
+            what = f"its {name} have no equal in a MoorDyn deck"
+            raise InputError(phrase(where, what, "export a scene without them"))
+    effects = listed_effects(scene)
+    if "rigid_body" in effects:
+        what = "its rigid body has no equal among a deck's lines"
+        raise InputError(phrase(where, what, "give the payload as a point"))
+    left_out = [*_left_out(scene, effects)]
+    writer = _Writer(scene, left_out)
+    writer.write()
+    depth = writer.depth_m()
+    bed, current = scene.listed(SeabedParams), scene.listed(CurrentParams)
+    water = scene.environment
+    profile = [] if current is None else _profile(current, depth)
+    options = [
+        (repr(water.gravity_m_per_s2), "g"), (repr(water.water_density_kg_per_m3), "WtrDnsty"),
+        (repr(depth), "WtrDpth"), (f"{writer.step_s():.4g}", "dtM"), ("RK2", "tScheme"),
+        (repr(RELAXATION_S), "TmaxIC"), ("1" if profile else "0", "Currents"),
+    ]  # fmt: skip
+    if bed is not None:
+        options += [(repr(bed.stiffness_n_per_m3), "kBot"),
+                    (repr(bed.friction), "FrictionCoefficient")]  # fmt: skip
+        left_out.append(f"seabed: its damping χ of {bed.damping_s_per_m:g} s/m")
+    title = f"{scene.name}, from rope_twin"
+    deck = Deck(title, tuple(writer.types), tuple(writer.points), tuple(writer.lines),
+                tuple(options), tuple(profile))  # fmt: skip
+    return deck, tuple(left_out)
+
+
+def _left_out(scene: Scene, effects: dict[str, Any]) -> Iterator[str]:
+    """Yield what a deck cannot have."""
+    for name, params in effects.items():
+        if not isinstance(params, _SAID):
+            yield f"effect {name}: it is not exported"
+    if scene.listed(WeightParams) is None:
+        yield "no effect weight: MoorDyn has gravity and buoyancy in any case"
+    if scene.winch is not None or any(one.winch for one in scene.hang_offs):
+        yield "winches: lines have constant lengths"
+    if scene.sea_state.moves:
+        yield "motion of the ship: the program that calls MoorDyn moves the coupled points"
+    drag = scene.listed(DragParams)
+    if drag is not None and (drag.over_reynolds or drag.over_keulegan_carpenter):
+        yield "drag: its dependence on Reynolds or Keulegan-Carpenter number"
+    if drag is not None and not drag.relative:
+        yield "drag: `relative: false`, MoorDyn has the velocity relative to the water"
+    bending = scene.listed(BendingParams)
+    if bending is not None and bending.clamped_along is not None:
+        yield "bending: the fixed direction at the hang-off, ends are hinged"
+    bed = scene.listed(SeabedParams)
+    if bed is not None and (bed.soundings is not None or bed.slope != (0.0, 0.0)):
+        yield "seabed: its slope or soundings, it is level at the depth of the origin"
+    current = scene.listed(CurrentParams)
+    if current is not None and current.over_time:
+        yield "current: its factor over time"
+
+
+def _profile(current: CurrentParams, depth_m: float) -> list[tuple[float, float, float, float]]:
+    """Return rows from the bottom up that cover the water and the air above."""
+    rows = [(float(z), float(x), float(y), float(up)) for z, x, y, up in current.table[::-1]]
+    if rows[0][0] > -depth_m:
+        rows.insert(0, (-depth_m, *rows[0][1:]))
+    return [*rows, (ABOVE_M, *rows[-1][1:])]
+
+
+class _Writer:
+    """Points, line types and lines of a scene."""
+
+    def __init__(self, scene: Scene, left_out: list[str]) -> None:
+        self._scene, self._left_out = scene, left_out
+        self._shot = Twin(scene).snapshot()
+        self.types, self.points, self.lines = list[LineType](), list[Point](), list[Line]()
+        self._numbers: dict[str, int] = {}
+        self._density = scene.environment.water_density_kg_per_m3
+        self._figures = point_figures(scene)
+
+    def write(self) -> None:
+        """Fill the lists."""
+        for name, at in places(self._scene).items():
+            if any(line.from_ == name for line in self._scene.ropes):
+                self._add_point(COUPLED, at, name)
+        for number, line in enumerate(self._scene.ropes):
+            nodes = self._nodes(number)
+            below = self._lower_end(line, nodes[-1])
+            upper = self._numbers.get(line.from_)
+            if upper is None:
+                upper = self._add_free(line.from_, nodes[0])
+            self._write_line(number, nodes, below, upper)
+
+    def depth_m(self) -> float:
+        """Return the water depth."""
+        bed = self._scene.listed(SeabedParams)
+        if bed is not None and bed.depth_m is not None:
+            return bed.depth_m
+        if bed is not None and bed.soundings is not None:
+            return max(max(row) for row in bed.soundings.depth_m)
+        return BELOW * max(1.0, -min(point.at_m[2] for point in self.points))
+
+    def step_s(self) -> float:
+        """Return a stable step: 2/ω of the stiffest element, less by its damping."""
+        kinds = {own.name: own for own in self.types}
+        steps = []
+        for line in self.lines:
+            own, segment = kinds[line.type_name], line.length_m / line.segments
+            omega = 2.0 * math.sqrt(own.EA_n / own.mass_kg_per_m) / segment
+            ratio = -own.damping if own.damping < 0.0 else own.damping * omega / (2.0 * own.EA_n)
+            steps.append(STABLE * 2.0 / omega * (math.sqrt(ratio**2 + 1.0) - ratio))
+        return min(steps)
+
+    def _nodes(self, number: int) -> Any:
+        """Return positions along a rope from its upper end down, (nodes, 3)."""
+        ropes = self._shot.ropes
+        return ropes[number].node_position_m if ropes else self._shot.node_position_m
+
+    def _lower_end(self, line: RopeLine, at: Any) -> int:
+        if line.fixed_at_m is not None:
+            return self._add_point(FIXED, line.fixed_at_m)
+        known = self._numbers.get(line.to)
+        return self._add_free(line.to, at) if known is None else known
+
+    def _add_point(self, kind: str, at: Any, name: str = "", own: PayloadFigures = NOTHING) -> int:
+        number = len(self.points) + 1
+        displaced = self._density * own.volume_m3
+        x, y, z = (float(one) for one in at)
+        Ca = own.added_mass_kg[2] / displaced if displaced else 0.0
+        self.points.append(
+            Point(number, kind, (x, y, z), own.mass_kg, own.volume_m3, own.drag_area_m2[2], Ca)
+        )
+        if name:
+            self._numbers[name] = number
+        return number
+
+    def _add_free(self, name: str, at: Any) -> int:
+        own = self._figures.get(name, NOTHING)
+        for words, values in (("drag area", own.drag_area_m2), ("added mass", own.added_mass_kg)):
+            if len(set(values)) > 1:
+                said = f"{name}: its {words} along x and y, that along z is used for all"
+                self._left_out.append(said)
+        if own.differs_rising:
+            self._left_out.append(f"{name}: its coefficients in ascent")
+        if own.added_mass_kg[2] and not own.volume_m3:
+            self._left_out.append(f"{name}: its added mass, as it displaces no water")
+        return self._add_point(FREE, at, name, own)
+
+    def _write_line(self, number: int, nodes: Any, below: int, upper: int) -> None:
+        """Add a line for each section, from the lower end up, joined by points without mass."""
+        line = self._scene.ropes[number]
+        lengths = line.lengths_m(line.length_m)
+        if line.grading is not None:
+            said = f"rope {line.name}: its graded mesh, segments of a section are equal"
+            self._left_out.append(said)
+        if line.bending is not None and line.bending.clamped_along is not None:
+            self._left_out.append(f"rope {line.name}: the fixed direction at its upper end")
+        damping = self._damping(number, line)
+        end, done = below, 0.0
+        for k, (section, length) in enumerate(zip(line.made_of, lengths, strict=True)):
+            if length <= 0.0:
+                continue
+            done += length
+            last = done >= line.length_m * (1.0 - SAME)
+            top = upper if last else self._between(line, nodes, line.length_m - done)
+            name = self._type_of(line, section.rope, damping[k], k)
+            count = max(1, round(line.elements * length / line.length_m))
+            self.lines.append(Line(len(self.lines) + 1, name, end, top, length, count))
+            end = top
+
+    def _between(self, line: RopeLine, nodes: Any, at_m: float) -> int:
+        """Add a point at an unstretched length from the upper end."""
+        equal = np.linspace(0.0, line.length_m, len(nodes))
+        arc = equal if self._shot.ropes else self._shot.arc_length_m
+        return self._add_point(FREE, [np.interp(at_m, arc, nodes[:, k]) for k in range(3)])
+
+    def _damping(self, number: int, line: RopeLine) -> list[float]:
+        """Return c of each section [N·s], or minus the fraction of an element's critical."""
+        given = line.damping.fraction_of_one_element
+        if given is not None:
+            return [-given] * len(line.made_of)
+        scene = alone(self._scene, number) if is_joined(self._scene) else self._scene
+        payload, rho = find_payload(scene, scene.ropes[0]), self._density
+        own = None if payload is None else payload_figures(payload, rho)
+        return section_damping(scene, scene.ropes[0], own)
+
+    def _type_of(self, line: RopeLine, rope: Any, damping: float, section: int) -> str:
+        """Return the name of a line type, which is added if it is new."""
+        scene, d = self._scene, rope.hydrodynamic_diameter_m
+        drag, added = scene.listed(DragParams), scene.listed(AddedMassParams)
+        own = line.bending or scene.listed(BendingParams)
+        Cd, CdAx = (0.0, 0.0) if drag is None else (drag.normal, drag.tangential)
+        if drag is not None and rope.drag_normal is not None:
+            Cd = rope.drag_normal * rope.diameter_m / d
+        if drag is not None and rope.drag_tangential is not None:
+            CdAx = rope.drag_tangential * rope.diameter_m / d
+        if rope.axial_stiffness is not None:
+            said = f"rope {line.name}: its stiffness table, EA is that at the static top tension"
+            self._left_out.append(said)
+        kind = LineType(
+            f"{line.name}_{section + 1}" if len(line.made_of) > 1 else line.name, d,
+            rope.mass_kg_per_m, rope.tangent_n(max(self._shot.tension_top_n, 1.0)), damping,
+            0.0 if own is None else own.stiffness_n_m2, Cd, 0.0 if added is None else added.normal,
+            CdAx, 0.0 if added is None else added.tangential,
+        )  # fmt: skip
+        self.types.append(kind)
+        return kind.name
+
+
+def scene_of(deck: Deck, where: Path, breaking_load_n: float) -> Imported:
+    """Return the scene of a deck.
+
+    breaking_load_n: MBL of its lines, which a deck does not state. Coupled points become hang-offs,
+    the first the ship's own; free points with mass or volume payloads, others joints; a free point
+    without mass between two lines joins sections of one rope.
+
+    Raises:
+        InputError: no line can be taken over.
+    """
+    return _Reader(deck, where, breaking_load_n).imported()
+
+
+class _Reader:
+    """A deck as keys of a scene."""
+
+    def __init__(self, deck: Deck, where: Path, breaking_load_n: float) -> None:
+        self._deck, self._where, self._breaking_load_n = deck, where, breaking_load_n
+        self._left_out = list(deck.unread)
+        self._types = {own.name: own for own in deck.types}
+        self._points = {own.number: own for own in deck.points}
+        self._options: dict[str, float] = {}
+        self._read_options()
+        self._hang_offs = self._find_hang_offs()
+        used = [self._types[line.type_name] for line in deck.lines]
+        self._usual = used[0]
+
+    def imported(self) -> Imported:
+        """Return the scene's keys and what is left out."""
+        first = next(iter(self._hang_offs), None)
+        chains = sorted(self._chains(), key=lambda chain: chain[0] != first)
+        if not chains or not self._hang_offs:
+            what = "no line of it leads down from a coupled or fixed point"
+            raise InputError(phrase(str(self._where), what, "give a deck with one"))
+        scene: Keys = {
+            "about": self._deck.title or self._where.stem,
+            "source": f"MoorDyn deck {self._where.name}",
+            "ropes": [self._rope(*chain) for chain in chains],
+        }
+        scene |= self._connections(scene["ropes"])
+        scene["environment"] = {
+            "water_density_kg_per_m3": self._options.get("rho", 1025.0),
+            "gravity_m_per_s2": self._options.get("g", 9.8),
+        }
+        scene["effects"] = self._effects(bool({"payloads", "joints"} & set(scene)))
+        scene["time"] = {"step_s": STEP_S}
+        self._left_out.append(f"time step: the scene has an implicit one of {STEP_S:g} s")
+        return Imported(scene, tuple(dict.fromkeys(self._left_out)))
+
+    def _read_options(self) -> None:
+        for value, name in self._deck.options:
+            key = _READ.get(name.lower())
+            try:
+                number = float(value)
+            except ValueError:
+                number = math.nan
+            if key is not None and math.isfinite(number):
+                self._options[key] = number
+            elif name.lower() in _NUMERICS:
+                self._left_out.append(f"option {name} {value}: numerics and output of MoorDyn")
+            elif value not in ("0", "0.0"):
+                self._left_out.append(f"option {name} {value}")
+
+    def _find_hang_offs(self) -> dict[int, str]:
+        """Return names of the points where ropes leave the ship."""
+        coupled = [own.number for own in self._deck.points if own.kind == COUPLED]
+        if not coupled:
+            fixed = [own for own in self._deck.points if own.kind == FIXED]
+            if not fixed:
+                return {}
+            top = max(fixed, key=lambda own: own.at_m[2])
+            self._left_out.append(
+                f"point {top.number}: fixed, it is the hang-off of a ship at rest"
+            )
+            coupled = [top.number]
+        return {n: WINCH if k == 0 else f"point_{n}" for k, n in enumerate(coupled)}
+
+    def _upper_and_lower(self, line: Line) -> tuple[int, int] | None:
+        """Return the ends of a line from its upper one; None if it has no equal."""
+        ends = [self._points[line.end_a], self._points[line.end_b]]
+        on_ship = [own for own in ends if own.number in self._hang_offs]
+        held = [own for own in ends if own.kind == FIXED and own not in on_ship]
+        if len(on_ship) == 2 or len(held) == 2:
+            said = f"line {line.number}: both its ends are held, and none is a free point"
+            self._left_out.append(said)
+            return None
+        if on_ship:
+            upper = on_ship[0]
+        elif held:
+            upper = next(own for own in ends if own not in held)
+        else:
+            upper = max(ends, key=lambda own: own.at_m[2])
+        lower = ends[0] if upper is ends[1] else ends[1]
+        return upper.number, lower.number
+
+    def _chains(self) -> Iterator[tuple[int, int, list[Line]]]:
+        """Yield upper point, lower point and lines from the top down of each rope."""
+        spans = {line.number: self._upper_and_lower(line) for line in self._deck.lines}
+        own = {line.number: line for line in self._deck.lines if spans[line.number] is not None}
+        count = Counter(end for span in spans.values() if span for end in span)
+        inner = {n for n, point in self._points.items() if self._joins(n, point, count, spans)}
+        below = {span[0]: n for n, span in spans.items() if span is not None and span[0] in inner}
+        for number, span in spans.items():
+            if span is None or span[0] in inner:
+                continue
+            lines, (upper, lower) = [own[number]], span
+            while lower in inner:
+                nxt = below[lower]
+                lines.append(own[nxt])
+                lower = (spans[nxt] or (0, 0))[1]
+            yield upper, lower, lines
+
+    def _joins(
+        self, number: int, point: Point, count: Counter[int],
+        spans: dict[int, tuple[int, int] | None],
+    ) -> bool:  # fmt: skip
+        """Return whether a point only joins a line that ends there with one that begins there."""
+        if point.kind != FREE or count[number] != 2 or self._has_body(point):
+            return False
+        above = [n for n, span in spans.items() if span is not None and span[1] == number]
+        below = [n for n, span in spans.items() if span is not None and span[0] == number]
+        return len(above) == len(below) == 1
+
+    @staticmethod
+    def _has_body(point: Point) -> bool:
+        return point.mass_kg > 0.0 or point.volume_m3 > 0.0 or point.CdA_m2 > 0.0
+
+    def _name(self, number: int) -> str:
+        return self._hang_offs.get(number, f"point_{number}")
+
+    def _rope(self, upper: int, lower: int, lines: list[Line]) -> Keys:
+        """Return the keys of a rope."""
+        types = [self._types[line.type_name] for line in lines]
+        for own in types:
+            self._check_type(own)
+        keys: Keys = {"name": f"line_{lines[0].number}"}
+        if len(lines) == 1:
+            keys["rope"] = self._material(types[0])
+        else:
+            parts = zip(reversed(lines), reversed(types), strict=True)
+            keys["sections"] = [
+                {"rope": self._material(own), "length_m": line.length_m} for line, own in parts
+            ]
+            del keys["sections"][-1]["length_m"]
+        damping = types[0].damping
+        for line, own in zip(lines[1:], types[1:], strict=True):
+            if own.damping != damping:
+                said = f"line {line.number}: its damping {own.damping:g}, that of line "
+                self._left_out.append(f"{said}{lines[0].number} ({damping:g}) is the rope's")
+        name = "newton_seconds" if damping >= 0.0 else "fraction_of_one_element"
+        keys |= {
+            "length_m": sum(line.length_m for line in lines),
+            "elements": max(3, sum(line.segments for line in lines)),
+            "damping": {name: abs(damping)},
+            "from": self._name(upper),
+        }
+        point = self._points[lower]
+        if point.kind == FIXED:
+            return keys | {"fixed_at_m": list(point.at_m)}
+        return keys | {"to": self._name(lower)}
+
+    def _check_type(self, own: LineType) -> None:
+        """List what a rope cannot have for itself."""
+        usual = self._usual
+        for name in ("Ca", "CaAx"):
+            if not math.isclose(getattr(own, name), getattr(usual, name), rel_tol=SAME):
+                said = f"line type {own.name}: {name} {getattr(own, name):g}, that of {usual.name} "
+                self._left_out.append(f"{said}({getattr(usual, name):g}) is used")
+        if not math.isclose(own.EI_n_m2, usual.EI_n_m2, rel_tol=SAME):
+            said = f"line type {own.name}: EI {own.EI_n_m2:g} N·m², that of {usual.name} is used"
+            self._left_out.append(said)
+
+    def _material(self, own: LineType) -> Keys:
+        keys: Keys = {
+            "diameter_m": own.diameter_m, "mass_kg_per_m": own.mass_kg_per_m,
+            "hydrodynamic_diameter_m": own.diameter_m, "axial_stiffness_n": own.EA_n,
+            "breaking_load_n": self._breaking_load_n,
+        }  # fmt: skip
+        if not math.isclose(own.Cd, self._usual.Cd, rel_tol=SAME):
+            keys["drag_normal"] = own.Cd
+        if not math.isclose(own.CdAx, self._usual.CdAx, rel_tol=SAME):
+            keys["drag_tangential"] = own.CdAx
+        return keys
+
+    def _connections(self, ropes: list[Keys]) -> Keys:
+        """Return payloads, joints, ship and hang-offs."""
+        used = {one for rope in ropes for one in (rope["from"], rope.get("to")) if one}
+        payloads, joints, rho = list[Keys](), list[Keys](), self._options.get("rho", 1025.0)
+        for number, point in self._points.items():
+            name = self._name(number)
+            if name not in used or number in self._hang_offs:
+                if self._has_body(point) and number not in self._hang_offs:
+                    self._left_out.append(f"point {number}: no line ends at it")
+                continue
+            if not self._has_body(point):
+                joints.append({"name": name})
+                continue
+            payloads.append({
+                "name": name, "mass_kg": point.mass_kg, "displaced_volume_m3": point.volume_m3,
+                "added_mass_kg": [point.Ca * rho * point.volume_m3] * 3,
+                "drag_area_m2": [point.CdA_m2] * 3,
+            })  # fmt: skip
+        ship, *others = self._hang_offs
+        keys: Keys = {"payloads": payloads} if payloads else {}
+        keys |= {"joints": joints} if joints else {}
+        keys["ship"] = {"hang_off_m": list(self._points[ship].at_m)}
+        further = [
+            {"name": self._name(n), "at_m": list(self._points[n].at_m)}
+            for n in others
+            if self._name(n) in used
+        ]
+        return keys | ({"hang_offs": further} if further else {})
+
+    def _effects(self, has_payload: bool) -> list[Keys]:
+        usual, effects = self._usual, list[Keys]()
+        if self._deck.current:
+            effects.append({"current": {"profile": list(self._current_rows())}})
+        effects.append({"weight": {}})
+        if usual.Cd or usual.CdAx:
+            effects.append({"drag": {"normal": usual.Cd, "tangential": usual.CdAx}})
+        if usual.Ca or usual.CaAx:
+            effects.append({"added_mass": {"normal": usual.Ca, "tangential": usual.CaAx}})
+        if usual.EI_n_m2:
+            effects.append({"bending": {"stiffness_n_m2": usual.EI_n_m2}})
+        if "depth" in self._options:
+            bed: Keys = {"depth_m": self._options["depth"]}
+            bed |= {"stiffness_n_per_m3": self._options["kb"]} if "kb" in self._options else {}
+            bed |= {"friction": self._options.get("mu", 0.0)}
+            effects.append({"seabed": bed})
+        return [*effects, {"payload": {}}] if has_payload else effects
+
+    def _current_rows(self) -> Iterator[list[Any]]:
+        """Yield rows from the surface down; the rows above it give the one at it."""
+        rows = np.array(self._deck.current)
+        at = [float(z) for z in rows[::-1, 0] if z <= 0.0]
+        if not at or (at[0] < 0.0 and rows[-1, 0] > 0.0):
+            at.insert(0, 0.0)
+        rises = bool(rows[:, 3].any())
+        for z in at:
+            velocity = [float(np.interp(z, rows[:, 0], rows[:, k])) for k in (1, 2, 3)]
+            yield [z, velocity if rises else velocity[:2]]
+        if any(b == a for a, b in pairwise(at)):
+            self._left_out.append("current: two rows at one height")
