@@ -221,7 +221,8 @@ TOPICS: tuple[Topic, ...] = (
           of_snapshot=False, in_view=False),
     Topic("alerts/command", "std_msgs/msg/String", Qos.COMMAND, 0.0, "",
           "what a crew does with an alert: acknowledge, silence or transfer ID or all; shelve ID "
-          "SECONDS; unshelve ID (text)", of_snapshot=False, in_view=False),
+          "SECONDS; unshelve ID; limit NAME VALUE or scene (text)",
+          of_snapshot=False, in_view=False),
     Topic("forecast/tension", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
           "forecast of the next minute, stamped with its origin, a row every 0.5 s: lead_s; "
           "5, 50 and 95 % of top_tension, payload_tension, payload_depth, payload_speed and "

@@ -25,6 +25,7 @@ const holds = () => state.control?.holder !== null && state.control?.holder === 
 export function start() {
   $("seat").onclick = seat;
   $("stop").onclick = emergencyStop;
+  for (const [what] of Object.entries(LEARNING)) $(`learning-${what}`).onclick = () => learning(what);
   on("hello", async () => {
     signedIn = false;
     const token = sessionStorage.getItem("token");
@@ -93,6 +94,31 @@ async function confirmed(kind, value, words) {
   if (await ask("Confirm the command", `${title(name)}: ${words}`, "Send")) await send(kind, value, words, name);
 }
 
+// Ask the server for something that the twin does, and tell what it answers.
+async function order(content, words) {
+  const answer = await request(content, (frame) => { if (frame.stage === "sent") toast(`${words}: sent`); });
+  toast(answer.ok ? `${words}: ${answer.words}` : answer.words, answer.ok);
+}
+
+// Set or end a limit of the crew; the value is typed in the units of the screen.
+export async function setLimit({ name, label, unit, si }) {
+  const typed = await ask(`Limit of the ${label}`, `Stricter than the scene's, in ${unit}. Empty: that of the scene.`, "Set", { value: "" });
+  if (typed === null) return;
+  const text = typed.trim().replace(",", "."), value = text ? Number(text) * si : null;
+  if (text && !(Number.isFinite(value) && value > 0)) { toast(`${text} is not a positive number.`, false); return; }
+  await order({ do: "limit", name, value }, `Limit of the ${label}`);
+}
+
+const LEARNING = {
+  tare: ["Tare the load pin?", "Its zero of now, with an empty hook, is taken as right.", "Tare"],
+  apply: ["Take the figures over?", "The twin goes on with the learned figures, by a ramp.", "Take over"],
+  acknowledge: ["Acknowledge the fault?", "The alarm ends and learning goes on from the twin's state of now.", "Acknowledge"],
+};
+async function learning(what) {
+  if (await ask(...LEARNING[what])) await order({ do: "learning", what }, LEARNING[what][2]);
+}
+export const commands = () => holds();
+
 export function draw() {
   const control = state.control ?? {}, own = holds();
   $("stop").hidden = !control.allowed || !stoppable().length;
@@ -100,6 +126,7 @@ export function draw() {
   write($("seat"), !control.allowed ? (state.hello?.kind === "recording" ? "Recording" : "Read only") : own ? "In command" : holder);
   $("seat").setAttribute("aria-pressed", String(own));
   $("command").hidden = !own;
+  $("learning").hidden = !own;
   $("command").closest(".tile").classList.toggle("commanding", own);
   if (own) panel();
 }
@@ -115,8 +142,8 @@ function panel() {
   field.id = "set-point";
   field.inputMode = "decimal";
   field.value = typed;
-  field.placeholder = `${MODES[mode].name} [${MODES[mode].unit()}]`;
-  field.setAttribute("aria-label", field.placeholder);
+  field.placeholder = MODES[mode].unit();
+  field.setAttribute("aria-label", `${MODES[mode].name} [${MODES[mode].unit()}]`);
   field.onkeydown = (event) => { if (event.key === "Enter") { event.preventDefault(); if (!event.repeat) go(); } };
   const modes = winch().modes.map((one) => press(MODES[one].name, () => { mode = one; draw(); }, mode === one, `of-${winch().modes.length}`));
   const parts = [...modes, field, press("Send …", go, null, "third"), press("STOP", () => send("speed", 0, "stop, speed 0"), null, "halt")];

@@ -111,6 +111,16 @@ export const winch = () => facts().winches?.[winchName()];
 export const winchRow = () => state.values.winches?.find((row) => row.name === winchName());
 export const payload = () => state.values.payloads?.find((row) => row.name === rope().payload) ?? state.values.payloads?.[0];
 
+// Limits that the crew has set, as the twin reports them; the stricter of scene and crew applies.
+export function crewLimit(name) {
+  const words = state.values["diagnostics simulation: crew limits"]?.values?.[name];
+  return words === undefined ? null : Number(words);
+}
+export function allowed() {
+  const own = rope().allowed_n, crew = crewLimit("tension_n");
+  return crew === null ? own : own === undefined ? crew : Math.min(own, crew);
+}
+
 // What a text such as "winch: speed 0 m/s; aft: brake" says of a winch.
 export function said(text, name = winchName()) {
   const part = (text ?? "").split("; ").find((one) => one.startsWith(`${name}: `));

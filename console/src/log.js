@@ -1,9 +1,9 @@
 // Fourth page: casts and markers of this console, and their export.
 
-import { $, ask, toast } from "./page.js";
-import { request, state } from "./link.js";
-import { signIn } from "./control.js";
-import { duration, force, metres, units } from "./units.js";
+import { $, ask, make, toast, write } from "./page.js";
+import { crewLimit, facts, request, rope, state } from "./link.js";
+import { commands, setLimit, signIn } from "./control.js";
+import { duration, fixed, force, known, metres, speed, units } from "./units.js";
 import { table } from "./engineering.js";
 
 export function start() {
@@ -15,6 +15,9 @@ export function start() {
     if (answer.ok) $("mark-text").value = "";
     else toast(answer.words, false);
   };
+  $("print").onclick = () => window.print();
+  window.addEventListener("beforeprint", sheet);
+  window.addEventListener("afterprint", () => { $("sheet").hidden = true; });
   $("new-cast").onclick = async () => {
     if (!(await ask("Begin a new cast?", "Highest and lowest values of the cast start again.", "Begin"))) return;
     if (!(await mayWrite())) return;
@@ -23,12 +26,46 @@ export function start() {
   };
 }
 
+// Head of the printed sheet: what was lifted, when, and what the twin said of it then.
+function sheet() {
+  const values = state.values, alerts = (values.alerts ?? []).filter((one) => !one.shelved);
+  const quality = (values.quality ?? []).map((row) => `${row.name.replace("_", " ")} ${fixed(row.index, 2)}`);
+  const lines = [
+    `Printed ${clock(Date.now() / 1000)} UTC, twin ${fixed(state.timeS, 1)} s. Extremes are those that the console has seen, of the first rope.`,
+    `Quality index: ${quality.join(", ") || "none"}. Alerts: ${alerts.map((one) => `${one.priority} ${one.title}: ${one.text} (${one.state})`).join("; ") || "none"}.`,
+  ];
+  $("sheet").replaceChildren(make("h2", "", `${facts().scene ?? state.source?.name ?? "rope_twin"}: casts`), ...lines.map((one) => make("p", "", one)));
+  $("sheet").hidden = false;
+}
+
+const LIMITS = [
+  { name: "tension_n", label: "tension", scene: () => rope().allowed_n, unit: () => units().force, si: () => 1 / units().newton, show: force },
+  { name: "payload_depth_m", label: "payload's depth", scene: () => facts().limits?.payload_depth_m, unit: () => "m", si: () => 1, show: metres },
+  { name: "payload_speed_m_per_s", label: "payload's speed", scene: () => facts().limits?.payload_speed_m_per_s, unit: () => units().speed, si: () => 1 / units().perSecond, show: speed },
+];
+
+// Limits of scene and crew; whoever has the seat may set stricter ones than the scene's.
+function limits() {
+  write($("limits-note"), commands() ? "" : "set by the page with the seat");
+  table("limits", LIMITS.map((one) => {
+    const text = (value) => known(value) ? `${one.show(value)} ${one.unit()}` : "none";
+    const row = [one.label[0].toUpperCase() + one.label.slice(1), text(one.scene()), text(crewLimit(one.name)), "–"];
+    if (commands()) {
+      row[3] = make("button", "small", "Set …");
+      row[3].setAttribute("aria-label", `Set the limit of the ${one.label}`);
+      row[3].onclick = () => setLimit({ name: one.name, label: one.label, unit: one.unit(), si: one.si() });
+    }
+    return row;
+  }));
+}
+
 // With control, entries need the token: the log belongs to those who may command.
 const mayWrite = async () => !state.control?.allowed || signIn();
 
 const clock = (seconds) => seconds === null || seconds === undefined ? "–" : new Date(seconds * 1000).toISOString().slice(0, 19).replace("T", " ");
 
 export function draw() {
+  limits();
   const log = state.log ?? { casts: [], markers: [] };
   table("casts", log.casts.map((one) => [String(one.number), clock(one.from_s), one.open ? "running" : clock(one.to_s),
     duration(one.to_s - one.from_s), `${metres(one.deepest_m)} m`, `${metres(one.longest_m)} m`,

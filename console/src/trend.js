@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 import { $, colour } from "./page.js";
-import { facts, rope, stale, state } from "./link.js";
+import { allowed, facts, rope, stale, state } from "./link.js";
 import { force, known, units } from "./units.js";
 
 const WINDOW_S = 60, AHEAD_S = 30;
@@ -84,10 +84,9 @@ function horizon(now) {
 export const repaint = () => { if (chart) { chart.destroy(); build(); dirty = true; } };
 
 function limits() {
-  const { allowed_n: allowed, breaking_load_n: breaking } = rope();
-  const found = [];
-  if (known(allowed)) found.push(["limit", allowed]);
-  if (known(allowed) && breaking > allowed * 1.001) found.push(["MBL", breaking]);
+  const most = allowed(), breaking = rope().breaking_load_n, found = [];
+  if (known(most)) found.push(["limit", most]);
+  if (known(most) && breaking > most * 1.001) found.push(["MBL", breaking]);
   const least = facts().limits?.min_tension_n;
   if (known(least)) found.push(["slack", least]);
   return found;

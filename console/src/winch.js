@@ -1,7 +1,7 @@
 // The first page: what a winch driver needs, on one screen.
 
 import { $, figures, make, write } from "./page.js";
-import { facts, own, payload, residual, rope, ropeNames, said, state, winch, winchName, winchRow } from "./link.js";
+import { allowed, facts, own, payload, residual, rope, ropeNames, said, state, winch, winchName, winchRow } from "./link.js";
 import { fixed, force, known, metres, speed, units } from "./units.js";
 
 export function draw() {
@@ -37,7 +37,7 @@ function bigNumbers(rope, winch) {
   const error = half !== null ? `computed ± ${force(half)} ${units().force} (95 %)`
     : known(interval?.rms_pct) ? `computed, error ≤ ${fixed(interval.rms_pct, 2)} % RMS` : "computed";
   compare($("tension-measured"), residual("top_tension_n"), (one, signed) => `${force(one, signed)} ${units().force}`, error);
-  const used = own("utilisation"), highest = used?.max_tension_n, top = rope.allowed_n;
+  const used = own("utilisation"), highest = used?.max_tension_n, top = allowed();
   const meter = $("tension-meter"), full = top ? top * 1.1 : null;
   meter.children[0].style.width = full && known(tension) ? percent(tension / full) : "0%";
   place(meter.children[1], full && known(highest) ? highest / full : null);

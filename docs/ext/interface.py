@@ -37,6 +37,7 @@ ROWS_MEAN = {
     "simulation: bend": "minimum bend radius of each line; WARN below the permitted one",
     "simulation: clocks": "drift of ROS time against the steady clock",
     "simulation: compensator": "stroke and force of the heave compensator; WARN at an end stop",
+    "simulation: crew limits": "limits that the crew has set, stricter than the scene's",
     "simulation: energy": "energy balance and its residual, in runs that keep it",
     "simulation: error interval": "95 % discretisation-error interval, in runs that compute it",
     "simulation: fatigue": "accumulated (Miner) damage, in runs that compute it",

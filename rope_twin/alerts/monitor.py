@@ -12,9 +12,13 @@ from rope_twin.messages.status import Status
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.snapshot import Snapshot
 
-ACKNOWLEDGE, SILENCE, TRANSFER, SHELVE, UNSHELVE = COMMANDS = (
-    "acknowledge", "silence", "transfer", "shelve", "unshelve",
+ACKNOWLEDGE, SILENCE, TRANSFER, SHELVE, UNSHELVE, LIMIT = COMMANDS = (
+    "acknowledge", "silence", "transfer", "shelve", "unshelve", "limit",
 )  # fmt: skip
+_EXAMPLES = {
+    SHELVE: "shelve 10008.1 600",
+    LIMIT: "limit tension_n 400000, or limit tension_n scene",
+}
 REFRESH_NS = 1_000_000_000  # texts have figures that change; they are refreshed at this interval
 
 
@@ -54,27 +58,35 @@ class AlertMonitor:
             return self._list.now_ns, [*self._list.listed(), *self._list.shelved()]
 
     def command(self, words: str) -> str:
-        """Execute a command such as `acknowledge 10001.1` or `shelve 10008.2 600`.
+        """Execute a command such as `acknowledge 10001.1`, `shelve 10008.2 600` or
+        `limit tension_n 400000`.
 
         Returns the answer in words.
 
         Raises:
-            InputError: there is no such command or alert, or it is not possible now.
+            InputError: there is no such command, alert or limit, or it is not possible now.
         """
         verb, *rest = words.split() or [""]
         if verb not in COMMANDS:
             right = did_you_mean(verb, COMMANDS)
             raise InputError(phrase("alerts/command", f"there is no '{verb}'", right))
-        wanted = 2 if verb == SHELVE else 1
+        wanted = 2 if verb in _EXAMPLES else 1
         if len(rest) != wanted:
-            example = "shelve 10008.1 600" if verb == SHELVE else f"{verb} 10001.1, or {EVERY}"
+            example = _EXAMPLES.get(verb, f"{verb} 10001.1, or {EVERY}")
             raise InputError(phrase("alerts/command", f"'{words}'", f"write {example}"))
         with self._lock:
             answer = self._execute(verb, rest)
             self._commanded = True
         return answer
 
+    def row(self) -> Status:
+        """Return the row of the diagnostics on the limits that the crew has set."""
+        with self._lock:
+            return self._watch.crew.row()
+
     def _execute(self, verb: str, rest: list[str]) -> str:
+        if verb == LIMIT:
+            return self._watch.crew.set(*rest)
         if verb == SHELVE:
             try:
                 seconds = float(rest[1])

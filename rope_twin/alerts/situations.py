@@ -5,8 +5,8 @@ more levels: a measure from which it has a priority. Chatter is kept out at its 
 ISA-18.2): a level counts after its delay, and ends once the measure has been below it by a deadband
 for the holding time. All times are those of the twin, so that a faster run judges alike.
 
-What a situation is measured against are the limits of the scene; numbers that no scene gives are
-named here and are this project's.
+What a situation is measured against are the limits of the scene and of the crew; numbers that no
+scene gives are named here and are this project's.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from rope_twin.alerts.alert_list import SECOND, Priority, Situation
+from rope_twin.alerts.crew_limits import CrewLimits
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.messages.status import Level, Status
 from rope_twin.scene.model.lift import LiftFigures, lift_figures
@@ -79,13 +80,20 @@ class Kind:
 
 
 class SceneFigures:
-    """Limits and static loads of a scene, constant during a run."""
+    """Limits and static loads of a scene, constant during a run, and the limits of its crew."""
 
     def __init__(self, scene: Scene) -> None:
         rules = LoadRules(scene)
         self.limits = scene.limits
         self.allowed_n = dict(zip(rules.ropes, rules.allowed_n, strict=True))
         self.limited = scene.limits.tension_n is not None or scene.limits.utilisation < 1.0
+        self.crew = CrewLimits(
+            {
+                "tension_n": max(rules.allowed_n),
+                "payload_depth_m": scene.limits.payload_depth_m,
+                "payload_speed_m_per_s": scene.limits.payload_speed_m_per_s,
+            }
+        )
         self._lift: LiftFigures | None = None
         if not is_joined(scene) and scene.payloads and not scene.ropes[0].fixed_at_m:
             self._lift = lift_figures(scene)
@@ -101,8 +109,10 @@ def _tension(at: Moment) -> Iterator[Measure]:
     tops = {one.name: one.tension_top_n for one in shot.ropes[1:]}
     for number, rope in enumerate(shot.strength):
         allowed = figures.allowed_n.get(rope.name, rope.breaking_load_n)
+        crew = figures.crew.get("tension_n")
+        allowed = allowed if crew is None else min(allowed, crew)
         now = shot.tension_top_max_n if number == 0 else tops.get(rope.name, 0.0)
-        near = NEAR_LIMIT if figures.limited else WITHOUT_LIMIT
+        near = WITHOUT_LIMIT if crew is None and not figures.limited else NEAR_LIMIT
         text = f"tension of '{rope.name}' {now / 1e3:.1f} kN, limit {allowed / 1e3:.1f} kN"
         yield Measure(rope.name, now / allowed, ((near, WARNING), (1.0, ALARM)), text)
 
@@ -182,20 +192,22 @@ def _quality(at: Moment) -> Iterator[Measure]:
 
 def _payload(at: Moment) -> Iterator[Measure]:
     """Find speed and depth of the payloads against the limits of the scene."""
-    shot, limits = at.shot, at.scene.limits
+    shot, limits, crew = at.shot, at.scene.limits, at.scene.crew
+    fastest = crew.stricter("payload_speed_m_per_s", limits.payload_speed_m_per_s)
+    deepest = crew.stricter("payload_depth_m", limits.payload_depth_m)
     bodies = [(one.name, one.position_m, one.velocity_m_per_s) for one in shot.payloads]
     if not shot.payloads:
         bodies = [("payload", shot.payload_position_m, shot.payload_velocity_m_per_s)]
     levels = (NEAR_LIMIT, WARNING), (1.0, ALARM)
     for name, position, velocity in bodies:
-        if limits.payload_speed_m_per_s is not None:
+        if fastest is not None:
             speed = math.sqrt(float(velocity @ velocity))
-            text = f"speed of '{name}' {speed:.2f} m/s, limit {limits.payload_speed_m_per_s:g} m/s"
-            yield Measure(f"{name} speed", speed / limits.payload_speed_m_per_s, levels, text)
-        if limits.payload_depth_m:
+            text = f"speed of '{name}' {speed:.2f} m/s, limit {fastest:g} m/s"
+            yield Measure(f"{name} speed", speed / fastest, levels, text)
+        if deepest:
             depth = -float(position[2])
-            text = f"depth of '{name}' {depth:.1f} m, limit {limits.payload_depth_m:g} m"
-            yield Measure(f"{name} depth", depth / limits.payload_depth_m, levels, text)
+            text = f"depth of '{name}' {depth:.1f} m, limit {deepest:g} m"
+            yield Measure(f"{name} depth", depth / deepest, levels, text)
 
 
 def _broken(at: Moment) -> Iterator[Measure]:
@@ -340,6 +352,11 @@ class Watch:
         """Take the risks of the newest forecast, as forecast/risk has them."""
         self._risk = next((row for row in rows if row["span_s"] == RISK_SPAN_S), {})
         self._risk_ns = self._seen_ns or 0
+
+    @property
+    def crew(self) -> CrewLimits:
+        """Return the limits that the crew sets."""
+        return self._scene.crew
 
     def take_rows(self, rows: list[Status]) -> None:
         """Take the newest rows of the diagnostics."""

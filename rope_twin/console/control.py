@@ -130,6 +130,8 @@ class Desk:
         self._repeated_s = 0.0
         self._entries: deque[float] = deque(maxlen=ENTRIES)  # times of markers and casts
         self.further: dict[str, Callable[[Page, Mapping[str, Any]], str]] = {}
+        # further requests of the page with the seat, which answer by themselves
+        self.staged: dict[str, Callable[[Page, Mapping[str, Any]], None]] = {}
         pages.extra["control"] = self.state
 
     def state(self) -> dict[str, Any]:
@@ -152,7 +154,7 @@ class Desk:
             return
         if isinstance(what, str) and what in self.further:
             words = self._entry_fault(page, what) or self.further[what](page, content)
-            self._answer(page, number, not words, words)
+            self.answer(page, number, not words, words)
             return
         acts = {
             "sign_in": self._sign_in,
@@ -160,17 +162,20 @@ class Desk:
             "release_seat": self._release_seat,
             "command": self._command,
             "alert": self._alert,
+            **self.staged,
         }
         act = acts.get(what) if isinstance(what, str) else None
         if act is None:
             words = phrase("console", f"'{what}'", did_you_mean(str(what), acts))
-            self._answer(page, number, False, words)
+            self.answer(page, number, False, words)
         elif self._commander is None:
             right = "start it with --control to command the winch"
-            self._answer(page, number, False, phrase("console", "it is read-only", right))
+            self.answer(page, number, False, phrase("console", "it is read-only", right))
         elif what != "sign_in" and not page.authorised:
             words = phrase("console", "this page has no control", "give the token first")
-            self._answer(page, number, False, words)
+            self.answer(page, number, False, words)
+        elif what in self.staged and page is not self._holder:
+            self.answer(page, number, False, self._seat_fault(str(what)))
         else:
             act(page, content)
 
@@ -193,11 +198,11 @@ class Desk:
         left = []
         for one in self._awaited:
             if words := self._effect(one):
-                self._answer(one.page, one.number, True, words, stage="done")
+                self.answer(one.page, one.number, True, words, stage="done")
             elif now_s - one.sent_s >= FEEDBACK_S:
                 if not self._commands(one.winch):
                     self._drop(one.winch)
-                self._answer(one.page, one.number, False, self._why_not(one), stage="done")
+                self.answer(one.page, one.number, False, self._why_not(one), stage="done")
             else:
                 left.append(one)
         self._awaited = left
@@ -208,7 +213,7 @@ class Desk:
         assert self._token is not None
         refusal = self._token.check(content.get("token"), page.address)
         page.authorised = page.authorised or not refusal
-        self._answer(page, content.get("id"), not refusal, refusal or "control allowed")
+        self.answer(page, content.get("id"), not refusal, refusal or "control allowed")
 
     def _take_seat(self, page: Page, content: Mapping[str, Any]) -> None:
         assert self._commander is not None
@@ -216,7 +221,7 @@ class Desk:
         if holder is not None and holder is not page and self._left_s is None:
             self._pages.send(holder, {"type": "seat_wanted", "by": page.name})
             words = phrase("seat", f"{holder.name} has it", "it was asked to release it")
-            self._answer(page, number, False, words)
+            self.answer(page, number, False, words)
             return
         if holder is not page:  # the set-points are those of the page before
             self._drop_all()
@@ -224,23 +229,23 @@ class Desk:
         for winch in self._winches():
             self._commander.take(winch)
         words = "this page commands; the first command takes the winch's seat"
-        self._answer(page, number, True, words)
+        self.answer(page, number, True, words)
 
     def _release_seat(self, page: Page, content: Mapping[str, Any]) -> None:
         number = content.get("id")
         if page is not self._holder:
             words = phrase("seat", "this page does not have it", "take it first")
-            self._answer(page, number, False, words)
+            self.answer(page, number, False, words)
             return
         self._give_up()
-        self._answer(page, number, True, "seat released")
+        self.answer(page, number, True, "seat released")
 
     def _command(self, page: Page, content: Mapping[str, Any]) -> None:
         assert self._commander is not None
         number, kind, winch = content.get("id"), content.get("kind"), content.get("winch")
         fault = self._fault(page, content)
         if fault:
-            self._answer(page, number, False, fault)
+            self.answer(page, number, False, fault)
             return
         value = content.get("value")
         command = WinchCommand(str(kind), float(value) if kind in CONTROL_MODES else 0.0)  # type: ignore[arg-type]
@@ -252,22 +257,22 @@ class Desk:
         self._commander.send(str(winch), command)
         sent = _Awaited(page, number, str(winch), command, self._clock())
         self._awaited.append(sent)
-        self._answer(page, number, True, f"sent: {_words(command)}", stage="sent")
+        self.answer(page, number, True, f"sent: {_words(command)}", stage="sent")
 
     def _alert(self, page: Page, content: Mapping[str, Any]) -> None:
         assert self._commander is not None
         number, action, which = content.get("id"), content.get("action"), content.get("alert")
         if action not in ALERT_ACTIONS:
             right = did_you_mean(str(action), ALERT_ACTIONS)
-            self._answer(page, number, False, phrase("alert", f"'{action}'", right))
+            self.answer(page, number, False, phrase("alert", f"'{action}'", right))
             return
         listed = [row["id"] for row in self._pages.readings.values.get("alerts", ())]
         if which != "all" and which not in listed:
             what = f"'{which}' is not in the list"
-            self._answer(page, number, False, phrase("alert", what, "it may have ended"))
+            self.answer(page, number, False, phrase("alert", what, "it may have ended"))
             return
         self._commander.command_alerts(f"{action} {which}")
-        self._answer(page, number, True, f"{action} {which}: sent")
+        self.answer(page, number, True, f"{action} {which}: sent")
 
     def _fault(self, page: Page, content: Mapping[str, Any]) -> str:
         """Return why a command of a page is not passed on, in one sentence, or ""."""
@@ -281,12 +286,15 @@ class Desk:
         if kind == EMERGENCY_STOP:
             return ""
         if page is not self._holder:
-            has = f"{self._holder.name} has the seat" if self._holder else "no page has the seat"
-            return phrase("command", has, "take the seat first")
+            return self._seat_fault("command")
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if kind in CONTROL_MODES and not (number and math.isfinite(value)):  # type: ignore[arg-type]
             return phrase("command", f"{kind} {value!r}", "it must be a finite number")
         return ""
+
+    def _seat_fault(self, what: str) -> str:
+        has = f"{self._holder.name} has the seat" if self._holder else "no page has the seat"
+        return phrase(what, has, "take the seat first")
 
     def _give_up(self) -> None:
         assert self._commander is not None
@@ -412,9 +420,10 @@ class Desk:
         what = f"no effect seen within {FEEDBACK_S:g} s"
         return phrase(_words(one.command), what, reason or "look at the winch's state")
 
-    def _answer(
+    def answer(
         self, page: Page, number: object, done: bool, words: str, stage: str = "done"
     ) -> None:
+        """Answer a request of a page; after the stage `sent` another answer follows."""
         content = {"type": "reply", "id": number, "ok": done, "words": words, "stage": stage}
         self._pages.send(page, content)
 

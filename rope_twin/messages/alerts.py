@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from rope_twin.alerts.alert_list import Alert, Priority, State
@@ -15,6 +15,9 @@ _LEVELS = {
     Priority.CAUTION: Level.WARN, Priority.WARNING: Level.WARN,
     Priority.ALARM: Level.ERROR, Priority.EMERGENCY: Level.ERROR,
 }  # fmt: skip
+
+
+CREW_LIMITS_ROW = "simulation: crew limits"
 
 
 class PublishedAlerts(NamedTuple):
@@ -58,6 +61,12 @@ def _row(alert: Alert, now_ns: int) -> Status:
     }
     level = Level.OK if quiet else _LEVELS[alert.priority]
     return Status(f"{alert.key} {alert.name}", level, alert.text, values)
+
+
+def crew_limits_row(limits: Mapping[str, float], words: str) -> Status:
+    """Return the row of the diagnostics on the limits of a crew: SI values by name, and words."""
+    values = {name: repr(value) for name, value in limits.items()}
+    return Status(CREW_LIMITS_ROW, Level.OK, words, values)
 
 
 def decode_alerts(data: bytes) -> PublishedAlerts:

@@ -26,6 +26,7 @@ from rope_twin.console.control import Desk, Token, new_token
 from rope_twin.console.facts import scene_facts, session_facts
 from rope_twin.console.pages import Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
+from rope_twin.console.requests import LEARNING, Outcome, Requests
 from rope_twin.console.server import Server, announce, read_address
 from rope_twin.messages import encode_order
 from rope_twin.messages.alerts import encode_command
@@ -115,6 +116,8 @@ class WinchCommander:
         for winch in winches:
             for act in (EMERGENCY_STOP, TAKE, RELEASE):
                 self._client(service_name(winch, act))
+        for name in LEARNING.values():
+            self._client(name)
         now_s = time.monotonic()
         if not self._queued or now_s - self._looked_s < _RETRY_S:
             return
@@ -161,6 +164,20 @@ class WinchCommander:
         """Publish a command to the alert list."""
         self._alerts.publish(encode_command(words))
 
+    def call(self, service: str) -> Callable[[], Outcome | None]:
+        """Call a service of the suite; the result returns its answer, None while there is none."""
+        client = self._client(service)
+        if not client.service_is_ready():
+            return lambda: None
+        future = client.call_async(Trigger.Request())
+
+        def outcome() -> Outcome | None:
+            if not future.done() or future.result() is None:
+                return None
+            return bool(future.result().success), str(future.result().message)
+
+        return outcome
+
     def _call(self, name: str) -> None:
         """Call a service without waiting; `winch/seat` and the winch's mode show the outcome.
 
@@ -204,13 +221,12 @@ class ConsoleNode(Node):
         pages = Pages(source, time.monotonic, facts, session_facts)
         secret = os.environ.get(TOKEN) or new_token()
         allowed = self._params.control
-        desk = Desk(
-            pages,
-            time.monotonic,
-            WinchCommander(self) if allowed else None,
-            Token(secret, time.monotonic) if allowed else None,
-        )
+        commander = WinchCommander(self) if allowed else None
+        token = Token(secret, time.monotonic) if allowed else None
+        desk = Desk(pages, time.monotonic, commander, token)
         pages.before_tick.append(desk.look)
+        if commander is not None:
+            Requests(pages, desk, commander, time.monotonic)
         log = Log(pages)
         log.connect(desk)
         self._server = Server(pages, desk, log, host, port)

@@ -437,6 +437,7 @@ class PacedTwin:
             rows.append(rung_row(self.ladder, self.last))
         rows += self.border.rows()
         rows.append(publishing_row(self._publisher.error, health.lost_snapshots))
+        rows.append(self.alerts.row())
         if self._keeper is not None:
             rows.append(saving_row(self._keeper.health()))
         if self.learning is not None:

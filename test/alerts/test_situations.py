@@ -75,6 +75,25 @@ def test_tension_near_and_above_its_limit(scene: Any) -> None:
     assert course.see(0.2) == {}
 
 
+def test_a_crew_can_only_be_stricter_than_the_scene(scene: Any) -> None:
+    course, crew, key = Course(scene), AlertMonitor(scene), (10001, "hoist")
+    course.watch = crew._watch
+    assert crew.command("limit tension_n 60000") == "limit tension_n: 60000 N"
+    assert crew.row().values == {"tension_n": "60000.0"}
+    assert course.see(0.02, tension_top_max_n=6.1e4) == {key: Priority.ALARM}
+    assert crew.command("limit payload_depth_m 2000") == "limit payload_depth_m: 2000 m"
+    assert course.see(0.02)[10010, "payload depth"] is Priority.ALARM  # it hangs at 3,000 m
+    crew.command("limit payload_depth_m scene")
+    crew.command("limit tension_n scene")
+    assert course.see(40.0, tension_top_max_n=6.1e4) == {}
+    assert crew.row().values == {}
+    for words in ("tension_n 100000", "tension_n nan", "tension_n 0", "tension 5e4", "tension_n",
+                  "payload_speed_m_per_s 2.5"):  # fmt: skip
+        with pytest.raises(InputError):
+            crew.command(f"limit {words}")
+    assert course.see(1.0, tension_top_max_n=6.1e4) == {}
+
+
 def test_a_limit_that_each_wave_exceeds_is_one_alert(scene: Any) -> None:
     """Crests of a swell of 12 s over the limit for 5 min: raised once, acknowledged once."""
     course, alerts, raised = Course(scene), AlertList(), 0

@@ -21,6 +21,7 @@ from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk, Token
 from rope_twin.console.pages import Pages
 from rope_twin.console.readings import Readings, stale_limits_s
+from rope_twin.console.requests import Requests
 from rope_twin.console.server import Server
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -62,6 +63,7 @@ class Served:
         self.commander = FakeCommander(self.source)
         self.desk = Desk(self.pages, time.monotonic, self.commander, Token(TOKEN, time.monotonic))
         self.pages.before_tick.append(self.desk.look)
+        Requests(self.pages, self.desk, self.commander, time.monotonic)
         log = Log(self.pages)
         log.connect(self.desk)
         self.server = Server(self.pages, self.desk, log, port=0)
@@ -70,6 +72,7 @@ class Served:
     def reset(self) -> None:
         self.source.lost, self.source.alerts = False, []
         self.source.horizon_s, self.source.several = None, False
+        self.source.rows = self.source.rows[:1]
         self.source.seat, self.source.mode = "winch: winch_schedule", "winch: speed 0 m/s"
 
 
@@ -377,6 +380,41 @@ def test_two_pages_ask_for_the_seat_and_a_command_is_confirmed(
     second.click("#stop")  # from a page without the seat
     until_shown(second, "toast", "emergency stop")
     assert any(command.kind == "emergency_stop" for _, command in served.commander.sent)
+
+
+def test_a_crew_sets_a_limit_and_tares(open_page: Callable[..., Any], served: Served) -> None:
+    page = open_page()
+    sign_in_and_take_the_seat(page)
+    until_shown(page, "seat", "In command")
+    page.keyboard.press("4")
+    until_shown(page, "limits", "Tension 500.0 kN none Set …")
+    page.click("#limits tbody tr:first-child button")
+    until_shown(page, "dialog-title", "Limit of the tension")
+    page.fill("#dialog-input", "450")
+    page.click("#dialog-ok")
+    until_shown(page, "limits", "Tension 500.0 kN 450.0 kN Set …")
+    assert served.commander.alert_words[-1] == "limit tension_n 450000.0"
+    page.keyboard.press("3")
+    page.click("#learning-tare")
+    agree(page, "Tare the load pin?")
+    until_shown(page, "toast", "estimate/tare: done")
+
+
+def test_the_log_is_printed_black_on_white(open_page: Callable[..., Any], served: Served) -> None:
+    page = open_page(palette="night")
+    page.keyboard.press("4")
+    until_shown(page, "casts", "running")
+    assert page.pdf().startswith(b"%PDF")
+    page.emulate_media(media="print")
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    until_shown(page, "sheet", "deep_lift: casts")
+    assert not page.locator("#tab-log").is_visible()
+    assert page.locator("#casts").is_visible()
+    colours = page.evaluate(
+        """[getComputedStyle(document.querySelector("#casts td")).color,
+            getComputedStyle(document.body).backgroundColor]"""
+    )
+    assert colours == ["rgb(0, 0, 0)", "rgb(255, 255, 255)"]
 
 
 def test_an_alert_flashes_until_it_is_acknowledged(

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from rope_twin.console.requests import LEARNING
 from rope_twin.ros import console_node
 from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
@@ -82,7 +83,8 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
 
 def test_clients_are_made_as_soon_as_a_winch_is_known(bench: Bench) -> None:
     bench.look(0.1)
-    assert set(bench.node.clients) == {STOP, "winch/take_seat", "winch/release_seat"}
+    of_winch = {STOP, "winch/take_seat", "winch/release_seat"}
+    assert set(bench.node.clients) == of_winch | set(LEARNING.values())
 
 
 def test_an_emergency_stop_before_discovery_is_called_once_it_is_found(bench: Bench) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,12 @@ from sample_snapshot import RESIDUAL, hanging_rope
 
 from rope_twin import Snapshot, messages
 from rope_twin.alerts.alert_list import Alert, Priority, State
+from rope_twin.alerts.crew_limits import CrewLimits
 from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk, Token
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
+from rope_twin.console.requests import Requests
 from rope_twin.messages import Level, Status
 from rope_twin.messages.alerts import encode_alerts
 from rope_twin.messages.forecast import band_columns, encode_forecast
@@ -151,6 +153,7 @@ class FakeCommander:
     alert_words: list[str] = field(default_factory=list)
     obeys: bool = True
     known: tuple[str, ...] = ()
+    called: list[str] = field(default_factory=list)
 
     def look(self, winches: Sequence[str]) -> None:
         self.known = tuple(winches)
@@ -170,6 +173,15 @@ class FakeCommander:
 
     def command_alerts(self, words: str) -> None:
         self.alert_words.append(words)
+        verb, *rest = words.split()
+        if verb == "limit" and self.obeys:
+            limits = CrewLimits({"tension_n": 5e5})
+            limits.set(*rest)
+            self.source.rows = [*self.source.rows, limits.row()]
+
+    def call(self, service: str) -> Callable[[], tuple[bool, str] | None]:
+        self.called.append(service)
+        return lambda: (True, f"{service}: done") if self.obeys else None
 
 
 class ConsoleRig:
@@ -184,6 +196,8 @@ class ConsoleRig:
         self.desk = Desk(self.pages, self.clock, self.commander, token)
         self.silent: set[int] = set()  # pages that hang: they are connected and say nothing
         self.pages.before_tick.append(self.desk.look)
+        if control:
+            Requests(self.pages, self.desk, self.commander, self.clock)
         self.log = Log(self.pages)
         self.log.connect(self.desk)
 
