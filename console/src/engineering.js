@@ -20,7 +20,7 @@ export function draw() {
       known(row.outside) ? `${fixed(100 * row.outside, 0)} %` : "–"];
   }), "Nothing is measured");
   table("components", (values.quality ?? []).map((row) => [row.name.replace("_", " "), fixed(row.index, 2),
-    ...["input", "numerics", "discretisation", "validity", "residual", "history"].map((one) => known(row[one]) ? fixed(row[one], 2) : "unknown")]), "No index");
+    ...["input", "numerics", "discretisation", "validity", "residual", "history"].map((one) => fixed(row[one], 2))]), "No index");
   learned(values);
   const run = diagnosed("solver"), accuracy = diagnosed("accuracy level"), error = values.error_interval?.[0];
   const pace = diagnosed("pacing") ?? diagnosed("pace");
@@ -28,7 +28,7 @@ export function draw() {
     ...Object.entries(pace?.values ?? {}).filter(([, text]) => text.length < 16).slice(0, 6).map(([label, text]) => [label, text, ""]),
     ...Object.entries(accuracy?.values ?? {}).filter(([, text]) => text.length < 16).slice(0, 4).map(([label, text]) => [label, text, ""]),
     ["Error bound, RMS", fixed(error?.rms_pct, 2), "%"],
-    ["95 % interval", known(error?.lower_n) ? `${force(error.lower_n)} to ${force(error.upper_n)}` : "not computed", known(error?.lower_n) ? units().force : ""],
+    ["95 % interval", known(error?.lower_n) ? `${force(error.lower_n)} to ${force(error.upper_n)}` : "–", known(error?.lower_n) ? units().force : ""],
     ["Rows received", String(state.rows), ""], ["Rows lost", String(state.lost), ""],
     run ? ["Solver", run.message, "", "wide"] : null,
   ]);

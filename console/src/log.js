@@ -31,7 +31,7 @@ function sheet() {
   const values = state.values, alerts = (values.alerts ?? []).filter((one) => !one.shelved);
   const quality = (values.quality ?? []).map((row) => `${row.name.replace("_", " ")} ${fixed(row.index, 2)}`);
   const lines = [
-    `Printed ${clock(Date.now() / 1000)} UTC, twin ${fixed(state.timeS, 1)} s. Extremes are those that the console has seen, of the first rope.`,
+    `Printed ${new Date().toISOString().slice(0, 16).replace("T", " ")} UTC, twin ${fixed(state.timeS, 1)} s. Extremes are those that the console has seen, of the first rope.`,
     `Quality index: ${quality.join(", ") || "none"}. Alerts: ${alerts.map((one) => `${one.priority} ${one.title}: ${one.text} (${one.state})`).join("; ") || "none"}.`,
   ];
   $("sheet").replaceChildren(make("h2", "", `${facts().scene ?? state.source?.name ?? "rope_twin"}: casts`), ...lines.map((one) => make("p", "", one)));
@@ -62,7 +62,7 @@ function limits() {
 // With control, entries need the token: the log belongs to those who may command.
 const mayWrite = async () => !state.control?.allowed || signIn();
 
-const clock = (seconds) => seconds === null || seconds === undefined ? "–" : new Date(seconds * 1000).toISOString().slice(0, 19).replace("T", " ");
+const clock = (seconds) => seconds === null || seconds === undefined ? "–" : new Date(seconds * 1000).toISOString().slice(5, 19).replace("T", " ");
 
 export function draw() {
   limits();

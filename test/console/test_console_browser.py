@@ -228,6 +228,11 @@ def assert_one_screen(page: Any, width: int, height: int) -> None:
              .map((one) => one.id || one.getAttribute('aria-label'))"""
     )
     assert cut == []
+    shortened = page.evaluate(
+        """() => [...document.querySelectorAll('#winch .v:not(.text), #winch dd')]
+             .filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.innerText)"""
+    )
+    assert shortened == []
 
 
 def luminance(colour: str) -> float:
