@@ -51,7 +51,6 @@ NAMED_S = 5.0, 20.0, 60.0  # after the alarm
 SETTLED_BLOCKS = 2  # learned before the watch begins
 CAPACITY_S = 3 * BLOCK_S + 10.0  # a reference of two blocks ago, and the last naming
 HEAVE_AHEAD_S = 1.0  # of heave beyond the tested means, at least
-TAIL_S = 10.0  # after which the sheave's friction has forgotten where it began
 # what figures and heave leave out: friction, water; its correlation time
 MODEL_ERROR, MODEL_ERROR_S = 0.18, 3.0  # over the white noise of a mean
 LOADS = "submerged_weight", "tension_bias"  # figures that a slow drift is learned as
@@ -255,8 +254,7 @@ class FaultWatch:
         """Return residual, columns and predicted tension of the means of an interval."""
         assert self._prediction is not None
         from_s = max(reference.at_s, first_s - MEAN_S)
-        begin_s = min(first_s - TAIL_S, from_s)
-        self._prediction = self._model.trimmed(self._prediction, begin_s)
+        self._prediction = self._model.trimmed(self._prediction, from_s)
         predicted, J = self._model.linearised(self._prediction, from_s)
         measured, _ = self._lift.tension_means(first_s, end_s)
         new = slice(len(predicted) - len(measured), None)

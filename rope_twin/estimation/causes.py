@@ -149,11 +149,9 @@ class FaultLanes:
         tension, line = self._step(theta, [one - first for one in starts], first_s, total - first)
         changes = np.zeros((total, len(self.pairs)))
         pin = self._model.pin
-        still = pin.measured(tension[:, 0], pin.friction_state(tension[:, 0], line), theta)
-        for k in range(len(self.pairs)):
-            own = tension[:, k + 1]
-            reading = pin.measured(own, pin.friction_state(own, line), theta)
-            changes[first:, k] = (reading - still).reshape(-1, STEPS_PER_MEAN).mean(axis=1)
+        reading = pin.measured(tension, pin.friction_state(tension, line), theta)
+        means = reading.reshape(-1, STEPS_PER_MEAN, reading.shape[1]).mean(axis=1)
+        changes[first:] = (means[:, 1:] - means[:, :1])[:, : len(self.pairs)]
         return self._with_ends(changes)
 
     def _step(

@@ -53,12 +53,6 @@ class Prediction:
     # of the rope over the sheave before `begin_s`: friction state and position; None: none
     sheave: Floats | None = None  # (2, members)
 
-    def sheave_of(self, member: int) -> tuple[float, float] | None:
-        """Return friction state and position [m] of a member before `begin_s`; None: none."""
-        if self.sheave is None:
-            return None
-        return float(self.sheave[0, member]), float(self.sheave[1, member])
-
 
 class LiftModel:
     """A fleet of one rope that follows a measured lift."""
@@ -143,10 +137,8 @@ class LiftModel:
             return whole
         tension = np.concatenate(whole.tension_n[:first])
         line = np.concatenate(whole.line_out_m[:first])
-        sheave = np.empty((2, tension.shape[1]))
-        for k, own in enumerate(tension.T):
-            sheave[0, k] = self.pin.friction_state(own, line, whole.sheave_of(k))[-1]
-            sheave[1, k] = self.pin.position(own, line)[-1]
+        state = self.pin.friction_state(tension, line, whole.sheave)[-1]
+        sheave = np.array([state, self.pin.position(tension[-1], line[-1])])
         return replace(
             whole, begin_s=begin_s, tension_n=whole.tension_n[first:],
             line_out_m=whole.line_out_m[first:], sheave=sheave,
@@ -167,23 +159,23 @@ class LiftModel:
         tension, line = np.concatenate(prediction.tension_n), np.concatenate(prediction.line_out_m)
         theta = prediction.theta
         skipped = round((from_s - prediction.begin_s) / MEAN_S)
-        friction = self.pin.friction_state(tension[:, 0], line, prediction.sheave_of(0))
+        friction = self.pin.friction_state(tension, line, prediction.sheave)
 
         def means(reading: Floats) -> Floats:
-            return np.asarray(reading.reshape(-1, STEPS_PER_MEAN).mean(axis=1)[skipped:])
+            whole = reading.reshape(-1, STEPS_PER_MEAN, *reading.shape[1:]).mean(axis=1)
+            return np.asarray(whole[skipped:])
 
-        predicted = means(self.pin.measured(tension[:, 0], friction, theta))
+        of_members = means(self.pin.measured(tension, friction, theta))
+        predicted = of_members[:, 0]
         jacobian = np.zeros((len(predicted), COUNT))
         for member, name in enumerate(self.lanes, start=1):
-            before = prediction.sheave_of(member)
-            own = self.pin.friction_state(tension[:, member], line, before)
-            column = means(self.pin.measured(tension[:, member], own, theta)) - predicted
+            column = of_members[:, member] - predicted
             if np.isfinite(column).all():
                 jacobian[:, INDEX[name]] = column / LANE_STEPS[name]
         for name, step in PIN_STEPS.items():
             more = theta.copy()
             more[INDEX[name]] += step
-            reading = self.pin.measured(tension[:, 0], friction, more)
+            reading = self.pin.measured(tension[:, 0], friction[:, 0], more)
             jacobian[:, INDEX[name]] = (means(reading) - predicted) / step
         return predicted, jacobian
 
@@ -217,11 +209,11 @@ class LiftModel:
         position = np.empty((len(times_s), len(thetas)))
         rate = np.empty_like(position)
         line, speed = self.lift.line_motion(times_s)
-        pairs = np.stack([gains, delays], axis=1)
-        for pair in np.unique(pairs, axis=0):
-            of = (pairs == pair).all(axis=1)
-            z, v = self.lift.heave_motion(times_s, float(pair[1]), float(pair[0]))
-            position[:, of], rate[:, of] = z[:, None], v[:, None]
+        for delay in set(delays.tolist()):
+            of = delays == delay
+            z, v = self.lift.heave_motion(times_s, delay)
+            share = np.exp(-gains[of])
+            position[:, of], rate[:, of] = share * z[:, None], share * v[:, None]
         since = times_s - self.ramp_begin_s
         if since[0] < RAMP_S:
             share = np.clip(since / RAMP_S, 0.0, 1.0)[:, None]

@@ -14,26 +14,22 @@ from rope_twin.estimation.figures import BIAS, FRICTION, GAIN, INDEX
 from rope_twin.scene.learning import Learning
 
 
-def dahl_states(travel_m: Floats, slip_m: float, state: float = 0.0) -> Floats:
-    """Return ξ after each increment of travel, (k,), from the state before the first one.
+def dahl_states(travel_m: Floats, slip_m: float, state: float | Floats = 0.0) -> Floats:
+    """Return ξ after each increment of travel, from the state before the first one.
 
-    Between two reversals ξ = σ + (ξ_0 - σ)·exp(-|s - s_0|/δ) with the sign σ of the travel, which
-    is exact however the travel is divided. slip_m: δ.
+    An increment leads ξ to σ + (ξ - σ)·exp(-|ds|/δ) with the sign σ of the travel, which is exact
+    however the travel is divided. That map is linear in ξ, so those of 2, 4, 8 ... increments
+    follow from each other, for all columns at once. travel_m: (k,) or (k, members); slip_m: δ;
+    state: one, or (members,).
     """
-    states = np.empty(len(travel_m))
-    moving = travel_m != 0.0
-    # a pause belongs to the run before it
-    last = np.maximum.accumulate(np.where(moving, np.arange(len(travel_m)), 0))
-    sign = np.sign(travel_m[last])
-    ran = np.cumsum(np.abs(travel_m))
-    begins = np.flatnonzero(np.diff(sign, prepend=2.0))
-    for begin, end in zip(begins, [*begins[1:], len(travel_m)], strict=True):
-        before = ran[begin - 1] if begin else 0.0
-        toward = sign[begin]
-        kept = np.exp(-(ran[begin:end] - before) / slip_m)
-        states[begin:end] = toward + (state - toward) * kept
-        state = float(states[end - 1])
-    return states
+    kept = np.exp(-np.abs(travel_m) / slip_m)
+    gained = np.sign(travel_m) * (1.0 - kept)
+    reach = 1
+    while reach < len(travel_m):
+        gained[reach:] += kept[reach:] * gained[:-reach]
+        kept[reach:] *= kept[:-reach]
+        reach *= 2
+    return np.asarray(gained + kept * state)
 
 
 class LoadPin:
@@ -45,20 +41,22 @@ class LoadPin:
         self._stretch_m_per_n = learning.friction_rope_m / EA_n
 
     def position(self, tension_n: Floats, line_out_m: Floats) -> Floats:
-        """Return where the rope lies over the sheave at each time [m], (steps,)."""
+        """Return where the rope lies over the sheave at each time [m], (steps, members)."""
         return np.asarray(line_out_m + tension_n * self._stretch_m_per_n)
 
     def friction_state(
-        self, tension_n: Floats, line_out_m: Floats, before: tuple[float, float] | None = None
+        self, tension_n: Floats, line_out_m: Floats, before: Floats | None = None
     ) -> Floats:
-        """Return ξ at each time, (steps,), positive while paying out.
+        """Return ξ at each time, (steps, members), positive while paying out.
 
-        tension_n, line_out_m: (steps,) at the same times. before: ξ and position [m] of the step
-        before the first one; None: ξ is 0 at the first one.
+        tension_n: (steps, members) or (steps,), line_out_m: (steps,) at the same times. before: ξ
+        and position [m] of the step before the first one, (2, members) or (2,); None: ξ is 0 at the
+        first one.
         """
-        position = self.position(tension_n, line_out_m)
-        state, last_m = (0.0, float(position[0])) if before is None else before
-        return dahl_states(np.diff(position, prepend=last_m), self._slip_m, state)
+        line = line_out_m if tension_n.ndim == 1 else line_out_m[:, None]
+        position = self.position(tension_n, line)
+        state, last = (np.zeros(()), position[0]) if before is None else before
+        return dahl_states(np.diff(position, axis=0, prepend=last[None]), self._slip_m, state)
 
     def measured(self, tension_n: Floats, friction_state: Floats, theta: Floats) -> Floats:
         """Return the reading y = (1 + g)·T·(1 - μ·ξ) + b [N]; theta: in the order of NAMES."""

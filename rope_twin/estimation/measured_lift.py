@@ -10,8 +10,8 @@ has forgotten it, are missing.
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
-from scipy.signal import savgol_filter
+from scipy.interpolate import CubicHermiteSpline
+from scipy.signal import savgol_coeffs
 
 from rope_twin.core.state import Floats
 
@@ -20,6 +20,7 @@ NEIGHBOURS = 9  # samples of the median
 SPIKE_SDS = 5.0  # of the pin's noise, from that median
 LEAST_GOOD = 0.6  # share of a mean's samples that must be good
 SMOOTHED_SAMPLES, SMOOTHED_ORDER = 15, 3
+_SMOOTHING = savgol_coeffs(SMOOTHED_SAMPLES, SMOOTHED_ORDER)
 EDGE_S = 0.25  # of standing counts beside a change, which say less than the change
 LINE_HZ = 20.0  # grid of the line out
 HEAVE_HOLE_S, LINE_HOLE_S = 1.0, 2.0  # longer gaps are holes
@@ -219,8 +220,9 @@ class MeasuredLift:
         grid = begin + np.arange(count) / LINE_HZ
         near = slice(*np.searchsorted(table[:, 0], (begin - LINE_HOLE_S, end + LINE_HOLE_S)))
         raw = np.interp(grid, *without_stairs(*table[near].T))
-        smooth = savgol_filter(raw, SMOOTHED_SAMPLES, SMOOTHED_ORDER)
-        spline = CubicSpline(grid, smooth)
+        half = SMOOTHED_SAMPLES // 2
+        around = np.pad(raw, half, mode="reflect", reflect_type="odd")
+        smooth = np.convolve(around, _SMOOTHING, "valid")
         inside = np.clip(times_s, grid[0], grid[-1])
-        rate = np.where(inside == times_s, spline(inside, 1), 0.0)
-        return spline(inside), rate
+        rate = np.interp(inside, grid, np.gradient(smooth, 1.0 / LINE_HZ))
+        return np.interp(inside, grid, smooth), np.where(inside == times_s, rate, 0.0)

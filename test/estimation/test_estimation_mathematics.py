@@ -300,10 +300,13 @@ def test_friction_goes_on_over_a_cut_of_its_history() -> None:
     pin = LoadPin(Learning(), 5e7)
     whole = pin.friction_state(tension, line)
     first = slice(None, 333)
-    before = float(whole[332]), float(pin.position(tension[first], line[first])[-1])
+    before = np.array([whole[332], pin.position(tension[first], line[first])[-1]])
     rest = pin.friction_state(tension[333:], line[333:], before)
     assert np.ptp(whole) > 0.1
     np.testing.assert_allclose(rest, whole[333:], atol=1e-12)
+    both = pin.friction_state(np.column_stack([tension, 0.9 * tension]), line)
+    np.testing.assert_allclose(both[:, 0], whole, atol=1e-12)
+    np.testing.assert_allclose(both[:, 1], pin.friction_state(0.9 * tension, line), atol=1e-12)
 
 
 def test_friction_at_zero_is_reported_as_held() -> None:
