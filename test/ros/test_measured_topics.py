@@ -12,9 +12,10 @@ from small_scene import SMALL_SCENE
 
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.messages import Level, encode_measurement, read_cloud
+from rope_twin.messages.forecast import encode_forecast
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.exact_replay import Outcome, verify
-from rope_twin.topics import INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC
+from rope_twin.topics import FORECAST_RISK, INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC
 from rope_twin.twin.measured.readings import Measurement
 
 pytestmark = pytest.mark.ros
@@ -37,9 +38,11 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
         "simulation", scene=str(scene), follow_measured=True, wait_for=LISTENED, wait_for_s=60.0
     )
     publishers = {topic: bench.publisher(topic) for topic in MEASURED_TOPICS}
+    forecast = bench.publisher(FORECAST_RISK)
     residuals, lengths = bench.listen("residuals"), bench.listen("ropes/length")
+    qualities = bench.listen("twin/quality")
     bench.until(
-        lambda: all(one.get_subscription_count() > 1 for one in publishers.values()),
+        lambda: all(one.get_subscription_count() > 1 for one in (*publishers.values(), forecast)),
         "both listeners of every input",
     )
     node.begin()
@@ -61,6 +64,9 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
                 Measurement.of_depth(0, 200.0),
             )
             sent_ns += EVERY_NS
+            score = {"coverage": 0.9, "judged": 40.0, "factor": 1.0, "age_s": 0.4}
+            risk = encode_forecast(FORECAST_RISK, node.paced.epoch_ns + sent_ns, "map", [score])
+            forecast.publish(risk)
         bench.executor.spin_once(timeout_sec=0.02)
     send(sent_ns, Measurement.of_winch(0, 5000.0))
     publishers["winch/measured"].publish(b"no message")
@@ -80,6 +86,8 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
     assert math.isnan(table["payload_depth_m tool"]["upper"])
     steps = [message.position[0] for message in lengths]
     assert max(steps) == pytest.approx(200.2, abs=0.01)
+    indices = {row["name"].decode(): row for row in read_cloud(qualities[-1])}
+    assert (indices["forecast"]["residual"], indices["forecast"]["index"] > 0.0) == (1.0, True)
     node.close()
     heard = -1
     while recorder.received != heard:
@@ -95,4 +103,5 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
     assert found.outcome is Outcome.EQUAL
     assert found.compared["residuals"] > 20
     assert found.applied["winch/measured"] > 50
+    assert found.compared["twin/quality"] > 10
     assert not found.unrecorded
