@@ -122,7 +122,7 @@ class OpcUaSource(Source):
             raise OSError(None, f"{type(error).__name__}: {error}") from error
 
     async def _request(self, client: Any) -> Any:
-        """Return the request to read all values anew, not from a cache."""
+        """Return the request to read all values, not from a cache of the server."""
         ua, wanted = self._asyncua.ua, []
         for one in self._nodes.values():
             words = one.id

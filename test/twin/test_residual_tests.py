@@ -22,7 +22,7 @@ def after(residuals: np.ndarray, rate_hz: float = 2.0) -> ResidualTests | None:
     monitor = ResidualMonitor()
     for k, one in enumerate(residuals):
         monitor.take(round(k * S / rate_hz), float(one) * SIGMA, SIGMA, OWN)
-    return monitor.result()
+    return monitor.result
 
 
 def white(minutes: float, sigma: float = 1.0, seed: int = 1) -> np.ndarray:
@@ -69,7 +69,7 @@ def test_a_drift_is_found_long_before_it_is_outside_the_interval() -> None:
         ramp = sign * 0.05 * np.maximum(minutes - 30.0, 0.0)
         for k, one in enumerate(white(60.0) + ramp):
             monitor.take(round(k * S / 2.0), float(one) * SIGMA, SIGMA, OWN)
-            found = monitor.result()
+            found = monitor.result
             if found is not None and found.drift is not None:
                 found_at = minutes[k]
                 break

@@ -47,18 +47,20 @@ class ResidualMonitor:
         self._drift = SlowDrift(SPREAD)
         self._block, self._readings, self._sum = -1, 0, 0.0
         self._found: Drift | None = None
+        self.result: ResidualTests | None = None  # at the end of the last bin; None: too little
 
     def take(self, stamp_ns: int, residual: float, sigma: float, instrument: float) -> None:
         """Take a residual, its standard uncertainty and that of the instrument alone (both > 0)."""
         number, z, r = stamp_ns // (BIN_S * _NS), residual / sigma, residual / instrument
+        self._take_mean(stamp_ns // (BLOCK_S * _NS), z)
+        n, sum_zz, sum_r, sum_rr = 0, 0.0, 0.0, 0.0
         if self._bins and self._bins[-1][0] == number:
             _, n, sum_zz, sum_r, sum_rr = self._bins.pop()
         else:
-            n, sum_zz, sum_r, sum_rr = 0, 0.0, 0.0, 0.0
+            while self._bins and self._bins[0][0] < number - VARIANCE_S // BIN_S:
+                self._bins.popleft()
+            self.result = self._evaluated()
         self._bins.append((number, n + 1, sum_zz + z * z, sum_r + r, sum_rr + r * r))
-        while self._bins[0][0] <= number - VARIANCE_S // BIN_S:
-            self._bins.popleft()
-        self._take_mean(stamp_ns // (BLOCK_S * _NS), z)
 
     def _take_mean(self, block: int, z: float) -> None:
         if block != self._block:
@@ -68,8 +70,8 @@ class ResidualMonitor:
         self._readings += 1
         self._sum += z
 
-    def result(self) -> ResidualTests | None:
-        """Return the results; None: the readings cover too little."""
+    def _evaluated(self) -> ResidualTests | None:
+        """Return the results of all bins; None: the readings cover too little."""
         full = [one for one in self._bins if one[1] >= LEAST_READINGS]
         span_s = float(BIN_S * len(full))
         if span_s < LEAST_SPAN_S:

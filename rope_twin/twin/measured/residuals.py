@@ -211,7 +211,7 @@ class Comparison:
             outside=out / known if known else None,
             span_s=float(self._bins[-1][0] - self._bins[0][0] + 1),
             sensors=self.group,
-            tests=None if self._monitor is None else self._monitor.result(),
+            tests=None if self._monitor is None else self._monitor.result,
         )
 
 
