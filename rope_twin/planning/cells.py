@@ -69,6 +69,12 @@ class PhaseWork:
         return self.legs[0].payload_n
 
     @property
+    def static_use(self) -> float:
+        """Return the largest use of a limit by the static hook load, in flat water."""
+        hook = [one.most for one in self.limits if one.quantity == "hook_load"]
+        return max((self.static_hook_n / most for most in hook), default=0.0)
+
+    @property
     def static_hook_n(self) -> float:
         """Return the largest static hook load of the phase [N]."""
         return max(leg.static_hook_n for leg in self.legs)
@@ -169,14 +175,17 @@ class Cell:
             for k, row in zip(seeds, run_seeds(leg, work.ship, sea, own), strict=True)
         ]
 
-    def judge(self, height: int, narrow: bool = False) -> Judgement:
+    def judge(self, height: int, narrow: bool = False, more: bool = False) -> Judgement:
         """Return the judgement of a height, with seeds as many as the decision takes.
 
-        narrow: until the intervals are narrow, even if the decision is clear.
+        narrow: until the intervals are narrow, even if the decision is clear; more: with more seeds
+        than before.
         """
         method = self.plan.method
         before = self.judged.get(height)
         seeds = before.seeds if before is not None and before.seeds else method.seeds.start
+        if more:
+            seeds = min(seeds + method.seeds.start, method.seeds.most)
         while True:
             try:
                 rows = self.rows(height, seeds)
@@ -222,7 +231,18 @@ class Cell:
             at = self.judged[last] if last >= 0 else None
         top = len(self.heights_m) - 1
         beyond = self.judge(last + 1) if last < top else None
-        crossing, low, high = self._crossing(last)
+        crossing, low, high = self._crossing()
+        wanted, most = self.plan.method.height_within_m, self.plan.method.seeds.most
+        while wanted is not None and 0.5 * (high - low) > wanted and beyond is not None:
+            pair = [k for k in (last, last + 1) if k >= 0 and self.judged[k].seeds < most]
+            if not pair or beyond.fault or beyond.failures:
+                break
+            for k in pair:
+                self.judge(k, more=True)
+            last = bisect(len(self.heights_m), lambda k: self.judge(k).passed, last)
+            at = self.judge(last, narrow=True) if last >= 0 else None
+            beyond = self.judge(last + 1) if last < top else None
+            crossing, low, high = self._crossing()
         decisive = beyond or at
         assert decisive is not None
         error = refine(self, last, at) if refine is not None and at is not None else math.nan
@@ -248,21 +268,24 @@ class Cell:
             runs=sum(one.seeds for one in self.judged.values()) * len(work.legs),
         )
 
-    def _crossing(self, last: int) -> tuple[float, float, float]:
+    def _crossing(self) -> tuple[float, float, float]:
         """Return the height at which the largest use is 1, with its interval [m].
 
-        Linear between judged heights; at most the last of them, at least 0.
+        Linear between judged heights, and from the static load in flat water; at most the last
+        judged height, 0 if the static load is too large.
         """
         judged = [self.judged[k] for k in sorted(self.judged) if self.judged[k].uses]
         heights = [0.0, *(one.height_m for one in judged)]
 
         def crossing(side: str) -> float:
             uses = [max(getattr(use, side) for use in one.uses.values()) for one in judged]
-            levels = np.maximum.accumulate([0.0, *uses])
+            levels = np.maximum.accumulate([self.work.static_use, *uses])
             above = np.flatnonzero(levels > 1.0)
             if not above.size:
                 return heights[-1]
             k = int(above[0])
+            if k == 0:
+                return 0.0
             share = (1.0 - levels[k - 1]) / (levels[k] - levels[k - 1])
             return heights[k - 1] + float(share) * (heights[k] - heights[k - 1])
 

@@ -31,6 +31,9 @@ def notes(result: PlanResult) -> Iterator[str]:
     yield from _errors(result)
     yield from _shallow(result)
     yield from _seas(result)
+    winch = result.scene.winch
+    if winch is not None and winch.heave_compensation is not None:
+        yield "The simplified method has no heave compensation: it shows what the runs gain by it."
     if result.scene.listed(CurrentParams) is None:
         yield "The scene has no current: the payload hangs plumb."
 

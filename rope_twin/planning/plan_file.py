@@ -238,6 +238,10 @@ class Method:
     within: float = quantity(
         "half width of the interval at the limit, over the value", "", 1e-3, 1.0, default=0.05
     )
+    height_within_m: float | None = quantity(
+        "half width of the interval of the limiting Hs; default: whatever the seeds give", "m",
+        0.01, 5.0, default=None,
+    )  # fmt: skip
     seeds: Seeds = text("number of seeds", Seeds())
     seed: int = quantity("first random number of all seas", "", 0, 2**31 - 1, default=1)
     settle_s: float = quantity(

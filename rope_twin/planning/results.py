@@ -45,11 +45,12 @@ def limit_words(result: PlanResult, cell: CellLimit) -> str:
 
 
 def daf(result: PlanResult, cell: CellLimit) -> float:
-    """Return the dynamic amplification: characteristic over static hook load; NaN: not judged."""
-    if cell.judged is None:
+    """Return the dynamic amplification: characteristic over static hook load; NaN: unknown."""
+    judged = cell.judged or cell.beyond
+    if judged is None or "hook_load" not in judged.values:
         return math.nan
     static = next(work.static_hook_n for work in result.works if work.title == cell.phase)
-    return cell.judged.values["hook_load"].value / static
+    return judged.values["hook_load"].value / static
 
 
 def table_rows(result: PlanResult) -> list[list[str]]:
@@ -58,7 +59,7 @@ def table_rows(result: PlanResult) -> list[list[str]]:
 
 
 def _cells_of(result: PlanResult, cell: CellLimit) -> list[str]:
-    judged = cell.judged
+    judged = cell.judged or cell.beyond
     begin = [cell.phase, f"{cell.period_s:g}", f"{cell.heading_deg:g}", height_words(cell),
              f"{cell.low_m:.2f} to {cell.high_m:.2f}", limit_words(result, cell)]  # fmt: skip
     simple = f"{cell.simplified_height_m:g}" if cell.simplified_height_m is not None else "none"

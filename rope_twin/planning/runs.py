@@ -105,11 +105,13 @@ class Extremes:
         """Whether the payload has touched the seabed."""
         return math.isfinite(self.landing)
 
-    def take(self, steps: Vector, time_s: Vector, nominal_m: Vector) -> None:
-        """Take steps (n, WATCHED) that end at these times, with the line out without
-        compensation.
+    def take(self, steps: Vector, time_s: Vector, nominal_m: Vector | None) -> None:
+        """Take steps (n, WATCHED) that end at these times.
+
+        nominal_m: line out without heave compensation, (n,); None: there is none.
         """
-        self._take_line(steps[:, LINE_OUT], time_s, nominal_m)
+        if nominal_m is not None:
+            self._take_line(steps[:, LINE_OUT], time_s, nominal_m)
         counted = time_s > self._leg.first_s
         afloat = counted.copy()
         if self._leg.bed_m is not None:
@@ -184,7 +186,7 @@ def run_seeds(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
         for own, steps in zip(found, parts, strict=True):
             some = len(steps)
             if some:
-                own.take(steps, time_s[:some], nominal[:some])
+                own.take(steps, time_s[:some], None if nominal is None else nominal[:some])
     rows = []
     for seed, own, member in zip(seeds, found, ensemble.figures(), strict=True):
         lost = "" if leg.bed_m is None or own.landed or member.failure else "it did not land"
@@ -211,17 +213,22 @@ def _started(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> Ensem
     return Ensemble(leg.scene, members, threads=1, watched=True)
 
 
-def _batches(leg: Leg, ensemble: Ensemble) -> Iterator[tuple[Vector, Vector, list[Vector]]]:
-    """Yield times [s], line out without compensation [m] and the members' steps, by batches."""
+def _batches(leg: Leg, ensemble: Ensemble) -> Iterator[tuple[Vector, Vector | None, list[Vector]]]:
+    """Yield times [s], line out without compensation [m] and the members' steps, by batches.
+
+    The second is None without compensation.
+    """
     step = leg.scene.time.step_s
     left, done = round(leg.seconds / step), 0
-    nominal = nominal_line(leg)
+    winch = leg.scene.winch
+    compensated = winch is not None and winch.heave_compensation is not None
+    nominal = nominal_line(leg) if compensated else None
     while left:
         some = min(left, max(1, round(BATCH_S / step)))
         ensemble.advance(some * step)
         time_s = np.arange(done + 1.0, done + some + 1.0) * step
         parts = [ensemble.watched(k) for k in range(len(ensemble))]
-        yield time_s, nominal[done : done + some], parts
+        yield time_s, None if nominal is None else nominal[done : done + some], parts
         left, done = left - some, done + some
 
 

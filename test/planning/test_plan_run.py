@@ -89,6 +89,21 @@ def test_no_random_number_but_the_seed(small: Path) -> None:
     assert stores[0].rows[some]["top_max_n"] != stores[2].rows[some]["top_max_n"]
 
 
+def test_limiting_height_as_narrow_as_asked(small: Path) -> None:
+    """Seeds are added at both sides of the limit until its interval is narrow, or there are no
+    more.
+    """
+    own, scene = read_plan(small)
+    wide = run(own, scene, MemoryStore(), threads=1).cells[0]
+    seeds = replace(own.method.seeds, most=200)
+    method = replace(own.method, height_within_m=0.2, seeds=seeds)
+    found = run(replace(own, method=method), scene, MemoryStore(), threads=1).cells[0]
+    assert 0.5 * (wide.high_m - wide.low_m) > 0.2
+    assert 0.5 * (found.high_m - found.low_m) <= 0.2
+    assert found.runs > wide.runs
+    assert found.low_m <= found.crossing_m <= found.high_m
+
+
 class Ending(MemoryStore):
     """A store that is interrupted after some rows."""
 
@@ -289,6 +304,7 @@ def test_limits_that_nothing_meets(small: Path) -> None:
     assert limit.height_m is None
     assert limit.judged is None
     assert limit.beyond is not None
+    assert (limit.crossing_m, limit.low_m, limit.high_m) == (0.0, 0.0, 0.0)
     chart = load_chart(found)
     assert allowed_height_m(chart, "at_depth", 9.0, 135.0) == 0.0
     assert result_object(found)["cells"][0]["limiting_hs_m"] is None
