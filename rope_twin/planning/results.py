@@ -229,8 +229,8 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
     """Return the limits as a load chart: what is allowed at an Hs, Tp, heading and phase.
 
     `limiting_hs_m` has a row for each peak period and a column for each heading; None: no height
-    of the grid is allowed. Between periods and headings the lower neighbour is to be taken, beyond
-    the chart nothing is allowed.
+    of the grid is allowed. `limits` has the same as a list, with 0 for None. Between periods and
+    headings the lower neighbour is to be taken, beyond the chart nothing is allowed.
     """
     sea = result.plan.sea
     charts = {}
@@ -263,6 +263,15 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
         "tp_s": list(sea.tp_s),
         "heading_deg": list(sea.headings_deg),
         "phases": charts,
+        "limits": [
+            {
+                "phase": cell.phase,
+                "tp_s": cell.period_s,
+                "heading_deg": cell.heading_deg,
+                "limit_hs_m": cell.height_m or 0.0,
+            }
+            for cell in result.cells
+        ],
     }
 
 

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.estimation.impedance import linear_drag
 from rope_twin.planning.extremes import rayleigh_factor
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import SeaState, TipTransfer, tip_moments, tip_spectrum
@@ -104,18 +105,6 @@ def resonance_period_s(lift: Lift) -> float:
     return 2.0 * math.pi * math.sqrt(moved / lift.stiffness_n_per_m)
 
 
-def drag_slope(speed: float, rms: float) -> float:
-    """Return the slope of |v|·v linearised for a Gaussian velocity about a mean [m/s].
-
-    2·E|v_c + σ·ξ|; √(8/π)·σ about rest.
-    """
-    if rms <= 0.0:
-        return 2.0 * abs(speed)
-    u = abs(speed) / rms
-    mean = rms * math.sqrt(2.0 / math.pi) * math.exp(-0.5 * u * u)
-    return 2.0 * (mean + abs(speed) * math.erf(u / math.sqrt(2.0)))
-
-
 @dataclass(frozen=True)
 class Transfer:
     """Response to the crane tip's height at frequencies ω, (n,) each."""
@@ -128,7 +117,7 @@ class Transfer:
 def rope_transfer(lift: Lift, omega: Vector, payload_slope: float, rope_slope: float) -> Transfer:
     """Return the response of payload and rope with linear drag.
 
-    payload_slope, rope_slope: of `drag_slope` [m/s].
+    payload_slope, rope_slope: of `linear_drag` [m/s].
     """
     EA = lift.EA_n + 1j * omega * lift.rope_damping_newton_seconds
     sigma = lift.rope_drag_kg_per_m2 * rope_slope
@@ -200,13 +189,11 @@ def _on_long_rope(
         return math.sqrt(float(np.trapezoid(np.abs(response) ** 2 * density, frequency)))
 
     tip_speed = rms(1j * omega)
-    speed = tip_speed
+    speed, line_speed = tip_speed, np.array([leg.speed_m_per_s])
     for _ in range(ROUNDS):
-        slopes = (
-            drag_slope(leg.speed_m_per_s, speed),
-            drag_slope(leg.speed_m_per_s, 0.5 * (speed + tip_speed)),
-        )
-        answer = rope_transfer(lift, omega, *slopes)
+        sigma = np.array([speed, 0.5 * (speed + tip_speed)])  # of the payload and of the rope
+        slopes = linear_drag(sigma, line_speed)
+        answer = rope_transfer(lift, omega, float(slopes[0]), float(slopes[1]))
         found = rms(1j * omega * answer.payload)
         if abs(found - speed) <= SETTLED * tip_speed:
             break

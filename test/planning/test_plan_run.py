@@ -174,6 +174,7 @@ def test_command_writes_rows_chart_and_picture(
     limit = found["cells"][0]["limiting_hs_m"]
     assert allowed_height_m(chart, "at_depth", 9.0, 135.0) == limit
     assert allowed_height_m(chart, "at_depth", 9.0, -135.0) == limit
+    assert chart["limits"][0]["limit_hs_m"] == limit
     both = [cell["limiting_hs_m"] for cell in found["cells"]]
     assert allowed_height_m(chart, "at_depth", 10.0, 135.0) == min(both)
     assert allowed_height_m(chart, "at_depth", 8.0, 135.0) == 0.0

@@ -14,7 +14,6 @@ from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.seas import SeaState
 from rope_twin.planning.simplified import (
     Lift,
-    drag_slope,
     lift_of,
     resonance_period_s,
     rope_transfer,
@@ -64,17 +63,6 @@ def test_payload_hangs_at_its_depth() -> None:
     assert depth == pytest.approx(2900.0, abs=2e-3)
     assert 2880.0 < made.ropes[0].length_m < 2895.0
     assert height is None
-
-
-def test_drag_slope_about_rest_and_in_fast_flow() -> None:
-    """√(8/π)·σ (Borgman 1967) about rest, 2·v_c far above the motion; the mean by quadrature."""
-    assert drag_slope(0.0, 0.7) == pytest.approx(math.sqrt(8.0 / math.pi) * 0.7)
-    assert drag_slope(5.0, 0.1) == pytest.approx(10.0)
-    assert drag_slope(0.4, 0.0) == pytest.approx(0.8)
-    xi = np.linspace(-9.0, 9.0, 200_001)
-    weight = np.exp(-0.5 * xi * xi) / math.sqrt(2.0 * math.pi)
-    mean = np.trapezoid(np.abs(0.4 + 0.6 * xi) * weight, xi)
-    assert drag_slope(0.4, 0.6) == pytest.approx(2.0 * mean, rel=1e-6)
 
 
 def test_rope_transfer_without_drag_is_the_formula() -> None:
