@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.waves import WavesParams
+from rope_twin.planning.seas import ResponsesTip, SeaState
+from rope_twin.sea.components import DEEP, irregular_waves, spread
 from rope_twin.sea.spectrum import STANDARD_GRAVITY, usual_height_m
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ NOT_COVERED = (
     "Shielding of waves by the vessel, and its radiated and reflected waves.",
     "Weather forecasts: limits are operational limits, before any alpha factor.",
 )
+COMPONENTS, LOST_SHARE = 200, 0.01  # of a spectrum; of the motion's variance, beyond the RAOs
 DEEP_WATER_LENGTHS = 0.5  # of the wave: below, its kinematics are 4 % of those at the surface
 
 
@@ -31,6 +34,7 @@ def notes(result: PlanResult) -> Iterator[str]:
     yield from _errors(result)
     yield from _shallow(result)
     yield from _seas(result)
+    yield from _beyond_table(result)
     winch = result.scene.winch
     if winch is not None and winch.heave_compensation is not None:
         yield "The simplified method has no heave compensation: it shows what the runs gain by it."
@@ -94,6 +98,29 @@ def _shallow(result: PlanResult) -> Iterator[str]:
                 f"waves' {longest:.0f} m, and the scene has no waves: their force on payload and "
                 "rope is missing."
             )
+
+
+def _beyond_table(result: PlanResult) -> Iterator[str]:
+    """Yield a remark on motion that the RAOs do not reach."""
+    tip, sea = result.works[0].ship.tip, result.plan.sea
+    if not isinstance(tip, ResponsesTip):
+        return
+    lost: dict[float, float] = {}
+    for period in sea.tp_s:
+        spectrum = SeaState(sea.hs_m.from_, period, 0.0, sea.gamma).spectrum()
+        waves = irregular_waves(spectrum, COMPONENTS, 1, DEEP, STANDARD_GRAVITY)
+        for heading in sea.headings_deg:
+            own = spread(waves, math.radians(heading), None, 1)
+            lost[period] = max(
+                lost.get(period, 0.0), tip.responses.share_left_out(own, 0.0, tip.arm_m)
+            )
+    much = [period for period, share in lost.items() if share > LOST_SHARE]
+    if much:
+        yield (
+            f"At Tp {', '.join(f'{one:g}' for one in much)} s up to "
+            f"{100.0 * max(lost.values()):.2g} % of the variance of the tip's motion lies above "
+            "the highest frequency of the RAOs and is left out."
+        )
 
 
 def _seas(result: PlanResult) -> Iterator[str]:

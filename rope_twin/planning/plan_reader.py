@@ -15,6 +15,7 @@ from rope_twin.planning.plan_file import Criteria, Phase, Plan
 from rope_twin.planning.seas import HullTip, ResponsesTip, TipTransfer
 from rope_twin.scene.document import Item, Place, read_document
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.model.rope import find_payload
 from rope_twin.scene.reader import read_object
 from rope_twin.scene.schema import Scene
@@ -117,6 +118,10 @@ def _scene_fault(scene: Scene) -> tuple[str, str] | None:
         return f"the ropes of '{scene.name}' meet", "give a scene of one rope and its payload"
     if find_payload(scene, scene.ropes[0]) is None:
         return f"'{scene.name}' has no payload", "give a scene with one at the rope's lower end"
+    weight = lift_figures(scene).payload_weight_n
+    if weight <= 0.0:
+        what = f"the payload of '{scene.name}' floats with {-1e-3 * weight:.3g} kN"
+        return what, "give one that sinks: uplift and slack count from its submerged weight"
     if not is_known_in_advance(scene.winch, ()):
         what = f"the line out of '{scene.name}' depends on the tension (drive or passive cylinder)"
         return what, "leave drive and passive_compensation out of the winch"

@@ -158,6 +158,7 @@ def run_plan(
                 found[rest[future]] = future.result()
                 report(len(found), len(cells), counted.made)
         except BaseException:
+            counted.stopped = True
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     ordered = tuple(found[k] for k in range(len(cells)))
@@ -176,16 +177,27 @@ def run_plan(
     )
 
 
+class _Stopped(Exception):
+    """The plan was interrupted elsewhere."""
+
+
 class _Counted:
     """A store that counts what passes through it."""
 
     def __init__(self, store: RowStore) -> None:
         self._store = store
         self.made, self.made_s = 0, 0.0
+        self.stopped = False  # searches in progress end at their next batch
         self.used: dict[int, Row] = {}
 
     def get(self, run: int) -> Row | None:
-        """Return the row of a run."""
+        """Return the row of a run.
+
+        Raises:
+            _Stopped: the plan was interrupted.
+        """
+        if self.stopped:
+            raise _Stopped
         row = self._store.get(run)
         if row is not None:
             self.used[run] = row

@@ -176,6 +176,13 @@ def test_plans_that_do_not_fit_their_scene(
     assert words in wrong_scene(tmp_path, "splash_zone", old, new, plan)
 
 
+def test_floating_payloads_are_refused(tmp_path: Path) -> None:
+    """Slack and uplift have no meaning where nothing sinks."""
+    volume, plan = "displaced_volume_m3: ", GOOD.replace("deep_lift", "own.yaml")
+    said = wrong_scene(tmp_path, "deep_lift", volume + "4.0", volume + "25.0", plan)
+    assert "line 1, scene: the payload of 'own' floats with 55.2 kN" in said
+
+
 def test_depths_below_the_seabed_are_refused(tmp_path: Path) -> None:
     """A payload does not hang in the ground."""
     plan = GOOD.replace("deep_lift", "landing").replace(PHASES, "phases:\n  - at_depth: "

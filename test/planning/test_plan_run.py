@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -20,13 +21,15 @@ import pytest
 from rope_twin.cli import main
 from rope_twin.errors import InputError
 from rope_twin.planning.cells import Cell, CellLimit, MemoryStore, bisect
-from rope_twin.planning.plan_file import AtDepth, Phase
+from rope_twin.planning.notes import notes
+from rope_twin.planning.plan_file import AtDepth, Heights, Phase, Seeds
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.results import allowed_height_m, load_chart, result_object
 from rope_twin.planning.run import PlanFolder, cell_named, cell_of, plan, plan_stamp, prepare
 from rope_twin.planning.run import run_plan as run
 from rope_twin.planning.runs import Row
 from rope_twin.scene.load import load_scene
+from rope_twin.share import share_dir
 
 SMALL = """about: one depth, two periods
 scene: deep_lift
@@ -344,6 +347,30 @@ def test_compensation_stroke_is_that_of_the_heave() -> None:
     assert all(row["stroke_m"] == 0.0 for row in bare)
     for row, other in zip(rows, bare, strict=True):
         assert row["top_max_n"] < other["top_max_n"]
+
+
+def test_remarks_are_in_numbers(small: Path, tmp_path: Path) -> None:
+    """Wide intervals, shallow payloads, steep seas and short tables of RAOs are remarked on."""
+    own, _ = read_plan(small)
+    scene = load_scene("shallow_lift")
+    hanging = AtDepth(depth_m=150.0, exposure_s=60.0)
+    sea = replace(own.sea, tp_s=(5.0,), hs_m=Heights(from_=3.0, to=3.0, step=0.2))
+    method = replace(own.method, seeds=Seeds(start=3, most=3), within=1e-3, settle_s=1.0)
+    table = share_dir() / "config" / "responses" / "vessel_120m.csv"
+    rows = [row for row in table.read_text().splitlines() if not re.match(r"\d+,0\.[1-9]", row)]
+    (tmp_path / "short.csv").write_text("\n".join(rows))
+    assert own.vessel is not None
+    vessel = replace(own.vessel, responses=str(tmp_path / "short.csv"))
+    steep = replace(own, phases=(Phase(at_depth=hanging),), sea=sea, method=method, vessel=vessel)
+    said = "\n".join(notes(run(steep, scene, MemoryStore(), threads=1)))
+    assert "At Tp 5 s limits lie above the steepest usual seas of DNV-RP-C205" in said
+    assert "% of the variance of the tip's motion lies above the highest frequency" in said
+    assert "has no waves" not in said
+    long = replace(steep, sea=replace(sea, tp_s=(16.0,)), vessel=own.vessel)
+    said = "\n".join(notes(run(long, scene, MemoryStore(), threads=1)))
+    assert "3 seeds leave an interval wider than ±0.1 %" in said
+    assert "the payload is at 150 m, less than half of the longest waves' 400 m" in said
+    assert "highest frequency" not in said
 
 
 def test_rows_hold_finite_numbers(small: Path) -> None:
