@@ -13,6 +13,7 @@ import numpy as np
 from rope_twin import __version__
 from rope_twin.planning.judgement import QUANTITIES, Judgement
 from rope_twin.scene.card import solver_version
+from rope_twin.scene.load_chart import FORMAT
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from rope_twin.planning.run import PlanResult
     from rope_twin.planning.simplified import Simplified
 
-CHART_FORMAT = 1
 HEAD = ("phase", "Tp s", "heading °", "Hs m", "interval m", "governed by", "use %",
         "hook load kN", "DAF",
         "least load kN", "uplift %", "slack %", "seeds", "error %", "simplified Hs m",
@@ -226,11 +226,10 @@ def _plain(value: Any) -> Any:
 
 
 def load_chart(result: PlanResult) -> dict[str, Any]:
-    """Return the limits as a load chart: what is allowed at an Hs, Tp, heading and phase.
+    """Return the limits as a load chart, which `rope_twin.scene.load_chart` reads.
 
     `limiting_hs_m` has a row for each peak period and a column for each heading; None: no height
-    of the grid is allowed. `limits` has the same as a list, with 0 for None. Between periods and
-    headings the lower neighbour is to be taken, beyond the chart nothing is allowed.
+    of the grid is allowed. `limits` has the same as a list, with 0 for None.
     """
     sea = result.plan.sea
     charts = {}
@@ -253,7 +252,7 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
             "hook_load_n": hook,
         }
     return {
-        "format": CHART_FORMAT,
+        "format": FORMAT,
         "plan": result.plan.name,
         "plan_digest": result.plan.digest,
         "scene": result.scene.name,
@@ -277,33 +276,6 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
 
 def _hook_n(cell: CellLimit) -> float | None:
     return None if cell.judged is None else cell.judged.values["hook_load"].value
-
-
-def allowed_height_m(
-    chart: Mapping[str, Any], phase: str, period_s: float, heading_deg: float
-) -> float:
-    """Return the Hs that a load chart allows in a phase [m]; 0 if none, or beyond the chart.
-
-    The lowest of the neighbouring periods and headings counts. A heading from the other side of
-    the bow is that of the chart if the chart has one side alone.
-    """
-    table = chart["phases"][phase]["limiting_hs_m"]
-    own = heading_deg
-    headings = list(chart["heading_deg"])
-    if own < 0.0 <= min(headings):
-        own = -own
-    rows = _neighbours(list(chart["tp_s"]), period_s)
-    columns = _neighbours(headings, own)
-    found = [table[j][k] for j in rows for k in columns]
-    return min((0.0 if one is None else float(one) for one in found), default=0.0)
-
-
-def _neighbours(axis: Sequence[float], value: float) -> list[int]:
-    """Return the indices of the values on either side; none beyond the axis."""
-    order = sorted(range(len(axis)), key=lambda k: axis[k])
-    below = [k for k in order if axis[k] <= value]
-    above = [k for k in order if axis[k] >= value]
-    return list(dict.fromkeys([below[-1], above[0]])) if below and above else []
 
 
 def write_results(result: PlanResult, folder: Path) -> None:

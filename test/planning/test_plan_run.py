@@ -24,11 +24,12 @@ from rope_twin.planning.cells import Cell, CellLimit, MemoryStore, bisect
 from rope_twin.planning.notes import notes
 from rope_twin.planning.plan_file import AtDepth, Heights, Phase, Seeds
 from rope_twin.planning.plan_reader import read_plan
-from rope_twin.planning.results import allowed_height_m, load_chart, result_object
+from rope_twin.planning.results import load_chart, result_object
 from rope_twin.planning.run import PlanFolder, cell_named, cell_of, plan, plan_stamp, prepare
 from rope_twin.planning.run import run_plan as run
 from rope_twin.planning.runs import Row
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.load_chart import read_load_chart
 from rope_twin.share import share_dir
 
 SMALL = """about: one depth, two periods
@@ -173,14 +174,18 @@ def test_command_writes_rows_chart_and_picture(
         assert key in rows[0]
     assert (out / "limits.png").stat().st_size > 5000
     assert json.loads((out / "plan.json").read_text())["cells"] == found["cells"]
-    chart = json.loads((out / "load_chart.json").read_text())
+    chart = read_load_chart(out / "load_chart.json")
+    assert (chart.plan, chart.scene, chart.tp_s) == ("small", "deep_lift", (9.0, 12.0))
     limit = found["cells"][0]["limiting_hs_m"]
-    assert allowed_height_m(chart, "at_depth", 9.0, 135.0) == limit
-    assert allowed_height_m(chart, "at_depth", 9.0, -135.0) == limit
-    assert chart["limits"][0]["limit_hs_m"] == limit
+    assert chart.allowed_height_m("at_depth", 9.0, 135.0) == limit
+    assert chart.allowed_height_m("at_depth", 9.0, -135.0) == limit
+    assert chart.allowed_height_m("at_depth", 9.0, 225.0) == limit
     both = [cell["limiting_hs_m"] for cell in found["cells"]]
-    assert allowed_height_m(chart, "at_depth", 10.0, 135.0) == min(both)
-    assert allowed_height_m(chart, "at_depth", 8.0, 135.0) == 0.0
+    assert chart.allowed_height_m("at_depth", 10.0, 135.0) == min(both)
+    assert chart.allowed_height_m("at_depth", 8.0, 135.0) == 0.0
+    assert chart.phases["at_depth"].governing[0] == ("swl_n",)
+    listed = json.loads((out / "load_chart.json").read_text())["limits"]
+    assert [row["limit_hs_m"] for row in listed] == both
     cell = found["cells"][0]
     assert 0.0 < cell["discretisation_error"] < 0.02
     assert cell["daf"] == pytest.approx(
@@ -299,7 +304,7 @@ def test_bisection_finds_every_border(border: int, guess: int | None) -> None:
     assert len(asked) == len(set(asked)) <= 6
 
 
-def test_limits_that_nothing_meets(small: Path) -> None:
+def test_limits_that_nothing_meets(small: Path, tmp_path: Path) -> None:
     """A crane that holds the static load alone: no height, not even the lowest, is allowed."""
     own, scene = read_plan(small)
     weak = replace(own, criteria=replace(own.criteria, swl_n=300e3))
@@ -309,8 +314,9 @@ def test_limits_that_nothing_meets(small: Path) -> None:
     assert limit.judged is None
     assert limit.beyond is not None
     assert (limit.crossing_m, limit.low_m, limit.high_m) == (0.0, 0.0, 0.0)
-    chart = load_chart(found)
-    assert allowed_height_m(chart, "at_depth", 9.0, 135.0) == 0.0
+    path = tmp_path / "chart.json"
+    path.write_text(json.dumps(load_chart(found)))
+    assert read_load_chart(path).allowed_height_m("at_depth", 9.0, 135.0) == 0.0
     assert result_object(found)["cells"][0]["limiting_hs_m"] is None
 
 

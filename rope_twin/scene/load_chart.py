@@ -1,0 +1,137 @@
+"""Load chart of an operation: the significant wave height that each phase allows.
+
+`rope_twin plan` writes it; whatever shows a crew its limits reads it. Between the periods and
+headings of the chart the lowest neighbour counts, and nothing is allowed beyond them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rope_twin.errors import InputError, did_you_mean, phrase
+
+FORMAT = 1
+REMAKE = "give a load_chart.json of `rope_twin plan`"
+
+
+@dataclass(frozen=True)
+class PhaseChart:
+    """Limits of one phase, a row for each peak period and a column for each heading."""
+
+    kind: str  # lowering, at_depth, landing or splash_zone
+    depth_m: tuple[float, float]  # of the payload at the start and at the end
+    limiting_hs_m: tuple[tuple[float, ...], ...]  # 0: no height is allowed
+    governing: tuple[tuple[str, ...], ...]  # criterion that the next height breaks
+    hook_load_n: tuple[tuple[float | None, ...], ...]  # characteristic one at the limit
+
+
+@dataclass(frozen=True)
+class LoadChart:
+    """Limits of all phases of a plan."""
+
+    plan: str
+    scene: str
+    scene_digest: str
+    percentile: float  # of the characteristic loads
+    tp_s: tuple[float, ...]  # ascending
+    heading_deg: tuple[float, ...]  # that waves travel to, from the bow to port; 180: head seas
+    phases: Mapping[str, PhaseChart]
+
+    def allowed_height_m(self, phase: str, period_s: float, heading_deg: float) -> float:
+        """Return the Hs that a phase allows [m]; 0 if none, or beyond the chart.
+
+        A heading from the other side of the bow is mirrored if the chart has one side alone.
+
+        Raises:
+            InputError: there is no such phase.
+        """
+        if phase not in self.phases:
+            raise InputError(phrase(f"phase '{phase}'", "the load chart has no such phase",
+                                    did_you_mean(phase, self.phases)))  # fmt: skip
+        heading = (heading_deg + 180.0) % 360.0 - 180.0
+        if heading < 0.0 <= min(self.heading_deg):
+            heading = -heading
+        table = self.phases[phase].limiting_hs_m
+        rows = _neighbours(self.tp_s, period_s)
+        columns = _neighbours(self.heading_deg, heading)
+        return min((table[j][k] for j in rows for k in columns), default=0.0)
+
+
+def _neighbours(axis: Sequence[float], value: float) -> list[int]:
+    """Return the indices of the values on either side; none beyond the axis."""
+    order = sorted(range(len(axis)), key=lambda k: axis[k])
+    below = [k for k in order if axis[k] <= value]
+    above = [k for k in order if axis[k] >= value]
+    return list(dict.fromkeys([below[-1], above[0]])) if below and above else []
+
+
+def read_load_chart(path: str | Path) -> LoadChart:
+    """Read a load chart.
+
+    Raises:
+        InputError: the file is not one, or its tables do not fit its axes; one sentence.
+    """
+    where = str(path)
+    try:
+        found = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(phrase(where, f"it cannot be read ({error})", REMAKE)) from error
+    except ValueError as error:
+        raise InputError(phrase(where, f"it is not JSON ({error})", REMAKE)) from error
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        held = found.get("format") if isinstance(found, dict) else None
+        what = f"a load chart of format {held}, this version reads {FORMAT}"
+        raise InputError(phrase(where, what, REMAKE))
+    try:
+        periods, headings = _axis(found["tp_s"]), _axis(found["heading_deg"])
+        phases = {str(name): _phase(own, len(periods), len(headings))
+                  for name, own in found["phases"].items()}  # fmt: skip
+        return LoadChart(
+            plan=str(found["plan"]),
+            scene=str(found["scene"]),
+            scene_digest=str(found["scene_digest"]),
+            percentile=float(found["percentile"]),
+            tp_s=periods,
+            heading_deg=headings,
+            phases=phases,
+        )
+    except KeyError as error:
+        raise InputError(phrase(where, f"it lacks the key {error}", REMAKE)) from error
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(phrase(where, f"it is not a load chart ({error})", REMAKE)) from error
+
+
+def _axis(values: Any) -> tuple[float, ...]:
+    axis = tuple(float(value) for value in values)
+    if not axis or len(set(axis)) < len(axis) or not all(math.isfinite(value) for value in axis):
+        raise ValueError(f"the axis {list(axis)} is empty, not finite, or has a value twice")
+    return axis
+
+
+def _phase(found: Any, rows: int, columns: int) -> PhaseChart:
+    first, last = (float(depth) for depth in found["depth_m"])
+    heights = _table(found["limiting_hs_m"], rows, columns)
+    limits = tuple(tuple(0.0 if v is None else float(v) for v in row) for row in heights)
+    if not all(math.isfinite(v) and v >= 0.0 for row in limits for v in row):
+        raise ValueError("a limiting height is negative or not finite")
+    hooks = _table(found["hook_load_n"], rows, columns)
+    return PhaseChart(
+        kind=str(found["kind"]),
+        depth_m=(first, last),
+        limiting_hs_m=limits,
+        governing=tuple(
+            tuple(str(v) for v in row) for row in _table(found["governing"], rows, columns)
+        ),
+        hook_load_n=tuple(tuple(None if v is None else float(v) for v in row) for row in hooks),
+    )
+
+
+def _table(found: Any, rows: int, columns: int) -> list[list[Any]]:
+    if len(found) != rows or any(len(row) != columns for row in found):
+        raise ValueError(f"a table has not {rows} rows of {columns}")
+    return [list(row) for row in found]
