@@ -1,4 +1,4 @@
-"""Lift planning: limiting sea states, characteristic loads, load chart and report of an operation.
+"""Lift planning: limiting sea states, loads, load chart, report, and how often the weather allows.
 
 `plan` runs a plan file from Python; on the command line it is `rope_twin plan`.
 """

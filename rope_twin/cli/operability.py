@@ -1,0 +1,117 @@
+"""`rope_twin operability LIMITS HINDCAST`: share of time within limits, windows and waiting."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.planning.operability import (
+    PERCENTILES,
+    Operability,
+    Operation,
+    Spread,
+    figures,
+    hours_text,
+    operability,
+    panels,
+    table_rows,
+)
+from rope_twin.planning.weather_files import AlphaTable, read_alpha, read_hindcast, read_limits
+from rope_twin.run.arguments import add_command, add_json, add_time, measure
+from rope_twin.studies.picture import check_picture, draw_panels
+
+EXAMPLES = (
+    "operability limits.csv hindcast.csv --planned-period 8h",
+    "operability limits.csv era5.csv --planned-period 8h --alpha alpha.csv --bow 45",
+    "operability limits.json era5.csv --planned-period 12h --relative 180 --picture months.png",
+)
+MORE = """Compares a hindcast (time, hs_m, tp_s, direction_from_deg or direction_to_deg) with
+limiting significant wave heights over Tp, heading and phase (phase, tp_s, heading_deg, limit_hs_m).
+A start is possible if the hindcast stays within alpha times the limit for T_R, the planned period
+and the contingency. Waiting is that for the next possible start, from every time of the
+hindcast."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `operability`."""
+    about = "share of time within limiting sea states, weather windows and waiting, by month"
+    parser = add_command(subparsers, "operability", about, EXAMPLES, MORE)
+    add = parser.add_argument
+    add("limits", metavar="LIMITS", type=Path, help="limiting Hs over Tp, CSV or JSON")
+    add("hindcast", metavar="HINDCAST", type=Path, help="time series of sea states, CSV")
+    words = "planned operation period T_POP"
+    add("--planned-period", type=measure("s"), required=True, metavar="TIME", help=words)
+    add_time(parser, "--contingency", "contingency time (default: as long as the planned period)")
+    words = "alpha factors with their source, CSV (default: 1, no uncertainty of the forecast)"
+    add("--alpha", type=Path, metavar="CSV", help=words)
+    words = "phases that must be within their limits (default: all)"
+    add("--phase", nargs="+", default=(), metavar="NAME", help=words)
+    heading = parser.add_mutually_exclusive_group()
+    words = "compass heading of the bow, clockwise from north"
+    heading.add_argument("--bow", type=float, metavar="DEG", help=words)
+    words = "heading of the waves that the vessel keeps: 0 following seas, 180 head seas"
+    heading.add_argument("--relative", type=float, metavar="DEG", help=words)
+    add("--picture", type=Path, metavar="PNG", help="draw shares and waiting by month")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the operability and return the exit code. Raises RopeTwinError."""
+    if args.picture is not None:
+        check_picture(args.picture)
+    operation = _operation(args)
+    limits = read_limits(args.limits)
+    if args.phase:
+        limits = limits.only(args.phase)
+    alpha = None if args.alpha is None else read_alpha(args.alpha)
+    found = operability(read_hindcast(args.hindcast), limits, operation, alpha)
+    if args.picture is not None:
+        draw_panels(f"{args.hindcast.name}, limits of {args.limits.name}", panels(found),
+                    args.picture)  # fmt: skip
+    if args.json:
+        source = None if alpha is None else alpha.source
+        print_json(figures(found) | {"alpha_source": source, "phases": list(limits.phases)})
+    else:
+        _show(found, alpha)
+    return ExitCode.OK
+
+
+def _operation(args: argparse.Namespace) -> Operation:
+    """Return the operation of the options. Raises InputError."""
+    contingency = args.planned_period if args.contingency is None else args.contingency
+    return Operation(args.planned_period, contingency, args.bow, args.relative)
+
+
+def _show(found: Operability, alpha: AlphaTable | None) -> None:
+    own = found.operation
+    print(
+        f"T_R               {hours_text(own.reference_s)} h: planned {hours_text(own.planned_s)} h "
+        f"and contingency {hours_text(own.contingency_s)} h"
+    )
+    if alpha is None:
+        print("alpha             1, no uncertainty of the forecast")
+    else:
+        low, high = found.alpha
+        print(f"alpha             {low:.3g} to {high:.3g}, {alpha.source}")
+    print(f"hindcast          {found.years:.3g} years, every {hours_text(found.step_s)} h")
+    for share, words in ((found.missing, "of the time has no row, and counts as above the limit"),
+                         (found.not_covered, "of the rows has a Tp that the limits do not cover, "
+                          "and counts as above them")):  # fmt: skip
+        if share > 0.0:
+            print(f"warning: {100.0 * share:.2g} % {words}")
+    for name, share in found.phases.items():
+        print(f"within limit      {100.0 * share:.1f} % of the time, phase {name}")
+    print(f"calm spells       {_words(found.calm)}")
+    print(f"storms            {_words(found.storm)}\n")
+    print_table(table_rows(found))
+
+
+def _words(spread: Spread) -> str:
+    parts = (
+        f"P{p:.0f} {hours_text(one)} h"
+        for p, one in zip(PERCENTILES, spread.percentiles_s, strict=True)
+    )
+    return f"mean {hours_text(spread.mean_s)} h, {', '.join(parts)}"

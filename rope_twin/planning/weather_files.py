@@ -1,0 +1,347 @@
+"""Files of operability: limiting sea states, hindcasts, alpha factors.
+
+CSV with a header; lines that begin with # are comments. The names of columns say what is meant, so
+that no convention is assumed:
+
+* limits: `phase` (may be left out), `tp_s`, `heading_deg` (may be left out: any heading; 0 for
+  following seas, 180 for head seas, 90 for waves that travel to port), `limit_hs_m`; or JSON, an
+  object whose `limits` is a list of objects with these keys;
+* hindcast: `time` (ISO 8601, UTC), `hs_m`, `tp_s`, and `direction_from_deg` (that the waves come
+  from) or `direction_to_deg` (that they travel to), clockwise from north;
+* alpha factors: `hs_m`, `planned_h` (T_POP) or `reference_h` (T_R), `alpha`, and a comment
+  `# source: ...` with the standard or forecast service that they are from.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.sea.tables import Vector
+
+LARGEST_HS_M, LARGEST_TP_S = 30.0, 40.0
+ONE_PHASE = "operation"  # name of the phase of a table without phases
+SECONDS_PER_HOUR = 3600.0
+LONGEST_STEP_S = 6.0 * SECONDS_PER_HOUR  # between samples: weather windows are hours
+LARGEST_FILE_BYTES = 200_000_000
+SAME_DEG = 1e-6
+
+
+@dataclass(frozen=True)
+class LimitTable:
+    """Limiting Hs [m] of each phase over Tp and heading: (tp, headings) arrays on own axes."""
+
+    source: str
+    tables: Mapping[str, tuple[Vector, Vector, Vector]]  # tp_s, heading_deg, limit_hs_m
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """Return the names of the phases."""
+        return tuple(self.tables)
+
+    @property
+    def has_headings(self) -> bool:
+        """Return whether a limit depends on the heading."""
+        return any(len(headings) > 1 for _, headings, _ in self.tables.values())
+
+    def only(self, phases: Sequence[str]) -> LimitTable:
+        """Return the table of these phases alone.
+
+        Raises:
+            InputError: there is none of a name.
+        """
+        for name in phases:
+            if name not in self.tables:
+                right = did_you_mean(name, self.tables)
+                raise InputError(phrase(self.source, f"there is no phase '{name}'", right))
+        return LimitTable(self.source, {name: self.tables[name] for name in phases})
+
+    def at(self, phase: str, tp_s: Vector, heading_deg: Vector) -> Vector:
+        """Return limits (n,) at peak periods and headings (n,), bilinear; nan beyond the periods.
+
+        Headings up to 180 are those of either side.
+        """
+        periods, headings, limits = self.tables[phase]
+        over_tp = [np.interp(tp_s, periods, limits[:, k]) for k in range(len(headings))]
+        found = over_tp[0]
+        if len(headings) > 1:
+            i, share = _between(headings, heading_deg)
+            stacked, rows = np.stack(over_tp), np.arange(len(tp_s))
+            low, high = stacked[i, rows], stacked[(i + 1) % len(headings), rows]
+            found = (1.0 - share) * low + share * high
+        inside = (tp_s >= periods[0]) & (tp_s <= periods[-1])
+        return np.where(inside, found, np.nan)
+
+
+def _between(headings: Vector, at_deg: Vector) -> tuple[NDArray[np.int64], Vector]:
+    """Return the heading below each angle and the share of the way to the next one."""
+    turn = at_deg % 360.0
+    if headings[-1] <= 180.0 + SAME_DEG:  # one side
+        turn = np.where(turn > 180.0, 360.0 - turn, turn)
+        i = np.clip(np.searchsorted(headings, turn, side="right") - 1, 0, len(headings) - 2)
+        return i, np.clip((turn - headings[i]) / (headings[i + 1] - headings[i]), 0.0, 1.0)
+    around = np.append(headings, headings[0] + 360.0)
+    turn = np.where(turn < headings[0], turn + 360.0, turn)
+    i = np.clip(np.searchsorted(around, turn, side="right") - 1, 0, len(headings) - 1)
+    return i, (turn - around[i]) / (around[i + 1] - around[i])
+
+
+@dataclass(frozen=True)
+class Hindcast:
+    """Sea states at equal steps of time; nan where a row is missing."""
+
+    source: str
+    step_s: float
+    hs_m: Vector
+    tp_s: Vector
+    towards_deg: Vector | None  # direction of propagation, clockwise from north
+    month: NDArray[np.int64]  # 1 to 12 of each sample
+
+
+@dataclass(frozen=True)
+class AlphaTable:
+    """Alpha factors over limit and period, of a stated source."""
+
+    where: str
+    source: str
+    by_reference: bool  # whether its periods are T_R; else T_POP
+    hs_m: Vector
+    period_s: Vector
+    alpha: Vector  # (hs, periods)
+
+    def at(self, limit_hs_m: Vector, planned_s: float, reference_s: float) -> Vector:
+        """Return α at limits (n,), bilinear.
+
+        The factor of the largest Hs and of the shortest period holds beyond them, as α rises with
+        Hs and falls with the period.
+
+        Raises:
+            InputError: a limit is below the table, or the period above it.
+        """
+        period = reference_s if self.by_reference else planned_s
+        if period > self.period_s[-1]:
+            what = f"it ends at {self.period_s[-1] / SECONDS_PER_HOUR:g} h"
+            right = f"give alpha factors up to {period / SECONDS_PER_HOUR:g} h"
+            raise InputError(phrase(self.where, what, right))
+        least = float(limit_hs_m.min(initial=math.inf))
+        if least < self.hs_m[0]:
+            what = f"it begins at Hs {self.hs_m[0]:g} m, and a limit is {least:.3g} m"
+            raise InputError(phrase(self.where, what, "give alpha factors for that height"))
+        own = [np.interp(period, self.period_s, row) for row in self.alpha]
+        return np.asarray(np.interp(limit_hs_m, self.hs_m, own))
+
+
+def read_limits(path: Path) -> LimitTable:
+    """Read limiting sea states from CSV or JSON.
+
+    Raises:
+        InputError: the file is invalid; one sentence.
+    """
+    where = str(path)
+    rows = _json_rows(path) if path.suffix.lower() == ".json" else _csv_rows(path)
+    found: dict[str, dict[tuple[float, float], float]] = {}
+    for at, row in rows:
+        _need(at, row, ("tp_s", "limit_hs_m"))
+        name = str(row.get("phase") or ONE_PHASE).strip()
+        key = (_ranged(at, row, "tp_s", 1.0, LARGEST_TP_S),
+               _ranged(at, row, "heading_deg", -360.0, 360.0) % 360.0
+               if "heading_deg" in row else 0.0)  # fmt: skip
+        table = found.setdefault(name, {})
+        if key in table:
+            what = f"Tp {key[0]:g} s at heading {key[1]:g}° is double in phase '{name}'"
+            raise InputError(phrase(at, what, "give each once"))
+        table[key] = _ranged(at, row, "limit_hs_m", 0.0, LARGEST_HS_M)
+    if not found:
+        raise InputError(phrase(where, "it has no limits", "give rows of tp_s and limit_hs_m"))
+    tables = {name: _grid(where, name, table) for name, table in found.items()}
+    return LimitTable(where, tables)
+
+
+def _grid(
+    where: str, name: str, table: Mapping[tuple[float, float], float]
+) -> tuple[Vector, Vector, Vector]:
+    """Return axes and values of a full grid. Raises InputError: a pair is missing."""
+    periods = sorted({period for period, _ in table})
+    headings = sorted({heading for _, heading in table})
+    if len(periods) < 2:
+        raise InputError(phrase(f"{where}, phase '{name}'", "one Tp", "give two or more"))
+    for period in periods:
+        for heading in headings:
+            if (period, heading) not in table:
+                what = f"Tp {period:g} s at heading {heading:g}° is missing"
+                raise InputError(phrase(f"{where}, phase '{name}'", what, "give a full grid"))
+    values = [[table[period, heading] for heading in headings] for period in periods]
+    if len(headings) > 1 and headings[-1] <= 180.0 and (headings[0], headings[-1]) != (0.0, 180.0):
+        what = f"headings from {headings[0]:g}° to {headings[-1]:g}°"
+        right = "give them from 0° to 180°, or around, or one for any heading"
+        raise InputError(phrase(f"{where}, phase '{name}'", what, right))
+    return np.array(periods), np.array(headings), np.array(values)
+
+
+def read_hindcast(path: Path) -> Hindcast:
+    """Read a hindcast from CSV; rows may be missing, and their times are then not known.
+
+    Raises:
+        InputError: the file is invalid; one sentence.
+    """
+    where, times, numbers = str(path), list[datetime](), list[tuple[float, float, float]]()
+    column, turn = "", 0.0
+    for at, row in _csv_rows(path):
+        if not column:
+            column, turn = _direction_column(at, row)
+        times.append(_time(at, row["time"]))
+        hs, tp = _ranged(at, row, "hs_m", 0.0, LARGEST_HS_M), _ranged(at, row, "tp_s", 0.0, 60.0)
+        towards = _ranged(at, row, column, -360.0, 360.0) + turn if column != "none" else 0.0
+        if len(times) > 1 and times[-1] <= times[-2]:
+            raise InputError(phrase(at, "its time is not after the one above", "order the rows"))
+        numbers.append((hs, tp, towards))
+    if len(times) < 2:
+        raise InputError(phrase(where, "it has fewer than two rows", "give a time series"))
+    seconds = np.array([(one - times[0]).total_seconds() for one in times])
+    step = float(np.median(np.diff(seconds)))
+    index = np.rint(seconds / step).astype(np.int64)
+    off = np.abs(seconds - index * step) > 0.01 * step
+    if off.any():
+        what = (
+            f"{times[int(np.argmax(off))]:%Y-%m-%d %H:%M} is not at a step of {step / 60.0:g} min"
+        )
+        raise InputError(phrase(where, what, "give equal steps; rows may be missing"))
+    if step > LONGEST_STEP_S:
+        what = f"steps of {step / SECONDS_PER_HOUR:g} h"
+        right = f"give at most {LONGEST_STEP_S / SECONDS_PER_HOUR:g} h"
+        raise InputError(phrase(where, what, right))
+    filled = np.full((3, index[-1] + 1), np.nan)
+    filled[:, index] = np.array(numbers).T
+    start = np.datetime64(times[0].replace(tzinfo=None), "s")
+    stamps = start + np.rint(np.arange(index[-1] + 1) * step).astype("timedelta64[s]")
+    month = stamps.astype("datetime64[M]").astype(np.int64) % 12 + 1
+    towards_deg = None if column == "none" else filled[2]
+    return Hindcast(where, step, filled[0], filled[1], towards_deg, month)
+
+
+def _direction_column(at: str, row: Mapping[str, Any]) -> tuple[str, float]:
+    """Return the column of the direction, "none" without, and what turns it into that towards."""
+    _need(at, row, ("time", "hs_m", "tp_s"))
+    given = [name for name in ("direction_from_deg", "direction_to_deg") if name in row]
+    if len(given) == 2:
+        what = "both direction_from_deg and direction_to_deg"
+        raise InputError(phrase(at, what, "keep one of them"))
+    if not given:
+        if other := [name for name in row if "dir" in name]:
+            what = f"the column {other[0]} does not say which direction it is"
+            raise InputError(phrase(at, what, "name it direction_from_deg or direction_to_deg"))
+        return "none", 0.0
+    return given[0], 180.0 if given[0] == "direction_from_deg" else 0.0
+
+
+def _time(at: str, words: str) -> datetime:
+    try:
+        found = datetime.fromisoformat(words.strip())
+    except ValueError:
+        right = "give ISO 8601, like 2015-01-31T06:00"
+        raise InputError(phrase(at, f"'{words}' is not a time", right)) from None
+    return found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
+
+
+def read_alpha(path: Path) -> AlphaTable:
+    """Read alpha factors and their source.
+
+    Raises:
+        InputError: the file is invalid or names no source; one sentence.
+    """
+    where, found = str(path), dict[tuple[float, float], float]()
+    comments = [line.strip("# \n") for line in _text(path) if line.lstrip().startswith("#")]
+    source = next((one[7:].strip() for one in comments if one.lower().startswith("source:")), "")
+    if not source:
+        what = "it names no source"
+        right = "add a line `# source: ...` with the standard or forecast service"
+        raise InputError(phrase(where, what, right))
+    column = ""
+    for at, row in _csv_rows(path):
+        given = [name for name in ("planned_h", "reference_h") if name in row]
+        if len(given) != 1:
+            what = "there is not one column of periods"
+            right = "name it planned_h (T_POP) or reference_h (T_R)"
+            raise InputError(phrase(at, what, right))
+        column = given[0]
+        _need(at, row, ("hs_m", "alpha"))
+        key = (_ranged(at, row, "hs_m", 0.0, LARGEST_HS_M), _ranged(at, row, column, 0.0, 1e4))
+        if key in found:
+            raise InputError(phrase(at, "its height and period are double", "give each once"))
+        found[key] = _ranged(at, row, "alpha", 0.0, 1.0)
+    heights, periods = (sorted({key[k] for key in found}) for k in (0, 1))
+    if not found or len(found) != len(heights) * len(periods):
+        what = f"{len(found)} rows of {len(heights)} heights and {len(periods)} periods"
+        raise InputError(phrase(where, what, "give a full grid"))
+    alpha = np.array([[found[height, period] for period in periods] for height in heights])
+    hours = np.array(periods)
+    return AlphaTable(where, source, column == "reference_h", np.array(heights),
+                      SECONDS_PER_HOUR * hours, alpha)  # fmt: skip
+
+
+def _text(path: Path) -> list[str]:
+    try:
+        if path.stat().st_size > LARGEST_FILE_BYTES:
+            raise InputError(phrase(str(path), "it is larger than 200 MB", "give a smaller table"))
+        return path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        what = f"it cannot be read ({error})"
+        raise InputError(phrase(str(path), what, "give a text file")) from None
+
+
+def _csv_rows(path: Path) -> list[tuple[str, dict[str, str]]]:
+    """Return place and cells by name of each row. Raises InputError."""
+    told = [(k, line) for k, line in enumerate(_text(path), 1)
+            if line.strip() and not line.lstrip().startswith("#")]  # fmt: skip
+    if not told:
+        raise InputError(phrase(str(path), "it is empty", "give a header and rows"))
+    head = [name.strip() for name in next(csv.reader([told[0][1]]))]
+    rows = list[tuple[str, dict[str, str]]]()
+    for (number, _), cells in zip(told[1:], csv.reader(line for _, line in told[1:]), strict=True):
+        where = f"{path}, line {number}"
+        if len(cells) != len(head):
+            raise InputError(phrase(where, f"{len(cells)} values", f"the header has {len(head)}"))
+        rows.append((where, dict(zip(head, cells, strict=True))))
+    return rows
+
+
+def _json_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Return place and values of each limit. Raises InputError."""
+    right = "give an object whose `limits` is a list of objects"
+    try:
+        content = json.loads("\n".join(_text(path)))
+    except ValueError as error:
+        raise InputError(phrase(str(path), f"it is not JSON ({error})", right)) from None
+    listed = content.get("limits") if isinstance(content, dict) else None
+    if not isinstance(listed, list) or not all(isinstance(one, dict) for one in listed):
+        raise InputError(phrase(str(path), "there is no list `limits`", right))
+    return [(f"{path}, limits[{number}]", one) for number, one in enumerate(listed)]
+
+
+def _need(at: str, row: Mapping[str, Any], names: Sequence[str]) -> None:
+    for name in names:
+        if name not in row:
+            right = f"needed are {', '.join(names)}"
+            raise InputError(phrase(at, f"there is no {name}", right))
+
+
+def _ranged(at: str, row: Mapping[str, Any], name: str, low: float, high: float) -> float:
+    """Return a finite number within a range. Raises InputError."""
+    given = row[name]
+    try:
+        value = math.nan if isinstance(given, bool) or given is None else float(given)
+    except (TypeError, ValueError):
+        value = math.nan
+    if not (math.isfinite(value) and low <= value <= high):
+        raise InputError(phrase(at, f"{name} is {given!r}", f"give {low:g} to {high:g}"))
+    return value
