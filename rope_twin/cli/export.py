@@ -1,0 +1,48 @@
+"""`rope_twin export BAG --out FILE`: time series of a run for other programs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.recording.series_export import SERIES, check_ending, read_series, write_series
+from rope_twin.run.arguments import add_command, add_json, add_out
+
+EXAMPLES = (
+    "export lift --out lift.csv",
+    "export lift --out lift.parquet --topics ropes/tension_top payloads/state",
+    "export lift --out lift.nc --json",
+)
+MORE = """Writes a row for each stamp and a column for each number (topic/name/quantity_unit) as
+CSV, Parquet or netCDF by the ending of --out: pandas.read_csv, pandas.read_parquet and
+xarray.open_dataset read them. Numbers that a topic does not have at a stamp are empty."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `export`."""
+    about = "write the time series of a bag as CSV, Parquet or netCDF"
+    parser = add_command(subparsers, "export", about, EXAMPLES, MORE)
+    parser.add_argument("bag", metavar="BAG", help="a name in bags/ or a path")
+    add_out(parser, "FILE", "table to write: .csv, .parquet or .nc", required=True)
+    words = f"topics to export, of {', '.join(SERIES)} (default: all that are there)"
+    parser.add_argument("--topics", nargs="+", default=(), metavar="TOPIC", help=words)
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the table and return the exit code. Raises RopeTwinError."""
+    check_ending(args.out)
+    table = read_series(args.bag, args.topics)
+    write_series(table, args.out)
+    for words in table.problems:
+        sys.stderr.write(f"warning: {words}\n")
+    rows, end = len(table.time_s), float(table.time_s[-1])
+    if args.json:
+        found = {"file": args.out, "rows": rows, "end_s": end, "columns": list(table.columns)}
+        print_json(found | {"problems": list(table.problems)})
+    else:
+        print(f"{args.out}: {rows} rows to {end:.3f} s, {len(table.columns)} columns")
+    return ExitCode.OK

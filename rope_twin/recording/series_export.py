@@ -1,0 +1,240 @@
+"""Time series of a bag as a table: CSV, Parquet or netCDF, for pandas and xarray.
+
+A row for each stamp of the exported topics, a column for each number, with its unit in the name;
+what a topic does not have at a stamp is empty (NaN). Times count from the start of the simulation.
+A truncated bag is read up to its break.
+"""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import io
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.records import Channel
+
+from rope_twin import messages
+from rope_twin.errors import BagError, InputError, did_you_mean, phrase
+from rope_twin.messages.templates import NANOSECONDS
+from rope_twin.recording.bag import find_bag
+from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
+from rope_twin.sea.tables import Vector
+from rope_twin.whole_file import write_whole
+
+EPOCH = "twin/epoch"
+ENDINGS = (".csv", ".parquet", ".nc")
+Cells = Iterator[tuple[str, float]]
+
+
+def _joints(position: str, velocity: str, effort: str) -> Callable[[Any], Cells]:
+    """Return the cells of a JointState, whose parts have these names; "": not exported."""
+
+    def cells(message: Any) -> Cells:
+        for part, values in ((position, message.position), (velocity, message.velocity),
+                             (effort, message.effort)):  # fmt: skip
+            if part:
+                pairs = zip(message.name, values, strict=False)
+                yield from ((f"{name}/{part}", float(value)) for name, value in pairs)
+
+    return cells
+
+
+def _vector(value: Any, unit: str) -> Cells:
+    yield from ((f"{axis}_{unit}", float(getattr(value, axis))) for axis in "xyz")
+
+
+def _odometry(message: Any) -> Cells:
+    yield from _vector(message.pose.pose.position, "m")
+    yield from (
+        (f"v{name}", value) for name, value in _vector(message.twist.twist.linear, "m_per_s")
+    )
+
+
+def _heave(message: Any) -> Cells:
+    yield "z_m", float(message.pose.pose.position.z)
+    yield "vz_m_per_s", float(message.twist.twist.linear.z)
+
+
+def _bodies(message: Any) -> Cells:
+    for number, name in enumerate(message.joint_names):
+        own = message.transforms[number].translation
+        yield from ((f"{name}/{part}", value) for part, value in _vector(own, "m"))
+        if number < len(message.twist):
+            speed = _vector(message.twist[number].linear, "m_per_s")
+            yield from ((f"{name}/v{part}", value) for part, value in speed)
+
+
+def _wrench(message: Any) -> Cells:
+    yield from ((f"f{name}", value) for name, value in _vector(message.wrench.force, "n"))
+
+
+def _height(message: Any) -> Cells:
+    yield "z_m", float(message.point.z)
+
+
+SERIES: Mapping[str, Callable[[Any], Cells]] = {
+    "ropes/tension_top": _joints("", "", "tension_n"),
+    "ropes/tension_bottom": _joints("", "", "tension_n"),
+    "ropes/length": _joints("line_out_m", "payout_m_per_s", ""),
+    "payloads/state": _bodies,
+    "hang_off/odometry": _odometry,
+    "hang_off/wrench": _wrench,
+    "ship/heave": _heave,
+    "ship/odometry": _odometry,
+    "sea/elevation": _height,
+    "winch/measured": _joints("line_out_m", "payout_m_per_s", "tension_n"),
+    "winch/motor_tension": _joints("", "", "tension_n"),
+    "payload/measured_depth": _height,
+}
+
+
+@dataclass(frozen=True)
+class SeriesTable:
+    """Columns by name, `topic/name/quantity`, over a common time."""
+
+    time_s: Vector  # (rows,) ascending
+    columns: Mapping[str, Vector]  # (rows,) each; nan where there is no value
+    problems: tuple[str, ...]  # damage of the bag, one sentence each
+
+
+def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
+    """Return the time series of a bag.
+
+    topics: of SERIES; default: all that the bag has.
+
+    Raises:
+        BagError: no such bag, or it has none of these topics.
+        InputError: a topic has no time series.
+    """
+    for name in topics:
+        if name not in SERIES:
+            right = did_you_mean(name, SERIES)
+            raise InputError(phrase(f"topic '{name}'", "it has no time series", right))
+    path, problems = find_bag(bag), list[str]()
+    wanted = frozenset(topics or SERIES)
+    found: dict[str, dict[int, float]] = {}
+    epoch_ns: int | None = None
+    for name, data in _messages(path, wanted | {EPOCH}, problems):
+        try:
+            message = messages.decode(name, data)
+        except InputError as error:
+            problems.append(str(error))
+            continue
+        if name == EPOCH:
+            if epoch_ns is None:
+                epoch_ns = message.sec * NANOSECONDS + message.nanosec
+            continue
+        stamp = message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec
+        for part, value in SERIES[name](message):
+            found.setdefault(f"{name}/{part}", {})[stamp] = value
+    if not found:
+        right = f"it must have one of {', '.join(sorted(wanted))}"
+        raise BagError(phrase(f"bag {path}", "no topic with a time series", right))
+    stamps = np.array(sorted({stamp for own in found.values() for stamp in own}), np.int64)
+    columns = dict[str, Vector]()
+    for column, own in found.items():
+        values = np.full(len(stamps), math.nan)
+        values[np.searchsorted(stamps, np.fromiter(own, np.int64, len(own)))] = list(own.values())
+        columns[column] = values
+    begun_ns = int(stamps[0]) if epoch_ns is None else epoch_ns
+    return SeriesTable((stamps - begun_ns) / NANOSECONDS, columns, tuple(dict.fromkeys(problems)))
+
+
+def _messages(
+    path: Path, wanted: frozenset[str], problems: list[str]
+) -> Iterator[tuple[str, bytes]]:
+    """Yield topic and bytes of each message of these topics, in file order."""
+    files = mcap_files(path)
+    if not files:
+        what = "it holds no .mcap file"
+        raise BagError(phrase(f"bag {path}", what, "give a bag with MCAP storage"))
+    for file in files:
+        scan, names = McapScan(file), dict[int, str]()
+        for record in scan.records():
+            if isinstance(record, Channel):
+                topic = f"/{record.topic}"
+                own = next((one for one in wanted if topic.endswith(f"/{one}")), None)
+                if own is not None:
+                    names[record.id] = own
+            elif isinstance(record, StoredMessage) and record.channel_id in names:
+                yield names[record.channel_id], record.data
+        problems += scan.problems
+
+
+def check_ending(path: Path) -> None:
+    """Check, before a bag is read, that a table can be written at this path.
+
+    Raises:
+        InputError: its ending is none of ENDINGS, or the library of that format is missing.
+    """
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        right = f"end it in {', '.join(ENDINGS)}"
+        raise InputError(phrase("--out", f"'{path}' is no table that is written", right))
+    needed = {".csv": ((), ""), ".parquet": (("pyarrow",), "plot"),
+              ".nc": (("h5netcdf", "h5py"), "planning")}[ending]  # fmt: skip
+    missing = [name for name in needed[0] if importlib.util.find_spec(name) is None]
+    if missing:
+        right = f"install it with `pip install 'rope_twin[{needed[1]}]'`"
+        raise InputError(phrase(missing[0], f"{ending} needs it and it is not there", right))
+
+
+def write_series(table: SeriesTable, path: Path) -> None:
+    """Write a table in the format of its ending: all of it or, on an error, nothing.
+
+    Raises:
+        InputError: it cannot be written there.
+    """
+    check_ending(path)
+    form = {".csv": _csv, ".parquet": _parquet, ".nc": _netcdf}[path.suffix.lower()]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, form(table))
+    except OSError as error:
+        right = "give a place that can be written"
+        raise InputError(phrase(str(path), f"it cannot be written ({error})", right)) from None
+
+
+def _csv(table: SeriesTable) -> bytes:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["time_s", *table.columns])
+    for row in np.stack([table.time_s, *table.columns.values()], axis=1).tolist():
+        writer.writerow(["" if math.isnan(value) else repr(value) for value in row])
+    return stream.getvalue().encode()
+
+
+def _parquet(table: SeriesTable) -> bytes:
+    import pyarrow
+    import pyarrow.parquet as parquet
+
+    stream = io.BytesIO()
+    parquet.write_table(pyarrow.table({"time_s": table.time_s, **table.columns}), stream)
+    return stream.getvalue()
+
+
+def _netcdf(table: SeriesTable) -> bytes:
+    """Return a netCDF 4 file; slashes of names are dots there."""
+    import h5netcdf
+
+    stream = io.BytesIO()
+    with h5netcdf.File(stream, "w") as file:
+        file.dimensions = {"time_s": len(table.time_s)}
+        for name, values in {"time_s": table.time_s, **table.columns}.items():
+            own = file.create_variable(name.replace("/", "."), ("time_s",), "f8", data=values)
+            own.attrs["units"] = _unit(name)
+    return stream.getvalue()
+
+
+def _unit(name: str) -> str:
+    """Return the unit at the end of a column's name."""
+    for ending, unit in (("_m_per_s", "m s-1"), ("_m", "m"), ("_n", "N"), ("_s", "s")):
+        if name.endswith(ending):
+            return unit
+    return "1"
