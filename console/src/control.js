@@ -159,7 +159,7 @@ function panel() {
   }
   if (stopped) switches.push(["Reset", "reset"]);
   for (const [text, kind] of switches) {
-    parts.push(press(text, () => confirmed(kind, 0, SWITCHES[kind]), null, switches.length < 3 ? "half" : ""));
+    parts.push(press(text, () => confirmed(kind, 0, SWITCHES[kind]), null, ["", "whole", "half"][switches.length] ?? ""));
   }
   $("command").replaceChildren(...parts);
 }

@@ -80,6 +80,15 @@ def test_a_page_reads_the_topics_and_commands_the_winch(
     page.ask(4, do="command", kind="emergency_stop", winch="winch")
     bench.until(lambda: len(page.answers[4]) == 2, "the twin's answer")
     assert "emergency stop" in page.answers[4][-1]["words"]
+    page.ask(5, do="limit", name="tension_n", value=150e3)
+    bench.until(lambda: len(page.answers[5]) == 2, "the limit is in force")
+    assert page.answers[5][-1]["ok"], page.answers[5]
+    raised = "tension of 'hoist'"
+    bench.until(lambda: any(one["text"].startswith(raised) and "150.0 kN" in one["text"]
+                            for one in page.values.get("alerts", ())), "its alert")  # fmt: skip
+    page.ask(6, do="learning", what="tare")  # this run does not learn
+    bench.until(lambda: len(page.answers[6]) == 2, "no answer of the service")
+    assert "--learn" in page.answers[6][-1]["words"]
     page.close()  # the page is lost: its commander gives up the seat
     bench.until(lambda: "winch: free" in _seat(simulation), "the seat is free")
     console.close()
