@@ -84,8 +84,9 @@ class HangingRope:
 
     kind = "live"
 
-    def __init__(self, epoch_ns: int) -> None:
-        self._encoder, self._epoch_ns = messages.Encoder(epoch_ns), epoch_ns
+    def __init__(self, epoch_ns: int, pace: float = 1.0) -> None:
+        """Begin at `epoch_ns`; pace: the rope's time over real time."""
+        self._encoder, self._epoch_ns, self._pace = messages.Encoder(epoch_ns), epoch_ns, pace
         self._topics = [name for name in SHOWN if name in self._encoder.topics]
         self._last = -1
         self.spent_s = 0.0  # CPU time of making messages, which the suite does in a run
@@ -99,7 +100,7 @@ class HangingRope:
         self.spent_s += time.thread_time() - began_s
 
     def _poll(self, readings: Readings, now_s: float) -> None:
-        passed_s = time.time() - self._epoch_ns * 1e-9
+        passed_s = self._pace * (time.time() - self._epoch_ns * 1e-9)
         number = int(passed_s * PUBLISHED_HZ)
         if self._last < 0:
             readings.take("twin/epoch", messages.encode_epoch(self._epoch_ns), now_s)
@@ -191,8 +192,10 @@ def table(rows: Sequence[Row]) -> list[list[str]]:
     ]
 
 
-def _serve(epoch_ns: int) -> console_server.Server:
-    pages = Pages(HangingRope(epoch_ns), time.monotonic)
+def serve(epoch_ns: int, pace: float = 1.0) -> console_server.Server:
+    """Return a served console of a rope, with `pace` times as many rows as in a run."""
+    pages = Pages(HangingRope(epoch_ns, pace), time.monotonic)
+    pages.pace = pace
     desk = Desk(pages, time.monotonic)
     log = Log(pages)
     log.connect(desk)
@@ -205,7 +208,7 @@ def _server_pct(pages: int, duration_s: float) -> float:
     """Return the CPU of the server's thread with so many pages that read all [% of a core]."""
     from websockets.sync.client import connect
 
-    served = _serve(time.time_ns())
+    served = serve(time.time_ns())
     origin = served.address.rstrip("/")
     stopping = threading.Event()
 
@@ -229,7 +232,12 @@ def _server_pct(pages: int, duration_s: float) -> float:
     return 100.0 * (served.processor_s - source.spent_s) / passed_s
 
 
-def _browser(duration_s: float) -> dict[str, float]:
+def browsing_tools() -> tuple[Any, Any]:
+    """Return psutil and Playwright's entry.
+
+    Raises:
+        InputError: one of them or Chromium is missing.
+    """
     try:
         import psutil
         from playwright.sync_api import sync_playwright
@@ -239,8 +247,13 @@ def _browser(duration_s: float) -> dict[str, float]:
     if not CHROMIUM.exists():
         what = f"{CHROMIUM} does not exist"
         raise InputError(phrase("browser", what, "install the package chromium"))
+    return psutil, sync_playwright
+
+
+def _browser(duration_s: float) -> dict[str, float]:
+    psutil, sync_playwright = browsing_tools()
     epoch_ns = time.time_ns()
-    served = _serve(epoch_ns)
+    served = serve(epoch_ns)
     before = {one.pid for one in psutil.process_iter()}
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox"])

@@ -106,6 +106,7 @@ class Pages:
         self.before_tick: list[Callable[[], None]] = []
         # each is called with a row of the trend of the first rope
         self.rows: list[Callable[[Values], None]] = []
+        self.pace = 1.0  # rows over those of a run, for a test of hours in minutes
         self._number = 0
         self._rows = 0
         self.profile: list[Values] = []  # tension along each rope
@@ -196,7 +197,7 @@ class Pages:
 
     async def run(self) -> None:
         """Send rows until cancelled; a row that is late is not made up for."""
-        period_s, due_s = 1.0 / RATE_HZ, self._clock()
+        period_s, due_s = 1.0 / (RATE_HZ * self.pace), self._clock()
         while True:
             self.tick_or_report()
             due_s = max(due_s + period_s, self._clock())
