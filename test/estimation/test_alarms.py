@@ -87,14 +87,18 @@ def before_the_fault() -> tuple[FaultWatch, Estimator]:
 
 
 def watched(
-    weight: float = 1.0, bias_n: float = 0.0, slip_m_per_s: float = 0.0, stuck: int | None = None
-) -> tuple[FaultWatch, Estimator]:
-    """Return watch and estimator after SECONDS, with a fault from ONSET_S on."""
+    weight: float = 1.0, bias_n: float = 0.0, slip_m_per_s: float = 0.0, stuck: int | None = None,
+    tared: bool = False,
+) -> tuple[FaultWatch, Estimator]:  # fmt: skip
+    """Return watch and estimator after SECONDS, with a fault from ONSET_S on; tared: then."""
     watch, estimator = before_the_fault()
     estimator.model.lift = lift_with(weight, bias_n, slip_m_per_s, stuck)
     own = copy(estimator)
     own.noise, own.results = deepcopy(estimator.noise), list(estimator.results)
     branch = watch.branch(own)
+    if tared:
+        own.tare()
+        branch.tare()
     follow(branch, own, ONSET_S, SECONDS - 1.0)
     return branch, own
 
@@ -141,6 +145,18 @@ def test_an_offset_of_the_load_pin_is_named() -> None:
     assert alarm.found_s - ONSET_S <= 6.0
     assert PIN_OFFSET in alarm.causes
     assert alarm.begun_s == pytest.approx(ONSET_S, abs=2.0)
+
+
+def test_another_zero_after_a_tare_is_no_fault() -> None:
+    """The same offset as above: the tests begin again after two blocks. An alarm stays on."""
+    watch, estimator = watched(bias_n=3000.0, tared=True)
+    assert watch.alarm is None
+    assert watch.tests is None
+    assert len(estimator.results) == 3
+    stuck, _ = watched(stuck=0)
+    stuck.tare()
+    assert alarm_of(stuck).causes == (STUCK_PIN,)
+    assert stuck.frozen
 
 
 def test_a_slip_of_the_line_is_named() -> None:
