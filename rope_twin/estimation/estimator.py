@@ -78,7 +78,7 @@ class Estimator:
         self.model = model
         self.state, self.state_s = state, begin_s
         self._running: Prediction | None = None
-        self._coloured: Floats = np.empty(0)  # autocovariance for innovations of a running block
+        self._coloured: Floats = np.empty((0, 0))  # autocovariances for a running block
         self._coloured_s = -np.inf  # that began then
 
     @property
@@ -134,8 +134,8 @@ class Estimator:
             pass
         return self.results[before:]
 
-    def autocovariance(self, count: int, end_s: float) -> Floats:
-        """Return the autocovariance of the heave's error as a tension [N²], (count,)."""
+    def autocovariances(self, count: int, end_s: float) -> Floats:
+        """Return those of the heave's error as a tension by octaves [N²], (BANDS, count)."""
         lift, learning = self.model.lift, self.prior.learning
         heave = lift.heave_grid(end_s - SPECTRUM_S, end_s, SPECTRUM_INTERVAL_S)
         line, speed = lift.line_motion(end_s - BLOCK_S + np.arange(SPEEDS) * BLOCK_S / SPEEDS)
@@ -151,14 +151,14 @@ class Estimator:
         measured, samples = self.model.lift.tension_means(begin_s, end_s)
         if self.noise is None:
             self.noise = ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
-        autocovariance = self.autocovariance(len(measured), end_s)
-        R = self.noise.covariance(autocovariance)
+        autocovariances = self.autocovariances(len(measured), end_s)
+        R = self.noise.covariance(autocovariances)
         predicted, J = self.model.linearised(prediction, begin_s)
         self.innovation = self._innovation(measured - predicted, J, R, begin_s)
         posterior, nis = self.belief, np.nan
         used = np.isfinite(measured)
         if used.mean() >= LEAST_USED:
-            posterior, used, nis = self._learn(measured, predicted, J, R, autocovariance)
+            posterior, used, nis = self._learn(measured, predicted, J, R, autocovariances)
         held = self.prior.held(self.theta)
         self.results.append(BlockResult(end_s, posterior, float(used.mean()), nis, held))
         growth = np.diag((DRIFT * self.prior.sd) ** 2) * BLOCK_S / 60.0
@@ -167,7 +167,7 @@ class Estimator:
         self.state_s = begin_s
 
     def _learn(
-        self, measured: Floats, predicted: Floats, J: Floats, R: Floats, autocovariance: Floats
+        self, measured: Floats, predicted: Floats, J: Floats, R: Floats, autocovariances: Floats
     ) -> tuple[Gaussian, Floats, float]:
         """Move θ to its posterior mean; return the posterior, the used samples and the NIS.
 
@@ -194,7 +194,7 @@ class Estimator:
             before, self.theta = self.theta, self.prior.within(step.theta)
         left = residual - J @ (self.theta - before)
         whitened = whiten(left)
-        self.noise.learn(left, used, autocovariance)
+        self.noise.learn(left, used, autocovariances)
         posterior = Gaussian(self.theta.copy(), step.posterior.covariance)
         return posterior, used, float(whitened @ whitened) / max(int(used.sum()), 1)
 
@@ -232,8 +232,8 @@ class Estimator:
         noise = self.noise or ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
         if self._coloured_s != begin_s:  # once a block: it changes with sea and figures only
             whole = round(BLOCK_S / MEAN_S)
-            self._coloured, self._coloured_s = self.autocovariance(whole, end_s), begin_s
-        R = noise.covariance(self._coloured[:count])
+            self._coloured, self._coloured_s = self.autocovariances(whole, end_s), begin_s
+        R = noise.covariance(self._coloured[:, :count])
         predicted, J = self.model.linearised(self._running, begin_s)
         return self._innovation(measured - predicted[:count], J[:count], R, begin_s)
 

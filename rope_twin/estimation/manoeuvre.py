@@ -98,7 +98,7 @@ def expected_after(estimator: Estimator, scene: Scene) -> list[tuple[str, Gaussi
             model.lift = planned
             prediction = model.predict(posterior.mean, state, 0.0, BURN_IN_S + BLOCK_S)
             _, J = model.linearised(prediction, BURN_IN_S)
-            R = noise.covariance(estimator.autocovariance(len(J), BURN_IN_S + BLOCK_S))
+            R = noise.covariance(estimator.autocovariances(len(J), BURN_IN_S + BLOCK_S))
             gained = TEMPER * J.T @ np.linalg.solve(R, J)
             covariance = inverse(inverse(posterior.covariance) + gained)
             found.append((words, Gaussian(posterior.mean, covariance)))

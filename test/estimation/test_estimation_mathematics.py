@@ -210,11 +210,15 @@ def test_error_spectrum_has_its_variance_and_its_band() -> None:
     S = heave_error_spectrum(0.025)
     assert S.sum() * FREQUENCY_STEP_HZ == pytest.approx(0.025**2)
     bar = uniform(EA_n=np.array([1e12]), damping_newton_seconds=np.array([0.0]))
-    r = tension_error_autocovariance(bar, np.zeros_like(S), 0.025, 40, 0.25)
+    octaves = tension_error_autocovariance(bar, np.zeros_like(S), 0.025, 40, 0.25)
+    r = octaves.sum(axis=0)
     w = 2.0 * np.pi * FREQUENCY_HZ
     force = (48648.0 + 3000.0 * 6.384) ** 2 * (w**4 * S).sum() * FREQUENCY_STEP_HZ
     assert r[0] == pytest.approx(force, rel=1e-3)
-    assert np.linalg.eigvalsh(toeplitz(r)).min() > -1e-9 * r[0]
+    assert all(np.linalg.eigvalsh(toeplitz(one)).min() > -1e-9 * r[0] for one in octaves)
+    beyond = FREQUENCY_HZ >= 0.1
+    share = (w**4 * S)[beyond].sum() / (w**4 * S).sum()
+    assert octaves[-1, 0] / r[0] == pytest.approx(share, rel=1e-3)
 
 
 def test_heave_spectrum_has_the_variance_of_a_sine() -> None:
@@ -225,18 +229,24 @@ def test_heave_spectrum_has_the_variance_of_a_sine() -> None:
     assert FREQUENCY_HZ[psd.argmax()] == pytest.approx(0.1, abs=0.005)
 
 
-@pytest.mark.parametrize(("level", "white"), [(0.5, 1.0), (2.0, 1.0), (1.0, 2.5)])
-def test_noise_levels_follow_the_residuals(level: float, white: float) -> None:
-    """Residuals drawn with a level are given that level back, to the neighbouring grid value."""
+@pytest.mark.parametrize(
+    ("levels", "white"),
+    [((0.5, 0.5), 1.0), ((2.0, 0.5), 1.0), ((0.5, 2.0), 1.0), ((1.0, 1.0), 2.5)],
+)
+def test_noise_levels_follow_the_residuals(levels: tuple[float, float], white: float) -> None:
+    """Residuals drawn with levels are given these back, to the neighbouring grid value."""
     rng = np.random.default_rng(4)
-    r = 4e6 * 0.9 ** np.arange(240) * np.cos(0.2 * np.arange(240))
-    noise = ResidualNoise(1000.0)
-    factor = np.linalg.cholesky(level**2 * toeplitz(r) + (1000.0 * white) ** 2 * np.eye(240))
+    lag = np.arange(240)
+    r = np.array([4e6 * 0.9**lag * np.cos(w * lag) for w in (0.2, 1.2)])
+    noise = ResidualNoise(1000.0, 2)
+    R = toeplitz(np.square(levels) @ r) + (1000.0 * white) ** 2 * np.eye(240)
+    factor = np.linalg.cholesky(R)
     for _ in range(5):
         noise.learn(factor @ rng.standard_normal(240), np.ones(240, bool), r)
-    assert level / 1.5 < noise.level < level * 1.5
+    assert (noise.levels / levels < 1.5).all()
+    assert (noise.levels / levels > 1.0 / 1.5).all()
     assert white / 1.35 < noise.white_n / 1000.0 < white * 1.35
-    assert noise.covariance(r)[0, 0] == pytest.approx(noise.level**2 * r[0] + noise.white_n**2)
+    assert noise.covariance(r)[0, 0] == pytest.approx(noise.levels**2 @ r[:, 0] + noise.white_n**2)
 
 
 def test_dahl_friction_of_a_monotone_travel() -> None:
@@ -321,10 +331,10 @@ def test_friction_at_zero_is_reported_as_held() -> None:
 def test_samples_that_are_not_used_do_not_lower_the_noise() -> None:
     """White noise of 1.6 times the nominal one is found with a third of the samples missing."""
     rng = np.random.default_rng(4)
-    noise = ResidualNoise(1000.0)
+    noise = ResidualNoise(1000.0, 1)
     for _ in range(5):
         left, used = 1600.0 * rng.standard_normal(240), np.ones(240, dtype=bool)
         used[80:160] = False
         left[80:160] = np.nan
-        noise.learn(left, used, 1.0 * (np.arange(240) == 0))
+        noise.learn(left, used, 1.0 * (np.arange(240) == 0)[None])
     assert noise.white_n == 1600.0
