@@ -331,7 +331,8 @@ class FaultWatch:
         """Give new samples to the rules on stuck sensors."""
         lift = self._lift
         counter = lift.counter if np.isfinite(lift.counter.newest_s) else lift.line_out
-        for k, series in enumerate((lift.tension, lift.heave, counter)):
+        sensor = lift.sensor if np.isfinite(lift.sensor.newest_s) else lift.heave
+        for k, series in enumerate((lift.tension, sensor, counter)):
             table = series.table
             first = np.searchsorted(table[:, 0], self._heard_s[k], side="right")
             last = np.searchsorted(table[:, 0], until_s, side="right")

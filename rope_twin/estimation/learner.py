@@ -16,7 +16,7 @@ from rope_twin.estimation.gauss_newton import Innovation
 from rope_twin.estimation.learnable_scene import check_learnable, scene_prior
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MeasuredLift
-from rope_twin.estimation.worker import Begin, Input, Motion, Reading
+from rope_twin.estimation.worker import Begin, Heave, Input, Motion, Reading
 from rope_twin.scene.schema import Scene
 
 KEPT_S = SPECTRUM_S + 2.0 * BURN_IN_S  # of measured series
@@ -118,6 +118,8 @@ class Learner:
         elif isinstance(inputs, Reading):
             self._lift.tension.add(inputs.time_s, inputs.tension_n - self._bias_n)
             self._lift.counter.add(inputs.time_s, inputs.line_out_m)
+        elif isinstance(inputs, Heave):
+            self._lift.sensor.add(*inputs)
         elif isinstance(inputs, Begin):
             self._begin(inputs)
 

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.estimation.alarm_task import AlarmTask
 from rope_twin.estimation.learner import Estimate, Learner
-from rope_twin.estimation.worker import Ask, Begin, Motion, Reading, Task, Worker
+from rope_twin.estimation.worker import Ask, Begin, Heave, Motion, Reading, Task, Worker
 from rope_twin.messages.estimate import estimate_status
 from rope_twin.messages.status import Status
 from rope_twin.scene.measured import SHEAVE
@@ -90,6 +90,10 @@ class LiveLearning:
             if name in self._names and not (tension_n is None and line_out is None):
                 values = (math.nan if one is None else one for one in (tension_n, line_out))
                 self.worker.take(Reading(measurement.stamp_ns * 1e-9, *values))
+
+    def hear_motion(self, stamp_ns: int, heave_m: float) -> None:
+        """Pass a sample of the motion sensor on, as it came; the rule on stuck sensors has it."""
+        self.worker.take(Heave(stamp_ns * 1e-9, heave_m))
 
     def take_new(self) -> Estimate | None:
         """Return what was learned since the last call; None: nothing."""

@@ -137,6 +137,7 @@ class MeasuredLift:
         self.tension = Series(1)  # at the sheave [N]
         self.heave = Series(2)  # of the hang-off [m], its rate [m/s]
         self.line_out = Series(1)  # of the rope that is predicted [m]
+        self.sensor = Series(1)  # heave as the motion sensor measures it, if heave is a twin's [m]
         self.counter = Series(1)  # as the line counter measures it, if line_out is a twin's [m]
 
     @property
@@ -158,7 +159,7 @@ class MeasuredLift:
 
     def drop_before(self, time_s: float) -> None:
         """Forget all samples before a time."""
-        for one in (self.tension, self.heave, self.line_out, self.counter):
+        for one in (self.tension, self.heave, self.line_out, self.sensor, self.counter):
             one.drop_before(time_s)
 
     def tension_means(self, begin_s: float, end_s: float) -> tuple[Floats, float]:

@@ -40,6 +40,13 @@ class Reading(NamedTuple):
     line_out_m: float = math.nan
 
 
+class Heave(NamedTuple):
+    """Sample of the motion sensor as it came, which the twin may have refused, in twin time."""
+
+    time_s: float
+    heave_m: float
+
+
 class Begin(NamedTuple):
     """State of the live twin, from which tasks begin (again)."""
 
@@ -52,7 +59,7 @@ class Ask(NamedTuple):
     act: Callable[[], None]
 
 
-Input = Motion | Reading | Begin | Ask
+Input = Motion | Reading | Heave | Begin | Ask
 
 
 class Task(Protocol):

@@ -297,6 +297,7 @@ class PacedTwin:
         self.border = InputBorder(self.twin, self._inputs, params.command_priority)
         if self.learning is not None:
             self.border.listener = self.learning.hear
+            self.border.motion_listener = self.learning.hear_motion
         self._process_s = 0.0  # CPU time of the whole process before the last halt
         self._process_at_s: float | None = None  # process time at the last start; None: halted
         self._broken = BreachWords()

@@ -117,6 +117,8 @@ class InputBorder:
         )
         # is given each measurement that could be decoded, in twin time; None: nobody listens
         self.listener: Callable[[Measurement], None] | None = None
+        # likewise stamp [ns] and height [m] of each sample of motion
+        self.motion_listener: Callable[[int, float], None] | None = None
         self.epoch_ns: int | None = None  # ROS time of t = 0; None: all inputs are ignored
 
     def take_motion(
@@ -143,6 +145,9 @@ class InputBorder:
                 return
         arrival_ns = None if received_ns is None else received_ns - epoch_ns
         stamp_ns, sample = content
+        if self.motion_listener is not None:
+            height_m = sample.position_m[2] if isinstance(sample, ShipPose) else sample[0]
+            self.motion_listener(stamp_ns - epoch_ns, height_m)
         if isinstance(sample, ShipPose):
             self._inputs.offer_pose(replace(sample, stamp_ns=stamp_ns - epoch_ns), arrival_ns)
         else:

@@ -9,7 +9,7 @@ from learned_lift import NOISE_N, lift
 from test_live_learning import new_learning
 
 from rope_twin.estimation.alarm_task import ROW
-from rope_twin.estimation.causes import STUCK_PIN
+from rope_twin.estimation.causes import STUCK_PIN, STUCK_SENSOR
 from rope_twin.estimation.worker import Motion
 from rope_twin.messages.cdr import typestore
 from rope_twin.messages.estimate import alarm_words, encode_alarm
@@ -68,6 +68,31 @@ def test_a_stuck_load_pin_is_an_alarm_until_it_is_acknowledged(tmp_path: Path) -
     assert len(estimator.model.lift.counter.table) > 0
     assert next(learning.new_alarms()) == ""
     assert learning.learner.trouble == ""
+
+
+def test_a_stuck_motion_sensor_is_found_though_the_twin_moves_on(tmp_path: Path) -> None:
+    """The twin refuses the repeats and goes on by itself; the rule hears the sensor."""
+    twin, queue, learning = new_learning(tmp_path)
+    learning.start(twin)
+    learning.worker.stop()
+    learning.worker._stopping.clear()
+    series = lift()
+    line = dict(series.line_out.table)
+    queue.advance(1)
+    for k in range(round(SECONDS / 0.05)):
+        at, z, v = (float(one) for one in series.heave.table[k])
+        force = float(series.tension.table[k, 1])
+        learning.hear(Measurement.of_winch(round(at * 1e9), line[at], 0.0, force))
+        learning.worker.take(Motion(at, z, v, line[at]))
+        stuck = float(series.heave.table[min(k, round(STUCK_S / 0.05)), 1])
+        learning.hear_motion(round(at * 1e9), stuck)
+        if k % 100 == 99:
+            learning.worker.work()
+    alarm = learning.alarms.newest
+    assert alarm is not None
+    assert alarm.causes == (STUCK_SENSOR,)
+    assert alarm.begun_s == pytest.approx(STUCK_S, abs=0.06)
+    assert alarm.found_s == pytest.approx(STUCK_S + 1.0, abs=0.06)
 
 
 def test_the_message_is_the_alarm_in_words() -> None:

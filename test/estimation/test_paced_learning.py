@@ -45,6 +45,7 @@ def test_without_learning_there_is_no_thread(scene_file: str, tmp_path: Path) ->
     paced = PacedTwin(load_scene(scene_file), params, lambda name, data: None)
     assert paced.learning is None
     assert paced.border.listener is None
+    assert paced.border.motion_listener is None
     assert ROW not in [row.name for row in paced.rows(Clocks(0, time.monotonic_ns()))]
     assert not worker_threads()
 

@@ -8,11 +8,13 @@ import pytest
 
 from rope_twin.messages import Level, Status, encode_current, encode_heave, encode_order
 from rope_twin.messages.forecast import encode_forecast
+from rope_twin.messages.inputs import encode_pose
 from rope_twin.run.border import MESSAGES_ROW, SENDERS_ROW, InputBorder, MotionSender
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import FORECAST_RISK
 from rope_twin.twin.input_queue import InputQueue, LogEntry
+from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
 
@@ -78,6 +80,17 @@ def test_of_two_senders_of_motion_the_first_is_heard(rig: Rig) -> None:
     assert rig.border.mixed.startswith("ship/heave")
     rig.now_s += 61.0
     assert rig.row(SENDERS_ROW).level == Level.OK, "a minute later it has healed"
+
+
+def test_a_listener_hears_motion_as_it_comes(rig: Rig) -> None:
+    """In twin time, samples that the twin will refuse too, but none of a second sender."""
+    heard: list[tuple[int, float]] = []
+    rig.border.motion_listener = lambda stamp_ns, height_m: heard.append((stamp_ns, height_m))
+    for sender in ("mru", "stranger"):
+        rig.heave(0.05, sender)
+    data = encode_pose(EPOCH_NS, ShipPose(0, (1.0, 2.0, 0.3), (0.0, 0.0, 0.0)))
+    rig.border.take_motion("ship/odometry", data)
+    assert heard == [(50_000_000, 0.1), (0, 0.3)]
 
 
 def test_a_sender_that_takes_over_is_followed() -> None:
