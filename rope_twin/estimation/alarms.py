@@ -257,6 +257,7 @@ class FaultWatch:
         self._prediction = self._model.trimmed(self._prediction, from_s)
         predicted, J = self._model.linearised(self._prediction, from_s)
         measured, _ = self._lift.tension_means(first_s, end_s)
+        measured = self._model.without_slack(self._prediction, first_s, measured)
         new = slice(len(predicted) - len(measured), None)
         return measured - predicted[new], J[new], predicted[new]
 

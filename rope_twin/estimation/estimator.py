@@ -149,6 +149,7 @@ class Estimator:
         """Learn from the block whose end a prediction with the present figures has reached."""
         begin_s, end_s = self.block_begin_s, self.block_end_s
         measured, samples = self.model.lift.tension_means(begin_s, end_s)
+        measured = self.model.without_slack(prediction, begin_s, measured)
         if self.noise is None:
             self.noise = ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
         autocovariances = self.autocovariances(len(measured), end_s)
@@ -229,6 +230,7 @@ class Estimator:
         self.model.extend(self._running, end_s)
         count = round((end_s - begin_s) / MEAN_S)
         measured, samples = self.model.lift.tension_means(begin_s, end_s)
+        measured = self.model.without_slack(self._running, begin_s, measured)
         noise = self.noise or ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
         if self._coloured_s != begin_s:  # once a block: it changes with sea and figures only
             whole = round(BLOCK_S / MEAN_S)

@@ -29,12 +29,13 @@ from rope_twin.estimation.figures import (
 )
 from rope_twin.estimation.impedance import Bar, bar_of
 from rope_twin.estimation.load_pin import LoadPin
-from rope_twin.estimation.measured_lift import MEAN_S, MeasuredLift
+from rope_twin.estimation.measured_lift import FORGETTING_S, MEAN_S, MeasuredLift
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState, LiveState
 
 ELEMENTS, STEP_S = 20, 0.05
 STEPS_PER_MEAN = round(MEAN_S / STEP_S)
+SLACK_BELOW_N = 1.0  # an element that carries less hangs loose
 RAMP_S = 10.0  # over which the ship's motion builds up from rest
 # differences of the load pin's own figures: exact for bias and gain
 PIN_STEPS: Mapping[str, float] = {BIAS: 100.0, GAIN: 0.003, FRICTION: 0.004}
@@ -52,6 +53,7 @@ class Prediction:
     line_out_m: list[Floats] = field(default_factory=list)  # (steps,) each
     # of the rope over the sheave before `begin_s`: friction state and position; None: none
     sheave: Floats | None = None  # (2, members)
+    slack_s: Floats = field(default_factory=lambda: np.empty(0))  # ends of means with slack rope
 
 
 class LiftModel:
@@ -114,9 +116,11 @@ class LiftModel:
         self._fleet.restore(prediction.states)
         times = _borders(prediction.end_s, steps)
         inputs = self._inputs(times, thetas)
-        record = self._fleet.advance(inputs, look_steps=steps)
+        record = self._fleet.advance(inputs, look_steps=STEPS_PER_MEAN)
         if 0 in record.failures:
             raise SolverError(record.failures[0])
+        slack = times[STEPS_PER_MEAN::STEPS_PER_MEAN][record.least_tension_n[:, 0] < SLACK_BELOW_N]
+        prediction.slack_s = np.append(prediction.slack_s, slack)
         prediction.tension_n.append(record.top_tension_n)
         prediction.line_out_m.append(np.asarray(inputs.line_out_m)[1:])
         prediction.end_s = float(times[-1])
@@ -149,6 +153,17 @@ class LiftModel:
         prediction = self.begin(theta, state, begin_s)
         self.extend(prediction, end_s)
         return prediction
+
+    def without_slack(self, prediction: Prediction, begin_s: float, means: Floats) -> Floats:
+        """Return means from begin on, (k,), with NaN while the predicted rope is slack and after.
+
+        When it is taut again follows from elements and steps as much as from the figures, and what
+        the jerk leaves in the rope lasts FORGETTING_S.
+        """
+        ends = begin_s + MEAN_S * np.arange(1, len(means) + 1)
+        since = ends[:, None] - prediction.slack_s
+        near = ((since > -0.5 * MEAN_S) & (since < FORGETTING_S)).any(axis=1)
+        return np.where(near, np.nan, means)
 
     def linearised(self, prediction: Prediction, from_s: float) -> tuple[Floats, Floats]:
         """Return the predicted means from a time on, (k,) [N], and their Jacobian, (k, COUNT).

@@ -167,3 +167,26 @@ def test_ropes_that_meet_cannot_be_learned() -> None:
     """One sentence says so."""
     with pytest.raises(InputError, match="meet"):
         LiftModel(load_scene("bridle_lift"), MeasuredLift(1.0))
+
+
+def test_what_a_slack_rope_leaves_is_not_learned() -> None:
+    """Heave six times as high lifts the tool: means in a slack and 30 s after it are missing."""
+    calm = lift()
+    rough = MeasuredLift(NOISE_N)
+    rough.tension, rough.line_out = calm.tension, calm.line_out
+    time_s, z, v = calm.heave.table.T
+    rough.heave.extend(time_s, 6.0 * z, 6.0 * v)
+    means = np.ones(240)
+    for series, goes_slack in ((calm, False), (rough, True)):
+        model = LiftModel(scene(), series)
+        theta = prior().mean
+        whole = model.predict(theta, model.begin_at_rest(0.0), 0.0, 120.0)
+        assert bool(len(whole.slack_s)) == goes_slack
+        assert np.isnan(model.without_slack(whole, 60.0, means)).any() == goes_slack
+    whole.slack_s = np.array([70.0])
+    ends = 60.0 + 0.25 * np.arange(1, 241)
+    missing = np.isnan(model.without_slack(whole, 60.0, means))
+    assert np.array_equal(missing, (ends >= 70.0) & (ends < 100.0))
+    (first, *_) = estimator(rough).run()
+    assert first.used < 0.25
+    assert np.array_equal(first.posterior.covariance, prior().gaussian.covariance)
