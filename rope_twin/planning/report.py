@@ -127,8 +127,8 @@ def _svg(figure: Any, salt: str, jinja2: Any) -> Any:
 
 
 def _lowest(cells: Sequence[CellLimit]) -> CellLimit:
-    """Return the cell with the lowest limit."""
-    return min(cells, key=lambda cell: (cell.height_m or 0.0, cell.crossing_m))
+    """Return the cell with the lowest limit; one without a limit only if there is no other."""
+    return min(cells, key=lambda cell: (bool(cell.capped), cell.height_m or 0.0, cell.crossing_m))
 
 
 def _summary(result: PlanResult, work: PhaseWork) -> dict[str, Any]:

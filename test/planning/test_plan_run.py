@@ -256,6 +256,19 @@ def check_report(text: str, found: dict) -> None:
     assert "/tmp/" not in text
 
 
+def test_python_and_command_agree(small: Path, tmp_path: Path) -> None:
+    """`from rope_twin import plan` finds what the command finds, in memory or in a folder."""
+    import rope_twin
+
+    kept = rope_twin.plan(small, tmp_path / "kept", threads=1)
+    again = rope_twin.plan(small, tmp_path / "kept", threads=1)
+    memory = rope_twin.plan(str(small), threads=2)
+    assert (tmp_path / "kept" / "runs.parquet").is_file()
+    assert again.made == 0 < kept.made == memory.made
+    assert kept.cells == memory.cells == again.cells
+    assert [cell.period_s for cell in kept.of_phase("at_depth")] == [9.0, 12.0]
+
+
 def test_folder_of_another_plan_is_refused(small: Path, tmp_path: Path) -> None:
     """Rows of other numbers do not mix."""
     own, scene = read_plan(small)
