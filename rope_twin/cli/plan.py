@@ -64,6 +64,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add("--report", action="store_true",
         help="write report.html: inputs, limits, governing runs, errors")  # fmt: skip
     add("--threads", type=int, metavar="N", help="cells at a time (default: one a core)")
+    add("--scheduler", default="", metavar="ADDRESS", help="Dask scheduler whose workers run it")
     add("--cell", default="", metavar="PHASE,TP,HEADING",
         help="run the governing run of one cell again, and draw it")  # fmt: skip
     add_json(parser)
@@ -102,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
             progress.show(f"{done} of {total} cells, {runs} runs{left}")
 
     with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
-        result = run_plan(plan, scene, folder, report, args.threads)
+        result = run_plan(plan, scene, folder, report, args.threads, args.scheduler)
         rows = folder.close_rows()
         if args.report:
             write_report(result, folder, out / REPORT)

@@ -9,7 +9,7 @@ search begins at the limit of the simplified method and evaluates heights near t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -18,12 +18,17 @@ import numpy as np
 from rope_twin.errors import RopeTwinError
 from rope_twin.planning.judgement import Judgement, Limit, judge, limits_of, simplified_uses
 from rope_twin.planning.phases import Leg
-from rope_twin.planning.plan_file import Plan
+from rope_twin.planning.plan_file import LEGS_MOST, SEEDS_MOST, Plan
 from rope_twin.planning.runs import Row, Ship, run_seeds, sea_seed
 from rope_twin.planning.seas import SeaState
 from rope_twin.planning.simplified import Simplified, simplified
 from rope_twin.scene.card import Setting
 from rope_twin.scene.schema import Scene
+
+
+def runs_of_cell(plan: Plan) -> int:
+    """Return how many run numbers a cell has."""
+    return len(plan.sea.hs_m.values) * LEGS_MOST * SEEDS_MOST
 
 
 class RowStore(Protocol):
@@ -34,6 +39,9 @@ class RowStore(Protocol):
 
     def add(self, rows: Sequence[Row]) -> None:
         """Keep the rows of finished runs."""
+
+    def kept(self) -> Mapping[int, Row]:
+        """Return all rows by their runs."""
 
 
 @dataclass
@@ -49,6 +57,10 @@ class MemoryStore:
     def add(self, rows: Sequence[Row]) -> None:
         """Keep the rows of finished runs."""
         self.rows |= {int(row["run"]): row for row in rows}
+
+    def kept(self) -> Mapping[int, Row]:
+        """Return all rows by their runs."""
+        return self.rows
 
 
 @dataclass(frozen=True)
@@ -131,8 +143,7 @@ class Cell:
         periods, headings = len(plan.sea.tp_s), len(plan.sea.headings_deg)
         phase, period, heading = self._cell
         cell = (phase * periods + period) * headings + heading
-        heights = len(plan.sea.hs_m.values)
-        return ((cell * heights + height) * 50 + leg) * 10_000 + seed
+        return cell * runs_of_cell(plan) + (height * LEGS_MOST + leg) * SEEDS_MOST + seed
 
     def rows(self, height: int, seeds: int) -> list[Row]:
         """Return the rows of the first seeds at a height; those that are not there are run.

@@ -15,6 +15,7 @@ from rope_twin.sea.raos import NO_CONVENTIONS, RaoConventions
 from rope_twin.sea.spectrum import breaking_fault
 
 CELLS_MOST = 5_000
+LEGS_MOST, SEEDS_MOST = 50, 10_000
 HEIGHTS_MOST = 200
 
 
@@ -102,7 +103,7 @@ class Lowering:
     speed_m_per_s: float = quantity("speed of the winch", "m/s", 0.01, 5.0)
     legs: int | None = quantity(
         "legs with a mesh and a sea of their own; default: each ends at 1.5 times its depth", "",
-        1, 50, default=None,
+        1, LEGS_MOST, default=None,
     )  # fmt: skip
 
     def check(self) -> str | None:
@@ -217,7 +218,7 @@ class Seeds:
     """Number of seeds of a cell: it grows in steps of `start` until the interval is narrow."""
 
     start: int = quantity("seeds to begin with, and to add at a time", "", 3, 1000, default=8)
-    most: int = quantity("most seeds of a cell", "", 3, 10_000, default=64)
+    most: int = quantity("most seeds of a cell", "", 3, SEEDS_MOST, default=64)
 
     def check(self) -> str | None:
         """Return a fault of the numbers, or None."""

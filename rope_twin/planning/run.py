@@ -10,14 +10,22 @@ import hashlib
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.planning.cells import Cell, CellLimit, MemoryStore, PhaseWork, RowStore, phase_work
+from rope_twin.planning.cells import (
+    Cell,
+    CellLimit,
+    MemoryStore,
+    PhaseWork,
+    RowStore,
+    phase_work,
+    runs_of_cell,
+)
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import bow_of, read_plan, spreading_of, tip_of
@@ -25,7 +33,7 @@ from rope_twin.planning.runs import Row, Ship
 from rope_twin.planning.settings import choose_setting, governing_error
 from rope_twin.scene.card import KnownError, Setting, known_error, solver_version
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.parameter_study.run import RowFolder
+from rope_twin.studies.parameter_study.run import RowFolder, on_cluster
 from rope_twin.twin.ensemble.ensemble import cores
 
 VERSION = 1  # of what the rows mean
@@ -74,6 +82,10 @@ class PlanFolder(RowFolder):
     def get(self, run: int) -> Row | None:
         """Return the row of a run; None if it is not done."""
         return self._known.get(run)
+
+    def kept(self) -> Mapping[int, Row]:
+        """Return all rows by their runs."""
+        return self._known
 
     def add(self, rows: Sequence[Row]) -> None:
         """Keep rows, on disk at once."""
@@ -131,6 +143,7 @@ def run_plan(
     store: RowStore,
     report: Report = lambda done, total, runs: None,
     threads: int | None = None,
+    scheduler: str = "",
 ) -> PlanResult:
     """Find the limits of all cells.
 
@@ -140,28 +153,26 @@ def run_plan(
         store: rows that are done, and those to come.
         report: called after each cell.
         threads: number of cells at a time; None: as many as there are cores.
+        scheduler: address of a Dask scheduler, whose workers take a cell at a time; empty: this
+            machine's cores.
 
     Raises:
-        RopeTwinError: a phase cannot be run; one sentence.
+        RopeTwinError: a phase cannot be run, or there is no such scheduler; one sentence.
     """
     began = time.perf_counter()
     counted = _Counted(store)
     works = prepare(plan, scene)
-    cells = [cell_of(plan, scene, works, cell, counted) for cell in plan.grid]
-    report(0, len(cells), counted.made)
-    found: dict[int, CellLimit] = {0: cells[0].find(governing_error)}  # compiles
-    report(1, len(cells), counted.made)
-    with ThreadPoolExecutor(cores() if threads is None else threads) as pool:
-        rest = {pool.submit(cells[k].find, governing_error): k for k in range(1, len(cells))}
-        try:
-            for future in as_completed(rest):
-                found[rest[future]] = future.result()
-                report(len(found), len(cells), counted.made)
-        except BaseException:
-            counted.stopped = True
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    ordered = tuple(found[k] for k in range(len(cells)))
+    report(0, len(plan.grid), counted.made)
+    found: dict[int, CellLimit] = {}
+    results = (
+        _on_cluster(plan, scene, works, counted, scheduler)
+        if scheduler
+        else _on_cores(plan, scene, works, counted, cores() if threads is None else threads)
+    )
+    for number, limit in results:
+        found[number] = limit
+        report(len(found), len(plan.grid), counted.made)
+    ordered = tuple(found[k] for k in range(len(plan.grid)))
     used = {row["run"]: row["seconds"] for row in counted.used.values()}
     return PlanResult(
         plan=plan,
@@ -175,6 +186,62 @@ def run_plan(
         made_s=counted.made_s,
         elapsed_s=time.perf_counter() - began,
     )
+
+
+def _on_cores(
+    plan: Plan, scene: Scene, works: tuple[PhaseWork, ...], counted: _Counted, threads: int
+) -> Iterator[tuple[int, CellLimit]]:
+    """Yield number and limit of each cell; the first by itself, since it may have to compile."""
+    cells = [cell_of(plan, scene, works, cell, counted) for cell in plan.grid]
+    yield 0, cells[0].find(governing_error)
+    with ThreadPoolExecutor(threads) as pool:
+        rest = {pool.submit(cells[k].find, governing_error): k for k in range(1, len(cells))}
+        try:
+            for future in as_completed(rest):
+                yield rest[future], future.result()
+        except BaseException:
+            counted.stopped = True
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+@dataclass(frozen=True)
+class CellTask:
+    """Search of one cell, with the rows that are done; all that a worker needs to know."""
+
+    plan: Plan
+    scene: Scene
+    works: tuple[PhaseWork, ...]
+    number: int  # of the cell in the plan's grid
+    rows: Mapping[int, Row]
+
+
+def find_cell(task: CellTask) -> tuple[int, CellLimit, list[Row]]:
+    """Return number and limit of a cell, and the rows that were used.
+
+    Raises:
+        RopeTwinError: a run cannot start.
+    """
+    counted = _Counted(MemoryStore(dict(task.rows)))
+    cell = cell_of(task.plan, task.scene, task.works, task.plan.grid[task.number], counted)
+    return task.number, cell.find(governing_error), list(counted.used.values())
+
+
+def _on_cluster(
+    plan: Plan, scene: Scene, works: tuple[PhaseWork, ...], counted: _Counted, address: str
+) -> Iterator[tuple[int, CellLimit]]:
+    """Yield number and limit of each cell, found by a Dask cluster."""
+    parts: dict[int, dict[int, Row]] = {number: {} for number in range(len(plan.grid))}
+    for run, row in counted.kept().items():
+        parts[run // runs_of_cell(plan)][run] = row
+    tasks = [CellTask(plan, scene, works, number, rows) for number, rows in parts.items()]
+    for number, limit, rows in on_cluster(find_cell, tasks, address):
+        known = parts[number]
+        counted.used |= {int(row["run"]): row for row in rows}
+        made = [row for row in rows if int(row["run"]) not in known]
+        if made:
+            counted.add(made)
+        yield number, limit
 
 
 class _Stopped(Exception):
@@ -202,6 +269,10 @@ class _Counted:
         if row is not None:
             self.used[run] = row
         return row
+
+    def kept(self) -> Mapping[int, Row]:
+        """Return all rows by their runs."""
+        return self._store.kept()
 
     def add(self, rows: Sequence[Row]) -> None:
         """Keep rows."""

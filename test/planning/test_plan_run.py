@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import pickle
 import re
 import signal
 import subprocess
@@ -25,7 +26,16 @@ from rope_twin.planning.notes import notes
 from rope_twin.planning.plan_file import AtDepth, Heights, Phase, Seeds
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.results import load_chart, result_object
-from rope_twin.planning.run import PlanFolder, cell_named, cell_of, plan, plan_stamp, prepare
+from rope_twin.planning.run import (
+    CellTask,
+    PlanFolder,
+    cell_named,
+    cell_of,
+    find_cell,
+    plan,
+    plan_stamp,
+    prepare,
+)
 from rope_twin.planning.run import run_plan as run
 from rope_twin.planning.runs import Row
 from rope_twin.scene.load import load_scene
@@ -106,6 +116,58 @@ def test_limiting_height_as_narrow_as_asked(small: Path) -> None:
     assert 0.5 * (found.high_m - found.low_m) <= 0.2
     assert found.runs > wide.runs
     assert found.low_m <= found.crossing_m <= found.high_m
+
+
+def test_tasks_travel(small: Path) -> None:
+    """A cell that was pickled, with some of its rows, has the limit of one that was not."""
+    own, scene = read_plan(small)
+    store = MemoryStore()
+    expected = run(own, scene, store, threads=1)
+    works = prepare(own, scene)
+    some = {run: row for run, row in store.rows.items() if row["seed"] < 8}
+    task = pickle.loads(pickle.dumps(CellTask(own, scene, works, 1, some)))
+    number, limit, rows = find_cell(task)
+    assert (number, limit) == (1, expected.cells[1])
+    assert rows
+    for row in rows:  # repr: numbers to the bit, where some are not a number
+        assert repr(store.rows[row["run"]]) == repr(row)
+
+
+def test_no_scheduler_there(
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One sentence."""
+    words = ["plan", str(small), "--out", str(tmp_path), "--scheduler", "foo"]
+    assert main(words) == 1
+    assert "--scheduler foo: it is no address" in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_cluster_of_which_a_worker_dies(small: Path) -> None:
+    """1,000 runs on two workers, one killed on the way: rows and limits to the bit."""
+    distributed = pytest.importorskip("distributed")
+    own, scene = read_plan(small)
+    sea = replace(own.sea, tp_s=(8.0, 9.0, 10.0, 11.0, 12.0, 13.0), headings_deg=(135.0, 180.0))
+    method = replace(own.method, within=0.005, seeds=Seeds(start=8, most=48))
+    large = replace(own, sea=sea, method=method)
+    alone, apart = MemoryStore(), MemoryStore()
+    expected = run(large, scene, alone)
+    killed = []
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+
+        def report(done: int, total: int, runs: int) -> None:
+            if done == 3 and not killed:
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        found = run(large, scene, apart, report, scheduler=cluster.scheduler_address)
+    assert killed
+    assert found.runs >= 1000
+    assert found.cells == expected.cells
+    for number, row in apart.rows.items():
+        assert repr(alone.rows[number]) == repr(row)
 
 
 class Ending(MemoryStore):

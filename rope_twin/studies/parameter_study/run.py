@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Protocol, Self
+from typing import IO, TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
@@ -333,6 +333,8 @@ class StudyFolder(RowFolder):
 
 
 Report = Callable[[int, int], None]  # runs done, runs in all
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 CONNECT_S = 10
 RETRIES = 2  # of a batch whose worker died
 
@@ -375,7 +377,7 @@ def run_parameter_study(
             [(run, made) for run, made in runs if run.number not in done],
             1 if is_joined(scene) else at_once,
         )
-        results = _on_cluster(batches, scheduler) if scheduler else _on_cores(batches)
+        results = on_cluster(run_batch, batches, scheduler) if scheduler else _on_cores(batches)
         count = len(done)
         for rows in results:
             folder.add(rows)
@@ -412,8 +414,16 @@ def _on_cores(batches: Sequence[Batch]) -> Iterator[list[Row]]:
             raise
 
 
-def _on_cluster(batches: Sequence[Batch], address: str) -> Iterator[list[Row]]:
-    """Run one batch per worker at a time; a batch of a failed worker goes to another one."""
+def on_cluster(
+    work: Callable[[Item], Result], items: Sequence[Item], address: str
+) -> Iterator[Result]:
+    """Yield results of the work on each item, as they come.
+
+    A worker does one item at a time; that of a failed worker goes to another one.
+
+    Raises:
+        RopeTwinError: there is no such cluster, or the work cannot be done; one sentence.
+    """
     if importlib.util.find_spec("distributed") is None:
         right = "install it with `pip install 'rope_twin[study]'`"
         raise InputError(phrase("distributed", "--scheduler needs it", right))
@@ -430,7 +440,7 @@ def _on_cluster(batches: Sequence[Batch], address: str) -> Iterator[list[Row]]:
         if not client.scheduler_info()["workers"]:
             right = "start some with `dask worker ADDRESS --nthreads 1`"
             raise InputError(phrase(f"--scheduler {address}", "it has no workers", right))
-        futures = client.map(run_batch, batches, pure=False, retries=RETRIES)
+        futures = client.map(work, items, pure=False, retries=RETRIES)
         for future in distributed.as_completed(futures, loop=client.loop):
             yield _result(future, address)
 
@@ -452,9 +462,9 @@ def _knock(address: str) -> None:
     socket.create_connection(place, CONNECT_S).close()
 
 
-def _result(future: Any, address: str) -> list[Row]:
+def _result(future: Any, address: str) -> Any:
     try:
-        rows: list[Row] = future.result()
+        found = future.result()
     except RopeTwinError:
         raise
     except Exception as error:  # whatever went wrong on a worker, this process is to say it
@@ -462,4 +472,4 @@ def _result(future: Any, address: str) -> list[Row]:
         raise InputError(
             phrase(f"--scheduler {address}", f"a worker could not go on ({error!r})", right)
         ) from error
-    return rows
+    return found
