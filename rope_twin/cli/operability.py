@@ -18,7 +18,13 @@ from rope_twin.planning.operability import (
     panels,
     table_rows,
 )
-from rope_twin.planning.weather_files import AlphaTable, read_alpha, read_hindcast, read_limits
+from rope_twin.planning.weather_files import (
+    AlphaTable,
+    read_alpha,
+    read_hindcast,
+    read_limits,
+    read_spectra,
+)
 from rope_twin.run.arguments import add_command, add_json, add_time, measure
 from rope_twin.studies.picture import check_picture, draw_panels
 
@@ -41,6 +47,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add = parser.add_argument
     add("limits", metavar="LIMITS", type=Path, help="limiting Hs over Tp, CSV or JSON")
     add("hindcast", metavar="HINDCAST", type=Path, help="time series of sea states, CSV")
+    words = "read HINDCAST as spectra with this reader of wavespectra, such as era5, ww3 or ndbc"
+    add("--reader", metavar="NAME", help=words)
     words = "planned operation period T_POP"
     add("--planned-period", type=measure("s"), required=True, metavar="TIME", help=words)
     add_time(parser, "--contingency", "contingency time (default: as long as the planned period)")
@@ -67,7 +75,11 @@ def run(args: argparse.Namespace) -> int:
     if args.phase:
         limits = limits.only(args.phase)
     alpha = None if args.alpha is None else read_alpha(args.alpha)
-    found = operability(read_hindcast(args.hindcast), limits, operation, alpha)
+    if args.reader is None:
+        hindcast = read_hindcast(args.hindcast)
+    else:
+        hindcast = read_spectra(args.hindcast, args.reader)
+    found = operability(hindcast, limits, operation, alpha)
     if args.picture is not None:
         draw_panels(f"{args.hindcast.name}, limits of {args.limits.name}", panels(found),
                     args.picture)  # fmt: skip

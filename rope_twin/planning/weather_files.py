@@ -10,11 +10,14 @@ that no convention is assumed:
   from) or `direction_to_deg` (that they travel to), clockwise from north;
 * alpha factors: `hs_m`, `planned_h` (T_POP) or `reference_h` (T_R), `alpha`, and a comment
   `# source: ...` with the standard or forecast service that they are from.
+
+Spectra of ERA5, WAVEWATCH III, NDBC, Spotter and others are read with wavespectra, if it is there.
 """
 
 from __future__ import annotations
 
 import csv
+import importlib.util
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -207,26 +210,81 @@ def read_hindcast(path: Path) -> Hindcast:
         numbers.append((hs, tp, towards))
     if len(times) < 2:
         raise InputError(phrase(where, "it has fewer than two rows", "give a time series"))
+    columns = np.array(numbers).T
+    return _series(where, times, columns[0], columns[1], columns[2] if column != "none" else None)
+
+
+def _series(
+    where: str, times: Sequence[datetime], hs_m: Vector, tp_s: Vector, towards_deg: Vector | None
+) -> Hindcast:
+    """Return rows (n,) at ascending times on equal steps. Raises InputError: they are not equal."""
     seconds = np.array([(one - times[0]).total_seconds() for one in times])
-    step = float(np.median(np.diff(seconds)))
+    steps, counts = np.unique(np.diff(seconds), return_counts=True)
+    step = float(steps[np.argmax(counts)])  # the smallest of the most frequent ones
     index = np.rint(seconds / step).astype(np.int64)
     off = np.abs(seconds - index * step) > 0.01 * step
     if off.any():
-        what = (
-            f"{times[int(np.argmax(off))]:%Y-%m-%d %H:%M} is not at a step of {step / 60.0:g} min"
-        )
+        when = f"{times[int(np.argmax(off))]:%Y-%m-%d %H:%M}"
+        what = f"{when} is not at a step of {step / 60.0:g} min"
         raise InputError(phrase(where, what, "give equal steps; rows may be missing"))
     if step > LONGEST_STEP_S:
         what = f"steps of {step / SECONDS_PER_HOUR:g} h"
         right = f"give at most {LONGEST_STEP_S / SECONDS_PER_HOUR:g} h"
         raise InputError(phrase(where, what, right))
-    filled = np.full((3, index[-1] + 1), np.nan)
-    filled[:, index] = np.array(numbers).T
+
+    def filled(values: Vector) -> Vector:
+        whole = np.full(index[-1] + 1, np.nan)
+        whole[index] = values
+        return whole
+
     start = np.datetime64(times[0].replace(tzinfo=None), "s")
     stamps = start + np.rint(np.arange(index[-1] + 1) * step).astype("timedelta64[s]")
     month = stamps.astype("datetime64[M]").astype(np.int64) % 12 + 1
-    towards_deg = None if column == "none" else filled[2]
-    return Hindcast(where, step, filled[0], filled[1], towards_deg, month)
+    towards = None if towards_deg is None else filled(towards_deg)
+    return Hindcast(where, step, filled(hs_m), filled(tp_s), towards, month)
+
+
+def read_spectra(path: Path, reader: str) -> Hindcast:
+    """Read wave spectra with a reader of wavespectra (era5, ww3, ndbc, spotter, ...).
+
+    Hs and Tp are its `hs` and `tp`, the direction its mean direction at the peak (`dpm`), which the
+    waves come from. Spectra without a finite value are missing rows.
+
+    Raises:
+        InputError: wavespectra is not installed or has no such reader, or the file is not one of
+            that format, or of several places; one sentence.
+    """
+    where = str(path)
+    if importlib.util.find_spec("wavespectra") is None:
+        what = "reading spectra needs wavespectra, and it is not there"
+        raise InputError(phrase(where, what, "install it with `pip install wavespectra`"))
+    import wavespectra  # optional, and slow to import
+
+    known = [name.removeprefix("read_") for name in dir(wavespectra) if name.startswith("read_")]
+    if reader not in known:
+        what = f"wavespectra has no reader '{reader}'"
+        raise InputError(phrase("--reader", what, did_you_mean(reader, known)))
+    try:
+        spectra = getattr(wavespectra, f"read_{reader}")(where)
+        found = [getattr(spectra.spec, name)().squeeze() for name in ("hs", "tp", "dpm")]
+        stamps = found[0].time.values.astype("datetime64[s]")
+        rows = [np.asarray(one.values, np.float64) for one in found]
+    except Exception as error:  # a reader fails in any way on a file of another format
+        words = " ".join(str(error).split())[:120] or type(error).__name__
+        right = f"give a file of the format {reader}"
+        raise InputError(phrase(where, f"it cannot be read ({words})", right)) from None
+    if any(one.shape != stamps.shape or one.ndim != 1 for one in rows):
+        what = f"its spectra are an array of {' x '.join(map(str, rows[0].shape))}"
+        raise InputError(phrase(where, what, "give a time series at one place"))
+    kept = np.isfinite(rows).all(axis=0)
+    if kept.sum() < 2:
+        raise InputError(phrase(where, "it has fewer than two spectra", "give a time series"))
+    order = np.argsort(stamps[kept])
+    stamps, (hs, tp, come_from) = stamps[kept][order], (one[kept][order] for one in rows)
+    if (np.diff(stamps) <= np.timedelta64(0, "s")).any():
+        raise InputError(phrase(where, "a time is double", "give each once"))
+    times = [one.astype(datetime).replace(tzinfo=UTC) for one in stamps]
+    return _series(where, times, hs, tp, (come_from + 180.0) % 360.0)
 
 
 def _direction_column(at: str, row: Mapping[str, Any]) -> tuple[str, float]:
