@@ -176,6 +176,8 @@ def test_symmetry_only_saves_rows() -> None:
     # without 0° and 180° in the table, RAOs there are the mean of both sides
     inner = written(vessel, vessel.heading_deg[1:4], vessel.answer[:, 1:4], "xz_plane")
     ahead = assemble(inner).at(np.array([0.08]), np.array([0.0]))[:, 0]
+    own = assemble(inner)
+    assert np.abs(own.around().at(f, beta) - own.at(f, beta)).max() < 1e-12
     mean = 0.5 * (vessel.answer[:, 1, 3] + samples.MIRRORED * vessel.answer[:, 1, 3])
     assert ahead == pytest.approx(mean, abs=1e-12)
 
