@@ -9,11 +9,19 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from rope_twin.console.readings import Values
+from rope_twin.console.readings import Values, crew_limit
 from rope_twin.console.units import UNKNOWN, Units, fixed, known
 
 LOST_S = 3.0  # age from which a residual's reading is that of an instrument that is lost
 RISK_SPANS_S = (10.0, 20.0, 30.0)
+_PER_ROPE = (
+    "ropes",
+    "tension_n",
+    "line_out_m",
+    "line_speed_m_per_s",
+    "error_interval",
+    "utilisation",
+)
 _ELEMENTS = {"top_tension": "Top tension", "payload_depth": "Payload depth", "slack": "Slack",
              "fatigue": "Fatigue"}  # fmt: skip
 
@@ -38,6 +46,41 @@ class AlertRow(NamedTuple):
     text: str
     since_s: float | None  # time of the twin
     sounds: bool
+
+
+class View(NamedTuple):
+    """Values, facts and profile with one rope, its winch and its payload in first place."""
+
+    values: Values
+    facts: Values
+    profile: Sequence[Values]
+
+
+def of_rope(view: View, rope: int) -> View:
+    """Return the view of a rope, by its number; its limit is the stricter of scene and crew."""
+    values, facts = dict(view.values), dict(view.facts)
+    ropes, crew = facts.get("ropes") or (), crew_limit(values, "tension_n")
+    own = dict(ropes[rope]) if rope < len(ropes) else {}
+    if crew is not None:
+        own["allowed_n"] = min(crew, own.get("allowed_n", crew))
+    facts["ropes"] = [own]
+    names = {"winches": own.get("winch"), "payloads": own.get("payload")}
+    if len(ropes) > 1:
+        mine = set(names.values())
+        values["residuals"] = [one for one in values.get("residuals", ()) if one["name"] in mine]
+    for name in _PER_ROPE:
+        if values.get(name):
+            values[name] = values[name][rope : rope + 1]
+    for name, wanted in names.items():
+        if values.get(name) and wanted:
+            first = [row for row in values[name] if row["name"] == wanted]
+            values[name] = first + [row for row in values[name] if row["name"] != wanted]
+    if winch := names["winches"]:
+        for name in ("winch_mode", "seat"):
+            parts = str(values.get(name, "")).split("; ")
+            values[name] = next((one for one in parts if one.startswith(f"{winch}: ")), "")
+        facts["winches"] = {winch: (facts.get("winches") or {}).get(winch, {})}
+    return View(values, facts, view.profile[rope : rope + 1])
 
 
 def big_figures(values: Values, facts: Values, units: Units) -> list[Figure]:

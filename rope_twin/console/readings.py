@@ -12,6 +12,7 @@ from typing import Any
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode, read_cloud
+from rope_twin.messages.alerts import CREW_LIMITS_ROW
 from rope_twin.messages.estimate import COLUMNS as FIGURE_COLUMNS
 from rope_twin.messages.estimate import STATES, UNITS
 from rope_twin.messages.forecast import (
@@ -161,6 +162,13 @@ def stale_limits_s() -> dict[str, float]:
 def number(value: float) -> float | None:
     """Return a number with the digits that a page can show, or None if it is not finite."""
     return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+
+
+def crew_limit(values: Values, name: str) -> float | None:
+    """Return the crew's limit that the twin reports in the diagnostics; None: it reports none."""
+    row = values.get(f"diagnostics {CREW_LIMITS_ROW}", {})
+    words = row.get("values", {}).get(name)
+    return None if words is None else float(words)
 
 
 def _numbers(values: Iterable[float]) -> list[float | None]:

@@ -13,8 +13,8 @@ from typing import Any, Protocol
 from rope_twin.alerts.crew_limits import CREW_LIMITS, SCENE
 from rope_twin.console.control import FEEDBACK_S, Desk
 from rope_twin.console.pages import Page, Pages
+from rope_twin.console.readings import crew_limit
 from rope_twin.errors import did_you_mean, phrase
-from rope_twin.messages.alerts import CREW_LIMITS_ROW
 from rope_twin.topics import ACKNOWLEDGE_ALARM, APPLY_ESTIMATE, TARE_ESTIMATE
 
 LEARNING = {"tare": TARE_ESTIMATE, "apply": APPLY_ESTIMATE, "acknowledge": ACKNOWLEDGE_ALARM}
@@ -77,7 +77,8 @@ class Requests:
         self._caller.command_alerts(f"limit {name} {words}")
 
         def outcome() -> Outcome | None:
-            return (True, "the twin has taken it") if self._in_force(str(name)) == value else None
+            in_force = crew_limit(self._pages.readings.values, str(name))
+            return (True, "the twin has taken it") if in_force == value else None
 
         why_not = phrase(f"limit {name}", "the twin does not report it", "it must be stricter than "
                          "the scene's")  # fmt: skip
@@ -110,9 +111,3 @@ class Requests:
             right = f"give a positive number in {CREW_LIMITS[name]}"
             return phrase(f"limit {name}", f"{value!r}", right)
         return ""
-
-    def _in_force(self, name: str) -> float | None:
-        """Return the crew's limit that the twin reports; None: it reports none."""
-        row = self._pages.readings.values.get(f"diagnostics {CREW_LIMITS_ROW}", {})
-        words = row.get("values", {}).get(name)
-        return None if words is None else float(words)

@@ -21,8 +21,10 @@ from textual.widgets import Digits, Footer, Static
 from rope_twin.console.chart import Styles, curves, draw
 from rope_twin.console.figures import (
     Figure,
+    View,
     alert_rows,
     big_figures,
+    of_rope,
     payload_figures,
     quality_lines,
     risk_lines,
@@ -103,6 +105,7 @@ class TerminalConsole(App[None]):
         Binding("p", "palette", "Palette"),
         Binding("r", "range", "Range"),
         Binding("b", "sound", "Bell"),
+        Binding("l", "rope", "Line"),
         Binding("space", "pause", "Pause", show=False),
         Binding("left", "seek(-1)", "Back", show=False),
         Binding("right", "seek(1)", "On", show=False),
@@ -124,7 +127,7 @@ class TerminalConsole(App[None]):
         """
         super().__init__()
         self.pages, self._clock, self._stopped = pages, clock, stopped
-        self._units, self._to_limit, self._bell = 0, False, True
+        self._units, self._rope, self._to_limit, self._bell = 0, 0, False, True
         self._stale_s = stale_limits_s()
         self._sounded_s = 0.0
         logging.getLogger("rope_twin").addHandler(logging.NullHandler())  # a fault is an alert here
@@ -162,17 +165,20 @@ class TerminalConsole(App[None]):
         """Draw what has arrived."""
         if not self.is_running or not self.query("#top"):
             return  # it is about to end
-        values, facts, units = self.pages.readings.values, self.pages.facts, self.units
+        pages, units = self.pages, self.units
+        whole = View(pages.readings.values, pages.facts, pages.profile)
+        view = of_rope(whole, self._rope)
+        values, facts = view.values, view.facts
         ages = self.pages.readings.ages(self._clock())
         self.query_one("#top", Static).update(self._head(ages), layout=False)
         for number, figure in enumerate(big_figures(values, facts, units)):
             age, old = self._age(figure.topic, ages)
             self.query_one(f"#big-{number}", _Big).show(figure, age, old)
-        self._draw_trend(ages)
+        self._draw_trend(view, ages)
         self.query_one("#alerts", Static).update(self._alerts(), layout=False)
         lines = [*risk_lines(values, units), *quality_lines(values)]
         self.query_one("#lines", Static).update("\n".join(lines) or "No forecast, no quality index")
-        payload = payload_figures(values, self.pages.profile, facts, units)
+        payload = payload_figures(values, view.profile, facts, units)
         for name, rows in (("payload", payload), ("sea", sea_figures(values, facts)),
                            ("winch", winch_figures(values, facts))):  # fmt: skip
             self.query_one(f"#{name}", Static).update(self._table(rows, ages), layout=False)
@@ -180,6 +186,11 @@ class TerminalConsole(App[None]):
     def action_units(self) -> None:
         """Show other units."""
         self._units = (self._units + 1) % len(UNITS)
+        self.draw()
+
+    def action_rope(self) -> None:
+        """Show the next of several ropes."""
+        self._rope = (self._rope + 1) % max(1, len(self.pages.readings.values.get("ropes") or ()))
         self.draw()
 
     def action_palette(self) -> None:
@@ -232,22 +243,25 @@ class TerminalConsole(App[None]):
             words = "NO TWIN" if time_s is None else "TWIN LOST" if lost else "LIVE"
             where = f"{time.strftime('%H:%M:%S', time.gmtime())} UTC"
         name = self.pages.facts.get("scene") or "rope_twin"
+        ropes = readings.values.get("ropes") or ()
+        if len(ropes) > 1 and self._rope < len(ropes):
+            name += f" · {ropes[self._rope]}"
         twin = "" if time_s is None else f"twin {time_s:.1f} s"
         style = f"bold {self._styles.limit}" if lost else "bold"
         rest = f"  {where}  {twin}  {self.units.name}" + ("" if self._bell else "  bell off")
         return Text.assemble(f" {name} ", (words, style), rest, no_wrap=True)
 
-    def _draw_trend(self, ages: dict[str, float]) -> None:
+    def _draw_trend(self, view: View, ages: dict[str, float]) -> None:
         place = self.query_one("#trend", Static)
         width, height = place.content_size
         if width < 20 or height < 4:
             return
-        values, units, styles = self.pages.readings.values, self.units, self._styles
-        limits = self.pages.facts.get("limits") or {}
-        ropes = self.pages.facts.get("ropes")
-        known_n = (ropes[0].get("allowed_n") if ropes else None, limits.get("min_tension_n"))
+        units, styles, trend = self.units, self._styles, self.pages.trend
+        limits = view.facts.get("limits") or {}
+        known_n = (view.facts["ropes"][0].get("allowed_n"), limits.get("min_tension_n"))
         marks = [one * units.per_newton for one in known_n if known(one)]
-        shown = curves(self.pages.trend.columns(), values.get("forecast"), units, styles)
+        forecast = None if self._rope else view.values.get("forecast")  # it is of the first rope
+        shown = curves(trend.columns(min(self._rope, trend.ropes - 1)), forecast, units, styles)
         head = Text.assemble(
             (f"Tension [{units.force}]  ", "bold"), ("computed", styles.computed), "  ",
             ("measured", styles.measured), "  ", ("limit", styles.limit),

@@ -18,11 +18,21 @@ from typing import Any
 
 import pytest
 from console_rig import FACTS, TENSION_ALARM, ConsoleRig, recorded_lift
+from sample_snapshot import lifted
 from textual.pilot import Pilot
 from textual.widgets import Digits, Static
 
+from rope_twin.alerts.crew_limits import CrewLimits
 from rope_twin.console.chart import LABEL, Curve, Styles, curves, draw
-from rope_twin.console.figures import alert_rows, big_figures, payload_figures, risk_lines
+from rope_twin.console.figures import (
+    View,
+    alert_rows,
+    big_figures,
+    of_rope,
+    payload_figures,
+    risk_lines,
+    winch_figures,
+)
 from rope_twin.console.terminal import TerminalConsole
 from rope_twin.console.units import UNITS, fixed
 
@@ -84,6 +94,56 @@ def test_payload_and_risk() -> None:
         "P(> 500.0 kN) in 10/20/30 s: 2/4/6 %",
         "P(slack) in 10/20/30 s: 1/2/3 %, the last by climatology",
     ]
+
+
+def test_a_rope_has_its_own_winch_payload_and_limit() -> None:
+    facts = {
+        "ropes": [{"name": "fore", "winch": "winch", "payload": "module", "allowed_n": 5e5},
+                  {"name": "aft", "winch": "aft_sheave", "payload": "frame", "allowed_n": 4e5}],
+        "winches": {"winch": {"speed_limit_m_per_s": 1.0},
+                    "aft_sheave": {"speed_limit_m_per_s": 0.5}},
+    }  # fmt: skip
+    values = {
+        "ropes": ["fore", "aft"], "tension_n": [2e5, 3e5], "line_out_m": [600.0, 601.0],
+        "winch_mode": "winch: brake; aft_sheave: speed 0.2 m/s", "seat": "winch: a; aft_sheave: b",
+        "payloads": [{"name": "module", "place_m": [0.0, 0.0, -1.0], "velocity_m_per_s": None},
+                     {"name": "frame", "place_m": [0.0, 0.0, -2.0], "velocity_m_per_s": None}],
+        "residuals": [{"quantity": "top_tension_n", "name": "winch", "measured": 1e5, "age_s": 0.1,
+                       "residual": 0.0}],
+    }  # fmt: skip
+    view = of_rope(View(values, facts, [{"least_n": 1e3}, {"least_n": 2e3}]), 1)
+    out, speed, tension, _ = big_figures(view.values, view.facts, KN_M_PER_MIN)
+    assert (out.text, tension.text, tension.warns) == ("601.0", "300.0", False)
+    assert "±30.0" in speed.note
+    assert "measured" not in tension.note  # that is the other winch's
+    texts = [one.text for one in winch_figures(view.values, view.facts)]
+    assert texts == ["speed 0.2 m/s", "b"]
+    depth, *_, slack = payload_figures(view.values, view.profile, view.facts, KN_M_PER_MIN)
+    assert (depth.text, slack.text) == ("2.0", "2.0")
+    crew = CrewLimits({})
+    crew.set("tension_n", "250000")
+    row = {"level": 0, "message": "", "values": dict(crew.row().values)}
+    values["diagnostics simulation: crew limits"] = row
+    view = of_rope(View(values, facts, []), 1)
+    assert view.facts["ropes"][0]["allowed_n"] == 250e3
+    assert big_figures(view.values, view.facts, KN_M_PER_MIN)[2].warns
+
+
+def test_the_next_rope_is_shown_by_a_key() -> None:
+    rig = ConsoleRig()
+    rig.source.shot = lifted()
+    rig.pages.tick_or_report()
+
+    async def steps(app: TerminalConsole, pilot: Pilot[None]) -> None:
+        app.draw()
+        assert app.query(Digits)[0].value == "100.0"
+        await pilot.press("l")
+        assert app.query(Digits)[0].value == "8.0"
+        assert "port" in shown(app, "#top")
+        await pilot.press("l", "l")
+        assert app.query(Digits)[0].value == "100.0"
+
+    piloted(rig, steps)
 
 
 def test_faults_precede_alerts_and_diagnostics_stand_in_for_them() -> None:
