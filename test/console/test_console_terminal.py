@@ -23,6 +23,7 @@ from textual.pilot import Pilot
 from textual.widgets import Digits, Static
 
 from rope_twin.alerts.crew_limits import CrewLimits
+from rope_twin.cli import main
 from rope_twin.console.chart import LABEL, Curve, Styles, curves, draw
 from rope_twin.console.figures import (
     View,
@@ -300,14 +301,17 @@ def test_a_fault_of_the_source_is_an_alert_not_an_end() -> None:
     piloted(rig, steps)
 
 
-def test_it_wants_a_terminal_and_shows_only() -> None:
-    for more, words in (((), "ssh -t"), (("--control",), "leave --control out")):
-        command = [sys.executable, "-m", "rope_twin", "console", "--terminal", *more]
-        done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL,
-                              timeout=PATIENCE_S, check=False)  # fmt: skip
-        assert done.returncode == 1
-        assert words in done.stderr
-        assert len(done.stderr.strip().splitlines()) == 1
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [((), "ssh -t"), (("--control",), "leave --control out"), (("--json",), "leave --json out"),
+     (("--address", "8500"), "leave --address out")],
+)  # fmt: skip
+def test_it_wants_a_terminal_and_shows_only(
+    more: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["console", "--terminal", *more]) == 1
+    (sentence,) = capsys.readouterr().err.strip().splitlines()
+    assert words in sentence
 
 
 def test_a_recording_in_a_plain_terminal(tmp_path: Path) -> None:
