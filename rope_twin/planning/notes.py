@@ -42,6 +42,11 @@ def notes(result: PlanResult) -> Iterator[str]:
         yield "The scene has no current: the payload hangs plumb."
 
 
+def _cells(count: int) -> str:
+    """Return a number of cells in words."""
+    return "1 cell" if count == 1 else f"{count} cells"
+
+
 def _failures(result: PlanResult) -> Iterator[str]:
     for cell in result.cells:
         judged = (cell.judged, cell.beyond)
@@ -64,7 +69,7 @@ def _intervals(result: PlanResult) -> Iterator[str]:
     if wide:
         worst, cell = max(wide, key=lambda pair: pair[0])
         yield (
-            f"In {len(wide)} cells {method.seeds.most} seeds leave an interval wider than "
+            f"In {_cells(len(wide))} {method.seeds.most} seeds leave an interval wider than "
             f"±{100.0 * method.within:g} % (up to ±{100.0 * worst:.0f} %, {cell.phase}, Tp "
             f"{cell.period_s:g} s); raise method.seeds.most."
         )
@@ -78,12 +83,12 @@ def _errors(result: PlanResult) -> Iterator[str]:
     if large:
         worst = max(large, key=lambda cell: cell.error)
         yield (
-            f"In {len(large)} cells the discretisation error of the governing run is above "
+            f"In {_cells(len(large))} the discretisation error of the governing run is above "
             f"{100.0 * most:g} % (up to {100.0 * worst.error:.2g} %, {worst.phase}, Tp "
             f"{worst.period_s:g} s): after slack, runs of two meshes drift apart."
         )
     if unknown:
-        yield f"In {unknown} cells the discretisation error could not be measured."
+        yield f"In {_cells(unknown)} the discretisation error could not be measured."
 
 
 def _shallow(result: PlanResult) -> Iterator[str]:
