@@ -8,6 +8,7 @@ import * as log from "./log.js";
 import * as player from "./player.js";
 import * as survey from "./survey.js";
 import * as trend from "./trend.js";
+import * as whatif from "./whatif.js";
 import * as winch from "./winch.js";
 import { $, addIcons, forgetColours, make, write } from "./page.js";
 import { age, connect, facts, on, ropeNames, stale, state } from "./link.js";
@@ -90,7 +91,7 @@ function show(name) {
 }
 
 function keys(event) {
-  if (event.target.matches("input, select, textarea") || $("dialog").open || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.target.matches("input, select, textarea") || document.querySelector("dialog[open]") || event.ctrlKey || event.metaKey || event.altKey) return;
   const key = event.key.toLowerCase(), at = TABS.indexOf(tab);
   if (key >= "1" && key <= "4") show(TABS[Number(key) - 1]);
   else if (key === "u") setUnits();
@@ -123,7 +124,7 @@ function freshness() {
 
 function numbers() {
   lines();
-  if (tab === "winch") { winch.draw(); along.draw(); }
+  if (tab === "winch") { winch.draw(); along.draw(); whatif.draw(); }
   else if (tab === "survey") survey.draw();
   else if (tab === "engineering") engineering.draw();
   else log.draw();
@@ -142,6 +143,7 @@ function frame(now) {
 
 addIcons();
 trend.start();
+whatif.start();
 control.start();
 alerts.start();
 survey.start();

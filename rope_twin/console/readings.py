@@ -24,7 +24,7 @@ from rope_twin.messages.forecast import (
 )
 from rope_twin.messages.forecast import TENSION_TOPIC as FORECAST
 from rope_twin.messages.templates import NANOSECONDS
-from rope_twin.topics import ALARM_TOPIC, ALERTS, BY_NAME, ESTIMATE_TOPIC
+from rope_twin.topics import ALARM_TOPIC, ALERTS, BY_NAME, ESTIMATE_TOPIC, WHAT_IF_ORDERS
 from rope_twin.twin.quality import CAUSES
 
 Values = dict[str, Any]
@@ -348,6 +348,10 @@ def _quiet(message: Any) -> Values:
     return {"quiet": {"rows": _rows_with(QUIET_TOPIC, COLUMNS[QUIET_TOPIC], message)}}
 
 
+def _orders(message: Any) -> Values:
+    return {"orders": {"rows": _rows_with(WHAT_IF_ORDERS, COLUMNS[WHAT_IF_ORDERS], message)}}
+
+
 def _figures(message: Any) -> Values:
     """Return the learned figures, with their units and state in words."""
     rows = _rows_with(ESTIMATE_TOPIC, FIGURE_COLUMNS.split(), message)
@@ -392,6 +396,7 @@ _READERS: Mapping[str, Callable[[Any], Values]] = {
     FORECAST: _forecast,
     RISK_TOPIC: _risk,
     QUIET_TOPIC: _quiet,
+    WHAT_IF_ORDERS: _orders,
     ESTIMATE_TOPIC: _figures,
     ALARM_TOPIC: _text("fault_alarm"),
 }

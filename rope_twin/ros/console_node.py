@@ -12,7 +12,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -24,18 +24,30 @@ from std_srvs.srv import Trigger
 from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk, Token, new_token
 from rope_twin.console.facts import scene_facts, session_facts
-from rope_twin.console.pages import Pages
+from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.console.requests import LEARNING, Outcome, Requests
 from rope_twin.console.server import Server, announce, read_address
+from rope_twin.errors import InputError, phrase
+from rope_twin.forecast.orders import read_orders
 from rope_twin.messages import encode_order
 from rope_twin.messages.alerts import encode_command
+from rope_twin.messages.forecast import encode_what_if
 from rope_twin.ros.entry import middleware, run_node
 from rope_twin.ros.params import ConsoleParams, declare
 from rope_twin.ros.qos import listen as subscribe
 from rope_twin.ros.qos import message_type, publish
 from rope_twin.scene.load import load_scene
-from rope_twin.topics import ALERT_COMMAND, BY_NAME, RELEASE, TAKE, WINCH_TOPICS, Qos, service_name
+from rope_twin.topics import (
+    ALERT_COMMAND,
+    BY_NAME,
+    RELEASE,
+    TAKE,
+    WHAT_IF,
+    WINCH_TOPICS,
+    Qos,
+    service_name,
+)
 from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
 TOKEN = "ROPE_TWIN_CONSOLE_TOKEN"  # environment: the token of --control
@@ -206,6 +218,7 @@ class ConsoleNode(Node):
         super().__init__(NODE, **node_options)
         self._announce = announce
         self._params = declare(self, ConsoleParams)
+        self._what_if = publish(self, BY_NAME[WHAT_IF])
         self._server: Server | None = None
 
     def begin(self) -> None:
@@ -229,9 +242,22 @@ class ConsoleNode(Node):
             Requests(pages, desk, commander, time.monotonic)
         log = Log(pages)
         log.connect(desk)
+        desk.further["what_if"] = self._ask_orders
         self._server = Server(pages, desk, log, host, port)
         self._server.start()
         self._announce(self._server.address, secret if allowed else "")
+
+    def _ask_orders(self, page: Page, content: Mapping[str, Any]) -> str:
+        """Ask the forecast to compare orders; return why not, in one sentence, or ""."""
+        words = content.get("orders")
+        try:
+            read_orders(words if isinstance(words, str) else "")
+        except InputError as error:
+            return str(error)
+        if not self._what_if.get_subscription_count():
+            return phrase("what if", "no forecast runs", "start the run with --ahead")
+        self._what_if.publish(encode_what_if(str(words)))
+        return ""
 
     @property
     def address(self) -> str:

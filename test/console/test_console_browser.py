@@ -62,6 +62,7 @@ class Served:
         self.pages = Pages(self.source, time.monotonic, FACTS)
         self.commander = FakeCommander(self.source)
         self.desk = Desk(self.pages, time.monotonic, self.commander, Token(TOKEN, time.monotonic))
+        self.desk.further["what_if"] = self.source.compare
         self.pages.before_tick.append(self.desk.look)
         Requests(self.pages, self.desk, self.commander, time.monotonic)
         log = Log(self.pages)
@@ -169,6 +170,28 @@ def test_risk_and_quiet_window_of_a_forecast(open_page: Callable[..., Any], serv
     until_shown(page, "trend-legend", "forecast 5–95 %")
     root = "document.documentElement"
     assert page.evaluate(f"[{root}.scrollWidth, {root}.scrollHeight]") == [1280, 800]
+
+
+def test_orders_are_compared_on_request(open_page: Callable[..., Any], served: Served) -> None:
+    """Signed in, since the console has control; the answer opens by itself, on this page alone."""
+    served.source.horizon_s = 12.0
+    page, other = open_page(), open_page()
+    sign_in_and_take_the_seat(page)
+    until_shown(page, "risk", "P(slack)")
+    page.click("#what-if")
+    until_shown(page, "dialog-title", "What if?")
+    page.fill("#dialog-input", "stop lower:0.5")
+    page.click("#dialog-ok")
+    page.wait_for_selector("#compared[open]")
+    rows = page.locator("#orders tbody tr").all_inner_texts()
+    assert [row.split("\t") for row in rows] == [
+        ["hold", "25 %", "0 %", "–", "–"],
+        ["stop", "25 %", "0 %", "–", "+10.0 (+5.5 to +14.5) kN"],
+        ["lower:0.5", "25 %", "0 %", "–", "+20.0 (+15.5 to +24.5) kN"],
+    ]
+    assert not other.locator("#compared").is_visible()
+    page.click("#compared button")
+    assert not page.locator("#compared").is_visible()
 
 
 def test_one_of_several_ropes_is_shown_as_chosen(

@@ -77,6 +77,16 @@ def test_a_page_reads_the_topics_and_commands_the_winch(
     assert page.answers[3][-1]["ok"], page.answers[3]
     assert "speed 0.25 m/s" in page.answers[3][-1]["words"]
     assert page.values["seat"] == "winch: console"
+    page.ask(5, do="what_if", orders="swim")
+    page.ask(6, do="what_if", orders="stop lower:0.5")
+    bench.until(lambda: page.answers[5] and page.answers[6], "why orders are not compared")
+    assert "there is no 'swim'" in page.answers[5][0]["words"]
+    assert "no forecast runs" in page.answers[6][0]["words"]
+    asked = bench.listen("forecast/what_if")  # as a forecast node does
+    bench.until(lambda: console._what_if.get_subscription_count(), "a forecast listens")
+    page.ask(7, do="what_if", orders="stop lower:0.5")
+    bench.until(lambda: asked, "the forecast is asked")
+    assert asked[0].data == "stop lower:0.5"
     page.ask(4, do="command", kind="emergency_stop", winch="winch")
     bench.until(lambda: len(page.answers[4]) == 2, "the twin's answer")
     assert "emergency stop" in page.answers[4][-1]["words"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -69,6 +69,7 @@ class SnapshotSource:
         self.alerts: list[Alert] = []
         self.rows = [Status("simulation: pacing", Level.OK, "on time")]
         self.horizon_s: float | None = None  # of a forecast; None: there is none
+        self.orders: tuple[str, ...] = ()  # that the next row compares
         self._polls = 0
         self.broken = False
 
@@ -94,7 +95,17 @@ class SnapshotSource:
             for topic, rows in forecast_tables(self.horizon_s).items():
                 origin_ns = stamp_ns - 1_000_000_000
                 readings.take(topic, encode_forecast(topic, origin_ns, "map", rows), now_s)
+        if self.orders:
+            rows = [order_row(name, 1e4 * k) for k, name in enumerate(self.orders)]
+            data = encode_forecast("forecast/orders", stamp_ns - 1_000_000_000, "map", rows)
+            readings.take("forecast/orders", data, now_s)
+            self.orders = ()
         readings.update()  # as a running suite does after each message of the diagnostics
+
+    def compare(self, page: Page, content: Mapping[str, Any]) -> str:
+        """Answer as the node of a suite with a forecast does."""
+        self.orders = ("hold", *content["orders"].split())
+        return ""
 
     def state(self) -> Values:
         return {}
@@ -106,6 +117,12 @@ class SnapshotSource:
 def encode_text(words: str) -> bytes:
     """A std_msgs/String."""
     return messages.encode_seat(words)
+
+
+def order_row(name: str, change_n: float) -> dict[str, float | str]:
+    """A row of forecast/orders, 30 s ahead."""
+    changes = {f"peak_change_{k}_n": change_n + 100.0 * (k - 50) for k in (5, 50, 95)}
+    return {"name": name, "span_s": 30.0, "tension": 0.25, "slack": 0.0, "lower": 0.1, **changes}
 
 
 def forecast_tables(horizon_s: float) -> dict[str, list[dict[str, float]]]:
