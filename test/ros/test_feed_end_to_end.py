@@ -110,8 +110,12 @@ def check(
     """Check what was accepted against what was sent, and print the figures."""
     line, heave = sent["winch"], {values[0] for values in sent["mru"]}
     print(f"faults: {faults}\nfeeds: {feeds}")
-    assert not [one for one in heard.line if one not in line]
-    assert not [one for one in heard.heave if one[0] not in heave]  # its rate is derived
+    logged = times["winch_sent"] + times["mru_sent"]
+    assert faults["lines"] == logged, "the log has every line that was sent"
+    strange = [(k, one) for k, one in enumerate(heard.line) if one not in line]
+    assert not strange, f"{len(strange)} of {len(heard.line)}: {strange[:2]} to {strange[-1]}"
+    odd = [(k, one) for k, one in enumerate(heard.heave) if one[0] not in heave]  # rate: derived
+    assert not odd, f"{len(odd)} of {len(heard.heave)}: {odd[:2]} to {odd[-1]}"
     assert all(faults.get(name, 0) > 0 for name in ("lost", "doubled", "cut", "garbled"))
     assert {"checksum", "duplicate"} <= {*feeds["winch"]["refused"], *feeds["mru"]["refused"]}
     for name, one in feeds.items():
