@@ -18,6 +18,7 @@ from ros_bench import Bench
 from ros_process import Process, Processes, until_running
 
 from rope_twin.console.readings import SHOWN
+from rope_twin.console.requests import LEARNING
 from rope_twin.messages import encode_cut
 from rope_twin.ros.feed_node import FeedNode, FeedSimulator
 from rope_twin.ros.middleware import DISCOVERY_RANGE
@@ -182,6 +183,7 @@ def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() ->
         assert CUT_TOPIC not in profile.publish | profile.subscribe
     assert profiles["console"].subscribe == {*SHOWN, "clock"}
     calls = {service_name("winch", what) for what in ("emergency_stop", TAKE, RELEASE)}
+    calls |= set(LEARNING.values())
     assert {name: one.request for name, one in profiles.items() if one.request} == {
         "console": calls
     }
