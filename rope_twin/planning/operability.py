@@ -103,7 +103,7 @@ class Period:
 
 @dataclass(frozen=True)
 class Operability:
-    """What a hindcast and limits give."""
+    """Share of time, windows and waiting that a hindcast and limits give."""
 
     operation: Operation
     step_s: float

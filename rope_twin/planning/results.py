@@ -94,13 +94,13 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
     for work in result.works:
         pairs = zip(work.legs, work.settings, work.setting_errors, strict=True)
         for leg, setting, error in pairs:
-            told = "given" if math.isnan(error) else f"error {100.0 * error:.2g} %"
+            error_words = "given" if math.isnan(error) else f"error {100.0 * error:.2g} %"
             where = (
                 f"{leg.from_m:.0f} to {leg.to_m:.0f} m"
                 if leg.to_m > leg.from_m
                 else (f"{leg.from_m:.0f} m")
             )
-            yield f"{work.title}, {where}: {setting}, {told}; exposure {leg.window_s:.0f} s"
+            yield f"{work.title}, {where}: {setting}, {error_words}; exposure {leg.window_s:.0f} s"
     yield f"card of scene '{result.scene.name}': {_card_words(result)}"
     whole = f"{result.runs} runs of {result.simulated_s / 3600.0:.0f} h in all"
     if result.made:

@@ -111,8 +111,8 @@ class PlanFolder(RowFolder):
 
 def plan_stamp(plan: Plan, scene: Scene) -> str:
     """Return a digest of plan, scene and solver, on which all rows depend."""
-    told = repr((VERSION, plan.digest, scene.digest, solver_version(scene)))
-    return hashlib.sha256(told.encode()).hexdigest()[:16]
+    inputs = repr((VERSION, plan.digest, scene.digest, solver_version(scene)))
+    return hashlib.sha256(inputs.encode()).hexdigest()[:16]
 
 
 def plan(

@@ -359,13 +359,13 @@ def _text(path: Path) -> list[str]:
 
 def _csv_rows(path: Path) -> list[tuple[str, dict[str, str]]]:
     """Return place and cells by name of each row. Raises InputError."""
-    told = [(k, line) for k, line in enumerate(_text(path), 1)
+    lines = [(k, line) for k, line in enumerate(_text(path), 1)
             if line.strip() and not line.lstrip().startswith("#")]  # fmt: skip
-    if not told:
+    if not lines:
         raise InputError(phrase(str(path), "it is empty", "give a header and rows"))
-    head = [name.strip() for name in next(csv.reader([told[0][1]]))]
+    head = [name.strip() for name in next(csv.reader([lines[0][1]]))]
     rows = list[tuple[str, dict[str, str]]]()
-    for (number, _), cells in zip(told[1:], csv.reader(line for _, line in told[1:]), strict=True):
+    for (number, _), cells in zip(lines[1:], csv.reader(line for _, line in lines[1:]), strict=True):
         where = f"{path}, line {number}"
         if len(cells) != len(head):
             raise InputError(phrase(where, f"{len(cells)} values", f"the header has {len(head)}"))

@@ -37,7 +37,7 @@ PRIOR_SDS = 3.0  # of a learned figure from the scene's
 
 
 class Finding(NamedTuple):
-    """What is outside the model's range, and how far the results may still be relied on, 0 to 1."""
+    """Reason for leaving the model's range, and how far results may be relied on there, 0 to 1."""
 
     value: float
     reason: str

@@ -148,7 +148,7 @@ def test_an_offset_of_the_load_pin_is_named() -> None:
 
 
 def test_another_zero_after_a_tare_is_no_fault() -> None:
-    """The same offset as above: the tests begin again after two blocks. An alarm stays on."""
+    """With the offset from above: the tests begin again after two blocks. An alarm stays on."""
     watch, estimator = watched(bias_n=3000.0, tared=True)
     assert watch.alarm is None
     assert watch.tests is None

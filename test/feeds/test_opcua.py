@@ -279,7 +279,7 @@ def test_a_node_that_cannot_be_is_one_sentence() -> None:
 
 
 def test_settings_of_a_file(tmp_path: Path) -> None:
-    """As the documentation has them; a wrong node is one sentence with its place."""
+    """Maps of the documentation are read; a wrong node is one sentence with its place."""
     page = (Path(__file__).parents[2] / "docs" / "how-to" / "instruments.md").read_text("utf-8")
     text = page.partition("## Nodes of an OPC UA server")[2].split("```")[1].removeprefix("yaml")
     path = tmp_path / "feeds.yaml"

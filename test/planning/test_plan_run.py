@@ -91,7 +91,7 @@ def test_limits_are_those_of_the_full_grid(small: Path) -> None:
 
 
 def test_no_random_number_but_the_seed(small: Path) -> None:
-    """The same plan gives the same rows to the bit, whatever the threads; another seed others."""
+    """A plan gives the same rows to the bit, whatever the threads; another seed others."""
     own, scene = read_plan(small)
     stores = [MemoryStore(), MemoryStore(), MemoryStore()]
     for store, threads in zip(stores[:2], (1, 2), strict=True):
@@ -455,7 +455,7 @@ def test_remarks_are_in_numbers(small: Path, tmp_path: Path) -> None:
 
 
 def test_rows_hold_finite_numbers(small: Path) -> None:
-    """Nothing that is not finite gets into judged columns."""
+    """Judged columns are finite throughout."""
     own, scene = read_plan(small)
     store = MemoryStore()
     run(own, scene, store, threads=1)

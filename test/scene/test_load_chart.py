@@ -57,7 +57,7 @@ def written(tmp_path: Path, chart: object) -> Path:
 def test_lowest_neighbour_counts(
     period: float, heading: float, allowed: float, tmp_path: Path
 ) -> None:
-    """Nothing is interpolated upward, nothing allowed beyond the axes."""
+    """No limit is interpolated upward, nothing allowed beyond the axes."""
     chart = read_load_chart(written(tmp_path, CHART))
     assert chart.allowed_height_m("lowering", period, heading) == allowed
 

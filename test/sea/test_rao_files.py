@@ -82,9 +82,9 @@ def test_a_scene_rides_on_any_of_the_files(tmp_path: Path, name: str) -> None:
     conventions = FORMATS[name][1]
     text = (share_dir() / "config" / "scenes" / "ship_6dof.yaml").read_text()
     text = text.replace("reference_m: [0.0, 0.0, -12.0]", "motion_ramp_s: 8.0")
-    told = [f"{key}: {getattr(conventions, key)}" for key in conventions._later
+    given = [f"{key}: {getattr(conventions, key)}" for key in conventions._later
             if getattr(conventions, key) not in (None, "")]  # fmt: skip
-    said = ", ".join(one.replace("(", "[").replace(")", "]") for one in told)
+    said = ", ".join(one.replace("(", "[").replace(")", "]") for one in given)
     riding = f"responses: ./{name}, heading_deg: 30.0, crane_tip_m: [10.0, 18.0, 12.0]"
     text = text.replace("responses: vessel_120m, heading_deg: 0.0",
                         f"{riding}, conventions: {{{said}}}")  # fmt: skip

@@ -24,7 +24,7 @@ SCENES = sorted((share_dir() / "config" / "scenes").glob("*.yaml"))
 
 
 def findings(scene: Any, shot: Snapshot, **factors: float) -> list[Finding]:
-    """What is outside the range of a scene."""
+    """Reasons for leaving the range of a scene."""
     loaded = load_scene(scene) if isinstance(scene, str | Path) else scene
     return list(ModelRange(loaded).outside(shot, (), factors))
 
