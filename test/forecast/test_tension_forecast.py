@@ -219,7 +219,7 @@ def test_line_speed_is_not_a_step_of_the_counter(scene: Scene) -> None:
     forecaster.scene, forecaster.settings = scene, SETTINGS
     line = 200.0 + 0.2 * SAMPLE_S * np.arange(-299.0, 1.0)
     line[-2] += 0.01
-    now = forecaster._now(Known(0.0, np.zeros(300), line))
+    now = forecaster.line_now(Known(0.0, np.zeros(300), line))
     assert now.speed_m_per_s == pytest.approx(0.2, abs=0.01)
 
 
