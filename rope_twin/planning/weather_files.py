@@ -365,7 +365,8 @@ def _csv_rows(path: Path) -> list[tuple[str, dict[str, str]]]:
         raise InputError(phrase(str(path), "it is empty", "give a header and rows"))
     head = [name.strip() for name in next(csv.reader([lines[0][1]]))]
     rows = list[tuple[str, dict[str, str]]]()
-    for (number, _), cells in zip(lines[1:], csv.reader(line for _, line in lines[1:]), strict=True):
+    read = csv.reader(line for _, line in lines[1:])
+    for (number, _), cells in zip(lines[1:], read, strict=True):
         where = f"{path}, line {number}"
         if len(cells) != len(head):
             raise InputError(phrase(where, f"{len(cells)} values", f"the header has {len(head)}"))
