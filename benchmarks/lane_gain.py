@@ -85,7 +85,9 @@ def gain_rows(
 
 def _measure(scene: Scene, case: Case) -> GainRow:
     axes = [Axis("effects.drag.normal", 0.95, 1.05, multiply=True)]
-    if scene.sea_state.moves:
+    if scene.sea_state.on_waves is not None:  # such a ship's motion begins with the scene's waves
+        axes.append(Axis("effects.waves.jonswap.significant_height_m", 0.9, 1.0, multiply=True))
+    elif scene.sea_state.moves:
         axes.append(Axis(SEA_OFFSET, 0.0, 60.0))
     plan = make_plan(axes, case.members, SEED)
     own = variations(scene, plan, case.warm_s + case.turns * case.seconds)
