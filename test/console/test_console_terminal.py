@@ -266,24 +266,24 @@ def test_loss_of_the_twin_shows_and_its_return_too() -> None:
 
 def test_an_alarm_rings_until_the_bell_is_off(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = filled()
-    rung: list[float] = []
-    monkeypatch.setattr(TerminalConsole, "bell", lambda self: rung.append(rig.clock.now_s))
+    rings: list[float] = []
+    monkeypatch.setattr(TerminalConsole, "bell", lambda self: rings.append(rig.clock.now_s))
 
     async def steps(app: TerminalConsole, pilot: Pilot[None]) -> None:
         rig.source.alerts = [TENSION_ALARM]
         rig.tick()
         app.draw()
         assert "!!ALARM top tension" in shown(app, "#alerts")
-        assert len(rung) == 1
+        assert len(rings) == 1
         app.draw()
-        assert len(rung) == 1
+        assert len(rings) == 1
         rig.tick(50)
         app.draw()
-        assert len(rung) == 2
+        assert len(rings) == 2
         await pilot.press("b")
         rig.tick(50)
         app.draw()
-        assert len(rung) == 2
+        assert len(rings) == 2
 
     piloted(rig, steps)
 

@@ -228,8 +228,8 @@ def test_a_clock_that_is_ahead_is_noticed(scene: Scene, ahead_s: float, doubted:
     inputs, lead_ns, second = MeasuredInputs(scene), round(ahead_s * 1e9), 1_000_000_000
     for k in range(10):
         at_ns = k * second // 10
-        told = Measurement.of_depth(at_ns + lead_ns, 100.0 + 0.01 * k)
-        assert inputs.offer(told, at_ns, received_ns=at_ns) == ""
+        reading = Measurement.of_depth(at_ns + lead_ns, 100.0 + 0.01 * k)
+        assert inputs.offer(reading, at_ns, received_ns=at_ns) == ""
     words = inputs.health(second)["payload_depth"].warning
     assert ("1.50 s ahead of their arrival" in words) == doubted
     inputs.lead_s = 2.0  # of a replay

@@ -258,8 +258,8 @@ class RowFolder(ABC):
                 right = "give another folder with --out, or remove this one"
                 raise InputError(phrase(str(self._folder), what, right))
             return
-        told = {"study": self._titled.name, "scene": self._titled.scene, "stamp": stamp}
-        write_whole(mark, json.dumps(told, ensure_ascii=False).encode())
+        content = {"study": self._titled.name, "scene": self._titled.scene, "stamp": stamp}
+        write_whole(mark, json.dumps(content, ensure_ascii=False).encode())
 
     def done(self) -> set[int]:
         """Return the numbers of the runs with rows in the folder."""

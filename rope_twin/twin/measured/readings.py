@@ -9,6 +9,7 @@ not explain is reported as a warning.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections import deque
 from typing import NamedTuple, Self
 
@@ -81,7 +82,7 @@ class Measurement(NamedTuple):
         return cls(PAYLOAD, stamp_ns, (("", depth_m, None, None),))
 
 
-class Readings:
+class Readings(ABC):
     """Checks and counts of the readings of one group of sensors."""
 
     def __init__(self, name: str, topic: str) -> None:
@@ -191,8 +192,9 @@ class Readings:
             return "non_finite", f"a value of {bad}", right
         return self._range_fault(row)
 
+    @abstractmethod
     def _range_fault(self, row: Row) -> Refusal | None:
-        raise NotImplementedError
+        """Return why a finite value is out of range, or None."""
 
     def _stamp_fault(self, stamp_ns: int, now_ns: int) -> Refusal | None:
         newest_ns, at = self._newest_ns, f"stamp {stamp_ns * 1e-9:.3f} s"
@@ -228,8 +230,9 @@ class Readings:
     _quantity = ""
     _slip_m = math.inf  # by so much place and integral of the speed may differ
 
+    @abstractmethod
     def _allowed_m(self, seconds: float) -> float:
-        raise NotImplementedError
+        """Return the largest change of the place that is possible in a time [m]."""
 
 
 def fastest_m_per_s(winch: Winch | None) -> float:
