@@ -43,7 +43,6 @@ def _loop(name: str, seconds: int) -> Found:
     )
     for depth in calm.crossing_m[-1]:
         findings.append(shown("lines cross at the end, calm, at", depth, "2500, an example", "m"))
-    findings.append(shown("speed on one core", calm.real_time_factor, "not printed", "× real time"))
     return Found(tuple(findings), _panels(calm, rough), NOTES)
 
 
@@ -91,7 +90,6 @@ def _ascent() -> Found:
         if rope.vibration is not None:
             most = float(rope.vibration.cross_flow.max())
             findings.append(shown(f"{rope.name}: highest A/d at the end", most, "in pictures"))
-    findings.append(shown("speed on one core", calm.real_time_factor, "not printed", "× real time"))
     return Found(tuple(findings), _panels(calm, rough), (NOTES[0], ASSUMED))
 
 
