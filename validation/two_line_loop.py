@@ -9,8 +9,8 @@ from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import Line, Panel
 from rope_twin.studies.two_lines import LineRun, record_of, run_lines
-from rope_twin.twin.monitors.settings import Monitors
-from rope_twin.twin.multi_line.clearance_results import LineEvent
+from rope_twin.twin.monitors import Monitors
+from rope_twin.twin.snapshot import LineEvent
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.settings import MonitorSettings
 from validation.case import Case, Finding, Found, between, shown, within

@@ -28,7 +28,7 @@ from rope_twin.sea.spectrum import (
     read_spectrum,
     steepness_warning,
 )
-from rope_twin.twin.motion.irregular_sea import synthesise
+from rope_twin.twin.motion.ship_motion import synthesise
 
 _UNITS = (
     ("_m_per_s", " m/s", ".2f"),

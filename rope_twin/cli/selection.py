@@ -28,9 +28,9 @@ from rope_twin.studies.accuracy.within import (
     sure_bound,
 )
 from rope_twin.studies.driven_twin import variant
-from rope_twin.twin.accuracy.validity import CUT_REASON, beyond
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.validity import CUT_REASON, beyond
 
 SLOTS, PAUSE_S = 20, 0.002  # of a rung: the pause cools the caches, as pacing does
 FEW, MANY = 1, 4  # steps in a slot

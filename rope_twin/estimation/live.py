@@ -21,9 +21,9 @@ from rope_twin.scene.measured import SHEAVE
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.twin.ensemble.live_state import live_state
+from rope_twin.twin.figures import RAMP_S
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.learned_figures import RAMP_S
-from rope_twin.twin.measured.readings import MOTOR, WINCH_SENSORS, Measurement
+from rope_twin.twin.readings import MOTOR, WINCH_SENSORS, Measurement
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 

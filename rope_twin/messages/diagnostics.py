@@ -11,18 +11,19 @@ from rope_twin.messages.residuals import residuals_status
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.results import EnergyBalance, TensionInterval
 from rope_twin.twin.snapshot import (
     BORDER,
     BedContact,
     Bend,
     CompensatorShot,
     CutShot,
+    EnergyBalance,
     InputHealth,
     LimitBreach,
     RopeBend,
     RopeStrength,
     Snapshot,
+    TensionInterval,
     Touchdown,
     most_damaged,
 )

@@ -20,8 +20,8 @@ from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.contact import seabed_of
 from rope_twin.twin.statics import solve_scene_statics
-from rope_twin.twin.touchdown import seabed_of
 from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
 
 TRIALS, NEAR_M = 8, 1e-3  # of the length at which the payload hangs at a depth

@@ -24,7 +24,7 @@ from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.tables import is_path
 from rope_twin.share import share_dir
-from rope_twin.twin.ensemble.boundary_conditions import is_known_in_advance
+from rope_twin.twin.motion.boundary_conditions import is_known_in_advance
 from rope_twin.twin.motion.hang_off import lever_arm
 
 HEAD_SEAS = 180.0

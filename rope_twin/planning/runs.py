@@ -17,10 +17,10 @@ from rope_twin.planning.seas import SeaState, TipTransfer, tip_on_waves, tip_rec
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
-from rope_twin.twin.ensemble.boundary_conditions import WinchMotion
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation
 from rope_twin.twin.ensemble.member import LINE_OUT, TOP
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.boundary_conditions import WinchMotion
+from rope_twin.twin.motion.heave_track import HeaveSeries
 
 AT_LEAST, AT_DEPTH, AT_SINKING, AT_LOWEST = (1 + k for k in (LEAST, DEPTH, SINKING, LOWEST))
 

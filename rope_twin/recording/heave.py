@@ -26,8 +26,7 @@ from rope_twin.recording.track import (
 )
 from rope_twin.topics import BY_NAME
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
-from rope_twin.twin.motion.irregular_sea import SeaRecord
-from rope_twin.twin.motion.ship_pose import ShipPose, Vector3, hang_off_motion
+from rope_twin.twin.motion.ship_motion import SeaRecord, ShipPose, Vector3, hang_off_motion
 
 _HEAVE, _ELEVATION = BY_NAME["ship/heave"], BY_NAME["sea/elevation"]
 _POSE = BY_NAME["ship/odometry"]

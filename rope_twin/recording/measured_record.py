@@ -18,7 +18,7 @@ from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.status import counted
 from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.topics import MEASURED_TOPICS
-from rope_twin.twin.measured.readings import (
+from rope_twin.twin.readings import (
     MOTOR,
     MOTOR_TENSION,
     PAYLOAD,

@@ -29,8 +29,8 @@ from rope_twin.sea.raos import Responses
 from rope_twin.sea.ship_motion import BoxHull, Way, heave_response, read_way
 from rope_twin.sea.tables import Vector
 from rope_twin.twin.motion.hang_off import lever_arm
-from rope_twin.twin.motion.heave_series import HeaveSeries
-from rope_twin.twin.motion.ship_pose import ShipPose, Vector3, attitude, body_rates, turned
+from rope_twin.twin.motion.heave_track import HeaveSeries
+from rope_twin.twin.motion.ship_motion import ShipPose, Vector3, attitude, body_rates, turned
 
 Floats = NDArray[np.float64]
 

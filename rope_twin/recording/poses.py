@@ -34,7 +34,7 @@ from rope_twin.scene.schema import RecordedPoses, Scene
 from rope_twin.topics import BY_NAME
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M
-from rope_twin.twin.motion.ship_pose import MOST_TILT_DEG, UNIT_WITHIN, ShipPose, Vector3
+from rope_twin.twin.motion.ship_motion import MOST_TILT_DEG, UNIT_WITHIN, ShipPose, Vector3
 
 _ODOMETRY, _POSE_STAMPED = BY_NAME["ship/odometry"].type_name, "geometry_msgs/msg/PoseStamped"
 _POSE_FIELDS = (
@@ -125,7 +125,7 @@ def turned_by(orientation: Table, vectors: Table, back: bool = False) -> Table:
 
 
 def _judge(values: Table) -> Faults:
-    """Return the faults of samples that the twin would reject (twin/motion/ship_pose.py)."""
+    """Return the faults of samples that the twin would reject (twin/motion/ship_motion.py)."""
     with np.errstate(invalid="ignore", over="ignore"):
         size = np.sqrt((values[:, _TURN] ** 2).sum(axis=1))
         upward = 1.0 - 2.0 * (values[:, _TURN][:, :2] ** 2).sum(axis=1)

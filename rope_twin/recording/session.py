@@ -40,10 +40,10 @@ from rope_twin.sea.ship_motion import WAYS_FOLDER
 from rope_twin.sea.tables import find_table
 from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
-from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.health import SENDER_LEAD_S
-from rope_twin.twin.monitors.settings import Monitors
-from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_properties
+from rope_twin.twin.level import AccuracyLevel
+from rope_twin.twin.monitors import Monitors
+from rope_twin.twin.state import SavedState, decode_state, scene_properties
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.settings import MonitorSettings
 

@@ -32,8 +32,8 @@ from rope_twin.run.border import InputBorder
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import ALARM_TOPIC, ALERTS, ESTIMATE_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC
-from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.input_queue import InputQueue
+from rope_twin.twin.level import TwinOverloadProtection
 from rope_twin.twin.pacing import (
     Pacer,
     SnapshotQueue,
@@ -43,8 +43,8 @@ from rope_twin.twin.pacing import (
     steps_in_slot,
 )
 from rope_twin.twin.recovery import Recovery
-from rope_twin.twin.saving.autosave import AutoSave, SavingStatus
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.state_file import AutoSave, SavingStatus
 from rope_twin.twin.twin import Twin
 
 if TYPE_CHECKING:

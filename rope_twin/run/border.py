@@ -30,8 +30,8 @@ from rope_twin.messages.inputs import (
 from rope_twin.run.seat import Command, Seats
 from rope_twin.topics import CUT_TOPIC, FORECAST_RISK, INPUTS, MEASURED_TOPICS, MOTION_TOPICS
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import WinchCommand
 

@@ -38,7 +38,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.scene.winch import FOLLOWS_MEASURED
 from rope_twin.topics import ALERTS, SESSION_TOPIC, TOPICS
-from rope_twin.twin.cutting.cut_input import plan_for
+from rope_twin.twin.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.recovery import Recovery
@@ -91,7 +91,7 @@ class UnpacedRun:
         self._messages: deque[Message] = deque()  # inputs passed on, but not yet recorded
         self._sequence = Counter[str]()  # messages in the bag, by topic
         # A saved state already has inputs that its bag does not have: they are recorded again.
-        self._known_ns = {} if start is None else self.twin.newest_ns()
+        self._known_ns = {} if start is None else self.twin.inputs.newest_ns()
         self._offered_ns = FIRST_NS if self.twin.steps == 0 else self.twin.time_ns
         self._told_ns = self.twin.time_ns
         self._saved = False

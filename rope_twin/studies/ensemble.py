@@ -19,7 +19,7 @@ from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Lanes, Variation, whole_steps
 from rope_twin.twin.ensemble.member import MemberResults
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 
 MEMBERS_MOST = 10_000
 MEMBERS_USUAL = 100

@@ -20,7 +20,7 @@ from rope_twin.messages.estimate import COLUMNS, ROW, encode_estimate
 from rope_twin.messages.status import Level
 from rope_twin.topics import BY_NAME, ESTIMATE_TOPIC
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.twin import Twin
 
 

@@ -24,7 +24,7 @@ from rope_twin.scene.model.rope import section_damping
 from rope_twin.scene.schema import Damping, Rising, Scene
 from rope_twin.scene.shapes import payload_figures
 from rope_twin.studies.modes.modes import find_modes
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 
 RHO, G = 1025.0, 9.80665
 FIBRE = Rig(

@@ -25,7 +25,7 @@ from rope_twin.errors import SceneError
 from rope_twin.messages import Level, statuses
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.warnings.rope import sense_checks
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
 from rope_twin.twin.twin import Twin
 
 RIG = Rig(

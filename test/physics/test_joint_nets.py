@@ -13,7 +13,7 @@ from rope_twin import Twin, load_scene
 from rope_twin.core.state import Floats
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams, coefficients
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
 
 LINE = "rope: steel_wire_40mm, damping: {newton_seconds: 2.0e+5}"
 WHOLE = f"ropes:\n  - {{name: hoist, {LINE}, length_m: 40.0, elements: 10, to: tool}}\n"

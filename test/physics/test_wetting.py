@@ -20,7 +20,7 @@ from rope_twin.effects.wetting import WettingParams
 from rope_twin.effects.wetting import build as build_wetting
 from rope_twin.effects.wind import WindParams
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 
 WIRE = Rig(
     length=200.0, elements=97, mass=20.0, EA=2e8, diameter=0.08, load=2000.0, volume=0.25,

@@ -20,7 +20,7 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.summary import RunSummary
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.topics import TOPICS
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 
 S = 1_000_000_000
 EPOCH_NS = 1_700_000_000 * S

@@ -26,7 +26,7 @@ from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import RecordedPoses, Ship
 from rope_twin.topics import BY_NAME, Qos, Topic
-from rope_twin.twin.motion.ship_pose import ShipPose, hang_off_motion
+from rope_twin.twin.motion.ship_motion import ShipPose, hang_off_motion
 
 ARM = (10.0, 18.0, 12.0)
 SECOND = 1_000_000_000

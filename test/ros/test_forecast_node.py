@@ -21,7 +21,7 @@ from rope_twin.messages.forecast import encode_what_if
 from rope_twin.ros.forecast_node import learned_figures
 from rope_twin.ros.params import node_parameters
 from rope_twin.run.options import RunOptions
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 
 pytestmark = pytest.mark.ros
 S = 1_000_000_000

@@ -22,7 +22,7 @@ from rope_twin.sea.spectrum import (
     zero_crossing_period_s,
 )
 from rope_twin.share import share_dir
-from rope_twin.twin.saving.saved_state import scene_properties
+from rope_twin.twin.state import scene_properties
 from rope_twin.twin.twin import Twin
 
 PROFILE = "[[0.0, [0.5, 0.0]], [-900.0, [0.1, 0.05]]]"

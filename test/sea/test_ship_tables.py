@@ -25,7 +25,7 @@ from rope_twin.sea.ship_motion import read_way
 from rope_twin.sea.spectrum import jonswap
 from rope_twin.share import share_dir
 from rope_twin.twin.motion.hang_off import HangOffTrack
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.twin import Twin
 
 HEAD = "t_s,x_m,y_m,z_m\n"

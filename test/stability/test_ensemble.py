@@ -22,7 +22,7 @@ from rope_twin.scene.change import Change
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.ensemble.member import Scratch
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
 
 

@@ -14,7 +14,7 @@ from rope_twin.scene.change import Change
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 
 EVERYTHING = """\
 about: a load in the splash zone or on the bed, on a rope of a stiffness table

@@ -24,7 +24,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.winch import BendingSheave, Drum, HeaveCompensation, InboardSheave, TopSheave
 from rope_twin.studies.driven_twin import march, still
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.bends import BendCount, BendPlace, Endurance
 from rope_twin.vortex.damage import DamageSettings, RopeDamage

@@ -24,11 +24,10 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME, MEASURED_TOPICS
 from rope_twin.twin.input_queue import InputQueue, LogEntry, apply, calls_of, plain_calls
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.measured.residuals import DEPTH, LINE_OUT, SAMPLE_NS, TENSION, MeasuredInputs
-from rope_twin.twin.results import TensionInterval
-from rope_twin.twin.saving.saved_state import decode_state
-from rope_twin.twin.snapshot import Residual, Snapshot
+from rope_twin.twin.readings import Measurement
+from rope_twin.twin.residuals import DEPTH, LINE_OUT, SAMPLE_NS, TENSION, MeasuredInputs
+from rope_twin.twin.snapshot import Residual, Snapshot, TensionInterval
+from rope_twin.twin.state import decode_state
 from rope_twin.twin.twin import Twin
 
 MEASURED = """\

@@ -15,8 +15,17 @@ from view_session import EPOCH_NS, Session
 from rope_twin import messages
 from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status
-from rope_twin.twin.multi_line.clearance_results import Crossing, LineEvent, LinesShot, Nearest
-from rope_twin.twin.snapshot import BodyShot, PayloadShot, RopeShot, StrutShot, WinchShot
+from rope_twin.twin.snapshot import (
+    BodyShot,
+    Crossing,
+    LineEvent,
+    LinesShot,
+    Nearest,
+    PayloadShot,
+    RopeShot,
+    StrutShot,
+    WinchShot,
+)
 from rope_twin.view import depth_chart
 from rope_twin.view.sinks import FileSink
 

@@ -19,7 +19,7 @@ from rope_twin.effects.hull_contact import HullBox, HullContact, HullContactPara
 from rope_twin.effects.line_contact import LineContactParams
 from rope_twin.scene.model.rope import build
 from rope_twin.studies.driven_twin import march, still
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.twin import Twin
 from validation.case import Finding, limited
 from validation.hard_cases.limits import all_converged, hard_case, off, rms_off

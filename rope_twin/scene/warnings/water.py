@@ -320,7 +320,7 @@ def check_environment(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 
 ON, OFF = "compensate", "stop_compensating"
-LONGEST_STEP = 0.5  # of the travel time of an axial wave (see twin/winch/payout.py)
+LONGEST_STEP = 0.5  # of the travel time of an axial wave (see twin/winch/commands.py)
 
 
 def check_winch(scene: Scene, figures: LiftFigures) -> Iterator[str]:

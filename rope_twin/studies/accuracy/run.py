@@ -24,13 +24,13 @@ from rope_twin.scene.schema import RopeLine, Scene, Triple
 from rope_twin.scene.validation.rigging import is_joined, places, winch_of
 from rope_twin.studies.accuracy.bodies import body_of
 from rope_twin.studies.driven_twin import fed, variant
-from rope_twin.twin.ensemble.boundary_conditions import (
+from rope_twin.twin.motion.boundary_conditions import (
     SharedBoundary,
     WinchMotion,
     is_known_in_advance,
 )
 from rope_twin.twin.motion.hang_off import lever_arm
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.twin import Twin
 
 Vector = NDArray[np.float64]

@@ -42,10 +42,10 @@ from rope_twin.studies.faults.injection import (
 from rope_twin.studies.faults.injection import WINCH as WINCH_TOPIC
 from rope_twin.studies.faults.instruments import Truth, instrumented, readings, truth_of
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.monitors.settings import ERROR_INTERVAL, NO_MONITORS, Monitors
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.monitors import ERROR_INTERVAL, NO_MONITORS, Monitors
+from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin

@@ -21,8 +21,8 @@ from rope_twin.messages import (
     encode_order,
     encode_pose,
 )
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.winch.commands import WinchCommand
 
 SECOND_NS = 1_000_000_000

@@ -14,7 +14,7 @@ from rope_twin.scene.measured import Measured, MeasuredLength, MeasuredTension
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import places
 from rope_twin.studies.faults.injection import DEPTH, SECOND_NS, SENSORS, Message
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.snapshot import Snapshot
 
 READING_NS = SECOND_NS // 10

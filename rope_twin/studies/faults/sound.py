@@ -27,8 +27,8 @@ from rope_twin.studies.faults.campaign import (
 )
 from rope_twin.studies.faults.injection import HEAVE, SECOND_NS, Message
 from rope_twin.studies.faults.instruments import instrumented
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.monitors.settings import ERROR_INTERVAL
+from rope_twin.twin.monitors import ERROR_INTERVAL
+from rope_twin.twin.readings import Measurement
 
 PERIOD_NS = round(len(SPEEDS_M_PER_S) * SPEED_FOR_S * SECOND_NS)  # after which commands repeat
 LOOK_NS = SECOND_NS // 5  # between two snapshots and readings

@@ -21,11 +21,10 @@ from rope_twin.studies.driven_twin import feed
 from rope_twin.studies.parameter_study.design import FatigueWish, Made
 from rope_twin.twin.ensemble.ensemble import whole_steps
 from rope_twin.twin.ensemble.member import MemberResults
-from rope_twin.twin.monitors.damage import damage_of
-from rope_twin.twin.monitors.settings import Monitors
-from rope_twin.twin.monitors.tension import TensionMonitor
+from rope_twin.twin.monitors import Monitors, TensionMonitor
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.vortex_monitor import damage_of
 from rope_twin.vortex.damage import RopeDamage
 from rope_twin.vortex.results import MaterialFatigue
 

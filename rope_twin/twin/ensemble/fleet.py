@@ -30,17 +30,17 @@ from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.scene.validation.vortices import model_beside
-from rope_twin.twin.ensemble.figures import FIGURES, Factors, checked_factors, figures_of
-from rope_twin.twin.ensemble.fleet_members import FleetMembers
 from rope_twin.twin.ensemble.fleet_stretch import (
     STRETCH_STEPS,
     Course,
+    FleetMembers,
     Record,
     Scratch,
     Stretch,
 )
 from rope_twin.twin.ensemble.live_state import LiveState, live_state, on_mesh
-from rope_twin.twin.internal_variables import state_arrays
+from rope_twin.twin.figures import FIGURES, Factors, checked_factors, figures_of
+from rope_twin.twin.regrid import state_arrays
 from rope_twin.twin.statics import solve_scene_statics
 
 __all__ = [

@@ -22,9 +22,15 @@ from rope_twin.effects.current import profile_of, with_profile
 from rope_twin.errors import InputError, StateError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.twin.elements import Elements, elements_of, offsets_for
-from rope_twin.twin.ensemble.figures import copied_law
-from rope_twin.twin.internal_variables import has_state, on_nodes, own_copies
+from rope_twin.twin.figures import copied_law
+from rope_twin.twin.regrid import (
+    Elements,
+    elements_of,
+    has_state,
+    offsets_for,
+    on_nodes,
+    own_copies,
+)
 from rope_twin.twin.twin import Twin
 
 _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))

@@ -31,7 +31,7 @@ from rope_twin.twin.motion.plausibility import (
     needed_interval_s,
     shortest_period_s,
 )
-from rope_twin.twin.motion.ship_pose import (
+from rope_twin.twin.motion.ship_motion import (
     MOST_RATE_RAD_PER_S,
     STILL,
     UPRIGHT,
