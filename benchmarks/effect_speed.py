@@ -45,7 +45,7 @@ from rope_twin.effects.wetting import WettingParams
 from rope_twin.effects.wind import WindParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant, with_effect
 from validation.case import Listener

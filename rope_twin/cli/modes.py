@@ -11,7 +11,7 @@ from typing import Any
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.run.arguments import add_command, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.scene.rigging import is_joined
 from rope_twin.studies.modes.modes import (
     WAVE_PERIODS_S,
     Mode,

@@ -21,12 +21,12 @@ from rope_twin.run.arguments import (
     add_out,
     add_scene,
 )
+from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.relations import model_beside, shedding_model
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import model_beside, shedding_model
-from rope_twin.scene.warnings.vortices import vortex_words
+from rope_twin.scene.vortex_warnings import vortex_words
 from rope_twin.studies.viv.frequency_domain import (
     Fatigue,
     FrequencyDomainRun,

@@ -17,9 +17,9 @@ from rope_twin.estimation.learner import Estimate, Learner
 from rope_twin.estimation.worker import Ask, Begin, Heave, Motion, Reading, Task, Worker
 from rope_twin.messages.estimate import estimate_status
 from rope_twin.messages.status import Status
-from rope_twin.scene.measured import SHEAVE
+from rope_twin.scene.instruments import SHEAVE
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.twin.ensemble.live_state import live_state
 from rope_twin.twin.figures import RAMP_S
 from rope_twin.twin.input_queue import InputQueue

@@ -30,7 +30,7 @@ from rope_twin.planning.results import (
 from rope_twin.planning.run import cell_of
 from rope_twin.planning.simplified import lift_of, resonance_period_s
 from rope_twin.scene.card import solver_version
-from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.lift import lift_figures
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ def _inputs(result: PlanResult) -> Iterator[tuple[str, str, str]]:
 
 
 def _effects(result: PlanResult) -> list[str]:
-    from rope_twin.scene.model.lift import listed_effects
+    from rope_twin.scene.lift import listed_effects
 
     return list(listed_effects(result.scene))
 

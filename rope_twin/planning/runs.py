@@ -14,7 +14,7 @@ from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import SeaState, TipTransfer, tip_on_waves, tip_record
-from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation

@@ -30,7 +30,7 @@ from rope_twin.estimation.impedance import linear_drag
 from rope_twin.planning.extremes import rayleigh_factor
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import SeaState, TipTransfer, tip_moments, tip_spectrum
-from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.lift import lift_figures
 from rope_twin.sea.spectrum import zero_crossing_period_s
 from rope_twin.sea.tables import Vector
 

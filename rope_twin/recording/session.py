@@ -32,8 +32,7 @@ from rope_twin.errors import BagError, InputError, RopeTwinError, StateError, ph
 from rope_twin.recording.input_log import encode_json
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.card import OTHER_SEA, card_path
-from rope_twin.scene.change import at_setting, following_measured
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import at_setting, following_measured, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import RESPONSES_FOLDER
 from rope_twin.sea.ship_motion import WAYS_FOLDER

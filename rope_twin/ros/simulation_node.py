@@ -39,9 +39,8 @@ from rope_twin.ros.qos import (
     unheard_publishers,
     unsuited,
 )
-from rope_twin.scene.change import at_setting, following_measured
-from rope_twin.scene.load import load_scene
-from rope_twin.scene.warnings.rope import sense_checks
+from rope_twin.scene.load import at_setting, following_measured, load_scene
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.topics import (
     ACKNOWLEDGE_ALARM,
     ALERT_COMMAND,

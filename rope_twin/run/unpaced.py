@@ -33,9 +33,8 @@ from rope_twin.recording.session import Setup, describe_run, describe_session, e
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import StopSignal
 from rope_twin.run.summary import RunSummary, summarise
-from rope_twin.scene.change import at_setting, following_measured
-from rope_twin.scene.load import load_scene
-from rope_twin.scene.validation.rigging import winches_by_name
+from rope_twin.scene.load import at_setting, following_measured, load_scene
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.winch import FOLLOWS_MEASURED
 from rope_twin.topics import ALERTS, SESSION_TOPIC, TOPICS
 from rope_twin.twin.cut_input import plan_for

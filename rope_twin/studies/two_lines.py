@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import jonswap
 from rope_twin.studies.picture import check_picture, write_picture

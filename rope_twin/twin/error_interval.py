@@ -34,8 +34,8 @@ from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.step import advance, advance_joined
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
+from rope_twin.scene.rigging import places, winches
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import places, winches
 from rope_twin.twin.level import MIN_HALVED
 from rope_twin.twin.monitors import Chunk, Monitor, TwinView
 from rope_twin.twin.regrid import coarser, joined_as, own_copies, upper_ends

@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from rope_twin.effects.current import Current, RisingCurrent, from_rows, profile_of, with_profile
 from rope_twin.errors import did_you_mean, phrase
-from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.scene.validation.environment import (
+from rope_twin.scene.environment import (
     DEEPEST_ROW_M,
     MIN_ROW_SPACING_M,
     SHEAR_LIMIT_PER_S,
     steepest_shear,
 )
-from rope_twin.scene.validation.rigging import is_joined, winches_by_name
-from rope_twin.scene.warnings.water import strong_current
+from rope_twin.scene.rigging import is_joined, winches_by_name
+from rope_twin.scene.schema import WINCH, Scene
+from rope_twin.scene.water_warnings import strong_current
 from rope_twin.twin.cut_input import CutInput
 from rope_twin.twin.figures import RAMP_S, FigureBase, LearnedFigures
 from rope_twin.twin.health import InputCounter

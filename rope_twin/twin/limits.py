@@ -30,10 +30,10 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.effects.bending import Bending, BendingParams
-from rope_twin.scene.model.joined import alone
-from rope_twin.scene.model.lift import LiftFigures, lift_figures
+from rope_twin.scene.joined_model import alone
+from rope_twin.scene.lift import LiftFigures, lift_figures
+from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import RopeLine, Scene
-from rope_twin.scene.validation.rigging import is_joined, winch_of
 from rope_twin.twin.snapshot import Bend, LimitBreach, RopeBend, RopeStrength, Snapshot, Vector
 from rope_twin.twin.snapshot_builder import RopeShape
 from rope_twin.vortex.sampling import bending_stiffness

@@ -20,9 +20,9 @@ from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.ties import PULL
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance_joined
-from rope_twin.scene.model.joined import build_joined, runs_over_sheave
+from rope_twin.scene.joined_model import build_joined, runs_over_sheave
+from rope_twin.scene.rigging import winch_of
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import winch_of
 from rope_twin.twin.contact import rope_contacts
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line_snapshot import (

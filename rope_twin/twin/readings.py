@@ -14,8 +14,8 @@ from collections import deque
 from typing import NamedTuple, Self
 
 from rope_twin.errors import phrase
+from rope_twin.scene.rigging import places, winch_of
 from rope_twin.scene.schema import RopeLine, Scene, Winch
-from rope_twin.scene.validation.rigging import places, winch_of
 from rope_twin.twin.health import (
     AHEAD_NS,
     CLOCK_SAMPLES_MIN,

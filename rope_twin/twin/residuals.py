@@ -17,10 +17,10 @@ from collections import deque
 from collections.abc import Callable
 
 from rope_twin.errors import did_you_mean, phrase
-from rope_twin.scene.measured import MOTOR as AT_MOTOR
-from rope_twin.scene.measured import MeasuredLength, MeasuredTension
+from rope_twin.scene.instruments import MOTOR as AT_MOTOR
+from rope_twin.scene.instruments import MeasuredLength, MeasuredTension
+from rope_twin.scene.rigging import places
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import places
 from rope_twin.twin.health import SENDER_LEAD_S
 from rope_twin.twin.readings import (
     HISTORY_NS,

@@ -55,8 +55,8 @@ from rope_twin.effects.splash_zone import SplashZone
 from rope_twin.effects.waves import Waves
 from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError, phrase
-from rope_twin.scene.model.grid import ROOM, halvings
-from rope_twin.scene.model.rope import TOLERANCE_LEAST_N, TOLERANCE_SHARE
+from rope_twin.scene.grid import ROOM, halvings
+from rope_twin.scene.rope_model import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.twin.regrid import elements_of, has_state, on_nodes, own_copies, tensions
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
 from rope_twin.vortex.oscillating_drag import OscillatingDrag

@@ -29,10 +29,10 @@ from rope_twin.core.state import (
     Rope,
 )
 from rope_twin.core.step import advance
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.relations import coupled_settings, model_beside
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import coupled_settings, model_beside
 from rope_twin.twin.level import AccuracyLevel, Mesh
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line import MultiLineRopes

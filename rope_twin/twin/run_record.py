@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.hull_contact import HullContactParams
-from rope_twin.scene.model.grid import is_compensated
+from rope_twin.scene.grid import is_compensated
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import hull_contacts, seabed_contact, seabed_of, touchdown_of
 from rope_twin.twin.limits import BendMonitor, LoadRecord, LoadRules, watches_bends

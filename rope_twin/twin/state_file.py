@@ -47,10 +47,7 @@ if TYPE_CHECKING:
 
 FORMAT = 9  # of a saved state; raise it with every change of what a state holds
 Arrays = dict[str, NDArray[Any]]
-_CONSTANT = tuple(
-    f"rope_twin.scene.{part}"
-    for part in ("schema", "sea_state", "winch", "winch_parts", "limits", "measured")
-)
+_CONSTANT = tuple(f"rope_twin.scene.{part}" for part in ("schema", "winch", "instruments"))
 # a current may have gained rows and a rope elements, as have the monitors of that rope
 _VARIABLE_LENGTH = {"effects", "tension", "vortex", "viv_drag"}
 _log = logging.getLogger(__name__)

@@ -20,8 +20,8 @@ from rope_twin.core import state as rows
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.errors import InputError, SolverError, StateError, phrase
 from rope_twin.scene.card import KnownError, known_error
+from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.scene.validation.rigging import is_joined, winch_of
 from rope_twin.twin.cut_input import rope_number
 from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.level import AccuracyLevel, Mesh, error_at_level

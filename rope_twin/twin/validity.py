@@ -31,11 +31,11 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.scene.card import KnownError, scene_digest
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_warnings import validity_warnings
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.warnings.rope import validity_warnings
-from rope_twin.scene.warnings.water import is_air
+from rope_twin.scene.water_warnings import is_air
 from rope_twin.twin.motion.ship_motion import STILL, ShipPose
 from rope_twin.twin.snapshot import Snapshot
 

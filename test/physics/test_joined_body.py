@@ -12,7 +12,7 @@ from small_scene import not_finite
 
 from rope_twin import Snapshot, Twin, load_scene, messages
 from rope_twin.errors import SceneError
-from rope_twin.scene.model.lift import hung_together
+from rope_twin.scene.lift import hung_together
 from rope_twin.scene.schema import Damping, Joint, Scene
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.modes.modes import find_modes, find_system_modes

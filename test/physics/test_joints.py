@@ -20,7 +20,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.joined.joints import LOOSE
 from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.step import advance
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.twin.parted import CutRope
 
 ROPE = Rig(

@@ -13,7 +13,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.loads.panel import panel_coefficients
 from rope_twin.core.state import Floats
 from rope_twin.effects.net_curtain import SHARE, NetCurtain
-from rope_twin.scene.validation.relations import faults
+from rope_twin.scene.relations import faults
 from rope_twin.twin.monitors import ENERGY
 
 LINE = "rope: steel_wire_40mm, damping: {newton_seconds: 2.0e+5}"

@@ -18,7 +18,7 @@ from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fairing import build as build_fairing
 from rope_twin.effects.net import NetParams, coefficients
 from rope_twin.effects.net import build as build_net
-from rope_twin.scene.validation.relations import faults
+from rope_twin.scene.relations import faults
 
 WATER = Surroundings(1025.0, 9.80665, 0.0)
 PANEL = NetParams(width_m=20.0, height_m=10.0, solidity=0.2)

@@ -19,7 +19,7 @@ from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.recording.motion_source import FIRST_NS, offer, open_sea
-from rope_twin.scene.validation.rigging import winches_by_name
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.studies.driven_twin import with_effect
 from rope_twin.twin.level import (
     AccuracyLevel,

@@ -12,8 +12,8 @@ from rope_twin.errors import SceneError
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.scene.card import scene_digest
 from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import AcceptedWarning
-from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.sea.spectrum import (
     breaking_fault,
     jonswap,

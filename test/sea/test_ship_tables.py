@@ -16,8 +16,8 @@ from rope_twin.messages import encode_pose
 from rope_twin.messages.inputs import read_pose
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Ship
-from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.sea.components import DEEP, irregular_waves
 from rope_twin.sea.rao_files import COLUMNS, read_responses
 from rope_twin.sea.raos import Responses

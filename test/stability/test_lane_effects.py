@@ -10,8 +10,8 @@ from lone_twins import SECOND_NS, differing, sea
 from rope_twin import load_scene
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
-from rope_twin.scene.change import Change
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.load import Change
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.motion.heave_track import HeaveSeries

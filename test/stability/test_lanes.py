@@ -37,8 +37,8 @@ from rope_twin.core.state import (
     WORK_ROWS,
 )
 from rope_twin.errors import InputError
-from rope_twin.scene.change import Change
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.load import Change
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.motion.heave_track import HeaveSeries

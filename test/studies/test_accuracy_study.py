@@ -19,8 +19,7 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.scene import card
 from rope_twin.scene.card import known_error, read_card
-from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.studies.accuracy.run import (
     Course,
     Series,

@@ -10,7 +10,7 @@ import pytest
 from study_text import DRAWN, GOOD, written
 
 from rope_twin.errors import RopeTwinError
-from rope_twin.scene.change import change_scene
+from rope_twin.scene.load import change_scene
 from rope_twin.share import share_dir
 from rope_twin.studies.ensemble import Seas
 from rope_twin.studies.parameter_study.design import design_runs, made_of, read_study

@@ -64,7 +64,7 @@ from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.effects.wetting import WettingParams
 from rope_twin.effects.wind import WindParams
-from rope_twin.scene.model.rope import build_effects
+from rope_twin.scene.rope_model import build_effects
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.shapes import payload_figures
 from rope_twin.twin import ropes

@@ -13,8 +13,7 @@ from small_scene import SMALL_SCENE, not_finite
 
 from rope_twin.errors import SceneError
 from rope_twin.messages import Level, statuses
-from rope_twin.scene.change import following_measured
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import following_measured, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.snapshot import Snapshot

@@ -12,7 +12,7 @@ from sample_snapshot import RESIDUAL, hanging_rope
 from small_scene import small_scene
 
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.warnings.rope import sense_checks, validity_warnings
+from rope_twin.scene.rope_warnings import sense_checks, validity_warnings
 from rope_twin.share import share_dir
 from rope_twin.twin.snapshot import BedContact, Crossing, InputHealth, LinesShot, Nearest, Snapshot
 from rope_twin.twin.twin import Twin

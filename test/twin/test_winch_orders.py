@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging import places, winches_by_name
 from rope_twin.scene.schema import WINCH
-from rope_twin.scene.validation.rigging import places, winches_by_name
 from rope_twin.scene.winch import Brake, ConstantTension, Drive, Drum, EmergencyStop, ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.state import scene_properties

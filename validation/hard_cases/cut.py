@@ -15,7 +15,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SolverError, phrase
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.twin.contact import seabed_contact
 from rope_twin.twin.parted import CutRope
 from rope_twin.twin.rope_cut import (

@@ -12,11 +12,11 @@ from rope_twin.core.joined.joints import LOOSE, loaded_ends
 from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.state import Boundary, Floats, Ints
 from rope_twin.core.step import advance, advance_joined
-from rope_twin.scene.model.joined import build_joined
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.joined_model import build_joined
+from rope_twin.scene.relations import coupled_settings, model_beside
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import coupled_settings, model_beside
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.statics import check_equilibrium, solve_scene_statics
 from rope_twin.vortex.coupled import VivDragAmplification

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.scene.card import PEAK, RMS, told_bound
-from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.lift import lift_figures
+from rope_twin.scene.relations import model_beside
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import model_beside
-from rope_twin.scene.warnings.vortices import vortex_words
+from rope_twin.scene.vortex_warnings import vortex_words
 from rope_twin.studies.accuracy.run import QUANTITIES, STILL
 from rope_twin.studies.accuracy.study import FORMAL_ORDER, Doubt, Row, Study
 from rope_twin.studies.accuracy.within import cheapest_within

@@ -20,8 +20,8 @@ from rope_twin.errors import SolverError, phrase
 from rope_twin.recording.heave import sample_of
 from rope_twin.recording.motion_source import FIRST_NS, open_sea, series_of
 from rope_twin.scene.card import PEAK, RMS
+from rope_twin.scene.rigging import is_joined, places, winch_of
 from rope_twin.scene.schema import RopeLine, Scene, Triple
-from rope_twin.scene.validation.rigging import is_joined, places, winch_of
 from rope_twin.studies.accuracy.bodies import body_of
 from rope_twin.studies.driven_twin import fed, variant
 from rope_twin.twin.motion.boundary_conditions import (

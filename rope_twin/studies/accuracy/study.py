@@ -14,11 +14,11 @@ from typing import Any
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.card import FORMAT, scene_digest, solver_version
-from rope_twin.scene.model.joined import build_joined
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.joined_model import build_joined
+from rope_twin.scene.relations import shedding_model
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import shedding_model
 from rope_twin.studies.accuracy.run import (
     BY_NAME,
     QUANTITIES,

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from rope_twin.scene.measured import Measured, MeasuredLength, MeasuredTension
+from rope_twin.scene.instruments import Measured, MeasuredLength, MeasuredTension
+from rope_twin.scene.rigging import places
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import places
 from rope_twin.studies.faults.injection import DEPTH, SECOND_NS, SENSORS, Message
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.snapshot import Snapshot

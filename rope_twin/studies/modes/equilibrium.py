@@ -34,8 +34,8 @@ from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.shape import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.model.joined import build_joined
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.joined_model import build_joined
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.modes.hung_body import HungBody, hung_body, without_body
 from rope_twin.twin.snapshot_builder import body_of

@@ -16,12 +16,10 @@ import numpy as np
 
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.quantity import quantity, text
-from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.document import Place, read_document
-from rope_twin.scene.load import load_scene, rope_preset
-from rope_twin.scene.reader import read_object
+from rope_twin.scene.load import Change, change_scene, load_scene, rope_preset
+from rope_twin.scene.reader import Place, read_document, read_object
+from rope_twin.scene.relations import faults
 from rope_twin.scene.schema import Rope, Scene
-from rope_twin.scene.validation.relations import faults
 from rope_twin.vortex.fatigue import CURVES, OWN
 
 SEA_OFFSET_S = "sea_offset_s"  # the path of a variable that moves a run along the recorded sea

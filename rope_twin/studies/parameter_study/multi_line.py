@@ -14,8 +14,8 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.errors import SceneError, SolverError
-from rope_twin.scene.change import change_scene
-from rope_twin.scene.model.joined import over_sheaves
+from rope_twin.scene.joined_model import over_sheaves
+from rope_twin.scene.load import change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import feed
 from rope_twin.studies.parameter_study.design import FatigueWish, Made

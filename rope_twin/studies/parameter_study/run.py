@@ -19,9 +19,9 @@ from typing import IO, TYPE_CHECKING, Any, Protocol, Self, TypeVar
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.card import KnownError, known_error, solver_version
-from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.lift import lift_figures
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.studies.ensemble import AFTER_NS, Seas
 from rope_twin.studies.parameter_study.design import (
     FatigueWish,

@@ -29,10 +29,10 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.model.grid import ends_m
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.grid import ends_m
+from rope_twin.scene.rigging import is_joined, refuse_body
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined, refuse_body
 from rope_twin.studies.modes.equilibrium import (
     bring_system_to_rest,
     bring_to_rest,

@@ -30,13 +30,13 @@ from rope_twin.core.state import Floats
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.recording.motion_source import RegularSea
-from rope_twin.scene.model.grid import ends_m
-from rope_twin.scene.model.joined import alone, first_places
-from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.grid import ends_m
+from rope_twin.scene.joined_model import alone, first_places
+from rope_twin.scene.lift import lift_figures
+from rope_twin.scene.relations import shedding_model
+from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.schema import RopeLine, Scene
-from rope_twin.scene.validation.rigging import is_joined, winch_of, winches_by_name
-from rope_twin.scene.validation.vortices import shedding_model
-from rope_twin.scene.warnings.vortices import expected_pace
+from rope_twin.scene.vortex_warnings import expected_pace
 from rope_twin.studies.driven_twin import Motion, Speeds, still, with_effect
 from rope_twin.studies.viv.frequency_domain import YEAR_S
 from rope_twin.studies.viv.samplers import (

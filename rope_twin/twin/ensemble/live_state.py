@@ -20,8 +20,8 @@ from rope_twin.core.payout import SMALLEST_REST, TRIALS
 from rope_twin.core.state import Floats, Ints, Model, Rope, State, new_state
 from rope_twin.effects.current import profile_of, with_profile
 from rope_twin.errors import InputError, StateError, phrase
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.twin.figures import copied_law
 from rope_twin.twin.regrid import (
     Elements,

@@ -23,8 +23,8 @@ from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.scene.card import KnownError
+from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.scene.validation.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.twin.motion.boundary_conditions import SharedBoundary, check_commands
 from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.recovery import step_failure

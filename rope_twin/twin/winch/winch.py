@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rope_twin.errors import phrase
+from rope_twin.scene.rigging import places, winch_of
 from rope_twin.scene.schema import WINCH, RopeLine, Scene
-from rope_twin.scene.validation.rigging import places, winch_of
 from rope_twin.scene.winch import (
     FOLLOWS_MEASURED,
     HOLD_SPEED,

@@ -15,15 +15,10 @@ from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams, components_of
 from rope_twin.errors import phrase
-from rope_twin.scene.model.lift import LiftFigures
+from rope_twin.scene.environment import bed_at, reference_point_m, spectrum_of, vessel_raos
+from rope_twin.scene.lift import LiftFigures
+from rope_twin.scene.rigging import places, winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.environment import (
-    bed_at,
-    reference_point_m,
-    spectrum_of,
-    vessel_raos,
-)
-from rope_twin.scene.validation.rigging import places, winches_by_name
 from rope_twin.sea.raos import FADE, long_wave_doubts
 from rope_twin.sea.spectrum import BREAKING, steepness_warning
 

@@ -44,7 +44,7 @@ from rope_twin.effects.splash_zone import SplashZone, SplashZoneParams
 from rope_twin.effects.weight import Weight
 from rope_twin.effects.wetting import WettingParams
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.model.grid import (
+from rope_twin.scene.grid import (
     Bar,
     bars_of,
     damping_newton_seconds,
@@ -54,10 +54,10 @@ from rope_twin.scene.model.grid import (
     least_line_out_m,
     node_coordinates,
 )
+from rope_twin.scene.rigging import refuse_joined
+from rope_twin.scene.rope_data import StiffnessTable, cubics
 from rope_twin.scene.schema import Payload, RopeLine, Scene
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
-from rope_twin.scene.stiffness import StiffnessTable, cubics
-from rope_twin.scene.validation.rigging import refuse_joined
 
 COLUMNS = 3  # along each side of a partially submerged body
 LEAST_SHARE = 0.1  # of the weight in air: minimum load of a nearly buoyant body on the seabed

@@ -14,21 +14,21 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.wetting import WettingParams
 from rope_twin.errors import phrase
-from rope_twin.scene.model.grid import Bar, tension_at_length
-from rope_twin.scene.model.joined import alone
-from rope_twin.scene.model.lift import (
+from rope_twin.scene.grid import Bar, tension_at_length
+from rope_twin.scene.joined_model import alone
+from rope_twin.scene.lift import (
     LiftFigures,
     hung_together,
     lift_figures,
     listed_effects,
     schedule_meets_limit,
 )
+from rope_twin.scene.relations import model_beside, shedding_model
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes import Box
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import model_beside, shedding_model
-from rope_twin.scene.warnings.vortices import check_vortex_inputs, check_vortex_resolution
-from rope_twin.scene.warnings.water import (
+from rope_twin.scene.vortex_warnings import check_vortex_inputs, check_vortex_resolution
+from rope_twin.scene.water_warnings import (
     check_compensator,
     check_current,
     check_depth_profiles,
@@ -162,7 +162,6 @@ ROPE_DENSITIES_KG_PER_M3 = (300.0, 9000.0)
 # it (DNV-OS-E301):
 LEAST_NORMAL_DRAG, CHAIN_NORMAL_DRAG, MOST_TANGENTIAL_DRAG = 0.3, 2.0, 0.2
 DRY_ROPE_SHARE = 0.005  # of the static top tension: error accepted for rope above the water
-
 Check = Callable[[Scene, LiftFigures], Iterator[str]]
 
 

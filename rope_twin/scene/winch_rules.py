@@ -6,11 +6,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from rope_twin.errors import did_you_mean
+from rope_twin.scene.rigging import winch_of, winches
 from rope_twin.scene.schema import Fault, RopeLine, Rule, Scene
-from rope_twin.scene.validation.rigging import (
-    winch_of,
-    winches,
-)
 from rope_twin.scene.winch import (
     FOLLOWS,
     FOLLOWS_MEASURED,

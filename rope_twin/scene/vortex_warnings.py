@@ -19,10 +19,10 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import phrase
-from rope_twin.scene.model.grid import Bar, tension_at_length
-from rope_twin.scene.model.lift import LiftFigures
+from rope_twin.scene.grid import Bar, tension_at_length
+from rope_twin.scene.lift import LiftFigures
+from rope_twin.scene.relations import model_beside, shedding_model, strouhal_number
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.vortices import model_beside, shedding_model, strouhal_number
 
 # Linear elements shorten a wave by (π/n)²/6: 0.4 % at 20. At 200 steps TR-BDF2 has a period error
 # of 0.01 % and negligible damping; the wake, with a damping of 5 %, needs no more than that.

@@ -15,7 +15,7 @@ import numpy as np
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.rigid_body import STEEL, RigidBodyParams
 from rope_twin.effects.splash_zone import SplashZoneParams
-from rope_twin.scene.model.grid import (
+from rope_twin.scene.grid import (
     Bar,
     damping_fraction,
     end_mass_kg,
@@ -25,11 +25,11 @@ from rope_twin.scene.model.grid import (
     node_coordinates,
     weight_n_per_m,
 )
-from rope_twin.scene.model.joined import alone, point_figures
-from rope_twin.scene.model.rope import find_payload, hanging_bars, section_damping
+from rope_twin.scene.joined_model import alone, point_figures
+from rope_twin.scene.rigging import is_joined, places
+from rope_twin.scene.rope_model import find_payload, hanging_bars, section_damping
 from rope_twin.scene.schema import Rope, RopeLine, Scene, Winch
 from rope_twin.scene.shapes import PayloadFigures, payload_figures
-from rope_twin.scene.validation.rigging import is_joined, places
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,11 @@ from rope_twin.effects.net_curtain import NetCurtain, NetCurtainParams, facing
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.splash_zone import SplashZoneParams
-from rope_twin.scene.model.grid import weight_n_per_m
-from rope_twin.scene.model.rope import build, build_effects, tables_of
+from rope_twin.scene.grid import weight_n_per_m
+from rope_twin.scene.rigging import body_payload, meeting_points, places, winch_of
+from rope_twin.scene.rope_model import build, build_effects, tables_of
 from rope_twin.scene.schema import STEEL_KG_PER_M3, WINCH, Payload, RopeLine, Scene, Winch
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
-from rope_twin.scene.validation.rigging import body_payload, meeting_points, places, winch_of
 
 
 def first_places(scene: Scene) -> dict[str, Floats]:

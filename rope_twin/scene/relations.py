@@ -1,4 +1,4 @@
-"""Rules between the values of a scene: references, order, limits.
+"""Rules between the values of a scene: references, order, limits; its VIV model.
 
 Each rule yields its faults as (path in the file, fault, remedy); the reader has already checked
 every single value.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Iterator
+from typing import Any
 
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.compensator import CompensatorParams
@@ -26,11 +27,9 @@ from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import RopeTwinError, did_you_mean
-from rope_twin.scene.model.grid import ends_m, grading_faults
-from rope_twin.scene.schema import Fault, Rule, Scene, TwoWayShape
-from rope_twin.scene.shapes import payload_figures
-from rope_twin.scene.validation.environment import ENVIRONMENT_RULES
-from rope_twin.scene.validation.rigging import (
+from rope_twin.scene.environment import ENVIRONMENT_RULES
+from rope_twin.scene.grid import ends_m, grading_faults
+from rope_twin.scene.rigging import (
     RIGGING_RULES,
     body_holds,
     body_payload,
@@ -39,14 +38,17 @@ from rope_twin.scene.validation.rigging import (
     sheaves_hold,
     winch_of,
 )
-from rope_twin.scene.validation.vortices import model_beside, shedding_model
-from rope_twin.scene.validation.winch_rules import WINCH_RULES
+from rope_twin.scene.schema import Fault, Rule, Scene, TwoWayShape
+from rope_twin.scene.shapes import payload_figures
+from rope_twin.scene.winch_rules import WINCH_RULES
+from rope_twin.vortex.settings import CoupledSettings
 
 # Exceptions of a rule that depends on a violated one:
 _CONSEQUENCES = (
     ArithmeticError, AssertionError, AttributeError, LookupError, RopeTwinError, TypeError,
     ValueError,
 )  # fmt: skip
+STROUHAL = 0.17  # default, where the model has none
 
 
 def faults(scene: Scene) -> Iterator[Fault]:
@@ -440,3 +442,34 @@ RULES: tuple[Rule, ...] = (
     *ENVIRONMENT_RULES,
     _limits,
 )
+
+
+def shedding_model(scene: Scene) -> str:
+    """Return the name of the scene's VIV model, or ""."""
+    for effect in EFFECTS:
+        if effect.sheds and any(type(params) is effect.params for params in scene.effects):
+            return effect.name
+    return ""
+
+
+def model_beside(scene: Scene) -> Any:
+    """Return the parameters of the scene's decoupled VIV model, or None."""
+    kinds = tuple(effect.params for effect in EFFECTS if effect.beside)
+    return next((own for own in scene.effects if isinstance(own, kinds)), None)
+
+
+def coupled_settings(scene: Scene) -> CoupledSettings:
+    """Return the scene's VIV model with its water; params of a decoupled one, else None."""
+    return CoupledSettings(
+        name=shedding_model(scene),
+        params=model_beside(scene),
+        strouhal=strouhal_number(scene),
+        density=scene.environment.water_density_kg_per_m3,
+        step_s=scene.time.step_s,
+    )
+
+
+def strouhal_number(scene: Scene) -> float:
+    """Return the Strouhal number of the scene's VIV model, or the default."""
+    numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
+    return next((number for number in numbers if number is not None), STROUHAL)
