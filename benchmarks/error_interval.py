@@ -25,8 +25,8 @@ from rope_twin.errors import SceneError
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.accuracy_study import page_table
 from rope_twin.studies.driven_twin import fed, variant
-from rope_twin.studies.page import page_table
 from rope_twin.twin.monitors import ERROR_INTERVAL
 from rope_twin.twin.twin import Twin
 from validation.case import Listener

@@ -35,8 +35,8 @@ from rope_twin.planning.run import (
 from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.parameter_study.run import check_parquet
 from rope_twin.studies.picture import check_picture, write_picture
+from rope_twin.studies.study_run import check_parquet
 
 PICTURE, REPORT = "limits.png", "report.html"
 EXAMPLE = "deep_installation"

@@ -18,9 +18,9 @@ from rope_twin.run.options import RunOptions
 from rope_twin.scene.card import OTHER_SEA, Card, Rung, Setting, read_card, told_bound
 from rope_twin.scene.load import argument_for, load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy.run import BY_NAME, Quantity
-from rope_twin.studies.accuracy.study import make_plan
-from rope_twin.studies.accuracy.within import (
+from rope_twin.studies.accuracy_run import BY_NAME, Quantity
+from rope_twin.studies.accuracy_study import make_plan
+from rope_twin.studies.accuracy_within import (
     best_bound,
     cheapest_within,
     most_accurate,

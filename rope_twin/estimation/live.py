@@ -15,7 +15,7 @@ from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.estimation.alarm_task import AlarmTask
 from rope_twin.estimation.learner import Estimate, Learner
 from rope_twin.estimation.worker import Ask, Begin, Heave, Motion, Reading, Task, Worker
-from rope_twin.messages.estimate import estimate_status
+from rope_twin.messages.reports import estimate_status
 from rope_twin.messages.status import Status
 from rope_twin.scene.instruments import SHEAVE
 from rope_twin.scene.rigging import winches_by_name

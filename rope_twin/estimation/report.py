@@ -27,7 +27,7 @@ from rope_twin.estimation.figures import (
     Prior,
 )
 from rope_twin.estimation.impedance import bar_of
-from rope_twin.messages.estimate import UNITS as FIGURE_UNITS
+from rope_twin.messages.reports import UNITS as FIGURE_UNITS
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 

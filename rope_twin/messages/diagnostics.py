@@ -6,9 +6,7 @@ import math
 from collections.abc import Sequence
 
 from rope_twin.core.loads.growth import FACTORS
-from rope_twin.messages.quality import quality_status
-from rope_twin.messages.residuals import residuals_status
-from rope_twin.messages.status import Level, Status, counted
+from rope_twin.messages.status import Level, Status, counted, quality_status, residuals_status
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (

@@ -33,7 +33,7 @@ from rope_twin.planning.runs import Row, Ship
 from rope_twin.planning.settings import choose_setting, governing_error
 from rope_twin.scene.card import KnownError, Setting, known_error, solver_version
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.parameter_study.run import RowFolder, on_cluster
+from rope_twin.studies.study_run import RowFolder, on_cluster
 from rope_twin.twin.ensemble.ensemble import cores
 
 VERSION = 1  # of what the rows mean

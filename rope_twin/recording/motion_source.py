@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import encode_heave, encode_pose
-from rope_twin.recording.heave import HeaveSample, open_heave, sample_of
-from rope_twin.recording.poses import open_poses
+from rope_twin.recording.heave import HeaveSample, open_heave, open_poses, sample_of
 from rope_twin.scene.schema import RecordedPoses, RegularHeave, Scene
 from rope_twin.sea.components import Waves, wave_at
 from rope_twin.sea.rao_files import read_responses

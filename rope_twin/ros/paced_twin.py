@@ -21,9 +21,8 @@ from rope_twin.alerts.monitor import AlertMonitor
 from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Encoder, Level, Status, statuses
-from rope_twin.messages.alerts import encode_alerts
 from rope_twin.messages.diagnostics import BreachWords
-from rope_twin.messages.estimate import encode_alarm, encode_estimate
+from rope_twin.messages.reports import encode_alarm, encode_alerts, encode_estimate
 from rope_twin.messages.status import counted
 from rope_twin.recording.input_log import InputLog, Mark, encode_json
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session

@@ -25,7 +25,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, encode_diagnostics, encode_epoch, encode_seat
-from rope_twin.messages.alerts import read_command
+from rope_twin.messages.reports import read_command
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import Clocks, PacedTwin, with_hint
 from rope_twin.ros.params import SimulationParams, declare, read

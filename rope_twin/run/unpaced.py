@@ -24,10 +24,16 @@ from rope_twin.messages import (
     encode_order,
     statuses,
 )
-from rope_twin.messages.alerts import encode_alerts
+from rope_twin.messages.reports import encode_alerts
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.input_log import InputLog, encode_json
-from rope_twin.recording.measured_record import GROUPS, MeasuredReplay, encoded, open_measured
+from rope_twin.recording.input_log import (
+    GROUPS,
+    InputLog,
+    MeasuredReplay,
+    encode_json,
+    encoded,
+    open_measured,
+)
 from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
 from rope_twin.run.options import RunOptions

@@ -29,7 +29,7 @@ from rope_twin.scene.lift import listed_effects
 from rope_twin.scene.relations import faults, model_beside
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene, SeaState, Triple
-from rope_twin.studies.accuracy.run import Course, Setting, Trial
+from rope_twin.studies.accuracy_run import Course, Setting, Trial
 from rope_twin.studies.driven_twin import fed, with_effect
 from rope_twin.twin.twin import Twin
 

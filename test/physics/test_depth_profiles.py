@@ -23,7 +23,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_model import section_damping
 from rope_twin.scene.schema import Damping, Rising, Scene
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.studies.modes.modes import find_modes
+from rope_twin.studies.modes import find_modes
 from rope_twin.twin.monitors import Monitors
 
 RHO, G = 1025.0, 9.80665

@@ -18,9 +18,8 @@ from rope_twin.errors import BagError, InputError, SceneError
 from rope_twin.messages import encode_elevation, encode_pose, templates
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.heave import open_heave
+from rope_twin.recording.heave import PoseReplay, open_heave, open_poses
 from rope_twin.recording.motion_source import FIRST_NS, open_sea
-from rope_twin.recording.poses import PoseReplay, open_poses
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene

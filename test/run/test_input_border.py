@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 
 from rope_twin.messages import Level, Status, encode_current, encode_heave, encode_order
-from rope_twin.messages.forecast import encode_forecast
 from rope_twin.messages.inputs import encode_pose
+from rope_twin.messages.reports import encode_forecast
 from rope_twin.run.border import MESSAGES_ROW, SENDERS_ROW, InputBorder, MotionSender
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.load import load_scene

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.studies.ensemble import QUANTILES
-from rope_twin.studies.parameter_study.design import Study, Variable
-from rope_twin.studies.parameter_study.multi_line import Row
 from rope_twin.studies.picture import check_picture, write_picture
+from rope_twin.studies.study_design import Row, Study, Variable
 
 FIGURES = (  # column of the rows, words, scale
     ("tension_top_max_n", "highest top tension [kN]", 1e-3),

@@ -11,10 +11,9 @@ from rope_twin.scene.relations import model_beside
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex_warnings import vortex_words
-from rope_twin.studies.accuracy.run import QUANTITIES, STILL
-from rope_twin.studies.accuracy.study import FORMAL_ORDER, Doubt, Row, Study
-from rope_twin.studies.accuracy.within import cheapest_within
-from rope_twin.studies.page import page_table
+from rope_twin.studies.accuracy_run import QUANTITIES, STILL
+from rope_twin.studies.accuracy_study import FORMAL_ORDER, Doubt, Row, Study, page_table
+from rope_twin.studies.accuracy_within import cheapest_within
 from rope_twin.studies.picture import check_picture, mark_decades, write_picture
 
 Table = list[list[str]]  # the first row is the head
@@ -24,7 +23,6 @@ HEADS = {
     "slack_share": "slack %",
 }  # fmt: skip
 TARGETS_PCT = (5.0, 1.0, 0.1)
-
 _PAGE = """\
 # {name}: what accuracy costs
 

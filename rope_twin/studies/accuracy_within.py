@@ -15,8 +15,8 @@ from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.card import Rung, read_card, told_bound
 from rope_twin.scene.load import argument_for
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy.run import Course, Quantity, Setting, Trial, differences
-from rope_twin.studies.accuracy.study import make_plan
+from rope_twin.studies.accuracy_run import Course, Quantity, Setting, Trial, differences
+from rope_twin.studies.accuracy_study import make_plan
 
 
 class Priced(Protocol):

@@ -23,17 +23,15 @@ from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.ensemble import AFTER_NS, Seas
-from rope_twin.studies.parameter_study.design import (
+from rope_twin.studies.study_design import (
     FatigueWish,
     Made,
+    Row,
     Study,
     StudyRun,
     design_runs,
-    made_of,
-)
-from rope_twin.studies.parameter_study.multi_line import (
-    Row,
     known,
+    made_of,
     most_bent,
     new_counts,
     run_system,
@@ -44,7 +42,6 @@ from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     import pyarrow
-
 
 CHANGED = "; the convergence study is of the scene before its numbers were varied"
 

@@ -33,11 +33,7 @@ from rope_twin.scene.grid import ends_m
 from rope_twin.scene.rigging import is_joined, refuse_body
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.modes.equilibrium import (
-    bring_system_to_rest,
-    bring_to_rest,
-    water_at,
-)
+from rope_twin.studies.equilibrium import bring_system_to_rest, bring_to_rest, water_at
 from rope_twin.vortex.chain import lines_of, one_rope
 from rope_twin.vortex.drag_amplification import amplified_drag
 from rope_twin.vortex.fatigue import StressCurve, damage_of_series, metal_area

@@ -38,8 +38,8 @@ from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.scene.vortex_warnings import expected_pace
 from rope_twin.studies.driven_twin import Motion, Speeds, still, with_effect
-from rope_twin.studies.viv.frequency_domain import YEAR_S
-from rope_twin.studies.viv.samplers import (
+from rope_twin.studies.viv_frequency_domain import YEAR_S
+from rope_twin.studies.viv_samplers import (
     PLACES,
     Sample,
     Sampler,
@@ -54,9 +54,7 @@ from rope_twin.vortex.drag_amplification import amplified_drag
 from rope_twin.vortex.fatigue import metal_area
 from rope_twin.vortex.measured import CUT_OFF
 from rope_twin.vortex.results import MaterialFatigue
-from rope_twin.vortex.sampling import (
-    bending_stiffness,
-)
+from rope_twin.vortex.sampling import bending_stiffness
 
 STEADY = 0.5  # of a run: the part that counts
 LEAST_PERIODS = 10  # of the fastest vortices in that part

@@ -4,15 +4,21 @@ Both twins hear the same sea, one of them through a fault that begins at `FROM_S
 raise a row of the diagnostics before the top tension has been off by more than `OFF_PCT` of its
 standard deviation for `PATIENCE_S`; what no look at the input can show is listed with the error
 that it makes.
+
+In a sound run the twin hears the same traffic over hours without a fault, and a load cell and a
+depth sensor that scatter by their own uncertainty around what it computes. Every fall of an index
+is a false one.
 """
 
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from heapq import merge
+from itertools import count
 from multiprocessing import get_context
 
 import numpy as np
@@ -26,7 +32,7 @@ from rope_twin.recording.motion_source import FIRST_NS, open_sea
 from rope_twin.run.border import InputBorder
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.faults.injection import (
+from rope_twin.studies.fault_injection import (
     CURRENT,
     HEAVE,
     JUDGING,
@@ -36,11 +42,14 @@ from rope_twin.studies.faults.injection import (
     WINCH,
     Fault,
     Message,
+    Truth,
     faults_of,
+    instrumented,
     laid_over,
+    readings,
+    truth_of,
 )
-from rope_twin.studies.faults.injection import WINCH as WINCH_TOPIC
-from rope_twin.studies.faults.instruments import Truth, instrumented, readings, truth_of
+from rope_twin.studies.fault_injection import WINCH as WINCH_TOPIC
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.monitors import ERROR_INTERVAL, NO_MONITORS, Monitors
 from rope_twin.twin.motion.ship_motion import ShipPose
@@ -57,6 +66,9 @@ SPEEDS_M_PER_S = (0.0, 0.4, 0.0, -0.4)  # of the winch, each for SPEED_FOR_S
 SPEED_FOR_S = 6.0
 PROFILE = ((0.0, 0.5, 0.1), (-100.0, 0.3, 0.1), (-1000.0, 0.1, 0.0))  # z [m], east, north [m/s]
 COMMAND_NS, PROFILE_NS = SECOND_NS // 10, SECOND_NS
+PERIOD_NS = round(len(SPEEDS_M_PER_S) * SPEED_FOR_S * SECOND_NS)  # after which commands repeat
+SNAPSHOT_NS = SECOND_NS // 5  # between two snapshots and readings
+SETTLED_S = 120.0  # after the build-up the indices have risen
 
 
 def motion(scene: Scene, until_s: float, posed: bool) -> list[Message]:
@@ -420,3 +432,80 @@ def _find(number: int) -> Finding:
 def _kind(topic: str) -> tuple[bool, bool]:
     """Return whether a fault of this input is judged with poses, and with measurements."""
     return topic == ODOMETRY, topic in JUDGING
+
+
+@dataclass(frozen=True)
+class Drop:
+    """A fall of the quality index of an element in a sound run."""
+
+    element: str
+    at_s: float  # twin time
+    index: float  # after it
+    reason: str
+
+
+def sound_run(
+    scene: Scene, seconds: float, progress: Callable[[float], None] = lambda _: None
+) -> list[Drop]:
+    """Run a scene for some twin time [s] without a fault; return each drop by more than DROP.
+
+    progress: is given the twin time [s].
+
+    Raises:
+        InputError: the scene's ship lies still.
+        SceneError: the scene cannot be built.
+        SolverError: the run would end; the twin cannot go on.
+    """
+    twin = LoneTwin(instrumented(scene), ERROR_INTERVAL)
+    rng, traffic, found = random.Random(SEED), _traffic(scene), []
+    following, look_ns = next(traffic), SNAPSHOT_NS
+    best: dict[str, float] = {}
+    low: set[str] = set()
+    while twin.time_ns < seconds * SECOND_NS:
+        while following.received_ns <= twin.now_ns:
+            twin.deliver(following)
+            following = next(traffic)
+        twin.step_slot()
+        if twin.time_ns < look_ns:
+            continue
+        look_ns += SNAPSHOT_NS
+        shot = twin.look()
+        cell, depth = twin.scene.measured.tension, twin.scene.measured.payload_depth
+        tension_n, depth_m = shot.tension_top_n, -float(shot.payload_position_m[2])
+        tension_n += rng.gauss(0.0, cell.uncertainty(tension_n) or 0.0) + cell.bias
+        depth_m += rng.gauss(0.0, depth.uncertainty(depth_m) or 0.0) + depth.bias
+        twin.measure(Measurement.of_winch(shot.stamp_ns, tension_n=tension_n))
+        twin.measure(Measurement.of_depth(shot.stamp_ns, depth_m))
+        for one in shot.quality if shot.time_s > SETTLED_S else ():
+            best[one.element] = max(best.get(one.element, 0.0), one.index)
+            if one.index >= best[one.element] - DROP:
+                low.discard(one.element)
+            elif one.element not in low:
+                low.add(one.element)
+                why = f"{one.cause}: {one.reason}"
+                found.append(Drop(one.element, shot.time_s, one.index, why))
+        progress(shot.time_s)
+    return found
+
+
+def _traffic(scene: Scene) -> Iterator[Message]:
+    """Yield the messages of heave, winch and current without end, in the order of arrival."""
+    sea = open_sea(scene)
+    if sea is None:
+        what, right = "its ship lies still", "name a scene with a sea"
+        raise InputError(phrase(f"scene {scene.name}", what, right))
+    orders, currents = commands(scene, PERIOD_NS * 1e-9), profiles(scene, PERIOD_NS * 1e-9)
+    for number in count():
+        begin_ns = number * PERIOD_NS
+        samples = sea.between(begin_ns if number else FIRST_NS, begin_ns + PERIOD_NS)
+        moved = [
+            Message(HEAVE, one.stamp_ns + LATENCY_NS, one.stamp_ns,
+                    (one.position_m, one.velocity_m_per_s))
+            for one in samples
+        ]  # fmt: skip
+        later = (
+            [replace(one, received_ns=one.received_ns + begin_ns, stamp_ns=one.stamp_ns + begin_ns)
+             for one in given]
+            for given in (orders, currents)
+        )  # fmt: skip
+        yield from merge(moved, *later, key=lambda one: one.received_ns)

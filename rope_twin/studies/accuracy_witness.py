@@ -23,7 +23,7 @@ from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.rope_model import build, find_payload, section_damping
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.studies.accuracy.run import Course, Setting, Trial
+from rope_twin.studies.accuracy_run import Course, Setting, Trial
 from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.statics import solve_scene_statics
 

@@ -1,7 +1,7 @@
 """Natural frequencies and modes of a scene's rope about its static equilibrium.
 
 Small undamped motion u of the nodes about equilibrium: M·ü + K·u = 0. A rigid body adds six
-unknowns (rope_twin.studies.modes.hung_body). K holds each element's stiffness k·t·tᵀ + (T/l)·(I -
+unknowns (rope_twin.studies.equilibrium). K holds each element's stiffness k·t·tᵀ + (T/l)·(I -
 t·tᵀ), axial and geometric (Irvine 1981, Cable Structures, ch. 3), and bending if the scene lists
 it; M the mass and added mass of every effect: rope, its added mass in the transverse direction,
 payload with its added mass. Both ends have the scene's boundary conditions. Damping and the change
@@ -24,15 +24,16 @@ from rope_twin.core.state import Floats
 from rope_twin.core.statics.shape import SYMMETRIC, Couplings
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.modes.equilibrium import (
+from rope_twin.studies.equilibrium import (
+    CENTRE,
     AtRest,
+    HungMotion,
     StillLine,
     StillSystem,
     bring_system_to_rest,
     bring_to_rest,
     water_at,
 )
-from rope_twin.studies.modes.hung_body import CENTRE, HungMotion
 
 WAVE_PERIODS_S = (4.0, 20.0)  # of wind sea and swell
 STROUHAL = 0.2  # of a circular cylinder, 300 < Re < 1e5 (Blevins 1990)

@@ -2,15 +2,24 @@
 
 Each level has an error against a reference of known uncertainty, a real-time factor and a memory
 size; together they are the accuracy table (`rope_twin.scene.card` reads it).
+Its numbers name the machine that they were measured on.
 """
 
 from __future__ import annotations
 
+import importlib.metadata
 import math
-from collections.abc import Callable
+import os
+import platform
+import time
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
+from rope_twin.core.jit.decorators import source_digest
+from rope_twin.core.yardstick import chain
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.card import FORMAT, scene_digest, solver_version
@@ -19,7 +28,7 @@ from rope_twin.scene.relations import shedding_model
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy.run import (
+from rope_twin.studies.accuracy_run import (
     BY_NAME,
     QUANTITIES,
     Course,
@@ -30,8 +39,7 @@ from rope_twin.studies.accuracy.run import (
     differences,
     values,
 )
-from rope_twin.studies.accuracy.witness import Witness, call_witness
-from rope_twin.studies.page import Machine, this_machine
+from rope_twin.studies.accuracy_witness import Witness, call_witness
 
 LONGEST_STEP_S = 0.2  # the longest that a scene may have
 FEWEST, MOST = 10, 1000  # elements of a ladder; at least half and twice the scene's own
@@ -402,3 +410,65 @@ def _row(course: Course, setting: Setting, reference: Reference, timed: bool) ->
         errors,
         at_most,
     )
+
+
+def page_table(rows: Iterable[Sequence[str]]) -> str:
+    """Return the lines of a Markdown table; the first row is the head."""
+    head, *others = rows
+    lines = [f"| {' | '.join(row)} |" for row in (head, *others)]
+    return "\n".join([lines[0], f"|{' --- |' * len(head)}", *lines[1:]])
+
+
+LINKS, REPETITIONS = 1_000_000, 15
+_CPUINFO = Path("/proc/cpuinfo")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Properties of the machine that computing times depend on."""
+
+    processor: str
+    cores: int  # that this process may use
+    load: float  # processes that wanted to run in the last minute, this one included
+    multiply_add_ns: float  # one dependent multiply-add; best of REPETITIONS
+    python: str
+    numba: str
+    run: str = ""  # which day, and which solver; empty: not known
+
+    def as_text(self) -> str:
+        """Return the properties as one line of text."""
+        return (
+            f"{self.processor}, {self.cores} cores, load {self.load:.1f}; a dependent multiply-add "
+            f"takes {self.multiply_add_ns:.2f} ns; Python {self.python}, numba {self.numba}"
+            f"{self.run and '; '}{self.run}"
+        )
+
+
+def this_machine() -> Machine:
+    """Query the machine and measure its speed (about 50 ms)."""
+    return Machine(
+        processor=_processor(),
+        cores=len(os.sched_getaffinity(0)),
+        load=os.getloadavg()[0],
+        multiply_add_ns=_time_chain(),
+        python=platform.python_version(),
+        numba=importlib.metadata.version("numba"),
+        run=f"{datetime.now(UTC).date()}, solver {source_digest()[:8]}",
+    )
+
+
+def _processor() -> str:
+    lines = _CPUINFO.read_text().splitlines() if _CPUINFO.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def _time_chain() -> float:
+    """Return the shortest time of a link of the benchmark [ns]."""
+    chain(1.0, 0.5, 0.5, 1)  # compiled here
+    took = []
+    for _ in range(REPETITIONS):
+        began = time.perf_counter()
+        chain(1.0, 0.5, 0.5, LINKS)
+        took.append(time.perf_counter() - began)
+    return min(took) / LINKS * 1e9
