@@ -14,6 +14,7 @@ from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError, phrase
+from rope_twin.planning.dataset import check_netcdf, write_netcdf
 from rope_twin.planning.notes import notes
 from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import plan_path, read_plan
@@ -38,7 +39,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.picture import check_picture, write_picture
 from rope_twin.studies.study_run import check_parquet
 
-PICTURE, REPORT = "limits.png", "report.html"
+PICTURE, REPORT, NETCDF = "limits.png", "report.html", "plan.nc"
 EXAMPLE = "deep_installation"
 EXAMPLES = (
     "plan deep_installation",
@@ -63,6 +64,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add_out(parser, "DIR", "folder of rows, load chart and pictures (default: plan_NAME)")
     add("--report", action="store_true",
         help="write report.html: inputs, limits, governing runs, errors")  # fmt: skip
+    add("--netcdf", action="store_true",
+        help="write plan.nc: limits with named axes and a row for each run")  # fmt: skip
     add("--threads", type=int, metavar="N", help="cells at a time (default: one a core)")
     add("--scheduler", default="", metavar="ADDRESS", help="Dask scheduler whose workers run it")
     add("--cell", default="", metavar="PHASE,TP,HEADING",
@@ -88,6 +91,8 @@ def run(args: argparse.Namespace) -> int:
     out = args.out or Path(f"plan_{plan.name}")
     check_parquet()
     check_picture(out / PICTURE)
+    if args.netcdf:
+        check_netcdf()
     if args.report:
         from rope_twin.planning.report import check_report, write_report  # runs and draws more
 
@@ -110,14 +115,17 @@ def run(args: argparse.Namespace) -> int:
     progress.finish()
     write_results(result, out)
     write_picture(limits_figure(result), out / PICTURE, 110)
+    if args.netcdf:
+        write_netcdf(result, out / NETCDF)
     if args.json:
         print_json(result_object(result))
     else:
         print_table(table_rows(result))
         print("\n" + "\n".join([*summary_lines(result), *notes(result)]))
         files = f"rows: {rows}\nload chart: {out / 'load_chart.json'}\npicture: {out / PICTURE}"
-        report_words = f"\nreport: {out / REPORT}" if args.report else ""
-        print(files + report_words, file=sys.stderr)
+        for asked, name in ((args.netcdf, NETCDF), (args.report, REPORT)):
+            files += f"\n{name}: {out / name}" if asked else ""
+        print(files, file=sys.stderr)
     none = any(cell.height_m is None for cell in result.cells)
     return ExitCode.NEGATIVE if none else ExitCode.OK
 

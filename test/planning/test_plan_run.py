@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
+import xarray
 
 from rope_twin.cli import main
 from rope_twin.errors import InputError
@@ -227,7 +228,7 @@ def test_command_writes_rows_chart_and_picture(
 ) -> None:
     """One object on stdout; a row for each run; the chart says what is allowed."""
     out = tmp_path / "out"
-    assert main(["plan", str(small), "--out", str(out), "--json"]) == 0
+    assert main(["plan", str(small), "--out", str(out), "--json", "--netcdf"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["plan"] == "small"
     rows = parquet.read_table(out / "runs.parquet").to_pylist()
@@ -236,6 +237,11 @@ def test_command_writes_rows_chart_and_picture(
         assert key in rows[0]
     assert (out / "limits.png").stat().st_size > 5000
     assert json.loads((out / "plan.json").read_text())["cells"] == found["cells"]
+    with xarray.open_dataset(out / "plan.nc") as data:
+        assert data.limiting_hs_m.values.ravel().tolist() == [
+            cell["limiting_hs_m"] for cell in found["cells"]
+        ]
+        assert data.sizes["run"] == found["runs"]
     chart = read_load_chart(out / "load_chart.json")
     assert (chart.plan, chart.scene, chart.tp_s) == ("small", "deep_lift", (9.0, 12.0))
     limit = found["cells"][0]["limiting_hs_m"]
