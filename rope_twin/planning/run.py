@@ -73,6 +73,11 @@ class PlanResult:
         """Return the cells of a phase."""
         return [cell for cell in self.cells if cell.phase == title]
 
+    def search_of(self, limit: CellLimit, store: RowStore) -> Cell:
+        """Return the search of a cell, with the rows of a store."""
+        place = self.plan.grid[self.cells.index(limit)]
+        return cell_of(self.plan, self.scene, self.works, place, store)
+
 
 class PlanFolder(RowFolder):
     """Folder of a plan's rows, which threads share."""

@@ -261,6 +261,7 @@ def test_command_writes_rows_chart_and_picture(
     )
     assert main(["plan", str(small), "--out", str(out), "--report"]) == 0
     check_report((out / "report.html").read_text(), found)
+    assert (out / "report.pdf").read_bytes().startswith(b"%PDF")
     table = capsys.readouterr()
     assert "at_depth" in table.out
     assert "345" not in table.err
@@ -315,12 +316,12 @@ def check_report(text: str, found: dict) -> None:
     names = {f"#{name}" for name in page.names}
     assert page.addresses
     assert set(page.addresses) <= names, "nothing outside the file is needed"
-    assert text.count("<svg") == 4
+    assert text.count("<svg") == 5
     for words in (found["plan_digest"], found["scene_digest"], "What is not covered", "SWL",
                   "Gumbel", "DNV-RP-N103", "vessel_120m", "Governing runs"):  # fmt: skip
         assert words in text, words
     for cell in found["cells"]:
-        assert f"<td>{1e-3 * max(one['hook_n'] for one in cell['simplified']):.0f}</td>" in text
+        assert f">{1e-3 * max(one['hook_n'] for one in cell['simplified']):.0f}</td>" in text
     assert "/tmp/" not in text
 
 
