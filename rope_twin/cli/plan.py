@@ -33,6 +33,7 @@ from rope_twin.planning.run import (
     prepare,
     run_plan,
 )
+from rope_twin.planning.tables import further_tables
 from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.schema import Scene
@@ -125,6 +126,10 @@ def run(args: argparse.Namespace) -> int:
         print_json(result_object(result))
     else:
         print_table(table_rows(result))
+        for table in further_tables(result):
+            print(f"\n{table.title}")
+            print_table(table.rows)
+            print(table.about)
         print("\n" + "\n".join([*summary_lines(result), *notes(result)]))
         files = [rows, out / "load_chart.json", out / PICTURE, *reports]
         files += [out / NETCDF] if args.netcdf else []

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rope_twin import __version__
+from rope_twin.planning.judgement import QUANTITIES
 from rope_twin.planning.notes import NOT_COVERED, notes
 from rope_twin.planning.pictures import (
     AROUND_S,
@@ -35,6 +36,7 @@ from rope_twin.planning.results import (
     table_rows,
 )
 from rope_twin.planning.simplified import lift_of, resonance_period_s
+from rope_twin.planning.tables import further_tables
 from rope_twin.scene.card import solver_version
 from rope_twin.scene.lift import lift_figures, listed_effects
 from rope_twin.sea.tables import Vector
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
 SOURCES = {
     "swl_n": "plan; capacity of the crane at its radius",
     "safety_factor": "plan; MBL of the wire by the scene",
+    "slings": "MBL over the nominal safety factor of GL Noble Denton 0027/ND 7.3, or WLL",
     "uplift_share": "DNV-RP-N103: hydrodynamic force at most 0.9 of the static submerged weight",
     "least_tension_n": "plan",
     "landing_speed_m_per_s": "plan; what object and soil bear",
@@ -367,7 +370,7 @@ def _legs(result: PlanResult) -> Iterator[tuple[str, ...]]:
 def _criteria(result: PlanResult) -> Iterator[tuple[str, str, str]]:
     limits = {limit.key: limit for work in result.works for limit in work.limits}
     for limit in limits.values():
-        force = limit.key.endswith(("_n", "factor"))
+        force = QUANTITIES[limit.quantity].unit == "kN"
         most = f"{1e-3 * limit.most:.0f} kN" if force else f"{limit.most:g}"
         yield f"{limit.words} (`{limit.key}`)", most, SOURCES.get(limit.key, "plan")
 
@@ -426,6 +429,10 @@ def _add_limits(report: Report, result: PlanResult) -> None:
         contour_figure(result),
         "Contours of limiting Hs over peak period and heading, linear between the cells (dots).",
     )
+    for one in further_tables(result):
+        report.heading(one.title, 2)
+        head, *rows = one.rows
+        report.table(one.about, head, rows, (0,), (0,), True)
 
 
 def _matrix_words(result: PlanResult, cell: CellLimit) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from rope_twin import __version__
 from rope_twin.planning.judgement import Judgement
+from rope_twin.planning.tables import sling_loads
 from rope_twin.scene.card import solver_version
 from rope_twin.scene.load_chart import FORMAT
 from rope_twin.whole_file import write_whole
@@ -150,6 +151,7 @@ def result_object(result: PlanResult) -> dict[str, Any]:
             }
             for work in result.works
         ],
+        "slings": list(sling_loads(result)) if result.plan.slings is not None else [],
         "cells": [_cell_object(result, cell) for cell in result.cells],
     }  # fmt: skip
     return dict(_plain(found))

@@ -40,7 +40,7 @@ from rope_twin.twin.ensemble.ensemble import cores
 if TYPE_CHECKING:
     from xarray import Dataset
 
-VERSION = 1  # of what the rows mean
+VERSION = 2  # of what the rows mean
 Report = Callable[[int, int, int], None]  # cells done, cells in all, runs done
 
 

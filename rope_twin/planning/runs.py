@@ -92,7 +92,7 @@ class Extremes:
     def __init__(self, leg: Leg) -> None:
         self._leg = leg
         self.top_max, self.top_min = -math.inf, math.inf
-        self.payload_min, self.least = math.inf, math.inf
+        self.payload_min, self.payload_max, self.least = math.inf, -math.inf, math.inf
         self.depth_at_max = self.at_s = math.nan
         self.landing = -math.inf
         self.stroke = self.stroke_speed = 0.0
@@ -122,6 +122,7 @@ class Extremes:
             if some[k, TOP] > self.top_max:
                 self.top_max = float(some[k, TOP])
                 self.depth_at_max, self.at_s = float(some[k, AT_DEPTH]), float(time_s[counted][k])
+            self.payload_max = max(self.payload_max, float(some[:, AT_LOWEST].max()))
         if afloat.any():
             some = steps[afloat]
             self.top_min = min(self.top_min, float(some[:, TOP].min()))
@@ -163,6 +164,7 @@ class Extremes:
             "top_max_n": self.top_max,
             "top_min_n": self.top_min,
             "payload_min_n": self.payload_min,
+            "payload_max_n": self.payload_max,
             "least_n": self.least,
             "depth_at_max_m": self.depth_at_max,
             "at_s": self.at_s,
