@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from rope_twin.core.loads.growth import FACTORS
+from rope_twin.core.loads.hooks import FACTORS
 from rope_twin.messages.status import Level, Status, counted, quality_status, residuals_status
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.pacing import PacingHealth

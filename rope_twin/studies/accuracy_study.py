@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.core.jit.decorators import source_digest
-from rope_twin.core.yardstick import chain
+from rope_twin.core.jit.functions import chain
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.card import FORMAT, scene_digest, solver_version

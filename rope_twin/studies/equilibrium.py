@@ -17,16 +17,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.body import state as at
-from rope_twin.core.body.bed import bed_pushes
-from rope_twin.core.body.contact import deck_pushes
-from rope_twin.core.body.energy import Pose, pose_of
-from rope_twin.core.body.parts import part_of
+from rope_twin.core.body.components import bed_pushes, deck_pushes
+from rope_twin.core.body.loads import part_of
 from rope_twin.core.body.state import LENGTH, Deck, GridBed, PlaneBed, RigidBody
-from rope_twin.core.joined import ties
+from rope_twin.core.body.step import Pose, pose_of
+from rope_twin.core.joined import joints as ties
 from rope_twin.core.joined.joints import LOOSE, System
-from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.sheaves import FROM, INTO, POINT, SHEAVE_MASS, WHEEL, Sheaves
-from rope_twin.core.joined.statics import weigh
+from rope_twin.core.joined.statics import solve_reeved_statics, weigh
 from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,
@@ -38,8 +36,8 @@ from rope_twin.core.state import (
     Floats,
     Rope,
 )
-from rope_twin.core.statics.equilibrium import solve_statics
-from rope_twin.core.statics.shape import SYMMETRIC, Couplings, Elastic, StillRope
+from rope_twin.core.statics import solve_statics
+from rope_twin.core.still_rope import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.joined_model import build_joined

@@ -28,10 +28,10 @@ from rope_twin.core import state as rows
 from rope_twin.core.bed import Grid, Plane, clearance
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.joined.joints import LOOSE, System
-from rope_twin.core.joined.reeving import solve_reeved_statics
+from rope_twin.core.joined.statics import solve_reeved_statics
 from rope_twin.core.loads.memory import remembers
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
-from rope_twin.core.statics.equilibrium import solve_statics
+from rope_twin.core.statics import solve_statics
 from rope_twin.core.step import advance, advance_joined
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.rigging import places, winches

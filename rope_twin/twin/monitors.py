@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Power, accounts_of
-from rope_twin.core.joined.energy import SystemBorder, lost
+from rope_twin.core.energy import Power, SystemBorder, accounts_of, lost
 from rope_twin.core.joined.joints import System
 from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.core.state import Boundary, Floats, Rope

@@ -13,9 +13,9 @@ from rigs import Rig, march, still
 from scene_text import GOOD
 
 from rope_twin import load_scene
-from rope_twin.core.body.energy import pose_of
-from rope_twin.core.body.parts import part_of
-from rope_twin.core.body.shedding import PHASE, Shedding, power
+from rope_twin.core.body.components import PHASE, Shedding, power_shedding
+from rope_twin.core.body.loads import part_of
+from rope_twin.core.body.step import pose_of
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.payload_shedding import PayloadShedding, PayloadSheddingParams
@@ -201,7 +201,7 @@ def test_a_body_sheds_with_its_projected_area() -> None:
     inward = w @ pose.turn
     faces = np.abs(inward) @ [0.5, 1.0, 2.0]
     force = 0.5 * 1025.0 * 0.4 * faces * math.sin(record[PHASE]) * np.cross(w, [0.0, 0.0, 1.0])
-    assert power(part, body, pose) == pytest.approx(float(force @ pose.velocity), rel=1e-3)
+    assert power_shedding(part, body, pose) == pytest.approx(float(force @ pose.velocity), rel=1e-3)
     assert np.linalg.norm(force) > 10.0
 
 
