@@ -55,10 +55,20 @@ def apply(twin: Twin, calls: tuple[Call, ...]) -> None:
             pass
 
 
+def _queued(method: str) -> Callable[..., str]:
+    """Return a method that queues a call of the twin's; it returns "" or the rejection."""
+
+    def put(queue: InputQueue, *arguments: Any, **named: Any) -> str:
+        return queue._put(Call(method, arguments, named))
+
+    return put
+
+
 class InputQueue:
     """A twin for the pacer that applies its inputs between cycles only.
 
-    Its `offer_*` methods take the arguments of the twin's, from any thread.
+    Its `offer_*` methods, `take_remark` and `invalidate_inputs` take the arguments of the twin's,
+    from any thread, and return "" or the reason why the full queue rejects them.
     """
 
     def __init__(
@@ -104,49 +114,14 @@ class InputQueue:
         """Return a frozen copy of the present."""
         return self._stepper.snapshot()
 
-    def offer_heave(self, *arguments: Any, **named: Any) -> str:
-        """Queue a heave sample; return "" or the reason for its rejection."""
-        return self._put(Call("offer_heave", arguments, named))
+    offer_heave, offer_pose = _queued("offer_heave"), _queued("offer_pose")
+    offer_command, offer_cut = _queued("offer_command"), _queued("offer_cut")
+    offer_current, offer_measurement = _queued("offer_current"), _queued("offer_measurement")
+    offer_figures, take_remark = _queued("offer_figures"), _queued(_REMARK)
+    offer_forecast_score, invalidate_inputs = _queued("offer_forecast_score"), _queued(_DOUBT)
 
-    def offer_pose(self, *arguments: Any, **named: Any) -> str:
-        """Queue a ship pose; return "" or the reason for its rejection."""
-        return self._put(Call("offer_pose", arguments, named))
-
-    def offer_command(self, *arguments: Any, **named: Any) -> str:
-        """Queue a winch command; return "" or the reason for its rejection."""
-        return self._put(Call("offer_command", arguments, named))
-
-    def offer_current(self, *arguments: Any, **named: Any) -> str:
-        """Queue a current profile; return "" or the reason for its rejection."""
-        profile = arguments[0] if arguments else None
-        size = profile.size if isinstance(profile, np.ndarray) else 0
-        return self._put(Call("offer_current", arguments, named), size)
-
-    def offer_cut(self, *arguments: Any, **named: Any) -> str:
-        """Queue a cut; return "" or the reason for its rejection."""
-        return self._put(Call("offer_cut", arguments, named))
-
-    def offer_measurement(self, *arguments: Any, **named: Any) -> str:
-        """Queue measured values; return "" or the reason for their rejection."""
-        return self._put(Call("offer_measurement", arguments, named))
-
-    def offer_figures(self, **named: float) -> str:
-        """Queue factors on the scene's figures; return "" or the reason for their rejection."""
-        return self._put(Call("offer_figures", (), dict(named)))
-
-    def offer_forecast_score(self, **score: float) -> str:
-        """Queue the score of a forecast; return "" or the reason for its rejection."""
-        return self._put(Call("offer_forecast_score", (), dict(score)))
-
-    def take_remark(self, words: str) -> str:
-        """Queue a remark on inputs that were kept from the twin; return "" or its rejection."""
-        return self._put(Call(_REMARK, (words,), {}))
-
-    def invalidate_inputs(self) -> None:
-        """Queue the invalidation of inputs that were known in advance."""
-        self._put(Call(_DOUBT, (), {}))
-
-    def _put(self, call: Call, size: int = 1) -> str:
+    def _put(self, call: Call) -> str:
+        size = sum(one.size for one in call.arguments if isinstance(one, np.ndarray)) or 1
         with self._lock:
             if self._waiting_numbers + size > WAITING_LIMIT:
                 self.refused += 1

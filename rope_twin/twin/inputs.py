@@ -36,7 +36,7 @@ from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import BORDER, ForecastScore, InputHealth, Snapshot, amended
 from rope_twin.twin.state import Clock
 from rope_twin.twin.validity import SceneMotion, StudyValidity
-from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.winch import Winch, winch_of_rope
 
 FIGURES_INPUT = "figures"
@@ -144,10 +144,7 @@ class TwinInputs:
             return refusal
 
     def prescribe_motion(self) -> None:
-        """Accept heave as computed values of any form (step, pluck, stop) from now on.
-
-        Sensor checks are then skipped: samples are checked only for order, range and finiteness.
-        """
+        """Accept computed heave (step, pluck, stop): only order, range, finiteness are checked."""
         with self.lock:
             self.heave.prescribe()
 
@@ -156,10 +153,6 @@ class TwinInputs:
         with self.lock:
             self.heave.clock.lead_s, self.heave.clock.correct = lead_s, correct
             self.measured.lead_s = lead_s
-
-    def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
-        """Command a winch speed, + pays out (stamp None: at once); return "" or the rejection."""
-        return self.offer_command(stamp_ns, WinchCommand(SPEED, speed_m_per_s), winch)
 
     def offer_command(self, stamp_ns: int | None, command: WinchCommand, winch: str = WINCH) -> str:
         """Command or switch a winch (stamp None: at once); return "" or the rejection.
@@ -216,7 +209,7 @@ class TwinInputs:
             named = measurement._replace(rows=rows)
             return self.measured.offer(named, self._clock.time_ns, self._follow, received_ns)
 
-    def offer_figures(self, ramp_s: float = RAMP_S, **factors: float) -> str:
+    def offer_figures(self, /, ramp_s: float = RAMP_S, **factors: float) -> str:
         """Lead the first rope's figures over to factors on the scene's; return "" or the rejection.
 
         ramp_s: time that it takes [s]; factors: by the names of FIGURES, without the current.

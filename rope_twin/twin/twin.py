@@ -7,14 +7,15 @@ and an offline run with the same inputs see the same numbers and are bit-identic
 from __future__ import annotations
 
 import copy
+import functools
 import math
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rope_twin.core import state as rows
 from rope_twin.core.loads.balance import lower_end_tension
@@ -35,11 +36,9 @@ from rope_twin.twin.monitors import (
     new_monitors,
 )
 from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL, BoundaryConditions, Present
-from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.multi_line_snapshot import with_vibration
 from rope_twin.twin.pacing import steps_in_slot
-from rope_twin.twin.readings import Measurement
 from rope_twin.twin.recovery import Checkpoint, step_failure
 from rope_twin.twin.rope_cut import CutPosition
 from rope_twin.twin.ropes import RopeSystem, new_viv_drag
@@ -60,6 +59,20 @@ from rope_twin.twin.validity import CUT_REASON
 from rope_twin.twin.winch.commands import SPEED, Payout, WinchCommand
 
 AnyMonitor = TypeVar("AnyMonitor", bound=Monitor)
+Arguments = ParamSpec("Arguments")
+Answer = TypeVar("Answer")
+
+
+def _passed_on(
+    method: Callable[Concatenate[TwinInputs, Arguments], Answer],
+) -> Callable[Concatenate[Twin, Arguments], Answer]:
+    """Return a method of the twin that calls this method of its inputs."""
+
+    @functools.wraps(method)
+    def called(twin: Twin, /, *args: Arguments.args, **named: Arguments.kwargs) -> Answer:
+        return method(twin.inputs, *args, **named)
+
+    return called
 
 
 class Twin:
@@ -92,22 +105,15 @@ class Twin:
 
     # Inputs, accepted from any thread
 
-    def offer_heave(
-        self,
-        stamp_ns: int,
-        position_m: float,
-        velocity_m_per_s: float,
-        received_ns: int | None = None,
-    ) -> str:
-        """Submit a heave sample of the hang-off, + up; return "" or the reason for its rejection.
-
-        received_ns: arrival in twin time, to judge the sender's clock; None: unknown.
-        """
-        return self.inputs.offer_heave(stamp_ns, position_m, velocity_m_per_s, received_ns)
-
-    def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
-        """Submit a ship pose, which moves the hang-off; return and received_ns: `offer_heave`."""
-        return self.inputs.offer_pose(pose, received_ns)
+    offer_heave = _passed_on(TwinInputs.offer_heave)
+    offer_pose = _passed_on(TwinInputs.offer_pose)
+    offer_current = _passed_on(TwinInputs.offer_current)
+    offer_cut = _passed_on(TwinInputs.offer_cut)
+    offer_measurement = _passed_on(TwinInputs.offer_measurement)
+    offer_figures = _passed_on(TwinInputs.offer_figures)
+    offer_forecast_score = _passed_on(TwinInputs.offer_forecast_score)
+    take_remark = _passed_on(TwinInputs.take_remark)
+    prescribe_motion = _passed_on(TwinInputs.prescribe_motion)
 
     def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
         """Command a winch speed, + pays out (stamp None: at once); return "" or the rejection."""
@@ -124,38 +130,6 @@ class Twin:
                 for monitor in self._monitors:
                     monitor.command(self.time_ns, self.inputs.rope_of(winch), stamp_ns, command)
         return refusal
-
-    def offer_current(self, profile: ArrayLike) -> str:
-        """Submit rows of z [m], east, north [m/s] downward, (n, 3); return "" or the rejection."""
-        return self.inputs.offer_current(profile)
-
-    def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
-        """Submit a cut of a rope (stamp None: at once); return "" or the reason for its rejection.
-
-        below_m: unstretched distance below its upper end [m]; infinite: as close to the lower end
-        as possible. rope: its name in a multi-line scene; "" is the first one.
-        """
-        return self.inputs.offer_cut(stamp_ns, below_m, rope)
-
-    def offer_measurement(self, measurement: Measurement, received_ns: int | None = None) -> str:
-        """Submit measured values of a winch or the payload; return and received_ns: TwinInputs."""
-        return self.inputs.offer_measurement(measurement, received_ns)
-
-    def take_remark(self, words: str) -> str:
-        """Report inputs that were kept from the twin, for its quality index; return ""."""
-        return self.inputs.take_remark(words)
-
-    def offer_figures(self, **named: float) -> str:
-        """Lead figures over to factors on the scene's; return "" or the rejection (TwinInputs)."""
-        return self.inputs.offer_figures(**named)
-
-    def offer_forecast_score(self, **score: float) -> str:
-        """Report how forecasts turned out; return "" or the rejection (TwinInputs)."""
-        return self.inputs.offer_forecast_score(**score)
-
-    def prescribe_motion(self) -> None:
-        """Accept computed heave (step, pluck, stop): only order, range, finiteness are checked."""
-        self.inputs.prescribe_motion()
 
     def invalidate_inputs(self) -> None:
         """Invalidate inputs that were known in advance, after a pause or a restart."""
