@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from rope_twin.core.loads.hooks import FACTORS
 from rope_twin.messages.status import Level, Status, counted, quality_status, residuals_status
@@ -21,11 +22,10 @@ from rope_twin.twin.snapshot import (
     RopeBend,
     RopeStrength,
     Snapshot,
-    TensionInterval,
     Touchdown,
     most_damaged,
 )
-from rope_twin.vortex.results import MaterialFatigue, RopeVibration
+from rope_twin.vortex.results import MaterialFatigue
 
 WARN_UTILISATION = 0.5  # codes for lifting wire allow less than this share of the MBL
 VIOLATED_FOR_S = 60.0  # after its last violation a limit is an ERROR for so long, then a WARN
@@ -37,8 +37,7 @@ def strength_status(ropes: Sequence[RopeStrength]) -> Status:
     for one in ropes:
         values[f"{one.name}: utilisation [% of MBL]"] = f"{100.0 * one.utilisation:.1f}"
         if one.dynamic_amplification is not None:
-            words = f"{one.dynamic_amplification:.3f}"
-            values[f"{one.name}: dynamic amplification"] = words
+            values[f"{one.name}: dynamic amplification"] = f"{one.dynamic_amplification:.3f}"
     worst = max(ropes, key=lambda one: one.utilisation)
     level = Level.OK if worst.utilisation < WARN_UTILISATION else Level.WARN
     if worst.utilisation >= 1.0:
@@ -198,46 +197,29 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     energy balance, error interval, vibration and fatigue where the run monitors them; then one row
     for each input. `pacing` is None for a run that is not real-time.
     """
-    rows = [
-        _solver(snapshot),
-        _accuracy(snapshot.card_error),
-        _winch(snapshot),
-        _start_up(snapshot),
-    ]
-    if snapshot.fluid_factors:
-        rows.append(_fluid_ramp(snapshot.fluid_factors))
-    if pacing is not None:
-        rows.append(_pacing(pacing))
-    if snapshot.strength:
-        rows.append(strength_status(snapshot.strength))
-    rows.append(limits_status(snapshot))
-    if snapshot.compensator is not None:
-        rows.append(_compensator(snapshot.compensator))
-    if snapshot.seabed is not None:
-        rows.append(_seabed(snapshot.seabed))
-    if snapshot.touchdowns:
-        rows.append(touchdown_status(snapshot.touchdowns))
-    if snapshot.residuals:
-        rows.append(residuals_status(snapshot.residuals))
-    if snapshot.quality:
-        rows.append(quality_status(snapshot.quality))
-    if snapshot.bends:
-        rows.append(bend_status(snapshot.bends))
-    if snapshot.cut is not None:
-        rows.append(_cut(snapshot.cut, -float(snapshot.payload_position_m[2])))
-    if snapshot.energy is not None:
-        rows.append(_energy(snapshot.energy))
-    if snapshot.error_interval is not None:
-        rows.append(_error_interval_status(snapshot, snapshot.error_interval))
-    if snapshot.no_error_interval:
-        rows.append(
-            Status("simulation: error interval", Level.WARN, snapshot.no_error_interval, {})
-        )
-    if snapshot.vibration is not None:
-        rows.append(_vibration(snapshot, snapshot.vibration))
-    damaged = most_damaged(snapshot)
-    if damaged is not None:
-        rows.append(_fatigue(*damaged))
+    parts: tuple[tuple[Any, Callable[[Any], Status]], ...] = (
+        (snapshot, _solver),
+        (snapshot.card_error, _accuracy),
+        (snapshot, _winch),
+        (snapshot.motion_ramp, _start_up),
+        (snapshot.fluid_factors, _fluid_ramp),
+        (pacing, _pacing),
+        (snapshot.strength, strength_status),
+        (snapshot, limits_status),
+        (snapshot.compensator, _compensator),
+        (snapshot.seabed, _seabed),
+        (snapshot.touchdowns, touchdown_status),
+        (snapshot.residuals, residuals_status),
+        (snapshot.quality, quality_status),
+        (snapshot.bends, bend_status),
+        (snapshot.cut and snapshot, _cut),
+        (snapshot.energy, _energy),
+        (snapshot.error_interval and snapshot, _error_interval),
+        (snapshot.no_error_interval, _no_error_interval),
+        (snapshot.vibration and snapshot, _vibration),
+        (most_damaged(snapshot), _fatigue),
+    )
+    rows = [row(part) for part, row in parts if part is not None and part not in ((), "")]
     rows += [_input(name, one) for name, one in snapshot.inputs.items() if name != BORDER]
     return rows
 
@@ -258,28 +240,20 @@ def _solver(snapshot: Snapshot) -> Status:
         values["failed steps recovered from"] = str(health.recoveries)
         values["last failed step [s ago]"] = f"{health.recovered_ago_s:.2f}"
     failed = counted(health.recoveries, "failed step")
+    level, message = Level.OK, "all steps converged"
     if health.recovered_ago_s < RECOVERY_ERROR_S:
-        message = f"recovered from {failed}; last: {health.recovery}"
-        return Status("simulation: solver", Level.ERROR, message, values)
-    if snapshot.doubtful:
-        return Status(
-            "simulation: solver",
-            Level.ERROR,
-            "last step not converged: tension and positions unreliable",
-            values,
-        )
-    if health.unconverged_substeps:
-        return Status(
-            "simulation: solver",
-            Level.WARN,
-            f"last step converged; {counted(health.unconverged_substeps, 'substep')} not converged "
-            "since the start",
-            values,
-        )
-    if health.recoveries:
+        level, message = Level.ERROR, f"recovered from {failed}; last: {health.recovery}"
+    elif snapshot.doubtful:
+        level = Level.ERROR
+        message = "last step not converged: tension and positions unreliable"
+    elif health.unconverged_substeps:
+        substeps = counted(health.unconverged_substeps, "substep")
+        level = Level.WARN
+        message = f"last step converged; {substeps} not converged since the start"
+    elif health.recoveries:
+        level = Level.WARN
         message = f"last step converged; recovered from {failed}, last: {health.recovery}"
-        return Status("simulation: solver", Level.WARN, message, values)
-    return Status("simulation: solver", Level.OK, "all steps converged", values)
+    return Status("simulation: solver", level, message, values)
 
 
 def _accuracy(error: KnownError) -> Status:
@@ -308,18 +282,14 @@ def _winch(snapshot: Snapshot) -> Status:
     return Status("simulation: winch", Level.OK, f"{doing}; within limits", values)
 
 
-def _start_up(snapshot: Snapshot) -> Status:
-    share = snapshot.motion_ramp
-    values = {"share of ship motion": f"{share:.3f}"}
+def _start_up(share: float) -> Status:
+    level, message = Level.OK, "full ship motion applied"
     if share < 1.0:
-        return Status(
-            "simulation: start-up",
-            Level.WARN,
-            f"build-up period: {share:.0%} of the ship motion applied, tension not yet "
-            "representative",
-            values,
-        )
-    return Status("simulation: start-up", Level.OK, "full ship motion applied", values)
+        level = Level.WARN
+        message = f"build-up period: {share:.0%} of the ship motion applied, tension not yet "
+        message += "representative"
+    values = {"share of ship motion": f"{share:.3f}"}
+    return Status("simulation: start-up", level, message, values)
 
 
 def _fluid_ramp(factors: tuple[float, ...]) -> Status:
@@ -352,10 +322,8 @@ def _energy(balance: EnergyBalance) -> Status:
     }
     share = f"{abs(balance.residual_pct):.2g} % of the energy exchanged"
     if balance.residual_pct < -GAIN_PCT:
-        return Status(
-            "simulation: energy", Level.WARN,
-            f"energy balance violated: gain of {share}; reduce the time step", values,
-        )  # fmt: skip
+        words = f"energy balance violated: gain of {share}; reduce the time step"
+        return Status("simulation: energy", Level.WARN, words, values)
     return Status("simulation: energy", Level.OK, f"residual {share}", values)
 
 
@@ -390,7 +358,9 @@ def _seabed(bed: BedContact) -> Status:
     return Status("simulation: seabed", Level.OK, message, values)
 
 
-def _cut(cut: CutShot, depth_m: float) -> Status:
+def _cut(snapshot: Snapshot) -> Status:
+    cut, depth_m = snapshot.cut, -float(snapshot.payload_position_m[2])
+    assert cut is not None
     values = {
         "cut at [s]": f"{cut.at_s:.2f}",
         "rope above the cut [m]": f"{cut.left_m:.2f}",
@@ -409,8 +379,13 @@ def cut_words(cut: CutShot) -> str:
     return f"rope {at} the hang-off; {cut.lost_m:.1f} m released"
 
 
-def _error_interval_status(snapshot: Snapshot, found: TensionInterval) -> Status:
-    tension_n = snapshot.tension_top_n
+def _no_error_interval(why: str) -> Status:
+    return Status("simulation: error interval", Level.WARN, why)
+
+
+def _error_interval(snapshot: Snapshot) -> Status:
+    found, tension_n = snapshot.error_interval, snapshot.tension_top_n
+    assert found is not None
     values = {
         "low [N]": f"{found.low_n:.6g}",
         "high [N]": f"{found.high_n:.6g}",
@@ -426,7 +401,9 @@ def _error_interval_status(snapshot: Snapshot, found: TensionInterval) -> Status
     return Status("simulation: error interval", Level.OK, message, values)
 
 
-def _vibration(snapshot: Snapshot, shaking: RopeVibration) -> Status:
+def _vibration(snapshot: Snapshot) -> Status:
+    shaking = snapshot.vibration
+    assert shaking is not None
     at = shaking.worst
     values = {
         "model": shaking.model,
@@ -474,8 +451,9 @@ def _most_bent(wear: MaterialFatigue) -> tuple[str, bool, dict[str, str]]:
     return message, damage >= 1.0 or discard >= 1.0, values
 
 
-def _fatigue(name: str, wear: MaterialFatigue) -> Status:
-    """Return the row of the rope with the largest damage; name: "" in a scene of one rope."""
+def _fatigue(damaged: tuple[str, MaterialFatigue]) -> Status:
+    """Return the row of the rope with the largest damage; its name is "" in a scene of one."""
+    name, wear = damaged
     at = wear.worst
     upper = f"the upper end of '{name}'" if name else "the hang-off"
     damage, place = float(wear.used[at]), float(wear.from_hang_off_m[at])
@@ -529,13 +507,6 @@ def _rejected(health: InputHealth) -> str:
     return f"{counted(health.recently_refused, 'sample')} rejected in the last 60 s; last"
 
 
-def _rejection(health: InputHealth) -> str:
-    """Return the last rejection, and how a gap is currently handled."""
-    if health.refusal and health.note != health.refusal:
-        return f"{health.refusal.removesuffix('.')}; now: {health.note}"
-    return health.refusal or health.note or "no reason given"
-
-
 def _input_values(health: InputHealth, age: str) -> dict[str, str]:
     values = {
         "accepted": str(health.accepted),
@@ -566,9 +537,8 @@ def _input(name: str, health: InputHealth) -> Status:
     title = f"simulation: input {words}"
     faults = [health.fault] if health.fault else []
     if health.stale:
-        faults.append(
-            f"stale: {health.note or f'no {words} for {age} s; continuing with the last input'}"
-        )
+        gap = f"no {words} for {age} s; continuing with the last input"
+        faults.append(f"stale: {health.note or gap}")
         if health.refusal and health.refusal != health.note and health.recently_refused:
             faults.append(f"{_rejected(health)}: {health.refusal.removesuffix('.')}")
     if faults:
@@ -578,7 +548,10 @@ def _input(name: str, health: InputHealth) -> Status:
     if name == "current" and health.note and health.note != health.refusal:
         warnings.append(health.note.removesuffix("."))  # accepted, but implausibly fast
     if health.recently_refused:
-        warnings.append(f"{_rejected(health)}: {_rejection(health)}")
+        last = health.refusal or health.note or "no reason given"
+        if health.refusal and health.note != health.refusal:  # how a gap is handled now
+            last = f"{health.refusal.removesuffix('.')}; now: {health.note}"
+        warnings.append(f"{_rejected(health)}: {last}")
     if warnings:
         return Status(title, Level.WARN, "; ".join(warnings), values)
     if not health.accepted:
