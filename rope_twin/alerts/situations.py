@@ -24,8 +24,8 @@ from rope_twin.messages.status import Level, Status
 from rope_twin.scene.lift import LiftFigures, lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.limits import LoadRules
 from rope_twin.twin.quality import disagrees
+from rope_twin.twin.run_record import LoadRules
 from rope_twin.twin.snapshot import BORDER, Snapshot
 from rope_twin.twin.winch.commands import EMERGENCY_STOP
 

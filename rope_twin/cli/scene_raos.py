@@ -14,8 +14,14 @@ from rope_twin.scene.environment import vessel_raos
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import SYMMETRIES, Point, RaoConventions, Responses, long_wave_doubts
-from rope_twin.studies.picture import check_picture
-from rope_twin.studies.raos import draw_raos, figures, own_headings, periods_s, table_rows
+from rope_twin.studies.picture import (
+    check_picture,
+    draw_raos,
+    figures,
+    own_headings,
+    periods_s,
+    table_rows,
+)
 
 EXAMPLES = (
     "scene raos vessel_120m --heading 90",

@@ -16,7 +16,7 @@ from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.shapes import payload_figures
 from rope_twin.scene.winch import LAYER_RISE, SWITCHES
 from rope_twin.topics import SESSION_TOPIC
-from rope_twin.twin.limits import LoadRules
+from rope_twin.twin.run_record import LoadRules
 
 _WINCH_FIGURES = (
     "speed_limit_m_per_s", "acceleration_limit_m_per_s2", "least_line_out_m", "most_line_out_m",

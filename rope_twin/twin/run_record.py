@@ -1,27 +1,61 @@
-"""Record of a run: extremes of the top tension, loads against the limits, and bends.
+"""Record of a run: extremes of tension, utilisation, the scene's limits, and bends.
 
-It takes the tensions of every step, and completes each snapshot by what is observed there.
+Each snapshot is completed by what is observed there.
+
+The tension at the upper end of each rope is checked after every step; the tension along a rope, the
+payload's motion and bends are checked at snapshots (50 Hz in every run). The strain is that of the
+maximum tension divided by the rope's stiffness, so it covers every step too and excludes damping.
+
+Dynamic amplification is the maximum since the start of the ratio of the tension at a rope's upper
+end to its static tension at the same paid-out length (DNV-RP-N103: total over static load). The
+static tension is that of the static equilibrium at the start, plus the weight in water of the rope
+paid out since. For a single rope with its payload below it, it follows the payload through the
+surface, and the reaction of deck or bed to the payload at the start is added.
+
+The bends of a rope are judged by the smallest radius and where it occurs. At a node between
+elements of unit directions t and unstretched mean length l the curvature is |t' - t|/l =
+2·sin(turn/2)/l, as of the discrete rod (Bergou et al. 2008, section 4.2, for small turns); for
+equal elements along a circle it is exactly 1/R. Where the hang-off holds the rope's direction, the
+turn to it counts over half the top element, as in `effects/bending.py`.
+
+The mesh limits the result: a rope folded back on itself has a curvature of 2/l, so no radius below
+l/2 is ever reported, and an arc shorter than an element is not resolved. A slack rope without
+bending stiffness bends as sharply as its elements allow: its radius is then that of the mesh.
 """
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
+from rope_twin.effects.bending import Bending, BendingParams
 from rope_twin.effects.hull_contact import HullContactParams
 from rope_twin.scene.grid import is_compensated
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.joined_model import alone
+from rope_twin.scene.lift import LiftFigures, lift_figures
+from rope_twin.scene.rigging import is_joined, winch_of
+from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.contact import hull_contacts, seabed_contact, seabed_of, touchdown_of
-from rope_twin.twin.limits import BendMonitor, LoadRecord, LoadRules, watches_bends
 from rope_twin.twin.quality import QualityIndex
 from rope_twin.twin.ropes import Ropes
-from rope_twin.twin.snapshot import Snapshot, amended
+from rope_twin.twin.snapshot import (
+    Bend,
+    LimitBreach,
+    RopeBend,
+    RopeStrength,
+    Snapshot,
+    Vector,
+    amended,
+)
 from rope_twin.twin.snapshot_builder import (
     Extremes,
+    RopeShape,
     RunStatistics,
     body_of,
     with_body,
@@ -29,6 +63,333 @@ from rope_twin.twin.snapshot_builder import (
 )
 from rope_twin.twin.state import Clock
 from rope_twin.twin.validity import ModelRange
+from rope_twin.vortex.sampling import bending_stiffness
+
+LINE_OUT_TOL_M = 0.02  # the static tension is computed again when the line out has changed by more
+MOST_N = 1e12
+SUPPORT_TOL = 0.05  # of the tension at the lower end: less is the lowest element's own weight
+ROPE_LIMITS = ("tension_n", "utilisation", "strain", "min_tension_n", "bend_radius")
+PAYLOAD_LIMITS = ("payload_speed_m_per_s", "payload_depth_m", "landing_speed_m_per_s")
+_AT_LEAST = ("min_tension_n", "bend_radius")
+_STORED = ("radius_m", "line_out_m", "at_s", "minimum_m", "element_m")  # fields of a Bend
+
+
+class LoadRules:
+    """Load limits and static tensions of a scene, constant during a run."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.limits = limits = scene.limits
+        self.ropes = tuple(line.name for line in scene.ropes)
+        self.payloads = tuple(payload.name for payload in scene.payloads)
+        self.rests = tuple(line.length_m for line in scene.ropes)
+        self.watches_payload = any(getattr(limits, name) is not None for name in PAYLOAD_LIMITS)
+        self.allowed_n = tuple(self._allowed_n(scene, r) for r in range(len(scene.ropes)))
+        self._lines = scene.ropes
+        self._static = tuple(_weight_of_line(scene, r) for r in range(len(scene.ropes)))
+
+    def _allowed_n(self, scene: Scene, r: int) -> float:
+        """Return the tension of a rope at which the first of its limits is exceeded [N]."""
+        made_of = [section.rope for section in scene.ropes[r].made_of]
+        most = [self.limits.utilisation * scene.ropes[r].breaking_load_n]
+        if self.limits.tension_n is not None:
+            most.append(self.limits.tension_n)
+        return min(*most, *(_tension_at(rope.strain_at, self.limits.strain) for rope in made_of))
+
+    def strain_at(self, r: int, tension_n: float) -> float:
+        """Return the strain of the softest section of a rope under a tension [N]."""
+        return max(section.rope.strain_at(tension_n) for section in self._lines[r].made_of)
+
+    def radius_m(self, name: str) -> float:
+        """Return the minimum bend radius of a rope [m], the largest of its sections."""
+        line = self._lines[self.ropes.index(name)]
+        return max(section.rope.minimum_bend_radius_m or 0.0 for section in line.made_of)
+
+    def supported_n(self, end_n: float) -> float:
+        """Return the reaction of deck or bed to a single rope's payload [N].
+
+        end_n: tension at the rope's lower end [N]. The reaction is part of the static tension: a
+        load that is lifted off hangs with all its weight.
+        """
+        figures, _ = self._static[0]
+        if figures is None or len(self.ropes) > 1:
+            return 0.0
+        borne_n = figures.hung.weight_n(self.rests[0]) - end_n
+        return borne_n if borne_n > SUPPORT_TOL * abs(end_n) else 0.0
+
+    def static_n(self, r: int, start_n: float, line_out_m: float) -> float:
+        """Return the static tension of a rope at a payout [N]; start_n: at the start [N]."""
+        figures, slope = self._static[r]
+        if figures is None:
+            return start_n + slope * (line_out_m - self.rests[r])
+        return start_n + figures.top_tension_n(line_out_m) - figures.top_tension_n(self.rests[r])
+
+
+class LoadRecord:
+    """Maximum loads and exceeded limits of a run; `look` takes the next snapshot."""
+
+    def __init__(self, rules: LoadRules, start_n: Sequence[float]) -> None:
+        """Start from `start_n`, the static tension at the upper end of each rope [N]."""
+        ropes = len(rules.ropes)
+        self._start_n = list(start_n)
+        self._highest_n = [0.0] * ropes
+        self._static_n = list(start_n)
+        self._static_at_m = list(rules.rests)
+        self._amplification = [0.0] * ropes
+        self._landed, self._sinking = True, 0.0  # a payload that starts on the bed does not land
+        self._begun = self._broken = False
+        # for each limit: first and last time [s], worst value and its time [s]; -inf: not exceeded
+        count = ropes * len(ROPE_LIMITS) + len(rules.payloads) * len(PAYLOAD_LIMITS)
+        self._found = [[-math.inf] * 4 for _ in range(count)]
+
+    def look(
+        self, taken: Snapshot, rules: LoadRules, bends: tuple[RopeBend, ...]
+    ) -> tuple[tuple[RopeStrength, ...], tuple[LimitBreach, ...]]:
+        """Return the strength results of each rope and the limits exceeded since the start."""
+        known = len(rules.ropes)
+        strength = [
+            self._load(taken, r, one, rules) if r < known else one
+            for r, one in enumerate(taken.strength)
+        ]
+        limits = rules.limits
+        if limits.min_tension_n is not None:
+            for r, low_n in enumerate(_lowest(taken)[:known]):
+                if low_n < limits.min_tension_n:
+                    self._break(self._row(r, 3), -low_n, taken.time_s)
+        if limits.bend_radius:
+            for bend in bends:
+                if bend.now.too_tight and bend.now.name in rules.ropes:
+                    row = self._row(rules.ropes.index(bend.now.name), 4)
+                    self._break(row, -bend.now.radius_m, taken.time_s)
+        if rules.watches_payload and rules.payloads:
+            self._look_at_payloads(taken, rules)
+        self._begun = True
+        return tuple(strength), tuple(self._breaches(rules)) if self._broken else ()
+
+    def _load(self, taken: Snapshot, r: int, one: RopeStrength, rules: LoadRules) -> RopeStrength:
+        """Return a rope's maximum tension, utilisation and dynamic amplification."""
+        if taken.ropes and r > 0:
+            now_n, line_out_m = taken.ropes[r].tension_top_n, taken.ropes[r].line_out_m
+        else:
+            # the first snapshot's maximum includes the static equilibrium, which no step computed
+            now_n = taken.tension_top_max_n if self._begun else one.highest_n
+            line_out_m = taken.line_out_m
+        grown = one.highest_n > self._highest_n[r]
+        current_n = max(now_n, one.highest_n) if grown else now_n
+        peak_n = current_n if r > 0 and self._begun else now_n
+        highest_n = self._highest_n[r] = max(self._highest_n[r], current_n)
+        if current_n > rules.allowed_n[r]:
+            self._judge_tension(r, current_n, one.breaking_load_n, (taken.time_s, rules))
+        if taken.cut is None:
+            if abs(line_out_m - self._static_at_m[r]) > LINE_OUT_TOL_M:
+                self._static_at_m[r] = line_out_m
+                self._static_n[r] = rules.static_n(r, self._start_n[r], line_out_m)
+            static_n = self._static_n[r]
+            if static_n > 0.0 and peak_n > self._amplification[r] * static_n:
+                self._amplification[r] = peak_n / static_n
+        amplification = self._amplification[r]
+        return RopeStrength(
+            one.name, highest_n, one.breaking_load_n, self._static_n[r], amplification or None
+        )
+
+    def _judge_tension(
+        self, r: int, tension_n: float, breaking_load_n: float, at: tuple[float, LoadRules]
+    ) -> None:
+        """Record which limits of a rope this tension exceeds; at: the time [s] and the rules."""
+        time_s, rules = at
+        limits = rules.limits
+        values = (
+            (tension_n, limits.tension_n),
+            (tension_n / breaking_load_n, limits.utilisation),
+            (rules.strain_at(r, tension_n), limits.strain),
+        )
+        for number, (value, limit) in enumerate(values):
+            if limit is not None and value > limit:
+                self._break(self._row(r, number), value, time_s)
+
+    def _look_at_payloads(self, taken: Snapshot, rules: LoadRules) -> None:
+        limits, sinking = rules.limits, 0.0
+        first = len(rules.ropes) * len(ROPE_LIMITS)
+        lowest = 0
+        for number, (position, velocity) in enumerate(_payloads(taken, len(rules.payloads))):
+            row = first + number * len(PAYLOAD_LIMITS)
+            x, y, z = velocity.tolist()
+            depth_m = -float(position[2])
+            if limits.payload_speed_m_per_s is not None:
+                speed = math.sqrt(x * x + y * y + z * z)
+                if speed > limits.payload_speed_m_per_s:
+                    self._break(row, speed, taken.time_s)
+            if limits.payload_depth_m is not None and depth_m > limits.payload_depth_m:
+                self._break(row + 1, depth_m, taken.time_s)
+            if -z > sinking:
+                sinking, lowest = -z, number
+        bed = taken.seabed
+        if limits.landing_speed_m_per_s is None or bed is None:
+            return
+        speed = max(sinking, self._sinking)
+        if bed.payload_landed and not self._landed and speed > limits.landing_speed_m_per_s:
+            self._break(first + lowest * len(PAYLOAD_LIMITS) + 2, speed, taken.time_s)
+        self._landed, self._sinking = bed.payload_landed, sinking
+
+    def _row(self, r: int, number: int) -> int:
+        return r * len(ROPE_LIMITS) + number
+
+    def _break(self, row: int, value: float, time_s: float) -> None:
+        """Record that a limit is exceeded now; a lower limit takes the negative value."""
+        found = self._found[row]
+        if found[0] == -math.inf:
+            found[0] = time_s
+        if value > found[2]:
+            found[2:] = [value, time_s]
+        found[1], self._broken = time_s, True
+
+    def _breaches(self, rules: LoadRules) -> Iterator[LimitBreach]:
+        names = [(key, name) for name in rules.ropes for key in ROPE_LIMITS]
+        names += [(key, name) for name in rules.payloads for key in PAYLOAD_LIMITS]
+        for (key, name), (first_s, last_s, worst, worst_s) in zip(names, self._found, strict=True):
+            if first_s == -math.inf:
+                continue
+            bent = key == "bend_radius"
+            limit = rules.radius_m(name) if bent else getattr(rules.limits, key)
+            value = -worst if key in _AT_LEAST else worst
+            yield LimitBreach(key, name, float(limit), first_s, last_s, value, worst_s)
+
+
+def _weight_of_line(scene: Scene, r: int) -> tuple[LiftFigures | None, float]:
+    """Return how the static tension of a rope follows its paid-out length.
+
+    For a single rope with its payload below it, the properties of the lift; for others the weight
+    in water of the rope paid out [N/m], 0 without a winch.
+    """
+    line = scene.ropes[r]
+    if winch_of(scene, line) is None:
+        return None, 0.0
+    figures = lift_figures(alone(scene, r) if is_joined(scene) else scene)
+    slope = figures.bars[-1].weight_n_per_m
+    hangs = not is_joined(scene) and not line.fixed_at_m and not figures.rises
+    return (figures if hangs else None), slope
+
+
+def _tension_at(strain_at: Callable[[float], float], strain: float) -> float:
+    """Return the tension at which a rope has this strain [N]; infinite if it never has."""
+    low, high = 0.0, MOST_N
+    if strain_at(high) < strain:
+        return math.inf
+    while high - low > 1e-9 * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if strain_at(middle) < strain else (low, middle)
+    return high
+
+
+def _lowest(taken: Snapshot) -> list[float]:
+    """Return the minimum tension of each rope [N]; a single rope's top counts in every step."""
+    if not taken.ropes:
+        return [min(taken.tension_top_min_n, float(taken.element_tension_n.min()))]
+    return [float(rope.element_tension_n.min()) for rope in taken.ropes]
+
+
+def _payloads(taken: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
+    """Return position [m] and velocity [m/s] of each payload, (3,) each."""
+    if taken.payloads:
+        return [(one.position_m, one.velocity_m_per_s) for one in taken.payloads]
+    return [(taken.payload_position_m, taken.payload_velocity_m_per_s)][:count]
+
+
+def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vector:
+    """Curvature at the nodes [1/m], (n,).
+
+    position: nodes (n, 3) [m]; arc: their unstretched arc length [m], (n,); held: unit vector of
+    the direction in which the rope is clamped at the first node; None: a free end.
+    """
+    chord, rest = np.diff(position, axis=0), np.diff(arc)
+    size = np.sqrt((chord * chord).sum(axis=1))[:, None]
+    along = np.divide(chord, size, out=np.zeros_like(chord), where=size > 0.0)
+    found = np.zeros(len(position))
+    turn = np.diff(along, axis=0)
+    found[1:-1] = 2.0 * np.sqrt((turn * turn).sum(axis=1)) / (rest[1:] + rest[:-1])
+    if held is not None:
+        found[0] = 2.0 * float(np.linalg.norm(along[0] - held)) / rest[0]
+    return found
+
+
+def minimum_radii(hung: RopeShape) -> Vector:
+    """Minimum bend radius at the nodes [m], (n,); 0: none is given; the larger at section ends."""
+    given = np.array([own.rope.minimum_bend_radius_m or 0.0 for own in hung.line.made_of])
+    if len(given) == 1:
+        return np.full(len(hung.arc_m), given[0])
+    ends = hung.core.sections[rows.END, : len(given)]
+    s, last = hung.arc_m[-1] - hung.arc_m, len(given) - 1
+    below, above = (
+        given[np.minimum(np.searchsorted(ends, s, side=side), last)] for side in ("left", "right")
+    )
+    return np.asarray(np.maximum(below, above))
+
+
+class BendMonitor:
+    """Monitor of the smallest bend radius of each rope with bending stiffness or a minimum radius.
+
+    It samples at each snapshot and keeps the smallest radius of all snapshots.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Reserve a row for each rope of the scene, and for the lower part of a cut rope."""
+        self._tightest = np.zeros((len(scene.ropes) + 1, len(_STORED)))
+        self._tightest[:, 0] = math.inf
+
+    def look(self, ropes: tuple[RopeShape, ...], time_s: float) -> tuple[RopeBend, ...]:
+        """Return the bend of each monitored rope now; time_s: twin time [s]."""
+        return tuple(
+            self._judge(number, hung, time_s)
+            for number, hung in enumerate(ropes)
+            if limits_bends(hung.line) or bending_stiffness(hung.core.effects) > 0.0
+        )
+
+    def _judge(self, number: int, hung: RopeShape, time_s: float) -> RopeBend:
+        now, position = smallest_radius(hung, time_s)
+        known = Bend(hung.name, *self._tightest[number].tolist())
+        if now.tightness > known.tightness:
+            known = now
+            self._tightest[number] = [getattr(now, name) for name in _STORED]
+        return RopeBend(now, position, known)
+
+
+def smallest_radius(hung: RopeShape, time_s: float) -> tuple[Bend, tuple[float, float, float]]:
+    """Return the bend closest to its minimum radius, or furthest below it, and its position [m].
+
+    For a rope without a minimum bend radius it is the smallest radius; if only some sections have a
+    minimum radius, only these count.
+    """
+    bend, least = curvatures(hung.position_m, hung.arc_m, _held(hung)), minimum_radii(hung)
+    at = int(np.argmax(bend * least if least.any() else bend))
+    rest = np.diff(hung.arc_m)[max(at - 1, 0) : at + 1]
+    x, y, z = (float(part) for part in hung.position_m[at])
+    found = Bend(
+        name=hung.name,
+        radius_m=1.0 / float(bend[at]) if bend[at] > 0.0 else math.inf,
+        line_out_m=float(hung.arc_m[at]),
+        at_s=time_s,
+        minimum_m=float(least[at]),
+        element_m=float(rest.mean()),
+    )
+    return found, (x, y, z)
+
+
+def watches_bends(scene: Scene) -> bool:
+    """Return whether any rope of the scene is monitored for bends."""
+    stiff = scene.listed(BendingParams) or any(line.bending for line in scene.ropes)
+    return bool(stiff) or any(limits_bends(line) for line in scene.ropes)
+
+
+def limits_bends(line: RopeLine) -> bool:
+    """Return whether a section of the rope has a minimum bend radius."""
+    return any(own.rope.minimum_bend_radius_m is not None for own in line.made_of)
+
+
+def _held(hung: RopeShape) -> Vector | None:
+    """Return the direction in which the rope's upper end is clamped, downward; None if free."""
+    for own in hung.core.effects:
+        if isinstance(own, Bending) and own.clamp > 0.0 and not hung.loose:
+            return -np.array([own.x, own.y, own.z])
+    return None
 
 
 class RecordState(NamedTuple):

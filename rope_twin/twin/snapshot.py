@@ -180,7 +180,7 @@ class RopeStrength:
 
 @dataclass(frozen=True)
 class LimitBreach:
-    """A limit of the scene that was exceeded (twin/limits.py)."""
+    """A limit of the scene that was exceeded (twin/run_record.py)."""
 
     limit: str  # its key in the scene's `limits`
     where: str  # name of the rope or payload
@@ -277,7 +277,7 @@ class Bend:
 
 @dataclass(frozen=True)
 class RopeBend:
-    """Smallest bend radius of a rope, now and since the start (twin/limits.py)."""
+    """Smallest bend radius of a rope, now and since the start (twin/run_record.py)."""
 
     now: Bend
     position_m: tuple[float, float, float]
