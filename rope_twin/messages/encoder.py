@@ -8,7 +8,8 @@ set of ropes during a run.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates, new, serialise
-from rope_twin.messages.status import quality_table
+from rope_twin.messages.status import QUALITY_COLUMNS, quality_rows
 from rope_twin.messages.templates import RopeMarkers
 from rope_twin.twin.snapshot import (
     BodyShot,
@@ -33,17 +34,9 @@ from rope_twin.vortex.results import RopeVibration
 MAP = "map"  # REP 105: the fixed frame; x east, y north, z up, z = 0 at mean water level
 HANG_OFF, PAYLOAD = "hang_off", "payload"  # frames of the first hang-off and of a single payload
 ROPE = "rope"  # name of a rope whose name the snapshot does not have
-COMPENSATOR_COLUMNS = (
-    "stroke_m", "stroke_rate_m_per_s", "tension_n", "gas_pressure_pa", "gas_force_n", "damper_n",
-    "friction_n", "stop_n", "water_n", "active_n",
-)  # fmt: skip
-
-RESIDUAL_COLUMNS = (
-    "name age_s measured computed residual lower upper instrument twin mean rms outside"
-)
 NAME_LENGTH = 32  # of a name in a table
 
-Row = dict[str, Any]  # value of each column of a table
+Rows = Iterable[tuple[Any, ...]]  # values of the columns of a table
 
 
 class Encoder:
@@ -60,30 +53,18 @@ class Encoder:
             "ropes/tension_top": self._tension_top,
             "ropes/tension_bottom": self._tension_bottom,
             "ropes/length": self._length,
-            "ropes/tension_top_error": self._tension_top_error,
             "ropes/nodes": self._nodes,
             "ropes/element_tension": self._element_tension,
-            "ropes/utilisation": self._utilisation,
-            "ropes/bend_radius": self._bend_radius,
             "ropes/vibration": self._vibration,
             "ropes/fatigue": self._fatigue,
             "ropes/markers": self._markers,
             "hang_off/wrench": self._hang_off_wrench,
             "hang_off/odometry": self._hang_off_odometry,
             "payloads/state": self._payloads_state,
-            "payloads/body": self._payloads_body,
-            "slings/state": self._slings_state,
-            "struts/state": self._struts_state,
-            "compensator/state": self._compensator_state,
             "winch/state": self._winch_state,
             "winch/mode": winch_mode,
-            "seabed/contact": self._seabed_contact,
-            "seabed/touchdown": self._touchdown,
-            "ropes/contact": self._contact,
-            "lines/crossings": self._crossings,
             "lines/events": line_events,
-            "residuals": self._residuals,
-            "twin/quality": lambda shot: self._table("twin/quality", shot, *quality_table(shot)),
+            **{topic: partial(self._rows, topic) for topic in TABLES},
         }
 
     @property
@@ -99,13 +80,8 @@ class Encoder:
         """
         encoder = self._encoders.get(topic_name)
         if encoder is None:
-            raise InputError(
-                phrase(
-                    "encode",
-                    f"topic '{topic_name}' is not made from a snapshot",
-                    did_you_mean(topic_name, self._encoders),
-                )
-            )
+            what = f"topic '{topic_name}' is not made from a snapshot"
+            raise InputError(phrase("encode", what, did_you_mean(topic_name, self._encoders)))
         return encoder(snapshot)
 
     def _stamp(self, snapshot: Snapshot, path: str = "header.stamp") -> dict[str, int]:
@@ -118,14 +94,15 @@ class Encoder:
         template = self._sized.get(topic, names, lambda: templates.joint_state(names, values))
         return template.fill({**self._stamp(snapshot), **values})
 
-    def _table(
-        self, topic: str, snapshot: Snapshot, columns: templates.Columns, rows: Sequence[Row]
-    ) -> bytes:
-        """Return a PointCloud2 with a point for each row."""
-        points = np.zeros(len(rows), templates.point_type(columns))
-        for number, row in enumerate(rows):
-            for name, value in row.items():
-                points[name][number] = value.encode() if isinstance(value, str) else value
+    def _rows(self, topic: str, snapshot: Snapshot) -> bytes:
+        """Return a table of TABLES."""
+        names, rows = TABLES[topic]
+        return self._table(topic, snapshot, names, rows(snapshot))
+
+    def _table(self, topic: str, snapshot: Snapshot, names: str, rows: Rows) -> bytes:
+        """Return a PointCloud2 with a point for each row; names: of the columns."""
+        plain = [tuple(v.encode() if isinstance(v, str) else v for v in row) for row in rows]
+        points = np.array(plain, templates.point_type(templates.columns(names)))
         return self._cloud(topic, snapshot, points)
 
     def _cloud(self, topic: str, snapshot: Snapshot, points: NDArray[Any]) -> bytes:
@@ -157,19 +134,6 @@ class Encoder:
             velocity=[rope.payout_speed_m_per_s for rope in ropes],
         )
 
-    def _tension_top_error(self, snapshot: Snapshot) -> bytes:
-        """Return error bound and interval of each rope; NaN where unknown."""
-        rows: list[Row] = []
-        for number, rope in enumerate(ropes_of(snapshot)):
-            interval = rope.error_interval if number else snapshot.error_interval
-            rms_pct = math.nan if number else snapshot.card_error.rms_pct
-            low_n, high_n = (interval.low_n, interval.high_n) if interval else (math.nan,) * 2
-            rows.append(
-                {"name": rope.name, "rms_pct": rms_pct, "lower_n": low_n, "upper_n": high_n}
-            )
-        columns = templates.columns("name rms_pct lower_n upper_n")
-        return self._table("ropes/tension_top_error", snapshot, columns, rows)
-
     def _nodes(self, snapshot: Snapshot) -> bytes:
         ropes = ropes_of(snapshot)
         counts = [len(rope.node_position_m) for rope in ropes]
@@ -194,37 +158,6 @@ class Encoder:
             own["tension_n"], own["rope"] = rope.element_tension_n, number
             at += len(own)
         return self._cloud("ropes/element_tension", snapshot, points)
-
-    def _utilisation(self, snapshot: Snapshot) -> bytes:
-        """Return utilisation and tensions of each rope; NaN without a static tension."""
-        rows = [
-            {
-                "name": one.name,
-                "utilisation": one.utilisation,
-                "dynamic_amplification": _or_nan(one.dynamic_amplification),
-                "max_tension_n": one.highest_n,
-                "static_tension_n": _or_nan(one.static_n),
-            }
-            for one in snapshot.strength
-        ]
-        names = "name utilisation dynamic_amplification max_tension_n static_tension_n"
-        return self._table("ropes/utilisation", snapshot, templates.columns(names), rows)
-
-    def _bend_radius(self, snapshot: Snapshot) -> bytes:
-        """Return the smallest bend radius of each monitored rope, and its minimum if given."""
-        rows = [
-            {
-                "name": one.now.name,
-                **_place(one.position_m),
-                "radius_m": one.now.radius_m,
-                "line_out_m": one.now.line_out_m,
-                "smallest_radius_m": one.tightest.radius_m,
-                "minimum_radius_m": one.now.minimum_m or math.nan,
-            }
-            for one in snapshot.bends
-        ]
-        names = "name x y z radius_m line_out_m smallest_radius_m minimum_radius_m"
-        return self._table("ropes/bend_radius", snapshot, templates.columns(names), rows)
 
     def _vibration(self, snapshot: Snapshot) -> bytes:
         """Return x, y, z of the nodes of each rope, amplitude, frequency, drag amplification."""
@@ -258,11 +191,8 @@ class Encoder:
                 tables.append(np.column_stack(columns))
         if not tables:
             raise InputError(phrase("encode", "the snapshot has no fatigue", "ask for it"))
-        kind = templates.point_type(
-            templates.columns(
-                "from_lower_end_m from_hang_off_m damage rope bends bend_damage discard_fraction"
-            )
-        )
+        names = "from_lower_end_m from_hang_off_m damage rope bends bend_damage discard_fraction"
+        kind = templates.point_type(templates.columns(names))
         points = np.concatenate(tables).view(kind).ravel()
         return self._cloud("ropes/fatigue", snapshot, points)
 
@@ -304,147 +234,15 @@ class Encoder:
             values[f"twist.{carried}.angular"] = body.angular_velocity_rad_per_s
         return template.fill(values)
 
-    def _payloads_body(self, snapshot: Snapshot) -> bytes:
-        body, (x, y, z) = _body(snapshot), _body(snapshot).size_m
-        row = {
-            "name": _body_name(snapshot),
-            "size_x_m": x,
-            "size_y_m": y,
-            "size_z_m": z,
-            "deck_clearance_m": _or_nan(body.deck_clearance_m),
-            "deck_reaction_n": _or_nan(body.deck_push_n),
-        }
-        columns = templates.columns(" ".join(row))
-        return self._table("payloads/body", snapshot, columns, [row])
-
-    def _slings_state(self, snapshot: Snapshot) -> bytes:
-        body = _body(snapshot)
-        slings = zip(body.leg_end_m, body.leg_length_m, body.leg_pull_n, strict=True)
-        rows = [
-            {
-                "name": f"sling_{number}",
-                **_place(end_m),
-                "length_m": length_m,
-                "tension_n": tension_n,
-            }
-            for number, (end_m, length_m, tension_n) in enumerate(slings, start=1)
-        ]
-        columns = templates.columns("name x y z length_m tension_n")
-        return self._table("slings/state", snapshot, columns, rows)
-
-    def _struts_state(self, snapshot: Snapshot) -> bytes:
-        rows = [
-            {
-                "name": one.name,
-                **_place(one.ends_m[0], "from_"),
-                **_place(one.ends_m[1], "to_"),
-                "length_m": float(np.linalg.norm(one.ends_m[1] - one.ends_m[0])),
-                "tension_n": one.pull_n,
-            }
-            for one in snapshot.struts
-        ]
-        columns = templates.columns("name from_x from_y from_z to_x to_y to_z length_m tension_n")
-        return self._table("struts/state", snapshot, columns, rows)
-
     def _winch_state(self, snapshot: Snapshot) -> bytes:
         """Return the component states of each winch; NaN for what a winch does not have."""
-        rows = [
+        winches = [
             {"name": one.name, "target": one.target, **dict(one.figures)}
             for one in snapshot.winches
         ]
-        names = dict.fromkeys(name for row in rows for name in row) or {"name": None}
-        columns = templates.columns(" ".join(names))
-        absent = {name: math.nan for name, _ in columns[1:]}
-        return self._table("winch/state", snapshot, columns, [absent | row for row in rows])
-
-    def _compensator_state(self, snapshot: Snapshot) -> bytes:
-        unit = snapshot.compensator
-        if unit is None:
-            raise InputError(phrase("encode", "the scene has no compensator", "list the effect"))
-        row = {name: getattr(unit, name) for name in COMPENSATOR_COLUMNS}
-        return self._table("compensator/state", snapshot, templates.columns(" ".join(row)), [row])
-
-    def _seabed_contact(self, snapshot: Snapshot) -> bytes:
-        bed = snapshot.seabed
-        if bed is None:
-            raise InputError(phrase("encode", "the scene has no seabed", "list the effect"))
-        row = {
-            "payload_height_m": bed.payload_height_m,
-            "payload_reaction_n": bed.payload_push_n,
-            "rope_on_seabed_m": bed.rope_on_bed_m,
-            "rope_reaction_n": bed.rope_push_n,
-        }
-        return self._table("seabed/contact", snapshot, templates.columns(" ".join(row)), [row])
-
-    def _touchdown(self, snapshot: Snapshot) -> bytes:
-        """Return the touchdown point of each rope on the seabed; no rows if there is none."""
-        rows = [
-            {
-                "name": one.name,
-                **_place(one.position_m),
-                "line_out_m": one.line_out_m,
-                "layback_m": one.layback_m,
-                "tension_n": one.tension_n,
-                "angle_deg": one.angle_deg,
-            }
-            for one in snapshot.touchdowns
-        ]
-        columns = templates.columns("name x y z line_out_m layback_m tension_n angle_deg")
-        return self._table("seabed/touchdown", snapshot, columns, rows)
-
-    def _contact(self, snapshot: Snapshot) -> bytes:
-        """Return contact with the hull and between ropes, as far as the scene lists it."""
-        rows = [
-            {"name": one.name, **_place(one.position_m), "normal_force_n": one.normal_n}
-            for one in snapshot.contacts
-        ]
-        return self._table(
-            "ropes/contact", snapshot, templates.columns("name x y z normal_force_n"), rows
-        )
-
-    def _crossings(self, snapshot: Snapshot) -> bytes:
-        """Return the crossings of two lines and, in the first row, where they are nearest."""
-        rows: list[Row] = []
-        lines = snapshot.lines
-        if lines is not None:
-            unknown = dict.fromkeys(("x", "y", "angle_deg"), math.nan)
-            near = {"z": -lines.nearest.depth_m, "distance_m": lines.nearest.distance_m}
-            rows = [{"name": "nearest", **unknown, **near}]
-            rows += [
-                {
-                    "name": f"crossing_{number}",
-                    "x": one.position_m[0],
-                    "y": one.position_m[1],
-                    "z": -one.depth_m,
-                    "distance_m": one.gap_m,
-                    "angle_deg": one.angle_deg,
-                }
-                for number, one in enumerate(lines.crossings, start=1)
-            ]
-        columns = templates.columns("name x y z distance_m angle_deg")
-        return self._table("lines/crossings", snapshot, columns, rows)
-
-    def _residuals(self, snapshot: Snapshot) -> bytes:
-        """Return the newest residual of each measured quantity, and its statistics."""
-        rows = [
-            {
-                "name": f"{one.quantity} {one.name}"[:NAME_LENGTH],
-                "age_s": snapshot.time_s - one.at_s,
-                "measured": one.measured,
-                "computed": one.computed,
-                "residual": one.residual,
-                "lower": -_or_nan(one.half_width),
-                "upper": _or_nan(one.half_width),
-                "instrument": _or_nan(one.instrument),
-                "twin": _or_nan(one.twin),
-                "mean": one.mean,
-                "rms": one.rms,
-                "outside": _or_nan(one.outside),
-            }
-            for one in snapshot.residuals
-        ]
-        columns = templates.columns(RESIDUAL_COLUMNS)
-        return self._table("residuals", snapshot, columns, rows)
+        names = list(dict.fromkeys(name for own in winches for name in own)) or ["name"]
+        rows = (tuple(own.get(name, math.nan) for name in names) for own in winches)
+        return self._table("winch/state", snapshot, " ".join(names), rows)
 
     def _markers(self, snapshot: Snapshot) -> bytes:
         ends, tension = all_elements(snapshot)
@@ -515,14 +313,130 @@ def _body(snapshot: Snapshot) -> BodyShot:
     return snapshot.body
 
 
-def _body_name(snapshot: Snapshot) -> str:
-    return snapshot.payloads[_carried(snapshot)].name if snapshot.payloads else PAYLOAD
-
-
-def _place(position_m: Sequence[float] | NDArray[np.float64], prefix: str = "") -> Row:
-    """Return the columns of a position."""
-    return {f"{prefix}{axis}": value for axis, value in zip("xyz", position_m, strict=True)}
-
-
 def _or_nan(value: float | None) -> float:
     return math.nan if value is None else value
+
+
+def _errors(snapshot: Snapshot) -> Rows:
+    """Yield error bound and interval of each rope; NaN where unknown."""
+    for number, rope in enumerate(ropes_of(snapshot)):
+        interval = rope.error_interval if number else snapshot.error_interval
+        rms_pct = math.nan if number else snapshot.card_error.rms_pct
+        ends = (interval.low_n, interval.high_n) if interval else (math.nan, math.nan)
+        yield rope.name, rms_pct, *ends
+
+
+def _utilisation(snapshot: Snapshot) -> Rows:
+    """Yield utilisation and tensions of each rope; NaN without a static tension."""
+    for one in snapshot.strength:
+        amplified = _or_nan(one.dynamic_amplification)
+        yield one.name, one.utilisation, amplified, one.highest_n, _or_nan(one.static_n)
+
+
+def _bend_radius(snapshot: Snapshot) -> Rows:
+    """Yield the smallest bend radius of each monitored rope, and its minimum if given."""
+    for one in snapshot.bends:
+        radii = one.now.radius_m, one.now.line_out_m, one.tightest.radius_m
+        yield one.now.name, *one.position_m, *radii, one.now.minimum_m or math.nan
+
+
+def _payloads_body(snapshot: Snapshot) -> Rows:
+    body = _body(snapshot)
+    name = snapshot.payloads[_carried(snapshot)].name if snapshot.payloads else PAYLOAD
+    yield name, *body.size_m, _or_nan(body.deck_clearance_m), _or_nan(body.deck_push_n)
+
+
+def _slings(snapshot: Snapshot) -> Rows:
+    body = _body(snapshot)
+    slings = zip(body.leg_end_m, body.leg_length_m, body.leg_pull_n, strict=True)
+    for number, (end_m, length_m, tension_n) in enumerate(slings, start=1):
+        yield f"sling_{number}", *end_m, length_m, tension_n
+
+
+def _struts(snapshot: Snapshot) -> Rows:
+    for one in snapshot.struts:
+        length_m = float(np.linalg.norm(one.ends_m[1] - one.ends_m[0]))
+        yield one.name, *one.ends_m[0], *one.ends_m[1], length_m, one.pull_n
+
+
+COMPENSATOR_COLUMNS = (
+    "stroke_m", "stroke_rate_m_per_s", "tension_n", "gas_pressure_pa", "gas_force_n", "damper_n",
+    "friction_n", "stop_n", "water_n", "active_n",
+)  # fmt: skip
+
+
+def _compensator(snapshot: Snapshot) -> Rows:
+    if snapshot.compensator is None:
+        raise InputError(phrase("encode", "the scene has no compensator", "list the effect"))
+    yield tuple(getattr(snapshot.compensator, name) for name in COMPENSATOR_COLUMNS)
+
+
+def _seabed_contact(snapshot: Snapshot) -> Rows:
+    bed = snapshot.seabed
+    if bed is None:
+        raise InputError(phrase("encode", "the scene has no seabed", "list the effect"))
+    yield bed.payload_height_m, bed.payload_push_n, bed.rope_on_bed_m, bed.rope_push_n
+
+
+def _touchdown(snapshot: Snapshot) -> Rows:
+    """Yield the touchdown point of each rope on the seabed; none if there is none."""
+    for one in snapshot.touchdowns:
+        figures = one.line_out_m, one.layback_m, one.tension_n, one.angle_deg
+        yield one.name, *one.position_m, *figures
+
+
+def _contact(snapshot: Snapshot) -> Rows:
+    """Yield contact with the hull and between ropes, as far as the scene lists it."""
+    for one in snapshot.contacts:
+        yield one.name, *one.position_m, one.normal_n
+
+
+def _crossings(snapshot: Snapshot) -> Rows:
+    """Yield where two lines are nearest, then their crossings."""
+    lines, unknown = snapshot.lines, math.nan
+    if lines is not None:
+        nearest = lines.nearest
+        yield "nearest", unknown, unknown, -nearest.depth_m, nearest.distance_m, unknown
+        for number, one in enumerate(lines.crossings, start=1):
+            place = (*one.position_m[:2], -one.depth_m)
+            yield f"crossing_{number}", *place, one.gap_m, one.angle_deg
+
+
+def _residuals(snapshot: Snapshot) -> Rows:
+    """Yield the newest residual of each measured quantity, and its statistics."""
+    for one in snapshot.residuals:
+        half = _or_nan(one.half_width)
+        yield (
+            f"{one.quantity} {one.name}"[:NAME_LENGTH], snapshot.time_s - one.at_s,
+            one.measured, one.computed, one.residual, -half, half, _or_nan(one.instrument),
+            _or_nan(one.twin), one.mean, one.rms, _or_nan(one.outside),
+        )  # fmt: skip
+
+
+# Tables with fixed columns by topic: names of the columns, and what yields the rows.
+TABLES: dict[str, tuple[str, Callable[[Snapshot], Rows]]] = {
+    "ropes/tension_top_error": ("name rms_pct lower_n upper_n", _errors),
+    "ropes/utilisation": (
+        "name utilisation dynamic_amplification max_tension_n static_tension_n", _utilisation
+    ),
+    "ropes/bend_radius": (
+        "name x y z radius_m line_out_m smallest_radius_m minimum_radius_m", _bend_radius
+    ),
+    "payloads/body": (
+        "name size_x_m size_y_m size_z_m deck_clearance_m deck_reaction_n", _payloads_body
+    ),
+    "slings/state": ("name x y z length_m tension_n", _slings),
+    "struts/state": ("name from_x from_y from_z to_x to_y to_z length_m tension_n", _struts),
+    "compensator/state": (" ".join(COMPENSATOR_COLUMNS), _compensator),
+    "seabed/contact": (
+        "payload_height_m payload_reaction_n rope_on_seabed_m rope_reaction_n", _seabed_contact
+    ),
+    "seabed/touchdown": ("name x y z line_out_m layback_m tension_n angle_deg", _touchdown),
+    "ropes/contact": ("name x y z normal_force_n", _contact),
+    "lines/crossings": ("name x y z distance_m angle_deg", _crossings),
+    "residuals": (
+        "name age_s measured computed residual lower upper instrument twin mean rms outside",
+        _residuals,
+    ),
+    "twin/quality": (QUALITY_COLUMNS, quality_rows),
+}  # fmt: skip

@@ -6,7 +6,7 @@ Residuals are measured less computed. The quality index is also a table.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -23,7 +23,7 @@ _QUANTITIES = {  # name, scale, unit and number format of what is measured
     "payload_depth_m": ("payload depth", 1.0, "m", ".2f"),
 }
 DOUBTFUL = 0.5  # below it a result supports no decision
-COLUMNS = f"name index cause {' '.join(CAUSES)}"
+QUALITY_COLUMNS = f"name index cause {' '.join(CAUSES)}"
 _ROUND_OFF = 1e-9
 
 
@@ -108,14 +108,11 @@ def residual_words(one: Residual) -> str:
     return f"{words}, {share}{alone}"
 
 
-def quality_table(snapshot: Snapshot) -> tuple[templates.Columns, list[dict[str, Any]]]:
-    """Return columns and rows of `twin/quality`; cause: its number in CAUSES, NaN: unknown."""
-    rows = []
+def quality_rows(snapshot: Snapshot) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of `twin/quality`; cause: its number in CAUSES, NaN: unknown."""
     for one in snapshot.quality:
         parts = (math.nan if value is None else value for value in one.components)
-        row = {"name": one.element, "index": one.index, "cause": CAUSES.index(one.cause)}
-        rows.append(row | dict(zip(CAUSES, parts, strict=True)))
-    return templates.columns(COLUMNS), rows
+        yield one.element, one.index, CAUSES.index(one.cause), *parts
 
 
 def quality_status(elements: Sequence[Quality]) -> Status:
