@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 import types
 import typing
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from rope_twin.effects import EFFECTS
@@ -27,7 +26,6 @@ from rope_twin.twin.snapshot import (
     CutShot,
     LimitBreach,
     Residual,
-    RopeShot,
     RopeStrength,
     Snapshot,
     Touchdown,
@@ -52,7 +50,7 @@ class CpuUsage:
 
     def figures(self) -> dict[str, float | None]:
         """Return the fields by name."""
-        return dataclasses.asdict(self)
+        return asdict(self)
 
     def words(self) -> str:
         """Return a line of text."""
@@ -122,10 +120,8 @@ class RunSummary:
     energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not enabled
     cut: dict[str, Any] | None = None  # fields of CutShot; None: the rope is intact
     cut_refused: str = ""  # why a requested cut was not made
-    error_interval: dict[str, float] | None = (
-        None  # fields of TensionInterval; None: not enabled, or
-    )
-    no_error_interval: str = ""  # why there is none
+    error_interval: dict[str, float] | None = None  # fields of TensionInterval; None: see next
+    no_error_interval: str = ""  # why there is none, if it is enabled
     # fields of Residual and `residual`, of each measured quantity; None: unknown
     residuals: list[dict[str, Any]] = field(default_factory=list)
     quality: list[dict[str, Any]] = field(default_factory=list)  # fields of Quality, per element
@@ -138,11 +134,11 @@ class RunSummary:
 
     def as_json(self) -> str:
         """Return the summary as one line of JSON."""
-        return json.dumps(dataclasses.asdict(self), ensure_ascii=False, allow_nan=False)
+        return json.dumps(asdict(self), ensure_ascii=False, allow_nan=False)
 
     def row(self) -> Status:
         """Return the diagnostics row of the summary: each field as JSON text in its key values."""
-        values = {key: json.dumps(value) for key, value in dataclasses.asdict(self).items()}
+        values = {key: json.dumps(value) for key, value in asdict(self).items()}
         return Status(RUN_ROW, Level.OK, "run statistics", values)
 
     @classmethod
@@ -192,7 +188,9 @@ class RunSummary:
             lines.append(cut_words(CutShot(**self.cut)))
         lines += [self.cut_refused] if self.cut_refused else []
         lines += self._monitor_words()
-        lines += [residual_words(Residual(**_without(one, "residual"))) for one in self.residuals]
+        names = [field.name for field in fields(Residual)]
+        residuals = (Residual(**{name: one[name] for name in names}) for one in self.residuals)
+        lines += [residual_words(one) for one in residuals]
         lines += [lowest_words(self.quality)] if self.quality else []
         lines += [learned_words(one) for one in self.learned]
         lines += [alarm_words(one) for one in self.alarms]
@@ -205,7 +203,7 @@ class RunSummary:
 
     def _strength_words(self) -> list[str]:
         """Return the highest utilisation of a rope, and all beyond the MBL."""
-        names = [field.name for field in dataclasses.fields(RopeStrength)]
+        names = [field.name for field in fields(RopeStrength)]
         ropes = [RopeStrength(**{name: one[name] for name in names}) for one in self.strength]
         ropes.sort(key=lambda one: -one.utilisation)
         reported = [one for n, one in enumerate(ropes) if n == 0 or one.utilisation >= 1.0]
@@ -248,11 +246,9 @@ class RunSummary:
                 f"{_kn(self.error_interval['high_n'])} (±{self.error_interval['bound_n']:.3g} N); "
                 f"{self.error_interval['cost_pct']:.0f} % extra CPU time"
             )
-        return (
-            [*lines, f"error interval: {self.no_error_interval}"]
-            if self.no_error_interval
-            else lines
-        )
+        if self.no_error_interval:
+            lines.append(f"error interval: {self.no_error_interval}")
+        return lines
 
     def _missing_words(self) -> str:
         if not self.not_recorded:
@@ -286,17 +282,14 @@ class RunSummary:
 
     def as_progress(self) -> str:
         """Return a progress line; the most important values are within 80 columns."""
+        known = self.tension_top_error_pct
+        error = "unknown" if known is None else f"≤ {told_bound(known)} %"
         return (
             f"{self.time_s:8.1f} s  line out {self.line_out_m:7.1f} m  "
             f"top tension {_kn(self.tension_top_now_n)}, max. {_kn(self.tension_top_max_n)}  "
-            f"{self.late_steps} late  error {_at_most(self.tension_top_error_pct)}  "
+            f"{self.late_steps} late  error {error}  "
             f"{_times(self.real_time_factor)} × real time"
         )
-
-
-def _without(figures: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return the figures without one of this name."""
-    return {key: value for key, value in figures.items() if key != name}
 
 
 def _is_a(value: Any, hint: Any) -> bool:
@@ -322,31 +315,12 @@ def _times(factor: float) -> str:
     return f"{factor:.0f}" if factor >= 9.95 or factor == 0.0 else f"{factor:.2g}"
 
 
-def _at_most(error_pct: float | None) -> str:
-    return "unknown" if error_pct is None else f"≤ {told_bound(error_pct)} %"
-
-
 def _or_none(error_pct: float) -> float | None:
     return None if math.isnan(error_pct) else error_pct
 
 
 def _kn(newtons: float) -> str:
     return f"{newtons / 1e3:.1f} kN"
-
-
-def _rope_figures(rope: RopeShot) -> dict[str, Any]:
-    return {
-        "name": rope.name,
-        "elements": len(rope.element_tension_n),
-        "length_m": rope.line_out_m,
-        "tension_top_n": rope.tension_top_n,
-    }
-
-
-def _bend_figures(bend: Bend) -> dict[str, Any]:
-    """Return the fields of a bend; an infinite radius becomes None, as JSON has no infinity."""
-    radius = None if math.isinf(bend.radius_m) else bend.radius_m
-    return dataclasses.asdict(bend) | {"radius_m": radius}
 
 
 def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> RunSummary:
@@ -377,16 +351,25 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         line_out_m=snapshot.line_out_m,
         payload_depth_m=-float(snapshot.payload_position_m[2]),
         lower_end="payload" if twin.scene.payloads else "lower end",
-        ropes=[_rope_figures(rope) for rope in snapshot.ropes],
+        ropes=[
+            {
+                "name": rope.name,
+                "elements": len(rope.element_tension_n),
+                "length_m": rope.line_out_m,
+                "tension_top_n": rope.tension_top_n,
+            }
+            for rope in snapshot.ropes
+        ],
         payloads=[
             {"name": one.name, "depth_m": -float(one.position_m[2])} for one in snapshot.payloads
         ],
-        strength=[
-            dataclasses.asdict(one) | {"utilisation": one.utilisation} for one in snapshot.strength
+        strength=[asdict(one) | {"utilisation": one.utilisation} for one in snapshot.strength],
+        limits_broken=[asdict(one) for one in snapshot.breaches],
+        touchdowns=[asdict(one) for one in snapshot.touchdowns],
+        bends=[  # JSON has no infinity
+            asdict(one) | {"radius_m": None if math.isinf(one.radius_m) else one.radius_m}
+            for one in (rope.tightest for rope in snapshot.bends)
         ],
-        limits_broken=[dataclasses.asdict(one) for one in snapshot.breaches],
-        touchdowns=[dataclasses.asdict(one) for one in snapshot.touchdowns],
-        bends=[_bend_figures(one.tightest) for one in snapshot.bends],
         heave_accepted=heave.accepted if heave else 0,
         heave_refused=heave.refused if heave else 0,
         heave_late=heave.late if heave else 0,
@@ -397,20 +380,13 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         recoveries=snapshot.solver.recoveries,
         recovery=snapshot.solver.recovery,
         error=pacing.error if pacing else "",
-        cut=dataclasses.asdict(snapshot.cut) if snapshot.cut else None,
+        cut=asdict(snapshot.cut) if snapshot.cut else None,
         cut_refused=cut.note if cut and cut.refused else "",
         energy=snapshot.energy.figures() if snapshot.energy else None,
-        error_interval=dataclasses.asdict(snapshot.error_interval)
-        if snapshot.error_interval
-        else None,
+        error_interval=asdict(snapshot.error_interval) if snapshot.error_interval else None,
         no_error_interval=snapshot.no_error_interval,
-        residuals=[
-            dataclasses.asdict(one) | {"residual": one.residual} for one in snapshot.residuals
-        ],
-        quality=[
-            dataclasses.asdict(one) | {"components": list(one.components)}
-            for one in snapshot.quality
-        ],
+        residuals=[asdict(one) | {"residual": one.residual} for one in snapshot.residuals],
+        quality=[asdict(one) | {"components": list(one.components)} for one in snapshot.quality],
         vibration=vibration_figures(snapshot),
         fatigue=fatigue_figures(snapshot),
     )
@@ -418,17 +394,10 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
 
 def effect_names(parameters: tuple[object, ...]) -> list[str]:
     """Return the names, as in a scene file, of the effects with these parameters."""
-    return [
-        effect.name
-        for value in parameters
-        for effect in EFFECTS
-        if isinstance(value, effect.params)
-    ]
+    return [own.name for value in parameters for own in EFFECTS if isinstance(value, own.params)]
 
 
 Figures = dict[str, float | str]
-
-
 _OF_ROPE = "cross_flow_diameters_of_"  # and the name of a rope other than the first
 
 

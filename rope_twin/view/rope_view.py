@@ -9,8 +9,9 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from mcap.records import Channel
@@ -44,6 +45,7 @@ from rope_twin.view.profile import Profile, WatchedCharts
 from rope_twin.view.series import (
     FILE_BATCH_NS,
     LIVE_BATCH_NS,
+    Cells,
     Figures,
     Series,
     StatusLog,
@@ -86,15 +88,15 @@ class RopeView:
             "ropes/nodes": self._nodes,
             "ropes/vibration": self._vibration,
             "ropes/fatigue": self._fatigue,
-            "ropes/bend_radius": self._shape,
+            "ropes/bend_radius": partial(self._numbers, self._figures.shape),
             "payloads/state": self._payloads,
             "payloads/body": self._body,
             "slings/state": self._slings,
             "struts/state": self._struts,
-            "winch/state": self._winch_state,
+            "winch/state": partial(self._numbers, self._figures.winch),
             "residuals": self._residuals,
             "forecast/tension": self._forecast,
-            "twin/quality": self._quality,
+            "twin/quality": partial(self._numbers, self._figures.quality),
             "lines/crossings": self._crossings,
             "lines/events": self._line_events,
             "seabed/touchdown": self._touchdown,
@@ -302,14 +304,20 @@ class RopeView:
             ends = [[rows[f"{end}_{axis}"] for axis in "xyz"] for end in ("from", "to")]
             self._lower_end.show_bars(np.moveaxis(np.array(ends), 2, 0))
 
-    def _winch_state(self, message: Any, time_ns: int) -> None:
-        if self._figures.winch(time_ns, _cells(message)):
+    def _plot(self, add: Callable[[int, Any], None], time_ns: int, values: Any) -> None:
+        """Add values to curves; there is room to be made for a new plot."""
+        known = len(self._figures.plots)
+        add(time_ns, values)
+        if len(self._figures.plots) > known:
             self._arrange()
+
+    def _numbers(self, add: Callable[[int, Cells], None], message: Any, time_ns: int) -> None:
+        """Add curves of all numbers of a table."""
+        self._plot(add, time_ns, _cells(message))
 
     def _crossings(self, message: Any, time_ns: int) -> None:
         """Add curves, and mark the crossings of the lines in the line profile."""
-        if self._figures.lines(time_ns, _cells(message)):
-            self._arrange()
+        self._numbers(self._figures.lines, message, time_ns)
         if self._is_time("crossings", time_ns):
             rows = read_cloud(message)[1:]  # the first is where they are nearest
             spots = np.stack([rows[axis] for axis in "xyz"], axis=1)
@@ -317,23 +325,14 @@ class RopeView:
 
     def _touchdown(self, message: Any, time_ns: int) -> None:
         """Add curves, and mark the touchdown points in the line profile."""
-        self._shape(message, time_ns)
+        self._numbers(self._figures.shape, message, time_ns)
         if self._is_time("touchdown", time_ns):
             rows = read_cloud(message)
             spots = np.stack([rows[axis] for axis in "xyz"], axis=1)
             self._overview.show_spots("touchdown", spots, ["touchdown"] * len(rows))
 
-    def _shape(self, message: Any, time_ns: int) -> None:
-        if self._figures.shape(time_ns, _cells(message)):
-            self._arrange()
-
     def _residuals(self, message: Any, time_ns: int) -> None:
-        if self._figures.residuals(time_ns, read_cloud(message)):
-            self._arrange()
-
-    def _quality(self, message: Any, time_ns: int) -> None:
-        if self._figures.quality(time_ns, _cells(message)):
-            self._arrange()
+        self._plot(self._figures.residuals, time_ns, read_cloud(message))
 
     def _line_events(self, message: Any, time_ns: int) -> None:
         assert self._timelines is not None
@@ -377,12 +376,6 @@ def _stamp_ns(message: Any, time_ns: int) -> int:
     return header.stamp.sec * NANOSECONDS + header.stamp.nanosec or time_ns
 
 
-class Shows(Protocol):
-    """Interface of a view that a bag is played into: RopeView."""
-
-    def show(self, topic_name: str, message: object, time_ns: int) -> None: ...
-
-
 @dataclass
 class Played:
     """Result of a playback."""
@@ -398,7 +391,7 @@ class Played:
         return 0.0 if self.start_ns is None else (self.end_ns - self.start_ns) / NANOSECONDS
 
 
-def play(bag: str | os.PathLike[str], view: Shows, until_s: float | None = None) -> Played:
+def play(bag: str | os.PathLike[str], view: RopeView, until_s: float | None = None) -> Played:
     """Show a bag's messages up to `until_s` after the start of the simulation.
 
     Raises:

@@ -160,9 +160,8 @@ class Figures:
         self._read_ns: dict[tuple[str, str], int] = {}  # of the newest reading drawn
         self.plots: list[Plot] = []
 
-    def winch(self, time_ns: int, cells: Cells) -> bool:
-        """Add values of winch components; return whether there is a new plot."""
-        before = len(self.plots)
+    def winch(self, time_ns: int, cells: Cells) -> None:
+        """Add values of winch components."""
         for winch, figure, value in cells:
             if figure in _UNSHOWN:
                 continue
@@ -171,11 +170,9 @@ class Figures:
             plot = Plot(WINCH_TAB, f"plots/winch/{group}", title)
             self._add(plot, f"{winch}/{words}", f"{words}, {winch}", time_ns, factor * value)
         self.plots.sort(key=lambda plot: _ORDER.get(plot.entity, len(_ORDER)))
-        return len(self.plots) > before
 
-    def lines(self, time_ns: int, cells: Cells) -> bool:
-        """Add values of crossings and of the nearest points; return whether there is a new plot."""
-        before = len(self.plots)
+    def lines(self, time_ns: int, cells: Cells) -> None:
+        """Add values of crossings and of the nearest points."""
         for where, figure, value in cells:
             words = where.replace("_", " ")
             if (where, figure) == ("nearest", "distance_m"):
@@ -184,23 +181,19 @@ class Figures:
                 self._add(_DEPTHS, where, words, time_ns, value, dots=True)
             elif figure == "angle_deg":
                 self._add(_ANGLES, where, words, time_ns, value, dots=True)
-        return len(self.plots) > before
 
-    def shape(self, time_ns: int, cells: Cells) -> bool:
-        """Add touchdown and bend radius of ropes; return whether there is a new plot."""
-        before = len(self.plots)
+    def shape(self, time_ns: int, cells: Cells) -> None:
+        """Add touchdown and bend radius of ropes."""
         for rope, figure, value in cells:
             if figure in _SHAPE and math.isfinite(value):  # a straight rope has no finite radius
                 factor, plot = _SHAPE[figure]
                 self._add(plot, rope, rope, time_ns, factor * value)
-        return len(self.plots) > before
 
-    def residuals(self, time_ns: int, rows: NDArray[Any]) -> bool:
-        """Add rows of `residuals` at the times of the readings; return whether there is a new plot.
+    def residuals(self, time_ns: int, rows: NDArray[Any]) -> None:
+        """Add rows of `residuals` at the times of the readings.
 
         Measured values are dots beside the computed curve; the residual has its interval.
         """
-        before = len(self.plots)
         for row in rows:
             quantity, _, name = row["name"].decode().partition(" ")
             if quantity not in _MEASURED:
@@ -216,15 +209,12 @@ class Figures:
                 if math.isfinite(value := float(row[column])):
                     curve, words = f"{name}/{column}", f"{column}, {name}"
                     self._add(plot, curve, words, at_ns, factor * value, dots=dots)
-        return len(self.plots) > before
 
-    def quality(self, time_ns: int, cells: Cells) -> bool:
-        """Add the quality index of each element; return whether there is a new plot."""
-        before = len(self.plots)
+    def quality(self, time_ns: int, cells: Cells) -> None:
+        """Add the quality index of each element."""
         for element, figure, value in cells:
             if figure == "index":
                 self._add(_QUALITY, element, element.replace("_", " "), time_ns, value)
-        return len(self.plots) > before
 
     def _add(
         self, plot: Plot, curve: str, name: str, time_ns: int, value: float, *, dots: bool = False
