@@ -9,12 +9,11 @@ Fatigue data, its life over sheaves and under varying tension, judge only: no re
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import sqrt
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,7 +21,10 @@ from rope_twin.core.state import Floats, Table
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.vortex.bends import Endurance
-from rope_twin.vortex.fatigue import CURVES, OWN, Rope, TensionCurve
+from rope_twin.vortex.fatigue import CURVES, OWN, TensionCurve
+
+if TYPE_CHECKING:
+    from rope_twin.scene.schema import RopeLine
 
 MOST_STRAIN = 1.0
 MOST_STIFFNESS_N = 1e12
@@ -265,32 +267,12 @@ class FatigueData:
         return TensionCurve(own.log10_k, own.per_mean_load, own.exponent)
 
 
-class _Section(Protocol):
-    """Section of a line, as in rope_twin.scene.schema."""
-
-    @property
-    def rope(self) -> Rope: ...
-    @property
-    def fatigue(self) -> FatigueData | None: ...
-
-
-class _Line(Protocol):
-    """A line, as in rope_twin.scene.schema."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def fatigue(self) -> FatigueData | None: ...
-    @property
-    def made_of(self) -> Sequence[_Section]: ...
-
-
-def _data(line: _Line) -> list[FatigueData | None]:
+def _data(line: RopeLine) -> list[FatigueData | None]:
     """Return the fatigue data of each section, from the lower end up."""
     return [section.fatigue or line.fatigue for section in line.made_of]
 
 
-def endurance(line: _Line) -> tuple[Endurance, ...]:
+def endurance(line: RopeLine) -> tuple[Endurance, ...]:
     """Return the life in bending of each section, from the lower end up."""
     found = []
     for section, data in zip(line.made_of, _data(line), strict=True):
@@ -306,7 +288,7 @@ def endurance(line: _Line) -> tuple[Endurance, ...]:
     return tuple(found)
 
 
-def own_curve(line: _Line) -> TensionCurve:
+def own_curve(line: RopeLine) -> TensionCurve:
     """Return the line's own curve of tension.
 
     Raises:

@@ -9,32 +9,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.card import Rung, read_card, told_bound
 from rope_twin.scene.load import argument_for
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_run import Course, Quantity, Setting, Trial, differences
-from rope_twin.studies.accuracy_study import make_plan
-
-
-class Priced(Protocol):
-    """Accuracy level with a speed."""
-
-    @property
-    def real_time_factor(self) -> float:
-        """Return simulation time over computing time."""
-
-    def place(self) -> tuple[int, float, float | None]:
-        """Return elements, time step [s] and tolerance [N] (None: the scene's own)."""
-
-    def bound(self, name: str) -> float:
-        """Return the error bound of a quantity; NaN if it is unknown."""
-
+from rope_twin.studies.accuracy_study import Row, make_plan
 
 NOTHING = 1e-6  # below, errors are round-off
-P = TypeVar("P", bound=Priced)
+Priced = Rung | Row  # accuracy levels with a speed
+P = TypeVar("P", Rung, Row)
 
 
 def sure_bound(rung: Priced, rungs: Iterable[Priced], name: str) -> float:
