@@ -197,7 +197,7 @@ def test_a_lift_is_counted_and_goes_on_from_a_state_to_the_bit(scene: Scene) -> 
     (words,) = [words for words in watch_words(None, fatigue_figures(shot)) if "bends" in words]
     assert "bends over sheaves and drum" in words
     assert "(data: test report 7)" in words
-    row = diagnostics._fatigue("", wear)
+    row = diagnostics._fatigue(("", wear))
     assert row.values["source of its bending data"] == "test report 7"
     assert row.level.name == "WARN"  # over the 4 bends
     other_winch = replace(winch, sheave=replace(winch.sheave, bends=2.0))  # type: ignore[type-var]
