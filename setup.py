@@ -30,6 +30,7 @@ OPCUA = ["asyncua>=2"]  # feeds from an OPC UA server; LGPL-3.0, so an extra tha
 STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on clusters too
 # `rope_twin plan`: its report, its results as netCDF, and RAOs from netCDF files of Capytaine
 PLANNING = ["jinja2>=3.1", "h5netcdf[h5py]>=1.4", "xarray>=2025.1", "typst>=0.14", *PLOT]
+SENSITIVITY = ["SALib>=1.5"]  # `rope_twin sensitivity`: designs and indices of Morris and Sobol
 # the operator console: in browsers, and by Textual in a terminal
 CONSOLE = ["starlette>=0.46", "uvicorn>=0.35", "websockets>=14", "textual>=8"]
 DOCS = [
@@ -61,6 +62,7 @@ TEST = [
     *OPCUA,
     *STUDY,
     *PLANNING,
+    *SENSITIVITY,
     *DOCS,
 ]
 
@@ -103,6 +105,7 @@ setup(
         "opcua": OPCUA,
         "study": STUDY,
         "planning": PLANNING,
+        "sensitivity": [*PLANNING, *SENSITIVITY],
         "docs": DOCS,
         "test": TEST,
         "dev": [*TEST, "colcon-common-extensions", "build", "pre-commit"],

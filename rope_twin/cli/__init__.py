@@ -31,8 +31,8 @@ EXAMPLES = """examples:
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
 COMMANDS = (
     "run", "scene", "view", "replay", "export", "recover", "ensemble", "study", "plan",
-    "operability", "modes", "viv", "accuracy", "lines", "alerts", "faults", "learn", "ahead",
-    "sea_state", "feed", "console", "state", "doctor", "completion",
+    "sensitivity", "operability", "modes", "viv", "accuracy", "lines", "alerts", "faults", "learn",
+    "ahead", "sea_state", "feed", "console", "state", "doctor", "completion",
 )  # fmt: skip
 MODULES = {"console": "operator_console"}  # of commands whose module has another name
 

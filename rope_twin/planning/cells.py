@@ -222,12 +222,13 @@ class Cell:
     def simplified_limit(self) -> int:
         """Return the index of the largest height within the limits by the simplified method; -1."""
 
-        def passes(height: int) -> bool:
-            found = self.simplified(self.heights_m[height])
-            uses = simplified_uses(self.work.limits, found, self.work.weight_n)
-            return max(uses.values(), default=0.0) <= 1.0
+        return bisect(len(self.heights_m), lambda k: self.simplified_use(k) <= 1.0)
 
-        return bisect(len(self.heights_m), passes)
+    def simplified_use(self, height: int) -> float:
+        """Return the largest use of a limit at a height by the simplified method."""
+        found = self.simplified(self.heights_m[height])
+        uses = simplified_uses(self.work.limits, found, self.work.weight_n)
+        return max(uses.values(), default=0.0)
 
     def find(self, refine: Callable[[Cell, int, Judgement], float] | None = None) -> CellLimit:
         """Return the limiting sea state.

@@ -10,6 +10,7 @@ import numpy as np
 
 from rope_twin.planning.seas import SeaState
 from rope_twin.planning.slings import Slings
+from rope_twin.planning.uncertainties import Uncertainty
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.schema import Triple
 from rope_twin.sea.raos import NO_CONVENTIONS, RaoConventions
@@ -284,6 +285,7 @@ class Plan:
     criteria: Criteria = text("limits", Criteria())
     slings: Slings | None = text("slings between rope and object", None)
     method: Method = text("statistics and accuracy", Method())
+    uncertainties: tuple[Uncertainty, ...] = text("uncertain numbers, for sensitivity", ())
 
     @property
     def grid(self) -> list[tuple[int, int, int]]:
@@ -315,6 +317,9 @@ class Plan:
         twice = next((name for name in names if names.count(name) > 1), "")
         if twice:
             return f"two phases are called '{twice}'; give one of them a `name`"
+        keys = [one.key for one in self.uncertainties]
+        if again := next((key for key in keys if keys.count(key) > 1), ""):
+            return f"uncertainties has '{again}' twice; keep one of them"
         cells = len(self.grid)
         if cells > CELLS_MOST:
             return f"{cells} cells of phase, Tp and heading; give at most {CELLS_MOST}"

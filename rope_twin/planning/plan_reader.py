@@ -7,12 +7,15 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError, RopeTwinError, SceneErrors, did_you_mean, phrase
 from rope_twin.planning.plan_file import Criteria, Phase, Plan
 from rope_twin.planning.seas import HullTip, ResponsesTip, TipTransfer
+from rope_twin.planning.uncertainties import with_values
 from rope_twin.scene.environment import vessel_raos
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
@@ -27,6 +30,7 @@ from rope_twin.twin.motion.boundary_conditions import is_known_in_advance
 from rope_twin.twin.motion.hang_off import lever_arm
 
 HEAD_SEAS = 180.0
+CERTAIN = ("method", "uncertainties", "sea.hs_m")  # how a plan is worked out, no data of the lift
 
 
 def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
@@ -104,6 +108,7 @@ def faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
         for keys, what, right in _phase_faults(phase, scene):
             yield ("phases", number, phase.kind, *keys), what, right
     yield from _criteria_faults(plan, scene)
+    yield from _uncertainty_faults(plan, scene)
     least = plan.sea.hs_m.from_
     for k, period in enumerate(plan.sea.tp_s):
         if not plan.heights_m(k, 0):
@@ -212,6 +217,27 @@ def _criteria_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
         yield ("criteria", "landing_speed_m_per_s"), "no phase lands", "add a phase `landing`"
     if own == Criteria(uplift_share=None):
         yield ("criteria",), "no limit is given", "give one, such as swl_n or uplift_share"
+
+
+def _uncertainty_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
+    """Yield every uncertain number that cannot be changed, or not to the ends of its range."""
+    files = (f"{plan.path}, ", f"{scene.path}, ", f"{plan.path}: ", f"{scene.path}: ")
+    for number, own in enumerate(plan.uncertainties):
+        where = ("uncertainties", number, "key")
+        if own.key.startswith(CERTAIN):
+            what = f"'{own.key}' is no property of the lift"
+            yield where, what, "give a key of vessel, sea, phases, criteria or scene"
+            continue
+        for value in own.distribution.quantile(np.array([0.0, 1.0])).tolist():
+            try:
+                with_values(plan, scene, [own], [value])
+            except RopeTwinError as error:
+                sentence = str(error)
+                for file in files:
+                    sentence = sentence.removeprefix(file)
+                what, _, right = sentence.rstrip(".").partition("; ")
+                yield where, what, right
+                break
 
 
 def tip_of(plan: Plan, scene: Scene) -> TipTransfer:

@@ -13,7 +13,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError, SceneErrors, did_you_mean, phrase
@@ -308,13 +308,26 @@ def change_scene(scene: Scene, changes: Sequence[Change]) -> Scene:
     """
     if not changes:
         return scene
-    for change in changes:
-        place = Place(scene.path)
-        scene = _changed(scene, _steps(change, place), change, place)
+    scene = change_part(scene, changes, scene.path)
     for where, what, right in faults(scene):
         raise Place(scene.path, where).refuse(what, right)
     told = "\n".join([scene.digest, *(repr(change) for change in changes)])
     return dataclasses.replace(scene, digest=hashlib.sha256(told.encode()).hexdigest())
+
+
+Part = TypeVar("Part")
+
+
+def change_part(part: Part, changes: Sequence[Change], file: Path) -> Part:
+    """Return a part that was read from a file, such as a plan, with all changes applied in order.
+
+    Raises:
+        SceneError: an invalid path, or a number out of range; one sentence.
+    """
+    for change in changes:
+        place = Place(file)
+        part = _changed(part, _steps(change, place), change, place)
+    return part
 
 
 def at_setting(scene: Scene, elements: int | None = None, step_s: float | None = None) -> Scene:

@@ -50,6 +50,11 @@ def slings(old: str, new: str) -> str:
     return SLINGS.replace(old, new, 1)
 
 
+def uncertain(key: str, distribution: str) -> str:
+    """Return a section of one uncertain number before that of the method."""
+    return f"uncertainties: [{{key: '{key}', {distribution}, source: x}}]\nmethod:"
+
+
 # name: text to replace, replacement, line of the fault (0: none), words of the sentence
 WRONG = {
     "unknown key": ("scene:", "scenes: x\nscene:", 1, "scenes: unknown key; did you mean 'scene'?"),
@@ -136,6 +141,38 @@ WRONG = {
     ),
     "sling factor": ("method:", slings("mbl_n", "factors: {material: 0.5}\n  mbl_n"), 18,
                      "0.5 is out of range; give 1 to 4"),
+    "uncertain of nothing": (
+        "method:", "uncertainties: [{key: 'scene.payloads[0].mass_kg', source: x}]\nmethod:", 13,
+        "no distribution given; give exactly one of uniform, normal, triangular",
+    ),
+    "uncertain without source": (
+        "method:", "uncertainties: [{key: a.b, uniform: {from: 1, to: 2}}]\nmethod:", 13,
+        "source missing",
+    ),
+    "uncertain key": (
+        "method:", uncertain("criteria.swl", "uniform: {from: 300000.0, to: 400000.0}"), 13,
+        "criteria.swl: unknown key; did you mean 'swl_n'?",
+    ),
+    "uncertain key of the scene": (
+        "method:", uncertain("scene.payloads[0].mas_kg", "normal: {mean: 20000.0, std: 100}"), 13,
+        "payloads[0].mas_kg: unknown key; did you mean 'mass_kg'?",
+    ),
+    "uncertain beyond its range": (
+        "method:", uncertain("criteria.swl_n", "normal: {mean: 1000.0, std: 1000.0}"), 13,
+        "criteria.swl_n: -2000 N is out of range",
+    ),
+    "uncertain method": (
+        "method:", uncertain("method.seed", "uniform: {from: 1, to: 2}"), 13,
+        "'method.seed' is no property of the lift; give a key of vessel, sea",
+    ),
+    "uncertain range reversed": (
+        "method:", uncertain("criteria.swl_n", "uniform: {from: 400000.0, to: 300000.0}"), 13,
+        "from 400000 is not below to 300000",
+    ),
+    "uncertain mode outside": (
+        "method:", uncertain("criteria.swl_n", "triangular: {from: 3.0, mode: 1.0, to: 4.0}"), 13,
+        "the mode 1 is not from 3 to 4",
+    ),
     "key twice": ("method:", "criteria: {}\nmethod:", 13, "the key 'criteria' is given a second"),
     "not YAML": ("method: {within: 0.05}", "method: {within: 0.05", 14, "it is not YAML"),
     "list at the top": (GOOD, "- scene: deep_lift\n", 0, "its top is a list, not a mapping"),

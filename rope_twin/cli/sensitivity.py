@@ -1,0 +1,105 @@
+"""`rope_twin sensitivity PLAN.yaml`: which uncertain data of a plan is worth measuring."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.errors import InputError, phrase
+from rope_twin.planning.plan_reader import read_plan
+from rope_twin.planning.run import cell_named
+from rope_twin.run.arguments import add_command, add_json, add_out
+from rope_twin.run.progress import FigureProgress
+from rope_twin.studies.picture import check_picture, draw_panels
+
+if TYPE_CHECKING:
+    from rope_twin.planning.sensitivity import Sensitivity
+
+PICTURE = "sensitivity.png"
+COUNTS = {"morris": 10, "sobol": 64}
+EXAMPLES = (
+    "sensitivity deep_installation",
+    "sensitivity my_lift.yaml --method sobol --count 128 --cell at_depth,9,180",
+)
+MORE = """Runs one cell of a plan with the numbers that its `uncertainties` list (key, distribution,
+source) drawn from their distributions, and shows which of them the limiting Hs and the loads depend
+on. Morris screens many numbers with few samples, Sobol shares out the variance. All samples have
+the same seas. The same command resumes a study that was interrupted."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `sensitivity`."""
+    about = "which uncertain data of a plan is worth measuring (Morris, Sobol)"
+    parser = add_command(subparsers, "sensitivity", about, EXAMPLES, MORE)
+    add = parser.add_argument
+    add("plan", metavar="PLAN", help="path of the plan file, or a name in config/plans")
+    add("--method", choices=tuple(COUNTS), default="morris", help="default: morris")
+    words = "trajectories of Morris (default: 10), or base samples of Sobol (default: 64)"
+    add("--count", type=int, metavar="N", help=words)
+    words = "the cell (default: that with the lowest limit by the simplified method)"
+    add("--cell", default="", metavar="PHASE,TP,HEADING", help=words)
+    add_out(parser, "DIR", "folder of rows and picture (default: sensitivity_NAME)")
+    add("--threads", type=int, metavar="N", help="samples at a time (default: one a core)")
+    add("--scheduler", default="", metavar="ADDRESS", help="Dask scheduler whose workers run it")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run what is left of the samples and print the weights. Raises RopeTwinError."""
+    from rope_twin.planning.sensitivity import (  # on the way to help nothing of it is needed
+        case_of,
+        check_sensitivity,
+        lowest_cell,
+        panels,
+        result_object,
+        run_sensitivity,
+    )
+
+    check_sensitivity()
+    if args.threads is not None and not 1 <= args.threads <= 256:
+        raise InputError(phrase("--threads", f"{args.threads}", "give 1 to 256"))
+    count = COUNTS[args.method] if args.count is None else args.count
+    if not 2 <= count <= 100_000:
+        raise InputError(phrase("--count", f"{count}", "give 2 to 100,000"))
+    if args.method == "sobol" and count & (count - 1):
+        raise InputError(phrase("--count", f"{count}", "give a power of 2 for Sobol's sequence"))
+    plan, scene = read_plan(args.plan)
+    out = args.out or Path(f"sensitivity_{plan.name}")
+    check_picture(out / PICTURE)
+    cell = cell_named(plan, args.cell) if args.cell else lowest_cell(plan, scene)
+    case = case_of(plan, scene, cell)
+    progress = FigureProgress()
+
+    def report(done: int, total: int) -> None:
+        if progress.due or done == total:
+            progress.show(f"{done} of {total} samples")
+
+    found = run_sensitivity(case, args.method, count, out, report, args.threads, args.scheduler)
+    progress.finish()
+    draw_panels(f"{plan.name}: {case.where}", panels(found), out / PICTURE)
+    if args.json:
+        print_json(result_object(found))
+    else:
+        _show(found)
+        print(f"wrote {out / PICTURE}", file=sys.stderr)
+    return ExitCode.OK
+
+
+def _show(found: Sensitivity) -> None:
+    from rope_twin.planning.sensitivity import OUTPUTS, table_rows
+
+    print(f"{found.case.where}; loads at Hs {found.case.height_m:g} m; {found.samples} samples")
+    if found.capped:
+        print(
+            f"warning: in {found.capped} of them the limit is at the end of the grid, which hides "
+            "what lies beyond; raise sea.hs_m.to or compare the loads"
+        )
+    for output, (low, middle, high) in found.spread.items():
+        nominal = found.case.nominal[output]
+        print(f"\n{OUTPUTS[output]}: {nominal:.4g} by the plan; P10 {low:.4g}, P50 {middle:.4g}, "
+              f"P90 {high:.4g}")  # fmt: skip
+        print_table(table_rows(found, output))

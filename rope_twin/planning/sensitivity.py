@@ -1,0 +1,415 @@
+"""Sensitivity of a plan's limits to its uncertain data: which of it is worth measuring.
+
+Screening after Morris (1991), with the mean μ* of the absolute elementary effects (Campolongo,
+Cariboni and Saltelli 2007), or variance shares after Sobol (Saltelli et al. 2010), both by SALib.
+One cell of the plan is looked at. Every sample has the seeds of the sea, mesh and step of the plan
+itself, so that what differs between two samples is the data alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.planning.cells import Cell, MemoryStore, PhaseWork, phase_work
+from rope_twin.planning.phases import legs_of
+from rope_twin.planning.plan_file import Plan, Seeds
+from rope_twin.planning.plan_reader import bow_of, faults, spreading_of, tip_of
+from rope_twin.planning.run import cell_of, plan_stamp, prepare
+from rope_twin.planning.runs import Row, Ship
+from rope_twin.planning.uncertainties import with_values
+from rope_twin.scene.card import Setting
+from rope_twin.scene.schema import Scene
+from rope_twin.sea.tables import Vector
+from rope_twin.studies.picture import Line, Panel
+from rope_twin.studies.study_run import RowFolder, on_cluster
+from rope_twin.twin.ensemble.ensemble import cores
+
+Method = Literal["morris", "sobol"]
+METHODS: tuple[Method, ...] = ("morris", "sobol")
+LEVELS = 4  # of the grid of Morris
+RESAMPLES = 200  # of the bootstrap behind the intervals
+CONFIDENCE = 0.9
+LIMIT, USE = "limiting_hs_m", "use"
+OUTPUTS: Mapping[str, str] = {
+    LIMIT: "limiting Hs [m]",
+    USE: "largest use of a limit",
+    "hook_load": "hook load [N]",
+    "uplift": "uplift over submerged weight",
+}
+Report = Callable[[int, int], None]  # samples done, samples in all
+
+
+@dataclass(frozen=True)
+class Index:
+    """Weight of one uncertain number for one output.
+
+    Morris: the mean absolute change of the output over the number's range, and the standard
+    deviation of that change, which is large where it is not linear or other numbers matter to it.
+    Sobol: the share of the output's variance that the number has by itself, and together with
+    others.
+    """
+
+    name: str
+    output: str
+    first: float  # μ* in units of the output, or S1
+    first_width: float  # half width of the interval of 90 %
+    total: float  # σ in units of the output, or ST
+    total_width: float  # nan with Morris
+
+
+def check_sensitivity() -> None:
+    """Check, before any computation, that SALib is there.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    if importlib.util.find_spec("SALib") is None:
+        right = "install it with `pip install 'rope_twin[sensitivity]'`"
+        raise InputError(phrase("SALib", "sensitivity needs it and it is not there", right))
+
+
+def design(method: Method, names: Sequence[str], count: int, seed: int) -> Vector:
+    """Return samples of the unit cube, (samples, names).
+
+    count: trajectories of Morris, of which each takes len(names) + 1 samples; or base samples of
+        Sobol, a power of 2, of which each takes len(names) + 2.
+
+    Raises:
+        InputError: SALib is not installed.
+    """
+    check_sensitivity()
+    problem = _problem(names)
+    if method == "morris":
+        from SALib.sample import morris
+
+        return np.asarray(morris.sample(problem, count, num_levels=LEVELS, seed=seed))
+    from SALib.sample import sobol
+
+    return np.asarray(sobol.sample(problem, count, calc_second_order=False, seed=seed))
+
+
+def indices(
+    method: Method, names: Sequence[str], samples: Vector, values: Mapping[str, Vector], seed: int
+) -> list[Index]:
+    """Return the weight of each number for each output, the largest first.
+
+    Args:
+        method: of `design`.
+        names: of the numbers, (k,).
+        samples: of `design`, (n, k).
+        values: each output at the samples, (n,).
+        seed: of the bootstrap.
+    """
+    found = []
+    for output, own in values.items():
+        rows = _indices(method, _problem(names), samples, np.asarray(own), seed)
+        made = [Index(name, output, *row) for name, row in zip(names, rows, strict=True)]
+        found += sorted(
+            made, key=lambda index: -index.first if method == "morris" else -index.total
+        )
+    return found
+
+
+def _indices(
+    method: Method, problem: dict[str, Any], samples: Vector, values: Vector, seed: int
+) -> list[tuple[float, float, float, float]]:
+    """Return a row of numbers for each name; all 0 where the output is the same everywhere."""
+    if np.ptp(values) == 0.0:
+        return [(0.0, 0.0, 0.0, 0.0)] * problem["num_vars"]
+    options = {"num_resamples": RESAMPLES, "conf_level": CONFIDENCE, "seed": seed}
+    if method == "morris":
+        from SALib.analyze import morris
+
+        own = morris.analyze(problem, samples, values, num_levels=LEVELS, **options)
+        columns = own["mu_star"], own["mu_star_conf"], own["sigma"], [math.nan] * len(own["sigma"])
+    else:
+        from SALib.analyze import sobol
+
+        own = sobol.analyze(problem, values, calc_second_order=False, **options)
+        columns = own["S1"], own["S1_conf"], own["ST"], own["ST_conf"]
+    return [tuple(float(one) for one in row) for row in zip(*columns, strict=True)]  # type: ignore[misc]
+
+
+def _problem(names: Sequence[str]) -> dict[str, Any]:
+    return {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names)}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A plan's cell, and what is kept from sample to sample."""
+
+    plan: Plan  # with as many seeds in every sample
+    scene: Scene
+    cell: tuple[int, int, int]
+    settings: tuple[tuple[Setting, float], ...]  # of the legs of the cell's phase
+    height_m: float  # at which loads are compared
+    nominal: Mapping[str, float]  # outputs of the plan itself
+
+    @property
+    def where(self) -> str:
+        """Return the cell in words."""
+        phase, period, heading = self.cell
+        sea = self.plan.sea
+        return (
+            f"{self.plan.phases[phase].title}, Tp {sea.tp_s[period]:g} s, heading "
+            f"{sea.headings_deg[heading]:g}°"
+        )
+
+    @property
+    def names(self) -> list[str]:
+        """Return the names of the uncertain numbers."""
+        return [one.title for one in self.plan.uncertainties]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Weights of uncertain numbers."""
+
+    case: Case
+    method: Method
+    samples: int
+    capped: int  # samples whose limit is at the end of the grid
+    indices: tuple[Index, ...]
+    spread: Mapping[str, tuple[float, float, float]]  # P10, P50, P90 of each output
+
+
+def lowest_cell(plan: Plan, scene: Scene) -> tuple[int, int, int]:
+    """Return the cell with the lowest limit by the simplified method.
+
+    Raises:
+        RopeTwinError: a phase cannot be run.
+    """
+    works, store = prepare(plan, scene), MemoryStore()
+
+    def use(cell: tuple[int, int, int]) -> tuple[int, float]:
+        search = cell_of(plan, scene, works, cell, store)
+        return search.simplified_limit(), search.simplified_use(0)
+
+    return min(plan.grid, key=lambda cell: (use(cell)[0], -use(cell)[1]))
+
+
+def case_of(plan: Plan, scene: Scene, cell: tuple[int, int, int]) -> Case:
+    """Return a cell made ready: its settings, and the outputs of the plan itself.
+
+    Raises:
+        RopeTwinError: the plan has fewer than two uncertain numbers, or cannot be run.
+    """
+    if len(plan.uncertainties) < 2:
+        what = f"{len(plan.uncertainties)} uncertain numbers"
+        right = "list two or more under `uncertainties`, with key, distribution and source"
+        raise InputError(phrase(str(plan.path), what, right))
+    seeds = plan.method.seeds.start
+    method = replace(plan.method, seeds=Seeds(start=seeds, most=seeds), height_within_m=None)
+    own = replace(plan, method=method)
+    work = prepare(own, scene)[cell[0]]
+    settings = tuple(zip(work.settings, work.setting_errors, strict=True))
+    search = Cell(own, work, cell, spreading_of(own, scene), MemoryStore())
+    limit = search.find()
+    shown = limit.judged or limit.beyond
+    assert shown is not None
+    outputs = _outputs(search, search.heights_m.index(shown.height_m))
+    return Case(own, scene, cell, settings, shown.height_m, outputs)
+
+
+def _outputs(search: Cell, height: int) -> dict[str, float]:
+    """Return the outputs of a cell, loads at a height of the grid."""
+    limit, judged = search.find(), search.judge(height)
+    found = {LIMIT: limit.crossing_m, USE: judged.use if judged.uses else math.nan}
+    found |= {name: judged.values[name].value for name in ("hook_load", "uplift")
+              if name in judged.values}  # fmt: skip
+    return found | {"capped": float(bool(limit.capped))}
+
+
+def outputs_at(case: Case, values: Sequence[float]) -> dict[str, float]:
+    """Return the outputs with these numbers in place of the plan's.
+
+    Raises:
+        RopeTwinError: plan or scene do not take them together.
+    """
+    plan, scene = with_values(case.plan, case.scene, case.plan.uncertainties, values)
+    for keys, what, right in faults(plan, scene):
+        raise InputError(phrase(f"{plan.path}: {'.'.join(map(str, keys))}", what, right))
+    number = case.cell[0]
+    legs = legs_of(plan, scene, plan.phases[number])
+    settings = [case.settings[min(k, len(case.settings) - 1)] for k in range(len(legs))]
+    ship = Ship(tip_of(plan, scene), bow_of(plan, scene))
+    work: PhaseWork = phase_work(plan, scene, number, legs, settings, ship)
+    search = Cell(plan, work, case.cell, spreading_of(plan, scene), MemoryStore())
+    return _outputs(search, search.heights_m.index(case.height_m))
+
+
+class SampleFolder(RowFolder):
+    """Folder of the samples of a sensitivity study."""
+
+    title = "sensitivity study"
+
+    def _schema(self, row: Row) -> Any:
+        """Return the types by column."""
+        import pyarrow
+
+        kinds = {"run": pyarrow.int64(), "failure": pyarrow.string()}
+        return pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in row])
+
+
+@dataclass(frozen=True)
+class SampleTask:
+    """One sample; all that a worker needs to know."""
+
+    case: Case
+    number: int
+    values: tuple[float, ...]
+
+
+def run_sample(task: SampleTask) -> Row:
+    """Return the row of a sample; `failure` says why it cannot be run."""
+    try:
+        found, failure = outputs_at(task.case, task.values), ""
+    except RopeTwinError as error:
+        found, failure = dict.fromkeys([*OUTPUTS, "capped"], math.nan), str(error)
+    given = dict(zip(task.case.names, task.values, strict=True))
+    outputs = {name: found.get(name, math.nan) for name in [*OUTPUTS, "capped"]}
+    return {"run": task.number, **given, **outputs, "failure": failure}
+
+
+def run_sensitivity(
+    case: Case,
+    method: Method,
+    count: int,
+    out: Path,
+    report: Report = lambda done, total: None,
+    threads: int | None = None,
+    scheduler: str = "",
+) -> Sensitivity:
+    """Run the samples that have no row in the folder, and return the weights.
+
+    Args:
+        case: of `case_of`.
+        method: morris or sobol.
+        count: trajectories or base samples.
+        out: folder of the rows.
+        report: called after each sample.
+        threads: samples at a time; None: as many as there are cores.
+        scheduler: address of a Dask scheduler; empty: this machine's cores.
+
+    Raises:
+        RopeTwinError: a sample cannot be run, or there is no such scheduler; one sentence.
+    """
+    plan, seed = case.plan, case.plan.method.seed
+    unit = design(method, case.names, count, seed)
+    values = np.column_stack(
+        [one.distribution.quantile(unit[:, k]) for k, one in enumerate(plan.uncertainties)]
+    )
+    tasks = [SampleTask(case, k, tuple(row)) for k, row in enumerate(values.tolist())]
+    inputs = repr((plan_stamp(plan, case.scene), case.cell, method, count, plan.uncertainties))
+    with SampleFolder(out, plan, hashlib.sha256(inputs.encode()).hexdigest()[:16]) as folder:
+        done = folder.done()
+        left = [task for task in tasks if task.number not in done]
+        report(len(done), len(tasks))
+        made = on_cluster(run_sample, left, scheduler) if scheduler else _on_cores(left, threads)
+        for number, row in enumerate(made, 1):
+            folder.add([row])
+            report(len(done) + number, len(tasks))
+        folder.close_rows()
+        rows = folder.rows()
+    return _result(case, method, unit, rows)
+
+
+def _on_cores(tasks: Sequence[SampleTask], threads: int | None) -> Iterator[Row]:
+    """Yield the rows of all tasks; the first by itself, since it may have to compile."""
+    if not tasks:
+        return
+    yield run_sample(tasks[0])
+    with ThreadPoolExecutor(threads or cores()) as pool:
+        futures = [pool.submit(run_sample, task) for task in tasks[1:]]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _result(case: Case, method: Method, unit: Vector, rows: Sequence[Row]) -> Sensitivity:
+    lost = [row for row in rows if row["failure"] or math.isnan(row[LIMIT])]
+    if lost:
+        why = lost[0]["failure"] or "it has no limit"
+        what = f"{len(lost)} of {len(rows)} samples cannot be run, the first: {why.rstrip('.')}"
+        raise InputError(phrase(str(case.plan.path), what, "narrow the distributions"))
+    columns = {name: np.array([row[name] for row in rows]) for name in OUTPUTS}
+    whole = {name: own for name, own in columns.items() if np.isfinite(own).all()}
+    ends = {
+        name: tuple(float(one) for one in np.percentile(own, [10.0, 50.0, 90.0]))
+        for name, own in whole.items()
+    }
+    return Sensitivity(
+        case=case,
+        method=method,
+        samples=len(rows),
+        capped=int(sum(row["capped"] for row in rows)),
+        indices=tuple(indices(method, case.names, unit, whole, case.plan.method.seed)),
+        spread=ends,  # type: ignore[arg-type]
+    )
+
+
+def table_rows(found: Sensitivity, output: str = LIMIT) -> list[list[str]]:
+    """Return the weights for an output as rows of text below a head."""
+    sources = {one.title: one.source for one in found.case.plan.uncertainties}
+    head = ["uncertain", "μ*", "±", "σ", "source"]
+    if found.method == "sobol":
+        head = ["uncertain", "S1", "±", "ST", "±", "source"]
+    rows = []
+    for own in found.indices:
+        if own.output == output:
+            numbers = [own.first, own.first_width, own.total]
+            numbers += [own.total_width] if found.method == "sobol" else []
+            rows.append([own.name, *(f"{one:.3g}" for one in numbers), sources[own.name]])
+    return [head, *rows]
+
+
+def result_object(found: Sensitivity) -> dict[str, Any]:
+    """Return everything as one object of plain values."""
+    return {
+        "plan": found.case.plan.name,
+        "method": found.method,
+        "cell": found.case.where,
+        "hs_m": found.case.height_m,
+        "samples": found.samples,
+        "capped": found.capped,
+        "nominal": {name: found.case.nominal.get(name) for name in OUTPUTS},
+        "spread": {name: dict(zip(("p10", "p50", "p90"), own, strict=True))
+                   for name, own in found.spread.items()},
+        "indices": [
+            vars(own) | {"total_width": None if math.isnan(own.total_width) else own.total_width}
+            for own in found.indices
+        ],
+    }  # fmt: skip
+
+
+def panels(found: Sensitivity) -> list[Panel]:
+    """Return the picture: a panel for each output.
+
+    Morris: σ over μ*, a point for each number. Sobol: S1 and ST of each number.
+    """
+    made = []
+    for output in found.spread:
+        own = [one for one in found.indices if one.output == output]
+        if found.method == "morris":
+            lines = [Line([one.first], [one.total], one.name, "o") for one in own]
+            made.append(Panel(OUTPUTS[output], "μ*: mean absolute effect", "σ", tuple(lines)))
+        else:
+            at = [float(k) for k in range(1, len(own) + 1)]
+            names = "; ".join(f"{k} {one.name}" for k, one in enumerate(own, 1))
+            pair = (Line(at, [one.first for one in own], "S1", "o"),
+                    Line(at, [one.total for one in own], "ST", "s"))  # fmt: skip
+            made.append(Panel(OUTPUTS[output], names, "share of the variance", pair))
+    return made

@@ -1,0 +1,138 @@
+"""Uncertain numbers of a plan: which key, how it is distributed, and who says so.
+
+A key is a path of the plan (`criteria.swl_n`, `vessel.crane_tip_m[1]`) or, after `scene.`, of its
+scene (`scene.payloads[0].mass_kg`). Normal distributions end at ±3 standard deviations, since no
+data sheet means an infinite mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from rope_twin.quantity import quantity, text
+from rope_twin.scene.load import Change, change_part, change_scene
+from rope_twin.sea.tables import Vector
+
+if TYPE_CHECKING:
+    from rope_twin.planning.plan_file import Plan
+    from rope_twin.scene.schema import Scene
+
+SCENE = "scene."
+ENDS = 3.0  # standard deviations of a normal distribution
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform:
+    """Every number between two equally likely."""
+
+    from_: float = quantity("lowest number")
+    to: float = quantity("highest number")
+
+    def check(self) -> str | None:
+        """Return a fault of the range, or None."""
+        if self.from_ < self.to:
+            return None
+        return f"from {self.from_:g} is not below to {self.to:g}; give the lesser one as `from`"
+
+    def quantile(self, share: Vector) -> Vector:
+        """Return the numbers that these shares do not exceed, same shape."""
+        return self.from_ + (self.to - self.from_) * share
+
+
+@dataclass(frozen=True, kw_only=True)
+class Normal:
+    """Normal distribution, cut off at ±3 standard deviations."""
+
+    mean: float = quantity("mean")
+    std: float = quantity("standard deviation", "", 1e-12)
+
+    def quantile(self, share: Vector) -> Vector:
+        """Return the numbers that these shares do not exceed, same shape."""
+        low = ndtr(-ENDS)
+        found = ndtri(low + (1.0 - 2.0 * low) * np.asarray(share))
+        return np.asarray(self.mean + self.std * found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Triangular:
+    """Density that rises from the lowest number to the mode and falls to the highest."""
+
+    from_: float = quantity("lowest number")
+    mode: float = quantity("most likely number")
+    to: float = quantity("highest number")
+
+    def check(self) -> str | None:
+        """Return a fault of the order, or None."""
+        if self.from_ <= self.mode <= self.to and self.from_ < self.to:
+            return None
+        ends = f"from {self.from_:g} to {self.to:g}"
+        return f"the mode {self.mode:g} is not {ends}; give them in ascending order"
+
+    def quantile(self, share: Vector) -> Vector:
+        """Return the numbers that these shares do not exceed, same shape."""
+        whole, rise = self.to - self.from_, self.mode - self.from_
+        share = np.asarray(share)
+        return np.where(
+            share <= rise / whole,
+            self.from_ + np.sqrt(share * whole * rise),
+            self.to - np.sqrt((1.0 - share) * whole * (self.to - self.mode)),
+        )
+
+
+KINDS = ("uniform", "normal", "triangular")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uncertainty:
+    """An uncertain number of the plan or its scene."""
+
+    key: str = text("path such as criteria.swl_n, or of the scene: scene.payloads[0].mass_kg")
+    name: str = text("what it is called in tables; default: the key", "")
+    uniform: Uniform | None = text("every number of a range", None)
+    normal: Normal | None = text("normal distribution", None)
+    triangular: Triangular | None = text("lowest, most likely and highest number", None)
+    factor: bool = text("the numbers multiply what plan or scene say", False)
+    source: str = text("who says so: data sheet, weighing, estimate")
+
+    @property
+    def title(self) -> str:
+        """Return its name, or its key."""
+        return self.name or self.key
+
+    @property
+    def distribution(self) -> Uniform | Normal | Triangular:
+        """Return the distribution that is given."""
+        found = self.uniform or self.normal or self.triangular
+        assert found is not None, "checked when it was read"
+        return found
+
+    def check(self) -> str | None:
+        """Return a fault unless exactly one distribution is given, or None."""
+        given = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if len(given) == 1:
+            return None
+        what = " and ".join(given) if given else "no distribution"
+        return f"{what} given; give exactly one of {', '.join(KINDS)}"
+
+    def change(self, value: float) -> Change:
+        """Return the change that makes it this number, its path without `scene.`."""
+        return Change(self.key.removeprefix(SCENE), value, self.factor)
+
+
+def with_values(
+    plan: Plan, scene: Scene, uncertain: Sequence[Uncertainty], values: Sequence[float]
+) -> tuple[Plan, Scene]:
+    """Return plan and scene with these numbers.
+
+    Raises:
+        SceneError: a key is no path of plan or scene, or a number is out of range; one sentence.
+    """
+    pairs = [(one.key.startswith(SCENE), one.change(float(value)))
+             for one, value in zip(uncertain, values, strict=True)]  # fmt: skip
+    made = change_part(plan, [change for inside, change in pairs if not inside], plan.path)
+    return made, change_scene(scene, [change for inside, change in pairs if inside])
