@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,7 +30,8 @@ AROUND_S = 60.0  # on either side of the largest load, in the lower panels
 DEPTHS, SHALLOW = 12, 0.05  # along the curve of resonance; its beginning over the deepest
 STYLES = ("-", "--", ":", "-.")
 WIDE = 7.0  # inches, over a page
-MOST_MARKED = 40  # cells of a contour whose value is written at them
+NAME_WIDTH = 10  # letters of a line under a phase
+MOST_MARKED = 9  # peak periods that all have a mark
 
 
 def _axes(height: float, across: int = 1, **more: Any) -> tuple[Any, Any]:
@@ -63,7 +65,8 @@ def arrangement_figure(result: PlanResult) -> Any:
         bed = work.legs[0].bed_m
         if bed is not None:
             water.axhline(bed, color="#6b4f2a", linewidth=1.5)
-    water.set_xticks(range(len(result.works)), [work.title for work in result.works], fontsize=7)
+    names = [textwrap.fill(work.title, NAME_WIDTH) for work in result.works]
+    water.set_xticks(range(len(names)), names, fontsize=7)
     water.set_xlim(-0.6, len(result.works) - 0.4)
     water.axhline(0.0, color="#20506e", linewidth=1.5)
     water.set_ylabel("depth [m]")

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.planning.report_content import Figure, Report, report_of
+from rope_twin.planning.document import Figure, Report
+from rope_twin.planning.report_content import report_of
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
