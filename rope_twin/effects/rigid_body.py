@@ -31,7 +31,7 @@ from rope_twin.core.body import state as body_state
 from rope_twin.core.body.state import Deck, Immersed, RigidBody
 from rope_twin.core.body.step import with_parts
 from rope_twin.core.loads.memory import new_memory
-from rope_twin.quantity import quantity, text
+from rope_twin.quantity import SparingRepr, quantity, text
 
 at = body_state
 PARTS = (body_afloat, body_contact, body_bed)  # imported to register their components
@@ -62,13 +62,16 @@ class DeckHeave:
     ramp_s: float = quantity("build-up time", "s", 0.0, 600.0, default=8.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DeckParams:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DeckParams(SparingRepr):
     """A level deck on which the payload stands at the start; unilateral contact."""
+
+    _later = frozenset(("heaves",))
 
     height_m: float = quantity("mean elevation z of the deck", "m", -1e3, 1e3)
     with_ship: bool = text("the deck heaves with the hang-off", False)
     heave: DeckHeave | None = text("independent heave, e.g. of a barge", None)
+    heaves: tuple[DeckHeave, ...] = text("further harmonics of an irregular heave", ())
     penetration_m: float = quantity(
         "penetration under the payload's weight in air", "m", 1e-4, 1.0, default=0.005
     )
@@ -137,7 +140,8 @@ class RigidBodyParams:
             x, y, z = I
             what = f"moments of inertia {x:g}, {y:g}, {z:g} kg·m² are impossible"
             return f"{what}; give none above the sum of the other two"
-        if self.deck is not None and self.deck.with_ship and self.deck.heave is not None:
+        own = self.deck
+        if own is not None and own.with_ship and (own.heave is not None or own.heaves):
             return "the deck heaves with the ship and independently; keep with_ship or heave"
         held = [sling.to_m for sling in self.slings] or [self.pinned_at_m or MIDDLE]
         highest, G = max(place[2] for place in held), self.centre_of_gravity_m[2]
@@ -275,14 +279,15 @@ def _deck(params: DeckParams | None, load: float) -> tuple[Deck, ...]:
     """Return the deck as a component, if there is one; load: on each carrying corner [N]."""
     if params is None:
         return ()
-    own = params.heave
+    own = (*((params.heave,) if params.heave else ()), *params.heaves)
+    heaves = [
+        (one.amplitude_m, 2.0 * pi / one.period_s, radians(one.phase_deg), one.ramp_s)
+        for one in own
+    ]
     deck = Deck(
         height=float(params.height_m),
         with_ship=float(params.with_ship),
-        amplitude=own.amplitude_m if own else 0.0,
-        omega=2.0 * pi / own.period_s if own else 0.0,
-        phase=radians(own.phase_deg) if own else 0.0,
-        ramp=own.ramp_s if own else 0.0,
+        heaves=np.array(heaves, dtype=float).reshape(-1, 4),
         k=load / params.penetration_m,
         chi=float(params.damping_s_per_m),
         mu=float(params.friction),

@@ -214,7 +214,9 @@ class Cell:
         return found
 
     def simplified(self, height_m: float) -> list[Simplified]:
-        """Return the simplified method's values of each leg."""
+        """Return the simplified method's values of each leg; it has none where ropes meet."""
+        if self.work.legs[0].ropes:
+            return []
         tip, percentile = self.work.ship.tip, self.plan.method.percentile
         sea = self.sea(height_m)
         return [simplified(leg, tip, sea, leg.window_s, percentile) for leg in self.work.legs]
@@ -227,6 +229,8 @@ class Cell:
     def simplified_use(self, height: int) -> float:
         """Return the largest use of a limit at a height by the simplified method."""
         found = self.simplified(self.heights_m[height])
+        if not found:  # it has no formulas for these ropes
+            return math.inf
         uses = simplified_uses(self.work.limits, found, self.work.weight_n)
         return max(uses.values(), default=0.0)
 

@@ -38,6 +38,8 @@ def notes(result: PlanResult) -> Iterator[str]:
     winch = result.scene.winch
     if winch is not None and winch.heave_compensation is not None:
         yield "The simplified method has no heave compensation: it shows what the runs gain by it."
+    if any(work.legs[0].deck is not None for work in result.works):
+        yield "The deck of the lift-off stays level and does not move sideways."
     if result.scene.listed(CurrentParams) is None:
         yield "The scene has no current: the payload hangs plumb."
 

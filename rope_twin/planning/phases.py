@@ -8,25 +8,42 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 from rope_twin.core import state as rows
 from rope_twin.core.bed import clearance
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import InputError, RopeTwinError, phrase
-from rope_twin.planning.plan_file import Phase, Plan
+from rope_twin.planning.plan_file import LiftOff, Phase, Plan
+from rope_twin.planning.plan_reader import deck_of
+from rope_twin.planning.seas import DeckTransfer
 from rope_twin.scene.card import Setting
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_scene
+from rope_twin.scene.rigging import places
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.contact import seabed_of
 from rope_twin.twin.statics import solve_scene_statics
+from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
 
 TRIALS, NEAR_M = 8, 1e-3  # of the length at which the payload hangs at a depth
 LANDED_M = 2.0  # line paid out after touchdown
 STATIC_ELEMENTS = 20
+
+
+class RopeAtRest(NamedTuple):
+    """A rope of a scene whose ropes meet, at the start of its leg."""
+
+    name: str
+    from_ship: bool
+    breaking_load_n: float
+    upper_n: float  # static tension at its ends
+    lower_n: float
 
 
 @dataclass(frozen=True)
@@ -44,6 +61,11 @@ class Leg:
     static_hook_n: float  # largest static hook load of the leg
     payload_n: float  # static submerged weight of the payload
     bed_m: float | None = None  # depth of the seabed below the payload, of a landing
+    deck_m: float | None = None  # mean height of the deck, of a lift-off
+    deck: DeckTransfer | None = None  # that moves it; None: it is fixed
+    by_twin: bool = False  # stepped by a twin of its own (`twin_runs`)
+    ropes: tuple[RopeAtRest, ...] = ()  # of a scene whose ropes meet
+    offset_m: float = 0.0  # largest lateral offset of the payload from the crane tip at rest
 
     @property
     def line_out_m(self) -> float:
@@ -61,13 +83,13 @@ class Leg:
         Raises:
             SceneError: the scene does not take them.
         """
-        changes = [
-            Change("ropes[0].elements", setting.elements),
-            Change("time.step_s", setting.step_s),
-        ]
         step = setting.step_s
         seconds = math.ceil(self.seconds / step - 1e-6) * step
-        scene = change_scene(self.scene, changes)
+        if self.ropes:
+            scene = variant(self.scene, setting.elements, step)
+        else:
+            changes = [Change("ropes[0].elements", setting.elements), Change("time.step_s", step)]
+            scene = change_scene(self.scene, changes)
         return Leg(**{**vars(self), "scene": scene, "seconds": seconds})
 
 
@@ -97,6 +119,13 @@ def _legs(plan: Plan, scene: Scene, phase: Phase) -> Sequence[Leg]:
     if phase.splash_zone is not None:
         own = phase.splash_zone
         return [_leg(0, scene, settled, (-own.above_m, own.below_m), own.speed_m_per_s)]
+    if phase.in_air is not None:
+        above, exposure = phase.in_air.above_m, phase.in_air.exposure_s
+        return [_leg(0, scene, settled, (-above, -above), 0.0, exposure)]
+    if phase.from_scene is not None:
+        return [_from_scene(scene, settled, phase.from_scene.exposure_s)]
+    if phase.lift_off is not None:
+        return [_lift_off(plan, scene, settled, phase.lift_off)]
     assert phase.landing is not None
     return [_landing(scene, settled, phase.landing.above_m, phase.landing.speed_m_per_s)]
 
@@ -111,7 +140,9 @@ def _leg(
     bed_m: float | None = None,
 ) -> Leg:
     start, end = depths_m
-    hung, _, _ = hung_at(scene, start)
+    hung, _, _, offset = hung_at(scene, start)
+    if end > start and bed_m is None:
+        offset = max(offset, hung_at(scene, end).offset_m)
     seconds = exposure_s or (end - start) / speed_m_per_s
     if speed_m_per_s > 0.0 and scene.winch is not None:
         seconds += speed_m_per_s / scene.winch.acceleration_limit_m_per_s2  # its start and its end
@@ -133,6 +164,71 @@ def _leg(
         static_hook_n=max(figures.top_tension_n(length) for length in lengths),
         payload_n=figures.payload_weight_n,
         bed_m=bed_m,
+        offset_m=offset,
+    )
+
+
+def _lift_off(plan: Plan, scene: Scene, settled_s: float, own: LiftOff) -> Leg:
+    """Return the leg of a lift off the scene's deck; the rope is as long as in the scene."""
+    winch, body = scene.winch, scene.listed(RigidBodyParams)
+    assert winch is not None, "checked when the plan was read"
+    assert body is not None, "checked when the plan was read"
+    assert body.deck is not None, "checked when the plan was read"
+    speed, height = own.speed_m_per_s, body.deck.height_m
+    seconds = own.hoist_m / speed + speed / winch.acceleration_limit_m_per_s2
+    commands = (
+        CommandSample(0, WinchCommand(SPEED, 0.0)),
+        CommandSample(round(settled_s * 1e9), WinchCommand(SPEED, -speed)),
+    )
+    fixed = replace(body, deck=replace(body.deck, heave=None, with_ship=False, heaves=()))
+    effects = tuple(fixed if one is body else one for one in scene.effects)
+    figures, middle = lift_figures(scene), height + 0.5 * body.size_m[2]
+    return Leg(
+        number=0,
+        scene=replace(scene, effects=effects),
+        commands=commands,
+        first_s=settled_s,
+        seconds=settled_s + seconds,
+        from_m=-middle,
+        to_m=-middle - own.hoist_m,
+        speed_m_per_s=-speed,
+        static_hook_n=figures.top_tension_n(scene.ropes[0].length_m),
+        payload_n=figures.payload_weight_n,
+        by_twin=True,
+        deck_m=height,
+        deck=deck_of(plan, own.deck),
+    )
+
+
+def _from_scene(scene: Scene, settled_s: float, exposure_s: float) -> Leg:
+    """Return the leg of a scene as it is."""
+    shot, at = Twin(scene).snapshot(), places(scene)
+    by_name = {one.name: one for one in shot.ropes}
+    ropes = tuple(
+        RopeAtRest(
+            name=line.name,
+            from_ship=number == 0 or line.from_ in at,
+            breaking_load_n=line.breaking_load_n,
+            upper_n=by_name[line.name].tension_top_n,
+            lower_n=float(by_name[line.name].element_tension_n[-1]),
+        )
+        for number, line in enumerate(scene.ropes)
+        if line.name in by_name
+    )
+    depth = -float(shot.payload_position_m[2])
+    return Leg(
+        number=0,
+        scene=scene,
+        commands=(),
+        first_s=settled_s,
+        seconds=settled_s + exposure_s,
+        from_m=depth,
+        to_m=depth,
+        speed_m_per_s=0.0,
+        static_hook_n=max([shot.tension_top_n, *(one.upper_n for one in ropes if one.from_ship)]),
+        payload_n=shot.tension_payload_n,
+        by_twin=True,
+        ropes=ropes,
     )
 
 
@@ -140,7 +236,7 @@ def _landing(scene: Scene, settled_s: float, above_m: float, speed_m_per_s: floa
     """Return the leg of a landing from this height above the seabed."""
     near = scene.ropes[0].length_m
     for _ in range(TRIALS):
-        _, depth, height = hung_at(scene, None, near)
+        _, depth, height, _ = hung_at(scene, None, near)
         if height is None or abs(height - above_m) <= NEAR_M:
             break
         near += height - above_m
@@ -149,11 +245,17 @@ def _landing(scene: Scene, settled_s: float, above_m: float, speed_m_per_s: floa
     return _leg(0, scene, settled_s, (depth, bed + LANDED_M), speed_m_per_s, bed_m=bed)
 
 
-def hung_at(
-    scene: Scene, depth_m: float | None, line_out_m: float | None = None
-) -> tuple[Scene, float, float | None]:
-    """Return the scene with its payload hanging at a depth, that depth, and its height above the
-    seabed.
+class Hung(NamedTuple):
+    """A payload in static equilibrium."""
+
+    scene: Scene  # with the rope so long
+    depth_m: float
+    height_m: float | None  # above the seabed; None: there is none
+    offset_m: float  # horizontal distance from the crane tip
+
+
+def hung_at(scene: Scene, depth_m: float | None, line_out_m: float | None = None) -> Hung:
+    """Return the scene with its payload hanging at a depth.
 
     Args:
         scene: as loaded.
@@ -176,7 +278,9 @@ def hung_at(
         length += depth_m - found
     bed = seabed_of(rope)
     place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, :1]
-    return made, found, None if bed is None else float(clearance(bed, place)[0])
+    x, y, _ = scene.ship.hang_off_m
+    offset = math.hypot(float(place[0, 0]) - x, float(place[1, 0]) - y)
+    return Hung(made, found, None if bed is None else float(clearance(bed, place)[0]), offset)
 
 
 def _check_line(scene: Scene, longest_m: float) -> None:

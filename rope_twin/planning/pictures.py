@@ -118,7 +118,7 @@ def resonance_figure(result: PlanResult) -> Any:
     template, periods = legs[0], []
     depths = np.linspace(shallow, deepest, DEPTHS)
     for depth in depths.tolist():
-        hung, found, _ = hung_at(result.scene, None, depth + tip_m)
+        hung, found, _, _ = hung_at(result.scene, None, depth + tip_m)
         leg = type(template)(**{**vars(template), "scene": hung, "from_m": found, "to_m": found})
         periods.append(resonance_period_s(lift_of(leg)))
     axes.plot(periods, depths, color="#20506e")

@@ -149,18 +149,72 @@ class Splash:
     speed_m_per_s: float = quantity("speed of the winch", "m/s", 0.01, 5.0)
 
 
-KINDS = ("lowering", "at_depth", "landing", "splash_zone")
+@dataclass(frozen=True, kw_only=True)
+class LiftedFrom:
+    """Moving deck below the object: of another vessel, or a point of the plan's own."""
+
+    responses: str = text("RAOs of the other vessel, as for `vessel`; default: the same vessel", "")
+    point_m: Triple = quantity(
+        "below the object, in the axes of its RAO file: ahead, to port, up", "m", -500.0, 500.0
+    )
+    conventions: RaoConventions = text(
+        "conventions that the RAO file does not state", NO_CONVENTIONS
+    )
+    turn_deg: float = quantity(
+        "its bow from the crane vessel's, to port", "°", -360.0, 360.0, default=0.0
+    )
+    apart_m: tuple[float, float] = quantity(
+        "its reference point from that of the crane vessel: ahead, to port", "m", -1e3, 1e3,
+        default=(0.0, 0.0),
+    )  # fmt: skip
+
+    def check(self) -> str | None:
+        """Return a fault of a deck on the plan's own vessel, or None."""
+        if not self.responses and (self.turn_deg or any(self.apart_m)):
+            return "turn_deg and apart_m are of another vessel; give its `responses`"
+        return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiftOff:
+    """Lift off a deck in air, by hoisting at constant speed."""
+
+    hoist_m: float = quantity("line taken in", "m", 0.1, 100.0)
+    speed_m_per_s: float = quantity("speed of the winch, hoisting", "m/s", 0.01, 5.0)
+    deck: LiftedFrom | None = text("moving deck; default: a fixed one", None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InAir:
+    """Object hanging in air, such as while it is slewed over the side; the winch is at rest."""
+
+    above_m: float = quantity("height of the rope's lower end above the water", "m", 0.5, 200.0)
+    exposure_s: float = quantity("time that it hangs there", "s", 60.0, 10_800.0, default=1800.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FromScene:
+    """The scene as it is, with the schedules of its winches: for ropes that meet, above all."""
+
+    exposure_s: float = quantity("time that is counted", "s", 10.0, 10_800.0, default=1800.0)
+
+
+KINDS = ("lift_off", "in_air", "splash_zone", "lowering", "at_depth", "landing", "from_scene")
+BY_TWIN = ("lift_off", "from_scene")  # that a twin steps by itself
 
 
 @dataclass(frozen=True, kw_only=True)
 class Phase:
-    """A phase of the operation; exactly one of the four kinds."""
+    """A phase of the operation; exactly one of the kinds."""
 
     name: str = text("its name; default: its kind", "")
     lowering: Lowering | None = text("lowering through deep water", None)
     at_depth: AtDepth | None = text("hanging at a depth", None)
     landing: Landing | None = text("landing on the seabed", None)
     splash_zone: Splash | None = text("lowering through the splash zone", None)
+    lift_off: LiftOff | None = text("lift off a deck, in air", None)
+    in_air: InAir | None = text("hanging in air, overboarding", None)
+    from_scene: FromScene | None = text("the scene with its own winch schedules", None)
 
     @property
     def kind(self) -> str:
@@ -206,6 +260,14 @@ class Criteria:
     landing_speed_m_per_s: float | None = quantity(
         "largest landing velocity on the seabed", "m/s", 1e-3, 10.0, default=None
     )
+    re_hit_m_per_s: float | None = quantity(
+        "largest speed at which the deck may meet the object again after the lift-off", "m/s", 0.0,
+        10.0, default=None,
+    )  # fmt: skip
+    offset_m: float | None = quantity(
+        "largest lateral offset of the object from the crane tip, at rest; dynamic in a lift-off",
+        "m", 0.01, 1e4, default=None,
+    )  # fmt: skip
     stroke_m: float | None = quantity(
         "largest stroke of the heave compensation, in either direction", "m", 1e-2, 100.0,
         default=None,

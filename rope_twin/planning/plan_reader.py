@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError, RopeTwinError, SceneErrors, did_you_mean, phrase
-from rope_twin.planning.plan_file import Criteria, Phase, Plan
-from rope_twin.planning.seas import HullTip, ResponsesTip, TipTransfer
+from rope_twin.planning.plan_file import BY_TWIN, Criteria, LiftedFrom, LiftOff, Phase, Plan
+from rope_twin.planning.seas import DeckTransfer, HullTip, ResponsesTip, TipTransfer
 from rope_twin.planning.uncertainties import with_values
 from rope_twin.scene.environment import vessel_raos
 from rope_twin.scene.lift import lift_figures
@@ -31,6 +32,7 @@ from rope_twin.twin.motion.hang_off import lever_arm
 
 HEAD_SEAS = 180.0
 CERTAIN = ("method", "uncertainties", "sea.hs_m")  # how a plan is worked out, no data of the lift
+MOST_AIR_KG_PER_M3 = 10.0  # density of what counts as air
 
 
 def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
@@ -98,14 +100,14 @@ Fault = tuple[tuple[str | int, ...], str, str]  # keys of its place, fault, reme
 
 def faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     """Yield every fault between a plan and its scene."""
-    fault = _scene_fault(scene)
+    fault = _scene_fault(plan, scene)
     if fault is not None:
         yield ("scene",), *fault
         return
     yield from _vessel_faults(plan, scene)
     yield from _wave_faults(plan, scene)
     for number, phase in enumerate(plan.phases):
-        for keys, what, right in _phase_faults(phase, scene):
+        for keys, what, right in _phase_faults(plan, phase, scene):
             yield ("phases", number, phase.kind, *keys), what, right
     yield from _criteria_faults(plan, scene)
     yield from _uncertainty_faults(plan, scene)
@@ -116,19 +118,23 @@ def faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
             yield ("sea", "tp_s"), what, "leave the period out, or begin `hs_m` lower"
 
 
-def _scene_fault(scene: Scene) -> tuple[str, str] | None:
+def _scene_fault(plan: Plan, scene: Scene) -> tuple[str, str] | None:
     """Return why a scene cannot be planned with, and the remedy; None if it can."""
+    kinds = {phase.kind for phase in plan.phases}
     if is_joined(scene):
-        return f"the ropes of '{scene.name}' meet", "give a scene of one rope and its payload"
+        if kinds == {"from_scene"}:
+            return None
+        right = "give phases `from_scene` alone, or a scene of one rope and its payload"
+        return f"the ropes of '{scene.name}' meet, and depths are those of one rope", right
     if find_payload(scene, scene.ropes[0]) is None:
         return f"'{scene.name}' has no payload", "give a scene with one at the rope's lower end"
     weight = lift_figures(scene).payload_weight_n
     if weight <= 0.0:
         what = f"the payload of '{scene.name}' floats with {-1e-3 * weight:.3g} kN"
         return what, "give one that sinks: uplift and slack count from its submerged weight"
-    if not is_known_in_advance(scene.winch, ()):
+    if not kinds <= set(BY_TWIN) and not is_known_in_advance(scene.winch, ()):
         what = f"the line out of '{scene.name}' depends on the tension (drive or passive cylinder)"
-        return what, "leave drive and passive_compensation out of the winch"
+        return what, "leave drive and passive_compensation out of the winch, or plan `from_scene`"
     return None
 
 
@@ -157,7 +163,7 @@ def _wave_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
         yield ("scene",), what, "give its effect `waves` a `jonswap`, and nothing in `also`"
 
 
-def _phase_faults(phase: Phase, scene: Scene) -> Iterator[Fault]:
+def _phase_faults(plan: Plan, phase: Phase, scene: Scene) -> Iterator[Fault]:
     winch, speed = scene.winch, phase.speed_m_per_s
     if speed > 0.0 and winch is None:
         yield (), f"'{scene.name}' has no winch to lower with", "add a `winch` to the scene"
@@ -165,6 +171,19 @@ def _phase_faults(phase: Phase, scene: Scene) -> Iterator[Fault]:
     if winch is not None and speed > winch.speed_limit_m_per_s:
         what = f"{speed:g} m/s is above the winch's {winch.speed_limit_m_per_s:g} m/s"
         yield ("speed_m_per_s",), what, "give less, or raise the scene's speed_limit_m_per_s"
+    if phase.lift_off is not None:
+        yield from _lift_off_faults(plan, phase.lift_off, scene)
+    if (
+        phase.in_air is not None
+        and not _is_in_air(scene)
+        and scene.listed(SplashZoneParams) is None
+    ):
+        what = f"the object of '{scene.name}' is in water everywhere"
+        yield (
+            (),
+            what,
+            "give a scene in air (water_density_kg_per_m3: 1.225), or with `splash_zone`",
+        )
     bed = scene.listed(SeabedParams)
     tip_m = scene.ship.hang_off_m[2]
     if phase.kind == "landing" and bed is None:
@@ -176,7 +195,8 @@ def _phase_faults(phase: Phase, scene: Scene) -> Iterator[Fault]:
             what = f"'{scene.name}' lacks the effect {' and '.join(lacking)}"
             yield (), what, "add it to the scene"
             return
-        above = phase.splash_zone.above_m
+    if phase.splash_zone is not None or phase.in_air is not None:
+        above = getattr(phase, phase.kind).above_m
         if above >= tip_m:
             what = f"{above:g} m is not below the crane tip, {tip_m:g} m above the water"
             yield ("above_m",), what, "give less, or raise the scene's hang_off_m"
@@ -194,12 +214,42 @@ def _phase_faults(phase: Phase, scene: Scene) -> Iterator[Fault]:
             yield (key,), what, f"it reaches from {least:g} to {most:g} m below the water"
 
 
+def _is_in_air(scene: Scene) -> bool:
+    return scene.environment.water_density_kg_per_m3 < MOST_AIR_KG_PER_M3
+
+
+def _lift_off_faults(plan: Plan, own: LiftOff, scene: Scene) -> Iterator[Fault]:
+    body = scene.listed(RigidBodyParams)
+    if body is None or body.deck is None:
+        what = f"the object of '{scene.name}' stands on no deck"
+        yield (), what, "give a scene with `rigid_body` and its `deck`, such as lift_off"
+        return
+    if not _is_in_air(scene) or scene.listed(WavesParams) is not None:
+        what = f"'{scene.name}' is in water, and the lift-off in air"
+        yield (), what, "give a scene in air (water_density_kg_per_m3: 1.225), without waves"
+    if scene.winch is not None:
+        left = scene.ropes[0].length_m - own.hoist_m
+        if left < scene.winch.least_line_out_m:
+            what = f"{own.hoist_m:g} m leave {left:g} m of line, the winch keeps "
+            what += f"{scene.winch.least_line_out_m:g} m"
+            yield ("hoist_m",), what, "give less, or lower the scene's least_line_out_m"
+    if own.deck is not None and plan.vessel is None:
+        yield ("deck",), "the deck moves but no vessel is given", "add `vessel`"
+        return
+    try:
+        deck_of(plan, own.deck)
+    except RopeTwinError as error:
+        yield ("deck", "responses"), str(error).rstrip("."), "correct it"
+
+
 def _depths(phase: Phase) -> Sequence[tuple[str, float]]:
     """Return keys and depths of a phase's ends [m]."""
     if phase.lowering is not None:
         return ("from_m", phase.lowering.from_m), ("to_m", phase.lowering.to_m)
     if phase.at_depth is not None:
         return (("depth_m", phase.at_depth.depth_m),)
+    if phase.in_air is not None:
+        return (("above_m", -phase.in_air.above_m),)
     if phase.splash_zone is not None:
         return ("above_m", -phase.splash_zone.above_m), ("below_m", phase.splash_zone.below_m)
     return ()
@@ -215,6 +265,8 @@ def _criteria_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     kinds = [phase.kind for phase in plan.phases]
     if own.landing_speed_m_per_s is not None and "landing" not in kinds:
         yield ("criteria", "landing_speed_m_per_s"), "no phase lands", "add a phase `landing`"
+    if own.re_hit_m_per_s is not None and "lift_off" not in kinds:
+        yield ("criteria", "re_hit_m_per_s"), "no phase lifts off a deck", "add a phase `lift_off`"
     if own == Criteria(uplift_share=None):
         yield ("criteria",), "no limit is given", "give one, such as swl_n or uplift_share"
 
@@ -247,10 +299,7 @@ def tip_of(plan: Plan, scene: Scene) -> TipTransfer:
         InputError: the table of RAOs is wrong.
     """
     if plan.vessel is not None:
-        name = plan.vessel.responses
-        beside = plan.path.parent / name
-        found = str(beside) if is_path(name) and beside.is_file() else name
-        table = read_responses(found, plan.vessel.conventions)
+        table = read_responses(_rao_file(plan, plan.vessel.responses), plan.vessel.conventions)
         origin = table.origin_m or (0.0, 0.0, 0.0)
         x, y, z = (a - b for a, b in zip(plan.vessel.crane_tip_m, origin, strict=True))
         return ResponsesTip(table, (x, y, z))
@@ -263,6 +312,30 @@ def tip_of(plan: Plan, scene: Scene) -> TipTransfer:
     bow = math.radians(riding.heading_deg)
     c, s = math.cos(bow), math.sin(bow)
     return ResponsesTip(own, (c * x + s * y, c * y - s * x, z))
+
+
+def deck_of(plan: Plan, own: LiftedFrom | None) -> DeckTransfer | None:
+    """Return the transfer function of a deck; None: it is fixed.
+
+    Raises:
+        InputError: the table of RAOs is wrong.
+    """
+    if own is None:
+        return None
+    vessel = plan.vessel
+    assert vessel is not None, "checked when the plan was read"
+    if own.responses:
+        table = read_responses(_rao_file(plan, own.responses), own.conventions)
+    else:
+        table = read_responses(_rao_file(plan, vessel.responses), vessel.conventions)
+    origin = table.origin_m or (0.0, 0.0, 0.0)
+    x, y, z = (a - b for a, b in zip(own.point_m, origin, strict=True))
+    return DeckTransfer(table, (x, y, z), math.radians(own.turn_deg), own.apart_m)
+
+
+def _rao_file(plan: Plan, name: str) -> str:
+    beside = plan.path.parent / name
+    return str(beside) if is_path(name) and beside.is_file() else name
 
 
 def bow_of(plan: Plan, scene: Scene) -> float:

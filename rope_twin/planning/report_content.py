@@ -13,7 +13,7 @@ import numpy as np
 
 from rope_twin import __version__
 from rope_twin.planning.document import Report
-from rope_twin.planning.judgement import QUANTITIES
+from rope_twin.planning.judgement import plain_name, quantity_of
 from rope_twin.planning.notes import NOT_COVERED, notes
 from rope_twin.planning.pictures import (
     AROUND_S,
@@ -39,11 +39,13 @@ from rope_twin.planning.simplified import lift_of, resonance_period_s
 from rope_twin.planning.tables import further_tables
 from rope_twin.scene.card import solver_version
 from rope_twin.scene.lift import lift_figures, listed_effects
+from rope_twin.scene.rigging import is_joined
 from rope_twin.sea.tables import Vector
 
 if TYPE_CHECKING:
     from rope_twin.planning.cells import CellLimit, PhaseWork, RowStore
     from rope_twin.planning.run import PlanResult
+    from rope_twin.scene.schema import Scene
 
 SOURCES = {
     "swl_n": "plan; capacity of the crane at its radius",
@@ -51,6 +53,8 @@ SOURCES = {
     "slings": "MBL over the nominal safety factor of GL Noble Denton 0027/ND 7.3, or WLL",
     "uplift_share": "DNV-RP-N103: hydrodynamic force at most 0.9 of the static submerged weight",
     "least_tension_n": "plan",
+    "re_hit_m_per_s": "plan; what object and deck bear",
+    "offset_m": "plan; watch circle or target",
     "landing_speed_m_per_s": "plan; what object and soil bear",
     "stroke_m": "plan; stroke of the compensator",
     "compensation_speed_m_per_s": "plan; speed of the compensator",
@@ -190,8 +194,38 @@ def _add_basis(report: Report, result: PlanResult) -> None:
 def _inputs(result: PlanResult) -> Iterator[tuple[str, str, str]]:
     """Yield name, value and source of each input."""
     scene, plan = result.scene, result.plan
+    yield from _lines(scene) if is_joined(scene) else _object(scene)
+    yield "water", f"{scene.environment.water_density_kg_per_m3:g} kg/m³", "scene"
+    yield "vessel", result.works[0].ship.tip.source, "plan" if plan.vessel else "scene"
+    if plan.vessel is not None:
+        x, y, z = plan.vessel.crane_tip_m
+        yield "crane tip", f"{x:g} m ahead, {y:g} m to port, {z:g} m up, in the RAOs' axes", "plan"
+    sea = plan.sea
+    gamma = "by DNV-RP-C205, 3.5.5.5" if sea.gamma is None else "plan"
+    yield "spectrum", f"JONSWAP, gamma {gamma if sea.gamma is None else f'{sea.gamma:g}'}", gamma
+    yield (
+        "sea states",
+        f"Hs {sea.hs_m.from_:g} to {sea.hs_m.to:g} m by {sea.hs_m.step:g} m; Tp "
+        f"{', '.join(f'{one:g}' for one in sea.tp_s)} s; headings "
+        f"{', '.join(f'{one:g}' for one in sea.headings_deg)}° (180°: head seas)",
+        "plan",
+    )
+    yield "load models", ", ".join(listed_effects(scene)), "scene"
+
+
+def _lines(scene: Scene) -> Iterator[tuple[str, str, str]]:
+    """Yield the payloads and ropes of a scene whose ropes meet."""
+    for one in scene.payloads:
+        yield one.name, f"payload, {1e-3 * one.mass_kg:g} t in air", "scene"
+    for line in scene.ropes:
+        words = f"{line.length_m:g} m, MBL {1e-3 * line.breaking_load_n:g} kN"
+        yield line.name, f"from {line.from_} to {line.to or 'a fixed point'}, {words}", "scene"
+
+
+def _object(scene: Scene) -> Iterator[tuple[str, str, str]]:
+    """Yield the object and the rope of a scene of one rope."""
     figures = lift_figures(scene)
-    payload, water = figures.payload, scene.environment
+    payload = figures.payload
     assert payload is not None, "checked when the plan was read"
     own = next(one for one in scene.payloads)
     shaped = f"shape {type(own.shape).__name__.lower()}" if own.shape is not None else "scene"
@@ -219,22 +253,6 @@ def _inputs(result: PlanResult) -> Iterator[tuple[str, str, str]]:
         f"{100.0 * figures.damping_fraction:.2g} % of the first axial mode",
         "scene",
     )
-    yield "water", f"{water.water_density_kg_per_m3:g} kg/m³", "scene"
-    yield "vessel", result.works[0].ship.tip.source, "plan" if plan.vessel else "scene"
-    if plan.vessel is not None:
-        x, y, z = plan.vessel.crane_tip_m
-        yield "crane tip", f"{x:g} m ahead, {y:g} m to port, {z:g} m up, in the RAOs' axes", "plan"
-    sea = plan.sea
-    gamma = "by DNV-RP-C205, 3.5.5.5" if sea.gamma is None else "plan"
-    yield "spectrum", f"JONSWAP, gamma {gamma if sea.gamma is None else f'{sea.gamma:g}'}", gamma
-    yield (
-        "sea states",
-        f"Hs {sea.hs_m.from_:g} to {sea.hs_m.to:g} m by {sea.hs_m.step:g} m; Tp "
-        f"{', '.join(f'{one:g}' for one in sea.tp_s)} s; headings "
-        f"{', '.join(f'{one:g}' for one in sea.headings_deg)}° (180°: head seas)",
-        "plan",
-    )
-    yield "load models", ", ".join(listed_effects(scene)), "scene"
 
 
 def _legs(result: PlanResult) -> Iterator[tuple[str, ...]]:
@@ -248,7 +266,7 @@ def _legs(result: PlanResult) -> Iterator[tuple[str, ...]]:
                 f"{leg.speed_m_per_s:g}",
                 f"{leg.window_s:.0f}",
                 f"{1e-3 * leg.static_hook_n:.0f}",
-                f"{resonance_period_s(lift_of(leg)):.1f}",
+                NONE if leg.ropes else f"{resonance_period_s(lift_of(leg)):.1f}",
                 f"{setting.elements}, {1e3 * setting.step_s:g} ms",
                 "given" if math.isnan(error) else f"{100.0 * error:.2g} %",
             )
@@ -257,9 +275,9 @@ def _legs(result: PlanResult) -> Iterator[tuple[str, ...]]:
 def _criteria(result: PlanResult) -> Iterator[tuple[str, str, str]]:
     limits = {limit.key: limit for work in result.works for limit in work.limits}
     for limit in limits.values():
-        force = QUANTITIES[limit.quantity].unit == "kN"
+        force = quantity_of(limit.quantity).unit == "kN"
         most = f"{1e-3 * limit.most:.0f} kN" if force else f"{limit.most:g}"
-        yield f"{limit.words} (`{limit.key}`)", most, SOURCES.get(limit.key, "plan")
+        yield f"{limit.words} (`{limit.key}`)", most, SOURCES.get(plain_name(limit.key), "plan")
 
 
 def _assumptions(result: PlanResult) -> Iterator[str]:
@@ -332,6 +350,9 @@ def _matrix_words(result: PlanResult, cell: CellLimit) -> str:
 
 def _add_simplified(report: Report, result: PlanResult) -> None:
     report.heading("Resonance and the simplified method")
+    if is_joined(result.scene):
+        report.text("The ropes meet: the simplified method has no formulas for them.")
+        return
     report.figure(
         resonance_figure(result),
         "Period of the first axial mode of rope and payload over depth, "
@@ -345,7 +366,7 @@ def _add_simplified(report: Report, result: PlanResult) -> None:
     )
     apart = [
         (100.0 * difference(cell)["hook_load"], cell)
-        for cell in result.cells if cell.judged is not None
+        for cell in result.cells if cell.judged is not None and cell.simplified
     ]  # fmt: skip
     if apart:
         least, most = min(apart, key=_first), max(apart, key=_first)
@@ -424,7 +445,7 @@ def _add_cells(report: Report, result: PlanResult) -> None:
 
 def _simplified_rows(result: PlanResult) -> Iterator[list[str]]:
     for cell in result.cells:
-        if cell.judged is None:
+        if cell.judged is None or not cell.simplified:
             continue
         tip = max(cell.simplified, key=lambda one: one.tip_m)
         hook = max(one.hook_n for one in cell.simplified)

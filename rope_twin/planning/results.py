@@ -63,7 +63,8 @@ def _cells_of(result: PlanResult, cell: CellLimit) -> list[str]:
     begin = [cell.phase, f"{cell.period_s:g}", f"{cell.heading_deg:g}", height_words(cell),
              f"{cell.low_m:.2f} to {cell.high_m:.2f}", limit_words(result, cell)]  # fmt: skip
     simple = f"{cell.simplified_height_m:g}" if cell.simplified_height_m is not None else "none"
-    hook = f"{1e-3 * max(one.hook_n for one in cell.simplified):.0f}"
+    simple = simple if cell.simplified else NONE
+    hook = f"{1e-3 * _simple(cell.simplified)[0]:.0f}" if cell.simplified else NONE
     if judged is None or "hook_load" not in judged.values:
         return [*begin, *[NONE] * 8, simple, hook]
     weight = next(work.weight_n for work in result.works if work.title == cell.phase)
@@ -186,7 +187,7 @@ def difference(cell: CellLimit) -> dict[str, float]:
     Hook load over the simplified one less 1, and uplift less the simplified uplift; empty if no
     height meets the criteria.
     """
-    if cell.judged is None:
+    if cell.judged is None or not cell.simplified:
         return {}
     hook, uplift = _simple(cell.simplified)
     values = cell.judged.values

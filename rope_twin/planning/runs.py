@@ -14,11 +14,12 @@ from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import SeaState, TipTransfer, tip_on_waves, tip_record
-from rope_twin.scene.load import Change, change_scene
+from rope_twin.planning.twin_runs import sea_changes, twin_rows, watch_twin
+from rope_twin.scene.load import change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation
-from rope_twin.twin.ensemble.member import LINE_OUT, TOP
+from rope_twin.twin.ensemble.member import LINE_OUT, TOP, WATCHED
 from rope_twin.twin.motion.boundary_conditions import WinchMotion
 from rope_twin.twin.motion.heave_track import HeaveSeries
 
@@ -55,20 +56,7 @@ def variation(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Variation:
     if waves is None:
         heave = tip_record(ship.tip, sea, seed, leg.seconds, ship.bow, ship.tip.headings)
         return Variation((), heave, leg.commands)
-    heading = waves.heading_deg  # a hull that answers head seas has no bow to turn from
-    if ship.tip.headings:
-        heading = (math.degrees(ship.bow) + sea.heading_deg + 180.0) % 360.0 - 180.0
-    numbers: dict[str, float | None] = {
-        "jonswap.significant_height_m": sea.height_m,
-        "jonswap.peak_period_s": sea.period_s,
-        "jonswap.gamma": sea.gamma,
-        "spreading": sea.spreading,
-        "seed": seed,
-        "heading_deg": heading,
-    }
-    changes = tuple(
-        Change(f"effects.waves.{key}", value) for key, value in numbers.items() if value is not None
-    )
+    changes = sea_changes(leg, ship.tip, ship.bow, sea, seed)
     own = change_scene(leg.scene, changes)
     heave = _on_waves(own, ship, leg.seconds)
     return Variation(changes, heave, leg.commands)
@@ -172,6 +160,8 @@ class Extremes:
             "landing_speed_m_per_s": self.landing if self.landed else math.nan,
             "stroke_m": self.stroke,
             "stroke_speed_m_per_s": self.stroke_speed,
+            "re_hit_m_per_s": math.nan,
+            "offset_m": self._leg.offset_m,
         }
 
 
@@ -183,6 +173,8 @@ def run_seeds(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
     Raises:
         RopeTwinError: the sea moves the crane tip beyond what inputs may, or no run can start.
     """
+    if leg.by_twin:
+        return twin_rows(leg, ship.tip, ship.bow, sea, seeds)
     ensemble, found = _started(leg, ship, sea, seeds), [Extremes(leg) for _ in seeds]
     for time_s, nominal, parts in _batches(leg, ensemble):
         for own, steps in zip(found, parts, strict=True):
@@ -202,6 +194,14 @@ def watch_seed(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Vector, 
     Raises:
         RopeTwinError: see `run_seeds`.
     """
+    if leg.by_twin:
+        rows = []
+        for shot in watch_twin(leg, ship.tip, ship.bow, sea, seed):
+            row = np.full(WATCHED, math.nan)
+            row[TOP], row[AT_LOWEST] = shot.tension_top_n, shot.tension_payload_n
+            row[AT_DEPTH] = -float(shot.payload_position_m[2])
+            rows.append((shot.time_s, row))
+        return np.array([at for at, _ in rows]), np.stack([row for _, row in rows])
     ensemble = _started(leg, ship, sea, [seed])
     times, steps = [], []
     for time_s, _, (own,) in _batches(leg, ensemble):

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from scipy.fft import irfft, next_fast_len
 from rope_twin.sea.components import Waves, random_shares, wave_at
 from rope_twin.sea.raos import Responses, moved_by
 from rope_twin.sea.ship_motion import BoxHull, heave_response
-from rope_twin.sea.spectrum import WaveSpectrum, jonswap
+from rope_twin.sea.spectrum import STANDARD_GRAVITY, WaveSpectrum, jonswap
 from rope_twin.sea.tables import Vector
 from rope_twin.twin.motion.heave_track import HeaveSeries
 
@@ -53,6 +53,9 @@ class TipTransfer(Protocol):
         travels to, from the bow to port [rad]; 0 from astern, π head seas.
         """
 
+    def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return surge, sway, heave, roll, pitch and yaw of the ship, (6, n); see `at`."""
+
 
 @dataclass(frozen=True)
 class ResponsesTip:
@@ -73,6 +76,10 @@ class ResponsesTip:
         """Return the rigid motion of the tip."""
         return moved_by(self.responses.at(frequency_hz, heading), self.arm_m)[:3]
 
+    def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return the motion of the reference point and the turns."""
+        return self.responses.at(frequency_hz, heading)
+
 
 @dataclass(frozen=True)
 class HullTip:
@@ -88,7 +95,11 @@ class HullTip:
 
     def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
         """Return the heave; no motion aside."""
-        found = np.zeros((3, len(frequency_hz)), np.complex128)
+        return self.freedoms(frequency_hz, heading)[:3]
+
+    def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return the heave alone."""
+        found = np.zeros((6, len(frequency_hz)), np.complex128)
         found[2] = heave_response(self.hull, frequency_hz)
         return found
 
@@ -111,6 +122,57 @@ class SeaState:
         raw = jonswap(self.height_m, self.period_s, self.gamma)
         scale = (self.height_m / raw.significant_height_m) ** 2
         return WaveSpectrum(raw.frequency_hz, scale * raw.density_m2_per_hz, raw.source)
+
+
+@dataclass(frozen=True)
+class RelativeTip:
+    """Crane tip of a ship relative to the deck of another one, or to another point of its own."""
+
+    tip: TipTransfer
+    deck: DeckTransfer
+
+    @property
+    def source(self) -> str:
+        """Return a description."""
+        return f"{self.tip.source}, relative to {self.deck.source}"
+
+    @property
+    def headings(self) -> bool:
+        """Return whether it depends on the heading of the waves."""
+        return self.tip.headings
+
+    def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return the motion of the tip; its height is that above the deck."""
+        found = self.tip.at(frequency_hz, heading).copy()
+        found[2] -= self.deck.at(frequency_hz, heading)
+        return found
+
+    def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return the motion of the ship, without the deck's."""
+        return self.tip.freedoms(frequency_hz, heading)
+
+
+@dataclass(frozen=True)
+class DeckTransfer:
+    """Height of a point of a deck, per metre of wave amplitude at the crane vessel's reference."""
+
+    responses: Responses
+    arm_m: tuple[float, float, float]  # from its reference point: forward, to port, up
+    turn: float  # of its bow from the crane vessel's, to port [rad]
+    apart_m: tuple[float, float]  # of its reference point from the crane vessel's: ahead, to port
+
+    @property
+    def source(self) -> str:
+        """Return a description."""
+        return f"deck with RAOs {Path(self.responses.source).name}"
+
+    def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return the height of the deck, (n,); arguments as for TipTransfer, in deep water."""
+        x, y = self.apart_m
+        number = (2.0 * np.pi * frequency_hz) ** 2 / STANDARD_GRAVITY
+        late = np.exp(-1j * number * (x * np.cos(heading) + y * np.sin(heading)))
+        own = self.responses.at(frequency_hz, heading - self.turn)
+        return np.asarray(late * moved_by(own, self.arm_m)[2])
 
 
 @dataclass(frozen=True)
@@ -178,8 +240,55 @@ def tip_record(
         bow: heading of the bow, from east to north [rad].
         aside: with motion east and north, not height alone.
     """
-    samples = math.ceil(seconds * 1e9 / SAMPLE_NS) + LEAD_SAMPLES + AFTER_SAMPLES
-    count = next_fast_len(samples, real=True)
+    samples = _samples(seconds)
+    record = sea_record(sea, seed, seconds)
+    order, count = record.order, record.count
+    moved = record.wave * tip.at(record.frequency_hz, record.heading)
+
+    def in_time(component: Complex) -> Vector:
+        half = np.zeros(count // 2 + 1, np.complex128)
+        half[order] = 0.5 * count * component
+        return np.asarray(irfft(half, count)[:samples])
+
+    tracks = [in_time(part) for part in _in_sea(moved, record.omega, bow, aside)]
+    return _series(tracks)
+
+
+@dataclass(frozen=True)
+class SeaRecord:
+    """Wave components of a record at the reference point of the ship, (n,) each."""
+
+    order: Any  # multiples of 1/duration
+    frequency_hz: Vector
+    wave: Complex  # amplitude and phase, LEAD_SAMPLES before time 0
+    heading: Vector  # from the bow to port [rad]
+    count: int  # samples of its period
+
+    @property
+    def omega(self) -> Vector:
+        """Return the angular frequencies [rad/s]."""
+        return np.asarray(2.0 * np.pi * self.frequency_hz)
+
+    def from_start(self, response: Complex) -> Complex:
+        """Return the complex amplitudes at time 0 of what answers with this response, (..., n)."""
+        late = np.exp(1j * self.omega * (LEAD_SAMPLES * SAMPLE_NS * 1e-9))
+        return np.asarray(self.wave * late * response)
+
+    def harmonics(self, deck: DeckTransfer) -> Vector:
+        """Return amplitude [m], ω [rad/s] and phase [rad] of the sines of a deck's height from
+        time 0 on, (n, 3).
+        """
+        height = self.from_start(deck.at(self.frequency_hz, self.heading))
+        return np.column_stack([np.abs(height), self.omega, np.angle(height) + 0.5 * np.pi])
+
+
+def _samples(seconds: float) -> int:
+    return math.ceil(seconds * 1e9 / SAMPLE_NS) + LEAD_SAMPLES + AFTER_SAMPLES
+
+
+def sea_record(sea: SeaState, seed: int, seconds: float) -> SeaRecord:
+    """Return the components of a record of a Gaussian sea; see `tip_record`."""
+    count = next_fast_len(_samples(seconds), real=True)
     duration = count * SAMPLE_NS * 1e-9
     spectrum = sea.spectrum()
     first = max(math.ceil(spectrum.frequency_hz[0] * duration), 1)
@@ -191,16 +300,7 @@ def tip_record(
     amplitude = np.sqrt(2.0 * spectrum.density_at(f) / duration * energy)
     wave = amplitude * np.exp(2j * np.pi * shares[0])
     heading = math.radians(sea.heading_deg) + _turns(sea.spreading, shares[2])
-    moved = wave * tip.at(f, heading)
-
-    def in_time(component: Complex) -> Vector:
-        half = np.zeros(count // 2 + 1, np.complex128)
-        half[order] = 0.5 * count * component
-        return np.asarray(irfft(half, count)[:samples])
-
-    omega = 2.0 * np.pi * f
-    tracks = [in_time(part) for part in _in_sea(moved, omega, bow, aside)]
-    return _series(tracks)
+    return SeaRecord(order, f, wave, heading, count)
 
 
 def tip_on_waves(
@@ -215,7 +315,7 @@ def tip_on_waves(
 
     reference: x and y of the ship's reference point [m]; others as for `tip_record`.
     """
-    samples = math.ceil(seconds * 1e9 / SAMPLE_NS) + LEAD_SAMPLES + AFTER_SAMPLES
+    samples = _samples(seconds)
     moved = wave_at(waves, *reference) * tip.at(waves.omega / (2.0 * np.pi), waves.heading - bow)
     parts = np.stack(_in_sea(moved, waves.omega, bow, aside), axis=1)
     time_s = (np.arange(samples) - LEAD_SAMPLES) * (SAMPLE_NS * 1e-9)

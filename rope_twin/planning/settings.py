@@ -51,6 +51,8 @@ def choose_setting(plan: Plan, number: int, leg: Leg, ship: Ship, sea: SeaState
     method = plan.method
     if method.elements is not None and method.step_s is not None:
         return Setting(method.elements, method.step_s), math.nan
+    if leg.by_twin:  # contact and ropes that meet ask for the scene's own mesh and step
+        return Setting(leg.scene.ropes[0].elements, leg.scene.time.step_s), math.nan
     seeds = [sea_seed(method.seed, number, leg.number, k) for k in range(TRIAL_SEEDS)]
     known: dict[Setting, list[Row] | None] = {}
 

@@ -8,6 +8,11 @@ history. The formulas, with the sections of DNV-RP-H103 (April 2011), whose text
   κ = ω·√(m/EA*)·√(1 - iσ/(mω)); Σ and σ are drag of payload and rope, linearised for a Gaussian
   velocity about the lowering speed (Borgman 1967): slope 2·E|v_c + v|.
 - Splash zone (4.3): F_hyd = √((F_D + F_slam)² + (F_M - F_ρ)²), with the wave amplitude 0.9·Hs.
+- Lift-off (API Spec 2C, 7th ed., 5.4.5; DNV 2.22): DAF = 1 + V_R·√(K/(g·W)), or W + V_R·√(K·M),
+  exact for a rope without mass and damping that is hauled at V_R. V_R is the speed of the winch and
+  the characteristic speed between crane tip and deck, here from their RAOs in one sea in place of
+  the root of both squares. K: rope and slings in series.
+- Lateral offset: ∫ H/T over the rope, with the drag H below and the weight T below, small angles.
 - Snap (4.7.2): F_snap = v_snap·√(K·(M + A33)), v_snap = v_ff + C·v_r, with the free-fall velocity
   v_ff = √(2·W/(ρ·C_D·A)), C = 1 up to v_ff = 0.2·v_r, cos(π·(v_ff/v_r - 0.2)) up to 0.7, then 0.
 
@@ -24,12 +29,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.estimation.impedance import linear_drag
 from rope_twin.planning.extremes import rayleigh_factor
 from rope_twin.planning.phases import Leg
-from rope_twin.planning.seas import SeaState, TipTransfer, tip_moments, tip_spectrum
+from rope_twin.planning.seas import RelativeTip, SeaState, TipTransfer, tip_moments, tip_spectrum
 from rope_twin.scene.lift import lift_figures
 from rope_twin.sea.spectrum import zero_crossing_period_s
 from rope_twin.sea.tables import Vector
@@ -37,6 +44,8 @@ from rope_twin.sea.tables import Vector
 Complex = NDArray[np.complex128]
 
 ROUNDS, SETTLED = 60, 1e-6  # of the linearisation
+FOOT = 0.3048  # m
+OFFSET_POINTS = 400  # along the rope
 AMPLITUDE = 0.9  # characteristic wave amplitude over Hs
 LOW, HIGH = 0.2, 0.7  # v_ff/v_r between which the correction of the snap velocity falls
 
@@ -144,6 +153,8 @@ class Simplified:
     uplift_share: float  # hydrodynamic force over the submerged weight
     snap_n: float  # snap force should the rope go slack
     payload_m_per_s: float  # speed of the payload, with that of the winch
+    re_hit_m_per_s: float  # by which the deck is faster than the winch lifts; 0: no re-hit
+    offset_m: float  # lateral, at rest
     words: str  # which formulas
 
 
@@ -156,15 +167,24 @@ def simplified(
     amplitude, speed, acceleration = (
         factor * rms for rms in (moments.rms_m, moments.rms_m_per_s, moments.rms_m_per_s2)
     )
-    zone = leg.scene.listed(SplashZoneParams)
-    if leg.from_m <= 0.0 and zone is not None:
+    zone, re_hit = leg.scene.listed(SplashZoneParams), 0.0
+    if leg.deck_m is not None:
+        closing = relative_speed(leg, tip, sea, exposure_s, percentile)
+        relative = closing - leg.speed_m_per_s
+        hook, low = lift_off_n(leg, lift, relative), lift.weight_n
+        high, re_hit = (
+            hook - leg.static_hook_n + lift.weight_n,
+            max(closing + leg.speed_m_per_s, 0.0),
+        )
+        words, snap = "lift-off, API Spec 2C 5.4.5", hook - leg.static_hook_n
+    elif leg.from_m <= 0.0 and zone is not None:
         relative, hydro = splash_force(lift, leg, zone, sea, (amplitude, speed, acceleration))
         hook = leg.static_hook_n + hydro
         low, high = lift.weight_n - hydro, lift.weight_n + hydro
-        words = "splash zone, 4.3"
+        words, snap = "splash zone, 4.3", snap_force_n(lift, relative)
     else:
         hook, (low, high), relative = _on_long_rope(lift, leg, tip, sea, exposure_s, percentile)
-        words = "rope with payload, 5.3.6"
+        words, snap = "rope with payload, 5.3.6", snap_force_n(lift, relative)
     return Simplified(
         tip_m=amplitude,
         tip_m_per_s=speed,
@@ -175,10 +195,84 @@ def simplified(
         payload_min_n=low,
         payload_max_n=high,
         uplift_share=1.0 - low / lift.weight_n,
-        snap_n=snap_force_n(lift, relative),
+        snap_n=snap,
         payload_m_per_s=relative,
+        re_hit_m_per_s=re_hit,
+        offset_m=lateral_offset_m(leg, lift),
         words=words,
     )
+
+
+def relative_speed(
+    leg: Leg, tip: TipTransfer, sea: SeaState, exposure_s: float, percentile: float
+) -> float:
+    """Return the characteristic vertical speed between crane tip and deck [m/s]."""
+    between = tip if leg.deck is None else RelativeTip(tip, leg.deck)
+    moments = tip_moments(between, sea)
+    factor = rayleigh_factor(exposure_s / moments.crossing_period_s, percentile)
+    return factor * moments.rms_m_per_s
+
+
+def lift_off_n(leg: Leg, lift: Lift, relative_m_per_s: float) -> float:
+    """Return the hook load as a rope takes an object off a deck at a relative speed [N]."""
+    body = leg.scene.listed(RigidBodyParams)
+    assert body is not None, "checked when the plan was read"
+    g, rope = leg.scene.environment.gravity_m_per_s2, lift.EA_n / leg.scene.ropes[0].length_m
+    flexible = 1.0 / rope + 1.0 / vertical_stiffness_n_per_m(body)
+    mass = lift.weight_n / g  # of object and hook; buoyancy in air is nothing
+    return leg.static_hook_n + relative_m_per_s * math.sqrt(mass / flexible)
+
+
+def vertical_stiffness_n_per_m(body: RigidBodyParams) -> float:
+    """Return the stiffness of a body's slings below the hook, Σ k·cos² of their inclination."""
+    if body.pinned_at_m is not None:
+        return body.pin_stiffness_n_per_m
+    flat = [math.hypot(one.to_m[0], one.to_m[1]) / one.length_m for one in body.slings]
+    parts = zip(body.slings, flat, strict=True)
+    return sum(one.stiffness_n_per_m * max(1.0 - sin**2, 0.0) for one, sin in parts)
+
+
+def lift_off_speed(height_m: float) -> float:
+    """Return the least hoisting speed for a lift off a supply vessel at this Hs [m/s].
+
+    API Spec 2C, 7th ed., 5.4.5.2: 0.033 + 0.098·Hs up to 6 ft, above 0.067·(Hs + 3.3), in ft and s.
+    """
+    feet = height_m / FOOT
+    return FOOT * (0.033 + 0.098 * feet if feet <= 6.0 else 0.067 * (feet + 3.3))
+
+
+def lateral_offset_m(leg: Leg, lift: Lift) -> float:
+    """Return the horizontal offset of the payload from the crane tip in the scene's current [m].
+
+    Small angles: with the drag H of all below and the weight T of all below, ∫ H/T over the rope.
+    """
+    current, drag = leg.scene.listed(CurrentParams), leg.scene.listed(DragParams)
+    if current is None or leg.to_m <= 0.0:
+        return 0.0
+    figures = lift_figures(leg.scene)
+    payload = figures.payload
+    assert payload is not None, "checked when the plan was read"
+    half = 0.5 * leg.scene.environment.water_density_kg_per_m3
+    z, *velocity = current.table[::-1, :3].T
+    s = np.linspace(0.0, lift.length_m, OFFSET_POINTS)  # from the payload up
+    height = -leg.to_m + s
+    flow = np.stack([np.interp(height, z, own) for own in velocity])
+    flow[:, height > 0.0] = 0.0
+    force = flow * np.hypot(*flow)
+    normal = drag.normal if drag is not None else 0.0
+    wide = [
+        one.rope.hydrodynamic_diameter_m * normal
+        if one.rope.drag_normal is None
+        else one.rope.diameter_m * one.rope.drag_normal
+        for one in figures.bars
+    ]
+    per_m = half * sum(wide) / len(wide) * force
+    below = np.concatenate([np.zeros((2, 1)), np.cumsum(0.5 * (per_m[:, 1:] + per_m[:, :-1]), 1)
+                            * (s[1] - s[0])], axis=1)  # fmt: skip
+    area = np.array(payload.drag_area_m2[:2])[:, None]
+    weight = (lift.static_hook_n - lift.weight_n) / lift.length_m
+    lean = (half * area * force[:, :1] + below) / (lift.weight_n + weight * s)
+    return float(np.hypot(*np.trapezoid(lean, s, axis=1)))
 
 
 def _on_long_rope(

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rope_twin.planning.judgement import QUANTITIES
+from rope_twin.planning.judgement import quantity_of
+from rope_twin.planning.seas import SeaState
+from rope_twin.planning.simplified import (
+    lift_of,
+    lift_off_n,
+    lift_off_speed,
+    relative_speed,
+)
 from rope_twin.planning.slings import sling_shares
 
 if TYPE_CHECKING:
@@ -16,6 +23,10 @@ IN_LIMITS = ("hook_load", "uplift")  # that the table of limits has
 CELL = ("phase", "Tp s", "heading °", "Hs m")
 SLING = ("phase", "sling", "share %", "with skew, tilt, CoG %", "load at hook kN", "sling load kN",
          "allowed kN", "utilisation %")  # fmt: skip
+
+
+LIFT_OFF = (*CELL, "winch m/s", "tip to deck m/s", "least by API m/s", "DAF", "simplified DAF",
+            "re-hit m/s")  # fmt: skip
 
 
 class Table(NamedTuple):
@@ -29,6 +40,9 @@ class Table(NamedTuple):
 def further_tables(result: PlanResult) -> Iterator[Table]:
     """Yield the tables that the plan has."""
     yield _values(result)
+    lifted = [work for work in result.works if work.legs[0].deck_m is not None]
+    if lifted:
+        yield _lift_offs(result, lifted)
     if result.plan.slings is not None:
         yield _slings(result)
 
@@ -39,15 +53,18 @@ def _values(result: PlanResult) -> Table:
     known = [(cell, one) for cell, one in judged if one is not None and one.values]
     names = [
         name
-        for name in QUANTITIES
+        for name in dict.fromkeys(name for _, one in known for name in one.values)
         if name not in IN_LIMITS
         and any(name in one.values and one.values[name].value != 0.0 for _, one in known)
     ]
-    head = [*CELL, *(f"{QUANTITIES[name].words} {QUANTITIES[name].unit}".strip() for name in names)]
+    head = [
+        *CELL,
+        *(f"{quantity_of(name).words} {quantity_of(name).unit}".strip() for name in names),
+    ]
     rows = [head]
     for cell, one in known:
         values = [
-            f"{one.values[name].scaled(QUANTITIES[name].scale).value:.3g}"
+            f"{one.values[name].scaled(quantity_of(name).scale).value:.3g}"
             if name in one.values
             else ""
             for name in names
@@ -58,6 +75,35 @@ def _values(result: PlanResult) -> Table:
         "Hs, or at the lowest of the grid where no height meets the criteria."
     )
     return Table("Further characteristic values", rows, about)
+
+
+def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
+    """Return what a lift-off needs and gives, by the runs and by the simplified formula."""
+    rows = [list(LIFT_OFF)]
+    for work in works:
+        leg, static = work.legs[0], work.static_hook_n
+        for cell in result.of_phase(work.title):
+            one = cell.judged or cell.beyond
+            if one is None or "re_hit" not in one.values:
+                continue
+            sea = SeaState(one.height_m, cell.period_s, cell.heading_deg, result.plan.sea.gamma)
+            closing = relative_speed(
+                leg, work.ship.tip, sea, leg.window_s, result.plan.method.percentile
+            )
+            by_rule = lift_off_n(leg, lift_of(leg), closing - leg.speed_m_per_s) / static
+            rows.append([
+                *_cell_words(cell), f"{one.height_m:g}", f"{-leg.speed_m_per_s:g}",
+                f"{closing:.2f}", f"{lift_off_speed(one.height_m):.2f}",
+                f"{one.values['hook_load'].value / static:.2f}", f"{by_rule:.2f}",
+                f"{one.values['re_hit'].value:.2f}",
+            ])  # fmt: skip
+    about = (
+        "DAF of the simplified formula: 1 + V_R·√(K/(g·W)) with V_R the speed of the winch and the "
+        "characteristic speed between crane tip and deck (API Spec 2C, 7th ed., 5.4.5). A winch "
+        "faster than the deck cannot be hit again; API's least hoisting speed is that of 5.4.5.2 "
+        "for a supply vessel. Re-hit: closing speed of object and deck after the first lift-off."
+    )
+    return Table("Lift-off", rows, about)
 
 
 def _cell_words(cell: CellLimit) -> list[str]:

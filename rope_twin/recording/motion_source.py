@@ -182,29 +182,17 @@ class RegularSea(ComputedSea):
         return HeaveSample(stamp_ns, *self.at(stamp_ns * 1e-9), None)
 
 
-class ShipOnWaves(ComputedSea):
-    """Poses of a ship that answers each component of the waves that the rope feels.
+class ShipOfComponents:
+    """Poses of a ship whose six degrees of freedom are sums of sines.
 
-    A component a·cos(k·x - ω·t + φ) is the real part of a·exp(i(ω·t - k·x - φ)); each degree of
-    freedom answers with its response times that, at the reference point at rest. Turns are yaw,
-    then pitch, then roll about the ship's axes.
+    Turns are yaw, then pitch, then roll about the ship's axes.
     """
 
-    topic = "ship/odometry"
-
-    def __init__(self, waves: Waves, responses: Responses, scene: Scene) -> None:
-        self._arm = lever_arm(scene)
-        self._bow = float(np.radians(scene.sea_state.on_waves.heading_deg))  # type: ignore[union-attr]
-        self._omega = waves.omega
-        x, y, _ = scene.ship.hang_off_m
-        self._surface = wave_at(waves, x, y)
-        wave = wave_at(waves, x - self._arm[0], y - self._arm[1])
-        frequency = waves.omega / (2.0 * np.pi)
-        self._answer = wave * responses.at(frequency, waves.heading - self._bow)
-        self.source = (
-            f"waves of Hs {waves.significant_height_m:.3g} m; six degrees of freedom by "
-            f"{responses.source}, bow at {np.degrees(self._bow):g}°"
-        )
+    def __init__(self, answer: NDArray[np.complex128], omega: Vector, bow: float) -> None:
+        """Take complex amplitudes at t = 0, (6, n) [m], [rad], their ω [rad/s], and the heading of
+        the bow, from east to north [rad].
+        """
+        self._answer, self._omega, self._bow = answer, omega, bow
 
     def freedoms(self, time_s: float) -> tuple[Floats, Floats]:
         """Return surge, sway, heave [m], roll, pitch, yaw [rad] at a time, and the rates, (6,)."""
@@ -227,6 +215,29 @@ class ShipOnWaves(ComputedSea):
 
     def _in_sea(self, vector: Sequence[float]) -> Vector3:
         return (*self._from_bow(vector[0], vector[1]), vector[2])
+
+
+class ShipOnWaves(ShipOfComponents, ComputedSea):
+    """Poses of a ship that answers each component of the waves that the rope feels.
+
+    A component a·cos(k·x - ω·t + φ) is the real part of a·exp(i(ω·t - k·x - φ)); each degree of
+    freedom answers with its response times that, at the reference point at rest.
+    """
+
+    topic = "ship/odometry"
+
+    def __init__(self, waves: Waves, responses: Responses, scene: Scene) -> None:
+        self._arm = lever_arm(scene)
+        bow = float(np.radians(scene.sea_state.on_waves.heading_deg))  # type: ignore[union-attr]
+        x, y, _ = scene.ship.hang_off_m
+        self._surface = wave_at(waves, x, y)
+        wave = wave_at(waves, x - self._arm[0], y - self._arm[1])
+        frequency = waves.omega / (2.0 * np.pi)
+        super().__init__(wave * responses.at(frequency, waves.heading - bow), waves.omega, bow)
+        self.source = (
+            f"waves of Hs {waves.significant_height_m:.3g} m; six degrees of freedom by "
+            f"{responses.source}, bow at {np.degrees(bow):g}°"
+        )
 
     def sample(self, stamp_ns: int) -> HeaveSample:
         """Return the sample at a time."""

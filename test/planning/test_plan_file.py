@@ -65,7 +65,7 @@ WRONG = {
     "no phases": (PHASES, "", 0, "phases missing; add phases"),
     "empty phases": (PHASES, "phases: []\n", 0, "phases is empty; give one phase or more"),
     "phases no list": (PHASES, "phases: {}\n", 9, "a mapping instead of a list"),
-    "ropes that meet": ("deep_lift", "bridle_lift", 1, "the ropes of 'bridle_lift' meet; give a"),
+    "ropes that meet": ("deep_lift", "bridle_lift", 1, "the ropes of 'bridle_lift' meet, and"),
     "no payload": ("deep_lift", "rov_tether", 1, "'rov_tether' has no payload"),
     "feedback": ("deep_lift", "flying_sheave_lift", 1, "depends on the tension"),
     "no vessel": (VESSEL, "", 0, "no vessel is given, and 'deep_lift' has none on its waves"),

@@ -140,16 +140,21 @@ def act_deck(deck: Any, body: Any, q: float, pose: Any) -> Any:
 def foresee_deck(deck: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
     """Set height and vertical velocity of the deck at the stage's time."""
     s, n, time = body.stage, rope.state.counts[ELEMENTS], stage.time
-    share, rate = 1.0, 0.0
-    if time < deck.ramp:
-        u = max(time, 0.0) / deck.ramp
-        share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
-        rate = 30.0 * u * u * (u - 1.0) * (u - 1.0) / deck.ramp
-    angle = deck.omega * time + deck.phase
-    z, w = deck.amplitude * sin(angle), deck.amplitude * deck.omega * cos(angle)
     ship = rope.work[POSITION + 2, n] - s[at.SHIP_Z]
-    s[at.DECK_Z] = deck.height + deck.with_ship * ship + share * z
-    s[at.DECK_SPEED] = deck.with_ship * rope.work[VELOCITY + 2, n] + share * w + rate * z
+    height = deck.height + deck.with_ship * ship
+    speed = deck.with_ship * rope.work[VELOCITY + 2, n]
+    for j in range(deck.heaves.shape[0]):
+        share, rate, ramp = 1.0, 0.0, deck.heaves[j, 3]
+        if time < ramp:
+            u = max(time, 0.0) / ramp
+            share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
+            rate = 30.0 * u * u * (u - 1.0) * (u - 1.0) / ramp
+        amplitude, omega = deck.heaves[j, 0], deck.heaves[j, 1]
+        angle = omega * time + deck.heaves[j, 2]
+        z, w = amplitude * sin(angle), amplitude * omega * cos(angle)
+        height = height + share * z
+        speed = speed + share * w + rate * z
+    s[at.DECK_Z], s[at.DECK_SPEED] = height, speed
 
 
 @part("floor", Deck)

@@ -89,10 +89,8 @@ class Deck(NamedTuple):
 
     height: float  # mean height [m]
     with_ship: float  # 1: it heaves with the hang-off
-    amplitude: float  # of an independent heave motion [m]
-    omega: float  # [rad/s]
-    phase: float  # [rad]
-    ramp: float  # [s]
+    heaves: Floats  # harmonics of an independent heave: amplitude [m], ω [rad/s], phase [rad],
+    # build-up time [s], (harmonics, 4)
     k: float  # stiffness at each corner [N/m]
     chi: float  # N = k·d·(1 - χ·v) [s/m]
     mu: float  # friction

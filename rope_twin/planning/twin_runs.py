@@ -1,0 +1,261 @@
+"""Runs that a twin steps by itself: a lift off a moving deck, and ropes that meet.
+
+The ship's pose in six degrees of freedom moves every hang-off rigidly. The deck of a lift-off
+heaves by the same wave components (`SeaRecord`), so that crane tip and deck keep their phases; it
+stays level. Loads are taken every LOOK_S, those of the first rope's upper end at every step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rope_twin.effects.rigid_body import DeckHeave, RigidBodyParams
+from rope_twin.effects.waves import WavesParams, components_of
+from rope_twin.errors import SolverError
+from rope_twin.planning.phases import Leg
+from rope_twin.planning.seas import DeckTransfer, SeaRecord, SeaState, TipTransfer, sea_record
+from rope_twin.recording.motion_source import FIRST_NS, SAMPLE_PERIOD_NS, ShipOfComponents
+from rope_twin.scene.load import Change, change_scene
+from rope_twin.scene.rigging import winches_by_name
+from rope_twin.scene.schema import WINCH, Scene
+from rope_twin.scene.schema import SeaState as SceneSea
+from rope_twin.sea.components import wave_at
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import schedule_samples
+
+LOOK_S = 0.01
+AHEAD_NS = 1_000_000_000  # inputs are given to the twin this long before they are needed
+SMALLEST_M, SHORTEST_S = 1e-6, 0.5  # harmonics of a deck below: they move it by nothing
+
+
+def offset_m(shot: Snapshot, from_ship: Collection[str] = ()) -> float:
+    """Return the horizontal distance of the payload from the crane tip [m].
+
+    from_ship: names of the ropes that leave the ship where ropes meet; their middle counts.
+    """
+    tips = [one.node_position_m[0] for one in shot.ropes if one.name in from_ship]
+    middle = np.mean(tips, axis=0) if tips else shot.hang_off_position_m
+    return float(np.hypot(*(shot.payload_position_m - middle)[:2]))
+
+
+class TwinExtremes:
+    """Extremes of one run inside its window."""
+
+    def __init__(self, leg: Leg) -> None:
+        self._first_s, self._ropes = leg.first_s, leg.ropes
+        self._from_ship = {one.name for one in leg.ropes if one.from_ship}
+        self._decked = leg.deck_m is not None
+        self.top_max, self.at_s, self.depth_at_max = -math.inf, math.nan, math.nan
+        self.top_min = self.payload_min = self.least = math.inf
+        self.payload_max = -math.inf
+        self.offset = 0.0
+        self.aloft = False  # whether it has left the deck
+        self.on_deck = self._decked
+        self.re_hit, self.re_hits = 0.0, 0
+        self._clearance: tuple[float, float] | None = None  # time [s], above the deck [m]
+        self._looks = self._slack = 0
+        self.by_rope: dict[str, list[float]] = {}  # largest at its top, least at its lower end
+
+    def take(self, shot: Snapshot) -> None:
+        """Take the present of a twin."""
+        if shot.time_s <= self._first_s:
+            return
+        least = min(
+            [float(shot.element_tension_n.min())]
+            + [float(one.element_tension_n.min()) for one in shot.ropes]
+        )
+        tops = [one.tension_top_n for one in shot.ropes if one.name in self._from_ship]
+        top = max([shot.tension_top_max_n, *tops])
+        if top > self.top_max:
+            self.top_max, self.at_s = top, shot.time_s
+            self.depth_at_max = -float(shot.payload_position_m[2])
+        self.payload_max = max(self.payload_max, shot.tension_payload_n)
+        for one in shot.ropes:
+            seen = self.by_rope.setdefault(one.name, [-math.inf, math.inf])
+            seen[0] = max(seen[0], float(one.element_tension_n.max()), one.tension_top_n)
+            seen[1] = min(seen[1], float(one.element_tension_n[-1]))
+        if self._decked:
+            self._take_deck(shot)
+        if not self._decked or (self.aloft and not self.on_deck):
+            self._looks += 1
+            self._slack += least <= 0.0
+            self.top_min = min(self.top_min, shot.tension_top_min_n)
+            self.payload_min = min(self.payload_min, shot.tension_payload_n)
+            self.least = min(self.least, least)
+            self.offset = max(self.offset, offset_m(shot, self._from_ship))
+
+    def _take_deck(self, shot: Snapshot) -> None:
+        """Note whether the object stands on the deck, and how fast that meets it again."""
+        body = shot.body
+        assert body is not None, "checked when the plan was read"
+        assert body.deck_push_n is not None, "checked when the plan was read"
+        assert body.deck_clearance_m is not None, "checked when the plan was read"
+        now, before = (shot.time_s, body.deck_clearance_m), self._clearance
+        on_deck = body.deck_push_n > 0.0
+        if on_deck and self.aloft and not self.on_deck and before is not None:
+            self.re_hits += 1
+            self.re_hit = max(self.re_hit, (before[1] - now[1]) / (now[0] - before[0]))
+        self.aloft = self.aloft or not on_deck
+        self.on_deck, self._clearance = on_deck, now
+
+    def row(self) -> dict[str, Any]:
+        """Return the run's results, as those of `runs.Extremes`."""
+        found: dict[str, Any] = {
+            "top_max_n": self.top_max,
+            "top_min_n": self.top_min,
+            "payload_min_n": self.payload_min,
+            "payload_max_n": self.payload_max,
+            "least_n": self.least,
+            "depth_at_max_m": self.depth_at_max,
+            "at_s": self.at_s,
+            "slack_share": self._slack / self._looks if self._looks else 0.0,
+            "landing_speed_m_per_s": math.nan,
+            "stroke_m": 0.0,
+            "stroke_speed_m_per_s": 0.0,
+            "re_hit_m_per_s": self.re_hit if self._decked else math.nan,
+            "offset_m": self.offset,
+        }
+        for one in self._ropes:
+            high, low = self.by_rope.get(one.name, (math.nan, math.nan))
+            found[f"rope_load[{one.name}]"] = high
+            found[f"rope_loss[{one.name}]"] = 1.0 - low / one.lower_n
+        return found
+
+
+def twin_rows(
+    leg: Leg, tip: TipTransfer, bow: float, sea: SeaState, seeds: Sequence[int]
+) -> list[dict[str, Any]]:
+    """Return the extremes of each seed; a run that failed has a sentence in `failure`.
+
+    Raises:
+        RopeTwinError: no run can start.
+    """
+    rows = []
+    for seed in seeds:
+        found, failure = TwinExtremes(leg), ""
+        try:
+            for shot in watch_twin(leg, tip, bow, sea, seed):
+                found.take(shot)
+        except SolverError as error:
+            failure = str(error)
+        if not failure and leg.deck_m is not None and found.on_deck:
+            failure = "the object did not leave the deck"
+        rows.append({"sea_seed": seed, **found.row(), "failure": failure})
+    return rows
+
+
+def watch_twin(
+    leg: Leg, tip: TipTransfer, bow: float, sea: SeaState, seed: int
+) -> Iterator[Snapshot]:
+    """Yield snapshots of a run, one every LOOK_S or every step.
+
+    Raises:
+        RopeTwinError: it cannot start.
+        SolverError: an input was rejected, or the next state would not be finite.
+    """
+    scene, ship = moved_by_sea(leg, tip, bow, sea, seed)
+    twin = Twin(scene)
+    twin.prescribe_motion()
+    step = twin.step_ns
+    every, steps = max(1, round(LOOK_S / twin.step_s)), round(leg.seconds / twin.step_s)
+    stamp, commanded = FIRST_NS, 0
+    waiting = list(leg.commands)
+    while twin.steps < steps:
+        until = twin.time_ns + every * step + AHEAD_NS
+        while stamp < until:
+            _taken(twin.offer_pose(ship.pose(stamp)))
+            stamp += SAMPLE_PERIOD_NS
+        for name, winch in winches_by_name(scene).items():
+            if name != WINCH or not leg.commands:
+                for sample in schedule_samples(winch, commanded, until):
+                    _taken(twin.offer_command(sample.stamp_ns, sample.command, name))
+        commanded = until
+        while waiting and waiting[0].stamp_ns < until:
+            sample = waiting.pop(0)
+            _taken(twin.offer_command(sample.stamp_ns, sample.command))
+        twin.advance(min(every, steps - twin.steps))
+        yield twin.snapshot()
+
+
+def moved_by_sea(
+    leg: Leg, tip: TipTransfer, bow: float, sea: SeaState, seed: int
+) -> tuple[Scene, ShipOfComponents]:
+    """Return the scene in a sea, and the ship that answers it.
+
+    Raises:
+        SceneError: the waves do not take these numbers.
+    """
+    scene = leg.scene
+    x, y, z = scene.ship.hang_off_m
+    arm = getattr(tip, "arm_m", (0.0, 0.0, 0.0))
+    c, s = math.cos(bow), math.sin(bow)
+    reference = (x - (c * arm[0] - s * arm[1]), y - (s * arm[0] + c * arm[1]), z - arm[2])
+    at_rest = replace(scene.ship, reference_m=reference)
+    scene = replace(scene, ship=at_rest, sea_state=SceneSea())
+    waves = scene.listed(WavesParams)
+    if waves is None:
+        record = sea_record(sea, seed, leg.seconds)
+        answer = record.from_start(tip.freedoms(record.frequency_hz, record.heading))
+        if leg.deck is not None:
+            scene = on_deck(scene, leg.deck, record)
+        return scene, ShipOfComponents(answer, record.omega, bow)
+    scene = change_scene(scene, sea_changes(leg, tip, bow, sea, seed))
+    waves = scene.listed(WavesParams)
+    assert waves is not None
+    own = components_of(waves, scene.environment.gravity_m_per_s2)
+    heading = own.heading - bow
+    answer = wave_at(own, *reference[:2]) * tip.freedoms(own.omega / (2.0 * math.pi), heading)
+    return scene, ShipOfComponents(answer, own.omega, bow)
+
+
+def sea_changes(
+    leg: Leg, tip: TipTransfer, bow: float, sea: SeaState, seed: int
+) -> tuple[Change, ...]:
+    """Return the changes of a scene's waves for a seed of a sea state."""
+    waves = leg.scene.listed(WavesParams)
+    assert waves is not None
+    heading = waves.heading_deg  # a hull that answers head seas has no bow to turn from
+    if tip.headings:
+        heading = (math.degrees(bow) + sea.heading_deg + 180.0) % 360.0 - 180.0
+    numbers: dict[str, float | None] = {
+        "jonswap.significant_height_m": sea.height_m,
+        "jonswap.peak_period_s": sea.period_s,
+        "jonswap.gamma": sea.gamma,
+        "spreading": sea.spreading,
+        "seed": seed,
+        "heading_deg": heading,
+    }
+    return tuple(
+        Change(f"effects.waves.{key}", value) for key, value in numbers.items() if value is not None
+    )
+
+
+def on_deck(scene: Scene, deck: DeckTransfer, record: SeaRecord) -> Scene:
+    """Return the scene whose deck heaves in a record of the sea, with the ship's build-up."""
+    body = scene.listed(RigidBodyParams)
+    assert body is not None, "checked when the plan was read"
+    assert body.deck is not None, "checked when the plan was read"
+    heaves = tuple(
+        DeckHeave(
+            amplitude_m=amplitude,
+            period_s=2.0 * math.pi / omega,
+            phase_deg=math.degrees(phase),
+            ramp_s=scene.ship.motion_ramp_s,
+        )
+        for amplitude, omega, phase in record.harmonics(deck).tolist()
+        if amplitude > SMALLEST_M and 2.0 * math.pi / omega > SHORTEST_S
+    )
+    moved = replace(body, deck=replace(body.deck, heave=None, with_ship=False, heaves=heaves))
+    effects = tuple(moved if own is body else own for own in scene.effects)
+    return replace(scene, effects=effects)
+
+
+def _taken(refusal: str) -> None:
+    if refusal:
+        raise SolverError(refusal)

@@ -1,0 +1,200 @@
+"""Lift-off from a deck: closed forms, the deck's motion against the tip's, re-hit, wrong plans."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rope_twin.effects.rigid_body import RigidBodyParams
+from rope_twin.errors import RopeTwinError
+from rope_twin.planning.phases import Leg, legs_of
+from rope_twin.planning.plan_file import LiftedFrom, LiftOff, Plan
+from rope_twin.planning.plan_reader import deck_of, read_plan, tip_of
+from rope_twin.planning.runs import Row, Ship, run_seeds
+from rope_twin.planning.seas import (
+    LEAD_SAMPLES,
+    SAMPLE_NS,
+    RelativeTip,
+    ResponsesTip,
+    sea_record,
+    tip_record,
+)
+from rope_twin.planning.simplified import (
+    lift_of,
+    lift_off_n,
+    lift_off_speed,
+    vertical_stiffness_n_per_m,
+)
+from rope_twin.scene.card import Setting
+from rope_twin.scene.schema import Damping, Scene
+
+COARSE = Setting(6, 0.0025)
+
+
+def leg_of(plan: Plan, scene: Scene, **keys: object) -> Leg:
+    """Return the leg of the shipped lift-off with other keys, on a coarse mesh."""
+    own = plan.phases[0].lift_off
+    assert own is not None
+    phase = replace(plan.phases[0], lift_off=replace(own, **keys))
+    scene = replace(scene, ship=replace(scene.ship, motion_ramp_s=2.0))
+    (leg,) = legs_of(replace(plan, method=replace(plan.method, settle_s=1.0)), scene, phase)
+    return leg.at_setting(COARSE)
+
+
+def run_of(leg: Leg, plan: Plan, height_m: float) -> Row:
+    """Return the row of a run."""
+    ship = Ship(tip_of(plan, leg.scene), 0.0)
+    (row,) = run_seeds(leg, ship, plan.sea_state(height_m, 0, 0), [7])
+    assert row["failure"] == ""
+    return row
+
+
+def plain_scene() -> Scene:
+    """Return the scene with the weight in the middle, no hook, a hard deck and little damping."""
+    scene = read_plan("lift_off")[1]
+    body, rope, winch = scene.listed(RigidBodyParams), scene.ropes[0], scene.winch
+    assert body is not None
+    assert winch is not None
+    slings = tuple(replace(one, damping_newton_seconds_per_m=0.0) for one in body.slings)
+    assert body.deck is not None
+    deck = replace(body.deck, penetration_m=1e-3)
+    middle = (0.0, 0.0, -0.2)
+    own = replace(body, centre_of_gravity_m=middle, hook_mass_kg=0.0, slings=slings, deck=deck)
+    return replace(
+        scene,
+        effects=tuple(own if one is body else one for one in scene.effects),
+        ropes=(replace(rope, damping=Damping(fraction_of_first_axial_mode=0.005)),),
+        winch=replace(winch, acceleration_limit_m_per_s2=5.0),
+    )
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.4])
+def test_load_of_a_lift_off_a_fixed_deck(speed: float) -> None:
+    """T = W + v·√(K·M) by hand, of a body whose corners leave the deck together."""
+    plan, _ = read_plan("lift_off")
+    leg = leg_of(plan, plain_scene(), deck=None, speed_m_per_s=speed, hoist_m=1.5)
+    found = run_of(leg, plan, 0.05)["top_max_n"] - leg.static_hook_n
+    body, lift = leg.scene.listed(RigidBodyParams), lift_of(leg)
+    assert body is not None
+    cos = math.sqrt(1.0 - (1.8**2 + 1.3**2) / 7.0**2)
+    slings = 4.0 * 5.0e6 * cos**2
+    assert vertical_stiffness_n_per_m(body) == pytest.approx(slings)
+    flexible = 1.0 / slings + leg.scene.ropes[0].length_m / lift.EA_n
+    right = speed * math.sqrt(lift.mass_kg / flexible)
+    by_formula = lift_off_n(leg, lift, speed) - leg.static_hook_n
+    assert by_formula == pytest.approx(right, rel=0.002)  # buoyancy in air
+    assert found == pytest.approx(right, rel=0.03)
+
+
+def test_deck_moves_with_the_components_of_the_tip() -> None:
+    """Sines of a deck at the crane tip of the same vessel are the record of that tip."""
+    plan, scene = read_plan("lift_off")
+    tip, sea = tip_of(plan, scene), plan.sea_state(1.5, 0, 0)
+    assert isinstance(tip, ResponsesTip)
+    assert plan.vessel is not None
+    deck = deck_of(plan, LiftedFrom(point_m=plan.vessel.crane_tip_m))
+    assert deck is not None
+    amplitude, omega, phase = sea_record(sea, 3, 60.0).harmonics(deck).T
+    series = tip_record(tip, sea, 3, 60.0, 0.0, True)
+    time = series.stamp_ns[LEAD_SAMPLES:-1] * 1e-9
+    height = (amplitude * np.sin(np.outer(time, omega) + phase)).sum(axis=1)
+    assert height == pytest.approx(series.position_m[LEAD_SAMPLES:-1], abs=1e-9)
+    assert time[0] == 0.0
+    assert time[1] == pytest.approx(SAMPLE_NS * 1e-9)
+    f = np.linspace(0.05, 0.2, 7)
+    relative = RelativeTip(tip, deck).at(f, np.full(7, 2.0))
+    assert np.abs(relative[2]).max() < 1e-12
+    assert relative[:2] == pytest.approx(tip.at(f, np.full(7, 2.0))[:2])
+
+
+def test_deck_of_a_vessel_apart_is_late_by_the_way_of_the_waves() -> None:
+    """Half a wave length on, in the direction of travel, it moves the other way."""
+    plan, _ = read_plan("lift_off")
+    f = np.array([0.1])
+    half = 0.5 * 9.80665 / (2.0 * math.pi * 0.1**2)
+    here = LiftedFrom(responses="vessel_120m", point_m=(0.0, 0.0, 0.0))
+    on = replace(here, apart_m=(-half, 0.0))  # head seas travel to astern
+    at, beyond = (deck_of(plan, one) for one in (here, on))
+    assert at is not None
+    assert beyond is not None
+    heading = np.array([math.pi])
+    assert beyond.at(f, heading) == pytest.approx(-at.at(f, heading))
+    turned = deck_of(plan, replace(here, turn_deg=180.0))
+    assert turned is not None
+    assert turned.at(f, heading) == pytest.approx(at.at(f, np.array([0.0])))
+
+
+def test_slow_winches_are_hit_again() -> None:
+    """A deck that heaves faster than the winch hoists meets the object again; a fast one does not,
+    and the object hangs below the tip in the end.
+    """
+    plan, scene = read_plan("lift_off")
+    deck = LiftedFrom(responses="vessel_120m", point_m=(-50.0, 0.0, 5.0), apart_m=(0.0, 40.0))
+    slow = run_of(leg_of(plan, scene, deck=deck, speed_m_per_s=0.05, hoist_m=0.9), plan, 4.0)
+    fast = run_of(leg_of(plan, scene, deck=deck, speed_m_per_s=0.5, hoist_m=4.0), plan, 4.0)
+    assert slow["re_hit_m_per_s"] > 0.1
+    assert fast["re_hit_m_per_s"] < slow["re_hit_m_per_s"]
+    assert 0.0 < fast["offset_m"] < 5.0
+
+
+def test_least_hoisting_speed() -> None:
+    """API Spec 2C 5.4.5.2 by hand: 3.28 ft: 0.3545 ft/s; 9.84 ft: 0.8805 ft/s."""
+    assert lift_off_speed(1.0) == pytest.approx(0.3545 * 0.3048, rel=1e-3)
+    assert lift_off_speed(3.0) == pytest.approx(0.8805 * 0.3048, rel=1e-3)
+
+
+TEXT = """scene: lift_off
+vessel: {responses: vessel_120m, crane_tip_m: [0.0, 25.0, 35.0]}
+sea: {hs_m: {from: 0.5, to: 1.0, step: 0.5}, tp_s: [8.0], headings_deg: [180.0]}
+phases:
+  - lift_off: {hoist_m: 4.0, speed_m_per_s: 0.3, deck: {point_m: [0.0, 0.0, 5.0]}}
+criteria: {re_hit_m_per_s: 0.2}
+"""
+DEEP = "scene: deep_lift"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("scene: lift_off", DEEP, "phases[0].lift_off: the object of 'deep_lift' stands on"),
+        ("scene: lift_off", "scene: manifold_lift", "the object of 'manifold_lift' stands on no"),
+        ("hoist_m: 4.0", "hoist_m: 40.0", "hoist_m: 40 m leave -19 m of line, the winch keeps 5 m"),
+        ("speed_m_per_s: 0.3", "speed_m_per_s: 0.9", "0.9 m/s is above the winch's 0.5 m/s"),
+        ("point_m: [0.0, 0.0, 5.0]", "point_m: [0.0, 0.0, 5.0], turn_deg: 90.0",
+         "turn_deg and apart_m are of another vessel; give its `responses`"),
+        ("point_m", "responses: barg, point_m", "line 5, phases[0].lift_off.deck"),
+        ("lift_off: {hoist_m: 4.0, speed_m_per_s: 0.3, deck: {point_m: [0.0, 0.0, 5.0]}}",
+         "in_air: {above_m: 12.0}", "re_hit_m_per_s: no phase lifts off a deck"),
+        ("lift_off: {hoist_m: 4.0, speed_m_per_s: 0.3, deck: {point_m: [0.0, 0.0, 5.0]}}",
+         "in_air: {above_m: 40.0}", "40 m is not below the crane tip, 35 m above the water"),
+    ],
+)  # fmt: skip
+def test_wrong_lift_offs(old: str, new: str, words: str, tmp_path: Path) -> None:
+    """Refused in one sentence."""
+    assert old in TEXT
+    path = tmp_path / "lift.yaml"
+    path.write_text(TEXT.replace(old, new, 1))
+    with pytest.raises(RopeTwinError) as caught:
+        read_plan(path)
+    assert words in str(caught.value)
+
+
+def test_objects_in_water_are_not_in_air(tmp_path: Path) -> None:
+    """A scene without a surface has its object in water at any height."""
+    path = tmp_path / "lift.yaml"
+    text = TEXT.replace("scene: lift_off", DEEP).replace("criteria: {re_hit_m_per_s: 0.2}\n", "")
+    path.write_text(text[: text.index("  - lift_off")] + "  - in_air: {above_m: 2.0}\n")
+    with pytest.raises(RopeTwinError, match="the object of 'deep_lift' is in water everywhere"):
+        read_plan(path)
+
+
+def test_lift_off_keys() -> None:
+    """The shipped plan has a moving deck of another vessel."""
+    own = read_plan("lift_off")[0].phases[0].lift_off
+    assert isinstance(own, LiftOff)
+    assert own.deck is not None
+    assert own.deck.apart_m == (0.0, 40.0)
