@@ -8,6 +8,7 @@ time epoch + t/speed, so that inputs stamped shortly after t have arrived by the
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,6 +35,8 @@ from rope_twin.topics import ALARM_TOPIC, ALERTS, ESTIMATE_TOPIC, INPUT_LOG_TOPI
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.level import TwinOverloadProtection
 from rope_twin.twin.pacing import (
+    CATCH_UP,
+    GrantedClock,
     Pacer,
     SnapshotQueue,
     queue_depth,
@@ -276,13 +279,16 @@ class PacedTwin:
         self._inputs = InputQueue(self.twin, self._keeper or self._recovery, self._log.take)
         self._first = self.twin.snapshot()
         steps = steps_in_slot(self.twin.step_s)
+        self.granted = GrantedClock(self._motion_reach_ns) if params.lockstep else None
         self._handover = SnapshotQueue(queue_depth(steps * self.twin.step_s, params.speed))
         self.pacer = Pacer(
             self._inputs,
             self._handover,
             steps,
             params.speed,
+            clock=self.granted,
             last_step=_steps_to_do(self.twin, params.stop_after_s),
+            catch_up=math.inf if params.lockstep else CATCH_UP,
         )
         if self.ladder is not None:
             self.pacer.watch(self.ladder.judge)
@@ -312,6 +318,11 @@ class PacedTwin:
         epoch_ns = ros_now_ns + lead_ns - round(at_ns / speed)
         # A slow run still needs whole heave samples, a fast one the same real time to get them.
         delay_ns = round(self._params.input_delay_s * max(1.0, speed) * 1e9 / speed)
+        origin_ns = steady_now_ns + lead_ns + delay_ns
+        if self.granted is not None:  # a cycle may begin as soon as the time of its end is granted
+            epoch_ns = ros_now_ns - at_ns
+            origin_ns = ros_now_ns + self.pacer.slot_ns
+            self.granted.grant(ros_now_ns)
         self._clocks = Clocks(ros_now_ns, steady_now_ns)
         described = describe_session(self._described, self.twin, epoch_ns) | self._log.begin(at_ns)
         self._inputs.begin()
@@ -325,8 +336,17 @@ class PacedTwin:
             self.learning.start(self.twin)
         raise_other_threads()
         self._process_at_s = time.process_time()
-        self.pacer.start(steady_now_ns + lead_ns + delay_ns)
+        self.pacer.start(origin_ns)
         return epoch_ns
+
+    def _motion_reach_ns(self) -> int | None:
+        """Return the ROS time to which the ship motion is known; None: nothing moves the ship."""
+        epoch_ns, motion_ns = self.border.epoch_ns, self.border.motion_ns
+        if epoch_ns is None:
+            return 0
+        if motion_ns is None:
+            return 0 if self.scene.sea_state.moves else None
+        return epoch_ns + motion_ns
 
     def describe_again(self) -> None:
         """Begin a new session at the next cycle, for a recorder that has joined."""
@@ -442,7 +462,7 @@ class PacedTwin:
             rows.append(saving_row(self._keeper.health()))
         if self.learning is not None:
             rows += [self.learning.row(health.granted_s), self.learning.alarms.row()]
-        if self.border.epoch_ns is not None:
+        if self.border.epoch_ns is not None and self.granted is None:
             rows.append(clock_row(self._clock_moved_s(now)))
         return rows
 

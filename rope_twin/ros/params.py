@@ -42,6 +42,10 @@ class SimulationParams:
     stop_after_s: float = quantity("simulation time after which to stop; 0: never", "s", 0.0, 1e7,
                                    default=0.0)  # fmt: skip
     autostart: bool = text("configure and activate at start-up", True)
+    lockstep: bool = text(
+        "co-simulation: step only to the time that a master has published on /clock, and to which "
+        "the ship motion is known; use_sim_time must be true", False,
+    )  # fmt: skip
     wait_for: str = text(
         "topics, separated by spaces, to wait for at the start: inputs until they have a "
         "publisher, outputs until they have a subscriber", "",

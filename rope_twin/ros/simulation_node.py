@@ -21,6 +21,8 @@ from rclpy.duration import Duration
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import SetBool, Trigger
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
@@ -98,6 +100,9 @@ class SimulationNode(LifecycleNode):
             self.create_subscription(
                 message_type(topic), name, self._taker(name), profile(topic.qos), raw=True
             )
+        if self._params.lockstep:
+            best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+            self.create_subscription(ClockMessage, "/clock", self._grant, best_effort)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
         self.create_timer(_POLL_S, self._poll, clock=steady)
@@ -139,6 +144,9 @@ class SimulationNode(LifecycleNode):
         self._params = read(self, SimulationParams)
         try:
             known = (*self._inputs, *self._own_publishers)
+            if self._params.lockstep and not self.get_parameter("use_sim_time").value:
+                where = "node simulation, parameter lockstep"
+                raise InputError(phrase(where, "it needs the time of /clock", "set use_sim_time"))
             unknown = [name for name in self._params.wait_for.split() if name not in known]
             if unknown:
                 where = "node simulation, parameter wait_for"
@@ -317,6 +325,12 @@ class SimulationNode(LifecycleNode):
             return SetParametersResult(successful=True)
         reason = f"the simulation is {self._state}; deactivate and clean up first, then configure"
         return SetParametersResult(successful=False, reason=reason)
+
+    def _grant(self, message: Any) -> None:
+        """Let the twin step to the time of a master."""
+        if self.paced is not None and self.paced.granted is not None:
+            stamp = message.clock
+            self.paced.granted.grant(stamp.sec * 10**9 + stamp.nanosec)
 
     # -- messages ------------------------------------------------------------------------------
 

@@ -120,6 +120,7 @@ class InputBorder:
         # likewise stamp [ns] and height [m] of each sample of motion
         self.motion_listener: Callable[[int, float], None] | None = None
         self.epoch_ns: int | None = None  # ROS time of t = 0; None: all inputs are ignored
+        self.motion_ns: int | None = None  # twin time of the newest sample of ship motion
 
     def take_motion(
         self, topic: str, data: bytes, sender: object = None, received_ns: int | None = None
@@ -152,6 +153,7 @@ class InputBorder:
             self._inputs.offer_pose(replace(sample, stamp_ns=stamp_ns - epoch_ns), arrival_ns)
         else:
             self._inputs.offer_heave(stamp_ns - epoch_ns, *sample, arrival_ns)
+        self.motion_ns = max(self.motion_ns or 0, stamp_ns - epoch_ns)  # once it is queued
 
     def take_order(self, topic: str, data: bytes, sender: str, publisher: str = "") -> None:
         """Accept or reject a message on one of WINCH_TOPICS.

@@ -110,6 +110,7 @@ def queue_depth(slot_s: float, speed: float) -> int:
 
 
 CATCH_UP = 4.0  # a twin that is behind runs at most this many times faster than its grid
+GRANTED_POLL_S = 0.002  # between two looks at the inputs of a co-simulation
 SLOT_S = 0.02  # longest publish period of a scalar: 50 Hz
 
 _log = logging.getLogger(__name__)
@@ -157,6 +158,38 @@ class SteadyClock:
                 return
 
 
+class GrantedClock:
+    """Clock of a co-simulation: its time is the one that a master has granted, and never runs by
+    itself.
+    """
+
+    def __init__(self, reach_ns: Callable[[], int | None] = lambda: None) -> None:
+        """Begin at time 0.
+
+        reach_ns: returns the time to which the inputs are known; None: they are not awaited.
+        """
+        self._granted_ns = 0
+        self._reach_ns = reach_ns
+        self._changed = threading.Condition()
+
+    def grant(self, time_ns: int) -> None:
+        """Grant the time up to this one; an earlier one than before changes nothing."""
+        with self._changed:
+            self._granted_ns = max(self._granted_ns, time_ns)
+            self._changed.notify_all()
+
+    def now_ns(self) -> int:
+        """Return the granted time, as far as the inputs are known [ns]."""
+        reach_ns = self._reach_ns()
+        return self._granted_ns if reach_ns is None else min(self._granted_ns, reach_ns)
+
+    def wait_until(self, time_ns: int, interrupt: threading.Event) -> None:
+        """Wait until the time is granted and the inputs reach it."""
+        with self._changed:
+            while self.now_ns() < time_ns and not interrupt.is_set():
+                self._changed.wait(GRANTED_POLL_S)
+
+
 class PacingHealth(NamedTuple):
     """Real-time performance since the pacer was made; pauses do not count."""
 
@@ -197,8 +230,13 @@ class Pacer:
         speed: float = 1.0,
         clock: Clock | None = None,
         last_step: int = 0,
+        catch_up: float = CATCH_UP,
     ) -> None:
-        """Prepare the thread, which ends after the cycle that reaches `last_step`; 0: never."""
+        """Prepare the thread, which ends after the cycle that reaches `last_step`; 0: never.
+
+        catch_up: how many times faster than its grid a twin that is behind runs at most.
+        """
+        self._catch_up = catch_up
         self._twin = twin
         self._handover = handover
         self._steps = steps_per_slot
@@ -277,7 +315,7 @@ class Pacer:
                 break
             slot += 1
             due_ns = origin_ns + round(slot * self.period_ns)
-            earliest_ns = began_ns + round(self.period_ns / CATCH_UP)
+            earliest_ns = began_ns + round(self.period_ns / self._catch_up)
             late = self._judge(due_ns)
             used_s, processor_s = time.thread_time() - processor_s, time.thread_time()
             self._health = self._health._replace(processor_s=self._health.processor_s + used_s)

@@ -1,0 +1,142 @@
+"""Co-simulation over DDS: the twin steps only to the time that a master has published."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ros_bench import Bench
+
+from rope_twin.messages import encode_heave
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import RegularHeave, SeaState
+from rope_twin.studies.driven_twin import fed
+from rope_twin.twin.twin import Twin
+
+pytestmark = pytest.mark.ros
+AMPLITUDE_M, OMEGA = 0.3, 2.0 * math.pi / 6.0
+START_NS, SLOT_NS, SLOTS = 500_000_000_000, 20_000_000, 40
+
+
+def heave(time_s: float) -> tuple[float, float]:
+    """Return height and speed of the hang-off."""
+    return AMPLITUDE_M * math.sin(OMEGA * time_s), AMPLITUDE_M * OMEGA * math.cos(OMEGA * time_s)
+
+
+class Master:
+    """Master of a co-simulation on the bench."""
+
+    def __init__(self, bench: Bench) -> None:
+        from rosgraph_msgs.msg import Clock
+
+        self._bench, self._kind = bench, Clock
+        self._clock = bench.own.create_publisher(Clock, "/clock", 10)
+        self._motion = bench.publisher("ship/heave")
+        self.force = bench.listen("hang_off/wrench")
+        self.epochs = bench.listen("twin/epoch")
+
+    def tick(self, at_ns: int) -> None:
+        """Publish the time."""
+        message = self._kind()
+        message.clock.sec, message.clock.nanosec = divmod(START_NS + at_ns, 10**9)
+        self._clock.publish(message)
+
+    def move(self, at_ns: int) -> None:
+        """Publish the motion of the ship at a time."""
+        self._motion.publish(encode_heave(START_NS + at_ns, *heave(at_ns * 1e-9)))
+
+    def begin(self, node: Any) -> None:
+        """Start the twin at the master's time 0."""
+        node.begin()
+
+        def begun() -> bool:
+            self.tick(0)
+            return bool(self.epochs) and self._motion.get_subscription_count() > 0
+
+        self._bench.until(begun, "the epoch")
+        stamp = self.epochs[0]
+        assert stamp.sec * 10**9 + stamp.nanosec == START_NS
+
+    def answered(self, at_ns: int) -> bool:
+        """Return whether the force at a time has come."""
+        stamps = (one.header.stamp for one in reversed(self.force))
+        return any(stamp.sec * 10**9 + stamp.nanosec == START_NS + at_ns for stamp in stamps)
+
+
+def lockstepped(bench: Bench, **parameters: Any) -> Any:
+    """Return a simulation node that waits for a master."""
+    return bench.make("simulation", scene="shallow_lift", use_sim_time=True, lockstep=True,
+                      ladder=False, **parameters)  # fmt: skip
+
+
+def test_twin_steps_to_the_time_of_the_master_alone(bench: Bench) -> None:
+    """Neither real time nor motion without a granted time moves it, nor the time without motion;
+    the result is that of the same motion in a scene.
+    """
+    node, master = lockstepped(bench), Master(bench)
+    master.begin(node)
+    twin = node.paced.twin
+    for at_ns in (-SLOT_NS, 0, SLOT_NS):
+        master.move(at_ns)
+    bench.until(lambda: node.paced.border.motion_ns == SLOT_NS, "the motion")
+    bench._spin(0.2)
+    assert twin.time_ns == 0, "no time is granted"
+    master.tick(2 * SLOT_NS)
+    bench.until(lambda: master.answered(SLOT_NS), "the first answer")
+    bench._spin(0.2)
+    assert twin.time_ns == SLOT_NS, "the motion is not known further"
+    for k in range(2, SLOTS + 1):
+        at_ns = k * SLOT_NS
+
+        def answered(at_ns: int = at_ns) -> bool:
+            master.move(at_ns)
+            master.tick(at_ns)
+            return master.answered(at_ns)
+
+        bench.until(answered, f"the answer at {at_ns * 1e-9:g} s")
+        assert twin.time_ns == at_ns
+    scene = load_scene("shallow_lift")
+    assert scene.winch is not None
+    sea = SeaState(heave=RegularHeave(amplitude_m=AMPLITUDE_M, period_s=6.0))
+    same = replace(scene, sea_state=sea, winch=replace(scene.winch, schedule=()))
+    right = list(fed(Twin(same), SLOTS * SLOT_NS * 1e-9))
+    forces = {one.header.stamp.sec * 10**9 + one.header.stamp.nanosec: one for one in master.force}
+    for shot in right:
+        force = forces[START_NS + shot.stamp_ns].wrench.force
+        assert force.z == pytest.approx(float(shot.hang_off_force_n[2]), rel=1e-8)
+
+
+def test_lockstep_needs_simulated_time(bench: Bench) -> None:
+    """One sentence."""
+    from rope_twin.errors import InputError
+
+    node = bench.make("simulation", scene="shallow_lift", lockstep=True)
+    with pytest.raises(InputError, match="lockstep: it needs the time of /clock; set use_"):
+        node.begin()
+
+
+def test_master_of_the_guide(bench: Bench) -> None:
+    """The example in docs/how-to/cosimulation.md, in a process of its own, 25 cycles long."""
+    page = Path(__file__).parents[2] / "docs" / "how-to" / "cosimulation.md"
+    script = page.read_text(encoding="utf-8").partition("```python\n")[2].partition("```")[0]
+    assert script.count("\n") < 45
+    node = lockstepped(bench)
+    node.begin()
+    domain = bench.own.context.get_domain_id()
+    with subprocess.Popen(
+        [sys.executable, "-c", script.replace("range(501)", "range(26)")],
+        env=os.environ | {"ROS_DOMAIN_ID": str(domain)},
+    ) as master:
+        try:
+            bench.until(lambda: master.poll() is not None, "the master's end")
+        finally:
+            master.kill()
+    assert master.returncode == 0
+    assert node.paced.twin.time_ns == 25 * SLOT_NS
+    assert node.paced.last.heave_m != 0.0
