@@ -8,6 +8,7 @@ from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError, phrase
+from rope_twin.interchange.fmu import INPUTS, OUTPUTS, export_fmu
 from rope_twin.interchange.moordyn import deck_of, scene_of
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
 from rope_twin.interchange.orcaflex import scene_of_model
@@ -23,6 +24,7 @@ IMPORTS = (
 EXPORTS = (
     "scene export smooth_2km --moordyn --out lines.txt",
     "scene export my_lift.yaml --moordyn --out deck/lines.txt --json",
+    "scene export deep_lift --fmu --out deep_lift.fmu",
 )
 
 
@@ -49,12 +51,15 @@ def add_export(actions: argparse._SubParsersAction[Any]) -> None:
     about = "write a scene as the input of another program"
     more = (
         "Points are where the static equilibrium has them. What a deck cannot have is listed; "
-        f"a current goes to {CURRENT_FILE} beside the deck, where MoorDyn looks for it."
+        f"a current goes to {CURRENT_FILE} beside the deck, where MoorDyn looks for it. An FMU 3.0 "
+        "for co-simulation has the motion of the hang-off as inputs; it needs rope_twin in the "
+        "Python of the program that loads it."
     )
     parser = add_command(actions, "export", about, EXPORTS, more)
     add_scene(parser)
     parser.add_argument("--moordyn", action="store_true", help="as a deck of MoorDyn 2")
-    add_out(parser, "FILE", "deck to write", required=True)
+    parser.add_argument("--fmu", action="store_true", help="as an FMU 3.0 for co-simulation")
+    add_out(parser, "FILE", "file to write", required=True)
     add_json(parser)
 
 
@@ -89,10 +94,23 @@ def _imported(path: Path, breaking_load_n: float, out: Path) -> Imported:
     return scene_of(read_deck(path), path, breaking_load_n)
 
 
+def _run_fmu(args: argparse.Namespace) -> int:
+    scene = export_fmu(args.scene, args.out)
+    if args.json:
+        print_json({"files": [args.out], "inputs": list(INPUTS), "outputs": list(OUTPUTS)})
+        return ExitCode.OK
+    names = f"{len(INPUTS)} inputs, {len(OUTPUTS)} outputs"
+    print(f"{args.out}: {names}, communication steps of multiples of {scene.time.step_s:g} s")
+    return ExitCode.OK
+
+
 def run_export(args: argparse.Namespace) -> int:
-    """Write a deck and return the exit code. Raises RopeTwinError."""
-    if not args.moordyn:
-        raise InputError(phrase("scene export", "no format is named", "give --moordyn"))
+    """Write a deck or an FMU and return the exit code. Raises RopeTwinError."""
+    if args.moordyn == args.fmu:
+        what = "two formats are named" if args.fmu else "no format is named"
+        raise InputError(phrase("scene export", what, "give --moordyn or --fmu"))
+    if args.fmu:
+        return _run_fmu(args)
     deck, left_out = deck_of(load_scene(args.scene))
     files = [args.out]
     try:

@@ -1,0 +1,200 @@
+"""FMU 3.0 for co-simulation of a scene: its model in Python, and its export by PythonFMU3.
+
+The FMU contains the scene's file and a module of three lines; the twin is the installed
+rope_twin of the Python that loads it. Inputs are displacement, velocity and acceleration of the
+hang-off at the time of the step's beginning, from which they are extrapolated over the step:
+p + v·h + a·h²/2, so that a step's error is of the third order in h (of the second without a, of the
+first without v). Outputs are those at the step's end.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.rigging import is_joined
+from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
+
+AXES = "xyz"  # east, north, up
+MOTIONS = {"tip_{}_m": "displacement", "tip_v{}_m_per_s": "velocity",
+           "tip_a{}_m_per_s2": "acceleration"}  # fmt: skip
+INPUTS = {
+    **{
+        name.format(axis): f"{what} of the hang-off along {axis}"
+        for name, what in MOTIONS.items()
+        for axis in AXES
+    },
+    "winch_speed_m_per_s": "commanded speed, positive: pay-out",
+}
+OUTPUTS = {
+    **{f"hook_force_{axis}_n": f"force on the hang-off along {axis}" for axis in AXES},
+    "hook_load_n": "tension at the hang-off",
+    "payload_tension_n": "tension at the lower end",
+    **{f"payload_{axis}_m": f"position of the payload, {axis}" for axis in AXES},
+    "line_out_m": "paid-out length",
+    "least_tension_n": "least tension of any element",
+}
+STEP_TOL = 1e-6  # of a time step
+SCRIPT = '''"""FMU of scene {scene}, by rope_twin."""
+
+from pythonfmu3 import Fmi3Slave
+from rope_twin.interchange.fmu import SceneModel, register
+
+
+class {name}(Fmi3Slave):
+    """Rope, winch and payload of {scene}."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.model = SceneModel(kwargs["resources"], "{file}")
+        register(self)
+
+    def do_step(self, current_time, step_size):
+        return self.model.step_into(self, current_time, step_size)
+'''
+
+
+class SceneModel:
+    """Twin of an FMU, stepped from one communication point to the next."""
+
+    def __init__(self, folder: str, file: str) -> None:
+        """Build the twin of the scene's file in the FMU's resources.
+
+        Raises:
+            RopeTwinError: the scene is invalid.
+        """
+        path = folder.removeprefix("file://")
+        self.twin = Twin(load_scene(Path(path) / file))
+        self.twin.prescribe_motion()
+        self._speed: float | None = None
+        self.shot: Snapshot = self.twin.snapshot()
+
+    def step(self, inputs: dict[str, float], time_s: float, step_s: float) -> None:
+        """Advance from a communication point by this step.
+
+        Raises:
+            InputError: the step is no whole number of time steps, or an input is impossible.
+            SolverError: the next state would not be finite.
+        """
+        twin, steps = self.twin, round(step_s / self.twin.step_s)
+        if steps < 1 or abs(steps * twin.step_s - step_s) > STEP_TOL * twin.step_s:
+            right = f"give a multiple of the scene's time step, {twin.step_s:g} s"
+            raise InputError(phrase("FMU", f"a communication step of {step_s:g} s", right))
+        at_ns, until_ns = twin.time_ns, twin.time_ns + steps * twin.step_ns
+        if abs(time_s - at_ns * 1e-9) > STEP_TOL:
+            what = f"a step from {time_s:g} s, where the twin is at {at_ns * 1e-9:g} s"
+            raise InputError(phrase("FMU", what, "step without gaps, from 0 on"))
+        p, v, a = ([inputs[name.format(axis)] for axis in AXES] for name in MOTIONS)
+        if at_ns == 0:
+            _taken(twin.offer_pose(_pose(0, p, v)))
+        ahead = [x + step_s * (u + 0.5 * step_s * w) for x, u, w in zip(p, v, a, strict=True)]
+        fast = [u + step_s * w for u, w in zip(v, a, strict=True)]
+        _taken(twin.offer_pose(_pose(until_ns, ahead, fast)))
+        speed = inputs["winch_speed_m_per_s"]
+        if twin.scene.winch is not None and speed != self._speed:
+            _taken(twin.offer_command(at_ns, WinchCommand(SPEED, speed)))
+            self._speed = speed
+        twin.advance(steps)
+        self.shot = twin.snapshot()
+
+    def outputs(self) -> dict[str, float]:
+        """Return the outputs at the present."""
+        shot = self.shot
+        force, place = shot.hang_off_force_n.tolist(), shot.payload_position_m.tolist()
+        return {
+            **{f"hook_force_{axis}_n": own for axis, own in zip(AXES, force, strict=True)},
+            "hook_load_n": float(shot.tension_top_n),
+            "payload_tension_n": float(shot.tension_payload_n),
+            **{f"payload_{axis}_m": own for axis, own in zip(AXES, place, strict=True)},
+            "line_out_m": float(shot.line_out_m),
+            "least_tension_n": float(shot.element_tension_n.min()),
+        }
+
+    def step_into(self, slave: Any, time_s: float, step_s: float) -> bool:
+        """Advance with the slave's inputs and set its outputs; False, and logged, if it fails."""
+        try:
+            self.step({name: float(getattr(slave, name)) for name in INPUTS}, time_s, step_s)
+        except RopeTwinError as error:
+            from pythonfmu3.enums import Fmi3Status  # of the FMU that calls
+
+            slave.log(str(error), Fmi3Status.error)
+            return False
+        for name, value in self.outputs().items():
+            setattr(slave, name, value)
+        return True
+
+
+def _pose(stamp_ns: int, place: list[float], velocity: list[float]) -> ShipPose:
+    x, y, z = place
+    u, v, w = velocity
+    return ShipPose(stamp_ns, (x, y, z), (u, v, w))
+
+
+def _taken(refusal: str) -> None:
+    if refusal:
+        raise InputError(refusal)
+
+
+def register(slave: Any) -> None:
+    """Register the variables of an FMU on its slave, with their values at the start."""
+    from pythonfmu3 import Float64, Fmi3Causality, Fmi3Variability  # of the FMU that calls
+
+    slave.time = 0.0
+    slave.author = "rope_twin"
+    slave.register_variable(
+        Float64(
+            "time",
+            causality=Fmi3Causality.independent,
+            variability=Fmi3Variability.continuous,
+        )
+    )
+    for name, about in INPUTS.items():
+        setattr(slave, name, 0.0)
+        slave.register_variable(Float64(name, causality=Fmi3Causality.input, description=about))
+    for name, value in slave.model.outputs().items():
+        setattr(slave, name, value)
+        about = OUTPUTS[name]
+        slave.register_variable(Float64(name, causality=Fmi3Causality.output, description=about))
+
+
+def export_fmu(name_or_path: str, out: Path) -> Scene:
+    """Write the FMU of a scene of one rope and return the scene.
+
+    Raises:
+        InputError: PythonFMU3 is not installed, the file is no FMU or cannot be written, or ropes
+            meet.
+        SceneError: the scene is invalid, or names files beside it.
+    """
+    if out.suffix != ".fmu" or not out.stem.isidentifier():
+        right = "give a name of letters, digits and _ that ends with .fmu"
+        raise InputError(phrase(f"--out {out}", "it is no name of an FMU", right))
+    if importlib.util.find_spec("pythonfmu3") is None:
+        right = "install it with `pip install 'rope_twin[fmu]'`"
+        raise InputError(phrase("pythonfmu3", "an FMU needs it and it is not there", right))
+    scene = load_scene(name_or_path)
+    if is_joined(scene):
+        what = f"the ropes of '{scene.name}' meet"
+        raise InputError(phrase("FMU", what, "give a scene of one rope"))
+    from pythonfmu3 import FmuBuilder  # an optional package
+
+    with tempfile.TemporaryDirectory(prefix="rope_twin_fmu_") as folder:
+        script, kept = Path(folder) / f"{out.stem}_model.py", Path(folder) / scene.path.name
+        shutil.copy(scene.path, kept)
+        words = SCRIPT.format(scene=scene.name, name=out.stem, file=kept.name)
+        script.write_text(words, encoding="utf-8")
+        built = FmuBuilder.build_FMU(script, dest=folder, project_files=[kept])
+        try:
+            shutil.copy(built, out)
+        except OSError as error:
+            what = f"it cannot be written ({error.strerror})"
+            raise InputError(phrase(str(out), what, "give a place that can be written")) from None
+    return scene

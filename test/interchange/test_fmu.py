@@ -1,0 +1,117 @@
+"""FMU of a scene, run by FMPy against a twin with the same motion."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rope_twin.cli import main
+from rope_twin.errors import InputError
+from rope_twin.interchange.fmu import INPUTS, OUTPUTS, SceneModel, export_fmu
+from rope_twin.scene.load import load_scene
+from rope_twin.studies.driven_twin import march
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+
+AMPLITUDE_M, OMEGA = 0.3, 2.0 * math.pi / 6.0
+STEP_S, SECONDS = 0.02, 4.0
+SPEED = 0.2  # of the winch, from 2 s on
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the FMU of a shallow lift."""
+    path = tmp_path_factory.mktemp("fmu") / "shallow_lift.fmu"
+    export_fmu("shallow_lift", path)
+    return path
+
+
+def heave(time: float) -> tuple[float, float]:
+    """Return height and speed of the hang-off."""
+    return AMPLITUDE_M * math.sin(OMEGA * time), AMPLITUDE_M * OMEGA * math.cos(OMEGA * time)
+
+
+@pytest.fixture(scope="module")
+def right() -> list[Snapshot]:
+    """Return snapshots of a twin with the exact motion."""
+    twin = Twin(load_scene("shallow_lift"))
+    every = round(STEP_S / twin.step_s)
+    speeds = ((0.0, 0.0), (2.0, SPEED))
+    return list(march(twin, heave, SECONDS, every, speeds))
+
+
+def test_fmpy_accepts_it(fmu: Path) -> None:
+    """The model description is valid FMI 3.0."""
+    validation = pytest.importorskip("fmpy.validation")
+    assert validation.validate_fmu(str(fmu)) == []
+    described = pytest.importorskip("fmpy").read_model_description(str(fmu))
+    assert described.fmiVersion == "3.0"
+    causes = {one.name: one.causality for one in described.modelVariables}
+    assert {name for name, cause in causes.items() if cause == "input"} == set(INPUTS)
+    assert {name for name, cause in causes.items() if cause == "output"} == set(OUTPUTS)
+
+
+@pytest.mark.parametrize(("derivatives", "within"), [(2, 2e-5), (1, 1e-3)])
+def test_run_by_fmpy_is_that_of_the_twin(
+    fmu: Path, right: list[Snapshot], derivatives: int, within: float
+) -> None:
+    """Hook load, payload and line out; with velocity alone less exact than with acceleration."""
+    fmpy = pytest.importorskip("fmpy")
+    time = np.arange(round(SECONDS / STEP_S) + 1) * STEP_S
+    names = ["time", *INPUTS]
+    signals = np.zeros(len(time), dtype=[(name, float) for name in names])
+    signals["time"] = time
+    wave = AMPLITUDE_M * np.exp(1j * (OMEGA * time - 0.5 * math.pi))
+    keys = ("tip_z_m", "tip_vz_m_per_s", "tip_az_m_per_s2")[: derivatives + 1]
+    for order, key in enumerate(keys):
+        signals[key] = (wave * (1j * OMEGA) ** order).real
+    signals["winch_speed_m_per_s"] = np.where(time >= 2.0 - 1e-9, SPEED, 0.0)
+    found = fmpy.simulate_fmu(
+        str(fmu), stop_time=SECONDS, step_size=STEP_S, output_interval=STEP_S, input=signals
+    )[1:]
+    assert len(found) == len(right)
+    hook = np.array([shot.tension_top_n for shot in right])
+    assert np.abs(found["hook_load_n"] - hook).max() < within * hook.mean()
+    assert np.abs(found["hook_load_n"] - hook).max() < 0.1 * np.ptp(hook)
+    depth = np.array([shot.payload_position_m[2] for shot in right])
+    assert found["payload_z_m"] == pytest.approx(depth, abs=1e-3)
+    line = np.array([shot.line_out_m for shot in right])
+    assert found["line_out_m"] == pytest.approx(line, abs=1e-6)
+    assert line[-1] - line[0] > 0.2
+
+
+def test_steps_that_do_not_fit() -> None:
+    """Parts of a time step, gaps and impossible motion are refused in one sentence."""
+    path = load_scene("shallow_lift").path
+    still = dict.fromkeys(INPUTS, 0.0)
+
+    def model() -> SceneModel:
+        return SceneModel(str(path.parent), path.name)
+
+    with pytest.raises(
+        InputError, match=r"a communication step of 0\.015 s; give a multiple of the"
+    ):
+        model().step(still, 0.0, 0.015)
+    with pytest.raises(InputError, match="a step from 5 s, where the twin is at 0 s; step without"):
+        model().step(still, 5.0, 0.02)
+    with pytest.raises(InputError, match="m above its rest; a ship stays within"):
+        model().step(still | {"tip_z_m": 1e3}, 0.0, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["deep_lift", "--fmu", "--out", "deep.zip"], "no name of an FMU; give a name of letters"),
+        (["deep_lift", "--fmu", "--out", "a b.fmu"], "no name of an FMU"),
+        (["bridle_lift", "--fmu", "--out", "b.fmu"], "the ropes of 'bridle_lift' meet; give"),
+        (["deep_lift", "--out", "b.fmu"], "no format is named; give --moordyn or --fmu"),
+        (["deep_lift", "--fmu", "--moordyn", "--out", "b.fmu"], "two formats are named"),
+    ],
+)  # fmt: skip
+def test_wrong_exports(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """One sentence each."""
+    assert main(["scene", "export", *words]) == 1
+    assert said in capsys.readouterr().err
