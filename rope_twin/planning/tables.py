@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,6 +26,8 @@ SLING = ("phase", "sling", "share %", "with skew, tilt, CoG %", "load at hook kN
          "allowed kN", "utilisation %")  # fmt: skip
 
 
+SNAP = (*CELL, "uplift %", "slack %", "snap force kN", "static + snap kN", "of hook limit %",
+        "hook load kN")  # fmt: skip
 LIFT_OFF = (*CELL, "winch m/s", "tip to deck m/s", "least by API m/s", "DAF", "simplified DAF",
             "re-hit m/s")  # fmt: skip
 
@@ -40,6 +43,8 @@ class Table(NamedTuple):
 def further_tables(result: PlanResult) -> Iterator[Table]:
     """Yield the tables that the plan has."""
     yield _values(result)
+    if any(cell.simplified for cell in result.cells):
+        yield _snaps(result)
     lifted = [work for work in result.works if work.legs[0].deck_m is not None]
     if lifted:
         yield _lift_offs(result, lifted)
@@ -75,6 +80,34 @@ def _values(result: PlanResult) -> Table:
         "Hs, or at the lowest of the grid where no height meets the criteria."
     )
     return Table("Further characteristic values", rows, about)
+
+
+def _snaps(result: PlanResult) -> Table:
+    """Return the snap check: what a slack rope would get by the formula, beside the runs."""
+    rows = [list(SNAP)]
+    for work in result.works:
+        hook = min(
+            (one.most for one in work.limits if one.quantity == "hook_load"), default=math.inf
+        )
+        for cell in result.of_phase(work.title):
+            one = cell.judged or cell.beyond
+            if one is None or not cell.simplified or "uplift" not in one.values:
+                continue
+            snap = max(each.snap_n for each in cell.simplified)
+            whole = work.static_hook_n + snap
+            rows.append([
+                *_cell_words(cell), f"{one.height_m:g}",
+                f"{100.0 * one.values['uplift'].value:.0f}", f"{100.0 * one.slack_share:.2g}",
+                f"{1e-3 * snap:.0f}", f"{1e-3 * whole:.0f}",
+                f"{100.0 * whole / hook:.0f}" if hook < math.inf else "–",
+                f"{1e-3 * one.values['hook_load'].value:.0f}",
+            ])  # fmt: skip
+    about = (
+        "Snap force v_snap·√(K·(M + A33)) of DNV-RP-N103 (4.7.2 in H103) and with the static hook "
+        "load, over the least limit of the hook load, should the rope go slack; the last column is "
+        "that of the runs, which have the snap where uplift or slack lead to one."
+    )
+    return Table("Snap check", rows, about)
 
 
 def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:

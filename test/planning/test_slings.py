@@ -169,5 +169,8 @@ def test_slings_limit_a_plan(tmp_path: Path) -> None:
     loads = list(sling_loads(result))
     assert len(loads) == 4
     assert max(one["utilisation"] for one in loads) == pytest.approx(use)
-    titles = [table.title for table in further_tables(result)]
-    assert titles == ["Further characteristic values", "Slings"]
+    tables = {table.title: table.rows for table in further_tables(result)}
+    assert list(tables) == ["Further characteristic values", "Snap check", "Slings"]
+    snap = max(one.snap_n for one in cell.simplified)
+    whole = 1e-3 * (result.works[0].static_hook_n + snap)
+    assert tables["Snap check"][1][6:8] == [f"{1e-3 * snap:.0f}", f"{whole:.0f}"]
