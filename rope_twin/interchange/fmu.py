@@ -17,8 +17,8 @@ from typing import Any
 
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Scene
 from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.schema import Scene
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin

@@ -99,7 +99,7 @@ def _shallow(result: PlanResult) -> Iterator[str]:
     longest = STANDARD_GRAVITY * max(result.plan.sea.tp_s) ** 2 / (2.0 * math.pi)
     for work in result.works:
         depth = min(leg.from_m for leg in work.legs)
-        if depth < DEEP_WATER_LENGTHS * longest:
+        if 0.0 < depth < DEEP_WATER_LENGTHS * longest:  # above the water there are none
             yield (
                 f"{work.title}: the payload is at {depth:.0f} m, less than half of the longest "
                 f"waves' {longest:.0f} m, and the scene has no waves: their force on payload and "

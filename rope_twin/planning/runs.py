@@ -14,7 +14,7 @@ from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import SeaState, TipTransfer, tip_on_waves, tip_record
-from rope_twin.planning.twin_runs import sea_changes, twin_rows, watch_twin
+from rope_twin.planning.twin_runs import reference_m, sea_changes, twin_rows, watch_twin
 from rope_twin.scene.load import change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
@@ -67,10 +67,7 @@ def _on_waves(scene: Scene, ship: Ship, seconds: float) -> HeaveSeries:
     waves = scene.listed(WavesParams)
     assert waves is not None
     components = components_of(waves, scene.environment.gravity_m_per_s2)
-    x, y, _ = scene.ship.hang_off_m
-    arm = getattr(ship.tip, "arm_m", (0.0, 0.0, 0.0))
-    c, s = math.cos(ship.bow), math.sin(ship.bow)
-    reference = (x - (c * arm[0] - s * arm[1]), y - (s * arm[0] + c * arm[1]))
+    reference = reference_m(scene, ship.tip, ship.bow)[:2]
     return tip_on_waves(ship.tip, components, reference, seconds, ship.bow, ship.tip.headings)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rope_twin.planning.judgement import quantity_of
+from rope_twin.planning.plan_reader import spreading_of
 from rope_twin.planning.seas import SeaState
 from rope_twin.planning.simplified import (
     lift_of,
@@ -119,7 +120,9 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
             one = cell.judged or cell.beyond
             if one is None or "re_hit" not in one.values:
                 continue
-            sea = SeaState(one.height_m, cell.period_s, cell.heading_deg, result.plan.sea.gamma)
+            spreading = spreading_of(result.plan, result.scene)
+            gamma = result.plan.sea.gamma
+            sea = SeaState(one.height_m, cell.period_s, cell.heading_deg, gamma, spreading)
             closing = relative_speed(
                 leg, work.ship.tip, sea, leg.window_s, result.plan.method.percentile
             )

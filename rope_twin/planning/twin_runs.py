@@ -192,10 +192,7 @@ def moved_by_sea(
         SceneError: the waves do not take these numbers.
     """
     scene = leg.scene
-    x, y, z = scene.ship.hang_off_m
-    arm = getattr(tip, "arm_m", (0.0, 0.0, 0.0))
-    c, s = math.cos(bow), math.sin(bow)
-    reference = (x - (c * arm[0] - s * arm[1]), y - (s * arm[0] + c * arm[1]), z - arm[2])
+    reference = reference_m(scene, tip, bow)
     at_rest = replace(scene.ship, reference_m=reference)
     scene = replace(scene, ship=at_rest, sea_state=SceneSea())
     waves = scene.listed(WavesParams)
@@ -212,6 +209,14 @@ def moved_by_sea(
     heading = own.heading - bow
     answer = wave_at(own, *reference[:2]) * tip.freedoms(own.omega / (2.0 * math.pi), heading)
     return scene, ShipOfComponents(answer, own.omega, bow)
+
+
+def reference_m(scene: Scene, tip: TipTransfer, bow: float) -> tuple[float, float, float]:
+    """Return the ship's reference point, an arm away from the hang-off [m]."""
+    x, y, z = scene.ship.hang_off_m
+    ahead, port, up = getattr(tip, "arm_m", (0.0, 0.0, 0.0))
+    c, s = math.cos(bow), math.sin(bow)
+    return x - (c * ahead - s * port), y - (s * ahead + c * port), z - up
 
 
 def sea_changes(
