@@ -16,6 +16,7 @@ from rope_twin.planning.phases import hung_at
 from rope_twin.planning.runs import AT_DEPTH, AT_LOWEST, sea_seed, watch_seed
 from rope_twin.planning.simplified import lift_of, resonance_period_s
 from rope_twin.scene.lift import lift_figures
+from rope_twin.scene.rigging import is_joined
 from rope_twin.sea.tables import Vector
 from rope_twin.studies.picture import write_picture
 from rope_twin.twin.ensemble.member import TOP
@@ -23,6 +24,7 @@ from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     from rope_twin.planning.cells import Cell, CellLimit
+    from rope_twin.planning.phases import Leg
     from rope_twin.planning.run import PlanResult
 
 COLUMNS = ("time_s", "hook_load_n", "payload_tension_n", "payload_depth_m")
@@ -45,16 +47,26 @@ def _axes(height: float, across: int = 1, **more: Any) -> tuple[Any, Any]:
     return figure, found
 
 
+def _sunk(result: PlanResult) -> list[Leg]:
+    """Return the legs in which an object hangs under water on one rope."""
+    legs = [leg for work in result.works for leg in work.legs]
+    return [] if is_joined(result.scene) else [leg for leg in legs if leg.to_m > 0.0]
+
+
 def _depths(result: PlanResult) -> tuple[float, float]:
     """Return the depths between which curves over depth are drawn [m]."""
-    deepest = max(leg.to_m for work in result.works for leg in work.legs)
+    deepest = max(leg.to_m for leg in _sunk(result))
     winch = result.scene.winch
     least = 0.0 if winch is None else winch.least_line_out_m - result.scene.ship.hang_off_m[2]
     return max(SHALLOW * deepest, least, 1.0), deepest
 
 
 def arrangement_figure(result: PlanResult) -> Any:
-    """Return depths of the phases, static hook load and current over one axis of depth."""
+    """Return depths of the phases, static hook load and current over one axis of depth; None
+    where no object hangs under water on one rope.
+    """
+    if not _sunk(result):
+        return None
     current = result.scene.listed(CurrentParams)
     figure, panels = _axes(2.6, 2 if current is None else 3, sharey=True)
     shallow, deepest = _depths(result)
@@ -111,9 +123,13 @@ def tip_figure(result: PlanResult) -> Any:
 
 
 def resonance_figure(result: PlanResult) -> Any:
-    """Return the period of the first axial mode over depth, with the peak periods."""
+    """Return the period of the first axial mode over depth, with the peak periods; None where no
+    object hangs under water on one rope.
+    """
+    legs = _sunk(result)
+    if not legs:
+        return None
     figure, axes = _axes(2.5)
-    legs = [leg for work in result.works for leg in work.legs]
     (shallow, deepest), tip_m = _depths(result), result.scene.ship.hang_off_m[2]
     template, periods = legs[0], []
     depths = np.linspace(shallow, deepest, DEPTHS)

@@ -350,14 +350,17 @@ def _matrix_words(result: PlanResult, cell: CellLimit) -> str:
 
 def _add_simplified(report: Report, result: PlanResult) -> None:
     report.heading("Resonance and the simplified method")
-    if is_joined(result.scene):
-        report.text("The ropes meet: the simplified method has no formulas for them.")
-        return
+    curve = resonance_figure(result)
+    if curve is None:
+        report.text("No object hangs under water on a single rope: there is no curve of resonance.")
     report.figure(
-        resonance_figure(result),
+        curve,
         "Period of the first axial mode of rope and payload over depth, "
         "2π·√((M + A33 + m·L/3)·L/EA), and the peak periods of the plan.",
     )
+    if is_joined(result.scene):
+        report.text("The ropes meet: the simplified method has no formulas for them.")
+        return
     report.text(
         "The simplified method (DNV-RP-N103) linearises drag and takes the response as fully "
         "developed; in the splash zone it adds characteristic slamming, drag, inertia and buoyancy "

@@ -11,9 +11,13 @@ import pytest
 
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import RopeTwinError
+from rope_twin.planning.cells import MemoryStore
+from rope_twin.planning.notes import notes
 from rope_twin.planning.phases import Leg, legs_of
-from rope_twin.planning.plan_file import LiftedFrom, LiftOff, Plan
+from rope_twin.planning.plan_file import Heights, LiftedFrom, LiftOff, Plan, Seeds
 from rope_twin.planning.plan_reader import deck_of, read_plan, tip_of
+from rope_twin.planning.report import write_report
+from rope_twin.planning.run import run_plan
 from rope_twin.planning.runs import Row, Ship, run_seeds
 from rope_twin.planning.seas import (
     LEAD_SAMPLES,
@@ -29,6 +33,7 @@ from rope_twin.planning.simplified import (
     lift_off_speed,
     vertical_stiffness_n_per_m,
 )
+from rope_twin.planning.tables import further_tables
 from rope_twin.scene.card import Setting
 from rope_twin.scene.schema import Damping, Scene
 
@@ -139,6 +144,42 @@ def test_slow_winches_are_hit_again() -> None:
     assert slow["re_hit_m_per_s"] > 0.1
     assert fast["re_hit_m_per_s"] < slow["re_hit_m_per_s"]
     assert 0.0 < fast["offset_m"] < 5.0
+
+
+def test_plan_of_a_lift_off(tmp_path: Path) -> None:
+    """One height, three seeds: limits, the table beside the formula, remarks and report."""
+    plan, scene = read_plan("lift_off")
+    own = plan.phases[0].lift_off
+    assert own is not None
+    plan = replace(
+        plan,
+        sea=replace(plan.sea, hs_m=Heights(from_=0.5, to=0.5, step=0.5)),
+        phases=(replace(plan.phases[0], lift_off=replace(own, hoist_m=0.9)),),
+        method=replace(plan.method, seeds=Seeds(start=3, most=3), settle_s=0.0, elements=4,
+                       step_s=0.005),
+    )  # fmt: skip
+    scene = replace(scene, ship=replace(scene.ship, motion_ramp_s=1.0))
+    store = MemoryStore()
+    result = run_plan(plan, scene, store, threads=1)
+    (cell,) = result.cells
+    judged = cell.judged or cell.beyond
+    assert judged is not None
+    assert judged.failures == 0
+    assert {"swl_n", "re_hit_m_per_s", "slings", "uplift_share"} == set(judged.uses)
+    table = next(one for one in further_tables(result) if one.title == "Lift-off")
+    words = dict(zip(table.rows[0], table.rows[1], strict=True))
+    assert words["winch m/s"] == "0.3"
+    assert words["least by API m/s"] == f"{lift_off_speed(0.5):.2f}"
+    simple = max(one.hook_n for one in cell.simplified) / result.works[0].static_hook_n
+    assert float(words["simplified DAF"]) == pytest.approx(simple, abs=0.006)
+    assert 1.05 < float(words["DAF"]) < float(words["simplified DAF"])
+    remarks = list(notes(result))
+    assert not any("the scene has no waves" in one for one in remarks)
+    assert any("stays level" in one for one in remarks)
+    write_report(result, store, tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "  Lift-off</h3>" in page
+    assert "there is no curve of resonance" in page
 
 
 def test_least_hoisting_speed() -> None:
