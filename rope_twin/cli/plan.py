@@ -18,7 +18,7 @@ from rope_twin.planning.dataset import check_netcdf, write_netcdf
 from rope_twin.planning.notes import notes
 from rope_twin.planning.pictures import limits_figure, show_cell
 from rope_twin.planning.plan_file import Plan
-from rope_twin.planning.plan_reader import plan_path, read_plan
+from rope_twin.planning.plan_reader import plan_path, read_plan, with_error
 from rope_twin.planning.results import (
     result_object,
     summary_lines,
@@ -33,6 +33,7 @@ from rope_twin.planning.run import (
     prepare,
     run_plan,
 )
+from rope_twin.planning.settings import find_within
 from rope_twin.planning.tables import further_tables
 from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
@@ -70,12 +71,23 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )
     add("--netcdf", action="store_true",
         help="write plan.nc: limits with named axes and a row for each run")  # fmt: skip
+    words = "discretisation error of each cell, over its loads, such as 1%% (default: the plan's)"
+    add("--within", type=share, metavar="SHARE", help=words)
     add("--threads", type=int, metavar="N", help="cells at a time (default: one a core)")
     add("--scheduler", default="", metavar="ADDRESS", help="Dask scheduler whose workers run it")
     add("--cell", default="", metavar="PHASE,TP,HEADING",
         help="run the governing run of one cell again, and draw it")  # fmt: skip
     add_json(parser)
     parser.set_defaults(run=run)
+
+
+def share(words: str) -> float:
+    """Return a share given as a number or in per cent, such as 0.01 or 1%."""
+    try:
+        return float(words.removesuffix("%")) * (0.01 if words.endswith("%") else 1.0)
+    except ValueError:
+        what = f"'{words}' is not a share; give a number or per cent, like 0.01 or 1%"
+        raise argparse.ArgumentTypeError(what) from None
 
 
 def run(args: argparse.Namespace) -> int:
@@ -92,6 +104,8 @@ def run(args: argparse.Namespace) -> int:
     if args.threads is not None and not 1 <= args.threads <= 256:
         raise InputError(phrase("--threads", f"{args.threads}", "give 1 to 256"))
     plan, scene = read_plan(args.plan)
+    if args.within is not None:
+        plan = with_error(plan, args.within)
     out = args.out or Path(f"plan_{plan.name}")
     check_parquet()
     check_picture(out / PICTURE)
@@ -142,7 +156,9 @@ def _show(args: argparse.Namespace, plan: Plan, scene: Scene, out: Path) -> int:
     """Run the governing run of a cell again, and draw it."""
     cell = cell_named(plan, args.cell)
     with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
-        found = show_cell(cell_of(plan, scene, prepare(plan, scene), cell, folder), out)
+        found = show_cell(
+            *find_within(cell_of(plan, scene, prepare(plan, scene), cell, folder)), out
+        )
     if args.json:
         print_json(found)
     else:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -113,6 +113,14 @@ class CellLimit:
     error: float  # discretisation error of the governing run, over its hook load; NaN: unknown
     heights: int  # that were judged
     runs: int
+    settings: tuple[Setting, ...]  # of the legs of its phase
+    refinements: int  # times that a leg's setting was made finer, as the error was too large
+
+    @property
+    def setting(self) -> Setting:
+        """Return mesh and step of the governing run."""
+        shown = self.judged or self.beyond
+        return self.settings[0 if shown is None else shown.governing_leg]
 
 
 class Cell:
@@ -125,12 +133,33 @@ class Cell:
         cell: tuple[int, int, int],
         spreading: float | None,
         store: RowStore,
+        refinements: int = 0,
     ) -> None:
         self.plan, self.work, self.store = plan, work, store
+        self.refinements = refinements
         _, self._period, self._heading = self._cell = cell
         self._spreading = spreading
         self.heights_m = plan.heights_m(self._period, self._heading)
         self.judged: dict[int, Judgement] = {}
+
+    def at_settings(self, settings: Sequence[Setting], refinements: int) -> Cell:
+        """Return the search of the same cell with its legs at these settings.
+
+        Raises:
+            SceneError: a leg does not take its setting.
+        """
+        work = self.work
+        pairs = list(zip(work.legs, work.settings, settings, strict=True))
+        finer = replace(
+            work,
+            legs=tuple(leg if new == old else leg.at_setting(new) for leg, old, new in pairs),
+            settings=tuple(settings),
+            setting_errors=tuple(
+                error if new == old else math.nan
+                for error, (_, old, new) in zip(work.setting_errors, pairs, strict=True)
+            ),
+        )
+        return Cell(self.plan, finer, self._cell, self._spreading, self.store, refinements)
 
     def sea(self, height_m: float) -> SeaState:
         """Return the sea state of a height."""
@@ -143,6 +172,7 @@ class Cell:
         periods, headings = len(plan.sea.tp_s), len(plan.sea.headings_deg)
         phase, period, heading = self._cell
         cell = (phase * periods + period) * headings + heading
+        cell += self.refinements * len(plan.grid)
         return cell * runs_of_cell(plan) + (height * LEGS_MOST + leg) * SEEDS_MOST + seed
 
     def rows(self, height: int, seeds: int) -> list[Row]:
@@ -282,6 +312,8 @@ class Cell:
             error=error,
             heights=len(self.judged),
             runs=sum(one.seeds for one in self.judged.values()) * len(work.legs),
+            settings=work.settings,
+            refinements=self.refinements,
         )
 
     def _crossing(self) -> tuple[float, float, float]:

@@ -44,7 +44,8 @@ ROW_WORDS = {
     "payload_min_n": "least tension at the payload",
     "least_n": "least tension anywhere in the rope",
     "slack_share": "share of the time with a slack element",
-    "setting_error": "discretisation error measured when mesh and step were chosen",
+    "setting_error": "discretisation error measured when mesh and step were chosen; NaN: given, "
+    "or made finer for its cell, whose discretisation_error counts",
     "seconds": "simulated time, with the settling before the exposure",
     "failure": "why the run did not reach its end; empty: it did",
 }
@@ -156,6 +157,8 @@ def _limits(result: PlanResult) -> Named:
         yield name, (CELL, texts, {"long_name": words})
     yield over(lambda cell: cell.error, "discretisation_error",
                "error of the governing run's hook load and least load from mesh and step")
+    yield over(lambda cell: cell.setting.elements, "elements", "elements of the governing run")
+    yield over(lambda cell: cell.setting.step_s, "step_s", "time step of the governing run")
     yield over(lambda cell: daf(result, cell), "daf", "characteristic over static hook load")
     yield over(at_limit("slack_share"), "slack_share", "share of the time with a slack element")
     yield over(at_limit("seeds"), "seeds", "seeds at the limiting height")

@@ -213,6 +213,8 @@ def contour_figure(result: PlanResult) -> Any:
         tp, heading = np.meshgrid(sea.tp_s, headings)
         axes.plot(tp.ravel(), heading.ravel(), ".", color="#1c2630", markersize=3)
         axes.set_yticks(headings)
+        if len(sea.tp_s) <= MOST_MARKED:
+            axes.set_xticks(sea.tp_s, [f"{one:g}" for one in sea.tp_s], fontsize=8)
         axes.set_title(work.title, fontsize=10)
         axes.set_xlabel("Tp [s]")
         axes.set_ylabel("heading [°]")
@@ -282,15 +284,16 @@ def _where(limit: CellLimit) -> str:
     )
 
 
-def show_cell(search: Cell, out: Path) -> dict[str, Any]:
+def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
     """Run the governing run of a cell's limiting height again; write its series and its picture.
 
-    Returns its numbers, and the paths of the files. Rows that are not there are run first.
+    Returns its numbers, and the paths of the files.
+
+    search: of the cell, at the limit's settings.
 
     Raises:
         InputError: no height of the cell meets the criteria.
     """
-    limit = search.find()
     shown = limit.judged or limit.beyond
     if shown is None or shown.governing_seed < 0:
         what = limit.governing or "no height could be run"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from rope_twin.planning.seas import DeckTransfer, HullTip, ResponsesTip, TipTran
 from rope_twin.planning.uncertainties import with_values
 from rope_twin.scene.environment import vessel_raos
 from rope_twin.scene.lift import lift_figures
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import Change, change_part, load_scene
 from rope_twin.scene.reader import Item, Place, read_document, read_object
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import find_payload
@@ -60,6 +61,20 @@ def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
         errors.add(_at(tree, place, *keys).refuse(what, right))
     errors.raise_any()
     return plan, scene
+
+
+def with_error(plan: Plan, share: float) -> Plan:
+    """Return the plan with this discretisation error to aim at; its digest includes it.
+
+    Raises:
+        InputError: the plan gives mesh and step, or the share is out of range.
+    """
+    if plan.method.elements is not None:
+        what = f"'{plan.name}' gives elements and step_s"
+        raise InputError(phrase("--within", what, "leave them out of its `method`"))
+    change = Change("method.error_within", share)
+    made = change_part(plan, [change], Path("--within"))
+    return replace(made, digest=hashlib.sha256(f"{plan.digest} {change}".encode()).hexdigest())
 
 
 def plan_path(name_or_path: str | Path) -> Path:

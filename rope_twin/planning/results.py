@@ -102,6 +102,12 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
                 else (f"{leg.from_m:.0f} m")
             )
             yield f"{work.title}, {where}: {setting}, {error_words}; exposure {leg.window_s:.0f} s"
+    finer = sum(cell.refinements > 0 for cell in result.cells)
+    if finer:
+        yield (
+            f"in {finer} of {len(result.cells)} cells mesh or step were made finer, to bring the "
+            f"error of the governing run to {100.0 * method.error_within:g} %"
+        )
     yield f"card of scene '{result.scene.name}': {_card_words(result)}"
     whole = f"{result.runs} runs of {result.simulated_s / 3600.0:.0f} h in all"
     if result.made:
@@ -173,6 +179,9 @@ def _cell_object(result: PlanResult, cell: CellLimit) -> dict[str, Any]:
         "at_limit": _judgement_object(cell.judged),
         "beyond": _judgement_object(cell.beyond),
         "discretisation_error": cell.error,
+        "elements": cell.setting.elements,
+        "step_s": cell.setting.step_s,
+        "refinements": cell.refinements,
         "simplified_hs_m": cell.simplified_height_m,
         "simplified": [vars(one) for one in cell.simplified],
         "difference": difference(cell),

@@ -31,7 +31,7 @@ from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import bow_of, read_plan, spreading_of, tip_of
 from rope_twin.planning.runs import Row, Ship
-from rope_twin.planning.settings import choose_setting, governing_error
+from rope_twin.planning.settings import choose_setting, find_within
 from rope_twin.scene.card import KnownError, Setting, known_error, solver_version
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.study_run import RowFolder, on_cluster
@@ -74,9 +74,10 @@ class PlanResult:
         return [cell for cell in self.cells if cell.phase == title]
 
     def search_of(self, limit: CellLimit, store: RowStore) -> Cell:
-        """Return the search of a cell, with the rows of a store."""
+        """Return the search of a cell at its settings, with the rows of a store."""
         place = self.plan.grid[self.cells.index(limit)]
-        return cell_of(self.plan, self.scene, self.works, place, store)
+        search = cell_of(self.plan, self.scene, self.works, place, store)
+        return search.at_settings(limit.settings, limit.refinements)
 
 
 class PlanFolder(RowFolder):
@@ -213,12 +214,12 @@ def _on_cores(
 ) -> Iterator[tuple[int, CellLimit]]:
     """Yield number and limit of each cell; the first by itself, since it may have to compile."""
     cells = [cell_of(plan, scene, works, cell, counted) for cell in plan.grid]
-    yield 0, cells[0].find(governing_error)
+    yield 0, find_within(cells[0])[1]
     with ThreadPoolExecutor(threads) as pool:
-        rest = {pool.submit(cells[k].find, governing_error): k for k in range(1, len(cells))}
+        rest = {pool.submit(find_within, cells[k]): k for k in range(1, len(cells))}
         try:
             for future in as_completed(rest):
-                yield rest[future], future.result()
+                yield rest[future], future.result()[1]
         except BaseException:
             counted.stopped = True
             pool.shutdown(wait=False, cancel_futures=True)
@@ -244,7 +245,7 @@ def find_cell(task: CellTask) -> tuple[int, CellLimit, list[Row]]:
     """
     counted = _Counted(MemoryStore(dict(task.rows)))
     cell = cell_of(task.plan, task.scene, task.works, task.plan.grid[task.number], counted)
-    return task.number, cell.find(governing_error), list(counted.used.values())
+    return task.number, find_within(cell)[1], list(counted.used.values())
 
 
 def _on_cluster(
@@ -253,7 +254,7 @@ def _on_cluster(
     """Yield number and limit of each cell, found by a Dask cluster."""
     parts: dict[int, dict[int, Row]] = {number: {} for number in range(len(plan.grid))}
     for run, row in counted.kept().items():
-        parts[run // runs_of_cell(plan)][run] = row
+        parts[run // runs_of_cell(plan) % len(parts)][run] = row
     tasks = [CellTask(plan, scene, works, number, rows) for number, rows in parts.items()]
     for number, limit, rows in on_cluster(find_cell, tasks, address):
         known = parts[number]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rope_twin.errors import RopeTwinError
@@ -16,7 +17,7 @@ from rope_twin.planning.runs import Row, Ship, run_seeds, sea_seed
 from rope_twin.scene.card import Setting
 
 if TYPE_CHECKING:
-    from rope_twin.planning.cells import Cell
+    from rope_twin.planning.cells import Cell, CellLimit
     from rope_twin.planning.judgement import Judgement
     from rope_twin.planning.plan_file import Plan
     from rope_twin.planning.seas import SeaState
@@ -32,6 +33,8 @@ LADDER = tuple(
 TRIAL_S = 120.0  # of the window
 TRIAL_SEEDS = 4  # as many as step together
 SECOND_ORDER = 4.0 / 3.0
+REFINEMENTS_MOST = 3  # of a cell
+CONVERGES = 0.7  # of the error before: what remains above that falls with nothing
 
 
 def finer(setting: Setting) -> Setting:
@@ -126,3 +129,54 @@ def governing_error(cell: Cell, height: int, judged: Judgement) -> float:
     if own is None or reference[0]["failure"]:
         return math.nan
     return relative_error([own], reference, leg.payload_n)
+
+
+def find_within(search: Cell) -> tuple[Cell, CellLimit]:
+    """Return the limit of a cell with a discretisation error within the plan's, and its search.
+
+    Where the error of the governing run is above `error_within`, its leg is made finer and the
+    cell searched again; not further if that does not make the error smaller, as after slack, when
+    runs of two meshes drift apart, nor beyond the finest setting or where the plan gives one.
+
+    Raises:
+        RopeTwinError: a run cannot start.
+    """
+    limit = search.find(governing_error)
+    while (better := _refined(search, limit)) is not None:
+        again = better.find(governing_error)
+        again = replace(again, runs=again.runs + limit.runs)
+        if not again.error < limit.error:
+            return search, replace(limit, runs=again.runs)
+        converges = again.error <= CONVERGES * limit.error
+        search, limit = better, again
+        if not converges:
+            break
+    return search, limit
+
+
+def _refined(search: Cell, limit: CellLimit) -> Cell | None:
+    """Return the search with the governing leg as fine as its error asks for; None: leave it."""
+    method, judged = search.plan.method, limit.judged
+    fixed = method.elements is not None or judged is None or math.isnan(limit.error)
+    if fixed or limit.error <= method.error_within or limit.refinements >= REFINEMENTS_MOST:
+        return None
+    assert judged is not None
+    leg = judged.governing_leg
+    own, most = limit.settings[leg], search.work.legs[leg].scene.ropes[0].length_m / SHORTEST_M
+    rest = [
+        one for one in LADDER
+        if one.elements >= own.elements and one.step_s <= own.step_s and one != own
+        and one.elements <= most
+    ]  # fmt: skip
+    if not rest:
+        return None
+
+    def expected(one: Setting) -> float:
+        return limit.error * max(own.elements / one.elements, one.step_s / own.step_s) ** 2
+
+    chosen = next((one for one in rest if expected(one) <= method.error_within), rest[-1])
+    settings = [chosen if k == leg else one for k, one in enumerate(limit.settings)]
+    try:
+        return search.at_settings(settings, limit.refinements + 1)
+    except RopeTwinError:
+        return None
