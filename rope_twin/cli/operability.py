@@ -110,6 +110,8 @@ def _show(found: Operability, alpha: AlphaTable | None) -> None:
         print(f"alpha             {low:.3g} to {high:.3g}, {alpha.source}")
     print(f"hindcast          {found.years:.3g} years, every {hours_text(found.step_s)} h")
     for share, words in ((found.missing, "of the time has no row, and counts as above the limit"),
+                         (found.aside, "of the rows has a heading that the limits do not cover, "
+                          "and counts as above them"),
                          (found.not_covered, "of the rows has a Tp that the limits do not cover, "
                           "and counts as above them")):  # fmt: skip
         if share > 0.0:

@@ -110,6 +110,7 @@ class Operability:
     years: float
     missing: float  # share of the time without a row in the hindcast
     not_covered: float  # share of the rows at periods that the limits do not cover
+    aside: float  # share of the rows at headings that they do not cover
     alpha: tuple[float, float]  # smallest and largest used
     whole: Period
     months: tuple[Period, ...]
@@ -139,6 +140,7 @@ def operability(
     each = {name: limits.at(name, hindcast.tp_s, heading) for name in limits.phases}
     limit = np.min(np.stack(list(each.values())), axis=0)  # nan at periods that are not covered
     covered = known & np.isfinite(limit)
+    aside = ~np.all([limits.covers(name, heading) for name in limits.phases], axis=0)
     factor = np.ones(len(limit))
     if alpha is not None:
         factor[covered] = alpha.at(limit[covered], operation.planned_s, operation.reference_s)
@@ -161,7 +163,8 @@ def operability(
     used = factor[covered] if covered.any() else np.ones(1)
     return Operability(
         operation, hindcast.step_s, len(known) * hindcast.step_s / (365.25 * 86400.0),
-        1.0 - float(known.mean()), _share(~np.isfinite(limit), known),
+        1.0 - float(known.mean()), _share(~np.isfinite(limit) & ~aside, known),
+        _share(aside, known),
         (float(used.min()), float(used.max())), period("all", np.ones(len(known), bool)),
         tuple(period(MONTHS[k], months == k + 1) for k in range(12) if (months == k + 1).any()),
         Spread.of(_spells(calm, True) * hindcast.step_s),
@@ -252,6 +255,7 @@ def figures(found: Operability) -> dict[str, Any]:
         "years": found.years,
         "missing_share": found.missing,
         "not_covered_share": found.not_covered,
+        "heading_not_covered_share": found.aside,
         "alpha": list(found.alpha),
         "phases_within_limit": dict(found.phases),
         "periods": [_period_figures(own) for own in (found.whole, *found.months)],

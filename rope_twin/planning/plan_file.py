@@ -82,6 +82,9 @@ class SeaGrid:
         "directional spreading exponent s, cos²ˢ form; default: the scene's, or long-crested", "",
         1.0, 100.0, default=None,
     )  # fmt: skip
+    symmetric: bool = text(
+        "limits of one side hold for the other: ship, crane tip and current are alike", False
+    )
 
     def check(self) -> str | None:
         """Return a fault of the lists, or None."""
@@ -93,6 +96,9 @@ class SeaGrid:
                 return f"{name} has {twice:g} twice; keep one of them"
         if any(b <= a for a, b in zip(self.tp_s, self.tp_s[1:], strict=False)):
             return "tp_s is not ascending; order it"
+        sides = {one > 0.0 for one in self.headings_deg if one % 180.0 != 0.0}
+        if self.symmetric and len(sides) > 1:
+            return "symmetric, and headings_deg has both sides; give those of one side"
         return None
 
 

@@ -272,6 +272,7 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
         "percentile": result.plan.method.percentile,
         "tp_s": list(sea.tp_s),
         "heading_deg": list(sea.headings_deg),
+        "symmetric": sea.symmetric,
         "phases": charts,
         "limits": [
             {

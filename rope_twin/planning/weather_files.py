@@ -4,8 +4,9 @@ CSV with a header; lines that begin with # are comments. The names of columns sa
 that no convention is assumed:
 
 * limits: `phase` (may be left out), `tp_s`, `heading_deg` (may be left out: any heading; 0 for
-  following seas, 180 for head seas, 90 for waves that travel to port), `limit_hs_m`; or JSON, an
-  object whose `limits` is a list of objects with these keys;
+  following seas, 180 for head seas, 90 for waves that travel to port), `limit_hs_m`, and a comment
+  `# symmetric` if limits of one side hold for the other; or JSON, an object whose `limits` is a
+  list of objects with these keys, and whose `symmetric` is true or left out;
 * hindcast: `time` (ISO 8601, UTC), `hs_m`, `tp_s`, and `direction_from_deg` (that the waves come
   from) or `direction_to_deg` (that they travel to), clockwise from north;
 * alpha factors: `hs_m`, `planned_h` (T_POP) or `reference_h` (T_R), `alpha`, and a comment
@@ -38,11 +39,19 @@ SECONDS_PER_HOUR = 3600.0
 LONGEST_STEP_S = 6.0 * SECONDS_PER_HOUR  # between samples: weather windows are hours
 LARGEST_FILE_BYTES = 200_000_000
 SAME_DEG = 1e-6
+WIDEST_DEG = 90.0  # between neighbouring headings with limits in between
+ALONE_DEG = 0.5  # to either side that a single heading holds for
+ANY_HEADING = -1.0  # key of a table without headings
 
 
 @dataclass(frozen=True)
 class LimitTable:
-    """Limiting Hs [m] of each phase over Tp and heading: (tp, headings) arrays on own axes."""
+    """Limiting Hs [m] of each phase over Tp and heading: (tp, headings) arrays on own axes.
+
+    One heading holds for any. Of more, a table from 0 to 180 holds for both sides and all
+    headings; another covers the sectors between neighbours that are not further apart than
+    WIDEST_DEG, and what lies outside has no limit.
+    """
 
     source: str
     tables: Mapping[str, tuple[Vector, Vector, Vector]]  # tp_s, heading_deg, limit_hs_m
@@ -70,9 +79,8 @@ class LimitTable:
         return LimitTable(self.source, {name: self.tables[name] for name in phases})
 
     def at(self, phase: str, tp_s: Vector, heading_deg: Vector) -> Vector:
-        """Return limits (n,) at peak periods and headings (n,), bilinear; nan beyond the periods.
-
-        Headings up to 180 are those of either side.
+        """Return limits (n,) at peak periods and headings (n,), bilinear; nan where the table does
+        not cover one of them.
         """
         periods, headings, limits = self.tables[phase]
         over_tp = [np.interp(tp_s, periods, limits[:, k]) for k in range(len(headings))]
@@ -83,13 +91,23 @@ class LimitTable:
             low, high = stacked[i, rows], stacked[(i + 1) % len(headings), rows]
             found = (1.0 - share) * low + share * high
         inside = (tp_s >= periods[0]) & (tp_s <= periods[-1])
-        return np.where(inside, found, np.nan)
+        return np.where(inside & self.covers(phase, heading_deg), found, np.nan)
+
+    def covers(self, phase: str, heading_deg: Vector) -> NDArray[np.bool_]:
+        """Return whether the table has limits at headings, (n,)."""
+        headings = self.tables[phase][1]
+        if len(headings) == 1 or _is_one_side(headings):
+            return np.ones(len(heading_deg), bool)
+        i, share = _between(headings, heading_deg)
+        gaps = np.diff(np.append(headings, headings[0] + 360.0))
+        at_one = np.minimum(share, 1.0 - share) * gaps[i] <= SAME_DEG
+        return np.asarray((gaps[i] <= WIDEST_DEG + SAME_DEG) | at_one)
 
 
 def _between(headings: Vector, at_deg: Vector) -> tuple[NDArray[np.int64], Vector]:
     """Return the heading below each angle and the share of the way to the next one."""
     turn = at_deg % 360.0
-    if headings[-1] <= 180.0 + SAME_DEG:  # one side
+    if _is_one_side(headings):
         turn = np.where(turn > 180.0, 360.0 - turn, turn)
         i = np.clip(np.searchsorted(headings, turn, side="right") - 1, 0, len(headings) - 2)
         return i, np.clip((turn - headings[i]) / (headings[i + 1] - headings[i]), 0.0, 1.0)
@@ -97,6 +115,11 @@ def _between(headings: Vector, at_deg: Vector) -> tuple[NDArray[np.int64], Vecto
     turn = np.where(turn < headings[0], turn + 360.0, turn)
     i = np.clip(np.searchsorted(around, turn, side="right") - 1, 0, len(headings) - 1)
     return i, (turn - around[i]) / (around[i + 1] - around[i])
+
+
+def _is_one_side(headings: Vector) -> bool:
+    """Return whether headings go from 0 to 180, so that they hold for both sides."""
+    return bool(headings[0] <= SAME_DEG and abs(headings[-1] - 180.0) <= SAME_DEG)
 
 
 @dataclass(frozen=True)
@@ -151,44 +174,68 @@ def read_limits(path: Path) -> LimitTable:
         InputError: the file is invalid; one sentence.
     """
     where = str(path)
-    rows = _json_rows(path) if path.suffix.lower() == ".json" else _csv_rows(path)
+    if path.suffix.lower() == ".json":
+        rows, mirrored = _json_rows(path)
+    else:
+        rows, mirrored = _csv_rows(path), "symmetric" in _comments(path)
     found: dict[str, dict[tuple[float, float], float]] = {}
     for at, row in rows:
         _need(at, row, ("tp_s", "limit_hs_m"))
         name = str(row.get("phase") or ONE_PHASE).strip()
-        key = (_ranged(at, row, "tp_s", 1.0, LARGEST_TP_S),
-               _ranged(at, row, "heading_deg", -360.0, 360.0) % 360.0
-               if "heading_deg" in row else 0.0)  # fmt: skip
+        heading = ANY_HEADING
+        if "heading_deg" in row:
+            heading = _ranged(at, row, "heading_deg", -360.0, 360.0) % 360.0
+        key = (_ranged(at, row, "tp_s", 1.0, LARGEST_TP_S), heading)
         table = found.setdefault(name, {})
         if key in table:
-            what = f"Tp {key[0]:g} s at heading {key[1]:g}° is double in phase '{name}'"
+            what = f"{_pair_words(*key)} is double in phase '{name}'"
             raise InputError(phrase(at, what, "give each once"))
         table[key] = _ranged(at, row, "limit_hs_m", 0.0, LARGEST_HS_M)
     if not found:
         raise InputError(phrase(where, "it has no limits", "give rows of tp_s and limit_hs_m"))
-    tables = {name: _grid(where, name, table) for name, table in found.items()}
+    tables = {name: _grid(where, name, table, mirrored) for name, table in found.items()}
     return LimitTable(where, tables)
 
 
+def _pair_words(period: float, heading: float) -> str:
+    return f"Tp {period:g} s" + ("" if heading == ANY_HEADING else f" at heading {heading:g}°")
+
+
 def _grid(
-    where: str, name: str, table: Mapping[tuple[float, float], float]
+    where: str, name: str, table: Mapping[tuple[float, float], float], mirrored: bool
 ) -> tuple[Vector, Vector, Vector]:
-    """Return axes and values of a full grid. Raises InputError: a pair is missing."""
+    """Return axes and values of a full grid; mirrored: those of one side hold for the other.
+
+    Raises:
+        InputError: a pair is missing, or a heading and its mirror image are both given.
+    """
+    at = f"{where}, phase '{name}'"
     periods = sorted({period for period, _ in table})
     headings = sorted({heading for _, heading in table})
     if len(periods) < 2:
-        raise InputError(phrase(f"{where}, phase '{name}'", "one Tp", "give two or more"))
+        raise InputError(phrase(at, "one Tp", "give two or more"))
     for period in periods:
         for heading in headings:
             if (period, heading) not in table:
-                what = f"Tp {period:g} s at heading {heading:g}° is missing"
-                raise InputError(phrase(f"{where}, phase '{name}'", what, "give a full grid"))
-    values = [[table[period, heading] for heading in headings] for period in periods]
-    if len(headings) > 1 and headings[-1] <= 180.0 and (headings[0], headings[-1]) != (0.0, 180.0):
-        what = f"headings from {headings[0]:g}° to {headings[-1]:g}°"
-        right = "give them from 0° to 180°, or around, or one for any heading"
-        raise InputError(phrase(f"{where}, phase '{name}'", what, right))
-    return np.array(periods), np.array(headings), np.array(values)
+                what = f"{_pair_words(period, heading)} is missing"
+                raise InputError(phrase(at, what, "give a full grid"))
+    values = np.array([[table[period, heading] for heading in headings] for period in periods])
+    axis = np.array(headings)
+    if headings == [ANY_HEADING]:
+        return np.array(periods), np.zeros(1), values
+    if mirrored and not _is_one_side(axis):
+        other = [k for k, one in enumerate(headings) if one % 180.0 > 0.0]
+        image = (360.0 - axis[other]) % 360.0
+        if set(image.tolist()) & set(headings):
+            what = "it is symmetric and has headings of both sides"
+            raise InputError(phrase(at, what, "give those of one side"))
+        axis, values = np.append(axis, image), np.hstack([values, values[:, other]])
+        order = np.argsort(axis)
+        axis, values = axis[order], values[:, order]
+    if len(axis) == 1:  # holds for itself alone
+        axis = axis[0] + np.array([-ALONE_DEG, ALONE_DEG])
+        values = np.hstack([values, values])
+    return np.array(periods), axis, values
 
 
 def read_hindcast(path: Path) -> Hindcast:
@@ -318,7 +365,7 @@ def read_alpha(path: Path) -> AlphaTable:
         InputError: the file is invalid or names no source; one sentence.
     """
     where, found = str(path), dict[tuple[float, float], float]()
-    comments = [line.strip("# \n") for line in _text(path) if line.lstrip().startswith("#")]
+    comments = _comments(path)
     source = next((one[7:].strip() for one in comments if one.lower().startswith("source:")), "")
     if not source:
         what = "it names no source"
@@ -357,6 +404,11 @@ def _text(path: Path) -> list[str]:
         raise InputError(phrase(str(path), what, "give a text file")) from None
 
 
+def _comments(path: Path) -> list[str]:
+    """Return the comments of a file, without their #."""
+    return [line.strip("# \n") for line in _text(path) if line.lstrip().startswith("#")]
+
+
 def _csv_rows(path: Path) -> list[tuple[str, dict[str, str]]]:
     """Return place and cells by name of each row. Raises InputError."""
     lines = [(k, line) for k, line in enumerate(_text(path), 1)
@@ -374,8 +426,8 @@ def _csv_rows(path: Path) -> list[tuple[str, dict[str, str]]]:
     return rows
 
 
-def _json_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """Return place and values of each limit. Raises InputError."""
+def _json_rows(path: Path) -> tuple[list[tuple[str, dict[str, Any]]], bool]:
+    """Return place and values of each limit, and whether it is symmetric. Raises InputError."""
     right = "give an object whose `limits` is a list of objects"
     try:
         content = json.loads("\n".join(_text(path)))
@@ -384,7 +436,8 @@ def _json_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
     listed = content.get("limits") if isinstance(content, dict) else None
     if not isinstance(listed, list) or not all(isinstance(one, dict) for one in listed):
         raise InputError(phrase(str(path), "there is no list `limits`", right))
-    return [(f"{path}, limits[{number}]", one) for number, one in enumerate(listed)]
+    rows = [(f"{path}, limits[{number}]", one) for number, one in enumerate(listed)]
+    return rows, content.get("symmetric") is True
 
 
 def _need(at: str, row: Mapping[str, Any], names: Sequence[str]) -> None:

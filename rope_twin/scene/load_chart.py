@@ -40,12 +40,14 @@ class LoadChart:
     percentile: float  # of the characteristic loads
     tp_s: tuple[float, ...]  # ascending
     heading_deg: tuple[float, ...]  # that waves travel to, from the bow to port; 180: head seas
+    symmetric: bool  # limits of one side hold for the other
     phases: Mapping[str, PhaseChart]
 
     def allowed_height_m(self, phase: str, period_s: float, heading_deg: float) -> float:
         """Return the Hs that a phase allows [m]; 0 if none, or beyond the chart.
 
-        A heading from the other side of the bow is mirrored if the chart has one side alone.
+        A heading from the other side of the bow is mirrored if the plan declares its limits
+        symmetric.
 
         Raises:
             InputError: there is no such phase.
@@ -53,12 +55,12 @@ class LoadChart:
         if phase not in self.phases:
             raise InputError(phrase(f"phase '{phase}'", "the load chart has no such phase",
                                     did_you_mean(phase, self.phases)))  # fmt: skip
-        heading = (heading_deg + 180.0) % 360.0 - 180.0
-        if heading < 0.0 <= min(self.heading_deg):
-            heading = -heading
         table = self.phases[phase].limiting_hs_m
         rows = _neighbours(self.tp_s, period_s)
-        columns = _neighbours(self.heading_deg, heading)
+        sides = (heading_deg, -heading_deg) if self.symmetric else (heading_deg,)
+        turns = [side % 360.0 - turn for side in sides for turn in (0.0, 360.0)]
+        found = (_neighbours(self.heading_deg, one) for one in turns)
+        columns = next((own for own in found if own), [])
         return min((table[j][k] for j in rows for k in columns), default=0.0)
 
 
@@ -98,6 +100,7 @@ def read_load_chart(path: str | Path) -> LoadChart:
             percentile=float(found["percentile"]),
             tp_s=periods,
             heading_deg=headings,
+            symmetric=found.get("symmetric") is True,
             phases=phases,
         )
     except KeyError as error:

@@ -190,6 +190,55 @@ def test_limits_are_those_of_all_phases_and_bilinear(tmp_path: Path) -> None:
     assert read_limits(as_json).at("landing", tp[:1], heading[:1]) == pytest.approx([2.5])
 
 
+SECTORS = [135.0, 165.0, 180.0]
+
+
+@pytest.mark.parametrize(
+    ("headings", "symmetric", "covered"),
+    [
+        (SECTORS, False, [(135.0, 180.0)]),
+        (SECTORS, True, [(135.0, 225.0)]),
+        ([0.0, 90.0, 180.0], False, [(0.0, 360.0)]),
+        ([0.0, 180.0], False, [(0.0, 360.0)]),
+        ([90.0, 180.0], True, [(90.0, 270.0)]),
+        ([45.0, 135.0], True, [(45.0, 135.0), (225.0, 315.0), (135.0, 225.0), (315.0, 405.0)]),
+        ([0.0, 90.0, 180.0, 270.0], False, [(0.0, 360.0)]),
+        ([180.0], False, [(179.5, 180.5)]),
+        ([150.0], True, [(150.0, 210.0)]),
+    ],
+)
+def test_sectors_that_are_not_covered_are_not_workable(
+    headings: list[float], symmetric: bool, covered: list[tuple[float, float]], tmp_path: Path
+) -> None:
+    """Between neighbours up to 90° apart, mirrored if declared; else above the limit, and said."""
+    path = tmp_path / "chart.json"
+    rows = [{"tp_s": t, "heading_deg": h, "limit_hs_m": 2.0} for t in (6, 12) for h in headings]
+    path.write_text(json.dumps({"limits": rows, "symmetric": symmetric}))
+    limits = read_limits(path)
+    at = np.arange(0.25, 360.0, 1.0)
+    inside = np.array([any(a <= own + turn <= b for a, b in covered for turn in (0.0, 360.0))
+                       for own in at])  # fmt: skip
+    assert limits.covers("operation", at).tolist() == inside.tolist()
+    found = limits.at("operation", np.full(len(at), 8.0), at)
+    assert found == pytest.approx(np.where(inside, 2.0, np.nan), nan_ok=True)
+    hs, month = np.full(len(at), CALM_M), np.ones(len(at), np.int64)
+    weather = Hindcast("w", HOUR, hs, np.full(len(at), 8.0), -at, month)
+    result = operability(weather, limits, Operation(HOUR, 0.0, bow_deg=0.0))
+    assert result.whole.within_limit == pytest.approx(inside.mean())
+    assert result.aside == pytest.approx(1.0 - inside.mean())
+    assert result.not_covered == 0.0
+
+
+def test_tables_say_that_they_are_symmetric(tmp_path: Path) -> None:
+    """A comment of CSV; a mirrored limit is that of the other side."""
+    path = tmp_path / "limits.csv"
+    rows = "".join(f"{t},{h},{h / 100}\n" for t in (6, 12) for h in (120, 180))
+    path.write_text("# symmetric\ntp_s,heading_deg,limit_hs_m\n" + rows)
+    at = np.array([120.0, 150.0, 210.0, 240.0, 250.0])
+    found = read_limits(path).at("operation", np.full(5, 8.0), at)
+    assert found == pytest.approx([1.2, 1.5, 1.5, 1.2, math.nan], nan_ok=True)
+
+
 @given(
     heights=st.lists(st.sampled_from([0.5, 1.5, 2.5, math.nan]), min_size=12, max_size=60),
     hours=st.integers(1, 6),
@@ -274,10 +323,11 @@ WRONG_WEATHER = {
 WRONG_LIMITS = {
     "no limit": ("tp_s,limit\n8,2\n9,2\n", "there is no limit_hs_m"),
     "one period": ("tp_s,limit_hs_m\n8,2\n", "phase 'operation': one Tp; give two or more"),
-    "double": ("tp_s,limit_hs_m\n8,2\n8,3\n", "Tp 8 s at heading 0° is double"),
+    "double": ("tp_s,limit_hs_m\n8,2\n8,3\n", "Tp 8 s is double"),
     "a hole": ("tp_s,heading_deg,limit_hs_m\n8,0,2\n8,180,2\n9,0,2\n", "Tp 9 s at heading 180° is"),
-    "half a side": ("tp_s,heading_deg,limit_hs_m\n8,0,2\n8,90,2\n9,0,2\n9,90,2\n",
-                    "headings from 0° to 90°; give them from 0° to 180°"),
+    "both sides of one": ("# symmetric\ntp_s,heading_deg,limit_hs_m\n"
+                          "8,90,2\n8,-90,2\n9,90,2\n9,-90,2\n",
+                          "it is symmetric and has headings of both sides; give those of one"),
     "not finite": ("tp_s,limit_hs_m\n8,inf\n9,2\n", "limit_hs_m is 'inf'; give 0 to 30"),
     "no rows": ("tp_s,limit_hs_m\n", "it has no limits"),
 }  # fmt: skip

@@ -89,6 +89,10 @@ WRONG = {
     "no heading": ("[150.0, 180.0]", "[]", 5, "headings_deg is empty"),
     "heading twice": ("[150.0, 180.0]", "[150.0, 150.0]", 5, "headings_deg has 150 twice"),
     "heading far": ("[150.0, 180.0]", "[200.0]", 8, "200 ° is out of range"),
+    "symmetric both sides": (
+        "[150.0, 180.0]", "[-150.0, 150.0]\n  symmetric: true", 5,
+        "symmetric, and headings_deg has both sides; give those of one side",
+    ),
     "gamma": ("phases:", "  gamma: 0.5\nphases:", 9, "0.5 is out of range; give 1 to 10"),
     "spreading": ("phases:", "  spreading: 0.0\nphases:", 9, "0 is out of range; give 1 to 100"),
     "phase of nothing": (AT_DEPTH, "  - name: rest\n", 11, "no kind of phase given; give exactly"),

@@ -246,8 +246,8 @@ def test_command_writes_rows_chart_and_picture(
     assert (chart.plan, chart.scene, chart.tp_s) == ("small", "deep_lift", (9.0, 12.0))
     limit = found["cells"][0]["limiting_hs_m"]
     assert chart.allowed_height_m("at_depth", 9.0, 135.0) == limit
-    assert chart.allowed_height_m("at_depth", 9.0, -135.0) == limit
-    assert chart.allowed_height_m("at_depth", 9.0, 225.0) == limit
+    assert chart.allowed_height_m("at_depth", 9.0, -135.0) == 0.0, "not declared symmetric"
+    assert chart.allowed_height_m("at_depth", 9.0, -225.0) == limit
     both = [cell["limiting_hs_m"] for cell in found["cells"]]
     assert chart.allowed_height_m("at_depth", 10.0, 135.0) == min(both)
     assert chart.allowed_height_m("at_depth", 8.0, 135.0) == 0.0

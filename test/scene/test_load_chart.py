@@ -19,6 +19,7 @@ CHART: dict[str, Any] = {
     "percentile": 90.0,
     "tp_s": [7.0, 9.0, 12.0],
     "heading_deg": [180.0, 135.0],
+    "symmetric": True,
     "phases": {
         "lowering": {
             "kind": "lowering",
@@ -103,3 +104,15 @@ def test_files_that_are_no_charts(tmp_path: Path) -> None:
         read_load_chart(path)
     with pytest.raises(InputError, match="a load chart of format None"):
         read_load_chart(written(tmp_path, [1, 2]))
+
+
+@pytest.mark.parametrize(
+    ("heading", "allowed"),
+    [(135.0, 2.0), (-225.0, 2.0), (180.0, 2.5), (-180.0, 2.5), (-135.0, 0.0), (225.0, 0.0)],
+)
+def test_the_other_side_counts_only_if_declared(
+    heading: float, allowed: float, tmp_path: Path
+) -> None:
+    """A crane over the side is not the same to port and starboard."""
+    chart = read_load_chart(written(tmp_path, CHART | {"symmetric": False}))
+    assert chart.allowed_height_m("lowering", 9.0, heading) == allowed
