@@ -29,7 +29,7 @@ from rope_twin.planning.cells import (
 from rope_twin.planning.dataset import plan_dataset
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import Plan
-from rope_twin.planning.plan_reader import bow_of, read_plan, spreading_of, tip_of
+from rope_twin.planning.plan_reader import bow_of, read_plan, spreading_of, tip_of, with_error
 from rope_twin.planning.runs import Row, Ship
 from rope_twin.planning.settings import choose_setting, find_within
 from rope_twin.scene.card import KnownError, Setting, known_error, solver_version
@@ -136,7 +136,10 @@ def plan_stamp(plan: Plan, scene: Scene) -> str:
 
 
 def plan(
-    name_or_path: str | Path, out: str | Path | None = None, threads: int | None = None
+    name_or_path: str | Path,
+    out: str | Path | None = None,
+    threads: int | None = None,
+    within: float | None = None,
 ) -> PlanResult:
     """Run a plan and return the limits of its cells.
 
@@ -144,11 +147,14 @@ def plan(
         name_or_path: a name in config/plans, or the path of a plan file.
         out: folder of the rows, so that an interrupted plan continues; None: rows stay in memory.
         threads: number of parallel threads; None: as many as there are cores.
+        within: discretisation error of each cell, over its loads; None: that of the plan.
 
     Raises:
         RopeTwinError: the plan is invalid, or the folder holds another one; one sentence.
     """
     own, scene = read_plan(name_or_path)
+    if within is not None:
+        own = with_error(own, within)
     if out is None:
         return run_plan(own, scene, MemoryStore(), threads=threads)
     with PlanFolder(Path(out), own, plan_stamp(own, scene)) as folder:
