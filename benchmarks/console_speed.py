@@ -22,11 +22,11 @@ import numpy as np
 
 from rope_twin import messages
 from rope_twin.console import server as console_server
-from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk
-from rope_twin.console.files import FOLDER
 from rope_twin.console.pages import Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
+from rope_twin.console.requests import Log
+from rope_twin.console.server import FOLDER
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status
 from rope_twin.twin.quality import CAUSES
@@ -89,6 +89,7 @@ class HangingRope:
         self._encoder, self._epoch_ns, self._pace = messages.Encoder(epoch_ns), epoch_ns, pace
         self._topics = [name for name in SHOWN if name in self._encoder.topics]
         self._last = -1
+        self.polls = 0  # rows that were made
         self.spent_s = 0.0  # CPU time of making messages, which the suite does in a run
         self._shot = _snapshot(0.0)
         self._given = {name for name in self._topics if _is_given(self._encoder, name, self._shot)}
@@ -96,6 +97,7 @@ class HangingRope:
     def poll(self, readings: Readings, now_s: float) -> None:
         """Hand over the newest messages of each topic."""
         began_s = time.thread_time()
+        self.polls += 1
         self._poll(readings, now_s)
         self.spent_s += time.thread_time() - began_s
 

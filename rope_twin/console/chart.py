@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 from rich.text import Text
 
-from rope_twin.console.readings import Values
-from rope_twin.console.units import Units, known
+from rope_twin.console.figures import Units, known
+from rope_twin.console.readings import AHEAD_S, Values
 
-WINDOW_S, AHEAD_S = 60.0, 30.0
+WINDOW_S = 60.0
 LABEL = 9  # characters left of the chart
 _BASE = 0x2800  # braille pattern without a dot
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))  # of a character, by column and row

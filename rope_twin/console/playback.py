@@ -17,8 +17,7 @@ from typing import Any
 from mcap.records import Channel
 
 from rope_twin.console.control import Desk
-from rope_twin.console.pages import Page, Pages
-from rope_twin.console.profile import WINDOW_S
+from rope_twin.console.pages import WINDOW_S, Page, Pages
 from rope_twin.console.readings import NODES, SHOWN, Readings, Values
 from rope_twin.errors import BagError, phrase
 from rope_twin.messages.templates import NANOSECONDS

@@ -10,8 +10,10 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from numpy.typing import NDArray
+
 from rope_twin.errors import InputError, phrase
-from rope_twin.messages import decode, read_cloud
+from rope_twin.messages import CloudReader, decode
 from rope_twin.messages.reports import (
     CREW_LIMITS_ROW,
     FIGURE_COLUMNS,
@@ -30,12 +32,15 @@ from rope_twin.twin.quality import CAUSES
 
 Values = dict[str, Any]
 Triple = tuple[float, float, float]
+Points = NDArray[Any]  # structured: a table
 
 TENSION, NODES, EPOCH = "ropes/tension_top", "ropes/nodes", "twin/epoch"
 SESSION, DIAGNOSTICS = "twin/session", "diagnostics"
 SHORTEST_LIMIT_S = 0.7  # age above which a value of a fast topic is stale
 PERIODS = 3.0  # of its topic: age above which a value of a slow one is stale
-SLOW_EVERY = 4  # calls of `update`
+SLOW_EVERY, NUMBERS_EVERY = 4, 2  # calls of `update`: of figures in tables, and of large ones
+AHEAD_S = 30.0  # of a forecast that is drawn
+_BAND_S = AHEAD_S + 5.0  # of its lead: it counts from an origin some seconds ago
 _DIGITS = 8  # significant digits of a number on the page's side
 
 
@@ -46,6 +51,8 @@ class Readings:
         self._arrived_s: dict[str, float] = {}
         self._pending: dict[str, bytes] = {}
         self._texts: dict[str, bytes] = {}  # last message of a topic of text, which often repeats
+        self._diagnostics: list[bytes] = []  # every one: each node publishes only its own rows
+        self._tables = {topic: CloudReader(topic) for topic in _TABLES}
         self._updates = 0
         self._changed: Values = {}  # since the last `take_changed`
         self.values: Values = {}
@@ -61,38 +68,46 @@ class Readings:
             self.nodes = data
         elif topic == SESSION:
             self.session = data
+        elif topic == DIAGNOSTICS:
+            self._diagnostics.append(data)
         else:
             self._pending[topic] = data
+
+    def due(self, topic: str) -> bool:
+        """Return whether the next `update` reads a topic; others need not be taken."""
+        return self._updates % _EVERY.get(topic, 1) == 0
 
     def update(self) -> Values:
         """Decode the messages taken since the last call and return the values they changed.
 
-        Those of _SLOW, which no curve needs, wait for every SLOW_EVERY-th call.
+        Those of topics which no curve needs wait until they are due.
         """
         changed: Values = {}
-        self._updates += 1
-        whole = self._updates % SLOW_EVERY == 1
         left: dict[str, bytes] = {}
         for topic, data in self._pending.items():
-            if not whole and topic in _SLOW:
+            if not self.due(topic):
                 left[topic] = data
-                continue
-            if self._texts.get(topic) == data:
-                continue
-            try:
-                message = decode(topic, data)
-                changed |= self._read(topic, message)
-            except InputError as error:
-                changed[f"fault {topic}"] = str(error)
-            else:
-                if self.values.get(f"fault {topic}"):
-                    changed[f"fault {topic}"] = ""
-                if topic in _UNSTAMPED:
-                    self._texts[topic] = data
-        self._pending = left
+            elif self._texts.get(topic) != data:
+                self._decode(topic, data, changed)
+        for data in self._diagnostics:
+            self._decode(DIAGNOSTICS, data, changed)
+        self._pending, self._diagnostics = left, []
+        self._updates += 1
         self._changed |= changed
         self.values |= changed
         return changed
+
+    def _decode(self, topic: str, data: bytes, changed: Values) -> None:
+        """Add the values of a message, or the reason why it cannot be read."""
+        try:
+            changed |= self._read(topic, data)
+        except InputError as error:
+            changed[f"fault {topic}"] = str(error)
+            return
+        if self.values.get(f"fault {topic}"):
+            changed[f"fault {topic}"] = ""
+        if topic in _UNSTAMPED:
+            self._texts[topic] = data
 
     def take_changed(self) -> Values:
         """Decode what has arrived; return the values changed since the last call, once."""
@@ -136,19 +151,24 @@ class Readings:
         """Forget all messages, as before a jump in a recording."""
         self.__init__()  # type: ignore[misc]
 
-    def _read(self, topic: str, message: Any) -> Values:
+    def _read(self, topic: str, data: bytes) -> Values:
+        if topic in _TABLES:
+            stamp_ns, points = self._tables[topic].read(data)
+            values = _TABLES[topic](points)
+            if topic in _DATED:  # the stamp is of the data that it was made from, some time ago
+                for table in values.values():
+                    table["at_s"] = self._twin_s(stamp_ns)
+            return values
+        message = decode(topic, data)
         if topic == EPOCH:
             self.epoch_ns = message.sec * NANOSECONDS + message.nanosec
             return {"epoch_s": self.epoch_ns / NANOSECONDS}
         if topic == TENSION:
-            self.stamp_ns = _stamp_ns(message)
+            stamp = message.header.stamp
+            self.stamp_ns = int(stamp.sec * NANOSECONDS + stamp.nanosec)
             if self.epoch_ns is None:
                 self.epoch_ns = self.stamp_ns
-        values = _READERS[topic](message)
-        if topic in _DATED:  # their stamp is of the data they were made from, some time ago
-            for table in values.values():
-                table["at_s"] = self._twin_s(_stamp_ns(message))
-        return values
+        return _READERS[topic](message)
 
 
 def stale_limits_s() -> dict[str, float]:
@@ -176,37 +196,34 @@ def _numbers(values: Iterable[float]) -> list[float | None]:
     return [number(float(value)) for value in values]
 
 
-def _rows(message: Any) -> list[Values]:
+def _rows(points: Points) -> list[Values]:
     """Return the points of a table as mappings; names become text."""
-    points = read_cloud(message)
-    names = points.dtype.names or ()
+    columns = _columns(points, points.dtype.names or ())
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _columns(points: Points, names: Iterable[str]) -> dict[str, list[Any]]:
     columns: dict[str, list[Any]] = {}
     for name in names:
         column = points[name]
         if column.dtype.kind == "S":
-            columns[name] = [one.decode("utf-8", "replace") for one in column]
+            columns[name] = [one.decode("utf-8", "replace") for one in column.tolist()]
         else:
-            columns[name] = _numbers(column)
-    return [dict(zip(names, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+            columns[name] = [number(one) for one in column.tolist()]
+    return columns
 
 
-def _stamp_ns(message: Any) -> int:
-    stamp = message.header.stamp
-    return int(stamp.sec * NANOSECONDS + stamp.nanosec)
-
-
-def _rows_with(topic: str, wanted: Iterable[str], message: Any) -> list[Values]:
+def _having(topic: str, wanted: Iterable[str], points: Points) -> Points:
     """Return the points of a table that must have certain columns.
 
     Raises:
         InputError: a column is missing.
     """
-    names = {field.name for field in message.fields}
-    missing = [name for name in wanted if name not in names]
+    missing = [name for name in wanted if name not in (points.dtype.names or ())]
     if missing:
         what = f"the table has no column {', '.join(missing)}"
         raise InputError(phrase(topic, what, "publish it with this version of rope_twin"))
-    return _rows(message)
+    return points
 
 
 def _tension_top(message: Any) -> Values:
@@ -270,16 +287,16 @@ def _hang_off(message: Any) -> Values:
     }
 
 
-def _residuals(message: Any) -> Values:
+def _residuals(points: Points) -> Values:
     """Return the residuals; the name of a row is its quantity and the winch or payload."""
-    rows = _rows(message)
+    rows = _rows(points)
     for row in rows:
         row["quantity"], _, row["name"] = row["name"].partition(" ")
     return {"residuals": rows}
 
 
-def _quality(message: Any) -> Values:
-    rows = _rows(message)
+def _quality(points: Points) -> Values:
+    rows = _rows(points)
     for row in rows:
         number_of = row["cause"]
         known = number_of is not None and 0 <= number_of < len(CAUSES)
@@ -328,36 +345,38 @@ def _alerts(message: Any) -> Values:
     return {"alerts": rows}
 
 
-def _forecast(message: Any) -> Values:
-    """Return the band of the top tension over the lead, a list for each of its columns."""
+def _forecast(points: Points) -> Values:
+    """Return the band of the top tension over the lead, a list for each column that is drawn."""
     low, median, high = columns = band_columns("top_tension_n")
-    rows = _rows_with(FORECAST, ("lead_s", *columns), message)
-    shown = {"lead_s": "lead_s", "low_n": low, "median_n": median, "high_n": high}
-    return {"forecast": {name: [row[column] for row in rows] for name, column in shown.items()}}
+    ahead = _having(FORECAST, ("lead_s", *columns), points)
+    ahead = ahead[ahead["lead_s"] <= _BAND_S]
+    found = _columns(ahead, ("lead_s", *columns))
+    return {"forecast": {"lead_s": found["lead_s"], "low_n": found[low], "median_n": found[median],
+                         "high_n": found[high]}}  # fmt: skip
 
 
-def _risk(message: Any) -> Values:
+def _risk(points: Points) -> Values:
     """Return the risk of each span, and whether it is known or the climatology of this sea."""
-    rows = _rows_with(RISK_TOPIC, FORECAST_COLUMNS[RISK_TOPIC], message)
+    rows = _rows(_having(RISK_TOPIC, FORECAST_COLUMNS[RISK_TOPIC], points))
     for row in rows:
         span, horizon = row["span_s"], row["horizon_s"]
         row["climatology"] = span is None or horizon is None or span > horizon
     return {"risk": {"rows": rows}}
 
 
-def _quiet(message: Any) -> Values:
-    return {"quiet": {"rows": _rows_with(QUIET_TOPIC, FORECAST_COLUMNS[QUIET_TOPIC], message)}}
+def _quiet(points: Points) -> Values:
+    return {"quiet": {"rows": _rows(_having(QUIET_TOPIC, FORECAST_COLUMNS[QUIET_TOPIC], points))}}
 
 
-def _orders(message: Any) -> Values:
+def _orders(points: Points) -> Values:
     return {
-        "orders": {"rows": _rows_with(WHAT_IF_ORDERS, FORECAST_COLUMNS[WHAT_IF_ORDERS], message)}
+        "orders": {"rows": _rows(_having(WHAT_IF_ORDERS, FORECAST_COLUMNS[WHAT_IF_ORDERS], points))}
     }
 
 
-def _figures(message: Any) -> Values:
+def _figures(points: Points) -> Values:
     """Return the learned figures, with their units and state in words."""
-    rows = _rows_with(ESTIMATE_TOPIC, FIGURE_COLUMNS.split(), message)
+    rows = _rows(_having(ESTIMATE_TOPIC, FIGURE_COLUMNS.split(), points))
     for row in rows:
         state = row["state"]
         known = state is not None and 0 <= state < len(STATES)
@@ -366,8 +385,8 @@ def _figures(message: Any) -> Values:
     return {"learned": {"rows": rows}}
 
 
-def _table(name: str) -> Callable[[Any], Values]:
-    return lambda message: {name: _rows(message)}
+def _table(name: str) -> Callable[[Points], Values]:
+    return lambda points: {name: _rows(points)}
 
 
 def _text(name: str) -> Callable[[Any], Values]:
@@ -376,39 +395,42 @@ def _text(name: str) -> Callable[[Any], Values]:
 
 _READERS: Mapping[str, Callable[[Any], Values]] = {
     TENSION: _tension_top,
-    "ropes/tension_bottom": lambda message: {"tension_bottom_n": _numbers(message.effort)},
     "ropes/length": _length,
+    "payloads/state": _payloads,
+    "hang_off/odometry": _hang_off,
+    "sea/elevation": lambda message: {"elevation_m": number(message.point.z)},
+    "winch/mode": _text("winch_mode"),
+    "winch/seat": _text("seat"),
+    DIAGNOSTICS: _diagnostics,
+    ALERTS: _alerts,
+    ALARM_TOPIC: _text("fault_alarm"),
+}
+_TABLES: Mapping[str, Callable[[Points], Values]] = {
     "ropes/tension_top_error": _table("error_interval"),
     "ropes/utilisation": _table("utilisation"),
     "ropes/bend_radius": _table("bends"),
-    "payloads/state": _payloads,
     "payloads/body": _table("body"),
     "seabed/contact": _table("bed"),
     "seabed/touchdown": _table("touchdowns"),
     "lines/crossings": _table("crossings"),
-    "hang_off/odometry": _hang_off,
-    "sea/elevation": lambda message: {"elevation_m": number(message.point.z)},
     "winch/state": _table("winches"),
-    "winch/mode": _text("winch_mode"),
-    "winch/seat": _text("seat"),
     "compensator/state": _table("compensator"),
     "residuals": _residuals,
     "twin/quality": _quality,
-    DIAGNOSTICS: _diagnostics,
-    ALERTS: _alerts,
     FORECAST: _forecast,
     RISK_TOPIC: _risk,
     QUIET_TOPIC: _quiet,
     WHAT_IF_ORDERS: _orders,
     ESTIMATE_TOPIC: _figures,
-    ALARM_TOPIC: _text("fault_alarm"),
 }
 _UNSTAMPED = ("winch/mode", "winch/seat", ALARM_TOPIC)
 _DATED = (*FORECAST_TOPICS, ESTIMATE_TOPIC)
-_SLOW = frozenset(
-    ("ropes/tension_bottom", "ropes/utilisation", "ropes/bend_radius", "payloads/body",
-     "seabed/contact", "seabed/touchdown", "lines/crossings", "sea/elevation", "winch/state",
-     "compensator/state", "twin/quality", ESTIMATE_TOPIC, *FORECAST_TOPICS)
+_EVERY = dict.fromkeys(
+    ("ropes/utilisation", "ropes/bend_radius", "payloads/body", "seabed/contact",
+     "seabed/touchdown", "lines/crossings", "sea/elevation", "winch/state", "compensator/state",
+     "twin/quality", ESTIMATE_TOPIC, *FORECAST_TOPICS),
+    SLOW_EVERY,
 )  # fmt: skip
+_EVERY |= dict.fromkeys(("ropes/length", "payloads/state", "hang_off/odometry"), NUMBERS_EVERY)
 # topics that the console subscribes to
-SHOWN = tuple(name for name in (EPOCH, SESSION, NODES, *_READERS) if name in BY_NAME)
+SHOWN = tuple(name for name in (EPOCH, SESSION, NODES, *_READERS, *_TABLES) if name in BY_NAME)

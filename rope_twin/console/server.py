@@ -2,13 +2,17 @@
 
 It runs in a thread of its own. Requests must name this machine (Host) and a WebSocket must come
 from the page itself (Origin), which keeps other web sites and DNS rebinding out; the content
-security policy allows no inline script or style, and nothing from another server.
+security policy allows no inline script or style, and nothing from elsewhere. The files are held in
+memory, each read and compressed once: a browser keeps what it has and asks whether its tag still
+holds, so that a reload sends no file.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import gzip
+import hashlib
 import ipaddress
 import json
 import re
@@ -16,14 +20,15 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk
-from rope_twin.console.files import page_files
 from rope_twin.console.pages import Page, Pages, Source
+from rope_twin.console.requests import Log
 from rope_twin.errors import InputError, phrase
 
 LOOPBACK, PORT = "127.0.0.1", 8420
@@ -39,7 +44,50 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
+FOLDER = Path(__file__).with_name("page")
+_TYPES = {
+    ".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml", ".woff": "font/woff",
+    ".txt": "text/plain; charset=utf-8",
+}  # fmt: skip
+_COMPRESSED = (".html", ".js", ".css", ".svg", ".txt")  # a WOFF font is compressed already
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
+
+
+@dataclass(frozen=True)
+class PageFile:
+    """One file and the headers that go with it."""
+
+    content: bytes
+    compressed: bytes  # empty: it is sent as it is
+    media_type: str
+    tag: str
+
+    def answer(self, asked: Mapping[str, str]) -> tuple[int, bytes, dict[str, str]]:
+        """Return status, body and headers for the headers of a request (names in lower case)."""
+        headers = {"ETag": self.tag, "Vary": "Accept-Encoding"}
+        if self.tag in [one.strip() for one in asked.get("if-none-match", "").split(",")]:
+            return 304, b"", headers
+        headers["Content-Type"] = self.media_type
+        if self.compressed and "gzip" in asked.get("accept-encoding", ""):
+            return 200, self.compressed, headers | {"Content-Encoding": "gzip"}
+        return 200, self.content, headers
+
+
+def page_files() -> dict[str, PageFile]:
+    """Return the files by their path below the folder of the page, such as `console.js`."""
+    return {
+        path.relative_to(FOLDER).as_posix(): _file(path)
+        for path in FOLDER.rglob("*")
+        if path.suffix in _TYPES
+    }
+
+
+def _file(path: Path) -> PageFile:
+    content = path.read_bytes()
+    compressed = gzip.compress(content, mtime=0) if path.suffix in _COMPRESSED else b""
+    tag = f'"{hashlib.sha256(content).hexdigest()[:16]}"'
+    return PageFile(content, compressed, _TYPES[path.suffix], tag)
 
 
 def read_address(words: str) -> tuple[str, int]:

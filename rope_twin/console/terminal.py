@@ -20,10 +20,13 @@ from textual.widgets import Digits, Footer, Static
 
 from rope_twin.console.chart import Styles, curves, draw
 from rope_twin.console.figures import (
+    UNITS,
     Figure,
+    Units,
     View,
     alert_rows,
     big_figures,
+    known,
     of_rope,
     payload_figures,
     quality_lines,
@@ -34,7 +37,6 @@ from rope_twin.console.figures import (
 from rope_twin.console.pages import RATE_HZ, Pages
 from rope_twin.console.playback import Recording
 from rope_twin.console.readings import TENSION, stale_limits_s
-from rope_twin.console.units import UNITS, Units, known
 
 DRAW_HZ = 4.0
 SEEK_S = 10.0  # a step in a recording

@@ -15,9 +15,10 @@ from rope_twin.messages.inputs import (
     encode_seat,
 )
 from rope_twin.messages.status import Level, Status, encode_diagnostics
-from rope_twin.messages.templates import read_cloud
+from rope_twin.messages.templates import CloudReader, read_cloud
 
 __all__ = [
+    "CloudReader",
     "Encoder",
     "Level",
     "Status",

@@ -11,6 +11,7 @@ are for display: lines coloured by tension, symbols, text.
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable, Collection, Sequence
 from functools import cache
 from typing import Any
@@ -19,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.messages import templates
-from rope_twin.messages.cdr import Template, Templates, new
+from rope_twin.messages.cdr import HEADER_BYTES, Template, Templates, decode, new
 from rope_twin.twin.snapshot import BodyShot, Snapshot
 
 Columns = tuple[tuple[str, str], ...]  # name and type of each column of a table
@@ -32,6 +32,7 @@ UNKNOWN_VARIANCE = 1e6  # of axes that a message does not state, as robot_locali
 HEAVE = (2,)  # axes of a heave message
 NAME_TYPE = "S32"  # of a column with names: UTF-8, zeros at the end
 MARKER_LIFETIME_S = 1  # markers of a rope that is not published disappear
+_STAMP_BYTES = 8  # the first field of every header
 _UINT8 = 2  # sensor_msgs/PointField.UINT8
 _FIELD_TYPES = {np.dtype("<f4"): 7, np.dtype("<f8"): 8}  # FLOAT32, FLOAT64
 _CUBE, _SPHERE, _LINE_LIST, _TEXT = 1, 2, 5, 9  # visualization_msgs/Marker.type
@@ -172,6 +173,50 @@ def read_cloud(message: Any) -> NDArray[Any]:
         raise InputError(phrase("point cloud", f"fields not known ({error})", right)) from error
 
 
+class CloudReader:
+    """Reads the points of a topic's messages, of which it decodes the description only once.
+
+    A description changes when rows or columns do; until then the points lie at the same place.
+    """
+
+    def __init__(self, topic: str) -> None:
+        """Make a reader of one of the suite's topics of type PointCloud2."""
+        self._topic = topic
+        self._size = 0  # of the messages [bytes]; 0: none was read
+        self._description = b""
+        self._points: tuple[np.dtype[Any], int, int] = (np.dtype(np.uint8), 0, 0)
+
+    def read(self, data: bytes) -> tuple[int, NDArray[Any]]:
+        """Return the stamp [ns] and the points of a message as a structured array.
+
+        Raises:
+            InputError: the bytes are no such message, or its fields do not fit its data.
+        """
+        kind, count, begin = self._points
+        if 0 < len(data) == self._size and self._described(data, begin) == self._description:
+            order = "<" if data[1] & 1 else ">"  # of the encapsulation
+            seconds, nanoseconds = struct.unpack_from(f"{order}iI", data, HEADER_BYTES)
+            return seconds * NANOSECONDS + nanoseconds, np.frombuffer(data, kind, count, begin)
+        message = decode(self._topic, data)
+        points = read_cloud(message)
+        begin = self._begin(data, points.tobytes())
+        self._points = points.dtype, len(points), begin
+        self._size = len(data) if begin else 0
+        self._description = self._described(data, begin)
+        stamp = message.header.stamp
+        return stamp.sec * NANOSECONDS + stamp.nanosec, points
+
+    def _described(self, data: bytes, begin: int) -> bytes:
+        """Return all that precedes the points but the stamp."""
+        return data[:HEADER_BYTES] + data[HEADER_BYTES + _STAMP_BYTES : begin]
+
+    def _begin(self, data: bytes, points: bytes) -> int:
+        """Return where the points begin; 0: not found, or there are none."""
+        last = len(data) - len(points) - 1  # is_dense follows, and up to 3 bytes of padding
+        places = range(last, last - 4, -1) if points else ()
+        return next((at for at in places if data[at : at + len(points)] == points), 0)
+
+
 def rope_markers(
     frame_id: str,
     elements: int,
@@ -303,7 +348,7 @@ class RopeMarkers:
         form = self._sized.get(
             "ropes/markers of one element",
             (scale_n, further, bars, slings),
-            lambda: templates.rope_markers(self._frame, 1, words, further, bars, slings),
+            lambda: rope_markers(self._frame, 1, words, further, bars, slings),
         )
         if self._rope_template is None or self._rope_template[:2] != (count, form):
             # the winch changes the count every second or so; a point as an object takes 30 µs

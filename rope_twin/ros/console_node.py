@@ -21,12 +21,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk, Token, new_token
 from rope_twin.console.facts import scene_facts, session_facts
 from rope_twin.console.pages import Page, Pages
-from rope_twin.console.readings import SHOWN, Readings, Values
-from rope_twin.console.requests import LEARNING, Outcome, Requests
+from rope_twin.console.readings import DIAGNOSTICS, SHOWN, Readings, Values
+from rope_twin.console.requests import LEARNING, Log, Outcome, Requests
 from rope_twin.console.server import Server, announce, read_address
 from rope_twin.errors import InputError, phrase
 from rope_twin.forecast.orders import read_orders
@@ -51,6 +50,8 @@ from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
 TOKEN = "ROPE_TWIN_CONSOLE_TOKEN"  # environment: the token of --control
 _DIAGNOSTICS_DEPTH = 10  # several nodes publish there within one poll
+# topics of which more than the newest message is kept: latched ones, and diagnostics
+_QUEUED = {name for name in SHOWN if BY_NAME[name].qos is Qos.LATCHED} | {DIAGNOSTICS}
 _RETRY_S, _RETRIES_S = 0.1, 2.0  # between tries of a service that is not there, and in all
 NODE = "console"
 
@@ -70,23 +71,25 @@ class SuiteSource:
             start_parameter_services=False,
             parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
-        self._taken = {
-            name: (
-                subscribe(self._node, BY_NAME[name], _never_called, _depth(name)),
+        self._subscriptions = [
+            (
+                name,
+                subscribe(self._node, BY_NAME[name], _never_called, _depth(name)).handle,
                 message_type(BY_NAME[name]),
             )
             for name in SHOWN
-        }
+        ]
 
     def poll(self, readings: Readings, now_s: float) -> None:
         """Take what has arrived: of streams the newest message, of diagnostics every one."""
-        for name, (subscription, kind) in self._taken.items():
-            handle = subscription.handle
+        for name, handle, kind in self._subscriptions:
+            if not readings.due(name):
+                continue
             with handle:
-                while (taken := handle.take_message(kind, True)) is not None:
+                taken = handle.take_message(kind, True)
+                while taken is not None:
                     readings.take(name, taken[0], now_s)
-                    if name == "diagnostics":
-                        readings.update()
+                    taken = handle.take_message(kind, True) if name in _QUEUED else None
 
     def state(self) -> Values:
         """Return the state of the source: nothing beyond its messages."""
@@ -276,7 +279,7 @@ class ConsoleNode(Node):
 
 
 def _depth(name: str) -> int | None:
-    if name == "diagnostics":
+    if name == DIAGNOSTICS:
         return _DIAGNOSTICS_DEPTH
     return None if BY_NAME[name].qos is Qos.LATCHED else 1
 

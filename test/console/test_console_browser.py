@@ -17,11 +17,10 @@ from console_rig import FACTS, TENSION_ALARM, TOKEN, FakeCommander, SnapshotSour
 from sample_snapshot import RESIDUAL, hanging_rope, lifted
 
 from rope_twin.alerts.alert_list import State
-from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk, Token
 from rope_twin.console.pages import Pages
 from rope_twin.console.readings import Readings, stale_limits_s
-from rope_twin.console.requests import Requests
+from rope_twin.console.requests import Log, Requests
 from rope_twin.console.server import Server
 
 CHROMIUM = Path("/usr/bin/chromium")

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from sample_snapshot import hanging_body, hanging_rope, lifted
 
 from rope_twin import messages
-from rope_twin.console.profile import POINTS, RopeProfile, Trend
+from rope_twin.console.pages import POINTS, RopeProfile, Trend
 from rope_twin.console.readings import (
+    AHEAD_S,
     SHORTEST_LIMIT_S,
     SHOWN,
     SLOW_EVERY,
@@ -41,10 +42,9 @@ def read(*topics: str, shot=None) -> Readings:  # type: ignore[no-untyped-def]
 
 def test_numbers_are_those_of_the_snapshot() -> None:
     shot = hanging_rope()
-    values = read("ropes/tension_top", "ropes/length", "ropes/tension_bottom", "payloads/state",
+    values = read("ropes/tension_top", "ropes/length", "payloads/state",
                   "seabed/contact", "hang_off/odometry", "compensator/state").values  # fmt: skip
     assert values["tension_n"] == [pytest.approx(shot.tension_top_n, rel=1e-7)]
-    assert values["tension_bottom_n"] == [pytest.approx(shot.node_tension_n[-1], rel=1e-7)]
     assert values["line_out_m"] == [3000.0]
     assert values["line_speed_m_per_s"] == [0.5]
     assert values["payloads"][0]["place_m"] == pytest.approx(list(shot.payload_position_m))
@@ -181,7 +181,8 @@ def test_a_forecast_is_shown_from_its_origin() -> None:
     values = readings.values
     band = values["forecast"]
     assert band["at_s"] == pytest.approx(1.5), "twin time of the origin, not of the arrival"
-    assert len(band["lead_s"]) == len(band["low_n"]) == len(band["median_n"]) == 120
+    assert len(band["lead_s"]) == len(band["low_n"]) == len(band["median_n"])
+    assert AHEAD_S <= band["lead_s"][-1] < 60.0, "as far as it is drawn"
     assert (band["lead_s"][3], band["low_n"][3], band["high_n"][3]) == (2.0, 3.192e5, 3.208e5)
     risk = values["risk"]
     assert risk["at_s"] == pytest.approx(1.5)

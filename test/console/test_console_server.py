@@ -11,8 +11,7 @@ from console_rig import ConsoleRig
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from rope_twin.console.files import FOLDER
-from rope_twin.console.server import Server, is_own_host, make_app, read_address
+from rope_twin.console.server import FOLDER, Server, is_own_host, make_app, read_address
 from rope_twin.errors import InputError
 
 HOST = "127.0.0.1:8420"

@@ -26,16 +26,17 @@ from rope_twin.alerts.crew_limits import CrewLimits
 from rope_twin.cli import main
 from rope_twin.console.chart import LABEL, Curve, Styles, curves, draw
 from rope_twin.console.figures import (
+    UNITS,
     View,
     alert_rows,
     big_figures,
+    fixed,
     of_rope,
     payload_figures,
     risk_lines,
     winch_figures,
 )
 from rope_twin.console.terminal import TerminalConsole
-from rope_twin.console.units import UNITS, fixed
 
 KN_M_PER_MIN, T_M_PER_MIN, KN_M_PER_S, _ = UNITS
 STYLES = Styles("c", "m", "b", "l", "a")

@@ -17,7 +17,7 @@ from rope_twin import messages
 from rope_twin.errors import InputError
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, deserialise, table
-from rope_twin.messages.templates import read_cloud
+from rope_twin.messages.templates import CloudReader, read_cloud
 from rope_twin.topics import TOPICS, Topic
 from rope_twin.twin.snapshot import Snapshot, first_rope
 from rope_twin.twin.winch.commands import WinchCommand
@@ -377,3 +377,26 @@ def test_messages_of_other_texts_or_lengths_make_no_table() -> None:
     for other in others:
         data = [Template(one).data for one in (ours, other)]
         assert table("nav_msgs/msg/Odometry", data, ["pose.pose.position.z"]) is None
+
+
+def test_a_reader_of_clouds_reads_what_decoding_finds() -> None:
+    """Points of one message after the other, whose number changes; an end of padding."""
+    encoder, reader = messages.Encoder(7), CloudReader("ropes/nodes")
+    for step, nodes in enumerate((5, 5, 5, 9, 9, 5)):
+        shot = hanging_rope(nodes=nodes, time_s=0.02 * step)
+        data = encoder.encode("ropes/nodes", shot) + bytes(step % 4)
+        stamp_ns, points = reader.read(data)
+        assert stamp_ns == 7 + shot.stamp_ns
+        assert points.tobytes() == read_cloud(messages.decode("ropes/nodes", data)).tobytes()
+        assert len(points) == nodes
+
+
+def test_a_reader_of_clouds_sees_renamed_columns() -> None:
+    encoder, reader = messages.Encoder(0), CloudReader("ropes/nodes")
+    data = encoder.encode("ropes/nodes", hanging_rope(nodes=5))
+    for _ in range(2):
+        reader.read(data)
+    _, points = reader.read(data.replace(b"tension_n", b"tonsion_n"))
+    assert "tonsion_n" in (points.dtype.names or ())
+    with pytest.raises(InputError):
+        reader.read(data[:-30])

@@ -13,11 +13,10 @@ from sample_snapshot import RESIDUAL, hanging_rope
 from rope_twin import Snapshot, messages
 from rope_twin.alerts.alert_list import Alert, Priority, State
 from rope_twin.alerts.crew_limits import CrewLimits
-from rope_twin.console.casts import Log
 from rope_twin.console.control import Desk, Token
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
-from rope_twin.console.requests import Requests
+from rope_twin.console.requests import Log, Requests
 from rope_twin.messages import Level, Status
 from rope_twin.messages.reports import band_columns, encode_alerts, encode_forecast
 from rope_twin.recording.bag_writer import BagWriter
@@ -99,7 +98,6 @@ class SnapshotSource:
             data = encode_forecast("forecast/orders", stamp_ns - 1_000_000_000, "map", rows)
             readings.take("forecast/orders", data, now_s)
             self.orders = ()
-        readings.update()  # as a running suite does after each message of the diagnostics
 
     def compare(self, page: Page, content: Mapping[str, Any]) -> str:
         """Answer as the node of a suite with a forecast does."""
