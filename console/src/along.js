@@ -1,7 +1,7 @@
 // Tension along the rope with its range of the last minute, over the length down from the sheave.
 
 import { $, canvas, colour, ticks } from "./page.js";
-import { allowed, facts, state } from "./link.js";
+import { allowed, leastTension, state } from "./link.js";
 import { force, known, units } from "./units.js";
 
 let drawn = null;
@@ -12,7 +12,7 @@ export function draw() {
   if (!rope || rope === drawn || !$("along").clientWidth) return;
   drawn = rope;
   const { context, width, height } = canvas($("along"));
-  const limit = allowed(), least = facts().limits?.min_tension_n;
+  const limit = allowed(), least = leastTension();
   const low = Math.min(0, ...rope.low_n), high = Math.max(...rope.high_n) * 1.08;
   const length = rope.along_m[rope.along_m.length - 1];
   const box = { left: 44, right: width - 10, top: 22, bottom: height - 20 };

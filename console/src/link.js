@@ -116,10 +116,19 @@ export function crewLimit(name) {
   const words = state.values["diagnostics simulation: crew limits"]?.values?.[name];
   return words === undefined ? null : Number(words);
 }
-export function allowed() {
-  const own = rope().allowed_n, crew = crewLimit("tension_n");
-  return crew === null ? own : own === undefined ? crew : Math.min(own, crew);
+const stricter = (atLeast, values) => {
+  const set = values.filter((one) => Number.isFinite(one));
+  return set.length ? Math[atLeast ? "max" : "min"](...set) : null;
+};
+export function limit(name) {
+  const one = facts().crew_limits?.find((row) => row.name === name);
+  return stricter(one?.at_least, [one ? one.scene : facts().limits?.[name], crewLimit(name)]);
 }
+export function allowed() {
+  const share = crewLimit("utilisation"), breaking = rope().breaking_load_n;
+  return stricter(false, [rope().allowed_n, crewLimit("tension_n"), share === null ? null : share * breaking]) ?? undefined;
+}
+export const leastTension = () => stricter(true, [facts().limits?.min_tension_n, crewLimit("min_tension_n")]);
 
 // What a text such as "winch: speed 0 m/s; aft: brake" says of a winch.
 export function said(text, name = winchName()) {

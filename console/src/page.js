@@ -42,7 +42,7 @@ export function figures(parent, rows) {
   if (parent.dataset.key !== key) {
     parent.dataset.key = key;
     parent.replaceChildren(...present.map(([label, , unit, kind]) => {
-      const cell = make("div", kind === "wide" ? "wide" : "");
+      const cell = make("div", kind || "");
       const value = make("div", kind === "wide" ? "v text" : "v");
       value.append(make("span"), make("small", "", unit || ""));
       cell.append(make("div", "k", label), value);

@@ -1,7 +1,7 @@
 // Second page: profile to scale, touchdown, bend radius.
 
 import { $, canvas, colour, figures, ticks, write } from "./page.js";
-import { facts, payload, ropeNames, state } from "./link.js";
+import { crewLimit, facts, limit, payload, ropeNames, state } from "./link.js";
 import { fixed, force, known, metres, units } from "./units.js";
 import { payloadRows } from "./winch.js";
 
@@ -20,6 +20,7 @@ export function draw() {
   const values = state.values, one = payload(), name = ropeNames()[state.line];
   const named = (rows) => rows?.find((row) => row.name === name);
   const down = named(values.touchdowns), bend = named(values.bends);
+  const least = bend ? Math.max(bend.minimum_radius_m ?? 0, crewLimit("bend_radius_m") ?? 0) || null : null; // the rope's or the crew's
   const [nearest, ...crossings] = values.crossings ?? []; // of two lines around a sheave
   figures($("survey-payload"), [
     ...payloadRows(values),
@@ -33,11 +34,12 @@ export function draw() {
   ] : [["Touchdown", values.touchdowns ? "none" : "no seabed", ""]]);
   figures($("survey-bend"), bend ? [
     ["Smallest now", metres(bend.radius_m, 2), "m"], ["Since the start", metres(bend.smallest_radius_m, 2), "m"],
-    ["Minimum (MBR)", metres(bend.minimum_radius_m, 2), "m"], ["At line out", metres(bend.line_out_m), "m"],
+    ["Minimum (MBR)", metres(least, 2), "m", known(bend.radius_m) && known(least) && bend.radius_m < least ? "bad" : ""], ["At line out", metres(bend.line_out_m), "m"],
   ] : [["Bend radius", "not monitored", ""]]);
+  const apart = limit("line_clearance_m");
   $("survey-lines").hidden = !nearest;
   if (nearest) figures($("survey-crossings"), [
-    ["Crossings", String(crossings.length), ""], ["Nearest", metres(nearest.distance_m, 2), "m"],
+    ["Crossings", String(crossings.length), ""], ["Nearest", metres(nearest.distance_m, 2), `m${known(apart) ? ` ≥ ${metres(apart, 1)}` : ""}`, known(apart) && nearest.distance_m < apart ? "bad" : ""],
     ["Angle there", fixed(nearest.angle_deg, 1), "°"], ["Depth there", metres(known(nearest.z) ? -nearest.z : null), "m"],
   ]);
   shape();
@@ -86,6 +88,17 @@ function shape() {
     context.lineWidth = 4;
     stroke(context, [[box.left, y(bed)], [box.right, y(bed)]]);
   }
+  const clear = limit("bed_clearance_m"), deepest = limit("payload_depth_m");
+  context.strokeStyle = context.fillStyle = colour("--bad");
+  context.lineWidth = 2;
+  context.setLineDash([8, 5]);
+  context.textAlign = "right";
+  for (const [name, z] of [["clearance", known(bed) && known(clear) ? bed + clear : null], ["depth limit", known(deepest) ? -deepest : null]]) {
+    if (z === null || z < low || z > high) continue;
+    stroke(context, [[box.left, y(z)], [box.right, y(z)]]);
+    context.fillText(name, box.right - 4, y(z) - 5);
+  }
+  context.setLineDash([]);
   ropes.forEach((rope, number) => {
     context.strokeStyle = colour("--instrument-enhanced-primary-color");
     context.lineWidth = number === state.line && ropes.length > 1 ? 5 : 2.5;

@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 import { $, colour } from "./page.js";
-import { allowed, facts, rope, stale, state } from "./link.js";
+import { allowed, leastTension, rope, stale, state } from "./link.js";
 import { force, known, units } from "./units.js";
 
 const WINDOW_S = 60, AHEAD_S = 30;
@@ -87,7 +87,7 @@ function limits() {
   const most = allowed(), breaking = rope().breaking_load_n, found = [];
   if (known(most)) found.push(["limit", most]);
   if (known(most) && breaking > most * 1.001) found.push(["MBL", breaking]);
-  const least = facts().limits?.min_tension_n;
+  const least = leastTension();
   if (known(least)) found.push(["slack", least]);
   return found;
 }

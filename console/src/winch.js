@@ -1,7 +1,7 @@
 // The first page: what a winch driver needs, on one screen.
 
 import { $, figures, make, write } from "./page.js";
-import { allowed, facts, own, payload, residual, rope, ropeNames, said, state, winch, winchName, winchRow } from "./link.js";
+import { allowed, facts, leastTension, limit, own, payload, residual, rope, ropeNames, said, state, winch, winchName, winchRow } from "./link.js";
 import { fixed, force, known, metres, speed, units } from "./units.js";
 
 export function draw() {
@@ -74,6 +74,10 @@ export function compare(element, row, text, other) {
     make("b", outside ? "out" : "", text(row.residual, true)));
 }
 
+const LANDING_M = 20; // above the bed: from there on a crew watches the speed of landing
+const most = (value, text) => known(value) ? ` ≤ ${text(value)}` : "";
+const beyond = (is, value) => known(value) && is ? "bad" : "";
+
 export function payloadRows(values) {
   const one = payload(), bed = values.bed?.[0];
   if (!one) return [["Depth", "–", "m"]];
@@ -81,10 +85,13 @@ export function payloadRows(values) {
   const away = Math.hypot(one.place_m[0] - (values.hang_off_m?.[0] ?? 0), one.place_m[1] - (values.hang_off_m?.[1] ?? 0));
   const body = values.body?.[0];
   const bedZ = facts().bed_m, height = known(bed?.payload_height_m) ? bed.payload_height_m : known(bedZ) ? z - bedZ : null;
+  const fast = Math.hypot(vx, vy, vz), deepest = limit("payload_depth_m"), fastest = limit("payload_speed_m_per_s");
+  const clear = limit("bed_clearance_m"), landing = limit("landing_speed_m_per_s");
   return [
-    ["Depth", metres(known(z) ? -z : null), "m"],
-    ["Vertical speed", known(vz) ? `${vz < 0 ? "↓" : "↑"} ${speed(Math.abs(vz))}` : "–", units().speed],
-    height === null ? null : ["Above the bed", metres(height), "m"],
+    ["Depth", metres(known(z) ? -z : null), `m${most(deepest, (one) => metres(one, 0))}`, beyond(-z > deepest, deepest)],
+    ["Vertical speed", known(vz) ? `${vz < 0 ? "↓" : "↑"} ${speed(Math.abs(vz))}` : "–", `${units().speed}${most(fastest, speed)}`, beyond(fast > fastest, fastest)],
+    height === null ? null : ["Above the bed", metres(height), `m${known(clear) ? ` ≥ ${metres(clear, 0)}` : ""}`, beyond(height < clear, clear)],
+    known(landing) && known(height) && height < LANDING_M ? ["Landing speed", speed(Math.max(0, -vz)), `${units().speed}${most(landing, speed)}`, beyond(-vz > landing, landing)] : null,
     ["Offset", metres(away), "m"],
     body ? ["Roll, pitch", `${fixed(one.attitude_deg[0], 1, true)}, ${fixed(one.attitude_deg[1], 1, true)}`, "°"] : null,
     body ? ["Heading", fixed((90 - one.attitude_deg[2] + 720) % 360, 0), "°"] : null,
@@ -97,12 +104,12 @@ function load(values) {
   write($("payload-name"), payload()?.name ?? "");
   const depth = residual("payload_depth_m"), rows = payloadRows(values);
   if (depth && known(depth.measured)) rows.push(["Measured, Δ", `${metres(depth.measured)}, ${metres(depth.residual, 1, true)}`, "m"]);
-  const line = state.profile[state.line], least = facts().limits?.min_tension_n;
+  const line = state.profile[state.line], least = leastTension();
   const weight = ropeNames().length < 2 ? facts().payloads?.[0]?.submerged_n : null; // else lines share it
   if (line && known(line.least_n)) {
     const margin = line.least_n - (known(least) ? least : 0);
     const share = known(weight) && weight > 0 ? `, ${fixed(100 * line.least_n / weight, 0)} %` : "";
-    rows.push(["Slack margin, 60 s", force(margin, margin < 0), `${units().force}${share}`]);
+    rows.push(["Slack margin, 60 s", force(margin, margin < 0), `${units().force}${share}`, margin < 0 ? "bad" : ""]);
   }
   figures($("payload-figures"), rows);
 }
@@ -164,11 +171,14 @@ function layer(radius, winch) {
 const SPANS = [10, 20, 30];
 function risk(values) {
   const rows = SPANS.map((span) => values.risk?.rows.find((row) => row.span_s === span)).filter(Boolean), holder = $("risk");
-  const key = JSON.stringify([rows, quiet(values), units().name]);
+  const key = JSON.stringify([rows, quiet(values), units().name, ropeNames().length]);
   if (holder.dataset.key === key) return;
   holder.dataset.key = key;
   holder.className = rows.length ? "known" : "empty";
-  if (!rows.length) { holder.replaceChildren("No forecast"); return; }
+  if (!rows.length) {
+    holder.replaceChildren(ropeNames().length > 1 ? "No forecast: it is made for one rope, not for joined ones" : "No forecast");
+    return;
+  }
   const limit = rows[0].tension_limit_n, heads = rows.map((row) => `${row.span_s} s`);
   const line = (label, texts, kind) => [make("span", "k", label), ...texts.map((text) => make("span", kind, text))];
   const chance = (name) => rows.map((row) => known(row[name]) ? `${fixed(100 * row[name], 0)} %` : "–");

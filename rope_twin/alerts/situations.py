@@ -18,19 +18,23 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from rope_twin.alerts.alert_list import SECOND, Priority, Situation
-from rope_twin.alerts.crew_limits import CrewLimits
-from rope_twin.messages.diagnostics import breach_words
+from rope_twin.alerts.limits import (
+    ALARM,
+    CAUTION,
+    WARNING,
+    CrewLimits,
+    Levels,
+    LimitWatch,
+    Measure,
+    SceneFigures,
+    present,
+)
 from rope_twin.messages.status import Level, Status
-from rope_twin.scene.lift import LiftFigures, lift_figures
-from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.quality import disagrees
-from rope_twin.twin.run_record import LoadRules
 from rope_twin.twin.snapshot import BORDER, Snapshot
 from rope_twin.twin.winch.commands import EMERGENCY_STOP
 
-NEAR_LIMIT = 0.95  # of a limit of the scene: a warning
-WITHOUT_LIMIT = 0.5  # of the MBL, where a scene gives no limit: codes allow less (UNOLS: 1/FS)
 SLACK_MARGIN = 0.1  # of the static submerged weight, as DNV-RP-N103 4.4 is quoted
 SLACK_WINDOW_NS = 60 * SECOND
 AT_LIMIT_SHARE = 0.1  # of LIMIT_WINDOW_NS
@@ -40,19 +44,6 @@ WAVES_S = 30.0  # two of the longest waves: what each crest exceeds is one situa
 RISK_SPAN_S = 30.0  # within which a crew can still stop, haul or lower through
 POSSIBLE, LIKELY = 0.1, 0.5  # probabilities that call for a caution and a warning
 RISK_AGE_NS = 5 * SECOND  # of the last forecast heard: an older one is of the past
-EVENT_S = 10.0  # an event, such as a landing too fast, is a present situation for so long
-CAUTION, WARNING, ALARM = Priority.CAUTION, Priority.WARNING, Priority.ALARM
-
-Levels = tuple[tuple[float, Priority], ...]
-
-
-class Measure(NamedTuple):
-    """Measure of a situation at one place."""
-
-    where: str
-    value: float  # a level is reached from its threshold up
-    levels: Levels
-    text: str
 
 
 class Moment(NamedTuple):
@@ -61,6 +52,7 @@ class Moment(NamedTuple):
     shot: Snapshot
     rows: Mapping[str, Status]  # newest rows of the diagnostics by name, at times older
     scene: SceneFigures
+    limits: LimitWatch
     least_payload_n: float  # tension at the payload over the last minute; NaN: does not count
     at_limit: float  # share of the last minute that the winch was at one of its limits
     risk: Mapping[str, float]  # of RISK_SPAN_S ahead, as forecast/risk has it; empty: unknown
@@ -79,42 +71,20 @@ class Kind:
     category: str = "B"  # A: acknowledged only where its cause can be judged
 
 
-class SceneFigures:
-    """Limits and static loads of a scene, constant during a run, and the limits of its crew."""
-
-    def __init__(self, scene: Scene) -> None:
-        rules = LoadRules(scene)
-        self.limits = scene.limits
-        self.allowed_n = dict(zip(rules.ropes, rules.allowed_n, strict=True))
-        self.limited = scene.limits.tension_n is not None or scene.limits.utilisation < 1.0
-        self.crew = CrewLimits(
-            {
-                "tension_n": max(rules.allowed_n),
-                "payload_depth_m": scene.limits.payload_depth_m,
-                "payload_speed_m_per_s": scene.limits.payload_speed_m_per_s,
-            }
-        )
-        self._lift: LiftFigures | None = None
-        if not is_joined(scene) and scene.payloads and not scene.ropes[0].fixed_at_m:
-            self._lift = lift_figures(scene)
-
-    def weight_n(self, line_out_m: float) -> float:
-        """Return the static load on the rope's lower end [N]; NaN: not a hanging payload."""
-        return math.nan if self._lift is None else self._lift.hung.weight_n(line_out_m)
-
-
 def _tension(at: Moment) -> Iterator[Measure]:
-    """Find the tension at the top of each rope, against the least of its limits."""
-    shot, figures = at.shot, at.scene
-    tops = {one.name: one.tension_top_n for one in shot.ropes[1:]}
-    for number, rope in enumerate(shot.strength):
-        allowed = figures.allowed_n.get(rope.name, rope.breaking_load_n)
-        crew = figures.crew.get("tension_n")
-        allowed = allowed if crew is None else min(allowed, crew)
-        now = shot.tension_top_max_n if number == 0 else tops.get(rope.name, 0.0)
-        near = WITHOUT_LIMIT if crew is None and not figures.limited else NEAR_LIMIT
-        text = f"tension of '{rope.name}' {now / 1e3:.1f} kN, limit {allowed / 1e3:.1f} kN"
-        yield Measure(rope.name, now / allowed, ((near, WARNING), (1.0, ALARM)), text)
+    return at.limits.tension(at.shot)
+
+
+def _payload(at: Moment) -> Iterator[Measure]:
+    return at.limits.payload(at.shot)
+
+
+def _clearance(at: Moment) -> Iterator[Measure]:
+    return at.limits.clearance(at.shot)
+
+
+def _broken(at: Moment) -> Iterator[Measure]:
+    return at.limits.broken(at.shot)
 
 
 def _slack(at: Moment) -> Iterator[Measure]:
@@ -145,7 +115,7 @@ def _stroke(at: Moment) -> Iterator[Measure]:
     one = at.shot.compensator
     if one is not None and one.at_stop:
         text = f"piston at its {one.at_stop} stop, {one.stop_n / 1e3:.1f} kN"
-        yield _present("compensator", WARNING, text)
+        yield present("compensator", WARNING, text)
 
 
 def _apart(at: Moment) -> Iterator[Measure]:
@@ -155,7 +125,7 @@ def _apart(at: Moment) -> Iterator[Measure]:
             label = one.quantity.rpartition("_")[0].replace("_", " ")
             text = f"{label} of '{one.name}': measured {one.measured:.6g}, "
             text += f"computed {one.computed:.6g}; {one.outside or 0.0:.0%} of a minute apart"
-            yield _present(f"{one.name} {one.quantity}", WARNING, text)
+            yield present(f"{one.name} {one.quantity}", WARNING, text)
 
 
 def _touchdown(at: Moment) -> Iterator[Measure]:
@@ -163,7 +133,7 @@ def _touchdown(at: Moment) -> Iterator[Measure]:
     bed = at.shot.seabed
     if bed is not None and bed.payload_landed:
         text = f"payload on the seabed, which carries {bed.payload_push_n / 1e3:.1f} kN"
-        yield _present("payload", CAUTION, text)
+        yield present("payload", CAUTION, text)
 
 
 def _inputs(at: Moment) -> Iterator[Measure]:
@@ -174,9 +144,9 @@ def _inputs(at: Moment) -> Iterator[Measure]:
         label = name.replace("_", " ")
         if health.fault or health.stale:
             words = health.fault or health.note or "no sample is fresh"
-            yield _present(name, WARNING, f"{label}: {words}")
+            yield present(name, WARNING, f"{label}: {words}")
         elif health.warning:
-            yield _present(name, CAUTION, f"{label}: {health.warning}")
+            yield present(name, CAUTION, f"{label}: {health.warning}")
 
 
 def _quality(at: Moment) -> Iterator[Measure]:
@@ -190,39 +160,11 @@ def _quality(at: Moment) -> Iterator[Measure]:
         yield Measure(one.element, 1.0 - one.index, levels, text)
 
 
-def _payload(at: Moment) -> Iterator[Measure]:
-    """Find speed and depth of the payloads against the limits of the scene."""
-    shot, limits, crew = at.shot, at.scene.limits, at.scene.crew
-    fastest = crew.stricter("payload_speed_m_per_s", limits.payload_speed_m_per_s)
-    deepest = crew.stricter("payload_depth_m", limits.payload_depth_m)
-    bodies = [(one.name, one.position_m, one.velocity_m_per_s) for one in shot.payloads]
-    if not shot.payloads:
-        bodies = [("payload", shot.payload_position_m, shot.payload_velocity_m_per_s)]
-    levels = (NEAR_LIMIT, WARNING), (1.0, ALARM)
-    for name, position, velocity in bodies:
-        if fastest is not None:
-            speed = math.sqrt(float(velocity @ velocity))
-            text = f"speed of '{name}' {speed:.2f} m/s, limit {fastest:g} m/s"
-            yield Measure(f"{name} speed", speed / fastest, levels, text)
-        if deepest:
-            depth = -float(position[2])
-            text = f"depth of '{name}' {depth:.1f} m, limit {deepest:g} m"
-            yield Measure(f"{name} depth", depth / deepest, levels, text)
-
-
-def _broken(at: Moment) -> Iterator[Measure]:
-    """Find limits that are broken in an instant or along the rope, as snapshots record them."""
-    for one in at.shot.breaches:
-        watched = one.limit in ("landing_speed_m_per_s", "min_tension_n", "bend_radius", "strain")
-        if watched and at.shot.time_s - one.last_s <= EVENT_S:
-            yield _present(f"{one.where} {one.limit}", ALARM, breach_words(one))
-
-
 def _stopped(at: Moment) -> Iterator[Measure]:
     """Find winches in emergency stop."""
     for one in at.shot.winches:
         if one.mode == EMERGENCY_STOP:
-            yield _present(one.name, WARNING, f"'{one.name}' is in emergency stop")
+            yield present(one.name, WARNING, f"'{one.name}' is in emergency stop")
 
 
 def _cut(at: Moment) -> Iterator[Measure]:
@@ -230,7 +172,7 @@ def _cut(at: Moment) -> Iterator[Measure]:
     cut = at.shot.cut
     if cut is not None:
         text = f"rope cut at {cut.at_s:.1f} s, {cut.left_m:.1f} m left below the hang-off"
-        yield _present(cut.rope or "rope", ALARM, text)
+        yield present(cut.rope or "rope", ALARM, text)
 
 
 def _numerics(at: Moment) -> Iterator[Measure]:
@@ -239,7 +181,7 @@ def _numerics(at: Moment) -> Iterator[Measure]:
     failed = row is not None and row.level >= Level.ERROR
     if at.shot.doubtful or failed:
         words = row.message if row is not None and failed else "a step did not converge"
-        yield _present("solver", WARNING, words)
+        yield present("solver", WARNING, words)
 
 
 def _pace(at: Moment) -> Iterator[Measure]:
@@ -261,7 +203,7 @@ def _faults(at: Moment) -> Iterator[Measure]:
     """
     row = at.rows.get("simulation: faults")
     if row is not None and row.level > Level.OK:
-        yield _present("faults", WARNING if row.level >= Level.ERROR else CAUTION, row.message)
+        yield present("faults", WARNING if row.level >= Level.ERROR else CAUTION, row.message)
 
 
 def _forecast(at: Moment) -> Iterator[Measure]:
@@ -284,12 +226,7 @@ def _rows(at: Moment, names: tuple[str, ...], priority: Priority) -> Iterator[Me
     for name in names:
         row = at.rows.get(name)
         if row is not None and row.level > Level.OK:
-            yield _present(name.removeprefix("simulation: "), priority, row.message)
-
-
-def _present(where: str, priority: Priority, text: str) -> Measure:
-    """Return the measure of a situation that is either there or not."""
-    return Measure(where, 1.0, ((1.0, priority),), text)
+            yield present(name.removeprefix("simulation: "), priority, row.message)
 
 
 KINDS = (
@@ -310,6 +247,7 @@ KINDS = (
     Kind(10015, "supervision", _supervision, delay_s=5.0, hold_s=10.0),
     Kind(10016, "fault alarm", _faults, hold_s=0.0, category="A"),
     Kind(10017, "forecast", _forecast, delay_s=3.0, hold_s=10.0, deadband=0.3),
+    Kind(10018, "clearance", _clearance, hold_s=WAVES_S, category="A"),
 )
 
 
@@ -339,6 +277,7 @@ class Watch:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = SceneFigures(scene)
+        self._limits = LimitWatch(self._scene)
         self._rows: Mapping[str, Status] = {}
         self._gates: dict[tuple[int, str], dict[float, _Gate]] = {}
         self._texts: dict[tuple[int, str], tuple[Levels, str]] = {}
@@ -356,7 +295,7 @@ class Watch:
     @property
     def crew(self) -> CrewLimits:
         """Return the limits that the crew sets."""
-        return self._scene.crew
+        return self._limits.crew
 
     def take_rows(self, rows: list[Status]) -> None:
         """Take the newest rows of the diagnostics."""
@@ -366,7 +305,7 @@ class Watch:
         """Return the situations at the time of a snapshot."""
         least, share = self._least_payload_n(shot), self._share_at_limit(shot)
         risk = self._risk if shot.stamp_ns - self._risk_ns <= RISK_AGE_NS else {}
-        moment = Moment(shot, self._rows, self._scene, least, share, risk)
+        moment = Moment(shot, self._rows, self._scene, self._limits, least, share, risk)
         found: list[Situation] = []
         for kind in KINDS:
             measures = {one.where: one for one in kind.find(moment)}

@@ -6,6 +6,7 @@ import dataclasses
 from contextlib import suppress
 from typing import Any
 
+from rope_twin.alerts.limits import CREW_LIMITS, impossible_limits, scene_limits
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import RopeTwinError, SceneError
@@ -47,6 +48,7 @@ def scene_facts(scene: Scene) -> dict[str, Any]:
             for number, line in enumerate(scene.ropes)
         ],
         "limits": limits,
+        "crew_limits": _crew_limits(scene),
         "payloads": [_payload(scene, number) for number in range(len(scene.payloads))],
         "winches": {name: _winch(scene, winch) for name, winch in winches_by_name(scene).items()},
         "hang_off_m": list(scene.ship.hang_off_m),
@@ -64,6 +66,16 @@ def session_facts(data: bytes) -> dict[str, Any]:
         return scene_facts(Session.read(decode_json(SESSION_TOPIC, data)).scene())
     except RopeTwinError as error:
         return {"reason": str(error)}
+
+
+def _crew_limits(scene: Scene) -> list[dict[str, Any]]:
+    """Return the limits that a crew may set, each with the scene's own or what the scene lacks."""
+    own, lacks = scene_limits(scene), impossible_limits(scene)
+    return [
+        {"name": name, "unit": limit.unit, "at_least": limit.at_least, "scene": own[name],
+         "lacks": lacks.get(name, "")}
+        for name, limit in CREW_LIMITS.items()
+    ]  # fmt: skip
 
 
 def _payload(scene: Scene, number: int) -> dict[str, Any]:

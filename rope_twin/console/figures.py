@@ -110,13 +110,23 @@ class View(NamedTuple):
     profile: Sequence[Values]
 
 
+def limit(values: Values, facts: Values, name: str) -> float | None:
+    """Return the stricter of a limit of the scene and the crew's; None: there is neither."""
+    rows: Sequence[Values] = facts.get("crew_limits", ())
+    of_scene = next((row for row in rows if row["name"] == name), {})
+    both = (of_scene.get("scene", (facts.get("limits") or {}).get(name)), crew_limit(values, name))
+    return (max if of_scene.get("at_least") else min)(filter(known, both), default=None)
+
+
 def of_rope(view: View, rope: int) -> View:
     """Return the view of a rope, by its number; its limit is the stricter of scene and crew."""
     values, facts = dict(view.values), dict(view.facts)
-    ropes, crew = facts.get("ropes") or (), crew_limit(values, "tension_n")
+    ropes = facts.get("ropes") or ()
     own = dict(ropes[rope]) if rope < len(ropes) else {}
-    if crew is not None:
-        own["allowed_n"] = min(crew, own.get("allowed_n", crew))
+    share = crew_limit(values, "utilisation")
+    shared_n = scaled(own.get("breaking_load_n"), share) if share is not None else None
+    allowed_n = (own.get("allowed_n"), crew_limit(values, "tension_n"), shared_n)
+    own["allowed_n"] = min(filter(known, allowed_n), default=None)
     facts["ropes"] = [own]
     names = {"winches": own.get("winch"), "payloads": own.get("payload")}
     if len(ropes) > 1:
@@ -151,10 +161,10 @@ def big_figures(values: Values, facts: Values, units: Units) -> list[Figure]:
     note, warns = _compared(values, "top_tension_n", units.forces, _computed(values, units))
     allowed = rope.get("allowed_n")
     over = known(allowed) and known(tension) and tension > allowed
-    limit = winch.get("speed_limit_m_per_s")
+    fastest = winch.get("speed_limit_m_per_s")
     way = _direction(rate, units)
-    if known(limit):
-        way += f", limit ±{units.speeds(limit)}"
+    if known(fastest):
+        way += f", limit ±{units.speeds(fastest)}"
     return [
         Figure("Line out", fixed(length, 1), "m", "ropes/length", out, out_warns),
         Figure("Line speed", units.speeds(rate, True), units.speed, "ropes/length", way),
@@ -171,16 +181,23 @@ def payload_figures(values: Values, profile: Sequence[Values], facts: Values,
     place, speed = payload.get("place_m") or [None] * 3, payload.get("velocity_m_per_s")
     down = speed[2] if speed else None
     height, rows = height_above_bed_m(values, facts), []
-    rows.append(Figure("Payload depth", fixed(_negated(place[2]), 1), "m", topic))
+    depth, deepest = _negated(place[2]), limit(values, facts, "payload_depth_m")
+    over = known(depth) and known(deepest) and depth > deepest
+    rows.append(
+        Figure("Payload depth", fixed(depth, 1), f"m{_side('≤', deepest)}", topic, "", over)
+    )
     arrow = "" if not known(down) else "↓ " if down < 0.0 else "↑ "
     size = abs(down) if known(down) else None
     rows.append(Figure("Vertical speed", arrow + units.speeds(size), units.speed, topic))
     if height is not None:
-        rows.append(Figure("Above the bed", fixed(height, 1), "m", topic))
+        clear = limit(values, facts, "bed_clearance_m")
+        low = known(clear) and height < clear
+        rows.append(
+            Figure("Above the bed", fixed(height, 1), f"m{_side('≥', clear)}", topic, "", low)
+        )
     least = _at(profile).get("least_n")
     if known(least):
-        limit = (facts.get("limits") or {}).get("min_tension_n")
-        margin = least - (limit if known(limit) else 0.0)
+        margin = least - (limit(values, facts, "min_tension_n") or 0.0)
         text = units.forces(margin)
         rows.append(Figure("Slack margin", text, units.force, "ropes/nodes", "", margin < 0))
     return rows
@@ -252,11 +269,11 @@ def risk_lines(values: Values, units: Units) -> list[str]:
     rows = [found[span] for span in RISK_SPANS_S if span in found]
     if not rows:
         return []
-    limit = f"{units.forces(rows[0]['tension_limit_n'])} {units.force}"
+    most = f"{units.forces(rows[0]['tension_limit_n'])} {units.force}"
     spans = "/".join(f"{row['span_s']:.0f}" for row in rows)
     lines = [
         f"{name} in {spans} s: {'/'.join(_percent(row[key]) for row in rows)} %"
-        for name, key in ((f"P(> {limit})", "tension"), ("P(slack)", "slack"))
+        for name, key in ((f"P(> {most})", "tension"), ("P(slack)", "slack"))
     ]
     if any(row["climatology"] for row in rows):
         lines[-1] += ", the last by climatology"
@@ -334,6 +351,10 @@ def _direction(rate: float | None, units: Units) -> str:
 
 def _percent(share: float | None) -> str:
     return fixed(None if share is None else 100.0 * share, 0)
+
+
+def _side(sign: str, value: float | None) -> str:
+    return f" {sign} {fixed(value, 0)}" if known(value) else ""
 
 
 def _negated(value: float | None) -> float | None:

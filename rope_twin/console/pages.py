@@ -118,8 +118,8 @@ class Pages:
         self.pages: dict[int, Page] = {}
         self.extra: dict[str, Callable[[], Values]] = {}  # further parts of `state`, by name
         self.before_tick: list[Callable[[], None]] = []
-        # each is called with a row of the trend of the first rope
-        self.rows: list[Callable[[Values], None]] = []
+        # each is called with a row of the trend of each rope
+        self.rows: list[Callable[[list[Values]], None]] = []
         self.pace = 1.0  # rows over those of a run, for a test of hours in minutes
         self._number = 0
         self._rows = 0
@@ -184,7 +184,7 @@ class Pages:
         rows = self.trend.add(readings, self.facts)
         if rows is not None:
             for take in self.rows:
-                take(rows[0])
+                take(rows)
         self._send_row(changed, rows, now_s)
         if self._rows % PROFILE_EVERY == 0:
             self._send_profile()

@@ -12,11 +12,11 @@ import csv
 import io
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Protocol
 
-from rope_twin.alerts.crew_limits import CREW_LIMITS, SCENE
+from rope_twin.alerts.limits import CREW_LIMITS, SCENE
 from rope_twin.console.control import FEEDBACK_S, Desk
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import Values, crew_limit
@@ -31,27 +31,41 @@ Outcome = tuple[bool, str]  # whether it was done, and words
 
 
 @dataclass
-class Cast:
-    """Extremes of the first rope and payload between two times."""
+class Extremes:
+    """Extremes of a rope and its payload."""
 
-    number: int
-    from_s: float  # Unix time [s]
-    to_s: float
-    open: bool = True
     deepest_m: float | None = None
     longest_m: float | None = None
     highest_n: float | None = None
     lowest_n: float | None = None
 
-    def see(self, row: Mapping[str, float | None], now_s: float) -> None:
+    def see(self, row: Mapping[str, float | None]) -> None:
         """Take a row of the trend."""
-        self.to_s = now_s
         self.deepest_m = _larger(self.deepest_m, row["depth_m"])
         self.longest_m = _larger(self.longest_m, row["line_out_m"])
         self.highest_n = _larger(self.highest_n, row["tension_n"])
         lowest = None if row["tension_n"] is None else -row["tension_n"]
         found = _larger(None if self.lowest_n is None else -self.lowest_n, lowest)
         self.lowest_n = None if found is None else -found
+
+
+@dataclass
+class Cast:
+    """Extremes of each rope between two times."""
+
+    number: int
+    from_s: float  # Unix time [s]
+    to_s: float
+    open: bool = True
+    ropes: list[Extremes] = field(default_factory=list)
+
+    def see(self, rows: Sequence[Mapping[str, float | None]], now_s: float) -> None:
+        """Take a row of the trend of each rope."""
+        self.to_s = now_s
+        while len(self.ropes) < len(rows):
+            self.ropes.append(Extremes())
+        for rope, row in zip(self.ropes, rows, strict=False):
+            rope.see(row)
 
 
 @dataclass(frozen=True)
@@ -79,11 +93,11 @@ class Log:
         self.pages.extra["log"] = self.state
         desk.further |= {"mark": self._mark, "new_cast": self._new_cast}
 
-    def see(self, row: Mapping[str, float | None]) -> None:
-        """Take a row of the trend."""
+    def see(self, rows: Sequence[Mapping[str, float | None]]) -> None:
+        """Take a row of the trend of each rope."""
         if not self.casts:
             self._begin()
-        self.casts[-1].see(row, self.now_s())
+        self.casts[-1].see(rows, self.now_s())
 
     def state(self) -> Values:
         """Return casts and newest markers for the pages; times of the open cast by the second."""
@@ -93,9 +107,15 @@ class Log:
         return {"casts": casts, "markers": [asdict(one) for one in self.markers[-SHOWN_MARKERS:]]}
 
     def casts_csv(self) -> str:
-        """Return all casts as CSV."""
-        names = [name for name in Cast.__dataclass_fields__ if name != "open"]
-        return _csv(names, [[getattr(one, name) for name in names] for one in self.casts])
+        """Return all casts as CSV, rope by rope."""
+        extremes = list(Extremes.__dataclass_fields__)
+        rows = [
+            [one.number, one.from_s, one.to_s, self._rope(number)]
+            + [getattr(rope, name) for name in extremes]
+            for one in self.casts
+            for number, rope in enumerate(one.ropes)
+        ]
+        return _csv(["number", "from_s", "to_s", "rope", *extremes], rows)
 
     def markers_csv(self) -> str:
         """Return all markers as CSV."""
@@ -104,13 +124,17 @@ class Log:
 
     def trend_csv(self) -> str:
         """Return the rows of the last minute as CSV, rope by rope."""
-        trend, named = self.pages.trend, self.pages.readings.values.get("ropes") or ()
+        trend = self.pages.trend
         rows: list[list[Any]] = []
         for rope in range(trend.ropes):
-            name = named[rope] if rope < len(named) else ""
+            name = self._rope(rope)
             columns = trend.columns(rope)
             rows += [[name, *row] for row in zip(*columns.values(), strict=True)]
         return _csv(["rope", *trend.columns()], rows)
+
+    def _rope(self, number: int) -> str:
+        named = self.pages.readings.values.get("ropes") or ()
+        return named[number] if number < len(named) else ""
 
     def _begin(self) -> None:
         now_s = self.now_s()
@@ -239,6 +263,7 @@ class Requests:
             return ""
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (number and math.isfinite(value) and value > 0.0):  # type: ignore[arg-type,operator]
-            right = f"give a positive number in {CREW_LIMITS[name]}"
+            unit = CREW_LIMITS[name].unit
+            right = f"give a positive number{unit and f' in {unit}'}"
             return phrase(f"limit {name}", f"{value!r}", right)
         return ""

@@ -27,6 +27,7 @@ from rope_twin.console.figures import (
     alert_rows,
     big_figures,
     known,
+    limit,
     of_rope,
     payload_figures,
     quality_lines,
@@ -259,8 +260,8 @@ class TerminalConsole(App[None]):
         if width < 20 or height < 4:
             return
         units, styles, trend = self.units, self._styles, self.pages.trend
-        limits = view.facts.get("limits") or {}
-        known_n = (view.facts["ropes"][0].get("allowed_n"), limits.get("min_tension_n"))
+        least_n = limit(view.values, view.facts, "min_tension_n")
+        known_n = (view.facts["ropes"][0].get("allowed_n"), least_n)
         marks = [one * units.per_newton for one in known_n if known(one)]
         forecast = None if self._rope else view.values.get("forecast")  # it is of the first rope
         shown = curves(trend.columns(min(self._rope, trend.ropes - 1)), forecast, units, styles)

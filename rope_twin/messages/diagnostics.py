@@ -86,6 +86,8 @@ _LIMITS_IN_WORDS = {  # name of the limited quantity, scale, unit and number for
     "payload_speed_m_per_s": ("speed of", 1.0, " m/s", ".3g"),
     "payload_depth_m": ("depth of", 1.0, " m", ".1f"),
     "landing_speed_m_per_s": ("landing speed of", 1.0, " m/s", ".3g"),
+    "bed_clearance_m": ("height above the bed of", 1.0, " m", ".1f"),
+    "line_clearance_m": ("distance between", 1.0, " m", ".3g"),
 }
 
 

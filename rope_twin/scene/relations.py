@@ -404,10 +404,14 @@ def _two_ways(scene: Scene) -> Iterator[Fault]:
 
 
 def _limits(scene: Scene) -> Iterator[Fault]:
-    """Limits refer to a seabed and a bend radius that the scene has."""
-    if scene.limits.landing_speed_m_per_s is not None and scene.listed(SeabedParams) is None:
-        right = "add the effect `seabed`, or remove this limit"
-        yield "limits.landing_speed_m_per_s", "the scene has no seabed to land on", right
+    """Limits refer to a seabed, two lines and a bend radius that the scene has."""
+    for name, what in (("landing_speed_m_per_s", "the scene has no seabed to land on"),
+                       ("bed_clearance_m", "the scene has no seabed")):  # fmt: skip
+        if getattr(scene.limits, name) is not None and scene.listed(SeabedParams) is None:
+            yield f"limits.{name}", what, "add the effect `seabed`, or remove this limit"
+    if scene.limits.line_clearance_m is not None and len(scene.sheaves) != 1:
+        what = "the scene has no two lines around one sheave"
+        yield "limits.line_clearance_m", what, "add the sheave, or remove this limit"
     made_of = [section.rope for line in scene.ropes for section in line.made_of]
     if scene.limits.bend_radius and not any(rope.minimum_bend_radius_m for rope in made_of):
         right = "give a rope its minimum_bend_radius_m, or remove this limit"

@@ -227,6 +227,13 @@ class Limits:
     landing_speed_m_per_s: float | None = quantity(
         "maximum landing velocity of a payload on the seabed", "m/s", 1e-3, 1e2, default=None
     )
+    bed_clearance_m: float | None = quantity(
+        "minimum height of a payload above the seabed", "m", 1e-3, 1.2e4, default=None
+    )
+    line_clearance_m: float | None = quantity(
+        "minimum horizontal distance of the two lines around a sheave", "m", 1e-3, 1e3,
+        default=None,
+    )  # fmt: skip
 
 
 Params = TypeVar("Params")

@@ -69,8 +69,10 @@ LINE_OUT_TOL_M = 0.02  # the static tension is computed again when the line out 
 MOST_N = 1e12
 SUPPORT_TOL = 0.05  # of the tension at the lower end: less is the lowest element's own weight
 ROPE_LIMITS = ("tension_n", "utilisation", "strain", "min_tension_n", "bend_radius")
-PAYLOAD_LIMITS = ("payload_speed_m_per_s", "payload_depth_m", "landing_speed_m_per_s")
-_AT_LEAST = ("min_tension_n", "bend_radius")
+PAYLOAD_LIMITS = ("payload_speed_m_per_s", "payload_depth_m", "landing_speed_m_per_s",
+                  "bed_clearance_m")  # fmt: skip
+LINES = "the two lines"  # around a sheave: the place of the limit line_clearance_m
+AT_LEAST = ("min_tension_n", "bend_radius", "bed_clearance_m", "line_clearance_m")
 _STORED = ("radius_m", "line_out_m", "at_s", "minimum_m", "element_m")  # fields of a Bend
 
 
@@ -139,7 +141,7 @@ class LoadRecord:
         self._begun = self._broken = False
         # for each limit: first and last time [s], worst value and its time [s]; -inf: not exceeded
         count = ropes * len(ROPE_LIMITS) + len(rules.payloads) * len(PAYLOAD_LIMITS)
-        self._found = [[-math.inf] * 4 for _ in range(count)]
+        self._found = [[-math.inf] * 4 for _ in range(count + 1)]  # the last: of the two lines
 
     def look(
         self, taken: Snapshot, rules: LoadRules, bends: tuple[RopeBend, ...]
@@ -152,7 +154,7 @@ class LoadRecord:
         ]
         limits = rules.limits
         if limits.min_tension_n is not None:
-            for r, low_n in enumerate(_lowest(taken)[:known]):
+            for r, low_n in enumerate(lowest_n(taken)[:known]):
                 if low_n < limits.min_tension_n:
                     self._break(self._row(r, 3), -low_n, taken.time_s)
         if limits.bend_radius:
@@ -162,6 +164,11 @@ class LoadRecord:
                     self._break(row, -bend.now.radius_m, taken.time_s)
         if rules.watches_payload and rules.payloads:
             self._look_at_payloads(taken, rules)
+        apart = limits.line_clearance_m
+        if apart is not None and taken.lines is not None:
+            distance_m = taken.lines.nearest.distance_m
+            if distance_m < apart:
+                self._break(len(self._found) - 1, -distance_m, taken.time_s)
         self._begun = True
         return tuple(strength), tuple(self._breaches(rules)) if self._broken else ()
 
@@ -207,10 +214,10 @@ class LoadRecord:
                 self._break(self._row(r, number), value, time_s)
 
     def _look_at_payloads(self, taken: Snapshot, rules: LoadRules) -> None:
-        limits, sinking = rules.limits, 0.0
+        limits, sinking, deepest = rules.limits, 0.0, -math.inf
         first = len(rules.ropes) * len(ROPE_LIMITS)
-        lowest = 0
-        for number, (position, velocity) in enumerate(_payloads(taken, len(rules.payloads))):
+        lowest = nearest = 0
+        for number, (position, velocity) in enumerate(payload_motions(taken, len(rules.payloads))):
             row = first + number * len(PAYLOAD_LIMITS)
             x, y, z = velocity.tolist()
             depth_m = -float(position[2])
@@ -222,8 +229,15 @@ class LoadRecord:
                 self._break(row + 1, depth_m, taken.time_s)
             if -z > sinking:
                 sinking, lowest = -z, number
+            if depth_m > deepest:
+                deepest, nearest = depth_m, number
         bed = taken.seabed
-        if limits.landing_speed_m_per_s is None or bed is None:
+        if bed is None:
+            return
+        height_m = bed.payload_height_m
+        if limits.bed_clearance_m is not None and height_m < limits.bed_clearance_m:
+            self._break(first + nearest * len(PAYLOAD_LIMITS) + 3, -height_m, taken.time_s)
+        if limits.landing_speed_m_per_s is None:
             return
         speed = max(sinking, self._sinking)
         if bed.payload_landed and not self._landed and speed > limits.landing_speed_m_per_s:
@@ -245,12 +259,13 @@ class LoadRecord:
     def _breaches(self, rules: LoadRules) -> Iterator[LimitBreach]:
         names = [(key, name) for name in rules.ropes for key in ROPE_LIMITS]
         names += [(key, name) for name in rules.payloads for key in PAYLOAD_LIMITS]
+        names.append(("line_clearance_m", LINES))
         for (key, name), (first_s, last_s, worst, worst_s) in zip(names, self._found, strict=True):
             if first_s == -math.inf:
                 continue
             bent = key == "bend_radius"
             limit = rules.radius_m(name) if bent else getattr(rules.limits, key)
-            value = -worst if key in _AT_LEAST else worst
+            value = -worst if key in AT_LEAST else worst
             yield LimitBreach(key, name, float(limit), first_s, last_s, value, worst_s)
 
 
@@ -280,14 +295,14 @@ def _tension_at(strain_at: Callable[[float], float], strain: float) -> float:
     return high
 
 
-def _lowest(taken: Snapshot) -> list[float]:
+def lowest_n(taken: Snapshot) -> list[float]:
     """Return the minimum tension of each rope [N]; a single rope's top counts in every step."""
     if not taken.ropes:
         return [min(taken.tension_top_min_n, float(taken.element_tension_n.min()))]
     return [float(rope.element_tension_n.min()) for rope in taken.ropes]
 
 
-def _payloads(taken: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
+def payload_motions(taken: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
     """Return position [m] and velocity [m/s] of each payload, (3,) each."""
     if taken.payloads:
         return [(one.position_m, one.velocity_m_per_s) for one in taken.payloads]

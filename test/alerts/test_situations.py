@@ -82,7 +82,7 @@ def test_a_crew_can_only_be_stricter_than_the_scene(scene: Any) -> None:
     assert crew.row().values == {"tension_n": "60000.0"}
     assert course.see(0.02, tension_top_max_n=6.1e4) == {key: Priority.ALARM}
     assert crew.command("limit payload_depth_m 2000") == "limit payload_depth_m: 2000 m"
-    assert course.see(0.02)[10010, "payload depth"] is Priority.ALARM  # it hangs at 3,000 m
+    assert course.see(0.02)[10010, "tool depth"] is Priority.ALARM  # it hangs at 3,000 m
     crew.command("limit payload_depth_m scene")
     crew.command("limit tension_n scene")
     assert course.see(40.0, tension_top_max_n=6.1e4) == {}
@@ -92,6 +92,73 @@ def test_a_crew_can_only_be_stricter_than_the_scene(scene: Any) -> None:
         with pytest.raises(InputError):
             crew.command(f"limit {words}")
     assert course.see(1.0, tension_top_max_n=6.1e4) == {}
+
+
+@pytest.fixture(scope="module")
+def with_bed(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A scene with a seabed, a minimum bend radius and a clearance from the bed."""
+    path = tmp_path_factory.mktemp("alerts") / "bed.yaml"
+    text = SMALL_SCENE.replace("effects:", "effects:\n  - seabed: {depth_m: 3100.0}")
+    assert "seabed" in text
+    path.write_text(text + "limits: {bed_clearance_m: 20.0, min_tension_n: 1000.0}\n")
+    return load_scene(path)
+
+
+def commanded(scene: Any, *limits: str) -> Course:
+    """A course whose crew has set limits."""
+    course = Course(scene)
+    for words in limits:
+        course.watch.crew.set(*words.split())
+    return course
+
+
+def test_a_crews_share_of_the_breaking_load_is_a_limit(scene: Any) -> None:
+    course = commanded(scene, "utilisation 0.08")
+    assert course.see(0.02, tension_top_max_n=8.1e4) == {(10001, "hoist"): Priority.ALARM}
+
+
+def test_a_payload_near_the_bed_is_a_clearance(with_bed: Any) -> None:
+    course, key = Course(with_bed), (10018, "bed")
+
+    def at_height(height_m: float) -> Any:
+        return replace(hanging_rope().seabed, payload_height_m=height_m, payload_push_n=0.0)
+
+    assert course.see(0.02, seabed=at_height(22.0)) == {}
+    assert course.see(0.02, seabed=at_height(20.5)) == {key: Priority.WARNING}
+    assert course.see(0.02, seabed=at_height(19.9)) == {key: Priority.ALARM}
+    assert course.see(0.02, seabed=at_height(-0.1)) == {key: Priority.ALARM}
+    assert course.see(61.0, seabed=at_height(50.0)) == {}
+    with pytest.raises(InputError, match="not stricter"):
+        course.watch.crew.set("bed_clearance_m", "15")
+    course.watch.crew.set("bed_clearance_m", "60")
+    assert course.see(0.02, seabed=at_height(50.0)) == {key: Priority.ALARM}
+
+
+def test_a_crews_limits_along_the_rope_and_of_a_landing(with_bed: Any) -> None:
+    course = commanded(with_bed, "min_tension_n 5000", "landing_speed_m_per_s 0.3")
+    low = course.quiet.element_tension_n * 0.0 + 4e3
+    key = (10011, "hoist min_tension_n")
+    assert course.see(0.02, element_tension_n=low) == {key: Priority.ALARM}
+    assert course.see(9.9) == {key: Priority.ALARM}, "a moment that each wave brings is one alert"
+    assert course.see(0.2) == {}
+    falling = course.quiet.payload_velocity_m_per_s.copy()
+    falling[2] = -0.4
+    above = replace(hanging_rope().seabed, payload_push_n=0.0, payload_height_m=30.0)
+    course.see(0.1, seabed=above, payload_velocity_m_per_s=falling)
+    found = course.see(0.02, seabed=hanging_rope().seabed)
+    assert [where for number, where in found if number == 10011] == ["tool landing_speed_m_per_s"]
+    course.watch.crew.set("landing_speed_m_per_s", "scene")
+    assert 10011 not in [number for number, _ in course.see(0.02, seabed=above)]
+
+
+def test_a_crew_sets_no_limit_of_what_the_scene_has_not(scene: Any, with_bed: Any) -> None:
+    crew = AlertMonitor(scene)
+    for words, lacks in (("bed_clearance_m 10", "a seabed"), ("bend_radius_m 2", "bend"),
+                         ("line_clearance_m 1", "two lines")):  # fmt: skip
+        with pytest.raises(InputError, match=lacks):
+            crew.command(f"limit {words}")
+    with pytest.raises(InputError, match="give more"):
+        AlertMonitor(with_bed).command("limit min_tension_n 900")
 
 
 def test_a_limit_that_each_wave_exceeds_is_one_alert(scene: Any) -> None:
@@ -213,7 +280,7 @@ def test_events_and_modes(scene: Any) -> None:
     fast = replace(course.quiet).payload_velocity_m_per_s.copy()
     fast[2] = -1.95
     assert course.see(0.1, payload_velocity_m_per_s=fast) == {
-        (10010, "payload speed"): Priority.WARNING
+        (10010, "tool speed"): Priority.WARNING
     }
     course.see(31.0)
     landing = LimitBreach("landing_speed_m_per_s", "tool", 0.5, 45.0, 45.0, 0.8, 45.0)

@@ -22,7 +22,7 @@ from sample_snapshot import lifted
 from textual.pilot import Pilot
 from textual.widgets import Digits, Static
 
-from rope_twin.alerts.crew_limits import CrewLimits
+from rope_twin.alerts.limits import CrewLimits
 from rope_twin.cli import main
 from rope_twin.console.chart import LABEL, Curve, Styles, curves, draw
 from rope_twin.console.figures import (

@@ -84,6 +84,8 @@ def test_a_scene_that_exceeds_a_limit_in_static_equilibrium_has_a_code(
         ("{tensoin_n: 1.0}", "limits.tensoin_n: unknown key; did you mean 'tension_n'"),
         ("{strain: 5.0}", "limits.strain: 5 is out of range; give 0.0001 to 1"),
         ("{landing_speed_m_per_s: 1.0}", "landing_speed_m_per_s: the scene has no seabed"),
+        ("{bed_clearance_m: 5.0}", "limits.bed_clearance_m: the scene has no seabed"),
+        ("{line_clearance_m: 1.0}", "limits.line_clearance_m: the scene has no two lines"),
         ("{bend_radius: true}", "limits.bend_radius: no rope of the scene has a minimum bend"),
     ],
 )
@@ -176,20 +178,40 @@ def test_a_landing_faster_than_allowed(tmp_path: Path) -> None:
     """
     more = "  - seabed: {depth_m: 1007.0}\n  - current: {profile: [[0.0, [0.0, 0.0]]]}"
     text = STILL.path.read_text(encoding="utf-8").replace(
-        "effects:", f"limits: {{landing_speed_m_per_s: 0.3}}\neffects:\n{more}"
+        "effects:",
+        f"limits: {{landing_speed_m_per_s: 0.3, bed_clearance_m: 0.5}}\neffects:\n{more}",
     )
     path = tmp_path / "bed.yaml"
     path.write_text(text.replace("elements: 50", "elements: 20"), encoding="utf-8")
     twin = Twin(load_scene(path))
     twin.offer_speed(None, 0.5)
     while not (bed := twin.snapshot().seabed) or not bed.payload_landed:
-        assert not twin.snapshot().breaches
+        expected = {"bed_clearance_m"} if bed and bed.payload_height_m < 0.5 else set()
+        assert set(breaches(twin.snapshot())) == expected
         twin.advance(2)
         assert twin.time_ns < 30e9
     twin.advance(10)
     landing = breaches(twin.snapshot())["landing_speed_m_per_s"]
     assert landing.where == "module"
     assert landing.worst == pytest.approx(0.5, abs=0.25)
+    near = breaches(twin.snapshot())["bed_clearance_m"]
+    assert near.worst <= 0.0 < near.allowed, "it lies on the bed"
+
+
+def test_two_lines_nearer_than_allowed() -> None:
+    scene = load_scene("two_line_loop")
+    nearest_m = 0.0
+    for limit_m in (1e-3, 1e3):
+        twin = Twin(replace(scene, limits=Limits(line_clearance_m=limit_m)))
+        twin.advance(2)
+        shot = twin.snapshot()
+        assert shot.lines is not None
+        nearest_m = shot.lines.nearest.distance_m
+        found = breaches(shot).get("line_clearance_m")
+        assert (found is not None) == (nearest_m < limit_m)
+    assert found is not None
+    assert found.worst == nearest_m
+    assert found.allowed == 1e3
 
 
 def test_bends_below_the_ropes_own_minimum_are_a_limit(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from sample_snapshot import RESIDUAL, hanging_rope
 
 from rope_twin import Snapshot, messages
 from rope_twin.alerts.alert_list import Alert, Priority, State
-from rope_twin.alerts.crew_limits import CrewLimits
+from rope_twin.alerts.limits import CREW_LIMITS, CrewLimits
 from rope_twin.console.control import Desk, Token
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
@@ -31,6 +31,12 @@ FACTS: Values = {
     "ropes": [{"name": "rope", "breaking_load_n": 1.0e6, "allowed_n": 5.0e5, "length_m": 3000.0,
                "minimum_bend_radius_m": None}],
     "limits": {"tension_n": 5.0e5, "min_tension_n": 1.0e4},
+    "crew_limits": [
+        {"name": name, "unit": one.unit, "at_least": one.at_least,
+         "lacks": one.needs if "lines" in one.needs else "",
+         "scene": {"tension_n": 5.0e5, "min_tension_n": 1.0e4}.get(name)}
+        for name, one in CREW_LIMITS.items()
+    ],
     "payloads": [{"name": "payload", "mass_kg": 2e4, "submerged_n": 1.6e5}],
     "winches": {"winch": {"speed_limit_m_per_s": 1.0, "acceleration_limit_m_per_s2": 0.3,
                           "least_line_out_m": 100.0, "most_line_out_m": 3200.0,

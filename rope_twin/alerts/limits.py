@@ -1,0 +1,291 @@
+"""Limits of scene and crew, and the alerts that follow them.
+
+A crew sets limits during a run; it can only be stricter than the scene, so that no alert of the
+scene's limits is lost. The limits in force are a row of the diagnostics; the commands are in every
+bag (`alerts/command`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from rope_twin.alerts.alert_list import Priority
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.messages.diagnostics import breach_words
+from rope_twin.messages.reports import crew_limits_row
+from rope_twin.messages.status import Status
+from rope_twin.scene.lift import LiftFigures, lift_figures
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.run_record import LINES, LoadRules, lowest_n, payload_motions, watches_bends
+from rope_twin.twin.snapshot import LimitBreach, Snapshot
+
+NEAR_LIMIT = 0.95  # of a limit: a warning
+WITHOUT_LIMIT = 0.5  # of the MBL, where a scene gives no limit: codes allow less (UNOLS: 1/FS)
+EVENT_S = 10.0  # an event, such as a landing too fast, is a present situation for so long
+CAUTION, WARNING, ALARM = Priority.CAUTION, Priority.WARNING, Priority.ALARM
+SCENE = "scene"  # in place of a number: the scene's limit alone applies again
+
+
+class CrewLimit(NamedTuple):
+    """Limit that a crew can set."""
+
+    unit: str
+    at_least: bool = False  # stricter is more
+    needs: str = ""  # that a scene must have; "": any scene can have it
+
+
+_BED, _PAYLOAD, _LINES = "a seabed", "a payload", "two lines around one sheave"
+_BENDS = "a rope with bending stiffness or a minimum bend radius"
+CREW_LIMITS = {
+    "tension_n": CrewLimit("N"),
+    "utilisation": CrewLimit(""),
+    "min_tension_n": CrewLimit("N", at_least=True),
+    "bend_radius_m": CrewLimit("m", at_least=True, needs=_BENDS),
+    "payload_depth_m": CrewLimit("m", needs=_PAYLOAD),
+    "payload_speed_m_per_s": CrewLimit("m/s", needs=_PAYLOAD),
+    "landing_speed_m_per_s": CrewLimit("m/s", needs=_BED),
+    "bed_clearance_m": CrewLimit("m", at_least=True, needs=_BED),
+    "line_clearance_m": CrewLimit("m", at_least=True, needs=_LINES),
+}
+Levels = tuple[tuple[float, Priority], ...]
+_BROKEN = ("landing_speed_m_per_s", "min_tension_n", "bend_radius", "strain")
+_NEARING: Levels = ((NEAR_LIMIT, WARNING), (1.0, ALARM))
+
+
+class Measure(NamedTuple):
+    """Measure of a situation at one place."""
+
+    where: str
+    value: float  # a level is reached from its threshold up
+    levels: Levels
+    text: str
+
+
+def present(where: str, priority: Priority, text: str) -> Measure:
+    """Return the measure of a situation that is either there or not."""
+    return Measure(where, 1.0, ((1.0, priority),), text)
+
+
+def scene_limits(scene: Scene) -> dict[str, float | None]:
+    """Return the scene's own limits by the names of CREW_LIMITS; None: it gives none."""
+    own, rules = scene.limits, LoadRules(scene)
+    radii = [rules.radius_m(name) for name in rules.ropes] if own.bend_radius else []
+    found = {name: getattr(own, name) for name in CREW_LIMITS if name != "bend_radius_m"}
+    return found | {"tension_n": max(rules.allowed_n), "bend_radius_m": max(radii, default=None)}
+
+
+def impossible_limits(scene: Scene) -> dict[str, str]:
+    """Return the names of CREW_LIMITS that a scene cannot have, with what it lacks."""
+    has = {
+        "": True,
+        _BED: scene.listed(SeabedParams) is not None,
+        _PAYLOAD: bool(scene.payloads),
+        _LINES: len(scene.sheaves) == 1,
+        _BENDS: watches_bends(scene),
+    }
+    return {name: limit.needs for name, limit in CREW_LIMITS.items() if not has[limit.needs]}
+
+
+class CrewLimits:
+    """Limits set by a crew, by the names of those of a scene."""
+
+    def __init__(
+        self, of_scene: Mapping[str, float | None], impossible: Mapping[str, str] | None = None
+    ) -> None:
+        """Set no limit.
+
+        Args:
+            of_scene: the scene's own, None where it has none.
+            impossible: those that the scene cannot have, and what it lacks.
+        """
+        self._of_scene, self._impossible = of_scene, impossible or {}
+        self._set: dict[str, float] = {}
+
+    def set(self, name: str, words: str) -> str:
+        """Set or end a limit and return the answer in words.
+
+        words: a number in SI units, or SCENE.
+
+        Raises:
+            InputError: no such limit, no positive number, or not stricter than the scene's.
+        """
+        where = f"limit {name}"
+        if name not in CREW_LIMITS:
+            raise InputError(phrase(where, "no such limit", did_you_mean(name, CREW_LIMITS)))
+        unit, at_least, _ = CREW_LIMITS[name]
+        if name in self._impossible:
+            what = f"the scene has not {self._impossible[name]}"
+            raise InputError(phrase(where, what, "set another limit"))
+        if words == SCENE:
+            self._set.pop(name, None)
+            return f"{where}: that of the scene"
+        try:
+            value = float(words)
+        except ValueError:
+            value = math.nan
+        if not (value > 0.0 and math.isfinite(value)):
+            right = f"give a positive number{unit and f' in {unit}'}, or {SCENE}"
+            raise InputError(phrase(where, f"'{words}'", right))
+        scene = self._of_scene.get(name)
+        if scene is not None and (value <= scene if at_least else value >= scene):
+            what = f"{_of(value, unit)} is not stricter than the scene's {_of(scene, unit)}"
+            raise InputError(
+                phrase(where, what, f"give {'more' if at_least else 'less'}, or {SCENE}")
+            )
+        self._set[name] = value
+        return f"{where}: {_of(value, unit)}"
+
+    def get(self, name: str) -> float | None:
+        """Return the crew's limit of a name; None: none is set."""
+        return self._set.get(name)
+
+    def stricter(self, name: str) -> float | None:
+        """Return the stricter of a limit of the scene and the crew's; None: there is neither."""
+        both = [one for one in (self._of_scene.get(name), self._set.get(name)) if one is not None]
+        return (max if CREW_LIMITS[name].at_least else min)(both, default=None)
+
+    def row(self) -> Status:
+        """Return the row of the diagnostics; values: the limits in SI units, by name."""
+        named = [
+            f"{name} {_of(value, CREW_LIMITS[name].unit)}" for name, value in self._set.items()
+        ]
+        return crew_limits_row(self._set, ", ".join(named) or "none beside those of the scene")
+
+
+class SceneFigures:
+    """Limits and static loads of a scene, constant during a run, and the limits of its crew."""
+
+    def __init__(self, scene: Scene) -> None:
+        rules = LoadRules(scene)
+        self.limits = scene.limits
+        self.payloads = tuple(one.name for one in scene.payloads)
+        self.allowed_n = dict(zip(rules.ropes, rules.allowed_n, strict=True))
+        self.limited = scene.limits.tension_n is not None or scene.limits.utilisation < 1.0
+        self.crew = CrewLimits(scene_limits(scene), impossible_limits(scene))
+        self._lift: LiftFigures | None = None
+        if not is_joined(scene) and scene.payloads and not scene.ropes[0].fixed_at_m:
+            self._lift = lift_figures(scene)
+
+    def weight_n(self, line_out_m: float) -> float:
+        """Return the static load on the rope's lower end [N]; NaN: not a hanging payload."""
+        return math.nan if self._lift is None else self._lift.hung.weight_n(line_out_m)
+
+
+class LimitWatch:
+    """Measures what the limits of scene and crew apply to, snapshot by snapshot."""
+
+    def __init__(self, figures: SceneFigures) -> None:
+        self._figures, self.crew = figures, figures.crew
+        self._broken: dict[tuple[str, str], LimitBreach] = {}  # of the crew's limits
+        self._landed, self._sinking = True, 0.0  # what starts on the bed does not land
+
+    def tension(self, shot: Snapshot) -> Iterator[Measure]:
+        """Find the tension at the top of each rope, against the least of its limits."""
+        figures, crew = self._figures, self.crew
+        tops = {one.name: one.tension_top_n for one in shot.ropes[1:]}
+        most_n, share = crew.get("tension_n"), crew.get("utilisation")
+        for number, rope in enumerate(shot.strength):
+            allowed = figures.allowed_n.get(rope.name, rope.breaking_load_n)
+            allowed = min(allowed, most_n or math.inf, (share or math.inf) * rope.breaking_load_n)
+            now = shot.tension_top_max_n if number == 0 else tops.get(rope.name, 0.0)
+            is_limited = figures.limited or most_n is not None or share is not None
+            near = NEAR_LIMIT if is_limited else WITHOUT_LIMIT
+            text = f"tension of '{rope.name}' {now / 1e3:.1f} kN, limit {allowed / 1e3:.1f} kN"
+            yield Measure(rope.name, now / allowed, ((near, WARNING), (1.0, ALARM)), text)
+
+    def payload(self, shot: Snapshot) -> Iterator[Measure]:
+        """Find speed and depth of the payloads."""
+        fastest = self.crew.stricter("payload_speed_m_per_s")
+        deepest = self.crew.stricter("payload_depth_m")
+        if fastest is None and deepest is None:
+            return
+        names = self._figures.payloads or ("payload",)
+        for name, (position, velocity) in zip(
+            names, payload_motions(shot, len(names)), strict=False
+        ):
+            if fastest is not None:
+                speed = math.sqrt(float(velocity @ velocity))
+                text = f"speed of '{name}' {speed:.2f} m/s, limit {fastest:g} m/s"
+                yield Measure(f"{name} speed", speed / fastest, _NEARING, text)
+            if deepest:
+                depth = -float(position[2])
+                text = f"depth of '{name}' {depth:.1f} m, limit {deepest:g} m"
+                yield Measure(f"{name} depth", depth / deepest, _NEARING, text)
+
+    def clearance(self, shot: Snapshot) -> Iterator[Measure]:
+        """Find the height of the payload above the bed, and the distance of two lines."""
+        height, apart = (
+            self.crew.stricter("bed_clearance_m"),
+            self.crew.stricter("line_clearance_m"),
+        )
+        if height is not None and shot.seabed is not None:
+            now = shot.seabed.payload_height_m
+            text = f"payload {now:.1f} m above the bed, limit {height:g} m"
+            yield Measure("bed", _nearness(now, height), _NEARING, text)
+        if apart is not None and shot.lines is not None:
+            now = shot.lines.nearest.distance_m
+            text = (
+                f"lines {now:.2f} m apart at {shot.lines.nearest.depth_m:.0f} m, limit {apart:g} m"
+            )
+            yield Measure(LINES, _nearness(now, apart), _NEARING, text)
+
+    def broken(self, shot: Snapshot) -> Iterator[Measure]:
+        """Find limits broken in an instant or along the rope: the scene's, then the crew's."""
+        self._look(shot)
+        for one in (*shot.breaches, *self._broken.values()):
+            if one.limit in _BROKEN and shot.time_s - one.last_s <= EVENT_S:
+                yield present(f"{one.where} {one.limit}", ALARM, breach_words(one))
+
+    def _look(self, shot: Snapshot) -> None:
+        """Record which of the crew's limits of this kind are broken now."""
+        least_n, radius_m = self.crew.get("min_tension_n"), self.crew.get("bend_radius_m")
+        landing = self.crew.get("landing_speed_m_per_s")
+        in_force = {"min_tension_n": least_n, "bend_radius": radius_m,
+                    "landing_speed_m_per_s": landing}  # fmt: skip
+        for limit, where in list(self._broken):
+            if in_force[limit] != self._broken[limit, where].allowed:
+                del self._broken[limit, where]
+        if least_n is not None:
+            names = [one.name for one in shot.ropes] or [one.name for one in shot.strength]
+            for name, low_n in zip(names, lowest_n(shot), strict=False):
+                if low_n < least_n:
+                    self._break(shot.time_s, "min_tension_n", name, (low_n, least_n))
+        if radius_m is not None:
+            for bend in shot.bends:
+                if bend.now.radius_m < radius_m:
+                    found = bend.now.radius_m, radius_m
+                    self._break(shot.time_s, "bend_radius", bend.now.name, found)
+        if landing is not None and shot.seabed is not None:
+            motions = payload_motions(shot, max(1, len(self._figures.payloads)))
+            sinking = max((-float(speed[2]) for _, speed in motions), default=0.0)
+            fast, landed = max(sinking, self._sinking), shot.seabed.payload_landed
+            if landed and not self._landed and fast > landing:
+                where = ", ".join(self._figures.payloads) or "payload"
+                self._break(shot.time_s, "landing_speed_m_per_s", where, (fast, landing))
+            self._landed, self._sinking = landed, sinking
+
+    def _break(self, time_s: float, limit: str, where: str, found: tuple[float, float]) -> None:
+        """Record that a limit is broken now; found: the value and the limit."""
+        value, allowed = found
+        known = self._broken.get((limit, where))
+        first_s, worst, worst_s = time_s, value, time_s
+        if known is not None and time_s - known.last_s <= EVENT_S:
+            first_s = known.first_s
+            if (known.worst - value) * (value - allowed) >= 0.0:  # it was as bad or worse before
+                worst, worst_s = known.worst, known.worst_s
+        self._broken[limit, where] = LimitBreach(
+            limit, where, allowed, first_s, time_s, worst, worst_s
+        )
+
+
+def _nearness(value: float, least: float) -> float:
+    """Return a limit over a value that must not be below it; infinite at zero and below."""
+    return least / value if value > 0.0 else math.inf
+
+
+def _of(value: float, unit: str) -> str:
+    return f"{value:g} {unit}".rstrip()
