@@ -18,7 +18,10 @@ const SWITCHES = {
 let mode = "speed", signedIn = false, built = "";
 
 const winch = () => winchFacts() ?? { switches: [], modes: ["speed", "length", "depth"] };
-const stoppable = () => Object.entries(facts().winches ?? {}).filter(([, one]) => one.switches.includes("emergency_stop")).map(([name]) => name);
+// Without the scene's facts every winch that is heard: the server refuses what a winch cannot do.
+const stoppable = () => facts().winches
+  ? Object.entries(facts().winches).filter(([, one]) => one.switches.includes("emergency_stop")).map(([name]) => name)
+  : (state.values.winches ?? []).map((row) => row.name);
 const title = (name) => name === "winch" ? "Winch" : `Winch ${name}`;
 const holds = () => state.control?.holder !== null && state.control?.holder === state.page;
 

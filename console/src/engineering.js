@@ -25,12 +25,12 @@ export function draw() {
   const run = diagnosed("solver"), accuracy = diagnosed("accuracy level"), error = values.error_interval?.[0];
   const pace = diagnosed("pacing") ?? diagnosed("pace");
   figures($("solver-figures"), [
+    run ? ["Solver", run.message, "", "wide"] : null,
     ...Object.entries(pace?.values ?? {}).filter(([, text]) => text.length < 16).slice(0, 6).map(([label, text]) => [label, text, ""]),
     ...Object.entries(accuracy?.values ?? {}).filter(([, text]) => text.length < 16).slice(0, 4).map(([label, text]) => [label, text, ""]),
     ["Error bound, RMS", fixed(error?.rms_pct, 2), "%"],
     ["95 % interval", known(error?.lower_n) ? `${force(error.lower_n)} to ${force(error.upper_n)}` : "–", known(error?.lower_n) ? units().force : ""],
     ["Rows received", String(state.rows), ""], ["Rows lost", String(state.lost), ""],
-    run ? ["Solver", run.message, "", "wide"] : null,
   ]);
 }
 

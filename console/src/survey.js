@@ -35,11 +35,11 @@ export function draw() {
   figures($("survey-bend"), bend ? [
     ["Smallest now", metres(bend.radius_m, 2), "m"], ["Since the start", metres(bend.smallest_radius_m, 2), "m"],
     ["Minimum (MBR)", metres(least, 2), "m", known(bend.radius_m) && known(least) && bend.radius_m < least ? "bad" : ""], ["At line out", metres(bend.line_out_m), "m"],
-  ] : [["Bend radius", "not monitored", ""]]);
+  ] : [["Bend radius", "not monitored", "", "wide"]]);
   const apart = limit("line_clearance_m");
   $("survey-lines").hidden = !nearest;
   if (nearest) figures($("survey-crossings"), [
-    ["Crossings", String(crossings.length), ""], ["Nearest", metres(nearest.distance_m, 2), `m${known(apart) ? ` ≥ ${metres(apart, 1)}` : ""}`, known(apart) && nearest.distance_m < apart ? "bad" : ""],
+    ["Crossings", String(crossings.length), ""], [`Nearest${known(apart) ? ` ≥ ${metres(apart, 1)}` : ""}`, metres(nearest.distance_m, 2), "m", known(apart) && nearest.distance_m < apart ? "bad" : ""],
     ["Angle there", fixed(nearest.angle_deg, 1), "°"], ["Depth there", metres(known(nearest.z) ? -nearest.z : null), "m"],
   ]);
   shape();

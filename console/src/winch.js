@@ -88,10 +88,10 @@ export function payloadRows(values) {
   const fast = Math.hypot(vx, vy, vz), deepest = limit("payload_depth_m"), fastest = limit("payload_speed_m_per_s");
   const clear = limit("bed_clearance_m"), landing = limit("landing_speed_m_per_s");
   return [
-    ["Depth", metres(known(z) ? -z : null), `m${most(deepest, (one) => metres(one, 0))}`, beyond(-z > deepest, deepest)],
-    ["Vertical speed", known(vz) ? `${vz < 0 ? "↓" : "↑"} ${speed(Math.abs(vz))}` : "–", `${units().speed}${most(fastest, speed)}`, beyond(fast > fastest, fastest)],
-    height === null ? null : ["Above the bed", metres(height), `m${known(clear) ? ` ≥ ${metres(clear, 0)}` : ""}`, beyond(height < clear, clear)],
-    known(landing) && known(height) && height < LANDING_M ? ["Landing speed", speed(Math.max(0, -vz)), `${units().speed}${most(landing, speed)}`, beyond(-vz > landing, landing)] : null,
+    [`Depth${most(deepest, (one) => metres(one, 0))}`, metres(known(z) ? -z : null), "m", beyond(-z > deepest, deepest)],
+    [known(fastest) ? `Speed${most(fastest, speed)}` : "Vertical speed", known(vz) ? `${vz < 0 ? "↓" : "↑"} ${speed(Math.abs(vz))}` : "–", units().speed, beyond(fast > fastest, fastest)],
+    height === null ? null : [known(clear) ? `Height ≥ ${metres(clear, 0)}` : "Above the bed", metres(height), "m", beyond(height < clear, clear)],
+    known(landing) && known(height) && height < LANDING_M ? [`Landing${most(landing, speed)}`, speed(Math.max(0, -vz)), units().speed, beyond(-vz > landing, landing)] : null,
     ["Offset", metres(away), "m"],
     body ? ["Roll, pitch", `${fixed(one.attitude_deg[0], 1, true)}, ${fixed(one.attitude_deg[1], 1, true)}`, "°"] : null,
     body ? ["Heading", fixed((90 - one.attitude_deg[2] + 720) % 360, 0), "°"] : null,

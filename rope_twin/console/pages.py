@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.console.readings import NODES, Readings, Values, number, stale_limits_s
+from rope_twin.console.readings import NODES, SESSION, Readings, Values, number, stale_limits_s
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import CloudReader
 
@@ -179,6 +179,7 @@ class Pages:
         changed = readings.take_changed()
         if self._read_session and (session := readings.take_session()):
             self.facts = self._read_session(session)
+            readings.put(f"fault {SESSION}", self.facts.get("reason", ""))
             self.resend()
         self._rows += 1
         rows = self.trend.add(readings, self.facts)

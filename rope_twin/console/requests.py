@@ -259,6 +259,10 @@ class Requests:
         """Return why a limit is refused, in one sentence, or ""."""
         if not isinstance(name, str) or name not in CREW_LIMITS:
             return phrase("limit", f"'{name}'", did_you_mean(str(name), CREW_LIMITS))
+        known = self._pages.facts.get("crew_limits", ())
+        lacks = next((row["lacks"] for row in known if row["name"] == name), "")
+        if lacks:
+            return phrase(f"limit {name}", f"the scene has not {lacks}", "set another limit")
         if value is None:
             return ""
         number = isinstance(value, int | float) and not isinstance(value, bool)

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Sequence
 from typing import ClassVar
 
-from rich.table import Table
 from rich.text import Text
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
@@ -39,7 +38,7 @@ from rope_twin.console.pages import RATE_HZ, Pages
 from rope_twin.console.playback import Recording
 from rope_twin.console.readings import TENSION, stale_limits_s
 
-DRAW_HZ = 4.0
+DRAW_HZ = 2.0  # what a reader follows; each drawing costs some 10 ms
 SEEK_S = 10.0  # a step in a recording
 _SOUND_S = {"alarm": 2.0, "warning": 4.0}  # between two bells of the terminal
 _THEMES = (
@@ -57,6 +56,8 @@ _STATES = {"unacknowledged": "!!", "silenced": "!", "acknowledged": " ", "transf
 class _Big(Vertical):
     """One big figure with what stands below it."""
 
+    _shown: tuple[Figure, str, bool, int] | None = None
+
     def compose(self) -> ComposeResult:
         """Make head, digits and note."""
         yield Static(classes="head")
@@ -65,6 +66,9 @@ class _Big(Vertical):
 
     def show(self, figure: Figure, age: str, old: bool) -> None:
         """Show a figure; `age`: of its topic, in words; `old`: it is stale."""
+        if (figure, age, old, self.content_size.width) == self._shown:
+            return
+        self._shown = figure, age, old, self.content_size.width
         name, unit = figure.label, f" {figure.unit}"
         fits = len(name) + len(unit) + len(age) + 2 <= self.content_size.width
         if old and not fits:
@@ -133,6 +137,7 @@ class TerminalConsole(App[None]):
         self._units, self._rope, self._to_limit, self._bell = 0, 0, False, True
         self._stale_s = stale_limits_s()
         self._sounded_s = 0.0
+        self._drawn: dict[str, Text] = {}  # by the name of its place
         logging.getLogger("rope_twin").addHandler(logging.NullHandler())  # a fault is an alert here
 
     @property
@@ -173,18 +178,25 @@ class TerminalConsole(App[None]):
         view = of_rope(whole, self._rope)
         values, facts = view.values, view.facts
         ages = self.pages.readings.ages(self._clock())
-        self.query_one("#top", Static).update(self._head(ages), layout=False)
+        self._put("top", self._head(ages))
         for number, figure in enumerate(big_figures(values, facts, units)):
             age, old = self._age(figure.topic, ages)
             self.query_one(f"#big-{number}", _Big).show(figure, age, old)
         self._draw_trend(view, ages)
-        self.query_one("#alerts", Static).update(self._alerts(), layout=False)
+        self._put("alerts", self._alerts())
         lines = [*risk_lines(values, units), *quality_lines(values)]
-        self.query_one("#lines", Static).update("\n".join(lines) or "No forecast, no quality index")
+        words = "\n".join(lines) or "No forecast, no quality index"
+        self._put("lines", Text(words), layout=True)
         payload = payload_figures(values, view.profile, facts, units)
         for name, rows in (("payload", payload), ("sea", sea_figures(values, facts)),
                            ("winch", winch_figures(values, facts))):  # fmt: skip
-            self.query_one(f"#{name}", Static).update(self._table(rows, ages), layout=False)
+            self._put(name, self._table(rows, ages))
+
+    def _put(self, place: str, content: Text, layout: bool = False) -> None:
+        """Show a content if it differs from what is shown; layout: its height may differ too."""
+        if self._drawn.get(place) != content:
+            self._drawn[place] = content
+            self.query_one(f"#{place}", Static).update(content, layout=layout)
 
     def action_units(self) -> None:
         """Show other units."""
@@ -233,7 +245,8 @@ class TerminalConsole(App[None]):
         age, limit = ages.get(topic), self._stale_s.get(topic)
         if age is None:
             return "", False
-        return f"{age:.1f} s", limit is not None and age > limit
+        old = limit is not None and age > limit
+        return f"{age:.{1 if old else 0}f} s", old  # whole seconds do not change with every drawing
 
     def _head(self, ages: dict[str, float]) -> Text:
         source, readings = self.pages.source, self.pages.readings
@@ -273,7 +286,7 @@ class TerminalConsole(App[None]):
         chart = draw(shown, marks, width, height - 1, styles, self._to_limit, units.force_digits)
         if self._age(TENSION, ages)[1]:
             chart.stylize("dim")
-        place.update(head + chart, layout=False)
+        self._put("trend", head + chart)
 
     def _alerts(self) -> Text:
         rows = alert_rows(self.pages.readings.values)
@@ -302,14 +315,15 @@ class TerminalConsole(App[None]):
             self._sounded_s = now_s
             self.bell()
 
-    def _table(self, rows: Sequence[Figure], ages: dict[str, float]) -> Table:
-        table = Table.grid(padding=(0, 1, 0, 0))
+    def _table(self, rows: Sequence[Figure], ages: dict[str, float]) -> Text:
+        text, width = Text(no_wrap=True), max((len(one.label) for one in rows), default=0)
         for one in rows:
             age, old = self._age(one.topic, ages)
             style = "dim" if old else self._styles.limit if one.warns else "bold"
-            text = f"{one.text} {one.unit}".rstrip() + (f" ({age} old)" if old else "")
-            table.add_row(Text(one.label, no_wrap=True), Text(text, style, no_wrap=True))
-        return table
+            value = f"{one.text} {one.unit}".rstrip() + (f" ({age} old)" if old else "")
+            text.append(f"{one.label:<{width}} ").append(value, style).append("\n")
+        text.rstrip()
+        return text
 
     @property
     def _styles(self) -> Styles:

@@ -17,7 +17,7 @@ from rope_twin.console.control import (
     TRIES,
     TRIES_WITHIN_S,
 )
-from rope_twin.console.pages import QUEUE
+from rope_twin.console.pages import QUEUE, Pages
 from rope_twin.messages import Level, Status
 from rope_twin.twin.winch.commands import WinchCommand
 
@@ -410,3 +410,17 @@ def test_the_trend_shows_no_reading_of_a_dead_instrument() -> None:
         rig.source.topics = ("ropes/tension_top",)
         rig.tick()
         assert rig.pages.trend.columns()["measured_n"][-1] == expected
+
+
+def test_a_session_that_cannot_be_read_is_said_on_the_pages() -> None:
+    rig = ConsoleRig()
+    facts: list[dict[str, object]] = [
+        {"reason": "twin/session: made by another program"},
+        {"bed_m": 1},
+    ]
+    pages = Pages(rig.source, rig.clock, None, lambda data: facts.pop(0))
+    for said in ("twin/session: made by another program", ""):
+        pages.readings.take("twin/session", b"x", rig.clock())
+        rig.clock.now_s += 0.05
+        pages.tick()
+        assert pages.readings.values["fault twin/session"] == said

@@ -91,3 +91,11 @@ def test_only_the_page_with_the_seat_may(content: dict[str, Any]) -> None:
     (answer,) = asked(reading, reading.page(), **content)
     assert not answer["ok"]
     assert not rig.commander.alert_words + rig.commander.called
+
+
+def test_a_limit_of_what_the_scene_has_not_is_refused_at_once() -> None:
+    rig, page = seated()
+    (answer,) = asked(rig, page, do="limit", name="line_clearance_m", value=2.0)
+    assert not answer["ok"]
+    assert "the scene has not two lines" in answer["words"]
+    assert rig.commander.alert_words == []
