@@ -153,7 +153,7 @@ class Simplified:
     uplift_share: float  # hydrodynamic force over the submerged weight
     snap_n: float  # snap force should the rope go slack
     payload_m_per_s: float  # speed of the payload, with that of the winch
-    re_hit_m_per_s: float  # by which the deck is faster than the winch lifts; 0: no re-hit
+    re_hit_m_per_s: float  # by which the deck is faster than the winch, on a rigid rope; 0: none
     offset_m: float  # lateral, at rest
     words: str  # which formulas
 

@@ -135,9 +135,11 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
             ])  # fmt: skip
     about = (
         "DAF of the simplified formula: 1 + V_R·√(K/(g·W)) with V_R the speed of the winch and the "
-        "characteristic speed between crane tip and deck (API Spec 2C, 7th ed., 5.4.5). A winch "
-        "faster than the deck cannot be hit again; API's least hoisting speed is that of 5.4.5.2 "
-        "for a supply vessel. Re-hit: closing speed of object and deck after the first lift-off."
+        "characteristic speed between crane tip and deck (API Spec 2C, 7th ed., 5.4.5). On a rigid "
+        "rope a winch faster than the deck leaves it behind; an object that swings on its rope, or "
+        "leaves the deck edge by edge, may still meet it. API's least hoisting speed is that of "
+        "5.4.5.2 for a supply vessel. Re-hit: closing speed of object and deck after the first "
+        "lift-off."
     )
     return Table("Lift-off", rows, about)
 
