@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.trial import Vector
 from rope_twin.core import state as rows
-from rope_twin.core.joined.levels import interpolate_from
+from rope_twin.core.joined.initial_guess import interpolate_from
 from rope_twin.core.joined.statics import refine_joined_statics
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.seabed import SeabedParams

@@ -12,8 +12,8 @@ import numpy as np
 from rope_twin.core.joined.joints import LOOSE
 from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.state import ELEMENTS, LINE, MOTIONS, POSITION, Floats
-from rope_twin.core.statics.equilibrium import solve_statics
-from rope_twin.core.statics.shape import Equilibrium
+from rope_twin.core.statics import solve_statics
+from rope_twin.core.still_rope import Equilibrium
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.joined import build_joined

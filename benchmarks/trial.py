@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
-from rope_twin.core.statics.equilibrium import find_equilibrium
+from rope_twin.core.statics import find_equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.recording.motion_source import RegularSea

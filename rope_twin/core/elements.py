@@ -17,7 +17,6 @@ from math import sqrt
 from typing import Any
 
 from rope_twin.core.axial_law import law_from, law_of, pull_of
-from rope_twin.core.guards import STRETCH2_MIN
 from rope_twin.core.jit.decorators import jit, jit_ordered_within, jit_within
 from rope_twin.core.jit.rows import offset_row, row, rows
 from rope_twin.core.jit.wide import choose, count_beyond
@@ -39,6 +38,7 @@ from rope_twin.core.state import (
     REST,
     SECTION,
     STIFFNESS,
+    STRETCH2_MIN,
     TENSION,
     VELOCITY,
     C,

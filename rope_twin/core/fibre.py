@@ -53,7 +53,6 @@ from rope_twin.core.axial_law import (
     tension_at,
 )
 from rope_twin.core.elements import section_above
-from rope_twin.core.guards import STRETCH2_MIN
 from rope_twin.core.integrator import BDF2, GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import LINKED, jit, jit_within
 from rope_twin.core.loads.hooks import kernel
@@ -71,6 +70,7 @@ from rope_twin.core.state import (
     RELAXATION,
     REST,
     SECTION,
+    STRETCH2_MIN,
 )
 
 SAME_TENSION = 1e-9  # relative: S(ε_m) and M that differ by more belong to different sections

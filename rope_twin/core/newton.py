@@ -1,7 +1,7 @@
 """One implicit stage, x = x_hat + p·a and v = v_hat + q·a, solved for a by semismooth Newton.
 
 The unknowns are the accelerations of all nodes and connections of a system, be it one rope
-(core/joined/ropes). The tension-only energy is convex in a, so there is one minimum. A stage is
+(core/joined/stage). The tension-only energy is convex in a, so there is one minimum. A stage is
 accepted when every tension agrees with its linearisation and, where an effect has an active set,
 every node and connection is balanced; from the fourth correction on a secant line search keeps
 Newton's method from overshooting between slack and taut (full steps suffice before).
@@ -22,8 +22,6 @@ from numba import types
 from numba.extending import overload
 
 from rope_twin.core.axial_law import law_of, sections_law
-from rope_twin.core.banded.pentadiagonal import eliminate_coupled, push_coupled, take_links
-from rope_twin.core.banded.tridiagonal import eliminate, push
 from rope_twin.core.elements import end_rope, find_change, stretch
 from rope_twin.core.fibre import predict_law
 from rope_twin.core.integrator import (
@@ -41,32 +39,31 @@ from rope_twin.core.integrator import (
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.jit.wide import count_beyond
-from rope_twin.core.joined.condensation import add_couplings
+from rope_twin.core.joined.chains import add_couplings
 from rope_twin.core.joined.linear_solver import push_system, solve_system
-from rope_twin.core.joined.ropes import (
-    by_kind,
-    count_loaded,
-    count_ropes,
-    health_of,
-    rope_at,
-    stage_of,
-    tolerance_of,
-)
 from rope_twin.core.joined.stack import effects_at
 from rope_twin.core.joined.stage import (
     begin_trial,
+    by_kind,
     correct_connections,
     count_left_at_connections,
+    count_loaded,
+    count_ropes,
     count_unbalanced,
     gather_connections,
+    health_of,
     look_ahead_in_rope,
     move_connections,
     pass_sheave,
+    rope_at,
     slope_of_connections,
+    stage_of,
+    tolerance_of,
 )
 from rope_twin.core.loads import hooks
 from rope_twin.core.loads.balance import is_calm, load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.loads.memory import predict_memories, prepare_axial
+from rope_twin.core.pentadiagonal import eliminate_coupled, push_coupled, take_links
 from rope_twin.core.state import (
     BLOCK,
     CHANGE,
@@ -81,6 +78,7 @@ from rope_twin.core.state import (
     Rope,
     Stage,
 )
+from rope_twin.core.tridiagonal import eliminate, push
 
 SEARCH_FROM = 4  # the first correction with a line search
 SEARCH_EVALUATIONS = 8

@@ -25,7 +25,6 @@ from math import exp, sqrt
 from typing import Any
 
 from rope_twin.core.axial_law import law_of
-from rope_twin.core.banded.nodes import add_six, solve_symmetric, spring
 from rope_twin.core.elements import (
     SAME_PLACE,
     section_above,
@@ -35,7 +34,7 @@ from rope_twin.core.elements import (
     stretch,
     stretch_all,
 )
-from rope_twin.core.guards import STRETCH2_MIN
+from rope_twin.core.elimination import add_six, solve_symmetric, spring
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import copy
 from rope_twin.core.loads.balance import add_load, add_pull, set_flow
@@ -61,6 +60,7 @@ from rope_twin.core.state import (
     REST,
     SPLITS,
     STIFFNESS,
+    STRETCH2_MIN,
     TANGENT,
     TENSION,
     VELOCITY,

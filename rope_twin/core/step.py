@@ -1,6 +1,6 @@
 """One time step of a system of ropes: TR-BDF2 with substepping where Newton's method fails.
 
-A system is one rope, or several with connections (core/joined/ropes). TR-BDF2 (Bank et al. 1985;
+A system is one rope, or several with connections (core/joined/stage). TR-BDF2 (Bank et al. 1985;
 Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to t + γ·h, then BDF2 to t + h, both
 with the same weight c = γ·h/2. It is second order, needs no history (so elements may be added and
 removed), and damps frequencies that the mesh cannot resolve. Where Newton's method does not
@@ -27,32 +27,30 @@ from rope_twin.core.integrator import (
     step_start,
 )
 from rope_twin.core.jit.decorators import compiled, jit, jit_entry, jit_sum
-from rope_twin.core.jit.floats import flush, restore
+from rope_twin.core.jit.functions import flush, restore
 from rope_twin.core.jit.rows import copy, hold
 from rope_twin.core.joined.joints import LOOSE, Joined, System, renew_plan
-from rope_twin.core.joined.ropes import (
-    boundary_of,
-    by_kind,
-    count_loaded,
-    count_ropes,
-    face_others,
-    health_of,
-    length_at,
-    rope_at,
-    stage_of,
-    step_of,
-)
 from rope_twin.core.joined.sheaves import finish_at_sheave, is_at_sheave
 from rope_twin.core.joined.stack import load, stacked_effects, store, store_memories
 from rope_twin.core.joined.stage import (
     BACK,
     OUT,
+    boundary_of,
+    by_kind,
     copy_connections,
+    count_loaded,
+    count_ropes,
+    face_others,
+    health_of,
     join_ends,
+    length_at,
     pass_sheave,
     place_all_ends,
+    rope_at,
     settle_ends,
     size_of_connections,
+    stage_of,
+    step_of,
 )
 from rope_twin.core.loads.balance import add_pull, load_nodes
 from rope_twin.core.loads.memory import (

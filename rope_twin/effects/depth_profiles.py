@@ -30,7 +30,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account, account_soaked, wets
-from rope_twin.core.guards import DIVISOR_MIN, SPEED2_MIN, TURN2
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import stacks
@@ -39,10 +38,13 @@ from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
+    DIVISOR_MIN,
     FLOW,
     FLOW_RATE,
     POSITION,
     RESIDUAL,
+    SPEED2_MIN,
+    TURN2,
     VELOCITY,
     Floats,
 )

@@ -20,13 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import DIVISOR_MIN, SPEED2_MIN
 from rope_twin.core.jit.decorators import jit_within
-from rope_twin.core.jit.wide_calls import interpolate
+from rope_twin.core.jit.functions import interpolate
 from rope_twin.core.loads.balance import Load
-from rope_twin.core.loads.growth import grows
-from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.state import Floats
+from rope_twin.core.loads.hooks import grows, kernel
+from rope_twin.core.state import DIVISOR_MIN, SPEED2_MIN, Floats
 from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.vortex.oscillating_drag import OscillatingDrag, oscillating_drag
 

@@ -17,13 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import stacks
-from rope_twin.core.lanes.by_lane import by_lane
-from rope_twin.core.loads.growth import FAIRINGS, grows
-from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
+from rope_twin.core.lanes.effects import by_lane
+from rope_twin.core.loads.hooks import FAIRINGS, grows, kernel
+from rope_twin.core.state import BLOCK, DIVISOR_MIN, FLOW, RESIDUAL, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 
 Triple = tuple[float, float, float]

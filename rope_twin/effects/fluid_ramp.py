@@ -22,8 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.jit.decorators import jit_within
-from rope_twin.core.loads.growth import FAIRINGS, VORTICES
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.hooks import FAIRINGS, VORTICES, kernel
 from rope_twin.core.state import Floats
 from rope_twin.quantity import quantity, text
 

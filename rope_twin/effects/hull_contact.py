@@ -39,7 +39,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.integrator import GAMMA, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_entry, jit_within
 from rope_twin.core.jit.rows import row, rows, span
@@ -48,6 +47,7 @@ from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
+    DIVISOR_MIN,
     ELEMENTS,
     LENGTH,
     POSITION,

@@ -18,9 +18,8 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import stacks
-from rope_twin.core.lanes.by_lane import by_lane
-from rope_twin.core.loads.growth import grows
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.lanes.effects import by_lane
+from rope_twin.core.loads.hooks import grows, kernel
 from rope_twin.core.loads.panel import (
     SOLIDITY_MOST,
     mesh_fault,

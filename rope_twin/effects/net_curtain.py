@@ -35,12 +35,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import DIVISOR_MIN, LINK2_MIN, TANGENT2_MIN
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.balance import Load
-from rope_twin.core.loads.growth import grows
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.hooks import grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.loads.panel import (
     SOLIDITY_MOST,
@@ -55,12 +53,15 @@ from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
+    DIVISOR_MIN,
     ELEMENTS,
     FLOW,
     FLOW_RATE,
     LENGTH,
+    LINK2_MIN,
     RESIDUAL,
     TANGENT,
+    TANGENT2_MIN,
     VELOCITY,
     Floats,
 )

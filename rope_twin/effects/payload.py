@@ -19,12 +19,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import SPEED2_MIN, TURN2
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import stacks
-from rope_twin.core.loads.growth import grows
-from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
+from rope_twin.core.loads.hooks import grows, kernel
+from rope_twin.core.state import (
+    ACCELERATION,
+    BLOCK,
+    FLOW,
+    RESIDUAL,
+    SPEED2_MIN,
+    TURN2,
+    VELOCITY,
+    Floats,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.loads.hooks import kernel
@@ -36,6 +35,7 @@ from rope_twin.core.state import (
     FLOW,
     FLOW_RATE,
     RESIDUAL,
+    SPEED2_MIN,
     VELOCITY,
     Floats,
 )

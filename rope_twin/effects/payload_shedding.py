@@ -16,7 +16,7 @@ about 1.3 in smooth flow, less in turbulent (Vickery 1966); spheres St 0.125 to 
 (Achenbach 1974). Vortices of a short body are correlated less: the values of long ones are upper
 bounds.
 
-With `rigid_body` the force acts on the body (core/body/shedding.py), whose projected area is that
+With `rigid_body` the force acts on the body (core/body/components.py), whose projected area is that
 of its box. Of a point, φ is solved with the rope in each stage (TR-BDF2); omitted in its block: the
 skew part, and the change of the tangent with the motion.
 """
@@ -30,14 +30,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.integrator import K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows, span
-from rope_twin.core.loads.growth import VORTICES, grows
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.hooks import VORTICES, grows, kernel
 from rope_twin.core.loads.memory import new_memory, remembering
-from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, TANGENT, VELOCITY, Floats
+from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, SPEED2_MIN, TANGENT, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 
 CARRIED = 2  # φ and its rate, of the lower end

@@ -24,12 +24,12 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.body import afloat as body_afloat
-from rope_twin.core.body import bed as body_bed
-from rope_twin.core.body import contact as body_contact
+from rope_twin.core.body import components as body_afloat
+from rope_twin.core.body import components as body_bed
+from rope_twin.core.body import components as body_contact
 from rope_twin.core.body import state as body_state
-from rope_twin.core.body.kinds import with_parts
 from rope_twin.core.body.state import Deck, Immersed, RigidBody
+from rope_twin.core.body.step import with_parts
 from rope_twin.core.loads.memory import new_memory
 from rope_twin.quantity import quantity, text
 

@@ -17,12 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.joined.stack import stacks
-from rope_twin.core.lanes.by_lane import by_lane
-from rope_twin.core.loads.growth import grows
-from rope_twin.core.loads.hooks import kernel, switching
+from rope_twin.core.lanes.effects import by_lane
+from rope_twin.core.loads.hooks import grows, kernel, switching
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -31,6 +29,7 @@ from rope_twin.core.state import (
     FLOW_RATE,
     POSITION,
     RESIDUAL,
+    SPEED2_MIN,
     SURFACE,
     VELOCITY,
     Floats,

@@ -29,22 +29,24 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import DIVISOR_MIN, SHEDDING_MIN, SPEED2_MIN, TANGENT2_MIN
 from rope_twin.core.integrator import K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import rows, span
-from rope_twin.core.loads.growth import VORTICES, grows
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.hooks import VORTICES, grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     BLOCK,
     DIRECTION,
+    DIVISOR_MIN,
     ELEMENTS,
     FLOW,
     RESIDUAL,
     REST,
+    SHEDDING_MIN,
+    SPEED2_MIN,
     TANGENT,
+    TANGENT2_MIN,
     VELOCITY,
     VOLUME,
     Floats,

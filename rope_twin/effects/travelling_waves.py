@@ -28,19 +28,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import DIVISOR_MIN, RATE_MIN
 from rope_twin.core.integrator import BDF2, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit
-from rope_twin.core.jit.floats import cosine
+from rope_twin.core.jit.functions import cosine
 from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.loads.growth import VORTICES, grows
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.hooks import VORTICES, grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     BLOCK,
+    DIVISOR_MIN,
     FLOW,
     MASS,
+    RATE_MIN,
     RESIDUAL,
     TANGENT,
     TENSION,

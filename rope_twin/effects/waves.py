@@ -21,8 +21,8 @@ Morison et al. 1950).
 
 Approximations: components are sorted from long to short, and a node uses only as many that the sum
 of the others, Σ a·ω·e^{k·z}, is negligible there; nodes between others may be interpolated by a
-cubic (core/waves/field); angles are rotated from those of a nearby position by a series
-(core/waves/sums). Their total error is below `neglected_m_per_s`.
+cubic (core/waves); angles are rotated from those of a nearby position by a series
+(core/waves). Their total error is below `neglected_m_per_s`.
 """
 
 from __future__ import annotations
@@ -38,14 +38,11 @@ from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.joined.stack import stacks
-from rope_twin.core.lanes.by_lane import by_lane
+from rope_twin.core.lanes.effects import by_lane
 from rope_twin.core.loads.balance import Load
-from rope_twin.core.loads.growth import grows
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.hooks import grows, kernel
 from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
-from rope_twin.core.waves.field import add_water
-from rope_twin.core.waves.reach import asides, echoes, levels_to, lowest, reaches, thirds
-from rope_twin.core.waves.rows import (
+from rope_twin.core.waves import (
     ASIDE,
     BLOCK,
     ECHO,
@@ -55,6 +52,13 @@ from rope_twin.core.waves.rows import (
     SEA_ROWS,
     THIRD,
     UP,
+    add_water,
+    asides,
+    echoes,
+    levels_to,
+    lowest,
+    reaches,
+    thirds,
 )
 from rope_twin.errors import InputError
 from rope_twin.quantity import SparingRepr, quantity, text
@@ -204,7 +208,7 @@ class WavesParams(SparingRepr, WaveSystem):
 class Waves(NamedTuple):
     """Kernel data: components from long to short, in blocks."""
 
-    table: Floats  # data of components, blocks and levels (core/waves/rows), (SEA_ROWS, any)
+    table: Floats  # data of components, blocks and levels (core/waves), (SEA_ROWS, any)
     blocks: int
     levels: int
     steepest: float  # Σ a·k, maximum slope of the surface

@@ -24,13 +24,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account_soaked, wets
-from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.balance import Node
 from rope_twin.core.loads.hooks import kernel, wide_kernel
-from rope_twin.core.state import FLOW, FLOW_RATE, LENGTH, POSITION, SURFACE, VOLUME
+from rope_twin.core.state import DIVISOR_MIN, FLOW, FLOW_RATE, LENGTH, POSITION, SURFACE, VOLUME
 
 PER_AREA = 1.1283791670955126  # diameter over the root of the section's area, √(4/π)
 

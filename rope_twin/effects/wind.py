@@ -14,11 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.loads.balance import Load
-from rope_twin.core.loads.growth import grows
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.hooks import grows, kernel
+from rope_twin.core.state import SPEED2_MIN
 from rope_twin.quantity import quantity
 
 REFERENCE_M, LOWEST_M = 10.0, 0.1  # heights of U_10, and below which the wind no longer falls

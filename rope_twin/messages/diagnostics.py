@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from rope_twin.core.loads.growth import FACTORS
+from rope_twin.core.loads.hooks import FACTORS
 from rope_twin.messages.quality import quality_status
 from rope_twin.messages.residuals import residuals_status
 from rope_twin.messages.status import Level, Status, counted

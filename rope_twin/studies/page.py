@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rope_twin.core.jit.decorators import source_digest
-from rope_twin.core.yardstick import chain
+from rope_twin.core.jit.functions import chain
 
 
 def page_table(rows: Iterable[Sequence[str]]) -> str:

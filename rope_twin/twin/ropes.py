@@ -11,8 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rope_twin.core.energy import measure
-from rope_twin.core.joined.energy import SystemBorder, of_one
+from rope_twin.core.energy import SystemBorder, measure, of_one
 from rope_twin.core.joined.joints import loaded_ends
 from rope_twin.core.state import (
     ACCELERATION,

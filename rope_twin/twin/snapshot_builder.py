@@ -9,11 +9,11 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
-from rope_twin.core.body.contact import deck_pushes
-from rope_twin.core.body.energy import pose_of, pulls_of
-from rope_twin.core.body.parts import part_of
+from rope_twin.core.body.components import deck_pushes
+from rope_twin.core.body.loads import part_of
 from rope_twin.core.body.state import Deck, RigidBody
-from rope_twin.core.loads.growth import factors_at
+from rope_twin.core.body.step import pose_of, pulls_of
+from rope_twin.core.loads.hooks import factors_at
 from rope_twin.core.state import Floats, Ints, Rope, State
 from rope_twin.effects.compensator import Compensator, forces
 from rope_twin.scene.card import KnownError

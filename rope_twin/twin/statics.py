@@ -10,11 +10,11 @@ from math import isfinite
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.body.energy import pose_of
+from rope_twin.core.body.step import pose_of
 from rope_twin.core.state import Boundary, Floats, Rope
-from rope_twin.core.statics.equilibrium import solve_statics
-from rope_twin.core.statics.shape import Equilibrium
+from rope_twin.core.statics import solve_statics
 from rope_twin.core.step import advance
+from rope_twin.core.still_rope import Equilibrium
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.lift import hung_together
 from rope_twin.scene.schema import Scene

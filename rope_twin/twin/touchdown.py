@@ -26,10 +26,10 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.bed import Grid, Plane, clearance
-from rope_twin.core.body.bed import bed_pushes
-from rope_twin.core.body.energy import pose_of
-from rope_twin.core.body.parts import part_of
+from rope_twin.core.body.components import bed_pushes
+from rope_twin.core.body.loads import part_of
 from rope_twin.core.body.state import GridBed, PlaneBed
+from rope_twin.core.body.step import pose_of
 from rope_twin.core.state import Rope
 from rope_twin.effects.seabed import normal_push
 from rope_twin.twin.snapshot import BedContact, Touchdown, Vector

@@ -15,9 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.joined.joints import LOOSE, System
+from rope_twin.core.joined.joints import FIRST, LOOSE, SECOND, System
 from rope_twin.core.joined.sheaves import POINT
-from rope_twin.core.joined.ties import FIRST, SECOND
 from rope_twin.core.state import Floats, Rope, State
 from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.vortex.sampling import bending_stiffness

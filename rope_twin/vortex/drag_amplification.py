@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import kernel
@@ -27,6 +26,7 @@ from rope_twin.core.state import (
     FLOW,
     FRONTAL,
     RESIDUAL,
+    SPEED2_MIN,
     TANGENT,
     VELOCITY,
     Floats,

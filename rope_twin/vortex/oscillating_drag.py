@@ -26,7 +26,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows
@@ -34,6 +33,7 @@ from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
+    DIVISOR_MIN,
     FLOW,
     LENGTH,
     TANGENT,

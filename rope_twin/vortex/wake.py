@@ -34,19 +34,21 @@ from math import pi, sin, sqrt
 from typing import Any
 
 from rope_twin.core.elements import end_rope, stretch_all
-from rope_twin.core.guards import DIVISOR_MIN, RATE_MIN, TANGENT2_MIN
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.balance import set_flow
 from rope_twin.core.state import (
     DIRECTION,
+    DIVISOR_MIN,
     ELEMENTS,
     FLOW,
     MASS,
     POSITION,
+    RATE_MIN,
     REST,
     TANGENT,
+    TANGENT2_MIN,
     TENSION,
     VOLUME,
     Stage,

@@ -17,7 +17,7 @@ from benchmarks.__main__ import main
 from benchmarks.ensemble_speed import QUICK, EnsembleRow, ensemble_rows
 from benchmarks.performance_page import as_markdown
 from benchmarks.trial import Reference, Trial
-from rope_twin.core.yardstick import chain
+from rope_twin.core.jit.functions import chain
 from rope_twin.errors import InputError
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun

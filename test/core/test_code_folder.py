@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from rope_twin.core.jit import code_folder
-from rope_twin.core.jit.code_folder import CodeFolder, open_folder
+from rope_twin.core.jit import decorators as code_folder
+from rope_twin.core.jit.decorators import CodeFolder, open_folder
 
 DIGEST = "0123456789abcdef"
 

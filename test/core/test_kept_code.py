@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 CHAIN = """
-from rope_twin.core.yardstick import chain
+from rope_twin.core.jit.functions import chain
 print(chain(1.0, 0.5, 1.0, 3), sum(chain.stats.cache_hits.values()))
 """
 LIFT = """

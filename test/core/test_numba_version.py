@@ -115,8 +115,16 @@ def test_a_kernel_that_allocates_does_not_compile() -> None:
 def test_rows_and_pairs() -> None:
     """Types, operators, intrinsics and alias metadata of the compiler's own."""
     with _supported("rows and pairs"):
-        from rope_twin.core.jit.rows import row, stack_rows, table_rows
-        from rope_twin.core.jit.simd import gather, lane, load, pair, store
+        from rope_twin.core.jit.rows import (
+            gather,
+            lane,
+            load,
+            pair,
+            row,
+            stack_rows,
+            store,
+            table_rows,
+        )
 
         both, spare = table_rows("sea", 2), stack_rows("scratch", (3, 3))
 
@@ -158,7 +166,7 @@ def test_wide_numbers() -> None:
 
 def test_structs_by_reference_and_the_register_of_subnormals() -> None:
     with _supported("structs by reference"):
-        from rope_twin.core.jit.floats import flush, restore
+        from rope_twin.core.jit.functions import flush, restore
         from rope_twin.core.jit.rows import hold
         from rope_twin.core.state import Boundary
 
@@ -176,7 +184,7 @@ def test_compiled_code_is_kept() -> None:
     """numba's classes for caches on disk: what was kept is found by another dispatcher."""
     with _supported("the compile cache"):
         from rope_twin.core.jit.decorators import jit_entry
-        from rope_twin.core.yardstick import chain
+        from rope_twin.core.jit.functions import chain
 
         assert jit_entry(chain.py_func)(1.0, 0.5, 1.0, 3) == 1.875
         again = jit_entry(chain.py_func)

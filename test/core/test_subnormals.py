@@ -9,7 +9,7 @@ import pytest
 
 from rope_twin import Twin, load_scene
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.jit.floats import FLUSHED, HAS_REGISTER, flush, restore
+from rope_twin.core.jit.functions import FLUSHED, HAS_REGISTER, flush, restore
 from rope_twin.core.state import VELOCITY
 
 SMALLEST, FADED = np.finfo(float).tiny, 1e-310

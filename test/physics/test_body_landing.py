@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 from rope_twin import Twin
 from rope_twin.core.bed import Grid, clearance
 from rope_twin.core.body import state as at
-from rope_twin.core.body.bed import bed_pushes
-from rope_twin.core.body.energy import Pose, pose_of
-from rope_twin.core.body.parts import part_of
+from rope_twin.core.body.components import bed_pushes
+from rope_twin.core.body.loads import part_of
 from rope_twin.core.body.state import GridBed, PlaneBed, RigidBody
+from rope_twin.core.body.step import Pose, pose_of
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams, Soundings
 from rope_twin.errors import SceneError

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 
 from rope_twin.core.jit.decorators import OPTIONS, jit_entry
-from rope_twin.core.jit.floats import cosine
+from rope_twin.core.jit.functions import cosine
 
 # a product of several doubles at once: x86-64 and aarch64
 PACKED_PRODUCT = re.compile(

@@ -9,8 +9,8 @@ import pytest
 from test_elimination import Vector, chain, solve
 
 from rope_twin.core import state as rows
-from rope_twin.core.banded.pentadiagonal import eliminate_coupled, push_coupled, take_links
 from rope_twin.core.jit.decorators import jit_entry
+from rope_twin.core.pentadiagonal import eliminate_coupled, push_coupled, take_links
 
 
 @jit_entry

@@ -14,7 +14,7 @@ from effect_cases import data_of, loads, some_work
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.core.body.energy import pose_of
+from rope_twin.core.body.step import pose_of
 from rope_twin.core.step import advance
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
-from rope_twin.core.banded.tridiagonal import eliminate, eliminate_plainly, push, push_plainly
 from rope_twin.core.jit.decorators import jit_entry
+from rope_twin.core.tridiagonal import eliminate, eliminate_plainly, push, push_plainly
 
 Vector = NDArray[np.float64]
 

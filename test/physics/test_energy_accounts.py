@@ -10,8 +10,7 @@ from effect_cases import CURTAINS, NODES, acting, apply, data_of, loads, some_st
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import Place, account, account_sum, accounts_of, wetted
-from rope_twin.core.loads.growth import grown
-from rope_twin.core.loads.hooks import hooks_of
+from rope_twin.core.loads.hooks import grown, hooks_of
 from rope_twin.core.state import Floats
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.weight import Weight

@@ -15,7 +15,7 @@ from small_scene import SMALL_SCENE
 
 from rope_twin import load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.loads.growth import WATER, Growth, factors_at, grows
+from rope_twin.core.loads.hooks import WATER, Growth, factors_at, grows
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import Drag
 from rope_twin.effects.fluid_ramp import Curve, FluidRampParams, LoadCurve

@@ -14,7 +14,7 @@ from sheave_rigs import atwood, flow, let_run
 
 from rope_twin import load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.joined.energy import SystemBorder, lost, measure_system
+from rope_twin.core.energy import SystemBorder, lost, measure_system
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.monitors.settings import ENERGY
 from rope_twin.twin.results import EnergyBalance

@@ -13,9 +13,15 @@ from joint_rigs import STIFF, JointBench, Line, Vector, legs, tie
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.joined.joints import (
+    ANCHORED,
+    AXIAL,
+    GEOMETRIC,
     LOOSE,
+    SECOND,
+    TOWARDS,
     Joined,
     System,
+    add_ties,
     clear,
     gather_ends,
     renew_plan,
@@ -33,7 +39,6 @@ from rope_twin.core.joined.plan import (
     A,
     B,
 )
-from rope_twin.core.joined.ties import ANCHORED, AXIAL, GEOMETRIC, SECOND, TOWARDS, add_ties
 
 RESIDUAL = slice(rows.RESIDUAL, rows.RESIDUAL + 3)
 CORRECTION = slice(rows.CORRECTION, rows.CORRECTION + 3)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from rigs import Rig
 
 from rope_twin.core import state as rows
+from rope_twin.core.energy import measure_system
 from rope_twin.core.joined.contact import Touch, touch_of
-from rope_twin.core.joined.energy import measure_system
 from rope_twin.effects.line_contact import LineContactParams
 from rope_twin.twin.contacts import rope_contacts
 

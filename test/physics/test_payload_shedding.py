@@ -13,9 +13,9 @@ from rigs import Rig, march, still
 from scene_text import GOOD
 
 from rope_twin import load_scene
-from rope_twin.core.body.energy import pose_of
-from rope_twin.core.body.parts import part_of
-from rope_twin.core.body.shedding import PHASE, Shedding, power
+from rope_twin.core.body.components import PHASE, Shedding, power
+from rope_twin.core.body.loads import part_of
+from rope_twin.core.body.step import pose_of
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.payload_shedding import PayloadShedding, PayloadSheddingParams

@@ -11,8 +11,8 @@ from small_scene import digest
 
 from rope_twin import load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.body.energy import pose_of
 from rope_twin.core.body.state import RigidBody
+from rope_twin.core.body.step import pose_of
 from rope_twin.core.joined.joints import loaded_ends
 from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.state import Floats, Rope

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
-from rope_twin.core.body.energy import pose_of, pulls_of
+from rope_twin.core.body.step import pose_of, pulls_of
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.twin.monitors.settings import ENERGY
 

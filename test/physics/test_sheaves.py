@@ -16,8 +16,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import OPTIONS
 from rope_twin.core.joined import sheaves, statics
 from rope_twin.core.joined.joints import System
-from rope_twin.core.joined.reeving import Wheel, reeve
-from rope_twin.core.joined.statics import solve_joined_statics
+from rope_twin.core.joined.statics import Wheel, reeve, solve_joined_statics
 from rope_twin.core.step import advance_joined
 
 PULL = rows.PULL

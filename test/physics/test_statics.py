@@ -16,8 +16,8 @@ from benchmarks.statics_speed import GUESSES as STUDY_GUESSES
 from benchmarks.statics_speed import ON_A_BED, statics_rows
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
-from rope_twin.core.statics.equilibrium import solve_statics
-from rope_twin.core.statics.shape import Equilibrium
+from rope_twin.core.statics import solve_statics
+from rope_twin.core.still_rope import Equilibrium
 from rope_twin.errors import SceneError
 from rope_twin.scene.model.rope import build
 from rope_twin.twin.statics import solve_scene_statics

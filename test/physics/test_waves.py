@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.waves.sums import cos_sin, decay
+from rope_twin.core.waves import cos_sin, decay
 from rope_twin.effects import Surroundings
 from rope_twin.effects.waves import (
     Jonswap,

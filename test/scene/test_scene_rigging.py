@@ -11,7 +11,7 @@ from scene_text import GOOD, assert_refused, written
 
 from rope_twin import load_scene
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.joined.hanging import initial_shape
+from rope_twin.core.joined.initial_guess import initial_shape
 from rope_twin.core.joined.joints import LOOSE
 from rope_twin.core.joined.stack import effects_at
 from rope_twin.core.state import Floats

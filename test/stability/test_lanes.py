@@ -21,10 +21,8 @@ import rope_twin.core.lanes.group as group_module
 import rope_twin.twin.ensemble.ensemble as ensemble_module
 import rope_twin.twin.ensemble.simd as lanes_module
 from rope_twin import load_scene
-from rope_twin.core.banded.tridiagonal import eliminate, push
 from rope_twin.core.jit.decorators import OPTIONS, jit, jit_entry
 from rope_twin.core.jit.wide import ALL, LANES, mask_of, tiles, wide
-from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
 from rope_twin.core.lanes.group import Group, aligned, kind_of, why_alone
 from rope_twin.core.state import (
     AXIAL,
@@ -36,6 +34,7 @@ from rope_twin.core.state import (
     VELOCITY,
     WORK_ROWS,
 )
+from rope_twin.core.tridiagonal import eliminate, eliminate_wide, push, push_wide, substitute_wide
 from rope_twin.errors import InputError
 from rope_twin.scene.change import Change
 from rope_twin.scene.model.rope import build

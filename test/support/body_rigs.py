@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
-from rope_twin.core.body.energy import pose_of
 from rope_twin.core.body.state import RigidBody
+from rope_twin.core.body.step import pose_of
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 
 from rope_twin.core import state as rows
-from rope_twin.core.joined import ties
+from rope_twin.core.joined import joints as ties
 from rope_twin.core.joined.joints import LOOSE, System, new_system
 from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.state import Floats

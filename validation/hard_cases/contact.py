@@ -10,8 +10,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from rope_twin.core import state as rows
+from rope_twin.core.energy import measure_system
 from rope_twin.core.joined.contact import touch_of
-from rope_twin.core.joined.energy import measure_system
 from rope_twin.core.joined.joints import LOOSE, System, new_system
 from rope_twin.core.state import Boundary
 from rope_twin.core.step import advance_joined

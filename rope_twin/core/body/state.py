@@ -57,7 +57,7 @@ TOLD = 16
 
 # Columns of the matrix: A; derivatives to the hook's acceleration, without q; residual.
 HELD, MISS, COLUMNS = 6, 9, 10
-# A change of the body's motion (core/body/change.py): δx, δv, ψ, δΩ.
+# A change of the body's motion (core/body/motion.py): δx, δv, ψ, δΩ.
 D_PLACE, D_SPEED, D_TURN, D_SPIN = _places(0, 12)
 CHANGES = 12
 
@@ -72,7 +72,7 @@ class Immersed(NamedTuple):
 
 
 class Afloat(NamedTuple):
-    """Component: a body at the water surface; see core/body/afloat.py."""
+    """Component: a body at the water surface; see core/body/components.py."""
 
     columns: Floats  # middle (3), volume fraction, x and y from the middle, (n, 6)
     height: float  # of the columns [m]
@@ -146,7 +146,7 @@ class RigidBody(NamedTuple):
     legs: Floats  # (legs, LEG)
     corners: Floats  # contact points with a deck or the seabed, (corners, 3)
     carrying: float  # number of contact points that carry the body when it stands
-    parts: tuple[Any, ...]  # further loads (core/body/parts.py)
+    parts: tuple[Any, ...]  # further loads (core/body/loads.py)
     heading: float  # of its x axis at the start, from east to north [rad]
     reach: float  # largest distance from G to any of these points [m]
     stiffness: float  # sum of the stiffness of legs and deck [N/m]

@@ -1,22 +1,32 @@
-"""Coupling of a rigid body to the rope's stages: prediction, solution, update.
+"""A rigid body in the steps of its rope, its pose and energy balance, and the types of bodies.
 
 The index of the valid record is an internal variable (core/loads/memory.py): a substep that is
-rejected, or a step that fails, leaves the body unchanged. core/body/kinds.py registers these
-kernels for each type of body.
+rejected, or a step that fails, leaves the body unchanged.
+
+**Energy.** Kinetic energy includes that of the added mass at the relative velocity c, and p·u
+besides, so that its rate is the power of all forces except the added mass: along z ∫w·M(w)·dw, of
+which the part that differs between ascent and descent is ΔM/2·(w·√(w² + δ²) - δ²·asinh(w/δ)).
+Slings and pin store ½·k·stretch². The dissipation of their dampers and of the components
+(core/body/loads.py) is charged to the water's account.
+
+**Types.** There is one for each set of components, which selects the compiled code: the step of a
+body without a deck contains no code for a deck (core/body/loads.py). All types are made on import,
+so that numba's cache finds them by name.
 """
 
 from __future__ import annotations
 
+from itertools import product
 from math import inf, nan
-from typing import Any
+from typing import Any, NamedTuple
 
-from rope_twin.core.body import state as body_state
-from rope_twin.core.body.balance import left_on_hook, solve
-from rope_twin.core.body.change import NONE
-from rope_twin.core.body.loads import momenta
-from rope_twin.core.body.parts import foresee_all, keep_all
-from rope_twin.core.body.rest import solve_body_statics
-from rope_twin.core.body.rotation import (
+import numpy as np
+
+from rope_twin.core.body import state as at
+from rope_twin.core.body.components import OWN_COLUMNS, OWN_ENTRIES, Shedding
+from rope_twin.core.body.loads import TURN2, foresee_all, keep_all, momenta, power_of
+from rope_twin.core.body.motion import (
+    NONE,
     along,
     dot,
     matrix_of,
@@ -26,10 +36,25 @@ from rope_twin.core.body.rotation import (
     turned,
     vector,
 )
+from rope_twin.core.body.solution import left_on_hook, solve, solve_body_statics
+from rope_twin.core.body.state import (
+    DAMPING,
+    LENGTH,
+    STIFFNESS,
+    Afloat,
+    Deck,
+    GridBed,
+    Immersed,
+    PlaneBed,
+    RigidBody,
+)
+from rope_twin.core.energy import account
 from rope_twin.core.integrator import GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.loads.balance import set_flow
+from rope_twin.core.loads.hooks import kernel, switching
+from rope_twin.core.loads.memory import remembering
 from rope_twin.core.payout import LOW
 from rope_twin.core.state import (
     ACCELERATION,
@@ -40,10 +65,11 @@ from rope_twin.core.state import (
     FLOW_RATE,
     POSITION,
     RESIDUAL,
+    SLING2_MIN,
+    SPEED2_MIN,
     VELOCITY,
+    Floats,
 )
-
-at = body_state
 
 
 def start(body: Any, rope: Any, upto: int) -> None:
@@ -272,3 +298,157 @@ def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     record[at.WET_THEN] = s[at.WET]
     keep_all(body.parts, body, record)
     body.memory[1, 0] = float(free)
+
+
+SOON = 1e-5  # interval of a finite difference in time [s]
+
+
+class Pose(NamedTuple):
+    """Pose of a body at one time; vectors in axes of the frame `map` unless stated otherwise."""
+
+    centre: Floats  # of gravity, (3,) [m]
+    velocity: Floats  # of the centre of gravity [m/s]
+    quaternion: Floats  # x, y, z, w: turns body axes into the frame's, (4,)
+    spin: Floats  # angular velocity in body axes [rad/s]
+    turn: Floats  # the rotation matrix, (3, 3)
+
+    def place(self, r: Any) -> Floats:
+        """Return the position (..., 3) [m] of a point r, given from the centre in body axes."""
+        return np.asarray(self.centre + np.asarray(r) @ self.turn.T)
+
+    def speed(self, r: Any) -> Floats:
+        """Return the velocity (..., 3) [m/s] of a point r of the body."""
+        return np.asarray(self.velocity + np.cross(self.spin, r) @ self.turn.T)
+
+
+def pose_of(body: RigidBody) -> Pose:
+    """Return the pose of the body after the last accepted substep."""
+    now = body.records[int(body.memory[0, 0])]
+    Q = now[at.Q : at.Q + 4].copy()
+    return Pose(_three(now, at.X), _three(now, at.V), Q, _three(now, at.SPIN), _matrix(Q))
+
+
+def pulls_of(body: RigidBody, hook: Any, speed: Any) -> tuple[Floats, Floats, Floats]:
+    """Return each sling's force on the body (legs, 3) [N], stored energy [J] and dissipation [W].
+
+    hook, speed: position and velocity of the rope's end, (3,).
+    """
+    pose, legs = pose_of(body), body.legs
+    r, k, c = legs[:, :3], legs[:, STIFFNESS], legs[:, DAMPING]
+    d, e = hook - pose.place(r), speed - pose.speed(r)
+    length = np.sqrt((d * d).sum(axis=1) + SLING2_MIN)
+    n = d / length[:, None]
+    stretch, rate = length - legs[:, LENGTH], (n * e).sum(axis=1)
+    pull = np.maximum(k * stretch + c * rate, 0.0)
+    taut = np.maximum(stretch, 0.0)
+    pinned = legs[:, LENGTH] == 0.0
+    force = np.where(pinned[:, None], k[:, None] * d + c[:, None] * e, pull[:, None] * n)
+    stored = 0.5 * k * np.where(pinned, (d * d).sum(axis=1), taut * taut)
+    lost = np.where(pinned, c * (e * e).sum(axis=1), (pull - k * taut) * rate)
+    return force, stored, lost
+
+
+def kinetic(body: Any, place: Any) -> Any:
+    """Return the kinetic energy of body, added mass and hook [J]."""
+    pose, now = pose_of(body), body.records[int(body.memory[0, 0])]
+    own = 0.5 * body.m * pose.velocity @ pose.velocity + 0.5 * pose.spin @ body.inertia @ pose.spin
+    water = _of_water(body, pose, now[at.WET_THEN], _three(now, at.ARM_THEN))
+    return own + water + 0.5 * body.hook * (place.velocity**2).sum(axis=0)
+
+
+def _of_water(body: Any, pose: Pose, wet: float, arm: Floats) -> float:
+    """Return the kinetic energy of the added mass at this submergence ratio [J]."""
+    u, spin = _three(body.records[int(body.memory[0, 0])], at.WATER), pose.spin
+    c = (pose.velocity - u) @ pose.turn + np.cross(spin, body.watered + arm)
+    w, root = c[2], np.sqrt(c[2] ** 2 + TURN2)
+    p = body.added[:3] * c
+    p[2] += body.rising * (root - np.sqrt(TURN2))
+    water = 0.5 * (body.added[:3] * c) @ c + (pose.turn @ p) @ u + 0.5 * body.added[3:] @ spin**2
+    water += 0.5 * body.rising * (w * root - TURN2 * np.arcsinh(w / np.sqrt(TURN2)))
+    return float(wet * water)
+
+
+def potential(body: Any, place: Any) -> Any:
+    """Return the potential energy of body and hook in water, and of stretched slings [J]."""
+    pose = pose_of(body)
+    _, stored, _ = pulls_of(body, place.position[:, 0], place.velocity[:, 0])
+    height = body.m * pose.centre[2] - body.displaced * pose.place(body.buoyed)[2]
+    return body.g * height + stored.sum() + body.hook_weight * place.position[2]
+
+
+def power(body: Any, place: Any) -> Any:
+    """Return the power of drag, water acceleration and components, less sling dissipation [W].
+
+    It includes what a growing submergence ratio adds to the kinetic energy of the added mass.
+    """
+    pose, now = pose_of(body), body.records[int(body.memory[0, 0])]
+    u, grows, wet, arm = (
+        _three(now, at.WATER), _three(now, at.GROWS), now[at.WET_THEN], _three(now, at.ARM_THEN)
+    )  # fmt: skip
+    h = body.watered + arm
+    c = (pose.velocity - u) @ pose.turn + np.cross(pose.spin, h)
+    blend = c[2] / np.sqrt(c[2] ** 2 + TURN2)
+    k, M = wet * body.k[:3], wet * body.added[:3]
+    k[2] += wet * body.rising_k * blend
+    M[2] += wet * body.rising * blend
+    drag = -np.sqrt(c @ c + SPEED2_MIN) * k * c
+    swept = M * (grows @ pose.turn)
+    total = (drag + swept) @ pose.turn.T @ pose.speed(h) - swept @ pose.turn.T @ u
+    total += wet * body.displaced * grows @ pose.speed(body.buoyed + arm)
+    total -= wet * (body.k[3:] * np.abs(pose.spin) ** 3).sum()
+    more, on = body.stage[at.WET_GROWS], _three(body.stage, at.ARM_GROWS)
+    then = _of_water(body, pose, wet + SOON * more, arm + SOON * on)
+    total += (then - _of_water(body, pose, wet, arm)) / SOON
+    _, _, lost = pulls_of(body, place.position[:, 0], place.velocity[:, 0])
+    return total - lost.sum() + power_of(body, pose)
+
+
+def _three(table: Floats, i: Any) -> Floats:
+    return table[i : i + 3].copy()
+
+
+def _matrix(Q: Floats) -> Floats:
+    """Return the rotation matrix of a unit quaternion, (3, 3): I + 2·w·[q] + 2·[q]²."""
+    skew = np.cross(np.eye(3), Q[:3])
+    return np.asarray(np.eye(3) + 2.0 * Q[3] * skew + 2.0 * skew @ skew)
+
+
+def _where_here(told: Any) -> Any:
+    """Return an account that is zero where the rope does not carry the body."""
+
+    def account_of(body: Any, place: Any) -> Any:
+        return told(body, place) if body.here else np.zeros(place.velocity.shape[1])
+
+    return account_of
+
+
+def _make(parts: tuple[type, ...]) -> type[RigidBody]:
+    """Return a type of body with its kernels and accounts registered."""
+    name = "RigidBody" + "".join(part.__name__ for part in parts)
+    kind = type(name, (RigidBody,), {"__slots__": (), "__module__": __name__})
+    for own in (start, predict, load_end, calm, settle):
+        kernel(own.__name__, kind)(own)
+    for told in (kinetic, potential, power):
+        account(f"{told.__name__}_end", kind)(_where_here(told))
+    remembering(kind, 1)
+    switching(kind)
+    globals()[name] = kind
+    return kind
+
+
+_WATERS = ((Immersed,), (Afloat,))
+_DECKS: tuple[tuple[type, ...], ...] = ((), (Deck,))
+_BEDS: tuple[tuple[type, ...], ...] = ((), (PlaneBed,), (GridBed,))
+_WAKES: tuple[tuple[type, ...], ...] = ((), (Shedding,))
+_KINDS = {sum(some, ()): _make(sum(some, ())) for some in product(_WATERS, _DECKS, _BEDS, _WAKES)}
+
+
+def with_parts(body: RigidBody, parts: tuple[Any, ...]) -> RigidBody:
+    """Return a body with these components: water model, then deck, seabed, vortices."""
+    held = float(body.legs[:, STIFFNESS].sum())
+    stiffness = held + len(body.corners) * sum(getattr(one, "k", 0.0) for one in parts)
+    figures = {**body._asdict(), "parts": parts, "stiffness": stiffness}
+    if any(isinstance(one, Shedding) for one in parts):
+        figures["records"] = np.pad(body.records, ((0, 0), (0, OWN_COLUMNS)))
+        figures["stage"] = np.pad(body.stage, (0, OWN_ENTRIES))
+    return _KINDS[tuple(map(type, parts))](**figures)

@@ -1,23 +1,228 @@
 """One compiler for all kernels, and a cache that edits can trust.
 
-numba's own cache does not see edits in files that a kernel calls into, so the cache folder is
-named by a digest of all kernel sources (whose folder it must be: `code_folder`). It has to be set
-before numba compiles anything, and so has the vectoriser's option: with its default, LLVM gives up
-on loops over many arrays because the run-time overlap checks exceed a limit (5 times slower node
-loops in a prototype; a test reads the assembly of this version).
+numba's own cache does not see edits in files that a kernel calls into, so the cache folder is named
+by a digest of all kernel sources. It has to be set before numba compiles anything, and so has the
+vectoriser's option: with its default, LLVM gives up on loops over many arrays because the run-time
+overlap checks exceed a limit (5 times slower node loops in a prototype; a test reads the assembly
+of this version).
+
+**Folder.** Compiled code is kept as pickles, and unpickling executes what it reads. So the folder
+must belong to this user and be writable by nobody else, and each file begins with an HMAC-SHA256
+under a key that only this user can read: what was not written here is never unpickled. There is no
+fallback to a place whose name others can predict.
+
+**Files.** numba numbers an entry's files, and keeps in an index which number is whose. Two
+processes that compile for two scenes at once then choose the same number, and one of them finds the
+other's code there later; and a file that a crash of the machine cut short ends every start from
+then on. Here an entry has a file for each set of types it was compiled for, named by it: none is
+shared, numba's index is neither read nor written, and a file that is not as this user wrote it
+(`CodeFolder.unseal`) is reported and compiled again, never unpickled.
 """
 
 from __future__ import annotations
 
+import atexit
 import hashlib
+import hmac
+import inspect
+import logging
 import os
+import pickle
+import secrets
+import shutil
+import stat
+import tempfile
 from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
-from rope_twin.core.jit.code_folder import open_folder
+import llvmlite.binding
+import numba
+from numba.core import config
+from numba.core.caching import FunctionCache, UserProvidedCacheLocator
+from numba.core.registry import cpu_target
+from numba.core.serialize import dumps
+
+from rope_twin.core.jit.compiler import EntryCompiler, LinkedCompiler
+from rope_twin.errors import phrase
 
 _PACKAGE = Path(__file__).resolve().parents[2]
+_log = logging.getLogger(__name__)
+_KEY_BYTES = 32
+_SEAL_BYTES = hashlib.sha256().digest_size  # before all else in a file
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+_OTHERS_AT_ALL = stat.S_IRWXG | stat.S_IRWXO
+
+
+@dataclass(frozen=True)
+class CodeFolder:
+    """A checked folder, and the key that seals its files."""
+
+    path: Path
+    key: bytes = field(repr=False)
+
+    def seal(self, content: bytes) -> bytes:
+        """Return the content with its HMAC in front, as it is written to a file."""
+        return hmac.digest(self.key, content, "sha256") + content
+
+    def unseal(self, data: bytes) -> bytes | None:
+        """Return the content of a file; None: it is damaged, or was not sealed with this key."""
+        content = data[_SEAL_BYTES:]
+        sealed = hmac.digest(self.key, content, "sha256")
+        return content if hmac.compare_digest(sealed, data[:_SEAL_BYTES]) else None
+
+
+def open_folder(digest: str) -> CodeFolder | None:
+    """Open the folder for kernels of these sources: in $ROPE_TWIN_CACHE or the user's cache.
+
+    Where that is not this user's alone or cannot be written, one warning says so and a new private
+    folder serves this process and its forks. None: there is none either; nothing is kept.
+    """
+    chosen = os.environ.get("ROPE_TWIN_CACHE")
+    home = chosen or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    root = Path(home) / "rope_twin"
+    try:
+        root.parent.mkdir(parents=True, exist_ok=True)
+        return _open(root, digest)
+    except OSError as error:
+        reason = str(error.strerror or error)
+    right = "remove it or name a place of your own in ROPE_TWIN_CACHE"
+    what = f"{reason}, so the kernels compiled by this process are not kept"
+    _log.warning(phrase(f"compiled code in {root}", what, right))
+    return _temporary(digest)
+
+
+def _open(root: Path, digest: str) -> CodeFolder:
+    """Make and judge the folder and the one above it. Raises OSError with the reason."""
+    for folder in (root, root / digest):
+        with suppress(FileExistsError):
+            folder.mkdir(mode=0o700)
+        if fault := _fault(folder.lstat()):
+            raise PermissionError(None, fault)
+    if not os.access(root / digest, os.W_OK):
+        raise PermissionError(None, "the folder cannot be written")
+    return CodeFolder(root / digest, _read_key(root / "key"))
+
+
+def _fault(about: os.stat_result) -> str:
+    """Why a folder is not this user's alone, or ''."""
+    if not stat.S_ISDIR(about.st_mode):
+        return "a folder is wanted, not a link or a file"
+    if about.st_uid != os.geteuid():
+        return f"the folder belongs to another user (uid {about.st_uid})"
+    if about.st_mode & _OTHERS_WRITE:
+        return f"others may write to the folder (mode {stat.S_IMODE(about.st_mode):04o})"
+    return ""
+
+
+def _read_key(path: Path) -> bytes:
+    """The key, made at first use. Raises OSError if the file there is not this user's secret."""
+    if not os.path.lexists(path):
+        _make_key(path)
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    with os.fdopen(descriptor, "rb") as file:
+        about = os.fstat(file.fileno())
+        key = file.read(_KEY_BYTES + 1)
+    mine = stat.S_ISREG(about.st_mode) and about.st_uid == os.geteuid()
+    if not mine or about.st_mode & _OTHERS_AT_ALL or len(key) != _KEY_BYTES:
+        raise PermissionError(None, "its file 'key' is not a secret of this user (mode 0600)")
+    return key
+
+
+def _make_key(path: Path) -> None:
+    """Write a new key, whole or not at all; of two processes at once the first one's holds."""
+    part = path.with_name(f".key.{secrets.token_hex(8)}")
+    descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(secrets.token_bytes(_KEY_BYTES))
+            file.flush()
+            os.fsync(file.fileno())
+        with suppress(FileExistsError):
+            os.link(part, path)
+    finally:
+        part.unlink()
+
+
+def _temporary(digest: str) -> CodeFolder | None:
+    """A new folder of an unpredictable name, removed when the process ends."""
+    try:
+        root = Path(tempfile.mkdtemp(prefix="rope_twin_"))
+    except OSError:
+        return None
+    owner = os.getpid()
+
+    def remove() -> None:
+        if os.getpid() == owner:  # forks use it too, and leave it
+            shutil.rmtree(root, ignore_errors=True)
+
+    atexit.register(remove)
+    try:
+        return _open(root, digest)
+    except OSError:
+        return None
+
+
+class KeptCode(FunctionCache):  # type: ignore[misc]
+    """numba's cache of one entry's code, for all types of arguments."""
+
+    def __init__(self, function: Any, folder: CodeFolder) -> None:
+        place = UserProvidedCacheLocator.get_suitable_cache_subpath(inspect.getfile(function))
+        # numba would make it with whatever mode the process's mask leaves
+        with suppress(OSError):  # then nothing can be kept, which is said when it is tried
+            (folder.path / place).mkdir(mode=0o700, exist_ok=True)
+        super().__init__(function)
+        self._cache_path = str(folder.path / place)
+        self._cache_file = None  # numba's own index and data, which it unpickles unchecked
+        self._folder = folder
+
+    def flush(self) -> None:
+        """Keep what is there: a file is named by what it was compiled for, so none is stale."""
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The code for a signature; None: there is none, or none that is whole."""
+        if not self._enabled:
+            return None
+        key = self._index_key(sig, target_context.codegen())
+        path = self._path_of(key)
+        try:
+            data = path.read_bytes()
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            _log.warning("compiled code cannot be read, it is compiled again: %s", error)
+            return None
+        content = self._folder.unseal(data)
+        if content is None:
+            _log.warning("compiled code is damaged, it is compiled again: %s", path)
+            return None
+        compiled_for, reduced = pickle.loads(content)
+        return self._impl.rebuild(target_context, reduced) if compiled_for == key else None
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        """Write the code for a signature, whole or not at all."""
+        if not self._enabled or not self._impl.check_cachable(data):
+            return
+        key = self._index_key(sig, data.codegen)
+        content = dumps((key, self._impl.reduce(data)))
+        path = self._path_of(key)
+        part = path.with_suffix(f".{uuid4().hex}")
+        try:
+            part.write_bytes(self._folder.seal(content))
+            os.replace(part, path)
+        except OSError as error:
+            with suppress(OSError):
+                part.unlink()
+            _log.warning("compiled code is not kept, the next start compiles it again: %s", error)
+
+    def _path_of(self, key: Any) -> Path:
+        """The file of a key: signature, processor, and what the entry itself is."""
+        words = "; ".join(map(str, (numba.__version__, *key)))
+        digest = hashlib.sha256(words.encode()).hexdigest()[:32]
+        return Path(self._cache_path) / f"{self._impl.filename_base}.{digest}.nbc"
 
 
 def source_digest() -> str:
@@ -30,23 +235,10 @@ def source_digest() -> str:
     return digest.hexdigest()[:16]
 
 
+llvmlite.binding.set_option("numba", "-vectorize-memory-check-threshold=2000")
 FOLDER = open_folder(source_digest())  # None: nothing is kept
 if FOLDER is not None:
-    os.environ["NUMBA_CACHE_DIR"] = str(FOLDER.path)
-
-import llvmlite.binding  # noqa: E402
-
-llvmlite.binding.set_option("numba", "-vectorize-memory-check-threshold=2000")
-
-import numba  # noqa: E402
-from numba.core import config  # noqa: E402
-from numba.core.registry import cpu_target  # noqa: E402
-
-from rope_twin.core.jit.compiler import EntryCompiler, LinkedCompiler  # noqa: E402
-from rope_twin.core.jit.kept_code import KeptCode  # noqa: E402
-
-if FOLDER is not None:
-    config.CACHE_DIR = str(FOLDER.path)  # in case numba was imported before us
+    os.environ["NUMBA_CACHE_DIR"] = config.CACHE_DIR = str(FOLDER.path)
 
 # No nnan and ninf: with them, tests for NaN and infinity are compiled away. No reassoc: LLVM orders
 # a sum by what stands around it, and a rope in lanes (core/lanes) would get other bits than alone.

@@ -1,4 +1,4 @@
-"""Arrays and records as kernels see them: rows without overlap, structs handed on by address.
+"""Arrays as kernels see them: rows without overlap, structs by address, SIMD pairs.
 
 **Rows** of a matrix, for loops over nodes or elements. `rows(work, POSITION, low)` gives the x, y
 and z rows from column `low` on, `row(work, MASS, low)` one of them, `span` several,
@@ -16,6 +16,11 @@ call copies. `hold(struct)` leaves it in one place, and is handed on as one poin
 where it is asked for. It lives as long as the kernel that holds it, and its fields are not written
 to (what its arrays hold is). Loops over nodes take arrays: a compiler that cannot see who else
 knows an address reads it again and again.
+
+**Pairs**: two doubles in a SIMD register, for loops that a vectoriser cannot see through. `pair(a,
+b)` makes one, `+ - *` and `scalar / pair` work lane by lane, `lane(p, 0)` takes one out,
+`gather(row, i, j)` loads from two places, `load(row, i)` and `store(row, i, p)` two neighbours. In
+plain Python a pair is an array of two.
 """
 
 from __future__ import annotations
@@ -45,7 +50,7 @@ _SCOPES = [
     *(f"work {k}" for k in range(WORK_ROWS)),
     *(f"nodes {k}" for k in range(NODE_ROWS)),
     "offset",
-    "sea",  # core/waves/rows
+    "sea",  # core/waves
     *(f"scratch {k}" for k in range(5)),
 ]
 _KNOWN: WeakKeyDictionary[Any, dict[str, tuple[Any, Any]]] = WeakKeyDictionary()
@@ -316,3 +321,149 @@ if config.DISABLE_JIT:
 
 else:
     hold = _hold
+
+
+_FLAGS = ("contract", "nsz")
+_INDEX = ir.IntType(32)
+_REGISTER = ir.VectorType(_DOUBLE, 2)
+
+
+class PairType(types.Type):  # type: ignore[misc]
+    """numba's type of a pair."""
+
+    def __init__(self) -> None:
+        super().__init__(name="Pair")
+
+
+PAIR = PairType()
+
+
+@register_model(PairType)
+class _PairModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _REGISTER)
+
+
+def _join(builder: Any, first: Any, second: Any) -> Any:
+    empty = ir.Constant(_REGISTER, ir.Undefined)
+    half = builder.insert_element(empty, first, ir.Constant(_INDEX, 0))
+    return builder.insert_element(half, second, ir.Constant(_INDEX, 1))
+
+
+def _register_operator(function: Any, instruction: str) -> None:
+    """Typing and code of one operator on pair and pair, and on scalar and pair."""
+
+    class Template(AbstractTemplate):  # type: ignore[misc]
+        def generic(self, arguments: Any, keywords: Any) -> Any:
+            a, b = arguments
+            if isinstance(b, PairType) and isinstance(a, PairType | types.Float):
+                return signature(PAIR, a, PAIR)
+            return None
+
+    infer_global(function)(Template)
+
+    def both(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return getattr(builder, instruction)(*arguments, flags=_FLAGS)
+
+    def scalar_first(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        a, b = arguments
+        return getattr(builder, instruction)(_join(builder, a, a), b, flags=_FLAGS)
+
+    lower_builtin(function, PairType, PairType)(both)
+    lower_builtin(function, types.Float, PairType)(scalar_first)
+
+
+for _function, _instruction in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
+    _register_operator(_function, _instruction)
+
+
+@intrinsic
+def pair(context: Any, a: Any, b: Any) -> Any:
+    """A pair of two numbers."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return _join(builder, *arguments)
+
+    return PAIR(types.float64, types.float64), generate
+
+
+@intrinsic(prefer_literal=True)
+def lane(context: Any, p: Any, index: Any) -> Any:
+    """Lane 0 or 1 of a pair; the index is a literal."""
+    number = index.literal_value
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return builder.extract_element(arguments[0], ir.Constant(_INDEX, number))
+
+    return types.float64(p, index), generate
+
+
+@intrinsic
+def gather(context: Any, row: Any, i: Any, j: Any) -> Any:
+    """row[i] and row[j]."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        source, first, second = arguments
+        values = [builder.load(builder.gep(source, [index])) for index in (first, second)]
+        for value in values:
+            tell_apart(builder.module, value, sig.args[0])
+        return _join(builder, *values)
+
+    return PAIR(row, types.intp, types.intp), generate
+
+
+@intrinsic
+def load(context: Any, row: Any, i: Any) -> Any:
+    """row[i] and row[i + 1]."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        address = builder.gep(arguments[0], [arguments[1]])
+        value = builder.load(builder.bitcast(address, _REGISTER.as_pointer()))
+        value.align = 8
+        tell_apart(builder.module, value, sig.args[0])
+        return value
+
+    return PAIR(row, types.intp), generate
+
+
+@intrinsic
+def store(context: Any, row: Any, i: Any, p: Any) -> Any:
+    """row[i], row[i + 1] = p."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        target, index, value = arguments
+        address = builder.bitcast(builder.gep(target, [index]), _REGISTER.as_pointer())
+        access = builder.store(value, address)
+        access.align = 8
+        tell_apart(builder.module, access, sig.args[0])
+        return context.get_dummy_value()
+
+    return types.void(row, types.intp, PAIR), generate
+
+
+if config.DISABLE_JIT:
+
+    def pair(a: Any, b: Any) -> Any:
+        """Return an array of two numbers."""
+        return np.array([a, b])
+
+    def lane(p: Any, index: Any) -> Any:
+        """Return one of the two."""
+        return p[index]
+
+    def gather(row: Any, i: Any, j: Any) -> Any:
+        """Return row[i] and row[j]."""
+        return np.array([row[i], row[j]])
+
+    def load(row: Any, i: Any) -> Any:
+        """Return row[i] and row[i + 1]."""
+        return row[i : i + 2].copy()
+
+    def store(row: Any, i: Any, p: Any) -> None:
+        """Set row[i] and row[i + 1]."""
+        row[i : i + 2] = p

@@ -29,10 +29,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_within
 from rope_twin.core.loads.hooks import kernel, kernels_by_place, members, switching, written_out
-from rope_twin.core.state import BLOCK, ELEMENTS, POSITION, RESIDUAL, VELOCITY, Floats
+from rope_twin.core.state import BLOCK, DIVISOR_MIN, ELEMENTS, POSITION, RESIDUAL, VELOCITY, Floats
 
 BUNCH = 8  # elements per group whose surrounding boxes are compared first
 BEGIN_S = 1e-9  # time from which on ropes touch: static solutions are before

@@ -6,7 +6,7 @@ before: elimination leaves no fill. The root is a node of a rope, chosen so that
 SIMD register end together; a single rope's plan is its two-sided (twisted) factorisation.
 
 Connections in a loop of ropes, with a link or at a sheave are *dense*: the trees that hang on them
-are eliminated onto them, ropes between two of them are condensed onto both (core/joined/between),
+are eliminated onto them, ropes between two of them are condensed onto both (core/joined/chains),
 and what is left is one small dense system (core/joined/joints).
 
 The plan depends on the topology and the numbers of elements alone, so that a restart and any
@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.banded.pairs import RECORD
+from rope_twin.core.elimination import RECORD
 from rope_twin.core.state import LINE_DOUBLES, Floats, Ints
 
 # Columns of `spans`: first node and direction of both lanes, number of pairs, what either lane

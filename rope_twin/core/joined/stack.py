@@ -16,7 +16,7 @@ from numba import types
 from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit, jit_within
-from rope_twin.core.joined.condensation import chain_rows
+from rope_twin.core.joined.chains import chain_rows
 from rope_twin.core.loads.hooks import kernels_by_place, members, written_out
 from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.state import (

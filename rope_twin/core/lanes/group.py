@@ -11,9 +11,11 @@ from rope_twin.core.axial_law import Fibre
 from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.jit.decorators import compiled
 from rope_twin.core.jit.wide import ALL, LANES
-from rope_twin.core.lanes.by_lane import Each, any_by_lane, is_by_lane
-from rope_twin.core.lanes.layout import (
+from rope_twin.core.lanes.effects import (
+    Each,
     aligned,
+    any_by_lane,
+    is_by_lane,
     layout_of,
     make_each,
     make_wide,

@@ -20,13 +20,13 @@ import numpy as np
 from numba.extending import overload
 
 from rope_twin.core.elements import SAME_PLACE
-from rope_twin.core.guards import TANGENT2_MIN
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_sum, jit_within
+from rope_twin.core.jit.functions import renewed
 from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.jit.wide_calls import renewed
-from rope_twin.core.loads.growth import Growth, grown
 from rope_twin.core.loads.hooks import (
+    Growth,
     couples,
+    grown,
     kernels,
     kernels_by_place,
     may_be_calm,
@@ -53,6 +53,7 @@ from rope_twin.core.state import (
     RESIDUAL,
     SURFACE,
     TANGENT,
+    TANGENT2_MIN,
     TENSION,
     VELOCITY,
     ZERO,

@@ -37,8 +37,14 @@ from numba.extending import overload
 
 from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit
-from rope_twin.core.loads.growth import Growth, grown
-from rope_twin.core.loads.hooks import kernel_of, kernels_by_place, members, written_out
+from rope_twin.core.loads.hooks import (
+    Growth,
+    grown,
+    kernel_of,
+    kernels_by_place,
+    members,
+    written_out,
+)
 from rope_twin.core.state import ELEMENTS, ZERO, Rope, Stage, State
 
 _REMEMBERED: dict[type, int] = {}

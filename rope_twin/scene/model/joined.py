@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.joined import ties
-from rope_twin.core.joined.hanging import Link, guess_positions, initial_shape
+from rope_twin.core.joined import joints as ties
+from rope_twin.core.joined.initial_guess import Link, guess_positions, initial_shape
 from rope_twin.core.joined.joints import LOOSE, System, new_system
-from rope_twin.core.joined.reeving import Wheel, reeve
+from rope_twin.core.joined.statics import Wheel, reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.fairing import FairingParams

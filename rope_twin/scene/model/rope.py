@@ -11,9 +11,9 @@ from numpy.polynomial.legendre import leggauss
 
 from rope_twin.core import state as rows
 from rope_twin.core.bed import Grid, Plane
-from rope_twin.core.body.kinds import with_parts
-from rope_twin.core.body.shedding import Shedding
+from rope_twin.core.body.components import Shedding
 from rope_twin.core.body.state import Afloat, GridBed, PlaneBed, RigidBody
+from rope_twin.core.body.step import with_parts
 from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.fibre import new_fibre
 from rope_twin.core.loads.hooks import hooks_of, work_rows

@@ -9,7 +9,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.joined.joints import LOOSE, loaded_ends
-from rope_twin.core.joined.reeving import solve_reeved_statics
+from rope_twin.core.joined.statics import solve_reeved_statics
 from rope_twin.core.state import Boundary, Floats, Ints
 from rope_twin.core.step import advance, advance_joined
 from rope_twin.scene.model.joined import build_joined

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.joined import ties
+from rope_twin.core.joined import joints as ties
 from rope_twin.core.joined.joints import LOOSE, System
-from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.sheaves import (
     FROM,
     INTO,
@@ -18,7 +17,7 @@ from rope_twin.core.joined.sheaves import (
     WHEEL,
     Sheaves,
 )
-from rope_twin.core.joined.statics import weigh
+from rope_twin.core.joined.statics import solve_reeved_statics, weigh
 from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,
@@ -30,8 +29,8 @@ from rope_twin.core.state import (
     Floats,
     Rope,
 )
-from rope_twin.core.statics.equilibrium import solve_statics
-from rope_twin.core.statics.shape import SYMMETRIC, Couplings, Elastic, StillRope
+from rope_twin.core.statics import solve_statics
+from rope_twin.core.still_rope import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.joined import build_joined

@@ -15,10 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core.body import state as at
-from rope_twin.core.body.bed import bed_pushes
-from rope_twin.core.body.contact import deck_pushes
-from rope_twin.core.body.energy import Pose, pose_of
-from rope_twin.core.body.parts import part_of
+from rope_twin.core.body.components import bed_pushes, deck_pushes
+from rope_twin.core.body.loads import part_of
 from rope_twin.core.body.state import (
     LENGTH,
     STIFFNESS,
@@ -27,6 +25,7 @@ from rope_twin.core.body.state import (
     PlaneBed,
     RigidBody,
 )
+from rope_twin.core.body.step import Pose, pose_of
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.core.statics.shape import SYMMETRIC, Couplings
+from rope_twin.core.still_rope import SYMMETRIC, Couplings
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.modes.equilibrium import (

@@ -16,10 +16,10 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.joined.joints import System
-from rope_twin.core.joined.reeving import solve_reeved_statics
+from rope_twin.core.joined.statics import solve_reeved_statics
 from rope_twin.core.loads.memory import remembers
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
-from rope_twin.core.statics.equilibrium import solve_statics
+from rope_twin.core.statics import solve_statics
 from rope_twin.core.step import advance, advance_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import places, winches

@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Power, Store, measure
-from rope_twin.core.joined.energy import SystemBorder
+from rope_twin.core.energy import Power, Store, SystemBorder, measure
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Boundary, Floats, Rope, State
 from rope_twin.core.step import advance

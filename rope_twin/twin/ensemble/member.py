@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.body.energy import pose_of
+from rope_twin.core.body.step import pose_of
 from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone
 from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING
 from rope_twin.core.loads.balance import lower_end_tension

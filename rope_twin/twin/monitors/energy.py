@@ -13,8 +13,7 @@ from collections import deque
 
 import numpy as np
 
-from rope_twin.core.energy import Power, accounts_of
-from rope_twin.core.joined.energy import SystemBorder, lost
+from rope_twin.core.energy import Power, SystemBorder, accounts_of, lost
 from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import SceneError, phrase

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.joined.energy import SystemBorder, measure_system
-from rope_twin.core.joined.joints import LOOSE, System
-from rope_twin.core.joined.reeving import solve_reeved_statics
-from rope_twin.core.joined.ties import PULL
+from rope_twin.core.energy import SystemBorder, measure_system
+from rope_twin.core.joined.joints import LOOSE, PULL, System
+from rope_twin.core.joined.statics import solve_reeved_statics
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance_joined
 from rope_twin.scene.model.joined import build_joined, runs_over_sheave

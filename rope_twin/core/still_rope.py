@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.guards import FORCE_MIN
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import add_couplings
 from rope_twin.core.loads.hooks import couples, switches
@@ -27,6 +26,7 @@ from rope_twin.core.state import (
     DIRECTION,
     ELEMENTS,
     FLOW,
+    FORCE_MIN,
     LINE,
     LINK,
     MOTIONS,

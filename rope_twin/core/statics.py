@@ -13,7 +13,7 @@ relaxation with growing steps brings the rope nearer, and Newton's method is tri
 
 **Newton's method on positions and element forces at once**, for active sets (`solve_primal_dual`).
 A seabed that pushes only nodes below it leaves rope that carries no tension, and a shape laid along
-its forces (core/statics/shape.py) then moves far with the least change of them. So both are unknown
+its forces (core/still_rope.py) then moves far with the least change of them. So both are unknown
 here, the node positions x and the element forces S_e:
 
     balance  S_i - S_{i-1} + f_i(x) = 0,    law  (Δx - S/k)·m = l0·S  with  m = √(|S|² + ε²).
@@ -34,8 +34,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rope_twin.core.guards import FORCE_MIN
 from rope_twin.core.state import (
+    FORCE_MIN,
     NODE_ROWS,
     PULL_COLUMNS,
     SUBSTEPS_UNCONVERGED,
@@ -43,7 +43,8 @@ from rope_twin.core.state import (
     Floats,
     Rope,
 )
-from rope_twin.core.statics.shape import (
+from rope_twin.core.step import advance
+from rope_twin.core.still_rope import (
     MIN_FRACTION,
     PERTURBATION,
     SYMMETRIC,
@@ -62,7 +63,6 @@ from rope_twin.core.statics.shape import (
     shape_of,
     solve_blocks,
 )
-from rope_twin.core.step import advance
 
 ROUNDS = 60  # of either iteration; observed: 1 to 4 under weight, up to 9 in strong currents
 TENSION_TOL = 1e-7  # of the largest tension: tolerance of the residual force at a node

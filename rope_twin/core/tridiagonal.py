@@ -3,10 +3,13 @@
 `eliminate_plainly` proceeds from the lower end to the hang-off. Such a recursion is bound by its
 own latency, so compiled code factorises from both ends at once (twisted factorisation), one side in
 each SIMD lane: pair k is the nodes first + k and n - 1 - k, and the two sides meet in the middle.
-The factors of a pair are a record (core/banded/pairs); records lie end to end in the rows
+The factors of a pair are a record (core/elimination); records lie end to end in the rows
 ELIMINATED. A test compares both with a dense solver.
 
 `push` solves for another residual with the factors of the last elimination.
+
+`eliminate_wide` and `push_wide` factorise from both ends too, for a batch of ropes (core/lanes),
+one in each lane, in the order of operations of a single rope.
 """
 
 from __future__ import annotations
@@ -15,30 +18,28 @@ from typing import Any
 
 from numba import config
 
-from rope_twin.core.banded.nodes import (
+from rope_twin.core.elimination import (
+    RECORD,
     add_six,
     eliminate_node,
+    eliminate_pair,
     ground,
     hold_ends,
     lanes,
     push_node,
+    push_pair,
+    pushed_on,
     six,
     six_lanes,
     solve_symmetric,
     spring,
-)
-from rope_twin.core.banded.pairs import (
-    RECORD,
-    eliminate_pair,
-    push_pair,
-    pushed_on,
     substitute_pair,
     two,
     two_of_six,
 )
-from rope_twin.core.jit.decorators import jit_ordered, jit_within
-from rope_twin.core.jit.rows import row, rows
-from rope_twin.core.jit.simd import lane, pair
+from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within, jit_within
+from rope_twin.core.jit.rows import lane, pair, row, rows, span
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
@@ -188,3 +189,162 @@ def _substitute_all(work: Floats, first: int, n: int, low: Any, high: Any) -> No
 
 eliminate = eliminate_plainly if config.DISABLE_JIT else _eliminate_folded
 push = push_plainly if config.DISABLE_JIT else _push_folded
+
+
+INVERSE = ELIMINATED + 12
+
+
+@jit_ordered_within
+def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -> Any:
+    """Eliminate node i through element e; return Z and force on the neighbour.
+
+    Lanes that are not in `moved` keep their factors.
+    """
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    x, y, z = rows(work, DIRECTION, 0)
+    axial, geometric = row(work, AXIAL, 0), row(work, GEOMETRIC, 0)
+    b = geometric[e]
+    S = (
+        Z[0] + (Axx[i] + b), Z[1] + Axy[i], Z[2] + Axz[i],
+        Z[3] + (Ayy[i] + b), Z[4] + Ayz[i], Z[5] + (Azz[i] + b),
+    )  # fmt: skip
+    force = (f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i])
+    t = (x[e], y[e], z[e])
+    gain, own, left, pushed, inverse = eliminate_node(S, force, t, axial[e], b)
+    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
+    gxx[i] = choose(moved, gain[0], gxx[i])
+    gxy[i] = choose(moved, gain[1], gxy[i])
+    gxz[i] = choose(moved, gain[2], gxz[i])
+    gyx[i] = choose(moved, gain[3], gyx[i])
+    gyy[i] = choose(moved, gain[4], gyy[i])
+    gyz[i] = choose(moved, gain[5], gyz[i])
+    gzx[i] = choose(moved, gain[6], gzx[i])
+    gzy[i] = choose(moved, gain[7], gzy[i])
+    gzz[i] = choose(moved, gain[8], gzz[i])
+    px[i] = own[0]
+    py[i] = own[1]
+    pz[i] = own[2]
+    _keep_six(work, i, inverse, moved)
+    return left, pushed
+
+
+@jit_ordered_within
+def _keep_six(work: Any, i: int, inverse: Any, moved: Any) -> None:
+    """Store the inverse of node i, or the block of the middle node, in the lanes of `moved`."""
+    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
+    xx[i] = choose(moved, inverse[0], xx[i])
+    xy[i] = choose(moved, inverse[1], xy[i])
+    xz[i] = choose(moved, inverse[2], xz[i])
+    yy[i] = choose(moved, inverse[3], yy[i])
+    yz[i] = choose(moved, inverse[4], yz[i])
+    zz[i] = choose(moved, inverse[5], zz[i])
+
+
+@jit_ordered_within
+def _push(work: Any, i: int, f: Any) -> Any:
+    """Return the force on the neighbour of a node that is already eliminated."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
+    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
+    gain = (gxx[i], gxy[i], gxz[i], gyx[i], gyy[i], gyz[i], gzx[i], gzy[i], gzz[i])
+    inverse = (xx[i], xy[i], xz[i], yy[i], yz[i], zz[i])
+    own, pushed = push_node(gain, inverse, (f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i]))
+    px[i] = own[0]
+    py[i] = own[1]
+    pz[i] = own[2]
+    return pushed
+
+
+@jit_ordered_within
+def _substitute(work: Any, i: int, d: Any) -> Any:
+    """Store and return delta of node i, given that of its neighbour nearer the middle."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z = span(work, ELIMINATED, 12, 0)
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    px, py, pz = d
+    qx = (x[i] + xx[i] * px) + (xy[i] * py + xz[i] * pz)
+    qy = (y[i] + yx[i] * px) + (yy[i] * py + yz[i] * pz)
+    qz = (z[i] + zx[i] * px) + (zy[i] * py + zz[i] * pz)
+    dx[i] = qx
+    dy[i] = qy
+    dz[i] = qz
+    return qx, qy, qz
+
+
+@jit_ordered
+def eliminate_wide(work: Any, first: int, n: int, moved: Any) -> None:
+    """Eliminate from both ends at once and solve for the one or two nodes in the middle.
+
+    moved: lanes whose factors are updated; the others keep theirs.
+    """
+    pairs, rounds = (n - first - 1) // 2, (n - first) // 2
+    middle = first + pairs
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    Z_low, Z_high = ground(work, first), spring(work, n - 1)
+    f_low = f_high = _nothing(work, middle)
+    for k in range(pairs):
+        i, j = first + k, n - 1 - k
+        Z_low, f_low = _eliminate(work, i, i, Z_low, f_low, moved)
+        Z_high, f_high = _eliminate(work, j, j - 1, Z_high, f_high, moved)
+    if rounds > pairs:
+        Z_high, f_high = _eliminate(work, middle + 1, middle, Z_high, f_high, moved)
+    A = (Axx[middle], Axy[middle], Axz[middle], Ayy[middle], Ayz[middle], Azz[middle])
+    _keep_six(work, middle, add_six(add_six(Z_low, Z_high), A), moved)
+    _solve_middle(work, first, n, f_low, f_high)
+
+
+@jit_ordered
+def push_wide(work: Any, first: int, n: int) -> None:
+    """Solve for another residual with the existing factors of each lane, up to the middle nodes."""
+    pairs, rounds = (n - first - 1) // 2, (n - first) // 2
+    middle = first + pairs
+    f_low = f_high = _nothing(work, middle)
+    for k in range(pairs):
+        f_low = _push(work, first + k, f_low)
+        f_high = _push(work, n - 1 - k, f_high)
+    if rounds > pairs:
+        f_high = _push(work, middle + 1, f_high)
+    _solve_middle(work, first, n, f_low, f_high)
+
+
+@jit_ordered_within
+def _nothing(work: Any, i: int) -> Any:
+    """Return a zero force in all lanes."""
+    zero = row(work, RESIDUAL, 0)[i] * 0.0
+    return zero, zero, zero
+
+
+@jit_ordered_within
+def _solve_middle(work: Any, first: int, n: int, f_low: Any, f_high: Any) -> None:
+    """Solve for the one or two nodes in the middle; f: condensed force from either side."""
+    pairs, rounds = (n - first - 1) // 2, (n - first) // 2
+    middle = first + pairs
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, middle)
+    force = (
+        f_low[0] + f_high[0] + Rx[middle],
+        f_low[1] + f_high[1] + Ry[middle],
+        f_low[2] + f_high[2] + Rz[middle],
+    )
+    d = solve_symmetric((xx[0], xy[0], xz[0], yy[0], yz[0], zz[0]), force)
+    dx, dy, dz = rows(work, CORRECTION, middle)
+    dx[0] = d[0]
+    dy[0] = d[1]
+    dz[0] = d[2]
+    if rounds > pairs:
+        _substitute(work, middle + 1, d)
+    hold_ends(work, first, n)
+
+
+@jit_ordered
+def substitute_wide(work: Any, first: int, n: int, low: int, high: int) -> None:
+    """Back-substitute the pairs low <= k < high from the middle outward.
+
+    Pair k is the nodes first + k and n - 1 - k.
+    """
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    i, j = first + high, n - 1 - high
+    below, above = (dx[i], dy[i], dz[i]), (dx[j], dy[j], dz[j])
+    for k in range(high - 1, low - 1, -1):
+        below = _substitute(work, first + k, below)
+        above = _substitute(work, n - 1 - k, above)

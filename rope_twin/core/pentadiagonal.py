@@ -1,11 +1,11 @@
 """Block-pentadiagonal solver of the node equations, O(n): a node is coupled to the next two.
 
 `eliminate_coupled_plainly` proceeds from the lower end to the hang-off. Compiled code factorises
-from both ends at once, one side in each SIMD lane, as in `core/banded/tridiagonal`: pair k is the
-nodes first + k and n - 1 - k; the two or three nodes left in the middle are eliminated one by one.
-The factors of a pair for the back-substitution are a record of 36 numbers, 24 in the rows
-ELIMINATED and 12 in FACTOR, where records lie end to end; the last record in ELIMINATED is followed
-by the Schur complements of both sides on the middle. A test compares both with a dense solver.
+from both ends at once, one side in each SIMD lane, as in `core/tridiagonal`: pair k is the nodes
+first + k and n - 1 - k; the two or three nodes left in the middle are eliminated one by one. The
+factors of a pair for the back-substitution are a record of 36 numbers, 24 in the rows ELIMINATED
+and 12 in FACTOR, where records lie end to end; the last record in ELIMINATED is followed by the
+Schur complements of both sides on the middle. A test compares both with a dense solver.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from numba import config
 
-from rope_twin.core.banded.nodes import (
+from rope_twin.core.elimination import (
     add,
     add_nine,
     add_six,
@@ -33,8 +33,7 @@ from rope_twin.core.banded.nodes import (
     substituted,
 )
 from rope_twin.core.jit.decorators import jit, jit_ordered, jit_ordered_within, jit_within
-from rope_twin.core.jit.rows import column, row, rows, span
-from rope_twin.core.jit.simd import gather, lane, load, pair, store
+from rope_twin.core.jit.rows import column, gather, lane, load, pair, row, rows, span, store
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
@@ -66,7 +65,7 @@ def single_node(work: Floats, i: int, state: Any, K: Any, c: float, d: float) ->
 
 
 @jit_within
-def keep(work: Floats, factors: int, i: int, kept: Any) -> None:
+def keep_node(work: Floats, factors: int, i: int, kept: Any) -> None:
     """Store the factors of node i for the back-substitution; S⁻¹ from row `factors` on."""
     own, G, inverse = kept
     for k in range(3):
@@ -80,7 +79,7 @@ def keep(work: Floats, factors: int, i: int, kept: Any) -> None:
 
 @jit_within
 def kept_of(work: Floats, factors: int, i: int) -> Any:
-    """Load the factors of node i that `keep` stored."""
+    """Load the factors of node i that `keep_node` stored."""
     G = (
         column(work, ELIMINATED + 3, i), column(work, ELIMINATED + 6, i),
         column(work, ELIMINATED + 9, i),
@@ -104,7 +103,7 @@ def eliminate_coupled_plainly(work: Floats, first: int, n: int) -> None:
     for i in range(first, n):
         c, d = work[LINK, i], work[LINK + 1, i]
         kept, state = single_node(work, i, state, spring(work, i), c, d)
-        keep(work, FACTOR, i, kept)
+        keep_node(work, FACTOR, i, kept)
     _substitute_plainly(work, first, n)
 
 

@@ -1,1 +1,0 @@
-"""Banded direct solvers of the node equations: node algebra and sweeps."""

@@ -1,0 +1,502 @@
+"""Components of the loads on a rigid body: deck, seabed, water surface, vortices.
+
+**Contact** of its corners. The law is that of effects/seabed.py: N = k·d·(1 - χ·v_n), at least 0
+(Hunt and Crossley 1975), and friction -μ·N·v_t/√(|v_t|² + v_0²) (Oden and Martins 1985), here with
+all of its derivatives. The deck is a level plane that heaves.
+
+The seabed's k is that of a payload node, shared among the corners. Omitted from the Jacobian: the
+change of slope of gridded soundings below a corner.
+
+**Partial submergence**: buoyancy with righting moments, slamming. The body is cut into columns
+along its own z over the height H; their positions and volume fractions are Gauss-Legendre points
+and weights, so that volume and moments are exact for a box whose bottom is wet and whose top is
+dry. A column whose middle is at height z is submerged below the surface η over the fraction
+
+    s = (η - z)/e + 1/2, from 0 to 1,  e⁸ = (H·n_z)⁸ + (a·n_x)⁸ + (b·n_y)⁸
+
+where n is the vertical in body axes and a, b are its sides: e is its vertical extent at the present
+attitude, and stays above 0 where it lies flat. Buoyancy ρ·g·V·w·s acts -½·(1 - s)·∂e/∂n from the
+middle: the middle of the submerged part of an upright column. It therefore has a potential,
+ρ·g·V·w·½·e·s² while partly submerged, and cannot create energy.
+
+Added mass and drag follow the submergence ratio β of the whole body and act at the middle of the
+submerged part (DNV-RP-N103, 4.2 to 4.4). While a column enters at the speed v relative to the
+water, ½·ρ·C_s·A·w·v² acts upward at its lower end (4.3.8). β in the momenta is held constant over a
+substep: the effect of its change on the added mass is the slamming force, and water exit has none.
+
+**Vortices** shed by the body: a transverse force at its Strouhal frequency. It is that of a payload
+that is a point (effects/payload_shedding.py), with the projected area of the body's box across the
+flow, Σ a_k·|w_k|/|w| with its faces a_k, and the vertical n in place of the rope's tangent: F =
+½·ρ·C_L·(Σ a_k·|w_k|)·sin φ·(w × n) at the reference point of added mass and drag, for the water's
+velocity w relative to it; a partly submerged body has its submerged share of it.
+
+φ is that of the substep's start plus its rate, the mean of both ends, times the time since: of
+second order. It is kept beside the records (core/body/state.py), in columns that only such a body
+has.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from rope_twin.core.bed import Plane, beds_at, grid_bed, plane_bed
+from rope_twin.core.body import state as at
+from rope_twin.core.body.loads import part
+from rope_twin.core.body.motion import (
+    NONE,
+    add_change,
+    add_steady,
+    along,
+    change_of,
+    cross,
+    dot,
+    inward,
+    moment_change,
+    outward,
+    put,
+    vector,
+)
+from rope_twin.core.body.state import Afloat, Deck, GridBed, PlaneBed, RigidBody
+from rope_twin.core.jit.decorators import LINKED, jit, jit_within
+from rope_twin.core.loads.balance import set_flow
+from rope_twin.core.payout import LOW
+from rope_twin.core.state import ELEMENTS, POSITION, SPEED2_MIN, SURFACE, VELOCITY, Floats
+
+CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]
+
+
+@jit
+def push_of(soil: Any, d: float, n: Any, v: Any) -> Any:
+    """Return the contact force for depth d > 0, normal n and velocity v, and (N, gain, sliding).
+
+    soil: k, χ, μ.
+    """
+    k, chi, mu = soil
+    away = dot(v, n)
+    gain = max(1.0 - chi * away, 0.0)
+    N, slide = k * d * gain, along(v, -away, n)
+    rub = mu * N / sqrt(dot(slide, slide) + CREEP * CREEP)
+    return along(along(NONE, N, n), -rub, slide), (N, gain, slide)
+
+
+@jit
+def push_change(soil: Any, d: float, n: Any, found: Any, moved: Any) -> Any:
+    """Return the change of the contact force for a change of position and velocity."""
+    k, chi, mu = soil
+    N, gain, slide = found
+    place, speed = moved
+    if not gain > 0.0:
+        return NONE
+    off = dot(speed, n)
+    dN = -k * (gain * dot(place, n) + d * chi * off)
+    across = along(speed, -off, n)
+    root = sqrt(dot(slide, slide) + CREEP * CREEP)
+    out = along(along(NONE, dN, n), -mu * dN / root, slide)
+    out = along(out, -mu * N / root, across)
+    return along(out, mu * N * dot(slide, across) / (root * root * root), slide)
+
+
+@jit
+def add_push(body: Any, q: float, pose: Any, r: Any, touch: Any) -> Any:
+    """Return force and moment in body axes at a point r in contact, and N; add their derivatives.
+
+    touch: soil, depth > 0, normal, velocity of the surface touched.
+    """
+    _, R, v, spin = pose
+    soil, d, n, under = touch
+    turning = cross(spin, r)
+    speed = along(along(v, 1.0, outward(R, turning)), -1.0, under)
+    push, found = push_of(soil, d, n, speed)
+    f = inward(R, push)
+    for k in range(6):
+        place, rate, arm = change_of(body, k, r, turning)
+        w = push_change(soil, d, n, found, (outward(R, place), outward(R, rate)))
+        w = inward(R, w)
+        add_change(body, k, -q, w, moment_change(r, w, arm, f))
+    return f, cross(r, f), found[0]
+
+
+@part("act", Deck)
+def act_deck(deck: Any, body: Any, q: float, pose: Any) -> Any:
+    """Return the contact force and moment of all corners on the deck."""
+    x, R, _, _ = pose
+    up, under = (0.0, 0.0, 1.0), (0.0, 0.0, body.stage[at.DECK_SPEED])
+    f, t, size = NONE, NONE, 0.0
+    for j in range(body.corners.shape[0]):
+        r = vector(body.corners[j], 0)
+        d = body.stage[at.DECK_Z] - x[2] - dot(R[2], r)
+        if d > 0.0:
+            touch = (deck.k, deck.chi, deck.mu), d, up, under
+            more, twist, N = add_push(body, q, pose, r, touch)
+            f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + N
+    return f, t, size
+
+
+@part("foresee", Deck)
+def foresee_deck(deck: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
+    """Set height and vertical velocity of the deck at the stage's time."""
+    s, n, time = body.stage, rope.state.counts[ELEMENTS], stage.time
+    share, rate = 1.0, 0.0
+    if time < deck.ramp:
+        u = max(time, 0.0) / deck.ramp
+        share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
+        rate = 30.0 * u * u * (u - 1.0) * (u - 1.0) / deck.ramp
+    angle = deck.omega * time + deck.phase
+    z, w = deck.amplitude * sin(angle), deck.amplitude * deck.omega * cos(angle)
+    ship = rope.work[POSITION + 2, n] - s[at.SHIP_Z]
+    s[at.DECK_Z] = deck.height + deck.with_ship * ship + share * z
+    s[at.DECK_SPEED] = deck.with_ship * rope.work[VELOCITY + 2, n] + share * w + rate * z
+
+
+@part("floor", Deck)
+def floor_deck(deck: Any, body: Any, place: Any) -> float:
+    """Return the height of the deck."""
+    return float(body.stage[at.DECK_Z])
+
+
+def deck_pushes(deck: Deck, body: RigidBody, pose: Any) -> Floats:
+    """Return the deck's force on each corner, (corners, 3) [N]; pose: of core/body/step.py."""
+    v = pose.speed(body.corners) - [0.0, 0.0, body.stage[at.DECK_SPEED]]
+    sunk = np.maximum(body.stage[at.DECK_Z] - pose.place(body.corners)[:, 2], 0.0)
+    push = deck.k * sunk * np.maximum(1.0 - deck.chi * v[:, 2], 0.0)
+    rub = deck.mu * push / np.sqrt((v[:, :2] ** 2).sum(axis=1) + CREEP**2)
+    return np.column_stack([-rub * v[:, 0], -rub * v[:, 1], push])
+
+
+@part("power", Deck)
+def power_deck(deck: Deck, body: RigidBody, pose: Any) -> float:
+    """Return the power of contact forces and friction of the deck [W]."""
+    return float((deck_pushes(deck, body, pose) * pose.speed(body.corners)).sum())
+
+
+@jit
+def _push(bed: Any, body: Any, q: float, pose: Any, r: Any, ground: Any) -> Any:
+    """Return the contact force at one corner r; ground: height and slopes of the seabed below."""
+    z, east, north = ground
+    nz = 1.0 / sqrt(1.0 + east * east + north * north)
+    d = (z - pose[0][2] - dot(pose[1][2], r)) * nz
+    if not d > 0.0:
+        return NONE, NONE, 0.0
+    touch = (bed.k, bed.chi, bed.mu), d, (-east * nz, -north * nz, nz), NONE
+    return add_push(body, q, pose, r, touch)
+
+
+def _ground(shape: Any, x: Any, y: Any) -> Any:
+    """Return the height of the seabed below a position and its slopes to the east and the north."""
+    return plane_bed(shape, x, y) if isinstance(shape, Plane) else grid_bed(shape, x, y)
+
+
+@overload(_ground, jit_options=LINKED, strict=False)
+def _ground_by_type(shape: Any, x: Any, y: Any) -> Any:
+    chosen = plane_bed if shape.instance_class is Plane else grid_bed
+
+    def choice(shape: Any, x: Any, y: Any) -> Any:
+        return chosen(shape, x, y)
+
+    return choice
+
+
+@part("act", PlaneBed, GridBed)
+def act_bed(bed: Any, body: Any, q: float, pose: Any) -> Any:
+    """Return the contact force and moment of all corners on the seabed."""
+    f, t, size = NONE, NONE, 0.0
+    for j in range(body.corners.shape[0]):
+        r = vector(body.corners[j], 0)
+        place = along(pose[0], 1.0, outward(pose[1], r))
+        ground = _ground(bed.shape, place[0], place[1])
+        more, twist, N = _push(bed, body, q, pose, r, ground)
+        f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + N
+    return f, t, size
+
+
+@part("floor", PlaneBed, GridBed)
+def floor_bed(bed: Any, body: Any, place: Any) -> float:
+    """Return the height of the seabed at a position."""
+    z, _, _ = _ground(bed.shape, place[0], place[1])
+    return float(z)
+
+
+def bed_pushes(
+    bed: PlaneBed | GridBed, body: RigidBody, pose: Any
+) -> tuple[Floats, Floats, Floats]:
+    """Return clearance of each corner [m], normal force [N], and total contact force (n, 3) [N].
+
+    pose: of core/body/step.py.
+    """
+    places, v = pose.place(body.corners), pose.speed(body.corners)
+    found = beds_at(bed.shape, places[:, 0].copy(), places[:, 1].copy()).T
+    normal = np.column_stack([-found[:, 1:], np.ones(len(found))])
+    steep = np.sqrt((normal * normal).sum(axis=1))
+    normal /= steep[:, None]
+    above, away = places[:, 2] - found[:, 0], (v * normal).sum(axis=1)
+    sunk = np.maximum(-above / steep, 0.0)
+    push = bed.k * sunk * np.maximum(1.0 - bed.chi * away, 0.0)
+    slide = v - away[:, None] * normal
+    rub = bed.mu * push / np.sqrt((slide * slide).sum(axis=1) + CREEP**2)
+    return above, push, push[:, None] * normal - rub[:, None] * slide
+
+
+@part("power", PlaneBed, GridBed)
+def power_bed(bed: Any, body: RigidBody, pose: Any) -> float:
+    """Return the power of contact and friction [W]; energy stored in the soil is given back."""
+    return float((bed_pushes(bed, body, pose)[2] * pose.speed(body.corners)).sum())
+
+
+DRY_TOL = 1e-12  # submerged fraction below which a body counts as dry
+
+
+@jit_within
+def _sixth(x: float) -> float:
+    return x * x * x * x * x * x
+
+
+@jit
+def _extent(part: Any, n: Any) -> Any:
+    """Return the vertical extent e of a column and ∂e/∂n."""
+    a, b, H = part.side_x * n[0], part.side_y * n[1], part.height * n[2]
+    A, B, C = _sixth(a), _sixth(b), _sixth(H)
+    e = sqrt(sqrt(sqrt(A * a * a + B * b * b + C * H * H)))
+    s = 1.0 / (_sixth(e) * e)
+    return e, (s * A * a * part.side_x, s * B * b * part.side_y, s * C * H * part.height)
+
+
+@jit
+def _extent_change(part: Any, n: Any, found: Any, dn: Any) -> Any:
+    """Return the changes of e and ∂e/∂n for a change dn of the vertical in body axes."""
+    e, g = found
+    a, b, H = part.side_x * n[0], part.side_y * n[1], part.height * n[2]
+    de, s = dot(g, dn), 7.0 / (_sixth(e) * e)
+    bent = (
+        s * _sixth(a) * part.side_x * part.side_x * dn[0],
+        s * _sixth(b) * part.side_y * part.side_y * dn[1],
+        s * _sixth(H) * part.height * part.height * dn[2],
+    )
+    return de, along(bent, -7.0 * de / e, g)
+
+
+@jit
+def _share(body: Any, j: int, part: Any, pose: Any, e: float) -> Any:
+    """Return the middle of column j and its submerged fraction s before clamping to [0, 1]."""
+    r, s = vector(part.columns[j], 0), body.stage
+    surface = s[at.SURFACE_Z] + s[at.SURFACE_X] * part.columns[j, 4]
+    surface += s[at.SURFACE_Y] * part.columns[j, 5]
+    return r, (surface - pose[0][2] - dot(pose[1][2], r)) / e + 0.5
+
+
+@part("act", Afloat)
+def act_afloat(part: Any, body: Any, q: float, pose: Any) -> Any:
+    """Return buoyancy and slamming of all columns and the Froude-Krylov force."""
+    _, R, v, spin = pose
+    n, s = R[2], body.stage
+    found = _extent(part, n)
+    drift = dot(n, inward(R, along(v, -1.0, vector(s, at.FLOW_NOW))))
+    f = along(NONE, s[at.WET] * body.displaced, inward(R, vector(s, at.FLOW_GROWS)))
+    b = along(vector(body.buoyed, 0), 1.0, vector(s, at.WET_ARM))
+    add_steady(body, q, b, f)
+    t, size = cross(b, f), body.displaced * body.g
+    for j in range(part.columns.shape[0]):
+        r, share = _share(body, j, part, pose, found[0])
+        if not share > 0.0:
+            continue
+        wet, weight = min(share, 1.0), part.columns[j, 3]
+        arm = along(along(r, 1.0, vector(part.aside, 0)), -0.5 * (1.0 - wet), found[1])
+        lift = along(NONE, weight * wet * body.displaced * body.g, n)
+        enters = max(-drift - dot(n, cross(spin, r)), 0.0) if share < 1.0 else 0.0
+        slam = along(NONE, weight * part.slam * enters * enters, n)
+        low = along(r, -0.5, found[1])
+        f, t = along(f, 1.0, lift), along(t, 1.0, cross(arm, lift))
+        f, t = along(f, 1.0, slam), along(t, 1.0, cross(low, slam))
+        size += weight * part.slam * enters * enters
+        _add_column(part, body, (q, n, found, share), (r, arm, lift), (low, slam, enters), spin)
+    return f, t, size
+
+
+@jit
+def _add_column(part: Any, body: Any, at_n: Any, floats: Any, slams: Any, spin: Any) -> None:
+    """Add the derivatives of one column's buoyancy and slamming to the matrix."""
+    q, n, found, share = at_n
+    r, arm, lift = floats
+    low, slam, enters = slams
+    e, g = found
+    turning, partly = cross(spin, r), 1.0 if share < 1.0 else 0.0
+    wet = min(share, 1.0)
+    for k in range(6):
+        place, speed, _ = change_of(body, k, r, turning)
+        psi = vector(body.changes[k], at.D_TURN)
+        de, dg = _extent_change(part, n, found, cross(n, psi))
+        ds = -partly * (dot(n, place) + (share - 0.5) * de) / e
+        w = along(NONE, ds / wet, lift)
+        darm = along(cross(psi, arm), 0.5 * ds, g)
+        darm = along(darm, -0.5 * (1.0 - wet), dg)
+        add_change(body, k, -q, w, moment_change(arm, w, darm, lift))
+        if enters > 0.0:
+            w = along(NONE, -2.0 / enters * dot(n, speed), slam)
+            darm = along(cross(psi, low), -0.5, dg)
+            add_change(body, k, -q, w, moment_change(low, w, darm, slam))
+
+
+@jit
+def _surface_at(body: Any, rope: Any, stage: Any, place: Any) -> float:
+    """Return the water surface elevation at a position, using a ghost node's column."""
+    work, slot = rope.work, rope.state.s.shape[0] + LOW
+    for k in range(3):
+        work[POSITION + k, slot] = place[k]
+    set_flow(rope.effects, work, stage, slot, slot + 1)
+    return float(work[SURFACE, slot])
+
+
+@part("foresee", Afloat)
+def foresee_afloat(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
+    """Evaluate the water surface as a plane over the body, the submergence ratio and its centre."""
+    x, R, _, _ = pose
+    s, half_x, half_y = body.stage, part.span_x, part.span_y
+    middle = along(x, 1.0, outward(R, vector(body.middle, 0)))
+    ahead = (half_x * R[0][0], half_x * R[1][0], half_x * R[2][0])
+    aside = (half_y * R[0][1], half_y * R[1][1], half_y * R[2][1])
+    east = _surface_at(body, rope, stage, along(middle, 1.0, ahead))
+    west = _surface_at(body, rope, stage, along(middle, -1.0, ahead))
+    north = _surface_at(body, rope, stage, along(middle, 1.0, aside))
+    south = _surface_at(body, rope, stage, along(middle, -1.0, aside))
+    s[at.SURFACE_Z] = 0.25 * (east + west + north + south)
+    s[at.SURFACE_X] = 0.5 * (east - west) / half_x
+    s[at.SURFACE_Y] = 0.5 * (north - south) / half_y
+    e, g = _extent(part, R[2])
+    total, arm = 0.0, NONE
+    for j in range(part.columns.shape[0]):
+        r, share = _share(body, j, part, pose, e)
+        wet = part.columns[j, 3] * min(max(share, 0.0), 1.0)
+        total += wet
+        part_of_it = along(r, -1.0, vector(body.middle, 0))
+        lower = 0.5 * (1.0 - min(max(share, 0.0), 1.0))
+        arm = along(arm, wet, along(part_of_it, -lower, g))
+    s[at.WET] = total
+    put(s, at.WET_ARM, along(NONE, 1.0 / max(total, DRY_TOL), arm))
+
+
+@part("floor", Afloat)
+def floor_afloat(part: Any, body: Any, place: Any) -> float:
+    """Return the height of the keel of the body floating in equilibrium."""
+    sunk = part.height * body.m / (body.displaced + DRY_TOL)
+    return float(body.stage[at.SURFACE_Z] - sunk if body.m < body.displaced else -1e300)
+
+
+def columns_now(part: Afloat, body: RigidBody, pose: Any) -> tuple[Floats, Floats, Floats]:
+    """Return submerged fraction (n,), buoyancy and slamming (n, 3) [N] of each column."""
+    n, s, sides = pose.turn[2], body.stage, np.array([part.side_x, part.side_y, part.height])
+    e, _ = _extent_now(sides, n)
+    r = part.columns[:, :3]
+    surface = s[at.SURFACE_Z] + part.columns[:, 4:] @ [s[at.SURFACE_X], s[at.SURFACE_Y]]
+    share = (surface - pose.place(r)[:, 2]) / e + 0.5
+    wet = np.clip(share, 0.0, 1.0)
+    u = body.records[int(body.memory[0, 0]), at.WATER + 2]
+    enters = np.where((share > 0.0) & (share < 1.0), np.maximum(u - pose.speed(r)[:, 2], 0.0), 0.0)
+    up, weight = np.array([0.0, 0.0, 1.0]), part.columns[:, 3]
+    lift = (weight * wet * body.displaced * body.g)[:, None] * up
+    return wet, lift, (weight * part.slam * enters**2)[:, None] * up
+
+
+def _extent_now(sides: Floats, n: Floats) -> tuple[float, Floats]:
+    """Return e and ∂e/∂n (plain Python version of `_extent`)."""
+    e = float(((sides * n) ** 8).sum() ** 0.125)
+    return e, np.asarray((sides * n) ** 7 * sides / e**7)
+
+
+@part("power", Afloat)
+def power_afloat(part: Afloat, body: RigidBody, pose: Any) -> float:
+    """Return the power of buoyancy, less that of the fully submerged body, and of slamming [W]."""
+    sides = np.array([part.side_x, part.side_y, part.height])
+    _, g = _extent_now(sides, pose.turn[2])
+    wet, lift, slam = columns_now(part, body, pose)
+    r = part.columns[:, :3]
+    arm = r + part.aside - 0.5 * (1.0 - wet)[:, None] * g
+    whole = body.displaced * body.g * pose.speed(body.buoyed)[2]
+    total = (lift * pose.speed(arm)).sum() + (slam * pose.speed(r - 0.5 * g)).sum()
+    return float(total - whole)
+
+
+PHASE, TIME, RATE = at.RECORD, at.RECORD + 1, at.RECORD + 2  # columns of a record
+# Entries of the stage: explicit part of φ, factor on its rate [s], time; φ and rate when last
+# evaluated.
+HAT, WEIGHT, NOW, PHASE_NOW, RATE_NOW = range(at.STAGE, at.STAGE + 5)
+OWN_COLUMNS, OWN_ENTRIES = 3, 5
+UNKNOWN = -1.0  # marks the rate before the first stage
+
+
+class Shedding(NamedTuple):
+    """Component: the vortices of a body."""
+
+    k: float  # ½·ρ·C_L [kg/m³]
+    turns: float  # 2π·St/D [1/m]
+    x: float  # faces normal to the body's axes [m²]
+    y: float
+    z: float
+
+
+@part("foresee", Shedding)
+def foresee_shedding(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
+    """Set the explicit part of φ; it is 0 in static equilibrium, whose time is 0."""
+    s, record = body.stage, body.records[int(body.memory[0, 0])]
+    if s[at.FRESH] > 0.0:
+        record[PHASE], record[TIME], record[RATE] = 0.0, stage.time, UNKNOWN
+    passed = stage.time - record[TIME]
+    known = record[RATE] != UNKNOWN
+    s[NOW] = stage.time
+    s[WEIGHT] = 0.5 * passed if known else passed
+    s[HAT] = record[PHASE] + (0.5 * passed * record[RATE] if known else 0.0)
+
+
+@jit_within
+def _sign(x: float) -> float:
+    return 1.0 if x > 0.0 else -1.0
+
+
+@part("act", Shedding)
+def act_shedding(part: Any, body: Any, q: float, pose: Any) -> Any:
+    """Return the force and its moment in body axes; subtract q times their derivatives."""
+    _, R, v, spin = pose
+    s, n = body.stage, R[2]
+    h = along(vector(body.watered, 0), 1.0, vector(s, at.WET_ARM))
+    against = inward(R, along(v, -1.0, vector(s, at.FLOW_NOW)))
+    w = along(NONE, -1.0, along(against, 1.0, cross(spin, h)))
+    speed = sqrt(dot(w, w) + SPEED2_MIN)
+    s[RATE_NOW] = part.turns * speed
+    s[PHASE_NOW] = s[HAT] + s[WEIGHT] * s[RATE_NOW]
+    wave, slope = sin(s[PHASE_NOW]), cos(s[PHASE_NOW])
+    side = cross(w, n)
+    signs = part.x * _sign(w[0]), part.y * _sign(w[1]), part.z * _sign(w[2])
+    faces, k = dot(signs, w), s[at.WET] * part.k
+    f = along(NONE, k * faces * wave, side)
+    for i in range(6):
+        row = body.changes[i]
+        psi, dspin = vector(row, at.D_TURN), vector(row, at.D_SPIN)
+        dc = along(vector(row, at.D_SPEED), -1.0, cross(psi, against))
+        dw = along(NONE, -1.0, along(dc, 1.0, cross(dspin, h)))
+        turned = s[WEIGHT] * part.turns * dot(w, dw) / speed
+        df = along(NONE, k * (dot(signs, dw) * wave + faces * slope * turned), side)
+        dside = along(cross(dw, n), 1.0, cross(w, cross(n, psi)))
+        df = along(along(df, k * faces * wave, dside), 1.0, cross(psi, f))
+        add_change(body, i, -q, df, moment_change(h, df, cross(psi, h), f))
+    return f, cross(h, f), sqrt(dot(f, f))
+
+
+@part("keep", Shedding)
+def keep_shedding(part: Any, body: Any, record: Any) -> None:
+    """Store φ of the converged stage in the record of the body's motion."""
+    s = body.stage
+    record[PHASE], record[TIME], record[RATE] = s[PHASE_NOW], s[NOW], s[RATE_NOW]
+
+
+@part("power", Shedding)
+def power_shedding(part: Shedding, body: Any, pose: Any) -> float:
+    """Return the power of the force [W]."""
+    now = body.records[int(body.memory[0, 0])]
+    h: Floats = body.watered + now[at.ARM_THEN : at.ARM_THEN + 3]
+    u = now[at.WATER : at.WATER + 3]
+    w = (u - pose.velocity) @ pose.turn - np.cross(pose.spin, h)
+    faces = np.abs(w) @ np.array([part.x, part.y, part.z])
+    force = now[at.WET_THEN] * part.k * faces * np.sin(now[PHASE]) * np.cross(w, pose.turn[2])
+    return float(force @ pose.turn.T @ pose.speed(h))

@@ -1,0 +1,205 @@
+"""Functions of numbers in kernels: subnormal numbers as zero, cosine, exp, log, powers.
+
+**Subnormals.** Numbers below 2.2e-308 count as zero while a kernel steps. What moves a rope
+sideways fades along it to such numbers while a sea rises, and a processor takes a hundred cycles
+for each. `flush()` has the processor take them as 0, and what comes out so small too (bits 6 and 15
+of MXCSR: Intel, Software Developer's Manual, vol. 1, 10.2.3); `restore(was)` gives back what there
+was, for the caller's own arithmetic. Both are of the thread that calls. Plain Python, and
+processors that have no such register, keep them.
+
+**Cosine.** The C library's is a call, which keeps its loop scalar. Here x is brought to r within
+±π/2 by k·π, π in two parts of which the first has 30 bits, so that its product with k is exact
+(Cody and Waite 1980); cos r is its series to r²⁰, whose rest is below 2e-17. The error is below
+5e-16 for |x| < 1e6.
+
+**Wide numbers** (core/jit/wide). `exp`, `log` and powers are called for each lane in turn, so that
+a lane has the bits of the same call with one number.
+
+**CPU reference benchmark** (`chain`): multiply-adds, each of which depends on the one before. The
+solver's speed divided by this figure is comparable between machines.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import platform
+from math import factorial, pi
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.core import cgutils
+from numba.core.imputils import impl_ret_untracked
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, overload
+
+from rope_twin.core.jit.decorators import LINKED, jit_entry, jit_within
+from rope_twin.core.jit.wide import LANES, WIDE, TableType, WideType, choose, mask_of, spread
+
+HAS_REGISTER = platform.machine() in ("x86_64", "AMD64")
+FLUSHED = 1 << 15 | 1 << 6
+_WORD = ir.IntType(32)
+
+
+def _exchange(context: Any, builder: Any, name: str, place: Any) -> None:
+    """Read the register into a place, or the other way."""
+    if HAS_REGISTER:
+        kind = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer()])
+        call = cgutils.get_or_insert_function(builder.module, kind, f"llvm.x86.sse.{name}")
+        builder.call(call, [builder.bitcast(place, ir.IntType(8).as_pointer())])
+
+
+@intrinsic
+def _flush(context: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        was = cgutils.alloca_once(builder, _WORD)
+        _exchange(context, builder, "stmxcsr", was)
+        before = builder.load(was)
+        now = cgutils.alloca_once(builder, _WORD)
+        builder.store(builder.or_(before, ir.Constant(_WORD, FLUSHED)), now)
+        _exchange(context, builder, "ldmxcsr", now)
+        return before
+
+    return types.uint32(), generate
+
+
+@intrinsic
+def _restore(context: Any, was: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        place = cgutils.alloca_once(builder, _WORD)
+        builder.store(arguments[0], place)
+        _exchange(context, builder, "ldmxcsr", place)
+        return context.get_dummy_value()
+
+    return types.void(types.uint32), generate
+
+
+if config.DISABLE_JIT:
+
+    def flush() -> int:
+        """Nothing."""
+        return 0
+
+    def restore(was: int) -> None:
+        """Nothing."""
+
+else:
+    flush, restore = _flush, _restore
+
+
+PI_HIGH, PI_LOW = 3.141592651605606, 1.984187159361080883e-09
+A, B, C, D, E = (1.0 / factorial(k) for k in (20, 18, 16, 14, 12))
+F, G, H, I = (1.0 / factorial(k) for k in (10, 8, 6, 4))
+
+
+@jit_within
+def cosine(x: Any) -> Any:
+    """cos x, x in radian."""
+    k = np.floor(x / pi + 0.5)
+    r = (x - k * PI_HIGH) - k * PI_LOW
+    z = r * r
+    high = ((((A * z - B) * z + C) * z - D) * z + E) * z - F
+    series = (((high * z + G) * z - H) * z + I) * z - 0.5
+    odd = k - 2.0 * np.floor(0.5 * k)
+    return (1.0 - 2.0 * odd) * (1.0 + series * z)
+
+
+_INDEX = ir.IntType(32)
+_DOUBLE = types.float64
+
+
+def _each_lane(function: Any, count: int) -> None:
+    """Register a function of `count` numbers, one of which is wide at least."""
+
+    class Template(AbstractTemplate):  # type: ignore[misc]
+        def generic(self, arguments: Any, keywords: Any) -> Any:
+            if len(arguments) != count:
+                return None
+            if not any(isinstance(kind, WideType) for kind in arguments):
+                return None
+            if not all(isinstance(kind, WideType | types.Float) for kind in arguments):
+                return None
+            return signature(WIDE, *arguments)
+
+    infer_global(function)(Template)
+
+    def code(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        one = signature(_DOUBLE, *([_DOUBLE] * count))
+        called = context.get_function(function, one)
+        values = [spread(builder, value) for value in arguments]
+        made = values[0]
+        for lane in range(LANES):
+            at = ir.Constant(_INDEX, lane)
+            found = called(builder, [builder.extract_element(value, at) for value in values])
+            made = builder.insert_element(made, found, at)
+        return impl_ret_untracked(context, builder, sig.return_type, made)
+
+    if count == 1:
+        lower_builtin(function, WideType)(code)
+        return
+    for kinds in ((WideType, WideType), (WideType, types.Float), (types.Float, WideType)):
+        lower_builtin(function, *kinds)(code)
+
+
+_each_lane(math.exp, 1)
+_each_lane(math.log, 1)
+_each_lane(operator.pow, 2)
+
+
+@jit_within
+def _interpolate(known: Any, values: Any, at: Any) -> Any:
+    last = known.shape[0] - 1
+    i = 0
+    while i < last - 1 and known[i + 1] < at:
+        i += 1
+    if last == 0:
+        return values[0]
+    share = (at - known[i]) / (known[i + 1] - known[i])
+    return values[i] + min(max(share, 0.0), 1.0) * (values[i + 1] - values[i])
+
+
+@jit_within
+def _interpolate_lanes(known: Any, values: Any, at: Any) -> Any:
+    last = known.shape[0] - 1
+    if last == 0:
+        return values[0]
+    low, high, here, then = known[0], known[1], values[0], values[1]
+    for i in range(1, last):
+        beyond = known[i] < at
+        low, high = choose(beyond, known[i], low), choose(beyond, known[i + 1], high)
+        here, then = choose(beyond, values[i], here), choose(beyond, values[i + 1], then)
+    share = (at - low) / (high - low)
+    return here + min(max(share, 0.0), 1.0) * (then - here)
+
+
+def interpolate(known: Any, values: Any, at: Any) -> Any:
+    """Return the value at a place of a table whose places ascend; constant beyond its ends."""
+    return _interpolate(known, values, at)
+
+
+@overload(interpolate, jit_options={**LINKED, "forceinline": True}, strict=False)
+def _compose_interpolation(known: Any, values: Any, at: Any) -> Any:
+    chosen = _interpolate_lanes if isinstance(known, TableType) else _interpolate
+    return lambda known, values, at: chosen(known, values, at)
+
+
+def renewed(stage: Any, new: Any, old: Any) -> Any:
+    """Return the new value; of lanes that the stage does not evaluate (LaneStage), the old one."""
+    return new
+
+
+@overload(renewed, jit_options={**LINKED, "forceinline": True}, strict=False)
+def _compose_renewed(stage: Any, new: Any, old: Any) -> Any:
+    if "lanes" in getattr(stage, "fields", ()):
+        return lambda stage, new, old: choose(mask_of(stage.lanes), new, old)
+    return lambda stage, new, old: new
+
+
+@jit_entry
+def chain(x: float, a: float, b: float, links: int) -> Any:
+    """Return x after `links` repetitions of x ← a·x + b."""
+    for _ in range(links):
+        x = a * x + b
+    return x

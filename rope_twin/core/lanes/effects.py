@@ -1,0 +1,455 @@
+"""Effects and laws of a SIMD batch: their data, kernels for each lane, internal variables.
+
+An effect is a NamedTuple of numbers, arrays and further tuples. For a batch each of them gets an
+axis of lanes: the last one for SIMD vectors and their tables, the first one for kernels that are
+called for each lane in turn, which then see the arrays of a single rope.
+
+**Kernels of a single rope** are called for each lane in turn where SIMD does not pay. What happens
+at the lower end alone (a rigid body, a payload that sheds vortices) branches, and costs little
+beside the nodes of the rope; waves are summed over their components in SIMD already. `by_lane` lets
+such an effect take part in a batch with its own kernels: the columns that they read are copied to
+the scratch of one rope, and what they change is copied back.
+
+An effect at the lower end reads node 0, the hang-off and one ghost node, and changes residual and
+block of node 0; `flow` reads positions and changes water and surface of a span of nodes.
+
+**Internal variables** (core/loads/memory). Effects whose kernels are wide have the memories of all
+lanes in one table; those called for each lane in turn have each lane's own. A step that initialises
+internal variables, or interpolates them to other nodes, is left to the single-rope solver
+(`Group.late`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from math import prod
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from rope_twin.core.integrator import correct
+from rope_twin.core.jit.decorators import LINKED, jit, jit_within
+from rope_twin.core.jit.wide import ALIGNMENT, LANES, choose, mask_of, table, wide
+from rope_twin.core.loads.hooks import kernel_of, kernels, may_be_calm, register_wide, written_out
+from rope_twin.core.loads.memory import numbers_carried
+from rope_twin.core.payout import LOW
+from rope_twin.core.state import (
+    BLOCK,
+    ELEMENTS,
+    FLOW,
+    FLOW_RATE,
+    KEPT,
+    POSITION,
+    RESIDUAL,
+    SURFACE,
+    WORK_ROWS,
+    Floats,
+    Ints,
+    LaneStage,
+    Model,
+    Rope,
+    Stage,
+    State,
+)
+
+_WITHIN = {**LINKED, "forceinline": True}
+
+
+def aligned(*shape: int) -> Floats:
+    """Return zeros of this shape, aligned so that each SIMD vector lies in one cache line."""
+    size = prod(shape)
+    raw = np.zeros(size + ALIGNMENT // 8)
+    first = -raw.ctypes.data % ALIGNMENT // 8
+    return raw[first : first + size].reshape(shape)
+
+
+def layout_of(value: Any) -> Any:
+    """Return types and shapes of a NamedTuple's parts, in tuples that can be compared."""
+    if isinstance(value, tuple):
+        return (type(value), *(layout_of(part) for part in value))
+    found = np.asarray(value)
+    return found.dtype.str, found.shape
+
+
+def make_wide(layout: Any) -> Any:
+    """Return zeros in the layout with the lanes on the last axis."""
+    return _make(layout, lambda kind, shape: aligned(*shape, LANES))
+
+
+def make_each(layout: Any) -> Any:
+    """Return zeros in the layout with the lanes on the first axis."""
+    return _make(layout, lambda kind, shape: np.zeros((LANES, *shape), kind))
+
+
+def _make(layout: Any, zeros: Callable[[str, tuple[int, ...]], Any]) -> Any:
+    kind, *parts = layout
+    if isinstance(kind, str):
+        return zeros(kind, parts[0])
+    made = [_make(part, zeros) for part in parts]
+    return tuple(made) if kind is tuple else kind(*made)
+
+
+def put_wide(own: Any, theirs: Any, lane: int) -> None:
+    """Copy the parts of one rope's data to its lane on the last axis."""
+    for part, value in zip(own, theirs, strict=True):
+        if isinstance(part, tuple):
+            put_wide(part, value, lane)
+        else:
+            part[..., lane] = value
+
+
+def put_each(own: Any, theirs: Any, lane: int) -> None:
+    """Copy the parts of one rope's data to its lane on the first axis."""
+    for part, value in zip(own, theirs, strict=True):
+        if isinstance(part, tuple):
+            put_each(part, value, lane)
+        else:
+            part[lane] = value
+
+
+def _text(kind: Any, path: str, scope: dict[str, Any], leaf: Callable[[Any, str], str]) -> str:
+    """Return the source text of a copy of a struct whose arrays are replaced by `leaf`."""
+    if not isinstance(kind, types.BaseTuple):
+        return leaf(kind, path)
+    if isinstance(kind, types.BaseNamedTuple):
+        name = f"Kind_{len(scope)}"
+        scope[name] = kind.instance_class
+        parts = zip(kind.fields, kind.types, strict=True)
+        texts = [_text(part, f"{path}.{field}", scope, leaf) for field, part in parts]
+        return f"{name}({', '.join(texts)})"
+    texts = [_text(part, f"{path}[{k}]", scope, leaf) for k, part in enumerate(kind)]
+    return f"({''.join(text + ', ' for text in texts)})"
+
+
+def _widened(kind: Any, path: str) -> str:
+    if kind.ndim > 3:
+        return path  # no kernel of lanes reads it
+    return f"{'wide' if kind.ndim == 1 else 'table'}({path})"
+
+
+def wide_data(data: Any) -> Any:
+    """Return a struct of arrays (last axis LANES), or several, as SIMD vectors and tables."""
+    raise TypeError("SIMD vectors exist in compiled code only; plain Python steps ropes one by one")
+
+
+@overload(wide_data, jit_options=LINKED, strict=False)
+def _compose_wide(data: Any) -> Any:
+    if isinstance(data, types.NoneType):
+        return lambda data: None
+    scope: dict[str, Any] = {"wide": wide, "table": table}
+    text = _text(data, "data", scope, _widened)
+    exec(f"def written_out(data):\n    return {text}", scope)
+    return scope["written_out"]
+
+
+def lane_data(data: Any, lane: Any) -> Any:
+    """Return the data of one lane of a struct of arrays (first axis LANES), or of several."""
+    raise TypeError("lanes exist in compiled code only; plain Python steps ropes one by one")
+
+
+@overload(lane_data, jit_options=_WITHIN, strict=False)
+def _compose_lane(data: Any, lane: Any) -> Any:
+    scope: dict[str, Any] = {}
+    text = _text(data, "data", scope, lambda kind, path: f"{path}[lane]")
+    exec(f"def written_out(data, lane):\n    return {text}", scope)
+    return scope["written_out"]
+
+
+def place_of(kind: type, effects: Iterable[Any]) -> int:
+    """Return the index of an effect's type among numba types of effects."""
+    return [effect.instance_class for effect in effects].index(kind)
+
+
+LOWER_END = ("load_end", "calm", "predict", "settle")  # hooks of an effect at the lower end
+_BY_LANE: set[type] = set()
+
+
+class Each(NamedTuple):
+    """Data of the lanes for kernels of a single rope."""
+
+    work: Floats  # scratch of the batch, (columns, WORK_ROWS, LANES)
+    own: Floats  # scratch of one rope, (WORK_ROWS, columns)
+    s: Floats  # not read by these kernels, (columns,)
+    counts: Ints
+    health: Ints
+    tolerance: Floats  # (LANES,)
+    sections: Floats  # (LANES, SECTION_ROWS, sections)
+    effects: tuple[Any, ...]  # their arrays with the lanes on the first axis
+
+
+def is_by_lane(kind: type) -> bool:
+    """Return whether an effect's kernels are called for each lane in turn."""
+    return kind in _BY_LANE
+
+
+def any_by_lane(kinds: Iterable[type]) -> bool:
+    """Return whether one of these effects has a kernel that is called for each lane in turn."""
+    return any(kind in _BY_LANE for kind in kinds)
+
+
+@jit_within
+def on_lanes(stage: Any, lanes: int) -> Any:
+    """Return the stage of these lanes only."""
+    return LaneStage(stage.time, stage.p, stage.q, stage.V, lanes, stage.each)
+
+
+@jit_within
+def _lone_stage(stage: Any) -> Any:
+    return Stage(stage.time, stage.p, stage.q, 0.0)
+
+
+@jit_within
+def _lone_rope(stage: Any, lane: int) -> Any:
+    """Return the rope of a lane, for kernels at its lower end."""
+    each = stage.each
+    state = State(each.own, each.s, each.s, each.counts, each.health)
+    model = Model(0.0, 0.0, 0.0, 0.0, 0, 0.0, each.tolerance[lane])
+    effects = lane_data(each.effects, lane)
+    return Rope(model, state, each.own, each.sections[lane], effects, None)
+
+
+@jit
+def _copy_column(each: Any, lane: int, i: int) -> None:
+    """Copy all rows but those of the factors to the scratch of one rope."""
+    for k in range(BLOCK + 6):
+        each.own[k, i] = each.work[i, k, lane]
+    for k in range(BLOCK + 24, KEPT):
+        each.own[k, i] = each.work[i, k, lane]
+    for k in range(FLOW_RATE, WORK_ROWS):
+        each.own[k, i] = each.work[i, k, lane]
+
+
+@jit
+def _copy_ends(each: Any, lane: int) -> None:
+    _copy_column(each, lane, 0)
+    _copy_column(each, lane, each.counts[ELEMENTS])
+    _copy_column(each, lane, each.s.shape[0] + LOW)
+
+
+@jit
+def _return_loads(each: Any, lane: int) -> None:
+    for k in range(3):
+        each.work[0, RESIDUAL + k, lane] = each.own[RESIDUAL + k, 0]
+    for k in range(6):
+        each.work[0, BLOCK + k, lane] = each.own[BLOCK + k, 0]
+
+
+@jit
+def _copy_positions(each: Any, lane: int, low: int, high: int) -> None:
+    for i in range(low, high):
+        for k in range(3):
+            each.own[POSITION + k, i] = each.work[i, POSITION + k, lane]
+            each.own[FLOW + k, i] = each.work[i, FLOW + k, lane]
+
+
+@jit
+def _return_water(each: Any, lane: int, low: int, high: int) -> None:
+    for i in range(low, high):
+        for k in range(3):
+            each.work[i, FLOW + k, lane] = each.own[FLOW + k, i]
+            each.work[i, FLOW_RATE + k, lane] = each.own[FLOW_RATE + k, i]
+        each.work[i, SURFACE, lane] = each.own[SURFACE, i]
+
+
+def _picker(kind: type) -> Any:
+    """Return the kernel that gives the data of an effect of this type in one lane."""
+
+    def pick(effects: Any, lane: Any) -> Any:
+        raise TypeError("lanes exist in compiled code only")
+
+    @overload(pick, jit_options={**LINKED, "forceinline": True}, strict=False)
+    def choose_place(effects: Any, lane: Any) -> Any:
+        i = place_of(kind, effects)
+        return lambda effects, lane: lane_data(effects[i], lane)
+
+    return pick
+
+
+def _flow(kind: type, lone: Any) -> Any:
+    pick = _picker(kind)
+
+    def flow(effect: Any, work: Any, stage: Any, low: int, high: int) -> None:
+        each = stage.each
+        for lane in range(LANES):
+            if stage.lanes >> lane & 1:
+                _copy_positions(each, lane, low, high)
+                lone(pick(each.effects, lane), each.own, _lone_stage(stage), low, high)
+                _return_water(each, lane, low, high)
+
+    return flow
+
+
+def _load_end(kind: type, lone: Any) -> Any:
+    pick = _picker(kind)
+
+    def load_end(effect: Any, work: Any, stage: Any) -> None:
+        each = stage.each
+        for lane in range(LANES):
+            if stage.lanes >> lane & 1:
+                _copy_ends(each, lane)
+                lone(pick(each.effects, lane), each.own, _lone_stage(stage))
+                _return_loads(each, lane)
+
+    return load_end
+
+
+def _calm(kind: type, lone: Any) -> Any:
+    pick = _picker(kind)
+
+    def calm(effect: Any, work: Any, stage: Any, n: int, share: float) -> int:
+        each, found = stage.each, 0
+        for lane in range(LANES):
+            if stage.lanes >> lane & 1:
+                _copy_ends(each, lane)
+                if lone(pick(each.effects, lane), each.own, _lone_stage(stage), n, share):
+                    found |= 1 << lane
+        return found
+
+    return calm
+
+
+def _predict(kind: type, lone: Any) -> Any:
+    pick = _picker(kind)
+
+    def predict(effect: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
+        each = stage.each
+        if low > 0:
+            return
+        for lane in range(LANES):
+            if stage.lanes >> lane & 1:
+                _copy_ends(each, lane)
+                own = _lone_rope(stage, lane)
+                lone(pick(each.effects, lane), own, _lone_stage(stage), kind, low, high)
+
+    return predict
+
+
+def _settle(kind: type, lone: Any) -> Any:
+    pick = _picker(kind)
+
+    def settle(effect: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
+        each = stage.each
+        for lane in range(LANES):
+            if stage.lanes >> lane & 1:
+                _copy_ends(each, lane)
+                own = _lone_rope(stage, lane)
+                lone(pick(each.effects, lane), own, _lone_stage(stage), kind, upto)
+
+    return settle
+
+
+_CALLS = {
+    "flow": _flow, "load_end": _load_end, "calm": _calm, "predict": _predict, "settle": _settle,
+}  # fmt: skip
+
+
+def by_lane(kind: type, *names: str) -> None:
+    """Let the kernels of an effect's type for these hooks be called for each lane in turn.
+
+    Raises:
+        KeyError: it has no such kernel, or lanes cannot call kernels of this hook one by one.
+    """
+    _BY_LANE.add(kind)
+    for hook in names:
+        register_wide(hook, kind, jit(_CALLS[hook](kind, kernel_of(hook, kind))))
+
+
+def _counts(effects: Any) -> dict[int, int]:
+    """Return the number of internal variables of effects that have them, by index (numba types)."""
+    found = {i: numbers_carried(one.instance_class) for i, one in enumerate(effects)}
+    return {i: k for i, k in found.items() if k > 0}
+
+
+def calm_lanes(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> Any:
+    """Return the stage's lanes, as bits, in which no active set is changed by share·delta.
+
+    As in a single rope, an effect is only asked where those before it are calm.
+    """
+    raise TypeError("lanes exist in compiled code only")
+
+
+@overload(calm_lanes, jit_options=LINKED, strict=False)
+def _compose_calm(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> Any:
+    calls = kernels("calm", effects, None)
+    lines = ["calm = stage.lanes"]
+    if not may_be_calm([effect.instance_class for effect in effects]):
+        return lambda effects, work, stage, n, share: 0
+    for i in calls:
+        own = f"kernel_{i}(effects[{i}], work, on_lanes(stage, calm), n, share)"
+        lines.append(f"calm &= {own}")
+    head = "effects, work, stage, n, share"
+    return written_out(head, [*lines, "return calm"], calls, on_lanes=on_lanes)
+
+
+def predict_lanes(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
+    """Predict internal variables at the beginning of a stage, for the nodes low <= i < high."""
+    raise TypeError("lanes exist in compiled code only")
+
+
+@overload(predict_lanes, jit_options=LINKED, strict=False)
+def _compose_predict(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
+    calls = kernels("predict", effects, None)
+    lines = [f"kernel_{i}(effects[{i}], rope, stage, kind, low, high)" for i in _counts(effects)]
+    head = "effects, rope, stage, kind, low, high"
+    return written_out(head, [*lines, "return None"], calls)
+
+
+@jit
+def _complete(rope: Any, stage: Any, pending: Any) -> Any:
+    """Apply the pending correction to the stage's motion; return 0, the fraction still pending."""
+    n = rope.state.counts[ELEMENTS]
+    correct(rope.work, stage.p, stage.q, pending, rope.model.first_free, n)
+    return 0.0 * pending
+
+
+def settle_lanes(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any) -> Any:
+    """Update internal variables after a stage; return the pending correction."""
+    raise TypeError("lanes exist in compiled code only")
+
+
+@overload(settle_lanes, jit_options=LINKED, strict=False)
+def _compose_settle(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any) -> Any:
+    calls, counts = kernels("settle", effects, None), _counts(effects)
+    lines = ["pending = complete(rope, stage, pending)"] if counts else []
+    lines.append("n = rope.state.counts[0]")
+    lines += [f"kernel_{i}(effects[{i}], rope, stage, kind, n)" for i in counts]
+    head = "effects, rope, stage, kind, pending"
+    return written_out(head, [*lines, "return pending"], calls, complete=_complete)
+
+
+@jit
+def _take_wide(memory: Any, k: int, n: int, kept: int) -> None:
+    """Make the values of the last stage the current ones, in the lanes `kept`."""
+    mask = mask_of(kept)
+    for r in range(k):
+        a, b = memory[k + r], memory[r]
+        for i in range(n):
+            b[i] = choose(mask, a[i], b[i])
+
+
+@jit
+def _take_each(memory: Any, k: int, n: int, kept: int) -> None:
+    for lane in range(LANES):
+        if kept >> lane & 1:
+            for r in range(k):
+                for i in range(n):
+                    memory[lane, r, i] = memory[lane, k + r, i]
+
+
+def accept_lanes(effects: Any, each: Any, n: Any, kept: Any) -> Any:
+    """Accept the internal variables of a step, in the lanes `kept`."""
+    raise TypeError("lanes exist in compiled code only")
+
+
+@overload(accept_lanes, jit_options=LINKED, strict=False)
+def _compose_accept(effects: Any, each: Any, n: Any, kept: Any) -> Any:
+    lines = []
+    for i, k in _counts(effects).items():
+        if is_by_lane(effects[i].instance_class):
+            lines.append(f"take_each(each.effects[{i}].memory, {k}, n, kept)")
+        else:
+            lines.append(f"take_wide(effects[{i}].memory, {k}, n, kept)")
+    names = {"take_wide": _take_wide, "take_each": _take_each}
+    return written_out("effects, each, n, kept", [*lines, "return None"], {}, **names)

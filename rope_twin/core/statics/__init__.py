@@ -1,1 +1,0 @@
-"""Static equilibrium of a single rope."""

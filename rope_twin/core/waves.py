@@ -1,0 +1,473 @@
+"""Wave kinematics along a rope: table of components, their sums, truncation, interpolation.
+
+**Table**: properties of the components, and scratch for their cosines and sines. Like the rows of
+core/jit/rows they are pointers that LLVM knows not to alias. All properties are in one table, since
+a kernel passes ten words for each array. The scratch is on the stack of the calling kernel: ropes
+that step on several threads may share their sea. Components come in whole blocks, the last one
+padded with components of zero amplitude, so that a sum over blocks has no remainder.
+
+**Sums** over the components at one position, vectorised over components. `refer` evaluates cosine
+and sine of each component's angle, and the surface, at a base position. Near it they are rotated:
+the angle differs by d = k·(distance along the heading), and with cos d to d⁴ and sin d to d⁵ the
+relative error of a component is at most d⁶/720. The admissible distance is given by `asides`.
+
+**Truncation**: component depth, node spacing, range of rotated angles. All three neglect a part of
+the water's velocity; the total stays below `neglected` [m/s]. Here k are wave numbers [1/m] from
+long to short and speed is a·ω of each at the surface [m/s], (n,), where ω is at least 1/s, so that
+the bound holds for the acceleration too.
+
+**Interpolation.** Where the water moves alike at neighbouring nodes it is evaluated at four nodes
+of a stretch and interpolated by a cubic. In any direction the fourth derivative of a component's
+velocity is at most a·ω·k⁴·e^{kz} (except for the surface's slope in Wheeler's z). With thirds s the
+error of the cubic is s⁴/24 of the sum of these at the stretch's highest position, s⁴/11 where a
+stretch has few nodes. `sea` is any NamedTuple with the fields of `effects/waves.Waves`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.jit.decorators import jit, jit_sum, jit_within
+from rope_twin.core.jit.rows import row, rows, stack_rows, table_rows
+from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, SURFACE, WAVE_MIN, Floats
+
+BLOCK, MOST = 16, 2000  # components per block; maximum per sea
+
+# Rows of a sea's table: one column per component, from long to short,
+KX, KY = 0, 1  # wave number east and north [1/m]
+OMEGA, PHASE = 2, 3  # [rad/s], [rad]
+AMPLITUDE = 4  # [m]
+K = 5  # [1/m], ascending
+EAST, NORTH, UP = 6, 7, 8  # a·ω/(1 - e^{-2kh}), times cos β, times sin β, and as it is [m/s]
+# one column per block of components,
+REACH = 9  # below this z [m] the blocks from here on are left out
+ECHO = 10  # down to this z [m] its reflection at the bottom is negligible
+ASIDE = 11  # range of rotated angles for this number of reaching blocks [m]: one more column
+# and one column per level, from the surface down.
+LEVEL = 12  # z [m]
+THIRD = 13  # of the longest stretch [m] that a cubic can interpolate below it
+SEA_ROWS = 14
+
+# Rows of scratch.
+COS, SIN = 0, 1  # of each component's angle at the present position
+COS_BASE, SIN_BASE = 2, 3  # and at the base position from which angles are rotated:
+BASE = 4  # its x, y and surface [m]
+SCRATCH_ROWS = 5
+
+
+# The rows of a sea's table; rows of scratch, with anything in them.
+figures = table_rows("sea", SEA_ROWS)
+scratch = stack_rows("scratch", (*[MOST] * (SCRATCH_ROWS - 1), 3))
+
+
+LOWEST = 60.0  # exponents below are clamped to e^-60
+
+
+@jit_within
+def cos_sin(angle: float) -> Any:
+    """Return cosine and sine to 3e-15, in arithmetic that vectorises over angles.
+
+    From half the angle, reduced to a quarter turn: polynomials through sin x/x and cos x at
+    Chebyshev points of x², 0 to (π/2)². Taylor polynomials of the same degree have an error of
+    2e-11.
+    """
+    turns = angle * (0.5 / math.pi)
+    x = math.pi * (turns - math.floor(turns + 0.5))
+    y = x * x
+    s = x * (0.9999999999999999 + y * (-0.16666666666666072 + y * (0.008333333333282756 + y * (
+        -0.00019841269824861897 + y * (2.7557316609073673e-06 + y * (
+            -2.505188194671259e-08 + y * (1.6048168318165643e-10 + y * (
+                -7.374387503862757e-13))))))))  # fmt: skip
+    c = 1.0 + y * (-0.4999999999999997 + y * (0.04166666666666388 + y * (
+        -0.001388888888877299 + y * (2.4801587277414926e-05 + y * (
+            -2.755731639102575e-07 + y * (2.0876561839933163e-09 + y * (
+                -1.1462901901757276e-11 + y * 4.608977003001797e-14)))))))  # fmt: skip
+    return 1.0 - 2.0 * s * s, 2.0 * s * c
+
+
+@jit_within
+def decay(x: float) -> float:
+    """Return e^x for -60 < x <= 0 to 4e-14: (e^{x/64})^64, expanded about x/64 = -1/2."""
+    y = x * (1.0 / 64.0) + 0.5
+    e = 0.6065306597126334 + y * (0.6065306597126321 + y * (0.3032653298563332 + y * (
+        0.10108844328558202 + y * (0.02527211082046181 + y * (0.005054422160007714 + y * (
+            0.0008424037123452005 + y * (0.00012034343642683682 + y * (
+                1.5042751194096253e-05 + y * (1.6711620242364625e-06 + y * (
+                    1.6790056737862458e-07 + y * 1.5743583162962852e-08))))))))))  # fmt: skip
+    e = e * e
+    e = e * e
+    e = e * e
+    e = e * e
+    e = e * e
+    return e * e
+
+
+@jit_sum
+def refer(sea: Any, kept: Any, x: float, y: float, time: float) -> float:
+    """Return η of the full sea at a position [m]; store its cosines and sines for `turn`."""
+    c, s, c_base, s_base = kept[COS], kept[SIN], kept[COS_BASE], kept[SIN_BASE]
+    rows = figures(sea.table)
+    kx, ky, omega, phase, a = rows[KX], rows[KY], rows[OMEGA], rows[PHASE], rows[AMPLITUDE]
+    eta = 0.0
+    for j in range(BLOCK * sea.blocks):
+        cosine, sine = cos_sin(kx[j] * x + ky[j] * y - omega[j] * time + phase[j])
+        c[j] = cosine
+        s[j] = sine
+        c_base[j] = cosine
+        s_base[j] = sine
+        eta += a[j] * cosine
+    return eta
+
+
+@jit_sum
+def turn(sea: Any, kept: Any, x: float, y: float) -> float:
+    """Return η near the base position [m], with the angles rotated from there."""
+    c, s, c_base, s_base = kept[COS], kept[SIN], kept[COS_BASE], kept[SIN_BASE]
+    rows = figures(sea.table)
+    kx, ky, a = rows[KX], rows[KY], rows[AMPLITUDE]
+    eta = 0.0
+    for j in range(BLOCK * sea.blocks):
+        d = kx[j] * x + ky[j] * y
+        square = d * d
+        across = 1.0 - square * (1.0 / 2.0 - square * (1.0 / 24.0))
+        along = d * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0)))
+        cosine = c_base[j] * across - s_base[j] * along
+        c[j] = cosine
+        s[j] = s_base[j] * across + c_base[j] * along
+        eta += a[j] * cosine
+    return eta
+
+
+@jit_sum
+def water(sea: Any, kept: Any, echoing: int, reaching: int, z: float) -> Any:
+    """Return velocity and acceleration at a stretched z from the `reaching` longest blocks.
+
+    The `echoing` longest ones are reflected at the bottom: cosh and sinh profiles then differ
+    slightly.
+    """
+    rows, c, s = figures(sea.table), kept[COS], kept[SIN]
+    k, omega, east, north, up = rows[K], rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
+    u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(BLOCK * echoing):
+        far = decay(max(k[j] * z, -LOWEST))
+        echo = decay(max(-k[j] * (z + 2.0 * sea.depth), -LOWEST))
+        along, rise = (far + echo) * c[j], (far - echo) * s[j]
+        cross, fall = omega[j] * (far + echo) * s[j], omega[j] * (far - echo) * c[j]
+        u += east[j] * along
+        v += north[j] * along
+        w += up[j] * rise
+        du += east[j] * cross
+        dv += north[j] * cross
+        dw -= up[j] * fall
+    for j in range(BLOCK * echoing, BLOCK * reaching):
+        far = decay(max(k[j] * z, -LOWEST))
+        along, rise = far * c[j], far * s[j]
+        cross, fall = omega[j] * rise, omega[j] * along
+        u += east[j] * along
+        v += north[j] * along
+        w += up[j] * rise
+        du += east[j] * cross
+        dv += north[j] * cross
+        dw -= up[j] * fall
+    return u, v, w, du, dv, dw
+
+
+@jit_sum
+def slopes(sea: Any, kept: Any, echoing: int) -> Any:
+    """Return the change of velocity and acceleration with z at the mean level [1/s], [1/s²]."""
+    rows, c, s = figures(sea.table), kept[COS], kept[SIN]
+    k, omega, east, north, up = rows[K], rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
+    u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(BLOCK * sea.blocks):
+        echo = decay(max(-2.0 * k[j] * sea.depth, -LOWEST)) if j < BLOCK * echoing else 0.0
+        along, rise = k[j] * (1.0 - echo) * c[j], k[j] * (1.0 + echo) * s[j]
+        cross, fall = omega[j] * k[j] * (1.0 - echo) * s[j], omega[j] * k[j] * (1.0 + echo) * c[j]
+        u += east[j] * along
+        v += north[j] * along
+        w += up[j] * rise
+        du += east[j] * cross
+        dv += north[j] * cross
+        dw -= up[j] * fall
+    return u, v, w, du, dv, dw
+
+
+# Fractions of the error budget. A cubic amplifies an error of its four values by up to 1.63.
+CUT, TURN, BETWEEN = 0.2, 0.1, 0.5
+LEVELS, DEEPEST = 40, 2e3  # of the table of stretches, to this depth [m]
+HALVINGS = 60  # that find how deep a component reaches
+FARTHEST = 1e4  # m: maximum range of rotated angles
+ROUND_OFF_EXPONENT = 36.7  # e^-36.7 is round-off of 1
+
+
+def levels_to(depth: float) -> Floats:
+    """Return the levels at which the longest stretches are tabulated, from the surface down [m]."""
+    return -np.append(0.0, np.geomspace(0.25, min(depth, DEEPEST), LEVELS))
+
+
+def deepest(k: Floats, depth: float) -> float:
+    """Return the z at which the longest component ends: the bottom, or where it has decayed [m]."""
+    return max(-LOWEST / float(k[0]), -depth)
+
+
+def reaches(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
+    """Return for each component the z below which it and all shorter ones are negligible.
+
+    z is Wheeler's. The bound is the sum of all amplitudes, Σ a·ω·(e^{kz} + e^{-k(z+2h)}), solved by
+    bisection.
+    """
+    error, bottom = CUT * neglected, deepest(k, depth)
+    reach = np.full(len(k), bottom)
+    for j in range(len(k)):
+        low, high = bottom, 0.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            both = np.exp(k[j:] * middle) + np.exp(-k[j:] * (middle + 2.0 * depth))
+            if float(speed[j:] @ both) > error:
+                high = middle
+            else:
+                low = middle
+        reach[j] = low if low > bottom else -math.inf
+    return reach
+
+
+def lowest(reach: float, crest: float, depth: float) -> float:
+    """Return the z below which no component reaches a node, for coincident crests or troughs.
+
+    From Wheeler's z that the longest one reaches, `reach` [m]; crest: Σ a [m].
+    """
+    if crest >= depth:
+        return -math.inf
+    return reach * (1.0 - crest / depth) - crest
+
+
+def echoes(k: Floats, depth: float) -> Floats:
+    """Return for each component the z down to which its reflection at the bottom is negligible."""
+    return 0.5 * ROUND_OFF_EXPONENT / k - depth
+
+
+def thirds(levels: Floats, k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
+    """Return a third of the longest stretch [m] that a cubic can interpolate below each level.
+
+    (11·error/Σ a·ω·k⁴·(e^{kz} + e^{-k(z+2h)}))^¼, where ω is at least 1/s.
+    """
+    error, size = BETWEEN * neglected, speed * k**4
+    return np.asarray((11.0 * error / np.maximum(_both(levels, k, depth) @ size, WAVE_MIN)) ** 0.25)
+
+
+def asides(
+    levels: Floats, k: Floats, a: Floats, speed: Floats, depth: float, neglected: float
+) -> Floats:
+    """Return the horizontal range [m] over which angles may be rotated, below each level.
+
+    The relative error of a component rotated by d = k·r is d⁶/720: in the velocity that of Σ
+    a·ω·k⁶·e^{kz}, and in the surface that of Σ a·k⁶, which shifts Wheeler's z and changes the
+    velocity by Σ a·ω·k·e^{kz} a metre, in shallow water by h/(h - Σ a) times as much.
+    """
+    room = 1.0 - float(a.sum()) / depth
+    if room <= 0.0:
+        return np.zeros(len(levels))
+    both = _both(np.maximum(levels, deepest(k, depth)), k, depth)
+    wrong = both @ (speed * k**6) + both @ (speed * k) * float(a @ k**6) / room
+    return np.minimum((720.0 * TURN * neglected / np.maximum(wrong, WAVE_MIN)) ** (1 / 6), FARTHEST)
+
+
+def _both(levels: Floats, k: Floats, depth: float) -> Floats:
+    """Return e^{kz} + e^{-k(z+2h)} of components at levels, (levels, n)."""
+    return np.exp(np.outer(levels, k)) + np.exp(-np.outer(levels + 2.0 * depth, k))
+
+
+FEWEST = 5  # nodes of a stretch: with fewer, each is evaluated individually
+NOWHERE = 1e30  # m: no angles are stored yet
+
+
+@jit
+def _reaching(sea: Any, level: float) -> int:
+    """Return the number of blocks of components that reach down to a level."""
+    reach, count = figures(sea.table)[REACH], 0
+    while count < sea.blocks and reach[count] <= level:
+        count += 1
+    return count
+
+
+@jit
+def _echoing(sea: Any, level: float) -> int:
+    """Return the number of those blocks with a significant reflection at the bottom."""
+    echo, count = figures(sea.table)[ECHO], 0
+    while count < sea.blocks and echo[count] > level:
+        count += 1
+    return count
+
+
+@jit
+def _level(sea: Any, z: float, eta: float) -> float:
+    """Return the stretched z, at most 0."""
+    eta *= sea.follows
+    return float(max(min((z - eta) / (1.0 + eta / sea.depth), 0.0), -sea.depth))
+
+
+@jit
+def _find(sea: Any, share: Any, kept: Any, place: Any, time: float) -> Any:
+    """Return surface, velocity and acceleration at a position; share: build-up factor, rate."""
+    x, y, z = place
+    part, rate = share
+    base = kept[BASE]
+    dx, dy = x - base[0], y - base[1]
+    away = math.sqrt(dx * dx + dy * dy)
+    highest = _level(sea, z, part * (base[2] - sea.steepest * away))
+    if away <= figures(sea.table)[ASIDE][_reaching(sea, highest)]:
+        full = turn(sea, kept, dx, dy)
+    else:
+        full = refer(sea, kept, x, y, time)
+        base[0], base[1], base[2] = x, y, full
+    eta = part * full
+    level = _level(sea, z, eta)
+    echoing, reaching = _echoing(sea, level), _reaching(sea, level)
+    u, v, w, du, dv, dw = water(sea, kept, echoing, reaching, level)
+    beyond = sea.extends * min(z, eta)
+    if beyond > 0.0:
+        su, sv, sw, sdu, sdv, sdw = slopes(sea, kept, echoing)
+        u, v, w = u + beyond * su, v + beyond * sv, w + beyond * sw
+        du, dv, dw = du + beyond * sdu, dv + beyond * sdv, dw + beyond * sdw
+    return (
+        eta, part * u, part * v, part * w,
+        part * du + rate * u, part * dv + rate * v, part * dw + rate * w,
+    )  # fmt: skip
+
+
+@jit
+def _stretch_end(sea: Any, nodes: Any, arc: Any, i: int, last: int, eta: float) -> int:
+    """Return the last node of a stretch from node i; arc length of its nodes is in arc [m].
+
+    eta: the surface elevation above node i; from there it falls by the steepest slope at most.
+    """
+    x, y, z = nodes
+    level, third = figures(sea.table)[LEVEL], figures(sea.table)[THIRD]
+    end, length, top, row_of = i, 0.0, -sea.depth, sea.levels - 1
+    shrink = 1.0 / (1.0 + sea.follows * eta / sea.depth)
+    for k in range(i + 1, last):
+        dx, dy, dz = x[k] - x[k - 1], y[k] - y[k - 1], z[k] - z[k - 1]
+        length += math.sqrt(dx * dx + dy * dy + dz * dz)
+        dx, dy = x[k] - x[i], y[k] - y[i]
+        lowest = sea.follows * (eta - sea.steepest * math.sqrt(dx * dx + dy * dy))
+        top = max(top, min((z[k] - lowest) * shrink, 0.0))  # at least _level(sea, z[k], lowest)
+        while row_of > 0 and level[row_of] < top:
+            row_of -= 1
+        if length > 3.0 * third[row_of] or z[k] < sea.lowest:
+            break
+        arc[k] = length
+        end = k
+    return end
+
+
+@jit
+def _thirds(arc: Any, i: int, end: int) -> Any:
+    """Return the nodes nearest above a third and two thirds of a stretch."""
+    a, b = i, i
+    for k in range(i + 1, end):
+        if a == i and 3.0 * arc[k] >= arc[end]:
+            a = k
+        elif a > i and b == i and 3.0 * arc[k] >= 2.0 * arc[end]:
+            b = k
+    return a, b
+
+
+@jit
+def _put(target: Any, i: int, values: Any) -> None:
+    """Set surface elevation and water acceleration of a node; add the velocity."""
+    u, v, w, du, dv, dw, surface_at = target
+    surface_at[i] = values[0]
+    u[i] += values[1]
+    v[i] += values[2]
+    w[i] += values[3]
+    du[i] = values[4]
+    dv[i] = values[5]
+    dw[i] = values[6]
+
+
+@jit_within
+def _blend(weights: Any, four: Any, k: int) -> float:
+    return float(
+        weights[0] * four[0][k] + weights[1] * four[1][k]
+        + weights[2] * four[2][k] + weights[3] * four[3][k]
+    )  # fmt: skip
+
+
+@jit
+def _put_cubic(target: Any, span: Any, thirds: Any, four: Any) -> None:
+    """Interpolate the nodes of a stretch after its first by Lagrange's cubic through four.
+
+    The arc lengths of the nodes are passed in the surface's row.
+    """
+    u, v, w, du, dv, dw, surface_at = target
+    i, end = span
+    t1, t2, t3 = surface_at[thirds[0]], surface_at[thirds[1]], surface_at[end]
+    f0, f1 = -1.0 / (t1 * t2 * t3), 1.0 / (t1 * (t1 - t2) * (t1 - t3))
+    f2, f3 = 1.0 / (t2 * (t2 - t1) * (t2 - t3)), 1.0 / (t3 * (t3 - t1) * (t3 - t2))
+    for k in range(i + 1, end + 1):
+        at = surface_at[k]
+        b, c, d = at - t1, at - t2, at - t3
+        weights = f0 * b * c * d, f1 * at * c * d, f2 * at * b * d, f3 * at * b * c
+        surface_at[k] = _blend(weights, four, 0)
+        u[k] += _blend(weights, four, 1)
+        v[k] += _blend(weights, four, 2)
+        w[k] += _blend(weights, four, 3)
+        du[k] = _blend(weights, four, 4)
+        dv[k] = _blend(weights, four, 5)
+        dw[k] = _blend(weights, four, 6)
+
+
+@jit
+def add_water(sea: Any, share: Any, work: Any, time: float, low: int, high: int) -> None:
+    """Add wave velocity to FLOW, and set FLOW_RATE and SURFACE, of the nodes low <= i < high.
+
+    They are 0 where no component reaches. share: build-up factor of the sea and its rate [1/s].
+    """
+    nodes = rows(work, POSITION, low)
+    rates = rows(work, FLOW_RATE, low)
+    surface_at = row(work, SURFACE, low)
+    for i in range(high - low):
+        rates[0][i] = 0.0
+        rates[1][i] = 0.0
+        rates[2][i] = 0.0
+        surface_at[i] = 0.0
+    if share[0] == 0.0:
+        return
+    kept = scratch()
+    kept[BASE][0] = NOWHERE
+    kept[BASE][1] = kept[BASE][2] = 0.0
+    target = (*rows(work, FLOW, low), *rates, surface_at)
+    i, last = low - low, high - low  # 0; a literal has its own type and compiles everything twice
+    while i < last:
+        if nodes[2][i] >= sea.lowest:
+            i = _go_along(sea, share, kept, nodes, target, time, (i, last))
+        i += 1
+
+
+@jit
+def _go_along(
+    sea: Any, share: Any, kept: Any, nodes: Any, target: Any, time: float, span: Any
+) -> int:
+    """Evaluate node i and as many stretches from it as possible; return the last node done."""
+    i, last = span
+    x, y, z = nodes
+    arc = target[6]
+    first = _find(sea, share, kept, (x[i], y[i], z[i]), time)
+    _put(target, i, first)
+    while True:
+        end = _stretch_end(sea, nodes, arc, i, last, first[0])
+        if end - i + 1 < FEWEST:
+            break
+        a, b = _thirds(arc, i, end)
+        if not i < a < b < end or not 0.0 < arc[a] < arc[b] < arc[end]:
+            break
+        second = _find(sea, share, kept, (x[a], y[a], z[a]), time)
+        third = _find(sea, share, kept, (x[b], y[b], z[b]), time)
+        fourth = _find(sea, share, kept, (x[end], y[end], z[end]), time)
+        _put_cubic(target, (i, end), (a, b), (first, second, third, fourth))
+        first, i = fourth, end
+    for k in range(i + 1, end + 1):
+        arc[k] = 0.0
+    return int(i)

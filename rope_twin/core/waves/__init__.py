@@ -1,1 +1,0 @@
-"""Wave kinematics at the nodes: tables of components, sums, and truncation depths."""
