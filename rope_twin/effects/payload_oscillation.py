@@ -10,7 +10,7 @@ water, with factors linear between the rows of a table over
 
 L_k the size that the table refers to; u is the velocity relative to the water, its vertical part
 for z and its horizontal part for both x and y. σ, T and the means that fade are those of
-vortex/oscillating_drag: a regular motion has U·T/L exactly, 2π times amplitude over size. The
+vortex/drag_amplification: a regular motion has U·T/L exactly, 2π times amplitude over size. The
 factors are constant over a step. At the start, and in static equilibrium, they are those of the
 last row of drag and the first of added mass: a payload that has not moved yet.
 """
@@ -40,7 +40,7 @@ from rope_twin.core.state import (
     Floats,
 )
 from rope_twin.quantity import quantity
-from rope_twin.vortex.oscillating_drag import factor_at, keulegan_carpenter
+from rope_twin.vortex.drag_amplification import factor_at, keulegan_carpenter
 
 # Rows that are carried, of column 0 and three each: ⟨u⟩, u of the last step, ⟨u²⟩, ⟨(du/dt)²⟩, the
 # factors of drag and of added mass less 1; and whether there was a step yet.

@@ -45,7 +45,7 @@ from rope_twin.twin.health import SENDER_LEAD_S
 from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_properties
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.settings import MonitorSettings
+from rope_twin.vortex.results import MonitorSettings
 
 FORMAT = 3
 _SHARED = "share/"  # before names of files that come with the package

@@ -11,8 +11,7 @@ from typing import Protocol
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import quantity, text
-from rope_twin.vortex.bends import Endurance
-from rope_twin.vortex.fatigue import CURVES, OWN, Rope, TensionCurve
+from rope_twin.vortex.fatigue import CURVES, OWN, Endurance, Rope, TensionCurve
 
 
 @dataclass(frozen=True, kw_only=True)

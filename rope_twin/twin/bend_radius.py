@@ -21,7 +21,7 @@ from rope_twin.effects.bending import Bending, BendingParams
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.snapshot import Bend, RopeBend, Vector
 from rope_twin.twin.snapshot_builder import RopeShape
-from rope_twin.vortex.sampling import bending_stiffness
+from rope_twin.vortex.line_model import bending_stiffness
 
 _STORED = ("radius_m", "line_out_m", "at_s", "minimum_m", "element_m")  # fields of a Bend
 

@@ -21,8 +21,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.viv.frequency_domain import run_frequency_domain, span_of
 from rope_twin.studies.viv.time_domain import run_time_domain
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
-from rope_twin.vortex.results import RopeVibration
-from rope_twin.vortex.settings import FREQUENCY_DOMAIN, TIME_DOMAIN
+from rope_twin.vortex.results import FREQUENCY_DOMAIN, TIME_DOMAIN, RopeVibration
 from rope_twin.vortex.shedding import Shedding
 
 MODELS = [ModalVibrationParams(), DecomposedForceParams()]

@@ -6,7 +6,7 @@ from typing import Any
 
 from rope_twin.effects import EFFECTS
 from rope_twin.scene.schema import Scene
-from rope_twin.vortex.settings import CoupledSettings
+from rope_twin.vortex.results import CoupledSettings
 
 STROUHAL = 0.17  # default, where the model has none
 

@@ -26,8 +26,7 @@ from rope_twin.twin.monitors.settings import Monitors
 from rope_twin.twin.monitors.tension import TensionMonitor
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.damage import RopeDamage
-from rope_twin.vortex.results import MaterialFatigue
+from rope_twin.vortex.results import MaterialFatigue, RopeDamage
 
 Row = dict[str, Any]
 Counts = dict[int, RopeDamage]  # by the number of the rope

@@ -39,7 +39,7 @@ from rope_twin.studies.parameter_study.multi_line import (
     run_system,
 )
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation, cores, whole_steps
-from rope_twin.vortex.damage import RopeDamage
+from rope_twin.vortex.results import RopeDamage
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:

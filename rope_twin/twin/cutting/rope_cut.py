@@ -59,8 +59,7 @@ from rope_twin.scene.model.grid import ROOM, halvings
 from rope_twin.scene.model.rope import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.twin.elements import elements_of, tensions
 from rope_twin.twin.internal_variables import has_state, on_nodes, own_copies
-from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
-from rope_twin.vortex.oscillating_drag import OscillatingDrag
+from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth, OscillatingDrag
 
 
 def is_viv_model(effect: Any) -> bool:

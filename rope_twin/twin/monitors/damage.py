@@ -15,9 +15,8 @@ from rope_twin.scene.model.joined import over_sheaves
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.scene.validation.rigging import winch_of
 from rope_twin.scene.winch import BendingSheave
-from rope_twin.vortex.bends import reach_m
-from rope_twin.vortex.damage import SEGMENT_M, DamageSettings, RopeDamage
-from rope_twin.vortex.fatigue import OWN
+from rope_twin.vortex.fatigue import OWN, reach_m
+from rope_twin.vortex.results import SEGMENT_M, DamageSettings, RopeDamage
 
 
 def bending_stiffness_of(scene: Scene, line: RopeLine) -> float:
