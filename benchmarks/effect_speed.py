@@ -23,26 +23,22 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.compensator import CompensatorParams
-from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.coupled_vibration import DecomposedForceParams, ModalVibrationParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
-from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.hull_contact import HullBox, HullContactParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
-from rope_twin.effects.net import NetParams
 from rope_twin.effects.net_curtain import NetCurtainParams
-from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload import PayloadParams, SplashZoneParams
+from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
+from rope_twin.effects.rope_in_air import WettingParams, WindParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
-from rope_twin.effects.wetting import WettingParams
-from rope_twin.effects.wind import WindParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.rope import build

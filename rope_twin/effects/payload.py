@@ -1,4 +1,7 @@
-"""Payload at the rope's lower end, a point: mass, added mass, weight in water, drag per axis.
+"""Payload at the rope's lower end, a point, deep in the water and at its surface.
+
+**payload**: Payload at the rope's lower end, a point: mass, added mass, weight in water, drag per
+axis.
 
 Axes are the world's (x, y lateral, z vertical). Drag along axis k: -½·ρ·CdA_k·|u|·u_k with the
 velocity u relative to the water (Morison et al. 1950).
@@ -8,10 +11,20 @@ Its coefficients along z blend with w, the vertical velocity relative to the wat
 descent to those of ascent: c(w) = c_mean + c_half·w/√(w² + δ²) with δ = 0.05 m/s, so that the force
 has a slope where the body reverses. Its kinetic energy contains the mean added mass; the power of
 the rest is charged to the water's account.
+
+**splash_zone**: Payload in the splash zone: buoyancy, added mass and drag follow the submergence
+ratio.
+
+The submergence ratio is β = (η - z_bottom)/H, from 0 in air to 1 below the surface η (0 without
+`waves`), for a body of constant cross-section over its height H (DNV-RP-N103, 4.2 to 4.4).
+`payload` and `waves` load the whole body; this effect subtracts (1 - β) of their loads. While the
+body enters with the speed v_s relative to the surface, slamming acts upward with ½·ρ·C_s·A·v_s²
+over its slamming area A (DNV-RP-N103, 4.3.8; C_s at least 5 except for smooth cylinders).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -19,19 +32,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.joined.stack import stacks
-from rope_twin.core.loads.hooks import grows, kernel
+from rope_twin.core.lanes.effects import by_lane
+from rope_twin.core.loads.hooks import grows, kernel, switching
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
+    CORRECTION,
     FLOW,
+    FLOW_RATE,
+    POSITION,
     RESIDUAL,
     SPEED2_MIN,
+    SURFACE,
     TURN2,
     VELOCITY,
     Floats,
 )
+from rope_twin.quantity import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,3 +229,134 @@ def power_two_way(load: Any, place: Any) -> Any:
     force = k * np.sqrt((u * u).sum(axis=0)) * u
     force[2] += load.dM * share * place.acceleration[2]
     return -(force * place.velocity).sum(axis=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplashZoneParams:
+    """Size of the payload (each one's in a multi-line system); its node is at mid-height."""
+
+    height_m: float = quantity("height of the payload", "m", 0.01, 100.0)
+    bottom_area_m2: float = quantity("slamming area A", "m²", 0.0, 1e4, default=0.0)
+    slamming: float = quantity("slamming coefficient C_s", "", 0.0, 20.0, default=5.0)
+
+
+class SplashZone(NamedTuple):
+    """Kernel data of the splash zone."""
+
+    height: float  # [m]
+    lift: float  # ρ·V·g of the whole body [N]
+    slam: float  # ½·ρ·C_s·A [kg/m]
+    wet: tuple[float, float, float]  # ρ·V + added mass, inertia in waves [kg]
+    added: tuple[float, float, float]  # added mass [kg]
+    k: tuple[float, float, float]  # ½·ρ·CdA [kg/m]
+
+
+grows(SplashZone, "slam", "wet", "k")
+
+
+class ManySplashZones(NamedTuple):
+    """Kernel data of the payloads of a multi-line system."""
+
+    figures: Floats  # the fields of SplashZone, (ropes, 12)
+
+
+def _pick_splash_zone(many: Any, r: int) -> Any:
+    f = many.figures[r]
+    wet, added, k = (f[3], f[4], f[5]), (f[6], f[7], f[8]), (f[9], f[10], f[11])
+    return SplashZone(f[0], f[1], f[2], wet, added, k)
+
+
+@stacks(SplashZone, ManySplashZones, _pick_splash_zone)
+def stack_splash_zones(zones: Sequence[SplashZone]) -> ManySplashZones:
+    """Stack the kernel data of several payloads."""
+    rows = [(z.height, z.lift, z.slam, *z.wet, *z.added, *z.k) for z in zones]
+    return ManySplashZones(np.array(rows, dtype=float))
+
+
+def build_splash_zone(params: SplashZoneParams, payload: Any, around: Any) -> SplashZone:
+    """Return the kernel data for the payload's properties and the water."""
+    density = around.water_density_kg_per_m3
+    volume = payload.volume_m3 if payload is not None else 0.0
+    added = payload.added_mass_kg if payload is not None else (0.0, 0.0, 0.0)
+    area = payload.drag_area_m2 if payload is not None else (0.0, 0.0, 0.0)
+    x, y, z = (float(mass) for mass in added)
+    kx, ky, kz = (0.5 * density * float(CdA) for CdA in area)
+    own = density * volume
+    return SplashZone(
+        height=params.height_m,
+        lift=float(own * around.gravity_m_per_s2),
+        slam=0.5 * density * params.slamming * params.bottom_area_m2,
+        wet=(own + x, own + y, own + z),
+        added=(x, y, z),
+        k=(kx, ky, kz),
+    )
+
+
+@kernel("load_end", SplashZone)
+def splash_load_end(zone: Any, work: Any, stage: Any) -> None:
+    """Add (1 - β)·(A·a + k·|u|·u - ρVg·ẑ - (ρV + A)·a_water) + slamming to R_0.
+
+    The block is reduced by the same fraction of added mass and drag; while the body is partly
+    submerged it contains β's change with height, whose off-diagonal entries are not symmetric
+    (their means are taken), and the slope of slamming.
+    """
+    _, _, z = rows(work, POSITION, 0)
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ax, ay, az = rows(work, ACCELERATION, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    wx, wy, wz = rows(work, FLOW_RATE, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    share = (row(work, SURFACE, 0)[0] - z[0]) / zone.height + 0.5
+    dry = 1.0 - min(max(share, 0.0), 1.0)
+    x, y, w = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    speed = sqrt(x * x + y * y + w * w + SPEED2_MIN)
+    kx, ky, kz = dry * zone.k[0], dry * zone.k[1], dry * zone.k[2]
+    mx, my, mz = dry * zone.added[0], dry * zone.added[1], dry * zone.added[2]
+    partly = 1.0 if 0.0 < share < 1.0 else 0.0
+    entering = partly * max(-w, 0.0)
+    slam = zone.slam * entering
+    fx = zone.added[0] * ax[0] + zone.k[0] * speed * x - zone.wet[0] * wx[0]
+    fy = zone.added[1] * ay[0] + zone.k[1] * speed * y - zone.wet[1] * wy[0]
+    fz = zone.added[2] * az[0] + zone.k[2] * speed * w - zone.wet[2] * wz[0] - zone.lift
+    Rx[0] += dry * fx
+    Ry[0] += dry * fy
+    Rz[0] += dry * fz + slam * entering
+    q, g, rise = stage.q, stage.q / speed, partly * stage.p / zone.height
+    Axx[0] -= mx + q * kx * speed + g * kx * x * x
+    Ayy[0] -= my + q * ky * speed + g * ky * y * y
+    Azz[0] -= mz + q * kz * speed + g * kz * w * w
+    Azz[0] += 2.0 * q * slam - rise * fz
+    Axy[0] -= 0.5 * g * (kx + ky) * x * y
+    Axz[0] -= 0.5 * g * (kx + kz) * x * w + 0.5 * rise * fx
+    Ayz[0] -= 0.5 * g * (ky + kz) * y * w + 0.5 * rise * fy
+
+
+@kernel("calm", SplashZone)
+def calm(zone: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+    """Return whether the body is and stays fully submerged or fully dry."""
+    _, _, z = rows(work, POSITION, 0)
+    _, _, dz = rows(work, CORRECTION, 0)
+    wet = (row(work, SURFACE, 0)[0] - z[0]) / zone.height + 0.5
+    then = wet - share * stage.p * dz[0] / zone.height
+    return bool(min(wet, then) >= 1.0 or max(wet, then) <= 0.0)
+
+
+by_lane(SplashZone, "load_end", "calm")
+for _kind in (SplashZone, ManySplashZones):
+    switching(_kind)
+
+
+@account("power_end", SplashZone)
+def splash_power(zone: Any, place: Any) -> Any:
+    """Return the power of all loads subtracted [W]; energy stored at the surface is given back."""
+    share = (place.surface - place.position[2]) / zone.height + 0.5
+    dry = 1.0 - np.clip(share, 0.0, 1.0)
+    u = place.velocity - place.flow
+    k, added, wet = (np.array(part)[:, None] for part in (zone.k, zone.added, zone.wet))
+    force = dry * (
+        added * place.acceleration + k * np.sqrt((u * u).sum(axis=0)) * u - wet * place.flow_rate
+    )
+    entering = np.where((share > 0.0) & (share < 1.0), np.maximum(-u[2], 0.0), 0.0)
+    force[2] += zone.slam * entering**2 - dry * zone.lift
+    return (force * place.velocity).sum(axis=0)

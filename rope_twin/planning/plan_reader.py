@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError, RopeTwinError, SceneErrors, did_you_mean, phrase
 from rope_twin.planning.plan_file import Criteria, Phase, Plan

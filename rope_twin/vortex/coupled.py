@@ -25,8 +25,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
-from rope_twin.effects.decomposed_force import DecomposedForceParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.coupled_vibration import DecomposedForceParams, ModalVibrationParams
 from rope_twin.errors import InputError
 from rope_twin.vortex.decomposed_response import DecomposedResponse
 from rope_twin.vortex.drag_amplification import DragGrowth, amplified_drag, set_growth

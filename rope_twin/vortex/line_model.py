@@ -27,9 +27,9 @@ from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.joined.joints import FIRST, LOOSE, SECOND, System
 from rope_twin.core.joined.sheaves import POINT
 from rope_twin.core.state import ELEMENTS, FLOW, POSITION, VELOCITY, Boundary, Floats, Rope, State
-from rope_twin.effects.added_mass import AddedMass, AxialAddedMass
 from rope_twin.effects.bending import Bending
 from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.rope_mass import AddedMass, AxialAddedMass
 
 SAMPLES_PER_PERIOD = 24  # samples per period of the fastest vortices: resolves a crest to 0.9 %
 AVERAGING_PERIODS = 10.0  # of the means, in periods of the fastest vortices

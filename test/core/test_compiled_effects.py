@@ -18,9 +18,9 @@ from rope_twin.core.jit.decorators import assembly
 from rope_twin.core.loads.balance import add_load
 from rope_twin.core.state import Stage
 from rope_twin.effects import EFFECTS
-from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.payload import PayloadParams
-from rope_twin.effects.weight import WeightParams
+from rope_twin.effects.rope_mass import WeightParams
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.vortex.drag_amplification import DragGrowth

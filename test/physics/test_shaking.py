@@ -13,9 +13,8 @@ from test_vibration import CABLE
 from test_vibration_live import WINCH, asked_for, watched
 
 from rope_twin import Snapshot, Twin
-from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.coupled_vibration import DecomposedForceParams, ModalVibrationParams
 from rope_twin.effects.drag import DragParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.viv.frequency_domain import run_frequency_domain, span_of

@@ -24,10 +24,10 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.joined.joints import System
 from rope_twin.core.state import Floats
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.rope_mass import AddedMassParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.model.rope import build

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.model.grid import ends_m

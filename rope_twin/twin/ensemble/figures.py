@@ -23,8 +23,7 @@ from rope_twin.effects.current import (
     RisingCurrentInTime,
 )
 from rope_twin.effects.drag import CurrentDrag, Drag, ReynoldsDrag
-from rope_twin.effects.payload import Payload, TwoWayPayload
-from rope_twin.effects.splash_zone import SplashZone
+from rope_twin.effects.payload import Payload, SplashZone, TwoWayPayload
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.twin.internal_variables import has_state
 from rope_twin.vortex.drag_amplification import OscillatingDrag
