@@ -22,7 +22,6 @@ taken out here and the power of the forces that act is put in its place, unless 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -32,7 +31,7 @@ import numpy as np
 from rope_twin.core.energy import account, account_soaked, wets
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows, span
-from rope_twin.core.joined.stack import stacks
+from rope_twin.core.joined.stack import differs
 from rope_twin.core.loads.balance import Node
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import (
@@ -111,25 +110,7 @@ class DepthProfiles(NamedTuple):
 AT_END = DepthProfiles._fields[4:]  # what is the payload's
 
 
-class ManyDepthProfiles(NamedTuple):
-    """Kernel data of the ropes of a multi-line system."""
-
-    first: DepthProfiles
-    ends: Floats  # the payload's numbers of each rope, (ropes, 12)
-
-
-def _pick(many: Any, r: int) -> Any:
-    own, f = many.first, many.ends[r]
-    return DepthProfiles(
-        own.table, own.lift, own.added, own.axial, f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7],
-        f[8], f[9], f[10], f[11],
-    )  # fmt: skip
-
-
-@stacks(DepthProfiles, ManyDepthProfiles, _pick)
-def stack(many: Sequence[DepthProfiles]) -> ManyDepthProfiles:
-    """Stack the profiles of the first rope and the numbers of each payload."""
-    return ManyDepthProfiles(many[0], np.array([one[-len(AT_END) :] for one in many], dtype=float))
+differs(DepthProfiles)
 
 
 def build(params: DepthProfilesParams, payload: Any, around: Any) -> DepthProfiles:

@@ -24,7 +24,6 @@ over its slamming area A (DNV-RP-N103, 4.3.8; C_s at least 5 except for smooth c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -33,7 +32,7 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.joined.stack import stacks
+from rope_twin.core.joined.stack import differs
 from rope_twin.core.lanes.effects import by_lane
 from rope_twin.core.loads.hooks import grows, kernel, switching
 from rope_twin.core.state import (
@@ -48,7 +47,6 @@ from rope_twin.core.state import (
     SURFACE,
     TURN2,
     VELOCITY,
-    Floats,
 )
 from rope_twin.quantity import quantity
 
@@ -86,40 +84,7 @@ class TwoWayPayload(NamedTuple):
 
 grows(Payload, "kx", "ky", "kz")
 grows(TwoWayPayload, "kx", "ky", "kz", "dk")
-
-
-class Payloads(NamedTuple):
-    """Kernel data of the payloads of a multi-line system."""
-
-    figures: Floats  # the fields of Payload, (ropes, 7)
-
-
-class TwoWayPayloads(NamedTuple):
-    """Kernel data of a multi-line system's payloads, one of which differs in ascent."""
-
-    figures: Floats  # the fields of TwoWayPayload, (ropes, 9)
-
-
-def _pick(payloads: Any, r: int) -> Any:
-    f = payloads.figures[r]
-    return Payload(f[0], f[1], f[2], f[3], f[4], f[5], f[6])
-
-
-def _pick_two_way(payloads: Any, r: int) -> Any:
-    f = payloads.figures[r]
-    return TwoWayPayload(f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8])
-
-
-@stacks(Payload, Payloads, _pick)
-def stack(payloads: Any) -> Payloads:
-    """Stack the kernel data of several payloads."""
-    return Payloads(np.array(payloads, dtype=float))
-
-
-@stacks(TwoWayPayload, TwoWayPayloads, _pick_two_way)
-def stack_two_way(payloads: Any) -> TwoWayPayloads:
-    """Stack the kernel data of several payloads, one of which differs in ascent and descent."""
-    return TwoWayPayloads(np.array(payloads, dtype=float))
+differs(Payload, TwoWayPayload)
 
 
 def build(params: PayloadParams, payload: Any, environment: Any) -> Payload | TwoWayPayload:
@@ -252,25 +217,7 @@ class SplashZone(NamedTuple):
 
 
 grows(SplashZone, "slam", "wet", "k")
-
-
-class ManySplashZones(NamedTuple):
-    """Kernel data of the payloads of a multi-line system."""
-
-    figures: Floats  # the fields of SplashZone, (ropes, 12)
-
-
-def _pick_splash_zone(many: Any, r: int) -> Any:
-    f = many.figures[r]
-    wet, added, k = (f[3], f[4], f[5]), (f[6], f[7], f[8]), (f[9], f[10], f[11])
-    return SplashZone(f[0], f[1], f[2], wet, added, k)
-
-
-@stacks(SplashZone, ManySplashZones, _pick_splash_zone)
-def stack_splash_zones(zones: Sequence[SplashZone]) -> ManySplashZones:
-    """Stack the kernel data of several payloads."""
-    rows = [(z.height, z.lift, z.slam, *z.wet, *z.added, *z.k) for z in zones]
-    return ManySplashZones(np.array(rows, dtype=float))
+differs(SplashZone)
 
 
 def build_splash_zone(params: SplashZoneParams, payload: Any, around: Any) -> SplashZone:
@@ -343,8 +290,7 @@ def calm(zone: Any, work: Any, stage: Any, n: int, share: float) -> bool:
 
 
 by_lane(SplashZone, "load_end", "calm")
-for _kind in (SplashZone, ManySplashZones):
-    switching(_kind)
+switching(SplashZone)
 
 
 @account("power_end", SplashZone)

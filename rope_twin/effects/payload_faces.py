@@ -18,7 +18,6 @@ own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, radians, sin, sqrt
 from typing import Any, NamedTuple
@@ -27,7 +26,7 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.jit.rows import rows, span
-from rope_twin.core.joined.stack import stacks
+from rope_twin.core.joined.stack import differs
 from rope_twin.core.lanes.effects import by_lane
 from rope_twin.core.loads.hooks import FAIRINGS, grows, kernel
 from rope_twin.core.loads.panel import (
@@ -39,7 +38,7 @@ from rope_twin.core.loads.panel import (
     panel_load,
     seen_by,
 )
-from rope_twin.core.state import BLOCK, DIVISOR_MIN, FLOW, RESIDUAL, VELOCITY, Floats
+from rope_twin.core.state import BLOCK, DIVISOR_MIN, FLOW, RESIDUAL, VELOCITY
 from rope_twin.quantity import quantity, text
 
 
@@ -93,23 +92,7 @@ class Net(NamedTuple):
 
 
 grows(Net, "along", "facing", "lift")
-
-
-class ManyNets(NamedTuple):
-    """Kernel data of the nets of a multi-line system."""
-
-    figures: Floats  # the fields of Net, (ropes, 5); zero where there is none
-
-
-def _pick_net(many: Any, r: int) -> Any:
-    f = many.figures[r]
-    return Net(f[0], f[1], f[2], f[3], f[4])
-
-
-@stacks(Net, ManyNets, _pick_net)
-def stack_nets(nets: Sequence[Net]) -> ManyNets:
-    """Stack the kernel data of several nets."""
-    return ManyNets(np.array(nets, dtype=float))
+differs(Net)
 
 
 def coefficients(params: NetPanels) -> tuple[float, float, float]:
@@ -211,40 +194,7 @@ class TowedFairing(NamedTuple):
 
 grows(Fairing, "k", factor=FAIRINGS)
 grows(TowedFairing, "force", factor=FAIRINGS)
-
-
-class ManyFairings(NamedTuple):
-    """Kernel data of the fairings of a multi-line system, by the payloads' own velocities."""
-
-    figures: Floats  # the fields of Fairing, (ropes, 4)
-
-
-class ManyTowedFairings(NamedTuple):
-    """Kernel data of the fairings of a multi-line system, by tow speeds."""
-
-    figures: Floats  # the fields of TowedFairing, (ropes, 5)
-
-
-def _pick_fairing(many: Any, r: int) -> Any:
-    f = many.figures[r]
-    return Fairing(f[0], f[1], f[2], f[3])
-
-
-def _pick_towed(many: Any, r: int) -> Any:
-    f = many.figures[r]
-    return TowedFairing(f[0], f[1], f[2], f[3], f[4])
-
-
-@stacks(Fairing, ManyFairings, _pick_fairing)
-def stack_fairings(fairings: Sequence[Fairing]) -> ManyFairings:
-    """Stack the kernel data of several fairings."""
-    return ManyFairings(np.array(fairings, dtype=float))
-
-
-@stacks(TowedFairing, ManyTowedFairings, _pick_towed)
-def stack_towed_fairings(fairings: Sequence[TowedFairing]) -> ManyTowedFairings:
-    """Stack the kernel data of several fairings that are towed."""
-    return ManyTowedFairings(np.array(fairings, dtype=float))
+differs(Fairing, TowedFairing)
 
 
 def build_fairing(params: FairingParams, payload: Any, around: Any) -> Fairing | TowedFairing:

@@ -19,8 +19,6 @@ import numpy as np
 
 from rope_twin.core.bed import (
     Grid,
-    ManyGrids,
-    ManyPlanes,
     Plane,
     Soil,
     beds_at,
@@ -271,8 +269,7 @@ def power_end(bed: Any, place: Any) -> Any:
     return (_pushed(bed, bed.soil.k_payload, place) * place.velocity).sum(axis=0)
 
 
-for _kind in (Plane, Grid, ManyPlanes, ManyGrids):
-    switching(_kind)
 for _kind in (Plane, Grid):
+    switching(_kind)
     account("power", _kind)(power)
     account("power_end", _kind)(power_end)

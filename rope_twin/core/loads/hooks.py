@@ -179,6 +179,25 @@ def members(hook: str, effects: Iterable[Any]) -> list[tuple[Any, Any]]:
     return [(effect, known[type(effect)]) for effect in effects if type(effect) in known]
 
 
+def struct_text(
+    kind: Any, path: str, scope: dict[str, Any], leaf: Callable[[Any, str], str]
+) -> str:
+    """Return the source text of a copy of a struct whose numbers and arrays are given by `leaf`.
+
+    kind: numba type of the struct; path: its text; scope: where the types that are named are put.
+    """
+    if not isinstance(kind, types.BaseTuple):
+        return leaf(kind, path)
+    if isinstance(kind, types.BaseNamedTuple):
+        name = kind.instance_class.__name__
+        scope[name] = kind.instance_class
+        parts = zip(kind.fields, kind.types, strict=True)
+        texts = [struct_text(part, f"{path}.{field}", scope, leaf) for field, part in parts]
+        return f"{name}({', '.join(texts)})"
+    texts = [struct_text(part, f"{path}[{k}]", scope, leaf) for k, part in enumerate(kind)]
+    return f"({''.join(text + ', ' for text in texts)})"
+
+
 def written_out(head: str, lines: list[str], calls: dict[int, Any], **names: Any) -> Any:
     """Return the function of these source lines, in which kernel_0, kernel_1 ... are the calls.
 
