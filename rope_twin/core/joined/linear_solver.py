@@ -13,12 +13,10 @@ ends there; the chain that leads on from it begins with what the others left.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numba import config
-from numba.extending import overload
 
 from rope_twin.core.elimination import (
     RECORD,
@@ -77,7 +75,7 @@ from rope_twin.core.joined.plan import (
 )
 from rope_twin.core.joined.sheaves import condense_flow, couple_flow, substitute_flow
 from rope_twin.core.joined.stack import effects_at
-from rope_twin.core.loads.hooks import couples
+from rope_twin.core.loads.hooks import chosen_by, couples
 from rope_twin.core.state import BLOCK, CORRECTION, ELEMENTS, RESIDUAL, ZERO
 
 _records = table_rows("scratch 0", 1)
@@ -486,21 +484,11 @@ def _solve_coupled(system: Any) -> None:
             substitute_coupled_between(work, n)
 
 
-def _chosen(coupled: Any, plain: Any) -> Callable[[Any, Any], Any]:
-    """Return f(effects, system) that calls `coupled` if an effect couples nodes, else `plain`."""
-
-    def call(effects: Any, system: Any) -> Any:
-        return (coupled if couples(map(type, effects)) else plain)(system)
-
-    @overload(call, jit_options=_WITHIN, strict=False)
-    def _choose(effects: Any, system: Any) -> Any:
-        solve = coupled if couples(effect.instance_class for effect in effects) else plain
-        return lambda effects, system: solve(system)
-
-    return call
-
-
-_solve = _chosen(_solve_coupled, _solve_by_plan)
+_solve = chosen_by(
+    couples,
+    lambda effects, system: _solve_coupled(system),
+    lambda effects, system: _solve_by_plan(system),
+)
 
 
 @jit_apart

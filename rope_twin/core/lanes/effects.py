@@ -33,6 +33,7 @@ from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit, jit_within
 from rope_twin.core.jit.wide import ALIGNMENT, LANES, choose, mask_of, table, wide
 from rope_twin.core.loads.hooks import (
+    calls_of,
     kernel_of,
     kernels,
     may_be_calm,
@@ -374,17 +375,8 @@ def _compose_calm(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> An
     return written_out(head, [*lines, "return calm"], calls, on_lanes=on_lanes)
 
 
-def predict_lanes(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
-    """Predict internal variables at the beginning of a stage, for the nodes low <= i < high."""
-    raise TypeError("lanes exist in compiled code only")
-
-
-@overload(predict_lanes, jit_options=LINKED, strict=False)
-def _compose_predict(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
-    calls = kernels("predict", effects, None)
-    lines = [f"kernel_{i}(effects[{i}], rope, stage, kind, low, high)" for i in _counts(effects)]
-    head = "effects, rope, stage, kind, low, high"
-    return written_out(head, [*lines, "return None"], calls)
+# Predict internal variables at the beginning of a stage, for the nodes low <= i < high.
+predict_lanes = calls_of("predict", "rope, stage, kind, low, high", lanes=True)
 
 
 @jit

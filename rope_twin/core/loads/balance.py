@@ -25,6 +25,7 @@ from rope_twin.core.jit.functions import renewed
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import (
     Growth,
+    calls_of,
     couples,
     grown,
     kernels,
@@ -308,30 +309,9 @@ def slope(work: Floats, low: int, high: int) -> float:
     return total
 
 
-def add_flow(effects: Any, work: Floats, stage: Stage, low: Any, high: Any) -> Any:
-    """Add every effect's water velocity for the nodes low <= i < high."""
-    for effect, call in members("flow", effects):
-        call(effect, work, stage, low, high)
-
-
-@overload(add_flow, jit_options=LINKED, strict=False)
-def _compose_flow(effects: Any, work: Floats, stage: Stage, low: Any, high: Any) -> Any:
-    calls = kernels("flow", effects, work)
-    lines = [f"kernel_{i}(effects[{i}], work, stage, low, high)" for i in calls]
-    return written_out("effects, work, stage, low, high", [*lines, "return None"], calls)
-
-
-def add_end(effects: Any, work: Floats, stage: Stage) -> Any:
-    """Add every effect's load at the lower end."""
-    for effect, call in members("load_end", grown(effects, stage.time)):
-        call(effect, work, stage)
-
-
-@overload(add_end, jit_options=LINKED, strict=False)
-def _compose_end(effects: Any, work: Floats, stage: Stage) -> Any:
-    calls, growth = kernels("load_end", effects, work), Growth(effects)
-    lines = [*growth.lines, *(f"kernel_{i}({growth.of(i)}, work, stage)" for i in calls)]
-    return written_out("effects, work, stage", [*lines, "return None"], calls, **growth.names)
+# Add every effect's water velocity for the nodes low <= i < high; its load at the lower end.
+add_flow = calls_of("flow", "work, stage, low, high")
+add_end = calls_of("load_end", "work, stage", growth=True)
 
 
 @jit
