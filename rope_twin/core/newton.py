@@ -37,7 +37,7 @@ from rope_twin.core.integrator import (
     predict_trapezoid,
 )
 from rope_twin.core.jit.decorators import LINKED, jit
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import end_to_end, rows, span
 from rope_twin.core.jit.wide import count_beyond
 from rope_twin.core.joined.chains import add_couplings
 from rope_twin.core.joined.linear_solver import push_system, solve_system
@@ -94,20 +94,20 @@ CHUNK = 64  # nodes per chunk of all passes: their rows fit into the nearest cac
 @jit
 def _push_links(work: Floats, first: int, n: int) -> None:
     """Solve with the previous factors; subtract the effect of the couplings from the residual."""
-    push_coupled(work, first, n)
+    push_coupled(end_to_end(work), first, n)
     take_links(work, n)
 
 
 # Solve the chain of a rope, in which an effect may couple nodes; and with the existing factors.
 _eliminate = hooks.chosen_by(
     hooks.couples,
-    lambda effects, work, first, n: eliminate_coupled(work, first, n),
-    lambda effects, work, first, n: eliminate(work, first, n),
+    lambda effects, work, first, n: eliminate_coupled(end_to_end(work), first, n),
+    lambda effects, work, first, n: eliminate(end_to_end(work), first, n),
 )
 _push = hooks.chosen_by(
     hooks.couples,
     lambda effects, work, first, n: _push_links(work, first, n),
-    lambda effects, work, first, n: push(work, first, n),
+    lambda effects, work, first, n: push(end_to_end(work), first, n),
 )
 
 

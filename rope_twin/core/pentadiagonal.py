@@ -1,18 +1,16 @@
 """Block-pentadiagonal solver of the node equations, O(n): a node is coupled to the next two.
 
-`eliminate_coupled_plainly` proceeds from the lower end to the hang-off. Compiled code factorises
-from both ends at once, one side in each SIMD lane, as in `core/tridiagonal`: pair k is the nodes
-first + k and n - 1 - k; the two or three nodes left in the middle are eliminated one by one. The
-factors of a pair for the back-substitution are a record of 36 numbers, 24 in the rows ELIMINATED
-and 12 in FACTOR, where records lie end to end; the last record in ELIMINATED is followed by the
-Schur complements of both sides on the middle. A test compares both with a dense solver.
+The matrix is factorised from both ends at once, one side in each SIMD lane, as in
+`core/tridiagonal`: pair k is the nodes first + k and n - 1 - k; the two or three nodes left in the
+middle are eliminated one by one. The factors of a pair for the back-substitution are a record of 36
+numbers, 24 in the rows ELIMINATED and 12 in FACTOR, where records lie end to end; the last record
+in ELIMINATED is followed by the Schur complements of both sides on the middle. A test compares it
+with a dense solver.
 """
 
 from __future__ import annotations
 
 from typing import Any
-
-from numba import config
 
 from rope_twin.core.elimination import (
     add,
@@ -94,43 +92,6 @@ def kept_of(work: Floats, factors: int, i: int) -> Any:
         column(work, ELIMINATED + 9, i),
     )  # fmt: skip
     return column(work, ELIMINATED, i), G, six(work, factors, i)
-
-
-@jit_ordered
-def eliminate_coupled_plainly(work: Floats, first: int, n: int) -> None:
-    """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
-    nothing = (0.0, 0.0, 0.0)
-    nil = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    state = ground(work, first), nothing, (nil, nothing), (nothing, nothing, nothing)
-    for i in range(first, n):
-        c, d = work[LINK, i], work[LINK + 1, i]
-        kept, state = single_node(work, i, state, spring(work, i), c, d)
-        keep_node(work, FACTOR, i, kept)
-    _substitute_plainly(work, first, n)
-
-
-@jit_ordered
-def push_coupled_plainly(work: Floats, first: int, n: int) -> None:
-    """Solve for another residual with the factors of `eliminate_coupled_plainly`."""
-    f = carried = (0.0, 0.0, 0.0)
-    for i in range(first, n):
-        _, G, I = kept_of(work, FACTOR, i)
-        force = add(f, column(work, RESIDUAL, i))
-        own, pushed, far = push_coupled_node(force, G, I, work[SECOND, i])
-        f, carried = add(carried, pushed), far
-        set_column(work, ELIMINATED, i, own)
-    _substitute_plainly(work, first, n)
-
-
-@jit_ordered
-def _substitute_plainly(work: Floats, first: int, n: int) -> None:
-    """Back-substitute from the hang-off down."""
-    near = far = (0.0, 0.0, 0.0)
-    for i in range(n - 1, first - 1, -1):
-        d = work[SECOND, i]
-        near, far = substituted(kept_of(work, FACTOR, i), near, scaled(d, far)), near
-        set_column(work, CORRECTION, i, near)
-    hold_ends(work, first, n)
 
 
 @jit
@@ -247,7 +208,7 @@ def _solve_middle(work: Floats, middle: int, rest: int, below: Any, above: Any) 
 
 
 @jit_ordered
-def _eliminate_coupled_folded(work: Floats, first: int, n: int) -> None:
+def eliminate_coupled(work: Floats, first: int, n: int) -> None:
     """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
     if n - first == 1:
         _solve_one(work, first, n)
@@ -294,8 +255,8 @@ def _stored_middle(work: Floats, pairs: int, f: Any, far: Any) -> Any:
 
 
 @jit_ordered
-def _push_coupled_folded(work: Floats, first: int, n: int) -> None:
-    """Solve for another residual with the records of `_eliminate_coupled_folded`."""
+def push_coupled(work: Floats, first: int, n: int) -> None:
+    """Solve for another residual with the records of `eliminate_coupled`."""
     if n - first == 1:
         _solve_one(work, first, n)
         return
@@ -330,7 +291,3 @@ def _substitute_folded(work: Floats, first: int, n: int, state: Any) -> None:
         dy[i], dy[j] = lane(y, 0), lane(y, 1)
         dz[i], dz[j] = lane(z, 0), lane(z, 1)
     hold_ends(work, first, n)
-
-
-eliminate_coupled = eliminate_coupled_plainly if config.DISABLE_JIT else _eliminate_coupled_folded
-push_coupled = push_coupled_plainly if config.DISABLE_JIT else _push_coupled_folded

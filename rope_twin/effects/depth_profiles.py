@@ -32,19 +32,17 @@ from rope_twin.core.energy import account, account_soaked, wets
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import differs
-from rope_twin.core.loads.balance import Node
+from rope_twin.core.loads.balance import Node, end_relative
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
     DIVISOR_MIN,
-    FLOW,
     FLOW_RATE,
     POSITION,
     RESIDUAL,
     SPEED2_MIN,
     TURN2,
-    VELOCITY,
     Floats,
 )
 from rope_twin.quantity import quantity
@@ -202,15 +200,13 @@ def load_end(end: Any, work: Any, stage: Any) -> None:
     its entries off the diagonal are means.
     """
     _, _, z = rows(work, POSITION, 0)
-    vx, vy, vz = rows(work, VELOCITY, 0)
     ax, ay, az = rows(work, ACCELERATION, 0)
-    ux, uy, uz = rows(work, FLOW, 0)
     wx, wy, wz = rows(work, FLOW_RATE, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     share, slope, _ = _at(end.table, z[0])
     more = share - 1.0
-    x, y, w = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    x, y, w = end_relative(work)
     speed = sqrt(x * x + y * y + w * w + SPEED2_MIN)
     near = w * w + TURN2
     root = sqrt(near)

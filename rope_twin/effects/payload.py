@@ -31,22 +31,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.joined.stack import differs
 from rope_twin.core.lanes.effects import by_lane
+from rope_twin.core.loads.balance import end_relative
 from rope_twin.core.loads.hooks import grows, kernel, switching
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
     CORRECTION,
-    FLOW,
     FLOW_RATE,
     POSITION,
     RESIDUAL,
     SPEED2_MIN,
     SURFACE,
     TURN2,
-    VELOCITY,
 )
 from rope_twin.quantity import quantity
 
@@ -102,6 +102,26 @@ def build(params: PayloadParams, payload: Any, environment: Any) -> Payload | Tw
     return TwoWayPayload(*mean, dM=dM, dk=dk)
 
 
+@jit_within
+def _resist(load: Any, work: Any, q: float, relative: Any, along: Any) -> None:
+    """Add inertia, drag and weight; along: mass with added mass, and drag, along z."""
+    ax, ay, az = rows(work, ACCELERATION, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    (x, y, z, speed), (Mz, k) = relative, along
+    kx, ky, kz = load.kx * speed, load.ky * speed, k * speed
+    Rx[0] -= load.Mx * ax[0] + kx * x
+    Ry[0] -= load.My * ay[0] + ky * y
+    Rz[0] -= Mz * az[0] + kz * z + load.W
+    g = q / speed
+    Axx[0] += load.Mx + q * kx + g * load.kx * x * x
+    Ayy[0] += load.My + q * ky + g * load.ky * y * y
+    Azz[0] += Mz + q * kz + g * k * z * z
+    Axy[0] += 0.5 * g * (load.kx + load.ky) * x * y
+    Axz[0] += 0.5 * g * (load.kx + k) * x * z
+    Ayz[0] += 0.5 * g * (load.ky + k) * y * z
+
+
 @kernel("load_end", Payload, wide=True)
 def load_end(load: Any, work: Any, stage: Any) -> None:
     """Subtract M·a + k·|u|·u + W·ẑ from R_0; add M + q·k·(|u|·I + u·uᵀ/|u|) to A_0.
@@ -109,24 +129,9 @@ def load_end(load: Any, work: Any, stage: Any) -> None:
     With different k per axis the exact derivative is not symmetric; its off-diagonal entries are
     replaced by their means.
     """
-    vx, vy, vz = rows(work, VELOCITY, 0)
-    ux, uy, uz = rows(work, FLOW, 0)
-    ax, ay, az = rows(work, ACCELERATION, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
-    x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    x, y, z = end_relative(work)
     speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
-    kx, ky, kz = load.kx * speed, load.ky * speed, load.kz * speed
-    Rx[0] -= load.Mx * ax[0] + kx * x
-    Ry[0] -= load.My * ay[0] + ky * y
-    Rz[0] -= load.Mz * az[0] + kz * z + load.W
-    q, g = stage.q, stage.q / speed
-    Axx[0] += load.Mx + q * kx + g * load.kx * x * x
-    Ayy[0] += load.My + q * ky + g * load.ky * y * y
-    Azz[0] += load.Mz + q * kz + g * load.kz * z * z
-    Axy[0] += 0.5 * g * (load.kx + load.ky) * x * y
-    Axz[0] += 0.5 * g * (load.kx + load.kz) * x * z
-    Ayz[0] += 0.5 * g * (load.ky + load.kz) * y * z
+    _resist(load, work, stage.q, (x, y, z, speed), (load.Mz, load.kz))
 
 
 @account("kinetic_end", Payload)
@@ -155,29 +160,16 @@ def power(load: Any, place: Any) -> Any:
 @kernel("load_end", TwoWayPayload, wide=True)
 def load_end_two_way(load: Any, work: Any, stage: Any) -> None:
     """Subtract M(w)·a + k(w)·|u|·u + W·ẑ from R_0; add its symmetrised derivative to A_0."""
-    vx, vy, vz = rows(work, VELOCITY, 0)
-    ux, uy, uz = rows(work, FLOW, 0)
-    ax, ay, az = rows(work, ACCELERATION, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
-    x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    _, _, az = rows(work, ACCELERATION, 0)
+    _, _, _, _, _, Azz = span(work, BLOCK, 6, 0)
+    x, y, z = end_relative(work)
     speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     near = z * z + TURN2
     root = sqrt(near)
-    Mz, k = load.Mz + load.dM * z / root, load.kz + load.dk * z / root
+    along = load.Mz + load.dM * z / root, load.kz + load.dk * z / root
     slope = TURN2 / (near * root)
-    kx, ky, kz = load.kx * speed, load.ky * speed, k * speed
-    Rx[0] -= load.Mx * ax[0] + kx * x
-    Ry[0] -= load.My * ay[0] + ky * y
-    Rz[0] -= Mz * az[0] + kz * z + load.W
-    q, g = stage.q, stage.q / speed
-    Axx[0] += load.Mx + q * kx + g * load.kx * x * x
-    Ayy[0] += load.My + q * ky + g * load.ky * y * y
-    Azz[0] += Mz + q * kz + g * k * z * z
-    Azz[0] += q * slope * (load.dM * az[0] + load.dk * speed * z)
-    Axy[0] += 0.5 * g * (load.kx + load.ky) * x * y
-    Axz[0] += 0.5 * g * (load.kx + k) * x * z
-    Ayz[0] += 0.5 * g * (load.ky + k) * y * z
+    _resist(load, work, stage.q, (x, y, z, speed), along)
+    Azz[0] += stage.q * slope * (load.dM * az[0] + load.dk * speed * z)
 
 
 def _share(w: Any) -> Any:
@@ -248,15 +240,13 @@ def splash_load_end(zone: Any, work: Any, stage: Any) -> None:
     (their means are taken), and the slope of slamming.
     """
     _, _, z = rows(work, POSITION, 0)
-    vx, vy, vz = rows(work, VELOCITY, 0)
     ax, ay, az = rows(work, ACCELERATION, 0)
-    ux, uy, uz = rows(work, FLOW, 0)
     wx, wy, wz = rows(work, FLOW_RATE, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     share = (row(work, SURFACE, 0)[0] - z[0]) / zone.height + 0.5
     dry = 1.0 - min(max(share, 0.0), 1.0)
-    x, y, w = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    x, y, w = end_relative(work)
     speed = sqrt(x * x + y * y + w * w + SPEED2_MIN)
     kx, ky, kz = dry * zone.k[0], dry * zone.k[1], dry * zone.k[2]
     mx, my, mz = dry * zone.added[0], dry * zone.added[1], dry * zone.added[2]

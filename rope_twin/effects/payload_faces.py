@@ -28,6 +28,7 @@ from rope_twin.core.energy import account
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.joined.stack import differs
 from rope_twin.core.lanes.effects import by_lane
+from rope_twin.core.loads.balance import add_to_node, end_relative
 from rope_twin.core.loads.hooks import FAIRINGS, grows, kernel
 from rope_twin.core.loads.panel import (
     SOLIDITY_MOST,
@@ -115,19 +116,8 @@ def net_load_end(net: Any, work: Any, stage: Any) -> None:
     """Add the panel's force to R_0 and its block to A_0."""
     vx, vy, vz = rows(work, VELOCITY, 0)
     ux, uy, uz = rows(work, FLOW, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     w = ux[0] - vx[0], uy[0] - vy[0], uz[0] - vz[0]
-    load = panel_load(net, w, (net.nx, net.ny, 0.0), stage.q)
-    Rx[0] += load.x
-    Ry[0] += load.y
-    Rz[0] += load.z
-    Axx[0] += load.xx
-    Axy[0] += load.xy
-    Axz[0] += load.xz
-    Ayy[0] += load.yy
-    Ayz[0] += load.yz
-    Azz[0] += load.zz
+    add_to_node(work, 0, panel_load(net, w, (net.nx, net.ny, 0.0), stage.q))
 
 
 by_lane(Net, "load_end")
@@ -211,12 +201,11 @@ def build_fairing(params: FairingParams, payload: Any, around: Any) -> Fairing |
 @kernel("load_end", Fairing)
 def fairing_load_end(fairing: Any, work: Any, stage: Any) -> None:
     """Subtract k·|V|·V·e from R_0, V = (v - u)·e; add 2·q·k·|V|·e·eᵀ to A_0."""
-    vx, vy, vz = rows(work, VELOCITY, 0)
-    ux, uy, uz = rows(work, FLOW, 0)
+    ux, uy, uz = end_relative(work)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     x, y, z = fairing.x, fairing.y, fairing.z
-    V = (vx[0] - ux[0]) * x + (vy[0] - uy[0]) * y + (vz[0] - uz[0]) * z
+    V = ux * x + uy * y + uz * z
     force = fairing.k * abs(V) * V
     Rx[0] -= force * x
     Ry[0] -= force * y

@@ -27,6 +27,7 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.loads.balance import end_relative
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import (
@@ -153,16 +154,14 @@ def predict(own: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> 
 @kernel("load_end", PayloadOscillation)
 def load_end(own: Any, work: Any, stage: Any) -> None:
     """Add (c_A - 1)·A·(a_water - a) - (c_D - 1)·k·|u|·u to R_0, and the block, symmetric."""
-    vx, vy, vz = rows(work, VELOCITY, 0)
     ax, ay, az = rows(work, ACCELERATION, 0)
-    ux, uy, uz = rows(work, FLOW, 0)
     wx, wy, wz = rows(work, FLOW_RATE, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     acts = own.memory[ACTS:, 0]
     kx, ky, kz = acts[0] * own.kx, acts[1] * own.ky, acts[2] * own.kz
     mx, my, mz = acts[3] * own.Ax, acts[4] * own.Ay, acts[5] * own.Az
-    x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    x, y, z = end_relative(work)
     speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     Rx[0] += mx * (wx[0] - ax[0]) - kx * speed * x
     Ry[0] += my * (wy[0] - ay[0]) - ky * speed * y

@@ -15,9 +15,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numba import config
-
 from rope_twin.core.elimination import (
     RECORD,
     eliminate_pair,
@@ -32,8 +29,8 @@ from rope_twin.core.elimination import (
     two,
     two_of_six,
 )
-from rope_twin.core.jit.decorators import LINKED, jit, jit_apart, jit_ordered, jit_within
-from rope_twin.core.jit.rows import column, lane, rows, table_rows
+from rope_twin.core.jit.decorators import jit, jit_apart, jit_ordered
+from rope_twin.core.jit.rows import column, end_to_end, lane, rows, table_rows
 from rope_twin.core.joined.chains import (
     eliminate_between,
     eliminate_coupled_between,
@@ -255,24 +252,6 @@ def _spread(work: Any, plan: Any, joints: Any, joint: int, i: int) -> None:
         for m in range(plan.sizes[ENDS]):
             if plan.ends[m, JOINT] == joint:
                 work[k, plan.ends[m, COLUMN]] = work[k, i]
-
-
-if config.DISABLE_JIT:
-
-    def end_to_end(work: Any) -> Any:
-        """Return a rope's scratch, rows of which go on in the ropes (or rows) that follow."""
-        count = work.shape[0]
-        return np.lib.stride_tricks.as_strided(work, (count, 2**40), work.strides)
-
-else:
-
-    @jit_within
-    def end_to_end(work: Any) -> Any:
-        """Return a rope's scratch as it is: its rows are not bounds-checked."""
-        return work
-
-
-_WITHIN = {**LINKED, "forceinline": True}  # inlined in the caller
 
 
 @jit

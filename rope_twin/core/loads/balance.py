@@ -113,6 +113,42 @@ class Load(NamedTuple):
     zz: float
 
 
+@jit_within
+def add_to_node(work: Floats, i: int, load: Any) -> None:
+    """Add a load to the residual and the block of node i."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, i)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, i)
+    Rx[0] += load.x
+    Ry[0] += load.y
+    Rz[0] += load.z
+    Axx[0] += load.xx
+    Axy[0] += load.xy
+    Axz[0] += load.xz
+    Ayy[0] += load.yy
+    Ayz[0] += load.yz
+    Azz[0] += load.zz
+
+
+@jit_within
+def set_block(block: Any, i: int, load: Any) -> None:
+    """Set the block of node i, of the six rows of blocks."""
+    Axx, Axy, Axz, Ayy, Ayz, Azz = block
+    Axx[i] = load.xx
+    Axy[i] = load.xy
+    Axz[i] = load.xz
+    Ayy[i] = load.yy
+    Ayz[i] = load.yz
+    Azz[i] = load.zz
+
+
+@jit_within
+def end_relative(work: Floats) -> Any:
+    """Return the lower end's velocity relative to the water."""
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    return vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+
+
 @jit
 def load_nodes(effects: Any, work: Floats, stage: Stage, low: int, high: int) -> None:
     """Set residual R and block A of the nodes 1 <= low <= i < high.
@@ -125,7 +161,7 @@ def load_nodes(effects: Any, work: Floats, stage: Stage, low: int, high: int) ->
     tx, ty, tz = rows(work, DIRECTION, low)
     bx, by, bz = rows(work, DIRECTION, low - 1)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
+    block = span(work, BLOCK, 6, low)
     for i in range(high - low):
         x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
         inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
@@ -134,12 +170,7 @@ def load_nodes(effects: Any, work: Floats, stage: Stage, low: int, high: int) ->
         Rx[i] = T[i] * tx[i] - T_below[i] * bx[i] + load.x
         Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y
         Rz[i] = T[i] * tz[i] - T_below[i] * bz[i] + load.z
-        Axx[i] = load.xx
-        Axy[i] = load.xy
-        Axz[i] = load.xz
-        Ayy[i] = load.yy
-        Ayz[i] = load.yz
-        Azz[i] = load.zz
+        set_block(block, i, load)
     load_remembering(effects, work, stage, low, high, True)
 
 
@@ -229,18 +260,13 @@ def add_load(effects: Any, work: Floats, stage: Stage, low: int, high: int) -> N
     nodes = load_rows(work, low)
     tx, ty, tz = rows(work, TANGENT, low)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
+    block = span(work, BLOCK, 6, low)
     for i in range(high - low):
         load = load_of(effects, stage, nodes, (tx[i], ty[i], tz[i]), i)
         Rx[i] += load.x
         Ry[i] += load.y
         Rz[i] += load.z
-        Axx[i] = load.xx
-        Axy[i] = load.xy
-        Axz[i] = load.xz
-        Ayy[i] = load.yy
-        Ayz[i] = load.yz
-        Azz[i] = load.zz
+        set_block(block, i, load)
     load_remembering(effects, work, stage, low, high, False)
 
 
