@@ -95,10 +95,7 @@ EFFECTS: tuple[Effect, ...] = (
         sheds=True,
     ),
     Effect(
-        "wake_oscillator",
-        wake_oscillator.WakeOscillatorParams,
-        wake_oscillator.build,
-        sheds=True,
+        "wake_oscillator", wake_oscillator.WakeOscillatorParams, wake_oscillator.build, sheds=True
     ),
     Effect(
         "travelling_waves",
@@ -138,11 +135,7 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("net", payload_faces.NetParams, payload_faces.build_net),
     Effect("net_curtain", net_curtain.NetCurtainParams, net_curtain.build),
     Effect("fairing", payload_faces.FairingParams, payload_faces.build_fairing),
-    Effect(
-        "payload_shedding",
-        payload_shedding.PayloadSheddingParams,
-        payload_shedding.build,
-    ),
+    Effect("payload_shedding", payload_shedding.PayloadSheddingParams, payload_shedding.build),
     Effect("fluid_ramp", fluid_ramp.FluidRampParams, fluid_ramp.build),
     Effect("compensator", compensator.CompensatorParams, compensator.build),
 )

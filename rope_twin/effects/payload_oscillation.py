@@ -26,6 +26,7 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
+from rope_twin.core.jit.functions import interpolate
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.loads.balance import end_relative
 from rope_twin.core.loads.hooks import kernel
@@ -41,7 +42,7 @@ from rope_twin.core.state import (
     Floats,
 )
 from rope_twin.quantity import quantity
-from rope_twin.vortex.drag_amplification import factor_at, keulegan_carpenter
+from rope_twin.vortex.drag_amplification import keulegan_carpenter
 
 # Rows that are carried, of column 0 and three each: ⟨u⟩, u of the last step, ⟨u²⟩, ⟨(du/dt)²⟩, the
 # factors of drag and of added mass less 1; and whether there was a step yet.
@@ -203,8 +204,9 @@ def settle(own: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
             mean2 = mean[0] * mean[0] + mean[1] * mean[1]
             all2, fast2 = square[0] + square[1], rate2[0] + rate2[1]
         number = keulegan_carpenter(mean2, all2, fast2, size, own.window)
-        memory[CARRIED + DRAG + k, 0] = factor_at(own.drag_number, own.drag_factor, number) - 1.0
-        memory[CARRIED + ADDED + k, 0] = factor_at(own.added_number, own.added_factor, number) - 1.0
+        drag = interpolate(own.drag_number, own.drag_factor, number)
+        added = interpolate(own.added_number, own.added_factor, number)
+        memory[CARRIED + DRAG + k, 0], memory[CARRIED + ADDED + k, 0] = drag - 1.0, added - 1.0
     memory[CARRIED + BEGUN, 0] = 1.0
 
 

@@ -35,6 +35,7 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.functions import interpolate
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
@@ -227,19 +228,6 @@ def keulegan_carpenter(mean2: float, square: float, rate2: float, d: float, wind
     return (sqrt(mean2) + sqrt(2.0 * var)) * period / d
 
 
-@jit_within
-def factor_at(known: Any, factor: Any, number: float) -> Any:
-    """Return the factor at a Keulegan-Carpenter number; constant beyond the table."""
-    last = known.shape[0] - 1
-    i = 0
-    while i < last - 1 and known[i + 1] < number:
-        i += 1
-    if last == 0:
-        return factor[0]
-    share = (number - known[i]) / (known[i + 1] - known[i])
-    return factor[i] + min(max(share, 0.0), 1.0) * (factor[i + 1] - factor[i])
-
-
 @kernel("start", OscillatingDrag)
 def start_oscillation(drag: Any, rope: Any, upto: int) -> None:
     """Begin without a past, by the factor of a steady flow."""
@@ -307,7 +295,7 @@ def settle_oscillation(drag: Any, rope: Any, stage: Any, kind: int, upto: int) -
         memory[OSCILLATION_CARRIED + LAST + 2, i] = nz
         memory[OSCILLATION_CARRIED + SQUARE, i] = square
         memory[OSCILLATION_CARRIED + RATE2, i] = rate2
-        memory[OSCILLATION_CARRIED + MORE, i] = factor_at(drag.number, drag.factor, number) - 1.0
+        memory[OSCILLATION_CARRIED + MORE, i] = interpolate(drag.number, drag.factor, number) - 1.0
         memory[OSCILLATION_CARRIED + BEGUN, i] = 1.0
     set_trials(memory, ACTS, memory[OSCILLATION_CARRIED + MORE, upto - 1], rope)
 
