@@ -84,16 +84,15 @@ _NONE = (0.0, 0.0, 0.0)
 def _begin_sums(plan: Any, work: Any) -> None:
     """Clear the sums; add what ends leave that no chain begins at."""
     sums = plan.sums
-    for k in range(KEPT):
+    for k in range(LEFT, LEFT + 6):
         for slot in range(sums.shape[1]):
             sums[k, slot] = 0.0
     for m in range(plan.sizes[ENDS]):
         if plan.ends[m, SUMMED] == 1:
             j, i = plan.ends[m, JOINT], plan.ends[m, COLUMN]
-            for k in range(3):
-                sums[FORCE + k, j] += work[RESIDUAL + k, i]
             for k in range(6):
                 sums[LEFT + k, j] += work[BLOCK + k, i]
+    _begin_tree_forces(plan, work)
 
 
 @jit
@@ -111,18 +110,21 @@ def _begin_tree_forces(plan: Any, work: Any) -> None:
 
 
 @jit
-def _add(sums: Any, slot: int, Z: Any, f: Any) -> None:
-    """Leave Schur complement and force of a chain at its end; NOWHERE: it goes on."""
+def _add_force(sums: Any, slot: int, f: Any) -> None:
+    """Leave the force of a chain at its end; NOWHERE: it goes on."""
     if slot != NOWHERE:
-        sums[0, slot] += Z[0]
-        sums[1, slot] += Z[1]
-        sums[2, slot] += Z[2]
-        sums[3, slot] += Z[3]
-        sums[4, slot] += Z[4]
-        sums[5, slot] += Z[5]
         sums[FORCE, slot] += f[0]
         sums[FORCE + 1, slot] += f[1]
         sums[FORCE + 2, slot] += f[2]
+
+
+@jit
+def _add(sums: Any, slot: int, Z: Any, f: Any) -> None:
+    """Leave Schur complement and force of a chain at its end."""
+    if slot != NOWHERE:
+        for k in range(6):
+            sums[LEFT + k, slot] += Z[k]
+    _add_force(sums, slot, f)
 
 
 @jit_ordered
@@ -165,15 +167,6 @@ def eliminate_trees(work: Any, plan: Any) -> None:
         root, slot = plan.roots[m, 0], plan.roots[m, 1]
         for k in range(6):
             sums[KEPT + k, slot] = sums[LEFT + k, slot] + work[BLOCK + k, root]
-
-
-@jit
-def _add_force(sums: Any, slot: int, f: Any) -> None:
-    """Leave the force of a chain at its end; NOWHERE: it goes on."""
-    if slot != NOWHERE:
-        sums[FORCE, slot] += f[0]
-        sums[FORCE + 1, slot] += f[1]
-        sums[FORCE + 2, slot] += f[2]
 
 
 @jit_ordered
