@@ -169,7 +169,7 @@ def _measured(base: Scene, name: str, codes: dict[tuple[type, ...], str]) -> Eff
     kinds = tuple(type(own) for own in without.effects)
     if kinds not in codes:
         codes[kinds] = step_assembly(without)
-    symbols = sum(traces(codes[kinds], module) for module in modules_of(whole, without))
+    symbols = sum(traces(codes[kinds], place) for place in places_of(whole, without))
     return _row(name, without, whole, symbols)
 
 
@@ -218,14 +218,15 @@ def step_assembly(scene: Scene) -> str:
     return assembly(advance_steps, arguments)
 
 
-def modules_of(scene: Scene, without: Scene) -> tuple[str, ...]:
-    """Return the kernel modules that one scene has and another has not: those of one effect."""
+def places_of(scene: Scene, without: Scene) -> tuple[str, ...]:
+    """Return module and function of the kernels that one scene has and another has not."""
     others = {type(effect) for effect in build(without).effects}
     kinds = [type(own) for own in build(scene).effects if type(own) not in others]
     kernels = [kernel_of(hook, kind) for kind in kinds for hook in hooks_of(kind)]
-    return tuple(sorted({kernel.py_func.__module__ for kernel in kernels}))
+    made = [kernel.py_func for kernel in kernels]
+    return tuple(sorted({f"{f.__module__}.{f.__qualname__.split('.')[0]}" for f in made}))
 
 
-def traces(code: str, module: str) -> int:
-    """Count the symbols of a module's functions in assembly, as numba mangles them."""
-    return code.count("".join(f"{len(part)}{part}" for part in module.split(".")))
+def traces(code: str, place: str) -> int:
+    """Count the symbols of a module or a function in assembly, as numba mangles them."""
+    return code.count("".join(f"{len(part)}{part}" for part in place.split(".")))

@@ -65,8 +65,6 @@ INTERPOLATED = (
     "_drag",
 )  # fmt: skip
 _PLACE = slice(rows.POSITION, rows.POSITION + 3)
-_VELOCITY = slice(rows.VELOCITY, rows.VELOCITY + 3)
-_FLOW = slice(rows.FLOW, rows.FLOW + 3)
 
 
 class MeasuredVibration:
