@@ -28,8 +28,8 @@ PLOT = ["matplotlib>=3.8", "pyarrow>=14"]  # pictures, and tables as Parquet
 MODBUS = ["pymodbus>=3.13"]  # feeds from a PLC
 OPCUA = ["asyncua>=2"]  # feeds from an OPC UA server; LGPL-3.0, so an extra that nothing needs
 STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on clusters too
-# `rope_twin plan`: its report, and RAOs from netCDF files of Capytaine
-PLANNING = ["jinja2>=3.1", "h5netcdf[h5py]>=1.4", *PLOT]
+# `rope_twin plan`: its report, its results as netCDF, and RAOs from netCDF files of Capytaine
+PLANNING = ["jinja2>=3.1", "h5netcdf[h5py]>=1.4", "xarray>=2025.1", "typst>=0.14", *PLOT]
 # the operator console: in browsers, and by Textual in a terminal
 CONSOLE = ["starlette>=0.46", "uvicorn>=0.35", "websockets>=14", "textual>=8"]
 DOCS = [
@@ -46,6 +46,7 @@ TEST = [
     "hypothesis>=6.100",
     "jsonschema>=4.20",  # scenes are checked against `rope_twin scene schema`
     "psutil>=5.9",
+    "pypdfium2>=4.30",  # words of the PDF report
     "rainflow>=3.2,<4",  # the count of cycles is checked against it
     "cyclonedds==11.0.1",
     "ruff==0.15.*",
@@ -84,7 +85,7 @@ setup(
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
-        NAME: ["py.typed", "console/page/*", "console/page/*/*", "planning/*.j2"],
+        NAME: ["py.typed", "console/page/*", "console/page/*/*", "planning/*.j2", "planning/*.typ"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

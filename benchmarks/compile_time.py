@@ -21,12 +21,12 @@ from dataclasses import dataclass
 
 from rope_twin.core.jit.decorators import kind_of
 from rope_twin.errors import RopeTwinError, phrase
+from rope_twin.scene.joined_model import build_joined
+from rope_twin.scene.lift import listed_effects
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.model.joined import build_joined
-from rope_twin.scene.model.lift import listed_effects
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
 from validation.case import Listener, announced
 
 COLD_LIMIT_S, WARM_LIMIT_S = 20.0, 1.0

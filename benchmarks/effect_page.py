@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmarks.effect_speed import TOGETHER_NAME, EffectSpeed, all_names
 from benchmarks.paired import Ratio
-from rope_twin.studies.page import page_table, this_machine
+from rope_twin.studies.accuracy_study import page_table, this_machine
 from validation.marked_page import MarkedPage, read_stored, write_json
 
 PAGE, STORED = "effects.md", "effects.json"

@@ -41,7 +41,7 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant, with_effect
 from validation.case import Listener

@@ -17,8 +17,7 @@ from statistics import median
 import numpy as np
 
 from rope_twin.core.jit.wide import LANES
-from rope_twin.scene.change import change_scene
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import change_scene, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant
 from rope_twin.studies.ensemble import SEA_OFFSET, Axis, Plan, make_plan, variations

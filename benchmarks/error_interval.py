@@ -23,11 +23,11 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.studies.accuracy_study import page_table
 from rope_twin.studies.driven_twin import fed, variant
-from rope_twin.studies.page import page_table
-from rope_twin.twin.monitors.settings import ERROR_INTERVAL
+from rope_twin.twin.monitors import ERROR_INTERVAL
 from rope_twin.twin.twin import Twin
 from validation.case import Listener
 from validation.marked_page import MarkedPage

@@ -16,14 +16,13 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
-from rope_twin.scene.change import at_setting
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.accuracy_study import Machine, this_machine
 from rope_twin.studies.ensemble import SEA_OFFSET, Axis, make_plan, variations
-from rope_twin.studies.page import Machine, this_machine
-from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary, WinchMotion
 from rope_twin.twin.ensemble.ensemble import BATCH_S
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, live_state
+from rope_twin.twin.motion.boundary_conditions import SharedBoundary, WinchMotion
 from rope_twin.twin.twin import Twin
 from validation.case import Listener
 

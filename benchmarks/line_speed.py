@@ -1,8 +1,9 @@
 """Cost of multi-line systems: of a rope in three parts, and with two of them side by side.
 
 The parts together have the elements of the rope. In a row they form a tree and move as the whole
-rope does, which is compared; side by side between two rings they form a loop. Twins are fed with
-their scene's sea and step in turns, as in a run; times are the processor's own.
+rope does, which is compared; side by side between two rings they form a loop. A system of 14 km
+around one sheave runs by itself, calm and in a sea, with both winches at work. Twins get their
+inputs and step in turns; `Twin.advance` alone is timed, by the processor's own time.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from validation.case import Listener
 SCENE = "smooth_2km"
 RINGS = ("upper_ring", "lower_ring")
 SYSTEMS = ("one rope", "three in a row", "two of three side by side")
+LONG, HEAVE = "two_line_14km", {"amplitude_m": 0.3, "period_s": 7.5}
 
 
 @dataclass(frozen=True)
@@ -38,10 +40,11 @@ class Plan:
     rounds: int
     node_steps: int  # of a piece
     settle_s: float
+    long_s: tuple[float, float] | None  # LONG: when measuring begins and ends
 
 
-FULL = Plan(elements=(100, 1000), rounds=60, node_steps=240_000, settle_s=16.0)
-QUICK = Plan(elements=(40,), rounds=6, node_steps=4_000, settle_s=1.0)
+FULL = Plan(elements=(100, 1000), rounds=60, node_steps=240_000, settle_s=16.0, long_s=(20.0, 60.0))
+QUICK = Plan(elements=(40,), rounds=6, node_steps=4_000, settle_s=1.0, long_s=None)
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,8 @@ class LineRow:
     elements: int
     step_s: float
     ns_per_element_step: float  # median
-    ratio: Ratio  # of its time to that of the one rope in the same round
+    real_time_factor: float  # likewise
+    ratio: Ratio | None  # of its time to that of the one rope in the same round
     difference_pct: float | None  # rms of the top tension, of the rope's standard deviation
 
 
@@ -102,55 +106,100 @@ def line_rows(plan: Plan, report: Listener) -> Iterator[LineRow]:
     Raises:
         RopeTwinError: a scene has no static equilibrium, or a step of it is not finite.
     """
+    total = len(plan.elements) + (plan.long_s is not None)
     for done, elements in enumerate(plan.elements):
-        report(done, len(plan.elements), f"{elements} elements")
+        report(done, total, f"{elements} elements")
         with TemporaryDirectory() as folder:
             scenes = [system_of(kind, elements, Path(folder)) for kind in SYSTEMS]
             yield from _rows(scenes, elements, plan)
-    report(len(plan.elements), len(plan.elements), "done")
+    if plan.long_s is not None:
+        report(total - 1, total, LONG)
+        yield from _long_rows(*plan.long_s)
+    report(total, total, "done")
+
+
+class _Timed:
+    """A twin that is fed as in a run, in pieces; only its own `advance` counts."""
+
+    def __init__(self, scene: Scene, seconds: float, steps: int) -> None:
+        self.twin, self._steps, self._took_s = Twin(scene), steps, 0.0
+        self._advance = self.twin.advance
+        self.twin.advance = self._timed  # type: ignore[method-assign]
+        self._running = feed(self.twin, seconds, steps)
+
+    def _timed(self, steps: int) -> None:
+        began = time.process_time()
+        self._advance(steps)
+        self._took_s = time.process_time() - began
+
+    def piece_s(self) -> float:
+        """Run a piece; return what a step of it took [s]."""
+        next(self._running)
+        return self._took_s / self._steps
 
 
 def _rows(scenes: Sequence[Scene], elements: int, plan: Plan) -> Iterator[LineRow]:
-    twins = [Twin(scene) for scene in scenes]
     steps = max(1, plan.node_steps // elements)
-    seconds = plan.settle_s + (plan.rounds + 1) * steps * twins[0].step_s
-    running = [feed(twin, seconds, steps) for twin in twins]
+    seconds = plan.settle_s + (plan.rounds + 1) * steps * scenes[0].time.step_s
+    running = [_Timed(scene, seconds, steps) for scene in scenes]
+    twins = [one.twin for one in running]
     while twins[0].time_ns < plan.settle_s * 1e9:
         for one in running:
-            next(one)
+            one.piece_s()
     took: list[list[float]] = [[] for _ in twins]
     tension: list[list[float]] = [[] for _ in twins]
     for turn in range(plan.rounds):
         order = range(len(twins)) if turn % 2 == 0 else reversed(range(len(twins)))
         for i in order:
-            began = time.process_time()
-            next(running[i])
-            took[i].append(time.process_time() - began)
+            took[i].append(running[i].piece_s())
             tension[i].append(twins[i].top_pull_n)
     whole = np.array(tension[0])
     for kind, twin, own, pull in zip(SYSTEMS, twins, took, tension, strict=True):
         away = float(np.sqrt(np.mean((np.array(pull) - whole) ** 2)) / np.std(whole))
-        yield LineRow(
-            kind,
-            elements,
-            twin.step_s,
-            1e9 * float(np.median(own)) / (steps * elements),
-            ratio_of(own, took[0]),
-            100.0 * away if kind == SYSTEMS[1] else None,
-        )
+        ratio = ratio_of(own, took[0])
+        yield _row(kind, elements, twin, own, ratio, 100.0 * away if kind == SYSTEMS[1] else None)
+
+
+def _long_rows(from_s: float, to_s: float) -> Iterator[LineRow]:
+    """Measure LONG between two times, calm and in heave, while both of its winches run."""
+    text = yaml.safe_load(load_scene(LONG).path.read_text(encoding="utf-8"))
+    with TemporaryDirectory() as folder:
+        for label, sea in ((LONG, None), (f"{LONG} in heave", {"heave": HEAVE})):
+            path = Path(folder) / "scene.yaml"
+            path.write_text(yaml.safe_dump(text | ({"sea_state": sea} if sea else {})), "utf-8")
+            scene = load_scene(str(path))
+            one, took = _Timed(scene, to_s, round(1.0 / scene.time.step_s)), []
+            while one.twin.time_ns < to_s * 1e9:
+                step_s = one.piece_s()
+                if one.twin.time_ns > from_s * 1e9:
+                    took.append(step_s)
+            elements = sum(line.elements for line in scene.ropes)
+            yield _row(label, elements, one.twin, took, None, None)
+
+
+def _row(
+    system: str, elements: int, twin: Twin, step_took_s: Sequence[float], ratio: Ratio | None,
+    difference_pct: float | None,
+) -> LineRow:  # fmt: skip
+    took_s = float(np.median(step_took_s))
+    factor = twin.step_s / took_s
+    return LineRow(
+        system, elements, twin.step_s, 1e9 * took_s / elements, factor, ratio, difference_pct
+    )
 
 
 def line_table(rows: Sequence[LineRow]) -> list[tuple[str, ...]]:
     """Return the table of the results, with its head."""
     table: list[tuple[str, ...]] = [
-        ("system", "elements", "step", "ns per element and step", "ratio (99 %)",
+        ("system", "elements", "step", "ns per element and step", "× real time", "ratio (99 %)",
          "difference of the top tension")
     ]  # fmt: skip
     for row in rows:
         difference = (
             "another system" if row.difference_pct is None else f"{row.difference_pct:.2g} %"
         )
-        cost = f"{row.ns_per_element_step:.1f}", str(row.ratio)
+        cost = f"{row.ns_per_element_step:.1f}", f"{row.real_time_factor:.0f}"
+        ratio = "-" if row.ratio is None else str(row.ratio)
         step = f"{1e3 * row.step_s:g} ms"
-        table.append((row.system, str(row.elements), step, *cost, difference))
+        table.append((row.system, str(row.elements), step, *cost, ratio, difference))
     return table

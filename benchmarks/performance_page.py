@@ -9,7 +9,7 @@ from benchmarks.ensemble_speed import EnsembleRow, ensemble_table
 from benchmarks.orders import Curve
 from benchmarks.speed import FIT_FROM, Basis, Row, Speed
 from rope_twin.core.jit.wide import LANES
-from rope_twin.studies.page import page_table
+from rope_twin.studies.accuracy_study import page_table
 
 PICTURE = Path("images") / "orders.png"
 Table = list[list[str]]  # the first row is the head

@@ -12,8 +12,8 @@ import numpy as np
 
 from benchmarks.trial import Errors, Reference, Trial, doubt, find_reference
 from rope_twin.scene.load import load_scene
+from rope_twin.studies.accuracy_study import Machine, this_machine
 from rope_twin.studies.driven_twin import variant
-from rope_twin.studies.page import Machine, this_machine
 from validation.case import Listener
 
 Case = tuple[str, int, float]  # scene, nodes, step [s]

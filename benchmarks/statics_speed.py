@@ -15,9 +15,9 @@ from rope_twin.core.state import ELEMENTS, LINE, MOTIONS, POSITION, Floats
 from rope_twin.core.statics import solve_statics
 from rope_twin.core.still_rope import Equilibrium
 from rope_twin.effects.seabed import SeabedParams
+from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.joined import build_joined
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from validation.rigs import Rig
 

@@ -18,7 +18,7 @@ from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.motion.heave_track import ramp

@@ -117,3 +117,14 @@ def read_quantity(words: str, unit: str) -> float:
         return value
     right = f"give a number in {unit} or with a unit ({', '.join(units)})"
     raise ValueError(f"'{words}' is not a {_KINDS[unit]}; {right}, like {_EXAMPLES[unit]}")
+
+
+_UNIT_ENDINGS = {
+    "_m_per_s": "m s-1", "_m": "m", "_n": "N", "_s": "s", "_deg": "degree", "_rad": "rad",
+    "_kg": "kg",
+}  # fmt: skip
+
+
+def unit_of(name: str) -> str:
+    """Return the unit at the end of a name, as CF conventions write it; "1" without one."""
+    return next((unit for end, unit in _UNIT_ENDINGS.items() if name.endswith(end)), "1")

@@ -12,7 +12,7 @@ import numpy as np
 
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.state import Floats
-from rope_twin.studies.page import page_table
+from rope_twin.studies.accuracy_study import page_table
 from rope_twin.studies.picture import Line, Panel, Vector
 from rope_twin.vortex.decomposed_response import (
     PER_PERIOD,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.effects.wake_oscillator import SETS
-from rope_twin.studies.page import page_table
+from rope_twin.studies.accuracy_study import page_table
 from rope_twin.studies.picture import Vector
 
 SET, DRAG = SETS["qu_metrikine"], 1.2

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import hilbert
 
 from rope_twin.core.state import Floats
-from rope_twin.studies.page import page_table
+from rope_twin.studies.accuracy_study import page_table
 from rope_twin.studies.picture import Field, Line, Panel, Vector
 from rope_twin.vortex.modal_response import ModalResponse
 from rope_twin.vortex.shedding import TIE, Shedding, nearest_zones, share_out

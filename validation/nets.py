@@ -11,7 +11,7 @@ from rope_twin.core.loads.panel import panel_coefficients
 from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import with_effect
-from rope_twin.studies.modes.modes import find_modes
+from rope_twin.studies.modes import find_modes
 from rope_twin.studies.picture import Line, Panel, Vector
 from rope_twin.twin.twin import Twin
 from validation.case import Case, Finding, Found, derived, within, within_pct

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rope_twin.studies.page import page_table
+from rope_twin.studies.accuracy_study import page_table
 from rope_twin.studies.picture import draw_panels
 from validation import vortex_convergence
 from validation.case import Finding, Row

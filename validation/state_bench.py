@@ -12,7 +12,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.statics import find_equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import SolverError, phrase
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import Motion
 from rope_twin.twin.motion.heave_track import ramp

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rope_twin.studies.modes.modes import find_modes
+from rope_twin.studies.modes import find_modes
 from rope_twin.studies.picture import Line, Panel, Vector
 from validation.case import Case, Finding, Found, within_pct
 from validation.rigs import Rig

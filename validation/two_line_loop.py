@@ -9,8 +9,8 @@ from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import Line, Panel
 from rope_twin.studies.two_lines import LineRun, record_of, run_lines
-from rope_twin.twin.monitors.settings import Monitors
-from rope_twin.twin.multi_line.clearance_results import LineEvent
+from rope_twin.twin.monitors import Monitors
+from rope_twin.twin.snapshot import LineEvent
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.results import MonitorSettings
 from validation.case import Case, Finding, Found, between, shown, within
@@ -43,7 +43,6 @@ def _loop(name: str, seconds: int) -> Found:
     )
     for depth in calm.crossing_m[-1]:
         findings.append(shown("lines cross at the end, calm, at", depth, "2500, an example", "m"))
-    findings.append(shown("speed on one core", calm.real_time_factor, "not printed", "× real time"))
     return Found(tuple(findings), _panels(calm, rough), NOTES)
 
 
@@ -91,7 +90,6 @@ def _ascent() -> Found:
         if rope.vibration is not None:
             most = float(rope.vibration.cross_flow.max())
             findings.append(shown(f"{rope.name}: highest A/d at the end", most, "in pictures"))
-    findings.append(shown("speed on one core", calm.real_time_factor, "not printed", "× real time"))
     return Found(tuple(findings), _panels(calm, rough), (NOTES[0], ASSUMED))
 
 

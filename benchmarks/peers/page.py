@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.peers.race import LIMIT_PCT, SEARCHED, PeerRace, PeerRow
 from rope_twin.errors import InputError, phrase
-from rope_twin.studies.page import Machine, page_table
+from rope_twin.studies.accuracy_study import Machine, page_table
 from rope_twin.studies.picture import check_picture, write_picture
 
 PICTURE = Path("images") / "peers.png"

@@ -38,8 +38,8 @@ from benchmarks.trial import Trial
 from rope_twin.effects.current import CurrentParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.accuracy_study import Machine, this_machine
 from rope_twin.studies.driven_twin import variant
-from rope_twin.studies.page import Machine, this_machine
 from validation.case import Listener, announced
 
 LIMIT_PCT = 1.0

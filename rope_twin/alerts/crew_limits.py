@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.messages.alerts import crew_limits_row
+from rope_twin.messages.reports import crew_limits_row
 from rope_twin.messages.status import Status
 
 CREW_LIMITS = {"tension_n": "N", "payload_depth_m": "m", "payload_speed_m_per_s": "m/s"}

@@ -21,9 +21,9 @@ from rope_twin.alerts.alert_list import SECOND, Priority, Situation
 from rope_twin.alerts.crew_limits import CrewLimits
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.messages.status import Level, Status
-from rope_twin.scene.model.lift import LiftFigures, lift_figures
+from rope_twin.scene.lift import LiftFigures, lift_figures
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.twin.limits import LoadRules
 from rope_twin.twin.quality import disagrees
 from rope_twin.twin.snapshot import BORDER, Snapshot

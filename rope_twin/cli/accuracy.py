@@ -21,11 +21,10 @@ from rope_twin.run.arguments import add_command, add_duration, add_json, add_out
 from rope_twin.scene.card import card_path, known_error, read_card, told_bound
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy import page as accuracy_page
-from rope_twin.studies.accuracy import study as accuracy
-from rope_twin.studies.accuracy import within as accuracy_within
-from rope_twin.studies.accuracy.page import draw_accuracy
-from rope_twin.studies.accuracy.study import make_plan
+from rope_twin.studies import accuracy_page, accuracy_within
+from rope_twin.studies import accuracy_study as accuracy
+from rope_twin.studies.accuracy_page import draw_accuracy
+from rope_twin.studies.accuracy_study import make_plan
 from rope_twin.studies.picture import check_picture
 
 EXAMPLES = (

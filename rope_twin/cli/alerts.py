@@ -14,7 +14,7 @@ from typing import Any
 from rope_twin.alerts.rates import CHATTER, FLOOD, STEADY, AlertRates, rates
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import BagError, InputError, phrase
-from rope_twin.messages.alerts import PublishedAlerts, decode_alerts
+from rope_twin.messages.reports import PublishedAlerts, decode_alerts
 from rope_twin.recording.bag import BagReader, recorded_name
 from rope_twin.run.arguments import add_command, add_json
 from rope_twin.topics import ALERTS

@@ -184,7 +184,7 @@ def check_discovery() -> Check:
 
 def check_viewer() -> Iterator[Check]:
     """Check for what the viewer needs; nothing else needs it."""
-    from rope_twin.view import picture, sinks
+    from rope_twin.view import sinks
 
     try:
         sinks.load_rerun()
@@ -194,7 +194,7 @@ def check_viewer() -> Iterator[Check]:
         return
     for name, missing in (
         ("viewer window", sinks.what_a_window_lacks()),
-        ("viewer picture", picture.what_a_picture_lacks()),
+        ("viewer picture", sinks.what_a_picture_lacks()),
     ):
         found, _, remedy = missing.removeprefix("view: ").partition("; ")
         level = WARN if missing else OK

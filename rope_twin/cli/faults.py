@@ -15,7 +15,7 @@ from rope_twin.run.arguments import add_command, add_json, add_scene
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.faults.campaign import (
+from rope_twin.studies.fault_campaign import (
     DROP,
     DROP_WITHIN_S,
     OFF_PCT,
@@ -23,9 +23,9 @@ from rope_twin.studies.faults.campaign import (
     Finding,
     plan,
     run_campaign,
+    sound_run,
 )
-from rope_twin.studies.faults.injection import INPUTS
-from rope_twin.studies.faults.sound import sound_run
+from rope_twin.studies.fault_injection import INPUTS
 from rope_twin.twin.ensemble.ensemble import cores
 
 EXAMPLES = (

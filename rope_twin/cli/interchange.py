@@ -14,7 +14,7 @@ from rope_twin.interchange.orcaflex import scene_of_model
 from rope_twin.interchange.scene_file import Imported, write_scene
 from rope_twin.run.arguments import add_command, add_json, add_out, add_scene, measure
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.warnings.rope import sense_checks
+from rope_twin.scene.rope_warnings import sense_checks
 
 IMPORTS = (
     "scene import mooring.txt --breaking-load 5MN --out mooring.yaml",

@@ -13,8 +13,8 @@ from rope_twin.run.arguments import add_command, add_duration, add_json, add_out
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import check_picture
 from rope_twin.studies.two_lines import SEA_STATES, LineRun, draw_lines, record_of, run_lines
-from rope_twin.twin.multi_line.clearance import lines_of
-from rope_twin.twin.multi_line.clearance_results import LineEvent
+from rope_twin.twin.multi_line_snapshot import lines_of
+from rope_twin.twin.snapshot import LineEvent
 from rope_twin.twin.twin import Twin
 
 HEAD = ("line", "sea", "mean kN", "min kN", "max kN", "max over calm mean", "jump %")

@@ -11,8 +11,8 @@ from typing import Any
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.run.arguments import add_command, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.studies.modes.modes import (
+from rope_twin.scene.rigging import is_joined
+from rope_twin.studies.modes import (
     WAVE_PERIODS_S,
     Mode,
     Modes,
@@ -21,8 +21,8 @@ from rope_twin.studies.modes.modes import (
     find_modes,
     find_system_modes,
 )
-from rope_twin.studies.modes.picture import draw_modes, draw_system_modes
 from rope_twin.studies.picture import check_picture
+from rope_twin.studies.viv_pictures import draw_modes, draw_system_modes
 
 COUNT = 10
 HEAD = ("mode", "Hz", "period s", "kind", "axial / in / out %", "max at m", "Strouhal Hz", "waves")

@@ -14,11 +14,12 @@ from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError, phrase
+from rope_twin.planning.dataset import check_netcdf, write_netcdf
 from rope_twin.planning.notes import notes
+from rope_twin.planning.pictures import limits_figure, show_cell
 from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import plan_path, read_plan
 from rope_twin.planning.results import (
-    limits_figure,
     result_object,
     summary_lines,
     table_rows,
@@ -32,13 +33,14 @@ from rope_twin.planning.run import (
     prepare,
     run_plan,
 )
+from rope_twin.planning.tables import further_tables
 from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.parameter_study.run import check_parquet
 from rope_twin.studies.picture import check_picture, write_picture
+from rope_twin.studies.study_run import check_parquet
 
-PICTURE, REPORT = "limits.png", "report.html"
+PICTURE, NETCDF = "limits.png", "plan.nc"
 EXAMPLE = "deep_installation"
 EXAMPLES = (
     "plan deep_installation",
@@ -61,8 +63,13 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="path of the plan file, or a name in config/plans")  # fmt: skip
     add("--example", action="store_true", help="print a plan to begin from")
     add_out(parser, "DIR", "folder of rows, load chart and pictures (default: plan_NAME)")
-    add("--report", action="store_true",
-        help="write report.html: inputs, limits, governing runs, errors")  # fmt: skip
+    add(
+        "--report",
+        action="store_true",
+        help="write report.html and report.pdf: inputs, limits, governing runs, errors",
+    )
+    add("--netcdf", action="store_true",
+        help="write plan.nc: limits with named axes and a row for each run")  # fmt: skip
     add("--threads", type=int, metavar="N", help="cells at a time (default: one a core)")
     add("--scheduler", default="", metavar="ADDRESS", help="Dask scheduler whose workers run it")
     add("--cell", default="", metavar="PHASE,TP,HEADING",
@@ -88,12 +95,15 @@ def run(args: argparse.Namespace) -> int:
     out = args.out or Path(f"plan_{plan.name}")
     check_parquet()
     check_picture(out / PICTURE)
+    if args.netcdf:
+        check_netcdf()
     if args.report:
         from rope_twin.planning.report import check_report, write_report  # runs and draws more
 
         check_report()
     if args.cell:
         return _show(args, plan, scene, out)
+    reports: list[Path] = []
     progress, began = FigureProgress(), time.monotonic()
 
     def report(done: int, total: int, runs: int) -> None:
@@ -106,26 +116,30 @@ def run(args: argparse.Namespace) -> int:
         result = run_plan(plan, scene, folder, report, args.threads, args.scheduler)
         rows = folder.close_rows()
         if args.report:
-            write_report(result, folder, out / REPORT)
+            reports = write_report(result, folder, out)
     progress.finish()
     write_results(result, out)
     write_picture(limits_figure(result), out / PICTURE, 110)
+    if args.netcdf:
+        write_netcdf(result, out / NETCDF)
     if args.json:
         print_json(result_object(result))
     else:
         print_table(table_rows(result))
+        for table in further_tables(result):
+            print(f"\n{table.title}")
+            print_table(table.rows)
+            print(table.about)
         print("\n" + "\n".join([*summary_lines(result), *notes(result)]))
-        files = f"rows: {rows}\nload chart: {out / 'load_chart.json'}\npicture: {out / PICTURE}"
-        report_words = f"\nreport: {out / REPORT}" if args.report else ""
-        print(files + report_words, file=sys.stderr)
+        files = [rows, out / "load_chart.json", out / PICTURE, *reports]
+        files += [out / NETCDF] if args.netcdf else []
+        print("\n".join(f"wrote {path}" for path in files), file=sys.stderr)
     none = any(cell.height_m is None for cell in result.cells)
     return ExitCode.NEGATIVE if none else ExitCode.OK
 
 
 def _show(args: argparse.Namespace, plan: Plan, scene: Scene, out: Path) -> int:
     """Run the governing run of a cell again, and draw it."""
-    from rope_twin.planning.cell_view import show_cell  # alone among the options it draws a run
-
     cell = cell_named(plan, args.cell)
     with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
         found = show_cell(cell_of(plan, scene, prepare(plan, scene), cell, folder), out)

@@ -101,7 +101,7 @@ def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
 def _unpaced(options: RunOptions, scene: Scene, progress: FigureProgress) -> RunSummary:
     from rope_twin.messages.diagnostics import BreachWords
     from rope_twin.run.unpaced import run_unpaced
-    from rope_twin.scene.warnings.rope import sense_checks
+    from rope_twin.scene.rope_warnings import sense_checks
 
     for warning in sense_checks(scene):
         progress.say(warning)
@@ -118,8 +118,7 @@ def _unpaced(options: RunOptions, scene: Scene, progress: FigureProgress) -> Run
 
 def _scene(options: RunOptions) -> Scene:
     """Return the scene of the run. Raises SceneError."""
-    from rope_twin.scene.change import at_setting
-    from rope_twin.scene.load import load_scene
+    from rope_twin.scene.load import at_setting, load_scene
 
     return at_setting(load_scene(options.scene), options.elements, options.step_s)
 
@@ -127,12 +126,12 @@ def _scene(options: RunOptions) -> Scene:
 def _vortex_words(scene: Scene) -> str:
     """Return the mesh and time step that the scene's VIV model needs, and what it gets, or "".
 
-    A warning reports too little of them by itself (rope_twin.scene.warnings).
+    A warning reports too little of them by itself (rope_twin.scene.rope_warnings).
     """
-    from rope_twin.scene.model.lift import lift_figures
-    from rope_twin.scene.validation.rigging import is_joined
-    from rope_twin.scene.validation.vortices import shedding_model
-    from rope_twin.scene.warnings.vortices import check_vortex_resolution, vortex_words
+    from rope_twin.scene.lift import lift_figures
+    from rope_twin.scene.relations import shedding_model
+    from rope_twin.scene.rigging import is_joined
+    from rope_twin.scene.vortex_warnings import check_vortex_resolution, vortex_words
 
     if not shedding_model(scene) or is_joined(scene):
         return ""

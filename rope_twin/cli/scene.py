@@ -23,18 +23,18 @@ from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
 from rope_twin.scene.card import known_error, told_bound
-from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.model.lift import (
+from rope_twin.scene.lift import (
     LiftFigures,
     hung_together,
     lift_figures,
     listed_effects,
     stretch_m,
 )
+from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.reference import scene_keys, scene_schema
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_warnings import accepted_warnings, sense_checks
 from rope_twin.scene.schema import RopeLine, Scene, ScheduleRow, SeaState, Winch
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.warnings.rope import accepted_warnings, sense_checks
 from rope_twin.studies.effect_cost import effect_table, measure_effects
 from rope_twin.twin.ensemble.ensemble import whole_steps
 from rope_twin.twin.twin import Twin

@@ -10,8 +10,8 @@ from typing import Any
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError, phrase
 from rope_twin.run.arguments import add_command, add_json, measure
+from rope_twin.scene.environment import vessel_raos
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.validation.environment import vessel_raos
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import SYMMETRIES, Point, RaoConventions, Responses, long_wave_doubts
 from rope_twin.studies.picture import check_picture

@@ -15,8 +15,14 @@ from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import read_quantity
 from rope_twin.recording.bag import BagReader, find_bag
-from rope_twin.recording.heave import HeaveRecord, HeaveReplay, read_heave, write_sea_bag
-from rope_twin.recording.poses import PoseRecord, read_poses
+from rope_twin.recording.heave import (
+    HeaveRecord,
+    HeaveReplay,
+    PoseRecord,
+    read_heave,
+    read_poses,
+    write_sea_bag,
+)
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, measure
 from rope_twin.scene.schema import RecordedPoses
 from rope_twin.sea.ship_motion import BoxHull
@@ -28,7 +34,7 @@ from rope_twin.sea.spectrum import (
     read_spectrum,
     steepness_warning,
 )
-from rope_twin.twin.motion.irregular_sea import synthesise
+from rope_twin.twin.motion.ship_motion import synthesise
 
 _UNITS = (
     ("_m_per_s", " m/s", ".2f"),

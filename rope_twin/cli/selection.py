@@ -18,9 +18,9 @@ from rope_twin.run.options import RunOptions
 from rope_twin.scene.card import OTHER_SEA, Card, Rung, Setting, read_card, told_bound
 from rope_twin.scene.load import argument_for, load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy.run import BY_NAME, Quantity
-from rope_twin.studies.accuracy.study import make_plan
-from rope_twin.studies.accuracy.within import (
+from rope_twin.studies.accuracy_run import BY_NAME, Quantity
+from rope_twin.studies.accuracy_study import make_plan
+from rope_twin.studies.accuracy_within import (
     best_bound,
     cheapest_within,
     most_accurate,
@@ -28,9 +28,9 @@ from rope_twin.studies.accuracy.within import (
     sure_bound,
 )
 from rope_twin.studies.driven_twin import variant
-from rope_twin.twin.accuracy.validity import CUT_REASON, beyond
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.validity import CUT_REASON, beyond
 
 SLOTS, PAUSE_S = 20, 0.002  # of a rung: the pause cools the caches, as pacing does
 FEW, MANY = 1, 4  # steps in a slot

@@ -9,7 +9,7 @@ from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.run.arguments import add_command, add_json
-from rope_twin.twin.saving.saved_state import SavedState, load_state
+from rope_twin.twin.state import SavedState, load_state
 
 EXAMPLES = (
     "state info lift.state",

@@ -19,10 +19,10 @@ from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.share import share_dir
-from rope_twin.studies.parameter_study.design import read_study
-from rope_twin.studies.parameter_study.results import draw_study, study_lines
-from rope_twin.studies.parameter_study.run import check_parquet, run_parameter_study
 from rope_twin.studies.picture import check_picture
+from rope_twin.studies.study_design import read_study
+from rope_twin.studies.study_results import draw_study, study_lines
+from rope_twin.studies.study_run import check_parquet, run_parameter_study
 from rope_twin.vortex.fatigue import wire_curve_warning
 
 PICTURE = "study.png"

@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
             if not args.json:
                 print(f"{args.file}: {found['messages']} messages, {found['duration_s']:.1f} s")
         if picture is not None:
-            from rope_twin.view.picture import take_picture
+            from rope_twin.view.sinks import take_picture
 
             take_picture(recording, picture)
         if save is None and picture is None:
@@ -81,7 +81,7 @@ def _outputs(files: list[Path]) -> tuple[Path | None, Path | None]:
 def _check(args: argparse.Namespace, save: Path | None, screenshot: Path | None) -> None:
     """Refuse what is wrong before anything is written."""
     from rope_twin.recording.bag import find_bag
-    from rope_twin.view import picture, sinks
+    from rope_twin.view import sinks
 
     sinks.load_rerun()
     if args.at is not None and not args.at > 0.0:
@@ -99,7 +99,7 @@ def _check(args: argparse.Namespace, save: Path | None, screenshot: Path | None)
         raise InputError(phrase(f"file {path}", fault, "name an .rrd file of a run, or a bag"))
     missing = ""
     if screenshot is not None:
-        missing = picture.what_a_picture_lacks()
+        missing = sinks.what_a_picture_lacks()
     elif save is None:
         missing = sinks.what_a_window_lacks()
     if missing:
@@ -107,13 +107,12 @@ def _check(args: argparse.Namespace, save: Path | None, screenshot: Path | None)
 
 
 def _convert(bag: str, recording: Path, until_s: float | None) -> dict[str, Any]:
-    from rope_twin.view import view_bag
-    from rope_twin.view.rope_view import RopeView
+    from rope_twin.view.rope_view import RopeView, play
     from rope_twin.view.sinks import FileSink
 
     view = RopeView(FileSink(recording, footer=True))
     try:
-        played = view_bag.play(bag, view, until_s)
+        played = play(bag, view, until_s)
     finally:
         view.close()
     for problem in played.problems:

@@ -21,13 +21,13 @@ from rope_twin.run.arguments import (
     add_out,
     add_scene,
 )
+from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.relations import model_beside, shedding_model
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import model_beside, shedding_model
-from rope_twin.scene.warnings.vortices import vortex_words
-from rope_twin.studies.viv.frequency_domain import (
+from rope_twin.scene.vortex_warnings import vortex_words
+from rope_twin.studies.viv_frequency_domain import (
     Fatigue,
     FrequencyDomainRun,
     count_fatigue,
@@ -35,7 +35,7 @@ from rope_twin.studies.viv.frequency_domain import (
     run_frequency_domain,
     spans_of,
 )
-from rope_twin.studies.viv.pictures import (
+from rope_twin.studies.viv_pictures import (
     check_folder,
     strain_words,
     time_domain_figures,
@@ -43,7 +43,7 @@ from rope_twin.studies.viv.pictures import (
     write_all,
     write_time_domain,
 )
-from rope_twin.studies.viv.time_domain import (
+from rope_twin.studies.viv_time_domain import (
     run_time_domain,
     with_model,
 )

@@ -11,9 +11,9 @@ from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import RopeTwinError, SceneError
 from rope_twin.recording.input_log import decode_json
 from rope_twin.recording.session import Session
+from rope_twin.scene.rigging import winch_of, winches_by_name
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.scene.validation.rigging import winch_of, winches_by_name
 from rope_twin.scene.winch import LAYER_RISE, SWITCHES
 from rope_twin.topics import SESSION_TOPIC
 from rope_twin.twin.limits import LoadRules

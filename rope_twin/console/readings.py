@@ -12,17 +12,18 @@ from typing import Any
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode, read_cloud
-from rope_twin.messages.alerts import CREW_LIMITS_ROW
-from rope_twin.messages.estimate import COLUMNS as FIGURE_COLUMNS
-from rope_twin.messages.estimate import STATES, UNITS
-from rope_twin.messages.forecast import (
-    COLUMNS,
+from rope_twin.messages.reports import (
+    CREW_LIMITS_ROW,
+    FIGURE_COLUMNS,
+    FORECAST_COLUMNS,
     FORECAST_TOPICS,
     QUIET_TOPIC,
     RISK_TOPIC,
+    STATES,
+    UNITS,
     band_columns,
 )
-from rope_twin.messages.forecast import TENSION_TOPIC as FORECAST
+from rope_twin.messages.reports import TENSION_TOPIC as FORECAST
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.topics import ALARM_TOPIC, ALERTS, BY_NAME, ESTIMATE_TOPIC, WHAT_IF_ORDERS
 from rope_twin.twin.quality import CAUSES
@@ -337,7 +338,7 @@ def _forecast(message: Any) -> Values:
 
 def _risk(message: Any) -> Values:
     """Return the risk of each span, and whether it is known or the climatology of this sea."""
-    rows = _rows_with(RISK_TOPIC, COLUMNS[RISK_TOPIC], message)
+    rows = _rows_with(RISK_TOPIC, FORECAST_COLUMNS[RISK_TOPIC], message)
     for row in rows:
         span, horizon = row["span_s"], row["horizon_s"]
         row["climatology"] = span is None or horizon is None or span > horizon
@@ -345,11 +346,13 @@ def _risk(message: Any) -> Values:
 
 
 def _quiet(message: Any) -> Values:
-    return {"quiet": {"rows": _rows_with(QUIET_TOPIC, COLUMNS[QUIET_TOPIC], message)}}
+    return {"quiet": {"rows": _rows_with(QUIET_TOPIC, FORECAST_COLUMNS[QUIET_TOPIC], message)}}
 
 
 def _orders(message: Any) -> Values:
-    return {"orders": {"rows": _rows_with(WHAT_IF_ORDERS, COLUMNS[WHAT_IF_ORDERS], message)}}
+    return {
+        "orders": {"rows": _rows_with(WHAT_IF_ORDERS, FORECAST_COLUMNS[WHAT_IF_ORDERS], message)}
+    }
 
 
 def _figures(message: Any) -> Values:

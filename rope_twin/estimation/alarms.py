@@ -36,10 +36,10 @@ from rope_twin.estimation.figures import NAMES, factors_of
 from rope_twin.estimation.lift_model import Prediction
 from rope_twin.estimation.measured_lift import MEAN_S
 from rope_twin.estimation.plain_rules import LostPayload, RepeatedSample, StuckEncoder
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.twin.ensemble.fleet import FleetState
-from rope_twin.twin.measured.slow_drift import SlowDrift
+from rope_twin.twin.residual_tests import SlowDrift
 from rope_twin.twin.statics import solve_scene_statics
 
 THRESHOLD = 30.0  # of ℓ: one false alarm a week, by `python -m validation --faults --clean-hours`

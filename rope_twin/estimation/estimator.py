@@ -37,7 +37,7 @@ from rope_twin.estimation.noise import (
     heave_spectrum,
     tension_error_autocovariance,
 )
-from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import FleetState
 

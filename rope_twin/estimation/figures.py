@@ -19,7 +19,7 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.scene.learning import Learning
+from rope_twin.scene.instruments import Learning
 
 ROPE_FIGURES = (
     "submerged_weight", "oscillating_mass", "payload_drag", "axial_stiffness", "axial_damping",

@@ -8,9 +8,9 @@ from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.estimation.figures import Prior, prior_of
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.twin.statics import solve_scene_statics
 
 _CANNOT = {

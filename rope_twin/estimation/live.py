@@ -15,15 +15,15 @@ from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.estimation.alarm_task import AlarmTask
 from rope_twin.estimation.learner import Estimate, Learner
 from rope_twin.estimation.worker import Ask, Begin, Heave, Motion, Reading, Task, Worker
-from rope_twin.messages.estimate import estimate_status
+from rope_twin.messages.reports import estimate_status
 from rope_twin.messages.status import Status
-from rope_twin.scene.measured import SHEAVE
+from rope_twin.scene.instruments import SHEAVE
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.twin.ensemble.live_state import live_state
+from rope_twin.twin.figures import RAMP_S
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.learned_figures import RAMP_S
-from rope_twin.twin.measured.readings import MOTOR, WINCH_SENSORS, Measurement
+from rope_twin.twin.readings import MOTOR, WINCH_SENSORS, Measurement
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 

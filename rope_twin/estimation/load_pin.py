@@ -11,7 +11,7 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.estimation.figures import BIAS, FRICTION, GAIN, INDEX
-from rope_twin.scene.learning import Learning
+from rope_twin.scene.instruments import Learning
 
 
 def dahl_states(travel_m: Floats, slip_m: float, state: float | Floats = 0.0) -> Floats:

@@ -27,8 +27,8 @@ from rope_twin.estimation.figures import (
     Prior,
 )
 from rope_twin.estimation.impedance import bar_of
-from rope_twin.messages.estimate import UNITS as FIGURE_UNITS
-from rope_twin.scene.model.rope import build
+from rope_twin.messages.reports import UNITS as FIGURE_UNITS
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 
 NORMAL_90 = 1.6448536269514722  # half width of a 90 % interval in standard deviations

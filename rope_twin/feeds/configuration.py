@@ -16,8 +16,7 @@ from rope_twin.feeds import line_monitors, motion_sensors
 from rope_twin.feeds.readings import Parser
 from rope_twin.feeds.registers import OPCUA_START, START, OpcNode, Register
 from rope_twin.quantity import quantity, text
-from rope_twin.scene.document import Place, read_document
-from rope_twin.scene.reader import read_object
+from rope_twin.scene.reader import Place, read_document, read_object
 from rope_twin.share import share_dir
 
 _G = 9.80665  # standard gravity [m/s²], exact

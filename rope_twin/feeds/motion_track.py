@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from rope_twin.feeds.configuration import CRANE_TIP, FeedSettings
 from rope_twin.feeds.conversion import MotionSample
-from rope_twin.twin.motion.ship_pose import (
+from rope_twin.twin.motion.ship_motion import (
     ShipPose,
     attitude,
     body_rates,

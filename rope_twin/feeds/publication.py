@@ -7,7 +7,7 @@ import math
 from rope_twin.feeds.conversion import LineSample
 from rope_twin.feeds.motion_track import HeaveOutput, MotionOutput
 from rope_twin.messages import encode_heave, encode_measurement, encode_pose
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 
 
 def encode_line(sample: LineSample, winch: str) -> list[tuple[str, bytes]]:

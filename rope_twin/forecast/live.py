@@ -47,7 +47,7 @@ from rope_twin.forecast.tension_forecast import (
     TensionForecaster,
     unlearned_spread,
 )
-from rope_twin.messages.forecast import (
+from rope_twin.messages.reports import (
     QUANTITIES,
     QUIET_TOPIC,
     RISK_TOPIC,

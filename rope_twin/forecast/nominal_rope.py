@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.forecast.heave_process import SAMPLE_S
 from rope_twin.forecast.tension_forecast import ForecastSettings
-from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
 from rope_twin.twin.motion.heave_track import ramp

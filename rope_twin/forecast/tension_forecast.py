@@ -44,7 +44,7 @@ from rope_twin.forecast.orders import (
     line_path,
 )
 from rope_twin.forecast.score import member_quantiles
-from rope_twin.scene.learning import Learning
+from rope_twin.scene.instruments import Learning
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import (
     FIGURES,

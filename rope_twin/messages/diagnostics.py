@@ -6,23 +6,22 @@ import math
 from collections.abc import Sequence
 
 from rope_twin.core.loads.hooks import FACTORS
-from rope_twin.messages.quality import quality_status
-from rope_twin.messages.residuals import residuals_status
-from rope_twin.messages.status import Level, Status, counted
+from rope_twin.messages.status import Level, Status, counted, quality_status, residuals_status
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.results import EnergyBalance, TensionInterval
 from rope_twin.twin.snapshot import (
     BORDER,
     BedContact,
     Bend,
     CompensatorShot,
     CutShot,
+    EnergyBalance,
     InputHealth,
     LimitBreach,
     RopeBend,
     RopeStrength,
     Snapshot,
+    TensionInterval,
     Touchdown,
     most_damaged,
 )

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates, new, serialise
-from rope_twin.messages.markers import RopeMarkers
-from rope_twin.messages.quality import quality_table
+from rope_twin.messages.status import quality_table
+from rope_twin.messages.templates import RopeMarkers
 from rope_twin.twin.snapshot import (
     BodyShot,
     RopeShot,

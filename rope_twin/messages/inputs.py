@@ -27,8 +27,8 @@ from rope_twin.topics import (
     SWITCH_TOPIC,
     WINCH_MEASURED,
 )
-from rope_twin.twin.measured.readings import MOTOR, PAYLOAD, WINCH_SENSORS, Measurement
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.readings import MOTOR, PAYLOAD, WINCH_SENSORS, Measurement
 from rope_twin.twin.winch.commands import (
     COMMANDER_EVENTS,
     DEPTH,

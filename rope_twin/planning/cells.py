@@ -344,6 +344,6 @@ def phase_work(
         legs=tuple(placed),
         settings=tuple(setting for setting, _ in settings),
         setting_errors=tuple(error for _, error in settings),
-        limits=tuple(limits_of(plan.criteria, scene, placed)),
+        limits=tuple(limits_of(plan, scene, placed)),
         ship=ship,
     )

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rope_twin.planning.extremes import LEAST_SEEDS, Extreme, characteristic_maximum
+from rope_twin.planning.slings import sling_shares
 
 if TYPE_CHECKING:
     from rope_twin.planning.phases import Leg
-    from rope_twin.planning.plan_file import Criteria, Plan
+    from rope_twin.planning.plan_file import Plan
     from rope_twin.planning.runs import Row
     from rope_twin.planning.simplified import Simplified
     from rope_twin.scene.schema import Scene
@@ -30,6 +31,7 @@ class Quantity(NamedTuple):
 QUANTITIES = {
     "hook_load": Quantity("hook load", "kN", 1e-3),
     "uplift": Quantity("hydrodynamic uplift over submerged weight", "", 1.0),
+    "lower_end_load": Quantity("load at the lower end of the rope", "kN", 1e-3),
     "loss": Quantity("loss of the least tension", "kN", 1e-3),
     "landing_speed": Quantity("landing speed", "m/s", 1.0),
     "stroke": Quantity("stroke of the compensation", "m", 1.0),
@@ -47,15 +49,19 @@ class Limit:
     words: str
 
 
-def limits_of(criteria: Criteria, scene: Scene, legs: Sequence[Leg]) -> list[Limit]:
+def limits_of(plan: Plan, scene: Scene, legs: Sequence[Leg]) -> list[Limit]:
     """Return the criteria that apply to a phase."""
-    found, weight = [], legs[0].payload_n
+    criteria, found, weight = plan.criteria, [], legs[0].payload_n
     if criteria.swl_n is not None:
         found.append(Limit("swl_n", "hook_load", criteria.swl_n, "SWL"))
     if criteria.safety_factor is not None:
         breaking = scene.ropes[0].breaking_load_n
         words = f"MBL/{criteria.safety_factor:g}"
         found.append(Limit("safety_factor", "hook_load", breaking / criteria.safety_factor, words))
+    if plan.slings is not None:
+        shares = sling_shares(plan.slings, weight)
+        most = plan.slings.strength_n / float(shares.largest.max())
+        found.append(Limit("slings", "lower_end_load", most, "slings"))
     if criteria.uplift_share is not None:
         found.append(Limit("uplift_share", "uplift", criteria.uplift_share, "slack"))
     if criteria.least_tension_n is not None:
@@ -84,6 +90,7 @@ def samples_of(rows: Sequence[Row], weight_n: float) -> dict[str, list[float]]:
     for own in (by_seed[seed] for seed in sorted(by_seed)):
         found["hook_load"].append(max(row["top_max_n"] for row in own))
         found["uplift"].append(max(1.0 - row["payload_min_n"] / weight_n for row in own))
+        found["lower_end_load"].append(max(row["payload_max_n"] for row in own))
         found["loss"].append(max(weight_n - row["least_n"] for row in own))
         found["landing_speed"].append(max(row["landing_speed_m_per_s"] for row in own))
         found["stroke"].append(max(row["stroke_m"] for row in own))
@@ -191,6 +198,7 @@ def simplified_uses(limits: Sequence[Limit], found: Sequence[Simplified], weight
     values = {
         "hook_load": max(one.hook_n for one in found),
         "uplift": max(one.uplift_share for one in found),
+        "lower_end_load": max(one.payload_max_n for one in found),
         "loss": weight_n - min(one.payload_min_n for one in found),
         "landing_speed": max(one.payload_m_per_s for one in found),
         "stroke": max(one.tip_m for one in found),

@@ -16,12 +16,12 @@ from rope_twin.core.bed import clearance
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.planning.plan_file import Phase, Plan
 from rope_twin.scene.card import Setting
-from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.model.lift import lift_figures
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.lift import lift_figures
+from rope_twin.scene.load import Change, change_scene
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.contact import seabed_of
 from rope_twin.twin.statics import solve_scene_statics
-from rope_twin.twin.touchdown import seabed_of
 from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
 
 TRIALS, NEAR_M = 8, 1e-3  # of the length at which the payload hangs at a depth

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rope_twin.planning.seas import SeaState
+from rope_twin.planning.slings import Slings
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.schema import Triple
 from rope_twin.sea.raos import NO_CONVENTIONS, RaoConventions
@@ -281,6 +282,7 @@ class Plan:
     sea: SeaGrid = text("sea states")
     phases: tuple[Phase, ...] = text("phases of the operation")
     criteria: Criteria = text("limits", Criteria())
+    slings: Slings | None = text("slings between rope and object", None)
     method: Method = text("statistics and accuracy", Method())
 
     @property

@@ -13,18 +13,17 @@ from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError, RopeTwinError, SceneErrors, did_you_mean, phrase
 from rope_twin.planning.plan_file import Criteria, Phase, Plan
 from rope_twin.planning.seas import HullTip, ResponsesTip, TipTransfer
-from rope_twin.scene.document import Item, Place, read_document
+from rope_twin.scene.environment import vessel_raos
+from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.lift import lift_figures
-from rope_twin.scene.model.rope import find_payload
-from rope_twin.scene.reader import read_object
+from rope_twin.scene.reader import Item, Place, read_document, read_object
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_model import find_payload
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.environment import vessel_raos
-from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.tables import is_path
 from rope_twin.share import share_dir
-from rope_twin.twin.ensemble.boundary_conditions import is_known_in_advance
+from rope_twin.twin.motion.boundary_conditions import is_known_in_advance
 from rope_twin.twin.motion.hang_off import lever_arm
 
 HEAD_SEAS = 180.0

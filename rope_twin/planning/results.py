@@ -1,4 +1,4 @@
-"""Results of a plan: tables, one object for programs, the load chart and the picture of limits."""
+"""Results of a plan: tables, one object for programs, and the load chart."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rope_twin import __version__
-from rope_twin.planning.judgement import QUANTITIES, Judgement
+from rope_twin.planning.judgement import Judgement
+from rope_twin.planning.tables import sling_loads
 from rope_twin.scene.card import solver_version
 from rope_twin.scene.load_chart import FORMAT
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     from rope_twin.planning.cells import CellLimit
-    from rope_twin.planning.extremes import Extreme
     from rope_twin.planning.run import PlanResult
     from rope_twin.planning.simplified import Simplified
 
@@ -151,6 +151,7 @@ def result_object(result: PlanResult) -> dict[str, Any]:
             }
             for work in result.works
         ],
+        "slings": list(sling_loads(result)) if result.plan.slings is not None else [],
         "cells": [_cell_object(result, cell) for cell in result.cells],
     }  # fmt: skip
     return dict(_plain(found))
@@ -288,53 +289,3 @@ def write_results(result: PlanResult, folder: Path) -> None:
                           ("load_chart.json", load_chart(result))):  # fmt: skip
         words = json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False)
         write_whole(folder / name, words.encode())
-
-
-STYLES = ("-", "--", ":", "-.")
-
-
-def limits_figure(result: PlanResult) -> Any:
-    """Return the picture of limiting Hs over Tp: a panel for each phase, a line for each heading.
-
-    Bands are the intervals; thin lines are the simplified method.
-    """
-    from matplotlib.figure import Figure
-
-    count = len(result.works)
-    across = min(count, 3)
-    down = math.ceil(count / across)
-    figure = Figure(figsize=(4.2 * across, 3.4 * down), layout="constrained")
-    panels: list[Any] = figure.subplots(down, across, squeeze=False).ravel().tolist()
-    top = result.plan.sea.hs_m.to * 1.08
-    for axes, work in zip(panels, result.works, strict=False):
-        cells = result.of_phase(work.title)
-        for number, heading in enumerate(result.plan.sea.headings_deg):
-            own = [one for one in cells if one.heading_deg == heading]
-            _draw_limit(axes, own, number, f"{heading:g}°")
-        axes.set_title(work.title)
-        axes.set_xlabel("Tp [s]")
-        axes.set_ylabel("limiting Hs [m]")
-        axes.set_ylim(0.0, top)
-        axes.grid(True, linewidth=0.3)
-        axes.legend(fontsize="small", title="heading")
-    for axes in panels[count:]:
-        axes.set_axis_off()
-    return figure
-
-
-def _draw_limit(axes: Any, cells: Sequence[CellLimit], number: int, label: str) -> None:
-    periods = [one.period_s for one in cells]
-    colour, style = f"C{number}", STYLES[number % len(STYLES)]
-    heights = [one.height_m or 0.0 for one in cells]
-    axes.plot(periods, heights, f"o{style}", color=colour, markersize=4, label=label)
-    low, high = [one.low_m for one in cells], [one.high_m for one in cells]
-    axes.fill_between(periods, low, high, color=colour, alpha=0.2, linewidth=0.0)
-    simple = [one.simplified_height_m or 0.0 for one in cells]
-    axes.plot(periods, simple, color=colour, linewidth=0.7)
-
-
-def value_words(name: str, value: Extreme) -> str:
-    """Return a characteristic value with its interval and unit."""
-    quantity = QUANTITIES[name]
-    own = value.scaled(quantity.scale)
-    return f"{own.value:.4g} ({own.low:.4g} to {own.high:.4g}) {quantity.unit}".rstrip()

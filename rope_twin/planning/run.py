@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.planning.cells import (
@@ -26,6 +26,7 @@ from rope_twin.planning.cells import (
     phase_work,
     runs_of_cell,
 )
+from rope_twin.planning.dataset import plan_dataset
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import bow_of, read_plan, spreading_of, tip_of
@@ -33,10 +34,13 @@ from rope_twin.planning.runs import Row, Ship
 from rope_twin.planning.settings import choose_setting, governing_error
 from rope_twin.scene.card import KnownError, Setting, known_error, solver_version
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.parameter_study.run import RowFolder, on_cluster
+from rope_twin.studies.study_run import RowFolder, on_cluster
 from rope_twin.twin.ensemble.ensemble import cores
 
-VERSION = 1  # of what the rows mean
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+VERSION = 2  # of what the rows mean
 Report = Callable[[int, int, int], None]  # cells done, cells in all, runs done
 
 
@@ -54,10 +58,25 @@ class PlanResult:
     made: int  # runs of this call; the others were there
     made_s: float  # time of them
     elapsed_s: float  # real time of this call
+    rows: tuple[Row, ...]  # of all runs, by number
+
+    @property
+    def dataset(self) -> Dataset:
+        """Return limits and runs with named axes, as an xarray Dataset.
+
+        Raises:
+            InputError: xarray is not installed.
+        """
+        return plan_dataset(self)
 
     def of_phase(self, title: str) -> list[CellLimit]:
         """Return the cells of a phase."""
         return [cell for cell in self.cells if cell.phase == title]
+
+    def search_of(self, limit: CellLimit, store: RowStore) -> Cell:
+        """Return the search of a cell, with the rows of a store."""
+        place = self.plan.grid[self.cells.index(limit)]
+        return cell_of(self.plan, self.scene, self.works, place, store)
 
 
 class PlanFolder(RowFolder):
@@ -173,18 +192,19 @@ def run_plan(
         found[number] = limit
         report(len(found), len(plan.grid), counted.made)
     ordered = tuple(found[k] for k in range(len(plan.grid)))
-    used = {row["run"]: row["seconds"] for row in counted.used.values()}
+    rows = tuple(counted.used[run] for run in sorted(counted.used))
     return PlanResult(
         plan=plan,
         scene=scene,
         works=works,
         cells=ordered,
         card=known_error(scene),
-        runs=len(used),
-        simulated_s=math.fsum(used.values()),
+        runs=len(rows),
+        simulated_s=math.fsum(row["seconds"] for row in rows),
         made=counted.made,
         made_s=counted.made_s,
         elapsed_s=time.perf_counter() - began,
+        rows=rows,
     )
 
 

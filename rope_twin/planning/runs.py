@@ -14,13 +14,13 @@ from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import SeaState, TipTransfer, tip_on_waves, tip_record
-from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
-from rope_twin.twin.ensemble.boundary_conditions import WinchMotion
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation
 from rope_twin.twin.ensemble.member import LINE_OUT, TOP
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.boundary_conditions import WinchMotion
+from rope_twin.twin.motion.heave_track import HeaveSeries
 
 AT_LEAST, AT_DEPTH, AT_SINKING, AT_LOWEST = (1 + k for k in (LEAST, DEPTH, SINKING, LOWEST))
 
@@ -92,7 +92,7 @@ class Extremes:
     def __init__(self, leg: Leg) -> None:
         self._leg = leg
         self.top_max, self.top_min = -math.inf, math.inf
-        self.payload_min, self.least = math.inf, math.inf
+        self.payload_min, self.payload_max, self.least = math.inf, -math.inf, math.inf
         self.depth_at_max = self.at_s = math.nan
         self.landing = -math.inf
         self.stroke = self.stroke_speed = 0.0
@@ -122,6 +122,7 @@ class Extremes:
             if some[k, TOP] > self.top_max:
                 self.top_max = float(some[k, TOP])
                 self.depth_at_max, self.at_s = float(some[k, AT_DEPTH]), float(time_s[counted][k])
+            self.payload_max = max(self.payload_max, float(some[:, AT_LOWEST].max()))
         if afloat.any():
             some = steps[afloat]
             self.top_min = min(self.top_min, float(some[:, TOP].min()))
@@ -163,6 +164,7 @@ class Extremes:
             "top_max_n": self.top_max,
             "top_min_n": self.top_min,
             "payload_min_n": self.payload_min,
+            "payload_max_n": self.payload_max,
             "least_n": self.least,
             "depth_at_max_m": self.depth_at_max,
             "at_s": self.at_s,

@@ -25,7 +25,7 @@ from rope_twin.sea.raos import Responses, moved_by
 from rope_twin.sea.ship_motion import BoxHull, heave_response
 from rope_twin.sea.spectrum import WaveSpectrum, jonswap
 from rope_twin.sea.tables import Vector
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 
 Complex = NDArray[np.complex128]
 

@@ -30,7 +30,7 @@ from rope_twin.estimation.impedance import linear_drag
 from rope_twin.planning.extremes import rayleigh_factor
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import SeaState, TipTransfer, tip_moments, tip_spectrum
-from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.lift import lift_figures
 from rope_twin.sea.spectrum import zero_crossing_period_s
 from rope_twin.sea.tables import Vector
 
@@ -140,6 +140,7 @@ class Simplified:
     resonance_s: float
     hook_n: float  # largest hook load
     payload_min_n: float  # least load of the payload
+    payload_max_n: float
     uplift_share: float  # hydrodynamic force over the submerged weight
     snap_n: float  # snap force should the rope go slack
     payload_m_per_s: float  # speed of the payload, with that of the winch
@@ -159,9 +160,10 @@ def simplified(
     if leg.from_m <= 0.0 and zone is not None:
         relative, hydro = splash_force(lift, leg, zone, sea, (amplitude, speed, acceleration))
         hook = leg.static_hook_n + hydro
-        low, words = lift.weight_n - hydro, "splash zone, 4.3"
+        low, high = lift.weight_n - hydro, lift.weight_n + hydro
+        words = "splash zone, 4.3"
     else:
-        hook, low, relative = _on_long_rope(lift, leg, tip, sea, exposure_s, percentile)
+        hook, (low, high), relative = _on_long_rope(lift, leg, tip, sea, exposure_s, percentile)
         words = "rope with payload, 5.3.6"
     return Simplified(
         tip_m=amplitude,
@@ -171,6 +173,7 @@ def simplified(
         resonance_s=resonance_period_s(lift),
         hook_n=hook,
         payload_min_n=low,
+        payload_max_n=high,
         uplift_share=1.0 - low / lift.weight_n,
         snap_n=snap_force_n(lift, relative),
         payload_m_per_s=relative,
@@ -180,8 +183,8 @@ def simplified(
 
 def _on_long_rope(
     lift: Lift, leg: Leg, tip: TipTransfer, sea: SeaState, exposure_s: float, percentile: float
-) -> tuple[float, float, float]:
-    """Return hook load, least load of the payload [N], and its largest speed [m/s]."""
+) -> tuple[float, tuple[float, float], float]:
+    """Return hook load, least and largest load of the payload [N], and its largest speed [m/s]."""
     frequency, density = tip_spectrum(tip, sea)
     omega = 2.0 * np.pi * frequency
 
@@ -203,8 +206,8 @@ def _on_long_rope(
     steady = (lift.drag_kg_per_m + lift.rope_drag_kg_per_m2 * lift.length_m) * leg.speed_m_per_s**2
     held = lift.drag_kg_per_m * leg.speed_m_per_s**2  # takes load off the payload
     hook = lift.static_hook_n - steady + factor * rms(answer.hook_n_per_m)
-    low = lift.weight_n - held - factor * rms(answer.payload_n_per_m)
-    return hook, low, leg.speed_m_per_s + factor * speed
+    mean, change = lift.weight_n - held, factor * rms(answer.payload_n_per_m)
+    return hook, (mean - change, mean + change), leg.speed_m_per_s + factor * speed
 
 
 def splash_force(

@@ -43,8 +43,8 @@ from rope_twin.topics import (
     WINCH_MEASURED,
 )
 from rope_twin.twin.input_queue import Call
-from rope_twin.twin.measured.readings import MOTOR, PAYLOAD, Measurement
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.readings import MOTOR, PAYLOAD, Measurement
 from rope_twin.twin.winch.commands import COMMANDER_EVENTS, WinchCommand
 
 _STAMPED = "hang_off/wrench"  # due at every slot, with a stamp

@@ -22,6 +22,7 @@ from mcap.records import Channel
 from rope_twin import messages
 from rope_twin.errors import BagError, InputError, did_you_mean, phrase
 from rope_twin.messages.templates import NANOSECONDS
+from rope_twin.quantity import unit_of
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
 from rope_twin.sea.tables import Vector
@@ -228,13 +229,5 @@ def _netcdf(table: SeriesTable) -> bytes:
         file.dimensions = {"time_s": len(table.time_s)}
         for name, values in {"time_s": table.time_s, **table.columns}.items():
             own = file.create_variable(name.replace("/", "."), ("time_s",), "f8", data=values)
-            own.attrs["units"] = _unit(name)
+            own.attrs["units"] = unit_of(name)
     return stream.getvalue()
-
-
-def _unit(name: str) -> str:
-    """Return the unit at the end of a column's name."""
-    for ending, unit in (("_m_per_s", "m s-1"), ("_m", "m"), ("_n", "N"), ("_s", "s")):
-        if name.endswith(ending):
-            return unit
-    return "1"

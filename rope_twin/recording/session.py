@@ -32,18 +32,17 @@ from rope_twin.errors import BagError, InputError, RopeTwinError, StateError, ph
 from rope_twin.recording.input_log import encode_json
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.card import OTHER_SEA, card_path
-from rope_twin.scene.change import at_setting, following_measured
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import at_setting, following_measured, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import RESPONSES_FOLDER
 from rope_twin.sea.ship_motion import WAYS_FOLDER
 from rope_twin.sea.tables import find_table
 from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
-from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.health import SENDER_LEAD_S
-from rope_twin.twin.monitors.settings import Monitors
-from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_properties
+from rope_twin.twin.level import AccuracyLevel
+from rope_twin.twin.monitors import Monitors
+from rope_twin.twin.state import SavedState, decode_state, scene_properties
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.results import MonitorSettings
 

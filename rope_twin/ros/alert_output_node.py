@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rope_twin.alerts.alert_list import Alert, State
 from rope_twin.alerts.sentences import COMMANDS, REQUEST, AlertCommand, alc, alf, arc, read_acn
 from rope_twin.errors import InputError, phrase
-from rope_twin.messages.alerts import decode_alerts, encode_command
+from rope_twin.messages.reports import decode_alerts, encode_command
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.qos import listen, publish
 from rope_twin.topics import ALERT_COMMAND, ALERTS, BY_NAME

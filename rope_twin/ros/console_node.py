@@ -31,8 +31,7 @@ from rope_twin.console.server import Server, announce, read_address
 from rope_twin.errors import InputError, phrase
 from rope_twin.forecast.orders import read_orders
 from rope_twin.messages import encode_order
-from rope_twin.messages.alerts import encode_command
-from rope_twin.messages.forecast import encode_what_if
+from rope_twin.messages.reports import encode_command, encode_what_if
 from rope_twin.ros.entry import middleware, run_node
 from rope_twin.ros.params import ConsoleParams, declare
 from rope_twin.ros.qos import listen as subscribe

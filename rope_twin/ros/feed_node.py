@@ -40,7 +40,7 @@ from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import FeedParams, declare
 from rope_twin.ros.qos import listen, publish
 from rope_twin.topics import BY_NAME, MOTION_TOPICS, MOTOR_TENSION, WINCH_MEASURED
-from rope_twin.twin.motion.ship_pose import ShipPose, pose_fault
+from rope_twin.twin.motion.ship_motion import ShipPose, pose_fault
 
 _POLL_S = 0.005
 _DIAGNOSTICS_S = 1.0

@@ -34,7 +34,7 @@ from rope_twin.forecast.tension_forecast import (
     unlearned_spread,
 )
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, read_cloud
-from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast
+from rope_twin.messages.reports import FORECAST_TOPICS, encode_forecast
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import ForecastParams, declare
 from rope_twin.ros.qos import listen, publish

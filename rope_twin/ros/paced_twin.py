@@ -21,9 +21,8 @@ from rope_twin.alerts.monitor import AlertMonitor
 from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Encoder, Level, Status, statuses
-from rope_twin.messages.alerts import encode_alerts
 from rope_twin.messages.diagnostics import BreachWords
-from rope_twin.messages.estimate import encode_alarm, encode_estimate
+from rope_twin.messages.reports import encode_alarm, encode_alerts, encode_estimate
 from rope_twin.messages.status import counted
 from rope_twin.recording.input_log import InputLog, Mark, encode_json
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
@@ -32,8 +31,8 @@ from rope_twin.run.border import InputBorder
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import ALARM_TOPIC, ALERTS, ESTIMATE_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC
-from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.input_queue import InputQueue
+from rope_twin.twin.level import TwinOverloadProtection
 from rope_twin.twin.pacing import (
     Pacer,
     SnapshotQueue,
@@ -43,8 +42,8 @@ from rope_twin.twin.pacing import (
     steps_in_slot,
 )
 from rope_twin.twin.recovery import Recovery
-from rope_twin.twin.saving.autosave import AutoSave, SavingStatus
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.state_file import AutoSave, SavingStatus
 from rope_twin.twin.twin import Twin
 
 if TYPE_CHECKING:

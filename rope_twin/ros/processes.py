@@ -31,7 +31,7 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress, StopSignal
 from rope_twin.run.summary import RUN_ROW, RunSummary
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.validation.rigging import winches_by_name
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC
 
 STANDBY = "recorder_standby"  # takes over immediately if the recorder fails

@@ -24,7 +24,7 @@ from rope_twin.errors import BagError
 from rope_twin.messages import Level, Status, encode_diagnostics
 from rope_twin.messages.status import counted
 from rope_twin.recording.bag import describe_topic, free_path
-from rope_twin.recording.recorder import BagRecorder
+from rope_twin.recording.bag_writer import BagRecorder
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import RecorderParams, declare
 from rope_twin.ros.qos import listen, message_type, publish

@@ -18,7 +18,7 @@ from rope_twin.ros.params import SeaStateParams, declare
 from rope_twin.scene.load import load_scene
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import jonswap
-from rope_twin.twin.motion.irregular_sea import synthesise
+from rope_twin.twin.motion.ship_motion import synthesise
 
 _SECOND_NS = 1_000_000_000
 

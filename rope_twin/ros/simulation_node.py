@@ -25,7 +25,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, encode_diagnostics, encode_epoch, encode_seat
-from rope_twin.messages.alerts import read_command
+from rope_twin.messages.reports import read_command
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import Clocks, PacedTwin, with_hint
 from rope_twin.ros.params import SimulationParams, declare, read
@@ -39,9 +39,8 @@ from rope_twin.ros.qos import (
     unheard_publishers,
     unsuited,
 )
-from rope_twin.scene.change import at_setting, following_measured
-from rope_twin.scene.load import load_scene
-from rope_twin.scene.warnings.rope import sense_checks
+from rope_twin.scene.load import at_setting, following_measured, load_scene
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.topics import (
     ACKNOWLEDGE_ALARM,
     ALERT_COMMAND,

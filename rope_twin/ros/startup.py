@@ -27,8 +27,7 @@ from rope_twin.core.jit.decorators import make_ready
 from rope_twin.errors import RopeTwinError
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import StopSignal, ending_signals
-from rope_twin.scene.change import at_setting
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.twin.twin import Twin
 
 _WAIT_S = 0.1  # delay until a signal is noticed

@@ -17,12 +17,11 @@ from rope_twin.ros.entry import run_node
 from rope_twin.ros.input_streamer import InputNode
 from rope_twin.ros.params import WinchScheduleParams, declare
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Winch
-from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.scene.winch import FOLLOWS_COMMANDS
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
-from rope_twin.twin.cutting.cut_input import plan_for
-from rope_twin.twin.cutting.cut_plan import PlannedCut
+from rope_twin.twin.cut_input import PlannedCut, plan_for
 from rope_twin.twin.winch.commands import SPEED, motion_of, schedule_samples
 
 

@@ -18,7 +18,6 @@ from typing import TypeVar
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status
-from rope_twin.messages.forecast import SCORE, read_risks
 from rope_twin.messages.inputs import (
     read_current,
     read_cut,
@@ -27,11 +26,12 @@ from rope_twin.messages.inputs import (
     read_order,
     read_pose,
 )
+from rope_twin.messages.reports import SCORE, read_risks
 from rope_twin.run.seat import Command, Seats
 from rope_twin.topics import CUT_TOPIC, FORECAST_RISK, INPUTS, MEASURED_TOPICS, MOTION_TOPICS
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import WinchCommand
 

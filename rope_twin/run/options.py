@@ -18,16 +18,15 @@ from typing import TYPE_CHECKING
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import read_quantity
 from rope_twin.run.arguments import SCENE, add_duration, add_json, add_out, add_scene, add_time
-from rope_twin.twin.cutting.cut_plan import read_plan
-from rope_twin.twin.monitors.settings import Monitors
-from rope_twin.twin.saving.state_file import check_place
+from rope_twin.twin.state_file import check_place
 from rope_twin.view.sinks import has_rerun, has_screen
 from rope_twin.vortex.fatigue import CURVES, OWN
 from rope_twin.vortex.results import MonitorSettings
 
 if TYPE_CHECKING:
     from rope_twin.scene.schema import Scene
-    from rope_twin.twin.saving.saved_state import StateDescription
+    from rope_twin.twin.monitors import Monitors
+    from rope_twin.twin.state import StateDescription
 
 STEP_TOL = 1e-6  # of a step: what an end may be off a whole number of them
 CONSOLE = "127.0.0.1:8420"  # address of the operator console
@@ -81,6 +80,8 @@ class RunOptions:
     @property
     def monitors(self) -> Monitors:
         """Return the monitors of the run."""
+        from rope_twin.twin.monitors import Monitors
+
         return Monitors(self.energy, self.error_interval, self.watch)
 
     @property
@@ -383,6 +384,8 @@ def _read_cut(words: str, begins_s: float, end_s: float | None) -> str:
     Raises:
         InputError: the cut is impossible, or the run does not reach it.
     """
+    from rope_twin.twin.cut_input import read_plan  # --help does not load the compiler
+
     words = _without_units(words)
     plan = read_plan(words)
     if plan is None:
@@ -412,7 +415,7 @@ def _check(option: str, value: object, holds: bool, right: str) -> None:
 
 def _begin(state: Path) -> StateDescription:
     """Return the description of a saved state. Raises StateError if it is not sound."""
-    from rope_twin.twin.saving.saved_state import load_state
+    from rope_twin.twin.state import load_state
 
     return load_state(state).about
 

@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 from rope_twin.errors import phrase
 from rope_twin.messages import Level, Status
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.topics import RELEASE, TAKE, service_name
 from rope_twin.twin.winch.commands import (

@@ -18,10 +18,8 @@ from rope_twin.messages.diagnostics import (
     strength_words,
     touchdown_words,
 )
-from rope_twin.messages.estimate import alarm_words, learned_words
-from rope_twin.messages.quality import lowest_words
-from rope_twin.messages.residuals import residual_words
-from rope_twin.messages.status import Level, Status, counted
+from rope_twin.messages.reports import alarm_words, learned_words
+from rope_twin.messages.status import Level, Status, counted, lowest_words, residual_words
 from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (

@@ -24,21 +24,26 @@ from rope_twin.messages import (
     encode_order,
     statuses,
 )
-from rope_twin.messages.alerts import encode_alerts
+from rope_twin.messages.reports import encode_alerts
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.input_log import InputLog, encode_json
-from rope_twin.recording.measured_record import GROUPS, MeasuredReplay, encoded, open_measured
+from rope_twin.recording.input_log import (
+    GROUPS,
+    InputLog,
+    MeasuredReplay,
+    encode_json,
+    encoded,
+    open_measured,
+)
 from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import StopSignal
 from rope_twin.run.summary import RunSummary, summarise
-from rope_twin.scene.change import at_setting, following_measured
-from rope_twin.scene.load import load_scene
-from rope_twin.scene.validation.rigging import winches_by_name
+from rope_twin.scene.load import at_setting, following_measured, load_scene
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.winch import FOLLOWS_MEASURED
 from rope_twin.topics import ALERTS, SESSION_TOPIC, TOPICS
-from rope_twin.twin.cutting.cut_input import plan_for
+from rope_twin.twin.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.recovery import Recovery
@@ -91,7 +96,7 @@ class UnpacedRun:
         self._messages: deque[Message] = deque()  # inputs passed on, but not yet recorded
         self._sequence = Counter[str]()  # messages in the bag, by topic
         # A saved state already has inputs that its bag does not have: they are recorded again.
-        self._known_ns = {} if start is None else self.twin.newest_ns()
+        self._known_ns = {} if start is None else self.twin.inputs.newest_ns()
         self._offered_ns = FIRST_NS if self.twin.steps == 0 else self.twin.time_ns
         self._told_ns = self.twin.time_ns
         self._saved = False

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from rope_twin.core import CONNECTIONS_VERSION, SOLVER_VERSION
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.model.grid import elements_with
+from rope_twin.scene.grid import elements_with
 from rope_twin.scene.schema import Rope, RopeLine, Scene
 
 

@@ -1,20 +1,295 @@
-"""Reader from an item tree to a frozen dataclass: type hints give types, metadata ranges.
+"""Reader of a YAML file: a tree of items with line numbers, then frozen dataclasses.
 
-Nothing is converted implicitly: a string is not a number, true is not a number, 3.0 is not an
-integer. A dataclass may check itself: `check() -> str | None` returns 'fault; remedy'.
+YAML 1.1 and 1.2 read `1e5`, `010`, `1:30` or `no` differently. Such text is kept as text with a
+note (`Item.doubt`), so that the reader can reject it where a number is expected. Duplicate keys,
+aliases, tags and very deep nesting are rejected here.
+
+Type hints of a dataclass give types, its metadata ranges. Nothing is converted implicitly: a string
+is not a number, true is not a number, 3.0 is not an integer. A dataclass may check itself: `check()
+-> str | None` returns 'fault; remedy'.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
-from rope_twin.errors import SceneErrors, did_you_mean
+import yaml
+
+from rope_twin.errors import SceneError, SceneErrors, did_you_mean, phrase
 from rope_twin.quantity import Quantity
-from rope_twin.scene.document import Item, Place, kind, shown
+
+LARGEST_FILE_BYTES = 1_000_000
+DEEPEST_NESTING = 32
+_TRUTH = {"true": True, "false": False}
+_NUMBER = re.compile(r"[-+]?(0|[1-9][0-9]*)(\.[0-9]*([eE][-+][0-9]+)?)?|\.[0-9]+([eE][-+][0-9]+)?")
+_NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_YAML = "tag:yaml.org,2002:"
+
+
+def shown(value: object) -> str:
+    """Return a value as displayed in an error: on one line and short."""
+    words = repr(value)
+    return words if len(words) <= 60 else f"{words[:45]}...{words[-8:]}"
+
+
+@dataclass(frozen=True)
+class Item:
+    """A value of the file with the line of the value (or of its key)."""
+
+    value: dict[str, Item] | list[Item] | str | float | int | bool | None
+    line: int
+    doubt: str = ""  # why the text is ambiguous in YAML; empty: it is not
+
+    def find(self, path: str) -> Item:
+        """Return the item at a path such as `winch.schedule[2].at_s`, or the nearest one above it.
+
+        `effects.waves` is the item in that list with this one key.
+        """
+        item = self
+        for name, index in re.findall(r"([^.\[\]]+)|\[(\d+)\]", path):
+            if name and isinstance(item.value, dict) and name in item.value:
+                item = item.value[name]
+            elif index and isinstance(item.value, list) and int(index) < len(item.value):
+                item = item.value[int(index)]
+            elif name and isinstance(item.value, list):
+                named = (one.value for one in item.value if isinstance(one.value, dict))
+                item = next((one[name] for one in named if name in one), item)
+            else:
+                break
+        return item
+
+
+@dataclass(frozen=True)
+class Place:
+    """Location in a file: a path such as `ropes[0].length_m`, and a line."""
+
+    file: Path
+    path: str = ""
+    line: int = 0
+
+    def key(self, name: str, line: int) -> Place:
+        """Return the place of a key of this mapping."""
+        word = name if name.isidentifier() else shown(name)
+        return Place(self.file, f"{self.path}.{word}" if self.path else word, line)
+
+    def index(self, number: int, line: int) -> Place:
+        """Return the place of an element of this list."""
+        return Place(self.file, f"{self.path}[{number}]", line)
+
+    def __str__(self) -> str:
+        line = f", line {self.line}" if self.line else ""
+        path = f", {self.path}" if self.path else ""
+        return f"{self.file}{line}{path}"
+
+    def refuse(self, what: str, right: str) -> SceneError:
+        """Return the error to raise: place, fault and remedy, always on one line."""
+        sentence = phrase(str(self), what, right).replace("?.", "?")
+        return SceneError(" ".join(sentence.split()), self.line)
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML's composer without aliases, tags and unlimited nesting."""
+
+    depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        if isinstance(event, yaml.AliasEvent):
+            raise _refusal("an alias (*name) is not supported", "write the value out", event)
+        if getattr(event, "tag", None) is not None:
+            raise _refusal(f"the tag {shown(event.tag)} is not supported", "remove it", event)
+        if self.depth >= DEEPEST_NESTING:
+            what = f"more than {DEEPEST_NESTING} levels of nesting"
+            raise _refusal(what, "follow the structure of the scenes in config/scenes", event)
+        self.depth += 1
+        node: yaml.Node | None = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
+def read_document(path: Path, errors: SceneErrors | None = None) -> tuple[Item, bytes]:
+    """Return the tree of a YAML file and its bytes.
+
+    errors: collects duplicate or invalid keys, which are skipped; None: they are raised.
+
+    Raises:
+        SceneError: if the file cannot be read, is not YAML, or its top is not a mapping.
+    """
+    place = Place(path)
+    data = _read_bytes(place)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        what = f"byte {error.start} is not UTF-8 text"
+        raise place.refuse(what, "give a YAML file, saved as UTF-8") from None
+    node = _compose(text, place)
+    if node is None:
+        raise place.refuse("the file is empty", "give a mapping, as in config/scenes")
+    found = SceneErrors() if errors is None else errors
+    tree = _convert(node, place, found)
+    if errors is None:
+        found.raise_any()
+    if not isinstance(tree.value, dict):
+        raise place.refuse(
+            f"its top is {kind(tree)}, not a mapping", "start with keys such as `about: ...`"
+        )
+    return tree, data
+
+
+def kind(item: Item) -> str:
+    """Return a description of an item's type."""
+    match item.value:
+        case dict():
+            return "a mapping"
+        case list():
+            return "a list"
+        case None:
+            return "nothing"
+        case bool():
+            return str(item.value).lower()
+        case int() | float():
+            return f"the number {item.value:g}"
+        case _:
+            return f"the text {shown(item.value)}"
+
+
+def _read_bytes(place: Place) -> bytes:
+    """Return the file's bytes; reject anything but an ordinary file of limited size."""
+    if not place.file.is_file():
+        what = "it is a folder" if place.file.is_dir() else "there is no such file"
+        raise place.refuse(what, "give the path of a YAML file")
+    try:
+        with place.file.open("rb") as stream:
+            data = stream.read(LARGEST_FILE_BYTES + 1)
+    except OSError as error:
+        raise place.refuse(
+            f"it cannot be read ({error.strerror})", "check the file's permissions"
+        ) from error
+    if len(data) > LARGEST_FILE_BYTES:
+        what = f"it is larger than {LARGEST_FILE_BYTES // 1000} kB"
+        raise place.refuse(what, "give a scene, not a recording")
+    return data
+
+
+def _compose(text: str, place: Place) -> yaml.Node | None:
+    """Return PyYAML's node tree; its errors become SceneErrors."""
+    right = "check indentation, colons, quotes and brackets there"
+    try:
+        loader = _Loader(text)
+        try:
+            node: yaml.Node | None = loader.get_single_node()
+        finally:
+            loader.dispose()
+    except _Refusal as refusal:
+        raise Place(place.file, "", refusal.line).refuse(refusal.what, refusal.right) from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        at = Place(place.file, "", mark.line + 1 if mark else 0)
+        reason = ", ".join(words for words in (error.context, error.problem) if words)
+        raise at.refuse(f"it is not YAML ({reason})", right) from error
+    except yaml.YAMLError as error:
+        reason = getattr(error, "reason", "unreadable characters")
+        raise place.refuse(f"it is not YAML ({reason})", "give a YAML text file") from error
+    return node
+
+
+class _Refusal(Exception):
+    """Rejection by the composer, to become a SceneError."""
+
+    def __init__(self, what: str, right: str, line: int) -> None:
+        super().__init__(what)
+        self.what, self.right, self.line = what, right, line
+
+
+def _refusal(what: str, right: str, event: yaml.Event) -> _Refusal:
+    return _Refusal(what, right, _line(event))
+
+
+def _convert(node: yaml.Node, place: Place, errors: SceneErrors, line: int = 0) -> Item:
+    """Return the item of a node; `line` is that of its key, where it has one."""
+    line = line or _line(node)
+    if isinstance(node, yaml.MappingNode):
+        return Item(dict(_pairs(node, place, errors)), line)
+    if isinstance(node, yaml.SequenceNode):
+        items = [
+            _convert(child, place.index(number, line), errors)
+            for number, child in enumerate(node.value)
+        ]
+        return Item(items, line)
+    assert isinstance(node, yaml.ScalarNode)  # PyYAML has no fourth kind
+    return _scalar(node, line)
+
+
+def _line(part: yaml.Node | yaml.Event) -> int:
+    return part.start_mark.line + 1 if part.start_mark else 0
+
+
+def _pairs(node: yaml.MappingNode, place: Place, errors: SceneErrors) -> Iterator[tuple[str, Item]]:
+    """Yield keys and items of a mapping; a key that is not a word or is a duplicate is rejected."""
+    lines: dict[str, int] = {}
+    for key_node, value_node in node.value:
+        line = _line(key_node)
+        if not isinstance(key_node, yaml.ScalarNode):
+            at = Place(place.file, place.path, line)
+            errors.add(at.refuse("a key is itself a list or mapping", "give a word as key"))
+            continue
+        name = key_node.value
+        at = place.key(name, line)
+        if name in lines:
+            what = f"the key {shown(name)} is given a second time (first in line {lines[name]})"
+            errors.add(at.refuse(what, "keep one of them"))
+            continue
+        lines[name] = line
+        yield name, _convert(value_node, at, errors, line)
+
+
+def _scalar(node: yaml.ScalarNode, line: int) -> Item:
+    """Return text, number, truth value or nothing; ambiguous plain text carries a doubt."""
+    written: str = node.value
+    if node.style is not None:
+        return Item(written, line)
+    if written in ("", "~", "null", "Null", "NULL"):
+        return Item(None, line)
+    if written.lower() in _TRUTH and written in (written.lower(), written.title(), written.upper()):
+        return Item(_TRUTH[written.lower()], line)
+    if _NUMBER.fullmatch(written):
+        # beyond 15 digits an integer is read as a float: int() rejects very long ones
+        whole = written.lstrip("+-").isdigit() and len(written) <= 15
+        return Item(int(written) if whole else float(written), line)
+    if _NOT_FINITE.fullmatch(written):
+        return Item(float(written.replace(".", "", 1)), line)
+    return Item(written, line, _doubt(written, node.tag.removeprefix(_YAML)))
+
+
+def _doubt(written: str, yaml11: str) -> str:
+    """Return why a plain text is ambiguous, with an alternative; empty if it is not."""
+    if yaml11 == "bool":
+        return "is true or false in YAML 1.1 and text in YAML 1.2"
+    if yaml11 == "timestamp":
+        return "is a date in YAML 1.1"
+    if yaml11 in ("int", "float"):
+        return "is read as different numbers by YAML 1.1 and 1.2"
+    try:
+        number = float(written.replace("_", "x"))  # float() takes 1_000, YAML 1.2 does not
+    except ValueError:
+        return ""
+    if not math.isfinite(number):
+        return ""
+    return f"is text, not a number, in YAML 1.1 (a number: {plain(number)})"
+
+
+def plain(number: float) -> str:
+    """Format a number so that every YAML reader agrees on it."""
+    mantissa, e, exponent = repr(number).partition("e")
+    return f"{mantissa if '.' in mantissa else mantissa + '.0'}{e}{exponent}" if e else mantissa
+
 
 Reader = Callable[[Item, Place], Any]
 Readers = Mapping[str, Reader]  # by 'Class.field': for types that hints cannot express

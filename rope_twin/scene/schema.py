@@ -16,10 +16,8 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.payload_faces import FairingFace, NetPanels
 from rope_twin.quantity import SparingRepr, quantity, text
-from rope_twin.scene.fatigue import FatigueData
-from rope_twin.scene.learning import Learning
-from rope_twin.scene.measured import Measured
-from rope_twin.scene.stiffness import StiffnessTable
+from rope_twin.scene.instruments import Learning, Measured
+from rope_twin.scene.rope_data import FatigueData, StiffnessTable
 from rope_twin.scene.winch import BendingSheave
 from rope_twin.scene.winch import ScheduleRow as ScheduleRow
 from rope_twin.scene.winch import Winch as Winch

@@ -12,9 +12,9 @@ from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import SolverError
 from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, offer, open_sea
-from rope_twin.scene.model.grid import elements_with
+from rope_twin.scene.grid import elements_with
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin

@@ -14,12 +14,12 @@ import numpy as np
 from rope_twin.errors import InputError, phrase
 from rope_twin.recording.heave import open_heave
 from rope_twin.recording.motion_source import FIRST_NS, open_sea, series_of
-from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.lift import lift_figures
+from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Lanes, Variation, whole_steps
 from rope_twin.twin.ensemble.member import MemberResults
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 
 MEMBERS_MOST = 10_000
 MEMBERS_USUAL = 100

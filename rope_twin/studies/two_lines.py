@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import jonswap
 from rope_twin.studies.picture import check_picture, write_picture
-from rope_twin.twin.motion.irregular_sea import SeaRecord, synthesise
-from rope_twin.twin.multi_line.clearance import ClearanceMonitor
-from rope_twin.twin.multi_line.clearance_results import LineEvent, Nearest
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.motion.ship_motion import SeaRecord, synthesise
+from rope_twin.twin.multi_line_snapshot import ClearanceMonitor
+from rope_twin.twin.snapshot import LineEvent, Nearest, Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
 

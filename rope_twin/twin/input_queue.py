@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.level import AccuracyLevel
+from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.pacing import Steppable
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import WinchCommand

@@ -1,33 +1,50 @@
-"""Inputs of a twin, accepted from any thread: motion, commands, current, cuts, measurements."""
+"""Inputs of a twin, accepted from any thread: motion, commands, current, cuts, measurements.
+
+Current profiles are validated on arrival and applied at a step boundary. The score of a forecaster,
+which runs elsewhere, drives nothing: it comes through the twin's inputs so that a replay has the
+same quality index.
+"""
 
 from __future__ import annotations
 
+import math
 import threading
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from rope_twin.effects.current import Current, RisingCurrent, from_rows, profile_of, with_profile
 from rope_twin.errors import did_you_mean, phrase
+from rope_twin.scene.environment import (
+    DEEPEST_ROW_M,
+    MIN_ROW_SPACING_M,
+    SHEAR_LIMIT_PER_S,
+    steepest_shear,
+)
+from rope_twin.scene.rigging import is_joined, winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.scene.validation.rigging import is_joined, winches_by_name
-from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
-from rope_twin.twin.current_input import CurrentInput
-from rope_twin.twin.cutting.cut_input import CutInput
-from rope_twin.twin.forecast_input import ForecastInput
+from rope_twin.scene.water_warnings import strong_current
+from rope_twin.twin.cut_input import CutInput
+from rope_twin.twin.figures import RAMP_S, FigureBase, LearnedFigures
 from rope_twin.twin.health import InputCounter
-from rope_twin.twin.learned_figures import RAMP_S, FigureBase, LearnedFigures
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.measured.residuals import MeasuredInputs
 from rope_twin.twin.motion.hang_off import HangOffTrack
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.readings import Measurement
+from rope_twin.twin.residuals import MeasuredInputs
 from rope_twin.twin.ropes import Ropes
-from rope_twin.twin.snapshot import BORDER, InputHealth, Snapshot, amended
+from rope_twin.twin.snapshot import BORDER, ForecastScore, InputHealth, Snapshot, amended
 from rope_twin.twin.state import Clock
+from rope_twin.twin.validity import SceneMotion, StudyValidity
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
 from rope_twin.twin.winch.winch import Winch, winch_of_rope
 
 FIGURES_INPUT = "figures"
+MAX_CURRENT_M_PER_S = 10.0
+MAX_ROWS = 1000  # more would slow every step, and no current meter has them
+CURRENT_JUMP_M_PER_S = 0.5  # a larger change of the profile anywhere is accepted with a warning
+GONE_S = 60.0  # after the last score: none runs
+MOST_JUDGED = 1_000_000
 
 
 class InputState(NamedTuple):
@@ -302,3 +319,157 @@ class TwinInputs:
             **({BORDER: kept_out} if kept_out.warning else {}),
             **({FIGURES_INPUT: learned} if learned.accepted or learned.note else {}),
         }
+
+
+class CurrentInput:
+    """Input of profiles: rows of z [m], east, north [m/s] from the surface down, (rows, 3), or with
+    a vertical component too, (rows, 4).
+    """
+
+    def __init__(self, effects: tuple[Any, ...]) -> None:
+        self.counter = InputCounter("current")
+        self.effects = effects
+        self.changes = 0  # number of changes of the profile since the start
+
+    def offer(self, profile: NDArray[np.float64], now_ns: int) -> str:
+        """Submit a profile; return "" or the reason for its rejection."""
+        fault = self._fault(profile)
+        if fault:
+            return fault
+        before = profile_of(self.effects)
+        assert before is not None, "checked above"
+        new = from_rows(_like(profile, len(before.U)))
+        jump, z = _largest_change(before, new)
+        self.effects = tuple(with_profile(effect, new) for effect in self.effects)
+        self.changes += 1
+        self.counter.accept(now_ns)
+        if jump > CURRENT_JUMP_M_PER_S:
+            what = f"at {now_ns * 1e-9:.1f} s the profile changed by {jump:.2f} m/s at z = {z:g} m"
+            right = (
+                f"more than {CURRENT_JUMP_M_PER_S:g} m/s at once is accepted, but check the sensor"
+            )
+            self.counter.warn(phrase("current", what, right), now_ns)
+        points = [(float(z), tuple(velocity)) for z, *velocity in profile.tolist()]
+        self.counter.say(strong_current("current", points))
+        return ""
+
+    def revert(self, effects: tuple[Any, ...], now_ns: int) -> bool:
+        """Restore the effects of an earlier time; return whether the profile differs.
+
+        For a return to an earlier state of the ropes: the profile may have caused the failed step.
+        """
+        now, before = profile_of(self.effects), profile_of(effects)
+        if now is before:
+            return False
+        self.effects, self.changes = effects, self.changes + 1
+        what = f"a step failed at {now_ns * 1e-9:.2f} s, soon after a new profile"
+        self.counter.warn(
+            phrase("current", what, "the one before it is in force again; check the sensor"), now_ns
+        )
+        return True
+
+    def _fault(self, profile: NDArray[np.float64]) -> str:
+        """Return why a profile is rejected, after counting it; "" if it is accepted."""
+        impossible, present = "", profile_of(self.effects)
+        if present is None:
+            impossible = phrase(
+                "current", "the scene lists no current", "add the effect 'current' to the scene"
+            )
+        elif profile.ndim != 2 or profile.shape[1] not in (3, 4) or len(profile) == 0:
+            what = f"its shape is {profile.shape}"
+            impossible = phrase("current", what, "give rows of z, east, north (, up)")
+        elif len(profile) > MAX_ROWS:
+            impossible = phrase(
+                "current", f"it has {len(profile)} rows", f"give {MAX_ROWS} at most"
+            )
+        elif not np.isfinite(profile).all():
+            return self.counter.refuse(
+                "non_finite",
+                phrase("current", "a value is not finite", "every value must be a finite number"),
+            )
+        elif np.any(np.diff(profile[:, 0]) >= 0.0) or profile[0, 0] > 0.0:
+            impossible = phrase(
+                "current", "its heights are out of order", "order rows from z = 0 or below down"
+            )
+        elif np.abs(profile[:, 1:]).max() > MAX_CURRENT_M_PER_S:
+            impossible = phrase(
+                "current",
+                f"{np.abs(profile[:, 1:]).max():g} m/s is no sea current",
+                f"give at most {MAX_CURRENT_M_PER_S:g} m/s",
+            )
+        elif len(present.U) == 2 and profile[:, 3:].any():
+            what = "it has a vertical component, which this scene's current has not"
+            right = "give the scene's profile one, [east, north, up], be it 0"
+            impossible = phrase("current", what, right)
+        else:
+            impossible = _uneven(profile)
+        return self.counter.refuse("impossible", impossible) if impossible else ""
+
+
+def _uneven(profile: NDArray[np.float64]) -> str:
+    """Return the error in the depths or the shear of an ordered profile; "" if there is none."""
+    if profile[-1, 0] < DEEPEST_ROW_M:
+        right = f"the deepest row may lie at {DEEPEST_ROW_M:g} m"
+        return phrase("current", f"a row lies at z = {profile[-1, 0]:g} m", right)
+    spacing = -np.diff(profile[:, 0])
+    if len(spacing) and spacing.min() < MIN_ROW_SPACING_M:
+        row = int(spacing.argmin())
+        what = f"rows {row} and {row + 1} are {spacing[row]:g} m apart"
+        return phrase("current", what, f"give rows at least {MIN_ROW_SPACING_M:g} m apart")
+    shear, row = steepest_shear(profile)
+    if shear > SHEAR_LIMIT_PER_S:
+        what = f"it changes by {shear:.3g} m/s a metre below row {row}"
+        return phrase("current", what, f"give at most {SHEAR_LIMIT_PER_S:g} m/s a metre")
+    return ""
+
+
+def _like(profile: NDArray[np.float64], components: int) -> NDArray[np.float64]:
+    """Return a profile with as many components of velocity as the scene's own current has.
+
+    Other kernels would have to be compiled for another number of them, in the middle of the run.
+    """
+    missing = np.zeros((len(profile), max(1 + components - profile.shape[1], 0)))
+    return np.hstack([profile, missing])[:, : 1 + components]
+
+
+def _largest_change(
+    before: Current | RisingCurrent, after: Current | RisingCurrent
+) -> tuple[float, float]:
+    """Return the largest change of velocity [m/s] between two profiles, and its height [m]."""
+    z = np.union1d(before.z, after.z)  # both are linear in between
+    changes = [
+        np.interp(z, after.z, new) - np.interp(z, before.z, old)
+        for new, old in zip(after.U, before.U, strict=True)
+    ]
+    size = np.linalg.norm(changes, axis=0)
+    worst = int(size.argmax())
+    return float(size[worst]), float(z[worst])
+
+
+class ForecastInput:
+    """The newest score."""
+
+    def __init__(self) -> None:
+        """Begin without one."""
+        self._newest: ForecastScore | None = None
+
+    def offer(
+        self, now_s: float, coverage: float, judged: float, factor: float, age_s: float
+    ) -> str:
+        """Take a score (fields of ForecastScore); return "" or the reason for its rejection."""
+        fault = ""
+        if not (math.isnan(coverage) or 0.0 <= coverage <= 1.0):
+            fault = phrase("forecast", f"a coverage of {coverage:g}", "give 0 to 1, NaN: unknown")
+        elif not 0.0 <= judged <= MOST_JUDGED:
+            fault = phrase("forecast", f"{judged:g} forecasts judged", "give their number")
+        elif not (0.0 < factor < math.inf and math.isfinite(age_s)):
+            what = f"a factor of {factor:g} and inputs {age_s:g} s old"
+            fault = phrase("forecast", what, "give a positive factor and a finite age")
+        if not fault:
+            self._newest = ForecastScore(now_s, age_s, coverage, int(judged), factor)
+        return fault
+
+    def at(self, now_s: float) -> ForecastScore | None:
+        """Return the newest score; None: no forecast runs."""
+        newest = self._newest
+        return newest if newest is not None and now_s - newest.at_s <= GONE_S else None

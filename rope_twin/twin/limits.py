@@ -9,6 +9,16 @@ end to its static tension at the same paid-out length (DNV-RP-N103: total over s
 static tension is that of the static equilibrium at the start, plus the weight in water of the rope
 paid out since. For a single rope with its payload below it, it follows the payload through the
 surface, and the reaction of deck or bed to the payload at the start is added.
+
+The bends of a rope are judged by the smallest radius and where it occurs. At a node between
+elements of unit directions t and unstretched mean length l the curvature is |t' - t|/l =
+2·sin(turn/2)/l, as of the discrete rod (Bergou et al. 2008, section 4.2, for small turns); for
+equal elements along a circle it is exactly 1/R. Where the hang-off holds the rope's direction, the
+turn to it counts over half the top element, as in `effects/bending.py`.
+
+The mesh limits the result: a rope folded back on itself has a curvature of 2/l, so no radius below
+l/2 is ever reported, and an arc shorter than an element is not resolved. A slack rope without
+bending stiffness bends as sharply as its elements allow: its radius is then that of the mesh.
 """
 
 from __future__ import annotations
@@ -16,11 +26,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 
-from rope_twin.scene.model.joined import alone
-from rope_twin.scene.model.lift import LiftFigures, lift_figures
-from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined, winch_of
-from rope_twin.twin.snapshot import LimitBreach, RopeBend, RopeStrength, Snapshot, Vector
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.effects.bending import Bending, BendingParams
+from rope_twin.scene.joined_model import alone
+from rope_twin.scene.lift import LiftFigures, lift_figures
+from rope_twin.scene.rigging import is_joined, winch_of
+from rope_twin.scene.schema import RopeLine, Scene
+from rope_twin.twin.snapshot import Bend, LimitBreach, RopeBend, RopeStrength, Snapshot, Vector
+from rope_twin.twin.snapshot_builder import RopeShape
+from rope_twin.vortex.line_model import bending_stiffness
 
 LINE_OUT_TOL_M = 0.02  # the static tension is computed again when the line out has changed by more
 MOST_N = 1e12
@@ -28,6 +44,7 @@ SUPPORT_TOL = 0.05  # of the tension at the lower end: less is the lowest elemen
 ROPE_LIMITS = ("tension_n", "utilisation", "strain", "min_tension_n", "bend_radius")
 PAYLOAD_LIMITS = ("payload_speed_m_per_s", "payload_depth_m", "landing_speed_m_per_s")
 _AT_LEAST = ("min_tension_n", "bend_radius")
+_STORED = ("radius_m", "line_out_m", "at_s", "minimum_m", "element_m")  # fields of a Bend
 
 
 class LoadRules:
@@ -248,3 +265,101 @@ def _payloads(taken: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
     if taken.payloads:
         return [(one.position_m, one.velocity_m_per_s) for one in taken.payloads]
     return [(taken.payload_position_m, taken.payload_velocity_m_per_s)][:count]
+
+
+def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vector:
+    """Curvature at the nodes [1/m], (n,).
+
+    position: nodes (n, 3) [m]; arc: their unstretched arc length [m], (n,); held: unit vector of
+    the direction in which the rope is clamped at the first node; None: a free end.
+    """
+    chord, rest = np.diff(position, axis=0), np.diff(arc)
+    size = np.sqrt((chord * chord).sum(axis=1))[:, None]
+    along = np.divide(chord, size, out=np.zeros_like(chord), where=size > 0.0)
+    found = np.zeros(len(position))
+    turn = np.diff(along, axis=0)
+    found[1:-1] = 2.0 * np.sqrt((turn * turn).sum(axis=1)) / (rest[1:] + rest[:-1])
+    if held is not None:
+        found[0] = 2.0 * float(np.linalg.norm(along[0] - held)) / rest[0]
+    return found
+
+
+def minimum_radii(hung: RopeShape) -> Vector:
+    """Minimum bend radius at the nodes [m], (n,); 0: none is given; the larger at section ends."""
+    given = np.array([own.rope.minimum_bend_radius_m or 0.0 for own in hung.line.made_of])
+    if len(given) == 1:
+        return np.full(len(hung.arc_m), given[0])
+    ends = hung.core.sections[rows.END, : len(given)]
+    s, last = hung.arc_m[-1] - hung.arc_m, len(given) - 1
+    below, above = (
+        given[np.minimum(np.searchsorted(ends, s, side=side), last)] for side in ("left", "right")
+    )
+    return np.asarray(np.maximum(below, above))
+
+
+class BendMonitor:
+    """Monitor of the smallest bend radius of each rope with bending stiffness or a minimum radius.
+
+    It samples at each snapshot and keeps the smallest radius of all snapshots.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Reserve a row for each rope of the scene, and for the lower part of a cut rope."""
+        self._tightest = np.zeros((len(scene.ropes) + 1, len(_STORED)))
+        self._tightest[:, 0] = math.inf
+
+    def look(self, ropes: tuple[RopeShape, ...], time_s: float) -> tuple[RopeBend, ...]:
+        """Return the bend of each monitored rope now; time_s: twin time [s]."""
+        return tuple(
+            self._judge(number, hung, time_s)
+            for number, hung in enumerate(ropes)
+            if limits_bends(hung.line) or bending_stiffness(hung.core.effects) > 0.0
+        )
+
+    def _judge(self, number: int, hung: RopeShape, time_s: float) -> RopeBend:
+        now, position = smallest_radius(hung, time_s)
+        known = Bend(hung.name, *self._tightest[number].tolist())
+        if now.tightness > known.tightness:
+            known = now
+            self._tightest[number] = [getattr(now, name) for name in _STORED]
+        return RopeBend(now, position, known)
+
+
+def smallest_radius(hung: RopeShape, time_s: float) -> tuple[Bend, tuple[float, float, float]]:
+    """Return the bend closest to its minimum radius, or furthest below it, and its position [m].
+
+    For a rope without a minimum bend radius it is the smallest radius; if only some sections have a
+    minimum radius, only these count.
+    """
+    bend, least = curvatures(hung.position_m, hung.arc_m, _held(hung)), minimum_radii(hung)
+    at = int(np.argmax(bend * least if least.any() else bend))
+    rest = np.diff(hung.arc_m)[max(at - 1, 0) : at + 1]
+    x, y, z = (float(part) for part in hung.position_m[at])
+    found = Bend(
+        name=hung.name,
+        radius_m=1.0 / float(bend[at]) if bend[at] > 0.0 else math.inf,
+        line_out_m=float(hung.arc_m[at]),
+        at_s=time_s,
+        minimum_m=float(least[at]),
+        element_m=float(rest.mean()),
+    )
+    return found, (x, y, z)
+
+
+def watches_bends(scene: Scene) -> bool:
+    """Return whether any rope of the scene is monitored for bends."""
+    stiff = scene.listed(BendingParams) or any(line.bending for line in scene.ropes)
+    return bool(stiff) or any(limits_bends(line) for line in scene.ropes)
+
+
+def limits_bends(line: RopeLine) -> bool:
+    """Return whether a section of the rope has a minimum bend radius."""
+    return any(own.rope.minimum_bend_radius_m is not None for own in line.made_of)
+
+
+def _held(hung: RopeShape) -> Vector | None:
+    """Return the direction in which the rope's upper end is clamped, downward; None if free."""
+    for own in hung.core.effects:
+        if isinstance(own, Bending) and own.clamp > 0.0 and not hung.loose:
+            return -np.array([own.x, own.y, own.z])
+    return None

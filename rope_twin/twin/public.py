@@ -15,8 +15,8 @@ from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import twin
-from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors
-from rope_twin.twin.saving.saved_state import SavedState
+from rope_twin.twin.monitors import NO_MONITORS, Monitors
+from rope_twin.twin.state import SavedState
 
 Arguments = ParamSpec("Arguments")
 

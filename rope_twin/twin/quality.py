@@ -22,9 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.twin.measured.readings import MOTOR_TENSION, PAYLOAD_DEPTH, WINCH_MEASURED
-from rope_twin.twin.measured.residuals import COVERAGE
-from rope_twin.twin.model_range import LINE_FOLLOWING, Finding, falling
+from rope_twin.twin.readings import MOTOR_TENSION, PAYLOAD_DEPTH, WINCH_MEASURED
+from rope_twin.twin.residuals import COVERAGE
 from rope_twin.twin.snapshot import (
     BORDER,
     ForecastScore,
@@ -34,6 +33,7 @@ from rope_twin.twin.snapshot import (
     Snapshot,
     amended,
 )
+from rope_twin.twin.validity import LINE_FOLLOWING, Finding, falling
 
 INPUT, NUMERICS, DISCRETISATION, VALIDITY, RESIDUAL, HISTORY = CAUSES = (
     "input", "numerics", "discretisation", "validity", "residual", "history",

@@ -28,20 +28,20 @@ from rope_twin.core.state import (
     Rope,
 )
 from rope_twin.core.step import advance
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.relations import coupled_settings, model_beside
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import coupled_settings, model_beside
-from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh
-from rope_twin.twin.accuracy.regrid import upper_ends
-from rope_twin.twin.cutting.parted import CutRope, SingleWinch
-from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope, without_load
+from rope_twin.twin.level import AccuracyLevel, Mesh
 from rope_twin.twin.motion.hang_off import Moves
-from rope_twin.twin.multi_line.system import MultiLineRopes
+from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.pacing import steps_in_slot
-from rope_twin.twin.saving.saved_state import changing_parts
+from rope_twin.twin.parted import CutRope, SingleWinch
+from rope_twin.twin.regrid import upper_ends
+from rope_twin.twin.rope_cut import CutPosition, cut_rope, without_load
 from rope_twin.twin.snapshot import Snapshot, first_rope
 from rope_twin.twin.snapshot_builder import RopeShape, payload_depth_m, shape_from_top
+from rope_twin.twin.state import changing_parts
 from rope_twin.twin.statics import solve_scene_statics
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.vortex.coupled import VivDragAmplification

@@ -13,12 +13,10 @@ from typing import Any, NamedTuple
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.hull_contact import HullContactParams
-from rope_twin.scene.model.grid import is_compensated
+from rope_twin.scene.grid import is_compensated
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.bend_radius import BendMonitor, watches_bends
-from rope_twin.twin.contacts import hull_contacts
-from rope_twin.twin.limits import LoadRecord, LoadRules
-from rope_twin.twin.model_range import ModelRange
+from rope_twin.twin.contact import hull_contacts, seabed_contact, seabed_of, touchdown_of
+from rope_twin.twin.limits import BendMonitor, LoadRecord, LoadRules, watches_bends
 from rope_twin.twin.quality import QualityIndex
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import Snapshot, amended
@@ -30,7 +28,7 @@ from rope_twin.twin.snapshot_builder import (
     with_compensator,
 )
 from rope_twin.twin.state import Clock
-from rope_twin.twin.touchdown import seabed_contact, seabed_of, touchdown_of
+from rope_twin.twin.validity import ModelRange
 
 
 class RecordState(NamedTuple):

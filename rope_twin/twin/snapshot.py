@@ -1,20 +1,23 @@
-"""Snapshot of the twin: a frozen copy of one instant, in SI, with the unit in every name."""
+"""Snapshot of the twin: a frozen copy of one instant, in SI, with the unit in every name.
+
+It includes the results of what a run may ask for: energy, error interval, vibration, fatigue, and
+the clearance of two lines around a sheave.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.scene.card import KnownError
-from rope_twin.twin.measured.residual_tests import ResidualTests
-from rope_twin.twin.multi_line.clearance_results import LineEvent, LinesShot
-from rope_twin.twin.results import EnergyBalance, TensionInterval
+from rope_twin.twin.residual_tests import ResidualTests
 from rope_twin.vortex.results import MaterialFatigue, RopeVibration
 
 Vector = NDArray[np.float64]
+MIN_EXCHANGED_FRACTION = 1e-4
 
 
 class SolverHealth(NamedTuple):
@@ -215,7 +218,7 @@ class Residual:
 
 
 class ForecastScore(NamedTuple):
-    """How the last forecasts of the top tension turned out (twin/forecast_input.py)."""
+    """How the last forecasts of the top tension turned out (twin/inputs.py)."""
 
     at_s: float  # twin time at which it came
     age_s: float  # of the newest input of the forecast, when that was ready
@@ -240,7 +243,7 @@ class Quality:
 
 @dataclass(frozen=True)
 class Touchdown:
-    """Touchdown point of a rope (twin/touchdown.py)."""
+    """Touchdown point of a rope (twin/contact.py)."""
 
     name: str
     position_m: tuple[float, float, float]
@@ -274,7 +277,7 @@ class Bend:
 
 @dataclass(frozen=True)
 class RopeBend:
-    """Smallest bend radius of a rope, now and since the start (twin/bend_radius.py)."""
+    """Smallest bend radius of a rope, now and since the start (twin/limits.py)."""
 
     now: Bend
     position_m: tuple[float, float, float]
@@ -422,3 +425,93 @@ def most_damaged(shot: Snapshot) -> tuple[str, MaterialFatigue] | None:
     if not known:
         return None if shot.fatigue is None else ("", shot.fatigue)
     return max(known, key=lambda one: float(one[1].used.max()))
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Energy of rope and payload, its sources and its sinks, since the balance was opened [J].
+
+    change = hang_off + passing + water - damped - residual.
+    """
+
+    since_s: float  # twin time at which the balance was opened
+    kinetic_j: float  # now, with the added mass
+    elastic_j: float
+    potential_j: float  # weight less buoyancy, 0 at the mean water level
+    change_j: float  # change of the sum of these three
+    hang_off_j: float  # work of ship and winch: force times material velocity
+    passing_j: float  # energy of rope paid out, less that of rope hauled in
+    water_j: float  # work of the water: drag, mostly negative
+    damped_j: float  # dissipated by the axial damper and a compensator, less what one drives
+    residual_j: float  # remainder: numerical dissipation if positive
+    exchanged_j: float  # energy moved between any two of these terms
+
+    @property
+    def residual_pct(self) -> float:
+        """Residual as a percentage of the energy exchanged.
+
+        While little was exchanged (a rope in static equilibrium, or just set in motion), the
+        reference is a ten-thousandth of the stored energy: the residual is then its round-off, or
+        that of the quadrature over few steps.
+        """
+        there = abs(self.kinetic_j) + abs(self.elastic_j) + abs(self.potential_j)
+        beside = max(self.exchanged_j, MIN_EXCHANGED_FRACTION * there)
+        return 100.0 * self.residual_j / beside if beside > 0.0 else 0.0
+
+    def figures(self) -> dict[str, float]:
+        """Return all values by name, with the residual in per cent."""
+        return {**asdict(self), "residual_pct": self.residual_pct}
+
+
+@dataclass(frozen=True)
+class TensionInterval:
+    """95 % discretisation-error interval of the top tension (`accuracy/error_interval.py`)."""
+
+    low_n: float
+    high_n: float
+    bound_n: float  # half-width: bound of the error of tension_top_n; low_n is at least 0
+    cost_pct: float  # CPU time of the interval, relative to all other work
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Crossing of two lines, seen normal to the plane of their hang-offs."""
+
+    depth_m: float
+    angle_deg: float  # between the lines, 0 to 90
+    gap_m: float  # distance of the lines normal to the plane of the hang-offs
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the first line there
+
+
+@dataclass(frozen=True)
+class LineEvent:
+    """Beginning or end of a crossing of two lines."""
+
+    time_s: float
+    what: str  # "cross" or "part"
+    depth_m: float
+    angle_deg: float
+    gap_m: float
+
+    def words(self) -> str:
+        """Return a message like `the lines cross at 836 m, 0.08 degrees, 0.02 m apart`."""
+        told = "the lines cross" if self.what == "cross" else "the lines part again"
+        where = f"at {self.depth_m:.0f} m, {self.angle_deg:.2f} degrees"
+        return f"{told} {where}, {self.gap_m:.2f} m apart"
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Minimum distance of two lines at one instant."""
+
+    time_s: float
+    depth_m: float
+    distance_m: float  # horizontal
+
+
+@dataclass(frozen=True)
+class LinesShot:
+    """Clearance of two lines around a sheave."""
+
+    nearest: Nearest
+    crossings: tuple[Crossing, ...]  # from the top down

@@ -16,10 +16,10 @@ from rope_twin.core.statics import solve_statics
 from rope_twin.core.step import advance
 from rope_twin.core.still_rope import Equilibrium
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.model.lift import hung_together
+from rope_twin.scene.lift import hung_together
+from rope_twin.scene.rigging import places
+from rope_twin.scene.rope_warnings import SAFETY_FACTOR
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import places
-from rope_twin.scene.warnings.rope import SAFETY_FACTOR
 from rope_twin.twin.snapshot_builder import body_of
 
 MAX_FLOAT_HEIGHT_M = 1.0

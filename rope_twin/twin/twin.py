@@ -20,32 +20,44 @@ from rope_twin.core import state as rows
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.errors import InputError, SolverError, StateError, phrase
 from rope_twin.scene.card import KnownError, known_error
+from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.scene.validation.rigging import is_joined, winch_of
-from rope_twin.twin.accuracy.level import AccuracyLevel, Mesh, error_at_level
-from rope_twin.twin.accuracy.validity import CUT_REASON
-from rope_twin.twin.cutting.cut_input import rope_number
-from rope_twin.twin.cutting.rope_cut import CutPosition
+from rope_twin.twin.cut_input import rope_number
 from rope_twin.twin.inputs import TwinInputs
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.monitors.monitor import Chunk, Monitor, TwinView, chunk_of
-from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors, new_monitors
+from rope_twin.twin.level import AccuracyLevel, Mesh, error_at_level
+from rope_twin.twin.monitors import (
+    NO_MONITORS,
+    Chunk,
+    Monitor,
+    Monitors,
+    TwinView,
+    chunk_of,
+    new_monitors,
+)
 from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL, BoundaryConditions, Present
-from rope_twin.twin.motion.ship_pose import ShipPose
-from rope_twin.twin.multi_line.snapshot import with_vibration
-from rope_twin.twin.multi_line.system import MultiLineRopes
+from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.multi_line import MultiLineRopes
+from rope_twin.twin.multi_line_snapshot import with_vibration
 from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.recovery import Checkpoint, step_failure
+from rope_twin.twin.rope_cut import CutPosition
 from rope_twin.twin.ropes import RopeSystem, new_viv_drag
 from rope_twin.twin.run_record import RunRecord
-from rope_twin.twin.saving import saved_state
-from rope_twin.twin.saving.saved_state import SavedState, StateDescription
 from rope_twin.twin.snapshot import CutShot, Snapshot, amended
 from rope_twin.twin.snapshot_builder import RunStatistics, SnapshotInputs, build_snapshot
-from rope_twin.twin.state import Clock, TwinState
-from rope_twin.twin.winch.commands import SPEED, WinchCommand
-from rope_twin.twin.winch.payout import Payout
-from rope_twin.vortex.coupled import VivDragAmplification
+from rope_twin.twin.state import (
+    Clock,
+    SavedState,
+    StateDescription,
+    TwinState,
+    capture,
+    check_scene,
+    load_state,
+    run_stamp,
+)
+from rope_twin.twin.validity import CUT_REASON
+from rope_twin.twin.winch.commands import SPEED, Payout, WinchCommand
 
 AnyMonitor = TypeVar("AnyMonitor", bound=Monitor)
 
@@ -72,10 +84,10 @@ class Twin:
         self._card_error = known_error(scene)  # by the scene's convergence study alone
         end_n = float(self._system.tension[0])
         self._record = RunRecord(scene, self._system.ropes, self._system.upper_pulls, end_n)
-        self._viv_drag = new_viv_drag(scene, self._system)
+        self.viv_drag = new_viv_drag(scene, self._system)  # None: the scene has no such model
         for monitor in self._monitors:
             monitor.start(self.inspect(), self._present())
-        tellers = self._viv_drag, *self._monitors  # for the user before the run
+        tellers = self.viv_drag, *self._monitors  # for the user before the run
         self.told = "\n".join(one.told for one in tellers if one is not None and one.told)
 
     # Inputs, accepted from any thread
@@ -152,10 +164,6 @@ class Twin:
             for monitor in self._monitors:
                 monitor.invalidate()
 
-    def newest_ns(self) -> dict[str, int]:
-        """Return the stamp of the newest accepted sample of heave, cut and each winch [ns]."""
-        return self.inputs.newest_ns()
-
     # Present
 
     def inspect(self) -> TwinView:
@@ -172,7 +180,7 @@ class Twin:
             self._motion.boundary,
             self._system.pull,
             self.inputs,
-            self._viv_drag,
+            self.viv_drag,
         )
 
     def monitor(self, kind: type[AnyMonitor]) -> AnyMonitor | None:
@@ -224,18 +232,13 @@ class Twin:
         return self._system.joined
 
     @property
-    def viv_drag(self) -> VivDragAmplification | None:
-        """The scene's loosely coupled VIV model, or None; use it in the stepping thread only."""
-        return self._viv_drag
-
-    @property
     def cut(self) -> CutShot | None:
         """Position and time of the cut; None if no rope was cut."""
         return self.inputs.cut.done
 
     @property
     def card_error(self) -> KnownError:
-        """Error of the top tension that is known at present (twin/accuracy/validity.py)."""
+        """Error of the top tension that is known at present (twin/validity.py)."""
         return self.inputs.validity.claim(self._card_error, self.time_ns)
 
     @property
@@ -303,8 +306,8 @@ class Twin:
         observation or tension feedback, `steps` at most.
         """
         clock, inputs, system = self._clock, self.inputs, self._system
-        if self._viv_drag is not None:
-            steps = min(steps, self._viv_drag.steps_to_sampling(clock.steps))
+        if self.viv_drag is not None:
+            steps = min(steps, self.viv_drag.steps_to_sampling(clock.steps))
         for monitor in self._monitors:
             steps = min(steps, monitor.steps_to_observation(self.inspect()))
         if inputs.measured.active:
@@ -313,7 +316,11 @@ class Twin:
             inputs.check_profiles()
             due = inputs.cut.take(clock.time_ns, self._length_m)
             if due is not None:
-                self._cut_here(*due)
+                lost_m, number = due
+                lost_m = self.split(lost_m, number)
+                self._record_cut(lost_m, self._length_m(number), number)
+                for monitor in self._monitors:
+                    monitor.cut(self.inspect())
             steps = inputs.steps_before(clock.time_ns, self.step_ns, steps)
             now = Present(clock.time_ns, self.step_ns, system.first, self.top_pull_n)
             return self.rope, self._motion.fill(steps, inputs, now)
@@ -323,7 +330,7 @@ class Twin:
 
         pulls: after each step just done; moved: boundary conditions of these steps.
         """
-        viv_drag, steps, measured = self._viv_drag, self._clock.steps, self.inputs.measured
+        viv_drag, steps, measured = self.viv_drag, self._clock.steps, self.inputs.measured
         if viv_drag is not None and viv_drag.steps_to_sampling(steps) == 0:
             changes = self.inputs.current.changes
             viv_drag.look(self._all_ropes, self._motion.boundary, steps, changes)
@@ -349,8 +356,8 @@ class Twin:
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present; call it from the stepping thread."""
         record, inputs, system = self._record, self.inputs, self._system
-        effects = inputs.current.effects
-        (value, rate), ropes, first = self._motion.boundary, system.ropes, system.first
+        effects, ropes, first = inputs.current.effects, system.ropes, system.first
+        value, rate = self._motion.boundary
         with inputs.lock:
             health, at_limit, winch = inputs.health(), inputs.winch.at_limit, inputs.winch.shot()
         taken = build_snapshot(
@@ -381,8 +388,8 @@ class Twin:
         record.begin_interval(system.unconverged)
         taken = record.add_contact(taken, first, ropes)
         taken = ropes.complete(taken, self.time_ns, effects)
-        if self._viv_drag is not None:
-            taken = with_vibration(self.scene, taken, self._viv_drag.shots(self._all_ropes))
+        if self.viv_drag is not None:
+            taken = with_vibration(self.scene, taken, self.viv_drag.shots(self._all_ropes))
         inputs.validity.look(taken, inputs.motion_judged)
         taken = amended(record.add_loads(taken, first, ropes), card_error=self.card_error)
         for monitor in self._monitors:
@@ -403,11 +410,11 @@ class Twin:
             raise StateError(phrase("other elements", "the rope was cut", "its parts keep theirs"))
         boundary, counts = self._motion.boundary, (self.steps, self.inputs.current.changes)
         self._motion.steps = 0  # boundary conditions ahead are valid for the old step only
-        if self._viv_drag is not None:
-            self._viv_drag.sample_now(self._all_ropes, boundary, *counts)
+        if self.viv_drag is not None:
+            self.viv_drag.sample_now(self._all_ropes, boundary, *counts)
         self.inputs.current.effects = self._system.regrid(self.rope, self._mesh, level, boundary)
-        if self._viv_drag is not None:
-            self._viv_drag.set_step(self.step_s, steps_in_slot(self.step_s))
+        if self.viv_drag is not None:
+            self.viv_drag.set_step(self.step_s, steps_in_slot(self.step_s))
         self._card_error = error_at_level(self.scene, level)
         self._restart_monitors()
 
@@ -419,13 +426,6 @@ class Twin:
         """Return the present unstretched length of a rope [m]."""
         first = self._motion.boundary.value[0, rows.LINE]
         return self._system.ropes.length_m(rope) if rope > 0 else float(first)
-
-    def _cut_here(self, lost_m: float, rope: int) -> None:
-        """Cut a rope now at this height above its lower end [m], or at a node close by."""
-        lost_m = self.split(lost_m, rope)
-        self._record_cut(lost_m, self._length_m(rope), rope)
-        for monitor in self._monitors:
-            monitor.cut(self.inspect())
 
     def _record_cut(self, lost_m: float, left_m: float, rope: int) -> None:
         """Record a cut at the present time."""
@@ -444,8 +444,8 @@ class Twin:
         system, boundary = self._system, self._motion.boundary
         lost_m = system.cut(whole[0], boundary, place)
         self.inputs.ropes, self.inputs.current.effects = system.ropes, system.first.effects
-        if self._viv_drag is not None:
-            self._viv_drag.cut(rope, whole[rope], self._all_ropes[rope])
+        if self.viv_drag is not None:
+            self.viv_drag.cut(rope, whole[rope], self._all_ropes[rope])
         if rope == 0:
             boundary.value[:, rows.LINE] -= lost_m
         self.invalidate_error(CUT_REASON)
@@ -478,21 +478,17 @@ class Twin:
         from their earlier paid-out length with the present commands. A current profile that came
         since is reverted. Call it from the stepping thread.
         """
-        went = self._return_to(then)
+        fits = then.level == self.level and then.cut is self.cut
+        if fits:
+            present = self._system.ropes.border(self._motion.boundary)
+            self.revert_current(then)
+            fits = self._system.put_back(then.kept, self.inputs.current.effects)
+        if fits:
+            self._motion.return_to(then.border, present, self.time_ns)
+            self._record.restore_finite(then.extremes)
+            self.discard_prescribed()
         self._restart_monitors()
-        return went
-
-    def _return_to(self, then: Checkpoint) -> bool:
-        if then.level != self.level or then.cut is not self.cut:
-            return False
-        present = self._system.ropes.border(self._motion.boundary)
-        self.revert_current(then)
-        if not self._system.put_back(then.kept, self.inputs.current.effects):
-            return False
-        self._motion.return_to(then.border, present, self.time_ns)
-        self._record.restore_finite(then.extremes)
-        self.discard_prescribed()
-        return True
+        return fits
 
     def revert_current(self, then: Checkpoint) -> bool:
         """Revert a current profile accepted since the checkpoint; return whether there was one."""
@@ -519,7 +515,7 @@ class Twin:
         payload = lowest.nodes[rows.POSITION : rows.POSITION + 3, 0]
         cut = self.cut
         about = StateDescription(
-            **saved_state.stamp(self.scene, failure),
+            **run_stamp(self.scene, failure),
             time_s=self.time_ns * 1e-9,
             step=self.steps,
             step_s=self.step_s,
@@ -534,7 +530,7 @@ class Twin:
             cut_rope=cut.rope if cut else "",
         )
         with self.inputs.lock:
-            return saved_state.take(self._state(), about, self.scene)
+            return capture(self._state(), about, self.scene)
 
     @classmethod
     def restore(
@@ -549,8 +545,8 @@ class Twin:
             StateError: the file is invalid, or the scene differs; the message names the difference.
             SceneError: as for a new twin.
         """
-        state = saved if isinstance(saved, SavedState) else saved_state.load_state(saved)
-        saved_state.check_scene(state, scene)
+        state = saved if isinstance(saved, SavedState) else load_state(saved)
+        check_scene(state, scene)
         twin = cls(scene, monitors)
         if state.level != twin.level:
             twin.set_level(state.level)
@@ -559,8 +555,8 @@ class Twin:
             twin.split(0.5 * twin._length_m(rope), rope)
             twin._record_cut(lost_m, state.about.cut_left_m, rope)
         twin._continue_from(state.restored(twin._state()))
-        if twin._viv_drag is not None:
-            twin._viv_drag.take_back(state.read_monitor("viv_drag", twin._viv_drag.kept()))
+        if twin.viv_drag is not None:
+            twin.viv_drag.take_back(state.read_monitor("viv_drag", twin.viv_drag.kept()))
         for monitor in twin._monitors:
             monitor.restore(twin.inspect(), twin._present(), state)
         return twin
@@ -577,7 +573,7 @@ class Twin:
 
     def _state(self) -> TwinState:
         """Return the present state, which shares its arrays and inputs with the twin."""
-        own: dict[str, Any] = {} if self._viv_drag is None else {"viv_drag": self._viv_drag.kept()}
+        own: dict[str, Any] = {} if self.viv_drag is None else {"viv_drag": self.viv_drag.kept()}
         for monitor in self._monitors:
             own |= monitor.state()
         return TwinState(

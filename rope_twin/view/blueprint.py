@@ -6,9 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rope_twin.view import depth_chart, overview, surface
-from rope_twin.view.depth_chart import BENDS, FATIGUE, VIBRATION
-from rope_twin.view.profile import HEIGHT, RANGE_S, WIDTH
+from rope_twin.view import overview
+from rope_twin.view.profile import (
+    BENDS,
+    FATIGUE,
+    GAP,
+    HEIGHT,
+    PROFILE_WIDTH,
+    RANGE_S,
+    VIBRATION,
+    WIDTH,
+)
 from rope_twin.view.series import TWIN_TIME, Plot
 
 BACKGROUND = (18, 19, 24)
@@ -76,13 +84,13 @@ def layout(shown: Shown, live: bool) -> Any:
         _space(LOWER_END, "Lower end (to scale)", shown.close),
         row_shares=[5, 3],
     )
-    upper = shown.upper or surface.Sight().eye()
+    upper = shown.upper or overview.Sight().eye()
     below: Any = _space(SURFACE, "Hang-off and sea surface (to scale)", upper)
     if shown.charts:
         charts = (_CHARTS[name] for name in shown.charts)
         below = rrb.Tabs(*(_chart(*one) for one in charts), below, active_tab=0)
     title = f"Tension [kN] vs depth [m]; thin lines: min/max of last {RANGE_S:g} s"
-    sides, heights = (-0.12 * WIDTH, 1.04 * WIDTH), (-0.05 * HEIGHT, 1.15 * HEIGHT)
+    sides, heights = (-0.12 * PROFILE_WIDTH, 1.04 * PROFILE_WIDTH), (-0.05 * HEIGHT, 1.15 * HEIGHT)
     middle = rrb.Vertical(_plane(PROFILE, title, sides, heights), below, row_shares=[5, 4])
     return rrb.Blueprint(
         rrb.Horizontal(left, middle, _right(shown, live), column_shares=[23, 34, 43]),
@@ -97,9 +105,9 @@ def layout(shown: Shown, live: bool) -> Any:
 
 def _chart(entity: str, title: str, panels: int) -> Any:
     """Return the panels of a depth chart, side by side."""
-    wide = panels * (depth_chart.WIDTH + depth_chart.GAP)
-    heights = (-180.0, 1.12 * depth_chart.HEIGHT)
-    return _plane(entity, title, (-depth_chart.GAP, wide), heights)
+    wide = panels * (WIDTH + GAP)
+    heights = (-180.0, 1.12 * HEIGHT)
+    return _plane(entity, title, (-GAP, wide), heights)
 
 
 def _plane(entity: str, title: str, x: tuple[float, float], y: tuple[float, float]) -> Any:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from rope_twin.messages.encoder import PAYLOAD
 from rope_twin.messages.templates import PAYLOAD_RGB, tension_colours
-from rope_twin.view.canvas import SCALE_RGB, WAVE_RGB, Canvas, Points
-from rope_twin.view.ticks import round_step
+from rope_twin.view.canvas import SCALE_RGB, WAVE_RGB, Canvas, Points, round_step
 
 _LEAST_M = 5.0  # minimum visible distance above, below and to the sides
 _NEAR_M = 80.0  # ropes that end farther away are not part of this view

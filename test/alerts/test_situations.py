@@ -16,7 +16,7 @@ from rope_twin.alerts.monitor import AlertMonitor
 from rope_twin.alerts.rates import rates
 from rope_twin.alerts.situations import Watch
 from rope_twin.errors import InputError
-from rope_twin.messages.alerts import decode_alerts, encode_alerts
+from rope_twin.messages.reports import decode_alerts, encode_alerts
 from rope_twin.messages.status import Level, Status
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun

@@ -22,8 +22,8 @@ from rope_twin.errors import InputError
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.scene.load import load_scene
+from rope_twin.studies.accuracy_study import this_machine
 from rope_twin.studies.driven_twin import variant
-from rope_twin.studies.page import this_machine
 
 ROOT = Path(__file__).resolve().parents[2]
 SAID: list[tuple[int, int, str]] = []

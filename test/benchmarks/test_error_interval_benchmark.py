@@ -15,8 +15,8 @@ from benchmarks.__main__ import main
 from benchmarks.error_interval import IntervalResult, IntervalRow, Series, Variant
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 ROW = IntervalRow("storm", 50, 0.01, 2.5e4, 0.53, 4.24, 97.0, 100.0, "", 48.6)

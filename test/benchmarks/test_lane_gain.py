@@ -12,7 +12,7 @@ from benchmarks.lane_gain import FULL, QUICK, gain_rows, gain_table
 from rope_twin import load_scene
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 
 
 def test_a_row_is_consistent() -> None:

@@ -24,7 +24,7 @@ from benchmarks.peers.decks import cabledyn_deck, current_table, figures, moordy
 from benchmarks.peers.race import Case, Marks, PeerRace, PeerRow, marks
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.page import Machine
+from rope_twin.studies.accuracy_study import Machine
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = all(importlib.util.find_spec(name) is not None for name in PEERS)

@@ -21,7 +21,7 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.summary import RunSummary
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.topics import MEASURED_ELEVATION, MEASURED_TOPICS, TOPICS, WINCH_TOPICS
-from rope_twin.twin.saving.saved_state import load_state
+from rope_twin.twin.state import load_state
 
 SCENE = "shallow_lift"
 EPOCH_NS = 10**18

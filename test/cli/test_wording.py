@@ -19,12 +19,11 @@ from rope_twin.run.seat import PRIORITY, CommandSeat
 from rope_twin.run.summary import CpuUsage, RunSummary
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.results import EnergyBalance
-from rope_twin.twin.saving.autosave import SavingStatus
 from rope_twin.twin.snapshot import (
     BedContact,
     Bend,
     CutShot,
+    EnergyBalance,
     InputHealth,
     LimitBreach,
     RopeBend,
@@ -33,6 +32,7 @@ from rope_twin.twin.snapshot import (
     SolverHealth,
     Touchdown,
 )
+from rope_twin.twin.state_file import SavingStatus
 from rope_twin.twin.winch.commands import WinchCommand
 
 GOLDEN = Path(__file__).with_name("golden") / "wording.txt"

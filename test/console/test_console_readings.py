@@ -26,8 +26,7 @@ from rope_twin.console.readings import (
 from rope_twin.estimation.figures import NAMES
 from rope_twin.estimation.report import FigureEstimate
 from rope_twin.messages import Level, Status
-from rope_twin.messages.estimate import UNITS, encode_alarm, encode_estimate
-from rope_twin.messages.forecast import encode_forecast
+from rope_twin.messages.reports import UNITS, encode_alarm, encode_estimate, encode_forecast
 from rope_twin.topics import BY_NAME
 
 

@@ -21,7 +21,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rope_mass import WeightParams
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.vortex.drag_amplification import DragGrowth
 

@@ -11,7 +11,7 @@ import pytest
 from snippets import run_page
 
 from rope_twin import Twin, load_scene
-from rope_twin.scene.warnings.rope import sense_checks
+from rope_twin.scene.rope_warnings import sense_checks
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIALS = ROOT / "docs" / "tutorials"

@@ -29,7 +29,7 @@ from rope_twin.estimation.noise import (
     heave_spectrum,
     tension_error_autocovariance,
 )
-from rope_twin.scene.learning import Learning
+from rope_twin.scene.instruments import Learning
 
 
 def random_problem(seed: int, k: int = 40, n: int = 5) -> tuple[Any, ...]:

@@ -15,7 +15,7 @@ from rope_twin.errors import InputError
 from rope_twin.estimation import manoeuvre, report
 from rope_twin.estimation.figures import BIAS, GAIN, INDEX, NAMES, Gaussian, prior_of
 from rope_twin.estimation.learnable_scene import check_learnable
-from rope_twin.scene.learning import Learning
+from rope_twin.scene.instruments import Learning
 from rope_twin.scene.load import load_scene
 
 

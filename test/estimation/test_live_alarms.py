@@ -12,10 +12,10 @@ from rope_twin.estimation.alarm_task import ROW
 from rope_twin.estimation.causes import STUCK_PIN, STUCK_SENSOR
 from rope_twin.estimation.worker import Motion
 from rope_twin.messages.cdr import typestore
-from rope_twin.messages.estimate import alarm_words, encode_alarm
+from rope_twin.messages.reports import alarm_words, encode_alarm
 from rope_twin.messages.status import Level
 from rope_twin.topics import ALARM_TOPIC, BY_NAME
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 
 STUCK_S, SECONDS = 70.0, 75.0
 

@@ -16,11 +16,11 @@ from rope_twin.estimation.figures import BIAS, INDEX
 from rope_twin.estimation.live import LiveLearning
 from rope_twin.estimation.worker import Ask, Input, Motion, Reading, Worker
 from rope_twin.messages.cdr import typestore
-from rope_twin.messages.estimate import COLUMNS, ROW, encode_estimate
+from rope_twin.messages.reports import FIGURE_COLUMNS, ROW, encode_estimate
 from rope_twin.messages.status import Level
 from rope_twin.topics import BY_NAME, ESTIMATE_TOPIC
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.twin import Twin
 
 
@@ -133,7 +133,7 @@ def test_a_live_twin_learns_and_takes_over(tmp_path: Path) -> None:
         encode_estimate(123, newest.rows()), BY_NAME[ESTIMATE_TOPIC].type_name
     )
     assert message.width == len(newest.figures)
-    assert [one.name for one in message.fields] == COLUMNS.split()
+    assert [one.name for one in message.fields] == FIGURE_COLUMNS.split()
 
 
 def test_a_tare_and_a_freeze(tmp_path: Path) -> None:

@@ -13,11 +13,11 @@ from small_scene import SMALL_SCENE
 
 from rope_twin import load_scene
 from rope_twin.messages import encode_heave, encode_measurement
-from rope_twin.messages.estimate import ROW
+from rope_twin.messages.reports import ROW
 from rope_twin.ros.paced_twin import Clocks, PacedTwin
 from rope_twin.ros.params import SimulationParams
 from rope_twin.topics import ESTIMATE_TOPIC
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 
 SPEED, AHEAD_S, PATIENCE_S = 16.0, 3.0, 120.0
 

@@ -15,7 +15,7 @@ from rope_twin.feeds.instrument import Instrument
 from rope_twin.feeds.motion_track import HeaveOutput, MotionTrack, motion_of_pose
 from rope_twin.feeds.readings import DUPLICATE, LATE, LENGTH, ORDER, TIME, nmea, xor_of
 from rope_twin.feeds.writers import writer
-from rope_twin.twin.motion.ship_pose import (
+from rope_twin.twin.motion.ship_motion import (
     ShipPose,
     pose_fault,
     sea_velocity,

@@ -29,7 +29,12 @@ from rope_twin.forecast.orders import read_orders
 from rope_twin.forecast.risk import Limits
 from rope_twin.forecast.tension_forecast import TENSION, ForecastSettings
 from rope_twin.messages import decode, read_cloud
-from rope_twin.messages.forecast import COLUMNS, FORECAST_TOPICS, band_columns, encode_forecast
+from rope_twin.messages.reports import (
+    FORECAST_COLUMNS,
+    FORECAST_TOPICS,
+    band_columns,
+    encode_forecast,
+)
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME
 
@@ -121,7 +126,7 @@ def test_worker_publishes_and_ends(scene: Scene) -> None:
     for topic, rows in tables_of(made[0], LIMITS).items():
         message = decode(topic, encode_forecast(topic, 1_234_567_890_123, "map", rows))
         table = read_cloud(message)
-        assert table.dtype.names == COLUMNS[topic]
+        assert table.dtype.names == FORECAST_COLUMNS[topic]
         assert (
             len(table) == {"forecast/tension": 120, "forecast/risk": 4, "forecast/quiet": 4}[topic]
         )
@@ -146,7 +151,7 @@ def test_orders_are_compared_once(scene: Scene) -> None:
     rows = orders_of(made, LIMITS, None)
     topic = "forecast/orders"
     table = read_cloud(decode(topic, encode_forecast(topic, 0, "map", rows)))
-    assert table.dtype.names == COLUMNS[topic]
+    assert table.dtype.names == FORECAST_COLUMNS[topic]
     names = [bytes(name).decode() for name in table["name"]]
     assert names == 4 * ["hold"] + 4 * ["lower:0.5"] + 4 * ["haul:0.5"]
     first = table[:4]

@@ -23,8 +23,8 @@ from rope_twin.forecast.orders import (
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Winch
 from rope_twin.scene.winch import HeaveCompensation
+from rope_twin.twin.winch.commands import Payout
 from rope_twin.twin.winch.components import Compensation
-from rope_twin.twin.winch.payout import Payout
 
 WINCH = load_scene("deep_lift").winch
 assert WINCH is not None

@@ -24,8 +24,8 @@ from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.winch import HeaveCompensation
 from rope_twin.topics import BY_NAME
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
-from rope_twin.twin.measured.readings import Measurement
 from rope_twin.twin.motion.heave_track import ramp
+from rope_twin.twin.readings import Measurement
 
 LENGTH_S = 420.0
 PERIOD_S = 0.05

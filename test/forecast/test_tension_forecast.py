@@ -28,7 +28,7 @@ from rope_twin.forecast.tension_forecast import (
     smoother_gain,
     unlearned_spread,
 )
-from rope_twin.scene.learning import Learning
+from rope_twin.scene.instruments import Learning
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import HeaveCompensation
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs

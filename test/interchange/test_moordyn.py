@@ -20,8 +20,7 @@ from rope_twin.errors import InputError
 from rope_twin.interchange.moordyn import deck_of, scene_of
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
 from rope_twin.interchange.scene_file import write_scene
-from rope_twin.scene.change import at_setting
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.scene.schema import Scene
 
 MBL_N = 5e6

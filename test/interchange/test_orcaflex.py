@@ -21,7 +21,7 @@ from rope_twin.effects.waves import WavesParams
 from rope_twin.interchange.orcaflex import scene_of_model
 from rope_twin.interchange.scene_file import write_scene
 from rope_twin.recording.motion_source import open_sea
-from rope_twin.scene.validation.environment import reference_point_m
+from rope_twin.scene.environment import reference_point_m
 
 MBL_N = 1.2e6
 ENDS = "Connection, ConnectionX, ConnectionY, ConnectionZ, ConnectionAzimuth"

@@ -13,8 +13,14 @@ from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statu
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.quality import CAUSES
-from rope_twin.twin.results import EnergyBalance
-from rope_twin.twin.snapshot import BedContact, InputHealth, RopeStrength, Snapshot, SolverHealth
+from rope_twin.twin.snapshot import (
+    BedContact,
+    EnergyBalance,
+    InputHealth,
+    RopeStrength,
+    Snapshot,
+    SolverHealth,
+)
 
 GOOD = PacingHealth(running=True, steps=100, real_time_factor=420.0)
 

@@ -11,9 +11,15 @@ from sample_snapshot import hanging_body, rolled_ship
 
 from rope_twin import messages
 from rope_twin.alerts.alert_list import Alert, AlertList, Priority, Situation
-from rope_twin.messages.alerts import encode_alerts
-from rope_twin.messages.estimate import COLUMNS, STATES, encode_alarm, encode_estimate
-from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast
+from rope_twin.messages.reports import (
+    FIGURE_COLUMNS,
+    FORECAST_TOPICS,
+    STATES,
+    encode_alarm,
+    encode_alerts,
+    encode_estimate,
+    encode_forecast,
+)
 from rope_twin.recording.input_log import encode_json
 from rope_twin.topics import BY_NAME, TOPICS
 from rope_twin.twin.winch.commands import WinchCommand
@@ -26,7 +32,7 @@ ONE_OF_EACH = [
     WinchCommand("set_brake"),
 ]
 STAMP_NS = 1_763_700_000_123_456_789
-LEARNED = dict.fromkeys(COLUMNS.split(), 0.5) | {"name": "payload_drag", "state": STATES[0]}
+LEARNED = dict.fromkeys(FIGURE_COLUMNS.split(), 0.5) | {"name": "payload_drag", "state": STATES[0]}
 
 
 def alerts_of(count: int) -> list[Alert]:

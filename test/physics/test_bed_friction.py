@@ -16,7 +16,7 @@ from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.seabed import SeabedParams, Soundings
 from rope_twin.scene.schema import Scene, Winch
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 
 MU, DEPTH, LENGTH = 0.6, 50.0, 200.0
 SUNK = 0.0902  # m: under the chain's weight, so that the ends lie as deep as the rest

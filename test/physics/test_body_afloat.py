@@ -17,7 +17,7 @@ from rigs import Rig, march, sine
 from rope_twin import Twin
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
 
 G, RHO, MASS = 9.80665, 1025.0, 6000.0
 LENGTH, WIDTH, HEIGHT = 4.0, 3.0, 1.2

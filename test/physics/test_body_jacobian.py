@@ -22,7 +22,7 @@ from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import DeckParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.scene.model.rope import build_effects
+from rope_twin.scene.rope_model import build_effects
 from rope_twin.scene.shapes import PayloadFigures
 
 FIGURES = PayloadFigures(

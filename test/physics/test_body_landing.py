@@ -22,7 +22,7 @@ from rope_twin.core.body.step import Pose, pose_of
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams, Soundings
 from rope_twin.errors import SceneError
-from rope_twin.scene.model.rope import build_effects
+from rope_twin.scene.rope_model import build_effects
 from rope_twin.scene.schema import Winch
 from rope_twin.scene.shapes import payload_figures
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
 from rope_twin.effects import EFFECTS
-from rope_twin.twin.cutting.rope_cut import is_at_end, without_load
+from rope_twin.twin.rope_cut import is_at_end, without_load
 
 Vector = NDArray[np.float64]
 STUB = 1.0  # m of rope that stays on the payload of a rope cut at its end

@@ -18,8 +18,8 @@ from rope_twin.core.body.step import pose_of
 from rope_twin.core.step import advance
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.twin.cutting.rope_cut import without_load
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
+from rope_twin.twin.rope_cut import without_load
 
 G, RHO, HOOK = 9.80665, 1025.0, 150.0
 CORNERS = [(x, y, 0.6) for x in (-1.5, 1.5) for y in (-1.0, 1.0)]

@@ -14,9 +14,9 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting.cut_input import PlannedCut, plan_for
-from rope_twin.twin.monitors.settings import ENERGY
-from rope_twin.twin.multi_line.system import MultiLineRopes
+from rope_twin.twin.cut_input import PlannedCut, plan_for
+from rope_twin.twin.monitors import ENERGY
+from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.twin import Twin
 
 

@@ -19,8 +19,8 @@ from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.internal_variables import has_state
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
+from rope_twin.twin.regrid import has_state
 
 RIG = replace(HAULED, winch=HAULING, mass=4.0, load=400.0, area=(0.3,) * 3)
 # its parameters, numbers carried, and the row of the strength per node, with its value per metre

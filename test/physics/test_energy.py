@@ -10,8 +10,8 @@ import pytest
 from payout_rigs import STEEL
 from rigs import Heave, Rig, Speeds, lift, march, sine, still
 
-from rope_twin.twin.monitors.settings import ENERGY
-from rope_twin.twin.results import EnergyBalance
+from rope_twin.twin.monitors import ENERGY
+from rope_twin.twin.snapshot import EnergyBalance
 from rope_twin.twin.twin import Twin
 from validation.snap import ROPE, SPRING
 

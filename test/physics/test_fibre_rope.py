@@ -18,9 +18,9 @@ from rope_twin import Twin
 from rope_twin.core.energy import measure
 from rope_twin.core.state import LINE, PULL, PULL_COLUMNS, TENSION, Boundary
 from rope_twin.core.step import advance
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_data import DynamicStiffness, StiffnessTable, WorkingCurve
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.stiffness import DynamicStiffness, StiffnessTable, WorkingCurve
 
 STATIC, FAST, TAU = 20e6, 50e6, 30.0  # N, N, s
 LINEAR = DynamicStiffness(constant_n=FAST, relaxation_s=TAU)

@@ -23,9 +23,9 @@ from rope_twin.effects.fluid_ramp import build as build_ramp
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.errors import SceneError
 from rope_twin.messages import Level, statuses
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.warnings.rope import sense_checks
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
 from rope_twin.twin.twin import Twin
 
 RIG = Rig(

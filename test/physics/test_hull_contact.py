@@ -27,7 +27,7 @@ from rope_twin.effects.hull_contact import (
     contact_forces,
 )
 from rope_twin.scene.schema import Scene, Winch
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 
 WINCH = Winch(
     speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=50.0,

@@ -16,8 +16,8 @@ from rope_twin import load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.energy import SystemBorder, lost, measure_system
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.monitors.settings import ENERGY
-from rope_twin.twin.results import EnergyBalance
+from rope_twin.twin.monitors import ENERGY
+from rope_twin.twin.snapshot import EnergyBalance
 from rope_twin.twin.twin import Twin
 
 FINE_N = 0.1  # of the solver: what it leaves must not be what is measured

@@ -14,7 +14,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.step import advance
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 
 ROPE = Rig(
     length=100.0, elements=40, mass=3.6, EA=1.5e6, diameter=0.05, damping=1e4, load=3e3,

@@ -12,7 +12,7 @@ import pytest
 from rope_twin import Twin, load_scene
 from rope_twin.core.state import Floats
 from rope_twin.effects.payload_faces import FairingParams, NetParams, coefficients
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
 
 LINE = "rope: steel_wire_40mm, damping: {newton_seconds: 2.0e+5}"
 WHOLE = f"ropes:\n  - {{name: hoist, {LINE}, length_m: 40.0, elements: 10, to: tool}}\n"

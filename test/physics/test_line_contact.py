@@ -15,7 +15,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import measure_system
 from rope_twin.core.joined.contact import Touch, touch_of
 from rope_twin.effects.line_contact import LineContactParams
-from rope_twin.twin.contacts import rope_contacts
+from rope_twin.twin.contact import rope_contacts
 
 Vector = NDArray[np.float64]
 SPAN, REACH = 40.0, 0.1

@@ -17,9 +17,9 @@ from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, SceneError
-from rope_twin.scene.model.grid import Bar, first_axial_frequency
+from rope_twin.scene.grid import Bar, first_axial_frequency
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.modes.modes import find_modes
+from rope_twin.studies.modes import find_modes
 from validation.swing import SWUNG, HangingRope
 
 # Taut in water, without weight: strings in both directions.

@@ -15,8 +15,8 @@ from rope_twin.cli import main
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.errors import SceneError
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.modes.modes import find_modes, find_system_modes
-from rope_twin.studies.viv.frequency_domain import spans_of
+from rope_twin.studies.modes import find_modes, find_system_modes
+from rope_twin.studies.viv_frequency_domain import spans_of
 
 G, MASS, LENGTH_M = 9.80665, 2000.0, 20.0
 INERTIA = (800.0, 1300.0, 1900.0)

@@ -14,7 +14,7 @@ from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import HangOff, Joint, Payload, RopeLine, Scene, Strut
-from rope_twin.studies.modes.modes import find_modes, find_system_modes
+from rope_twin.studies.modes import find_modes, find_system_modes
 
 LENGTH, LOAD, APART = 50.0, 50e3, 12.0
 

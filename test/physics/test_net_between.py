@@ -13,8 +13,8 @@ from rope_twin.core import state as rows
 from rope_twin.core.loads.panel import panel_coefficients
 from rope_twin.core.state import Floats
 from rope_twin.effects.net_curtain import SHARE, NetCurtain
-from rope_twin.scene.validation.relations import faults
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.scene.relations import faults
+from rope_twin.twin.monitors import ENERGY
 
 LINE = "rope: steel_wire_40mm, damping: {newton_seconds: 2.0e+5}"
 NET = "twine_m: 0.003, bar_m: 0.03, solidity: 0.2, from_m: 2.0, to_m: 22.0"

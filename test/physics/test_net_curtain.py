@@ -19,10 +19,10 @@ from rope_twin.core.state import Floats
 from rope_twin.effects import Surroundings
 from rope_twin.effects.net_curtain import SHARE, NetCurtain, NetCurtainParams, build
 from rope_twin.effects.waves import RegularWave, WavesParams
+from rope_twin.scene.relations import faults
 from rope_twin.scene.schema import Scene, Winch
-from rope_twin.scene.validation.relations import faults
 from rope_twin.studies.driven_twin import with_effect
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
 from validation.rigs import faded
 
 G, RHO, U = 9.80665, 1025.0, 0.6

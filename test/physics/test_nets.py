@@ -21,7 +21,7 @@ from rope_twin.effects.payload_faces import (
     build_net,
     coefficients,
 )
-from rope_twin.scene.validation.relations import faults
+from rope_twin.scene.relations import faults
 
 WATER = Surroundings(1025.0, 9.80665, 0.0)
 PANEL = NetParams(width_m=20.0, height_m=10.0, solidity=0.2)

@@ -16,7 +16,7 @@ from rope_twin.effects.drag import DragParams, KeuleganCarpenter, RoughTable
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 from rope_twin.vortex.drag_amplification import MEAN, MORE, RATE2, SQUARE
 
 D = 0.25

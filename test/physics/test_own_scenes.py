@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.scene.load import rope_preset
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Rope
-from rope_twin.scene.warnings.rope import sense_checks
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "own_scenes.md"
 BUOY, CRANES, CABLE, TOW = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL)

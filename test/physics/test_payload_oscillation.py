@@ -20,7 +20,7 @@ from rope_twin.effects.payload_oscillation import (
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 
 RHO = 1025.0
 # A weightless rope that hardly stretches: the payload moves as the hang-off.

@@ -21,9 +21,9 @@ from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.payload_shedding import PayloadShedding, PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import SceneError
-from rope_twin.scene.model.joined import build_joined
+from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
 from rope_twin.twin.twin import Twin
 
 SPEED, WIDE, LENGTH, MASS, ADDED, AREA = 0.5, 1.0, 20.0, 2000.0, 500.0, 2.0

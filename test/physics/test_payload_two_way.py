@@ -20,11 +20,11 @@ from rope_twin.core.loads.hooks import all_wide
 from rope_twin.effects import Surroundings
 from rope_twin.effects.payload import Payload, PayloadParams, TwoWayPayload, build
 from rope_twin.messages.encoder import ropes_of
+from rope_twin.scene.relations import faults
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Payload as PayloadScene
 from rope_twin.scene.schema import RegularHeave, Rising, Scene, ScheduleRow, SeaState, Winch
 from rope_twin.scene.shapes import Grab, PayloadFigures, payload_figures
-from rope_twin.scene.validation.relations import faults
-from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.studies.ensemble import make_plan, read_axis, variations
 from rope_twin.twin.ensemble.ensemble import Ensemble
 from rope_twin.twin.snapshot import RopeShot

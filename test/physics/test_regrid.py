@@ -13,7 +13,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import measure
 from rope_twin.core.state import Floats, Rope
 from rope_twin.scene.schema import Winch
-from rope_twin.twin.accuracy.level import AccuracyLevel
+from rope_twin.twin.level import AccuracyLevel
 
 COARSE, TWICE, TOP = (
     AccuracyLevel(10_000_000, 1),

@@ -17,7 +17,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
 from rope_twin.core.body.step import pose_of, pulls_of
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
 
 G, RHO = 9.80665, 1025.0
 ADRIFT = replace(LINE, gravity=0.0, density=RHO, step=0.01)

@@ -17,8 +17,8 @@ from rope_twin.effects.coupled_vibration import DecomposedForceParams, ModalVibr
 from rope_twin.effects.drag import DragParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.viv.frequency_domain import run_frequency_domain, span_of
-from rope_twin.studies.viv.time_domain import run_time_domain
+from rope_twin.studies.viv_frequency_domain import run_frequency_domain, span_of
+from rope_twin.studies.viv_time_domain import run_time_domain
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
 from rope_twin.vortex.results import FREQUENCY_DOMAIN, TIME_DOMAIN, RopeVibration
 from rope_twin.vortex.shedding import Shedding

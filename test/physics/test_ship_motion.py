@@ -22,8 +22,8 @@ from rope_twin.sea.components import Waves
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.ship_motion import BoxHull, heave_response
 from rope_twin.share import share_dir
-from rope_twin.studies.accuracy.run import Course
-from rope_twin.twin.motion.ship_pose import ShipPose, hang_off_motion
+from rope_twin.studies.accuracy_run import Course
+from rope_twin.twin.motion.ship_motion import ShipPose, hang_off_motion
 from rope_twin.twin.twin import Twin
 
 Triple = tuple[float, float, float]

@@ -19,7 +19,7 @@ from rope_twin.core.state import Rope
 from rope_twin.core.statics import solve_statics
 from rope_twin.core.still_rope import Equilibrium
 from rope_twin.errors import SceneError
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.twin.statics import solve_scene_statics
 
 ENOUGH = 1e-6  # of the largest tension, mostly the top one: the largest force left at a node

@@ -17,9 +17,9 @@ from rope_twin.core import state as rows
 from rope_twin.core.axial_law import hold, tension_at
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.step import advance
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_data import StiffnessTable
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.stiffness import StiffnessTable
 
 RIG = Rig(length=1000.0, elements=100, mass=2.9, load=20e3, EA=206e6, damping=1e6)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pytest
 
 from rope_twin import load_scene
-from rope_twin.scene.model.lift import lift_figures, listed_effects
+from rope_twin.scene.lift import lift_figures, listed_effects
 from rope_twin.scene.shapes import payload_figures
 
 RHO, G = 1025.0, 9.81

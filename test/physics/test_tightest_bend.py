@@ -15,7 +15,7 @@ from rope_twin.messages.diagnostics import statuses
 from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import scene_digest
 from rope_twin.scene.schema import RopeSection, Scene
-from rope_twin.twin.bend_radius import curvatures, minimum_radii
+from rope_twin.twin.limits import curvatures, minimum_radii
 from rope_twin.twin.snapshot import Vector
 from validation.rigs import Rig
 

@@ -9,9 +9,9 @@ import pytest
 
 from rope_twin.core.bed import Plane, Soil
 from rope_twin.scene.load import load_scene
+from rope_twin.twin.contact import touchdown_at, touchdown_of
 from rope_twin.twin.snapshot import Touchdown, Vector
 from rope_twin.twin.snapshot_builder import RopeShape
-from rope_twin.twin.touchdown import touchdown_at, touchdown_of
 from rope_twin.twin.twin import Twin
 
 A = 70.0  # H/w of the catenaries [m]

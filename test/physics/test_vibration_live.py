@@ -13,7 +13,7 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.studies.driven_twin import march
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.decomposed_response import DecomposedResponse

@@ -18,7 +18,7 @@ from rope_twin.effects.rope_in_air import WettingParams, WindParams, build_wetti
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.effects.waves import build as build_waves
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 
 WIRE = Rig(
     length=200.0, elements=97, mass=20.0, EA=2e8, diameter=0.08, load=2000.0, volume=0.25,

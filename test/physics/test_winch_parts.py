@@ -21,7 +21,7 @@ from rope_twin.scene.winch import (
     EmergencyStop,
     HeaveCompensation,
 )
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
 from rope_twin.twin.winch.commands import WinchCommand
 
 HEAVE_M, PERIOD_S = 1.0, 8.0

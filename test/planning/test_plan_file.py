@@ -35,6 +35,21 @@ VESSEL = "vessel:\n  responses: vessel_120m\n  crane_tip_m: [10.0, 18.0, 12.0]\n
 PHASES = GOOD[GOOD.index("phases:") : GOOD.index("criteria:")]
 SPLASH = "  - splash_zone: {above_m: 4.0, below_m: 6.0, speed_m_per_s: 0.3}\n"
 
+SLINGS = """slings:
+  attachments_m: [[2.0, 1.0, 1.0], [2.0, -1.0, 1.0], [-2.0, 1.0, 1.0], [-2.0, -1.0, 1.0]]
+  lengths_m: [6.0]
+  diameter_m: 0.04
+  skew_load_factor: 1.25
+  mbl_n: 1.0e+6
+method:"""
+
+
+def slings(old: str, new: str) -> str:
+    """Return slings with a change of text."""
+    assert old in SLINGS
+    return SLINGS.replace(old, new, 1)
+
+
 # name: text to replace, replacement, line of the fault (0: none), words of the sentence
 WRONG = {
     "unknown key": ("scene:", "scenes: x\nscene:", 1, "scenes: unknown key; did you mean 'scene'?"),
@@ -104,6 +119,23 @@ WRONG = {
     "within": ("within: 0.05", "within: 0.0", 13, "0 is out of range; give 0.001 to 1"),
     "half a setting": ("within: 0.05", "elements: 20", 13, "elements alone; give elements"),
     "seed": ("within: 0.05", "seed: -1", 13, "-1 is out of range"),
+    "no skew": ("method:", slings("  skew_load_factor: 1.25\n", ""), 13,
+                "4 slings are statically indeterminate and no skew load given; give one of"),
+    "two skews": ("method:", slings("mbl_n", "length_tolerance_m: 0.02\n  mbl_n"), 13,
+                  "both skew_load_factor and length_tolerance_m given"),
+    "skew of three": ("method:", slings(", [-2.0, -1.0, 1.0]", ""), 13,
+                      "3 slings are statically determinate; leave skew_load_factor out"),
+    "sling lengths": ("method:", slings("[6.0]", "[6.0, 6.0]"), 13, "2 lengths for 4 slings"),
+    "sling strength": ("method:", slings("  mbl_n: 1.0e+6\n", ""), 13, "give mbl_n or wll_n"),
+    "sling stiffness": ("method:", slings("  diameter_m: 0.04\n", ""), 13, "no stiffness is given"),
+    "slings apart": ("method:", slings("[6.0]", "[2.0]"), 13, "the slings do not meet at a hook"),
+    "slings below": (
+        "method:",
+        "slings: {attachments_m: [[0.0, 0.0, -3.0]], lengths_m: [1.0], diameter_m: 0.04, "
+        "mbl_n: 1.0e+6}\nmethod:", 13, "the object capsizes; attach slings above",
+    ),
+    "sling factor": ("method:", slings("mbl_n", "factors: {material: 0.5}\n  mbl_n"), 18,
+                     "0.5 is out of range; give 1 to 4"),
     "key twice": ("method:", "criteria: {}\nmethod:", 13, "the key 'criteria' is given a second"),
     "not YAML": ("method: {within: 0.05}", "method: {within: 0.05", 14, "it is not YAML"),
     "list at the top": (GOOD, "- scene: deep_lift\n", 0, "its top is a list, not a mapping"),

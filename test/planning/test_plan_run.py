@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
+import xarray
 
 from rope_twin.cli import main
 from rope_twin.errors import InputError
@@ -227,7 +228,7 @@ def test_command_writes_rows_chart_and_picture(
 ) -> None:
     """One object on stdout; a row for each run; the chart says what is allowed."""
     out = tmp_path / "out"
-    assert main(["plan", str(small), "--out", str(out), "--json"]) == 0
+    assert main(["plan", str(small), "--out", str(out), "--json", "--netcdf"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["plan"] == "small"
     rows = parquet.read_table(out / "runs.parquet").to_pylist()
@@ -236,6 +237,11 @@ def test_command_writes_rows_chart_and_picture(
         assert key in rows[0]
     assert (out / "limits.png").stat().st_size > 5000
     assert json.loads((out / "plan.json").read_text())["cells"] == found["cells"]
+    with xarray.open_dataset(out / "plan.nc") as data:
+        assert data.limiting_hs_m.values.ravel().tolist() == [
+            cell["limiting_hs_m"] for cell in found["cells"]
+        ]
+        assert data.sizes["run"] == found["runs"]
     chart = read_load_chart(out / "load_chart.json")
     assert (chart.plan, chart.scene, chart.tp_s) == ("small", "deep_lift", (9.0, 12.0))
     limit = found["cells"][0]["limiting_hs_m"]
@@ -255,6 +261,7 @@ def test_command_writes_rows_chart_and_picture(
     )
     assert main(["plan", str(small), "--out", str(out), "--report"]) == 0
     check_report((out / "report.html").read_text(), found)
+    assert (out / "report.pdf").read_bytes().startswith(b"%PDF")
     table = capsys.readouterr()
     assert "at_depth" in table.out
     assert "345" not in table.err
@@ -309,12 +316,12 @@ def check_report(text: str, found: dict) -> None:
     names = {f"#{name}" for name in page.names}
     assert page.addresses
     assert set(page.addresses) <= names, "nothing outside the file is needed"
-    assert text.count("<svg") == 4
+    assert text.count("<svg") == 5
     for words in (found["plan_digest"], found["scene_digest"], "What is not covered", "SWL",
                   "Gumbel", "DNV-RP-N103", "vessel_120m", "Governing runs"):  # fmt: skip
         assert words in text, words
     for cell in found["cells"]:
-        assert f"<td>{1e-3 * max(one['hook_n'] for one in cell['simplified']):.0f}</td>" in text
+        assert f">{1e-3 * max(one['hook_n'] for one in cell['simplified']):.0f}</td>" in text
     assert "/tmp/" not in text
 
 

@@ -23,7 +23,7 @@ from rope_twin.planning.simplified import (
 )
 from rope_twin.scene.card import Setting
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.modes.modes import find_modes
+from rope_twin.studies.modes import find_modes
 
 LIFT = Lift(
     length_m=2000.0,

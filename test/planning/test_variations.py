@@ -12,7 +12,7 @@ from rope_twin.planning.plan_reader import bow_of, read_plan, tip_of
 from rope_twin.planning.runs import Ship, sea_seed, variation
 from rope_twin.planning.seas import SeaState
 from rope_twin.recording.motion_source import sea_of_waves
-from rope_twin.scene.change import change_scene
+from rope_twin.scene.load import change_scene
 
 
 def splash() -> tuple[Leg, Ship]:

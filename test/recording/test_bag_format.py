@@ -24,15 +24,23 @@ from rope_twin.messages import (
     encode_seat,
     statuses,
 )
-from rope_twin.messages.alerts import encode_alerts, encode_command
 from rope_twin.messages.cdr import deserialise, new, serialise
-from rope_twin.messages.estimate import COLUMNS, STATES, encode_alarm, encode_estimate
-from rope_twin.messages.forecast import FORECAST_TOPICS, encode_forecast, encode_what_if
+from rope_twin.messages.reports import (
+    FIGURE_COLUMNS,
+    FORECAST_TOPICS,
+    STATES,
+    encode_alarm,
+    encode_alerts,
+    encode_command,
+    encode_estimate,
+    encode_forecast,
+    encode_what_if,
+)
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.input_log import encode_json
 from rope_twin.topics import BY_NAME, TOPICS, Qos, Topic
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.winch.commands import WinchCommand
 
 ONE_OF_EACH = [
@@ -47,7 +55,7 @@ MEASURED = [
     Measurement.of_motor(0, 1.3e5),
     Measurement.of_depth(0, 1490.0),
 ]
-LEARNED = dict.fromkeys(COLUMNS.split(), 0.5) | {"name": "payload_drag", "state": STATES[0]}
+LEARNED = dict.fromkeys(FIGURE_COLUMNS.split(), 0.5) | {"name": "payload_drag", "state": STATES[0]}
 EPOCH_NS = 1_700_000_000_000_000_000
 NOTES = {"seed": "7", "source": "a test: with 'quotes', #hash and\nlines", "number": "12"}
 

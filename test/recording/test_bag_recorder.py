@@ -16,11 +16,10 @@ from rosbags.highlevel import AnyReader
 
 from rope_twin.errors import BagError
 from rope_twin.messages import encode_heave
-from rope_twin.recording import recorder as recorder_module
+from rope_twin.recording import bag_writer as recorder_module
 from rope_twin.recording.bag import BagReader
-from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.recording.bag_writer import BagRecorder, BagWriter
 from rope_twin.recording.heave import open_heave
-from rope_twin.recording.recorder import BagRecorder
 from rope_twin.recording.recover import Outcome, recover
 from rope_twin.topics import BY_NAME
 

@@ -17,7 +17,7 @@ from rope_twin.recording.heave import HeaveRecord, HeaveReplay, open_heave, read
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import jonswap, read_spectrum
 from rope_twin.share import share_dir
-from rope_twin.twin.motion.irregular_sea import synthesise
+from rope_twin.twin.motion.ship_motion import synthesise
 
 SECOND = 1_000_000_000
 

@@ -17,7 +17,7 @@ from rope_twin.recording.heave import read_heave
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import read_spectrum
 from rope_twin.share import share_dir
-from rope_twin.twin.motion.irregular_sea import synthesise
+from rope_twin.twin.motion.ship_motion import synthesise
 
 README = (share_dir() / "bags" / "README.md").read_text(encoding="utf-8")
 COMMANDS = {

@@ -15,12 +15,12 @@ from rope_twin.messages import decode, encode_epoch, encode_measurement
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.exact_replay import Outcome, verify
-from rope_twin.recording.measured_record import open_measured
+from rope_twin.recording.input_log import open_measured
 from rope_twin.run.options import RunOptions
 from rope_twin.run.summary import RunSummary
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.topics import TOPICS
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 
 S = 1_000_000_000
 EPOCH_NS = 1_700_000_000 * S

@@ -18,15 +18,14 @@ from rope_twin.errors import BagError, InputError, SceneError
 from rope_twin.messages import encode_elevation, encode_pose, templates
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.heave import open_heave
+from rope_twin.recording.heave import PoseReplay, open_heave, open_poses
 from rope_twin.recording.motion_source import FIRST_NS, open_sea
-from rope_twin.recording.poses import PoseReplay, open_poses
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import RecordedPoses, Ship
 from rope_twin.topics import BY_NAME, Qos, Topic
-from rope_twin.twin.motion.ship_pose import ShipPose, hang_off_motion
+from rope_twin.twin.motion.ship_motion import ShipPose, hang_off_motion
 
 ARM = (10.0, 18.0, 12.0)
 SECOND = 1_000_000_000

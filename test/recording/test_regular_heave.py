@@ -16,8 +16,8 @@ from rope_twin.recording.motion_source import FIRST_NS, SAMPLE_PERIOD_NS, Regula
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import RegularHeave
-from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.twin.motion.heave_track import HeaveTrack, ramp
 
 SEA = "sea_state: {start_s: 10.0, loop: true}"

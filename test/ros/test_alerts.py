@@ -14,7 +14,7 @@ from small_scene import SMALL_SCENE
 from rope_twin.alerts.sentences import framed
 from rope_twin.cli import main
 from rope_twin.cli.console import ExitCode
-from rope_twin.messages.alerts import encode_command
+from rope_twin.messages.reports import encode_command
 from rope_twin.ros.alert_output_node import AlertOutputNode
 
 pytestmark = pytest.mark.ros

@@ -16,12 +16,11 @@ from rope_twin.messages import (
     encode_measurement,
     read_cloud,
 )
-from rope_twin.messages.estimate import encode_estimate
-from rope_twin.messages.forecast import encode_what_if
+from rope_twin.messages.reports import encode_estimate, encode_what_if
 from rope_twin.ros.forecast_node import learned_figures
 from rope_twin.ros.params import node_parameters
 from rope_twin.run.options import RunOptions
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 
 pytestmark = pytest.mark.ros
 S = 1_000_000_000

@@ -12,11 +12,11 @@ from small_scene import SMALL_SCENE
 
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.messages import Level, encode_measurement, read_cloud
-from rope_twin.messages.forecast import encode_forecast
+from rope_twin.messages.reports import encode_forecast
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.exact_replay import Outcome, verify
 from rope_twin.topics import FORECAST_RISK, INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 
 pytestmark = pytest.mark.ros
 LISTENED = " ".join([*(topic.name for topic in SNAPSHOT_TOPICS), SESSION_TOPIC, INPUT_LOG_TOPIC])

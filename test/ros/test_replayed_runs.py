@@ -16,7 +16,7 @@ from ros_process import Processes
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.cli import main
 from rope_twin.messages import encode_cut, encode_heave, encode_order
-from rope_twin.recording import recorder as recorder_module
+from rope_twin.recording import bag_writer as recorder_module
 from rope_twin.recording.exact_replay import Outcome, Verification, verify
 from rope_twin.recording.recorded_run import read_content
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC

@@ -21,7 +21,7 @@ from rope_twin.messages import Level, decode
 from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
-from rope_twin.twin.saving.saved_state import load_state
+from rope_twin.twin.state import load_state
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"

@@ -8,7 +8,7 @@ import pytest
 from ros_bench import Bench, clocks
 
 from rope_twin.messages import encode_heave, encode_pose
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
 
 pytestmark = pytest.mark.ros
 SCENE = "deep_tow_turn"

@@ -7,14 +7,14 @@ from collections.abc import Callable
 import pytest
 
 from rope_twin.messages import Level, Status, encode_current, encode_heave, encode_order
-from rope_twin.messages.forecast import encode_forecast
 from rope_twin.messages.inputs import encode_pose
+from rope_twin.messages.reports import encode_forecast
 from rope_twin.run.border import MESSAGES_ROW, SENDERS_ROW, InputBorder, MotionSender
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import FORECAST_RISK
 from rope_twin.twin.input_queue import InputQueue, LogEntry
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
 

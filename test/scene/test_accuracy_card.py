@@ -13,8 +13,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError
 from rope_twin.scene import card
 from rope_twin.scene.card import known_error, read_card, solver_version
-from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.studies.driven_twin import variant
 
 

@@ -11,7 +11,7 @@ from rope_twin import load_scene
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.waves import Jonswap, RegularWave, WavesParams
 from rope_twin.errors import SceneError
-from rope_twin.scene.warnings.rope import sense_checks
+from rope_twin.scene.rope_warnings import sense_checks
 
 REFUSED = [
     ("wind: {velocity_m_per_s: [10.0, 0.0]}", "`wind` acts on the rope out of the water"),

@@ -16,9 +16,9 @@ from rope_twin.core.body.state import RigidBody
 from rope_twin.effects.rigid_body import RigidBodyParams, build
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.rope import build_effects
+from rope_twin.scene.rope_model import build_effects
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.twin.snapshot import BodyShot, Snapshot
 
 SLING = "{to_m: [1.0, 0.0, 0.7], length_m: 4.0, stiffness_n_per_m: 5.0e+6}"

@@ -11,17 +11,17 @@ import pytest
 from scene_text import GOOD, assert_refused, spoilt, written
 
 from rope_twin.core import state as rows
-from rope_twin.scene.load import load_scene, rope_preset
-from rope_twin.scene.model.grid import (
+from rope_twin.scene.grid import (
     Bar,
     damping_fraction,
     first_axial_frequency,
     node_coordinates,
 )
-from rope_twin.scene.model.lift import lift_figures
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.lift import lift_figures
+from rope_twin.scene.load import load_scene, rope_preset
+from rope_twin.scene.rope_model import build
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Grading
-from rope_twin.scene.warnings.rope import sense_checks
 
 ROPE = "    rope: steel_wire_40mm\n"
 SECTIONS = """\

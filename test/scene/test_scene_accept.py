@@ -12,8 +12,8 @@ from rope_twin.errors import SceneError
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.scene.card import scene_digest
 from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import AcceptedWarning
-from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.sea.spectrum import (
     breaking_fault,
     jonswap,
@@ -22,7 +22,7 @@ from rope_twin.sea.spectrum import (
     zero_crossing_period_s,
 )
 from rope_twin.share import share_dir
-from rope_twin.twin.saving.saved_state import scene_properties
+from rope_twin.twin.state import scene_properties
 from rope_twin.twin.twin import Twin
 
 PROFILE = "[[0.0, [0.5, 0.0]], [-900.0, [0.1, 0.05]]]"

@@ -8,7 +8,7 @@ import pytest
 
 from rope_twin import load_scene
 from rope_twin.errors import SceneError
-from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene
 
 SCENE = load_scene("deep_lift")

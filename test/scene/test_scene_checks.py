@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from scene_text import GOOD, spoilt, written
 
+from rope_twin.scene.lift import hung_together, lift_figures, schedule_meets_limit, stretch_m
 from rope_twin.scene.load import load_scene, rope_preset
-from rope_twin.scene.model.lift import hung_together, lift_figures, schedule_meets_limit, stretch_m
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Damping, Payload, Rope, RopeLine, Scene, ScheduleRow, Winch
-from rope_twin.scene.warnings.rope import sense_checks
 
 LENGTH = "length_m: 500.0"
 SHAPE = "shape: {box: {length_m: 3.0, width_m: 2.0, height_m: 1.5}}"

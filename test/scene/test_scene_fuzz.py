@@ -12,7 +12,7 @@ from scene_text import GOOD, written
 
 from rope_twin.errors import SceneError
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.warnings.rope import sense_checks
+from rope_twin.scene.rope_warnings import sense_checks
 
 QUICK = settings(
     max_examples=150,

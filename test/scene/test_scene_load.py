@@ -8,11 +8,11 @@ from scene_text import GOOD, spoilt, written
 
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError
+from rope_twin.scene.lift import lift_figures, listed_effects
 from rope_twin.scene.load import load_scene, rope_preset, scene_names
-from rope_twin.scene.model.lift import lift_figures, listed_effects
+from rope_twin.scene.rope_warnings import accepted_warnings, sense_checks
 from rope_twin.scene.schema import Rope, ScheduleRow, SeaState
 from rope_twin.scene.shapes import Box, Cylinder, Sphere
-from rope_twin.scene.warnings.rope import accepted_warnings, sense_checks
 
 SHIPPED = {"deep_lift", "shallow_lift", "hmpe_lift", "storm", "still_water"}
 ACCEPTED = {  # warnings that a shipped scene accepts, each with its reason

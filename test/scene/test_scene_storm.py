@@ -1,8 +1,8 @@
 """The storm scene is what it says: the rope falls slack at the payload, and snaps."""
 
 from rope_twin.recording.heave import open_heave
+from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.lift import lift_figures
 from rope_twin.twin.twin import Twin
 
 LASTS_NS = 55_000_000_000

@@ -15,10 +15,10 @@ from rope_twin.cli import main
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import SceneError
-from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.lift import lift_figures
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.warnings.rope import sense_checks
-from rope_twin.scene.warnings.vortices import expected_pace, vortex_words
+from rope_twin.scene.vortex_warnings import expected_pace, vortex_words
 from validation.rigs import Rig
 
 CABLE = Rig(

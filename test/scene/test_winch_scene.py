@@ -7,7 +7,7 @@ from scene_text import GOOD, assert_refused, spoilt, written
 
 from rope_twin.scene.card import scene_digest
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.warnings.rope import sense_checks
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.winch import ScheduleRow
 
 LEAST = "  least_line_out_m: 50.0\n"

@@ -17,7 +17,7 @@ from rope_twin.core.step import advance
 from rope_twin.effects.drag import Drag
 from rope_twin.effects.rope_mass import Weight
 from rope_twin.errors import SolverError
-from rope_twin.twin.saving.saved_state import load_state
+from rope_twin.twin.state import load_state
 
 STEP_NS = 10_000_000
 BREAKS_AT = 137  # steps that succeed

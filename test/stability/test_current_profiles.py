@@ -13,8 +13,8 @@ from rope_twin import load_scene
 from rope_twin.errors import SceneError
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.twin.current_input import MAX_ROWS
 from rope_twin.twin.health import RECENT_NS
+from rope_twin.twin.inputs import MAX_ROWS
 from rope_twin.twin.twin import Twin
 
 

@@ -16,10 +16,9 @@ from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting.cut_input import CutInput
-from rope_twin.view.rope_view import RopeView
+from rope_twin.twin.cut_input import CutInput
+from rope_twin.view.rope_view import RopeView, play
 from rope_twin.view.sinks import FileSink
-from rope_twin.view.view_bag import play
 
 AT_S, BELOW_M, EVERY = 1.002, 12.0, 100
 

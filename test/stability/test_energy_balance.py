@@ -20,8 +20,8 @@ from rope_twin.errors import SceneError
 from rope_twin.messages import decode
 from rope_twin.recording.bag import BagReader
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.monitors import energy as energy_account
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin import monitors as energy_account
+from rope_twin.twin.monitors import ENERGY
 from rope_twin.twin.twin import Twin
 
 MOST_GAIN_PCT = 0.1  # of the energy exchanged; the worst of 300 scenes drawn had 0.02

@@ -18,11 +18,11 @@ import rope_twin.twin.ensemble.member as member_module
 from rope_twin import Twin, load_scene
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SceneError
-from rope_twin.scene.change import Change
+from rope_twin.scene.load import Change
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.ensemble.member import Scratch
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
 
 

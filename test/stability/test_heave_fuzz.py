@@ -14,7 +14,7 @@ from small_scene import not_finite, small_scene
 
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.motion.hang_off import HangOffTrack
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.twin import Twin
 
 LIMIT_M = 100.0  # no motion of the hang-off may come near this

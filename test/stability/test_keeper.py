@@ -11,8 +11,8 @@ from small_scene import small_scene
 import rope_twin.twin.ropes as twin_module
 from rope_twin import Twin
 from rope_twin.errors import SolverError, StateError
-from rope_twin.twin.saving.autosave import AutoSave
-from rope_twin.twin.saving.saved_state import SavedState, load_state
+from rope_twin.twin.state import SavedState, load_state
+from rope_twin.twin.state_file import AutoSave
 
 
 @pytest.fixture

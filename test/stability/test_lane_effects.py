@@ -10,11 +10,11 @@ from lone_twins import SECOND_NS, differing, sea
 from rope_twin import load_scene
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
-from rope_twin.scene.change import Change
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.load import Change
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 
 EVERYTHING = """\
 about: a load in the splash zone or on the bed, on a rope of a stiffness table

@@ -19,7 +19,7 @@ from small_scene import SMALL_SCENE, small_scene
 
 import rope_twin.core.lanes.group as group_module
 import rope_twin.twin.ensemble.ensemble as ensemble_module
-import rope_twin.twin.ensemble.simd as lanes_module
+import rope_twin.twin.ensemble.ensemble as lanes_module
 from rope_twin import load_scene
 from rope_twin.core.jit.decorators import OPTIONS, jit, jit_entry
 from rope_twin.core.jit.wide import ALL, LANES, mask_of, tiles, wide
@@ -36,11 +36,11 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.tridiagonal import eliminate, eliminate_wide, push, push_wide, substitute_wide
 from rope_twin.errors import InputError
-from rope_twin.scene.change import Change
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.load import Change
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
 
 TWO_SECTIONS = """\

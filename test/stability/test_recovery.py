@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from small_scene import not_finite, small_scene
 
-import rope_twin.twin.cutting.parted as parted_module
+import rope_twin.twin.parted as parted_module
 import rope_twin.twin.ropes as ropes_module
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.core.step import advance
 from rope_twin.effects.current import from_rows
 from rope_twin.errors import SolverError
 from rope_twin.messages import Level, Status, statuses
-from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.current_input import CurrentInput
-from rope_twin.twin.monitors.settings import NO_MONITORS, Monitors
+from rope_twin.twin.inputs import CurrentInput
+from rope_twin.twin.level import AccuracyLevel
+from rope_twin.twin.monitors import NO_MONITORS, Monitors
 from rope_twin.twin.recovery import (
     CHECKPOINT_NS,
     CHECKPOINTS,
@@ -28,8 +28,8 @@ from rope_twin.twin.recovery import (
     MAX_FAILURES,
     Recovery,
 )
-from rope_twin.twin.saving.autosave import AutoSave
-from rope_twin.twin.saving.saved_state import load_state
+from rope_twin.twin.state import load_state
+from rope_twin.twin.state_file import AutoSave
 
 SLOT = 2  # steps
 
@@ -74,7 +74,7 @@ def run(recovery: Recovery, twin: Twin, seconds: float, feed: bool = True) -> li
     """Slot by slot, with heave that comes in time."""
     shots = []
     for _ in range(round(seconds / (SLOT * twin.step_s))):
-        newest = twin.newest_ns().get("heave", 0)
+        newest = twin.inputs.newest_ns().get("heave", 0)
         if feed and newest < twin.time_ns + 500_000_000:
             t = (newest + 50_000_000) * 1e-9
             twin.offer_heave(newest + 50_000_000, math.sin(0.7 * t), 0.7 * math.cos(0.7 * t))
@@ -307,7 +307,7 @@ def test_a_keeper_saves_good_states_after_a_recovery_and_none_of_a_failed_run(
 
 def test_ropes_that_meet_go_back_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a winch at each of two hang-offs."""
-    import rope_twin.twin.multi_line.system as joined_module
+    import rope_twin.twin.multi_line as joined_module
 
     twin = Twin(load_scene("two_line_lift"))
     assert len(twin.scene.ropes) > 1

@@ -17,7 +17,7 @@ from rope_twin.errors import InputError
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import measure_alone
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.saving.saved_state import SavedState
+from rope_twin.twin.state import SavedState
 from rope_twin.twin.twin import Twin
 
 END = 2050

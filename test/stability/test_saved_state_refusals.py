@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 from small_scene import SMALL_SCENE, small_scene
 
-import rope_twin.twin.saving.saved_state as saved_state_module
+import rope_twin.twin.state as saved_state_module
 from rope_twin import Twin, load_scene
 from rope_twin.errors import StateError
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.saving.saved_state import load_state
-from rope_twin.twin.saving.state_file import read_state, write_state
-from rope_twin.twin.state import FORMAT
+from rope_twin.twin.state import load_state
+from rope_twin.twin.state_file import FORMAT, read_state, write_state
 
 
 @pytest.fixture(scope="module")

@@ -19,11 +19,10 @@ from small_scene import not_finite
 from weather import UNHURRIED, Weather, that_rests, weathers
 
 from rope_twin.errors import SceneError
-from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.load import Change, change_scene, load_scene, scene_names
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march
-from rope_twin.twin.monitors.settings import ENERGY, NO_MONITORS, Monitors
+from rope_twin.twin.monitors import ENERGY, NO_MONITORS, Monitors
 from rope_twin.twin.twin import Twin
 from validation.rigs import sine
 

@@ -21,7 +21,7 @@ from rope_twin.scene.winch import (
     HeaveCompensation,
 )
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.winch.commands import CommandSample, WinchCommand
 
 S = 1_000_000_000

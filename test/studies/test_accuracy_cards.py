@@ -10,9 +10,9 @@ import pytest
 from rope_twin.scene.card import FOLDER, card_path, read_card
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.share import share_dir
-from rope_twin.studies.accuracy import study as accuracy
-from rope_twin.studies.accuracy.run import BY_NAME
-from rope_twin.studies.accuracy.study import make_plan
+from rope_twin.studies import accuracy_study as accuracy
+from rope_twin.studies.accuracy_run import BY_NAME
+from rope_twin.studies.accuracy_study import make_plan
 
 CARDS = share_dir() / "config" / "scenes" / FOLDER
 NAMES = sorted(path.stem for path in CARDS.glob("*.json"))

@@ -36,10 +36,10 @@ from rope_twin.run.options import read_options
 from rope_twin.scene import card
 from rope_twin.scene.card import Rung, Setting, known_error, read_card
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy.within import cheapest_within, most_accurate, sure_bound
+from rope_twin.studies.accuracy_within import cheapest_within, most_accurate, sure_bound
 from rope_twin.studies.driven_twin import variant
-from rope_twin.twin.accuracy.level import AccuracyLevel as LadderRung
-from rope_twin.twin.accuracy.overload import TwinOverloadProtection
+from rope_twin.twin.level import AccuracyLevel as LadderRung
+from rope_twin.twin.level import TwinOverloadProtection
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
 

@@ -19,9 +19,8 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.scene import card
 from rope_twin.scene.card import known_error, read_card
-from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.load import load_scene
-from rope_twin.studies.accuracy.run import (
+from rope_twin.scene.load import Change, change_scene, load_scene
+from rope_twin.studies.accuracy_run import (
     Course,
     Series,
     Setting,
@@ -30,8 +29,8 @@ from rope_twin.studies.accuracy.run import (
     snap_peak_n,
     values,
 )
-from rope_twin.studies.accuracy.study import SAFETY, judge, make_plan, uncertainty
-from rope_twin.studies.accuracy.witness import Witness, call_witness
+from rope_twin.studies.accuracy_study import SAFETY, judge, make_plan, uncertainty
+from rope_twin.studies.accuracy_witness import Witness, call_witness
 from rope_twin.studies.driven_twin import variant
 
 LOOK_S = 0.2

@@ -13,8 +13,8 @@ from whole_history import count_cycles
 
 from rope_twin import load_scene
 from rope_twin.errors import InputError
+from rope_twin.scene.grid import ends_m
 from rope_twin.scene.load import rope_preset
-from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.schema import Damping, RopeLine, RopeSection
 from rope_twin.studies.ensemble import Plan, variations
 from rope_twin.twin.ensemble.ensemble import Ensemble

@@ -14,7 +14,7 @@ import pytest
 from rope_twin.cli import main
 from rope_twin.messages import Level
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.faults.campaign import (
+from rope_twin.studies.fault_campaign import (
     FROM_S,
     PATIENCE_S,
     UNTIL_S,
@@ -22,7 +22,7 @@ from rope_twin.studies.faults.campaign import (
     judge,
     plan,
 )
-from rope_twin.studies.faults.injection import (
+from rope_twin.studies.fault_injection import (
     DEPTH,
     HEAVE,
     INPUTS,
@@ -32,10 +32,12 @@ from rope_twin.studies.faults.injection import (
     SENSORS,
     Fault,
     Message,
+    Truth,
     faults_of,
+    instrumented,
     laid_over,
+    readings,
 )
-from rope_twin.studies.faults.instruments import Truth, instrumented, readings
 
 SOUND = [
     Message(HEAVE, k * 50_000_000 + 1_000_000, k * 50_000_000, (0.01 * k, 0.2)) for k in range(1000)

@@ -15,8 +15,7 @@ import yaml
 from rope_twin.cli import main
 from rope_twin.scene.load import load_scene
 from rope_twin.share import share_dir
-from rope_twin.studies.parameter_study.design import FatigueWish, Made
-from rope_twin.studies.parameter_study.multi_line import new_counts, run_system
+from rope_twin.studies.study_design import FatigueWish, Made, new_counts, run_system
 
 Row = dict[str, Any]
 STUDY = """\

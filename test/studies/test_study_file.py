@@ -10,11 +10,11 @@ import pytest
 from study_text import DRAWN, GOOD, written
 
 from rope_twin.errors import RopeTwinError
-from rope_twin.scene.change import change_scene
+from rope_twin.scene.load import change_scene
 from rope_twin.share import share_dir
 from rope_twin.studies.ensemble import Seas
-from rope_twin.studies.parameter_study.design import design_runs, made_of, read_study
-from rope_twin.studies.parameter_study.run import cut_into_batches
+from rope_twin.studies.study_design import design_runs, made_of, read_study
+from rope_twin.studies.study_run import cut_into_batches
 
 
 def test_a_grid_is_every_combination(tmp_path: Path) -> None:

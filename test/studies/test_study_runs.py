@@ -22,8 +22,8 @@ from rope_twin.cli import main, study
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.ensemble import Plan, variations
-from rope_twin.studies.parameter_study.design import read_study
-from rope_twin.studies.parameter_study.run import StudyFolder
+from rope_twin.studies.study_design import read_study
+from rope_twin.studies.study_run import StudyFolder
 from rope_twin.twin.ensemble.ensemble import Ensemble
 
 PATIENCE_S = 300.0
@@ -31,7 +31,7 @@ PATIENCE_S = 300.0
 STANDS_STILL = """
 import sys, threading
 from rope_twin.cli import main
-from rope_twin.studies.parameter_study.run import StudyFolder
+from rope_twin.studies.study_run import StudyFolder
 
 add = StudyFolder.add
 

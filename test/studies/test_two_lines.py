@@ -23,13 +23,13 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene
 from rope_twin.share import share_dir
-from rope_twin.twin.multi_line.clearance import (
+from rope_twin.twin.multi_line_snapshot import (
     ClearanceMonitor,
     ClearanceReport,
     lines_of,
     report_on,
 )
-from rope_twin.twin.multi_line.clearance_results import Crossing, LineEvent, LinesShot, Nearest
+from rope_twin.twin.snapshot import Crossing, LineEvent, LinesShot, Nearest
 
 DEPTH = 1000.0
 

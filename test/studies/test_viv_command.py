@@ -14,8 +14,8 @@ from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError
-from rope_twin.studies.modes.modes import find_modes
-from rope_twin.studies.viv.frequency_domain import (
+from rope_twin.studies.modes import find_modes
+from rope_twin.studies.viv_frequency_domain import (
     chosen_places,
     count_fatigue,
     run_frequency_domain,

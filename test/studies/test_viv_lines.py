@@ -12,7 +12,7 @@ from parted_lift import whole_and_parted
 
 from rope_twin.cli import main
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.viv.frequency_domain import count_fatigue, run_frequency_domain, spans_of
+from rope_twin.studies.viv_frequency_domain import count_fatigue, run_frequency_domain, spans_of
 from rope_twin.vortex.fatigue import StressCurve
 from rope_twin.vortex.modes import find_lateral_modes
 from rope_twin.vortex.shedding import Shedding

@@ -18,9 +18,9 @@ from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.schema import RegularHeave, Scene, SeaState, Time
-from rope_twin.studies.viv.pictures import time_domain_words
-from rope_twin.studies.viv.samplers import resampled
-from rope_twin.studies.viv.time_domain import (
+from rope_twin.studies.viv_pictures import time_domain_words
+from rope_twin.studies.viv_samplers import resampled
+from rope_twin.studies.viv_time_domain import (
     TimeDomainRun,
     _amplification,
     _figures,

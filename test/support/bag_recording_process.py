@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from rope_twin.messages import encode_heave
-from rope_twin.recording.recorder import BagRecorder
+from rope_twin.recording.bag_writer import BagRecorder
 from rope_twin.topics import BY_NAME
 
 recorder = BagRecorder(Path(sys.argv[1]), [BY_NAME["ship/heave"]], {"source": "a test"})

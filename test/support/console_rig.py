@@ -19,8 +19,7 @@ from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.console.requests import Requests
 from rope_twin.messages import Level, Status
-from rope_twin.messages.alerts import encode_alerts
-from rope_twin.messages.forecast import band_columns, encode_forecast
+from rope_twin.messages.reports import band_columns, encode_alerts, encode_forecast
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import BY_NAME
 from rope_twin.twin.winch.commands import WinchCommand

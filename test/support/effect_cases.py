@@ -59,7 +59,7 @@ from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
-from rope_twin.scene.model.rope import build_effects
+from rope_twin.scene.rope_model import build_effects
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.shapes import payload_figures
 from rope_twin.twin import ropes

@@ -17,7 +17,7 @@ from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.state import Floats
 from rope_twin.core.step import advance_joined
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 
 Vector = NDArray[np.float64]
 Point = tuple[float, float, float]

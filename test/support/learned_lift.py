@@ -18,7 +18,7 @@ from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
-from rope_twin.twin.measured.readings import Measurement
+from rope_twin.twin.readings import Measurement
 
 START_NS = 1_700_000_000_000_000_000
 SECONDS = 182.0

@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from small_scene import figures
 
 from rope_twin import Snapshot, Twin
-from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.load import Change, change_scene
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.twin.ensemble.ensemble import Variation
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand, schedule_samples
 
 SAMPLE_NS = 50_000_000

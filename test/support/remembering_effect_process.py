@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from small_scene import SMALL_SCENE, digest
 
-import rope_twin.scene.model.rope as build_module
+import rope_twin.scene.rope_model as build_module
 from rope_twin import Twin, load_scene
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import RESIDUAL

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.scene.card import KnownError
-from rope_twin.twin.motion.ship_pose import ShipPose
-from rope_twin.twin.results import TensionInterval
+from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.snapshot import (
     BedContact,
     BodyShot,
@@ -22,6 +21,7 @@ from rope_twin.twin.snapshot import (
     Snapshot,
     SolverHealth,
     StrutShot,
+    TensionInterval,
 )
 from rope_twin.vortex.fatigue import BendResult
 from rope_twin.vortex.results import MaterialFatigue, RopeVibration

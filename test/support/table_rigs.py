@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from rigs import Rig
 
+from rope_twin.scene.rope_data import StiffnessTable
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.stiffness import StiffnessTable
 
 HMPE = StiffnessTable(
     table=((0.0, 0.0), (0.001, 0.06e6), (0.002, 0.17e6), (0.004, 0.5e6), (0.008, 1.3e6))

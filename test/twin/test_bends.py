@@ -19,12 +19,12 @@ from rope_twin.core import state as rows
 from rope_twin.errors import InputError, StateError
 from rope_twin.messages import diagnostics
 from rope_twin.run.summary import fatigue_figures, watch_words
-from rope_twin.scene.fatigue import BendingLife, FatigueData, TensionLife, endurance, own_curve
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rope_data import BendingLife, FatigueData, TensionLife, endurance, own_curve
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.winch import BendingSheave, Drum, HeaveCompensation, InboardSheave, TopSheave
 from rope_twin.studies.driven_twin import march, still
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.fatigue import (
     CURVES,

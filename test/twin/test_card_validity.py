@@ -16,7 +16,7 @@ from rope_twin.recording.session import expect_own_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import ScheduleRow, Winch
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import (
     EMERGENCY_STOP,

@@ -13,9 +13,8 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene, ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.studies.driven_twin import fed, march, variant
-from rope_twin.twin.accuracy.coarse_solution import SAMPLING_RATIO, CoarseSolution
-from rope_twin.twin.accuracy.error_interval import SETTLING_S, ErrorInterval
-from rope_twin.twin.monitors.settings import ERROR_INTERVAL
+from rope_twin.twin.error_interval import SAMPLING_RATIO, SETTLING_S, CoarseSolution, ErrorInterval
+from rope_twin.twin.monitors import ERROR_INTERVAL
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.winch.commands import WinchCommand
 from validation.rigs import Rig, sine

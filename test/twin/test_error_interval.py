@@ -18,20 +18,19 @@ from rope_twin.messages import Encoder, decode, read_cloud, statuses
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun, run_unpaced
+from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.joined import build_joined
-from rope_twin.scene.model.rope import build
-from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_model import build
 from rope_twin.studies.driven_twin import fed, march
-from rope_twin.twin.accuracy.error_interval import (
+from rope_twin.twin.error_interval import (
     SETTLING_S,
     ErrorInterval,
     WindowMaximum,
     stands_on_bed,
 )
-from rope_twin.twin.monitors.settings import ERROR_INTERVAL, Monitors
-from rope_twin.twin.results import TensionInterval
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.monitors import ERROR_INTERVAL, Monitors
+from rope_twin.twin.snapshot import Snapshot, TensionInterval
 from rope_twin.twin.twin import Twin
 from validation.rigs import Rig, sine
 

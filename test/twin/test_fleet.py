@@ -13,9 +13,8 @@ from small_scene import SMALL_SCENE, small_scene
 
 from rope_twin.core import state as rows
 from rope_twin.errors import InputError
-from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.load import Change, change_scene, load_scene
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import FIGURES, Fleet, FleetInputs
 

@@ -13,16 +13,14 @@ from small_scene import SMALL_SCENE, not_finite
 
 from rope_twin.errors import SceneError
 from rope_twin.messages import Level, statuses
-from rope_twin.scene.change import following_measured
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import following_measured, load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.saving.saved_state import decode_state
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.state import decode_state
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.commands import Payout, WinchCommand
 from rope_twin.twin.winch.following import HOLD_S, LineTrack
-from rope_twin.twin.winch.payout import Payout
 
 FOLLOWING = SMALL_SCENE.replace("winch:\n", "winch:\n  follows: measured\n")
 STEP_NS, MS = 10_000_000, 1_000_000
@@ -63,7 +61,7 @@ def followed(
     with_speed: bool = True,
 ) -> list[Snapshot]:
     """Offer readings 0.2 s ahead, as an input delay does; snapshots after each step."""
-    shots, next_ns = [], (twin.newest_ns().get("winch_measured", -every_ns)) + every_ns
+    shots, next_ns = [], (twin.inputs.newest_ns().get("winch_measured", -every_ns)) + every_ns
     until_ns = twin.time_ns + round(seconds * 1e9)
     while twin.time_ns < until_ns:
         while next_ns <= twin.time_ns + 200 * MS:

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rope_twin.errors import InputError
-from rope_twin.twin.motion.heave_series import HeaveSeries
-from rope_twin.twin.motion.heave_track import HeaveTrack
+from rope_twin.twin.motion.heave_track import HeaveSeries, HeaveTrack
 
 Sample = tuple[int, float, float]
 

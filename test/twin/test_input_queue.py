@@ -15,7 +15,6 @@ from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError
 from rope_twin.recording.input_log import InputLog, Mark, Skipped, encode_json, read_log
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
-from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.input_queue import (
     WAITING_LIMIT,
     Call,
@@ -25,7 +24,8 @@ from rope_twin.twin.input_queue import (
     calls_of,
     plain_calls,
 )
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.level import AccuracyLevel
+from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.winch.commands import WinchCommand
 
 POSE = ShipPose(5, (0.1, -0.0, 3.0), (1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), (0.1, 0.2, 0.3))

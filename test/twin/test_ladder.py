@@ -17,15 +17,16 @@ from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, offer, open_sea
 from rope_twin.scene.card import read_card
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march, variant
-from rope_twin.twin.accuracy.level import AccuracyLevel, levels_of
-from rope_twin.twin.accuracy.overload import (
+from rope_twin.twin.level import (
     FIT,
     MIN_CYCLES,
     WAIT_S,
+    AccuracyLevel,
     OverloadProtection,
     TwinOverloadProtection,
+    levels_of,
 )
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.pacing import Pacer, SlotTimes, SnapshotQueue, steps_in_slot
 from rope_twin.twin.winch.commands import schedule_samples
 from validation.rigs import Rig, sine

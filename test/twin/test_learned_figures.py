@@ -11,11 +11,10 @@ from small_scene import small_scene
 from rope_twin import Twin
 from rope_twin.core.state import Table
 from rope_twin.errors import InputError
-from rope_twin.scene.change import Change, change_scene
-from rope_twin.twin.ensemble.figures import FIGURES
+from rope_twin.scene.load import Change, change_scene
 from rope_twin.twin.ensemble.live_state import live_state
+from rope_twin.twin.figures import FIGURES, FigureBase, LearnedFigures
 from rope_twin.twin.input_queue import InputQueue, LogEntry, apply, calls_of, plain_calls
-from rope_twin.twin.learned_figures import FigureBase, LearnedFigures
 
 
 @pytest.fixture

@@ -17,18 +17,17 @@ from rope_twin.errors import InputError
 from rope_twin.messages import Encoder, Level, encode_measurement, read_cloud, statuses
 from rope_twin.messages.cdr import deserialise
 from rope_twin.messages.inputs import read_measurement
-from rope_twin.messages.residuals import residuals_status
+from rope_twin.messages.status import residuals_status
 from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME, MEASURED_TOPICS
 from rope_twin.twin.input_queue import InputQueue, LogEntry, apply, calls_of, plain_calls
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.measured.residuals import DEPTH, LINE_OUT, SAMPLE_NS, TENSION, MeasuredInputs
-from rope_twin.twin.results import TensionInterval
-from rope_twin.twin.saving.saved_state import decode_state
-from rope_twin.twin.snapshot import Residual, Snapshot
+from rope_twin.twin.readings import Measurement
+from rope_twin.twin.residuals import DEPTH, LINE_OUT, SAMPLE_NS, TENSION, MeasuredInputs
+from rope_twin.twin.snapshot import Residual, Snapshot, TensionInterval
+from rope_twin.twin.state import decode_state
 from rope_twin.twin.twin import Twin
 
 MEASURED = """\

@@ -12,12 +12,11 @@ from sample_snapshot import RESIDUAL, hanging_rope
 from small_scene import small_scene
 
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.warnings.rope import sense_checks, validity_warnings
+from rope_twin.scene.rope_warnings import sense_checks, validity_warnings
 from rope_twin.share import share_dir
-from rope_twin.twin.model_range import DOUBTED, OUTSIDE, Finding, ModelRange
-from rope_twin.twin.multi_line.clearance_results import Crossing, LinesShot, Nearest
-from rope_twin.twin.snapshot import BedContact, InputHealth, Snapshot
+from rope_twin.twin.snapshot import BedContact, Crossing, InputHealth, LinesShot, Nearest, Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.validity import DOUBTED, OUTSIDE, Finding, ModelRange
 
 SHOT = replace(hanging_rope(), residuals=(), seabed=None, inputs={}, payloads=())
 SCENES = sorted((share_dir() / "config" / "scenes").glob("*.yaml"))

@@ -15,7 +15,7 @@ from rope_twin.scene.load import scene_names
 from rope_twin.twin.health import StuckDetector
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.plausibility import end_slope, needed_interval_s, shortest_period_s
-from rope_twin.twin.motion.ship_pose import ShipPose, turned
+from rope_twin.twin.motion.ship_motion import ShipPose, turned
 from rope_twin.twin.snapshot import InputHealth
 
 STEP_NS, AHEAD_NS, FAULT_NS = 20_000_000, 200_000_000, 8_000_000_000

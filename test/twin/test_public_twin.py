@@ -13,8 +13,8 @@ from scene_text import GOOD, written
 from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError, SceneError
 from rope_twin.twin import twin as internal
-from rope_twin.twin.measured.readings import Measurement
-from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.winch.commands import WinchCommand
 
 NO_POSE = ShipPose(0, (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))

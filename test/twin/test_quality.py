@@ -16,8 +16,6 @@ from small_scene import small_scene
 
 from rope_twin.messages import Level, statuses
 from rope_twin.scene.card import KnownError
-from rope_twin.twin.measured.residual_tests import ResidualTests
-from rope_twin.twin.model_range import falling
 from rope_twin.twin.quality import (
     CAUSES,
     DEPTH,
@@ -39,7 +37,7 @@ from rope_twin.twin.quality import (
     residual_of,
     validity_of,
 )
-from rope_twin.twin.results import TensionInterval
+from rope_twin.twin.residual_tests import ResidualTests
 from rope_twin.twin.snapshot import (
     ForecastScore,
     InputHealth,
@@ -47,8 +45,10 @@ from rope_twin.twin.snapshot import (
     RopeStrength,
     Snapshot,
     SolverHealth,
+    TensionInterval,
 )
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.validity import falling
 
 SOUND = replace(hanging_rope(), error_interval=None, card_error=KnownError(0.5, 0.1, "by a study"))
 MEASURED = replace(RESIDUAL, at_s=2.4, mean=0.0, rms=RESIDUAL.half_width / 1.96, outside=0.05)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from rope_twin.twin.measured.residual_tests import (
+from rope_twin.twin.residual_tests import (
     FREEDOM_S,
     VARIANCE_S,
     ResidualMonitor,

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import kstest, t
 
 from rope_twin.errors import InputError
-from rope_twin.twin.measured.slow_drift import (
+from rope_twin.twin.residual_tests import (
     LEAST_BLOCKS,
     SETTLING,
     SlowDrift,

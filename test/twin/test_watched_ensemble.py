@@ -8,11 +8,10 @@ import pytest
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
 from rope_twin.errors import InputError
-from rope_twin.scene.change import at_setting
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
-from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_track import HeaveSeries
 
 STEP_S, SECONDS = 0.05, 20.0
 

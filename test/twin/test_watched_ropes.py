@@ -14,7 +14,7 @@ from rope_twin.run.summary import fatigue_figures
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.results import MonitorSettings

@@ -23,10 +23,10 @@ from rope_twin.scene.schema import RopeSection, Scene, Winch
 from rope_twin.scene.winch import TopSheave
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.twin import twin as twin_module
-from rope_twin.twin.monitors.settings import Monitors
-from rope_twin.twin.monitors.vortex import VortexMonitor
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.vortex_monitor import VortexMonitor
 from rope_twin.vortex.fatigue import STRESS_CURVES, wire_curve_warning
 from rope_twin.vortex.line_model import diameters, turned
 from rope_twin.vortex.monitor import MeasuredVibration, RopeMonitor

@@ -8,21 +8,21 @@ from dataclasses import replace
 import pytest
 
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging import places, winches_by_name
 from rope_twin.scene.schema import WINCH
-from rope_twin.scene.validation.rigging import places, winches_by_name
 from rope_twin.scene.winch import Brake, ConstantTension, Drive, Drum, EmergencyStop, ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.twin.saving.saved_state import scene_properties
+from rope_twin.twin.state import scene_properties
 from rope_twin.twin.winch.commands import (
     COMMANDER_LOST,
     MAX_AT_ONCE,
     MAX_PLANNED,
     NEW_COMMANDER,
     CommandSample,
+    TensionFeedback,
     WinchCommand,
     schedule_samples,
 )
-from rope_twin.twin.winch.payout import TensionFeedback
 from rope_twin.twin.winch.winch import Winch, winch_of_rope
 
 S = 1_000_000_000

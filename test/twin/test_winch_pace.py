@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from rope_twin.scene.winch import Drum
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.commands import LineTarget, Payout, WinchCommand
 from rope_twin.twin.winch.control_modes import AccelerationLimited, JerkLimited, MotionProfile
-from rope_twin.twin.winch.payout import LineTarget, Payout
 from rope_twin.twin.winch.winch import Winch
 
 ROUND_OFF_M = 1e-9

@@ -15,7 +15,7 @@ from rope_twin.errors import BagError, InputError
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.share import share_dir
 from rope_twin.topics import BY_NAME, TOPICS
-from rope_twin.view.view_bag import play
+from rope_twin.view.rope_view import play
 
 EPOCH_NS = 1_763_700_000_000_000_000
 SECONDS = 20

@@ -19,7 +19,7 @@ from rope_twin.cli import view
 from rope_twin.errors import BagError, InputError
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import TOPICS
-from rope_twin.view import picture, sinks
+from rope_twin.view import sinks
 
 EPOCH_NS = 1_763_700_000_000_000_000
 
@@ -143,7 +143,7 @@ def test_what_debian_lacks_for_a_picture_is_named(
         raise OSError(name)
 
     monkeypatch.setattr(ctypes, "CDLL", missing)
-    monkeypatch.setattr(picture, "_DRIVERS", (str(tmp_path),))
+    monkeypatch.setattr(sinks, "_DRIVERS", (str(tmp_path),))
     with pytest.raises(InputError, match="apt-get install libvulkan1 mesa-vulkan-drivers"):
         command(str(bag), "--out", str(tmp_path / "a.png"))
 
@@ -154,13 +154,13 @@ def test_a_picture_without_a_screen(
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     out = tmp_path / "lift.png"
-    if missing := picture.what_a_picture_lacks():  # a bare machine: then this is all there is
+    if missing := sinks.what_a_picture_lacks():  # a bare machine: then this is all there is
         with pytest.raises(InputError, match=re.escape(missing)):
             command(str(bag), "--out", str(out))
         return
     assert command(str(bag), "--out", str(out)) == 0
     with Image.open(out) as image:
-        assert image.width == picture.SIZE[0]
+        assert image.width == sinks.SIZE[0]
         rgb = image.convert("RGB")
         colours = {rgb.getpixel((x, y)) for x in range(0, 1600, 4) for y in range(0, 900, 4)}
     # the window is not empty: both ends of the colour bar, and slack

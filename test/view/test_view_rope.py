@@ -15,9 +15,18 @@ from view_session import EPOCH_NS, Session
 from rope_twin import messages
 from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status
-from rope_twin.twin.multi_line.clearance_results import Crossing, LineEvent, LinesShot, Nearest
-from rope_twin.twin.snapshot import BodyShot, PayloadShot, RopeShot, StrutShot, WinchShot
-from rope_twin.view import depth_chart
+from rope_twin.twin.snapshot import (
+    BodyShot,
+    Crossing,
+    LineEvent,
+    LinesShot,
+    Nearest,
+    PayloadShot,
+    RopeShot,
+    StrutShot,
+    WinchShot,
+)
+from rope_twin.view import profile
 from rope_twin.view.sinks import FileSink
 
 
@@ -261,9 +270,9 @@ def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Sessi
     across, down = np.array(strip).T
     assert down[0] == 0.0
     assert across == pytest.approx(across.max() * shot.vibration.cross_flow / 0.5, abs=1e-3)
-    assert 0.4 * depth_chart.WIDTH < across.max() <= depth_chart.WIDTH
+    assert 0.4 * profile.WIDTH < across.max() <= profile.WIDTH
     (strip,) = found.column("vibration/drag/amplification", "LineStrips2D:strips")[0]
-    across = np.array(strip)[:, 0] - 2.0 * (depth_chart.WIDTH + depth_chart.GAP)
+    across = np.array(strip)[:, 0] - 2.0 * (profile.WIDTH + profile.GAP)
     assert across == pytest.approx(across.max() * shot.vibration.drag_amplification / 2.0, abs=1e-3)
     for entity in ("vibration/frequency/in-line", "vibration/amplitude/title", "fatigue/grid"):
         assert entity in found.entities

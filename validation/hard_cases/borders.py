@@ -17,7 +17,7 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.studies.driven_twin import march, still
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.twin import Twin
 from validation.case import Finding, between, limited
 from validation.hard_cases.limits import all_converged, hard_case, off

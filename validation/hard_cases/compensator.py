@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.scene.schema import Rope, RopeSection, Scene
 from rope_twin.studies.driven_twin import march
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.twin import Twin
 from validation.case import Finding, between, limited
 from validation.hard_cases.limits import all_converged, hard_case, off, rms_off

@@ -17,9 +17,9 @@ from rope_twin.core.state import Boundary
 from rope_twin.core.step import advance_joined
 from rope_twin.effects.hull_contact import HullBox, HullContact, HullContactParams, contact_forces
 from rope_twin.effects.line_contact import LineContactParams
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.rope_model import build
 from rope_twin.studies.driven_twin import march, still
-from rope_twin.twin.monitors.settings import Monitors
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.twin import Twin
 from validation.case import Finding, limited
 from validation.hard_cases.limits import all_converged, hard_case, off, rms_off

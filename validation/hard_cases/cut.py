@@ -15,15 +15,15 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SolverError, phrase
-from rope_twin.scene.model.rope import build
-from rope_twin.twin.cutting.parted import CutRope
-from rope_twin.twin.cutting.rope_cut import (
+from rope_twin.scene.rope_model import build
+from rope_twin.twin.contact import seabed_contact
+from rope_twin.twin.parted import CutRope
+from rope_twin.twin.rope_cut import (
     CutPosition,
     cut_rope,
     without_load,
     without_massless_section,
 )
-from rope_twin.twin.touchdown import seabed_contact
 from validation.case import Finding, limited
 from validation.hard_cases.limits import all_converged, hard_case, off
 from validation.hard_cases.rigs import RigBench, settled

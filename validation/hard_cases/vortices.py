@@ -21,7 +21,7 @@ from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.driven_twin import Motion, march, still
-from rope_twin.twin.monitors.settings import ENERGY
+from rope_twin.twin.monitors import ENERGY
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth

@@ -34,9 +34,9 @@ from rope_twin.estimation.load_pin import LoadPin
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.recording.heave import open_heave
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.boundary_conditions import WinchMotion
 from rope_twin.twin.ensemble.ensemble import BATCH_S
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
+from rope_twin.twin.motion.boundary_conditions import WinchMotion
 
 ELEMENTS, STEP_S = 137, 0.01
 SENSOR_S = 0.05

@@ -24,23 +24,22 @@ from rope_twin.core import state as rows
 from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
 from rope_twin.core.state import Floats, State
 from rope_twin.errors import InputError, phrase
-from rope_twin.scene.change import at_setting
-from rope_twin.scene.load import load_scene
-from rope_twin.scene.model.rope import build
+from rope_twin.scene.load import at_setting, load_scene
+from rope_twin.scene.relations import model_beside
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.scene.validation.vortices import model_beside
-from rope_twin.twin.ensemble.figures import FIGURES, Factors, checked_factors, figures_of
-from rope_twin.twin.ensemble.fleet_members import FleetMembers
 from rope_twin.twin.ensemble.fleet_stretch import (
     STRETCH_STEPS,
     Course,
+    FleetMembers,
     Record,
     Scratch,
     Stretch,
 )
 from rope_twin.twin.ensemble.live_state import LiveState, live_state, on_mesh
-from rope_twin.twin.internal_variables import state_arrays
+from rope_twin.twin.figures import FIGURES, Factors, checked_factors, figures_of
+from rope_twin.twin.regrid import state_arrays
 from rope_twin.twin.statics import solve_scene_statics
 
 __all__ = [

@@ -20,11 +20,17 @@ from rope_twin.core.payout import SMALLEST_REST, TRIALS
 from rope_twin.core.state import Floats, Ints, Model, Rope, State, new_state
 from rope_twin.effects.current import profile_of, with_profile
 from rope_twin.errors import InputError, StateError, phrase
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.twin.elements import Elements, elements_of, offsets_for
-from rope_twin.twin.ensemble.figures import copied_law
-from rope_twin.twin.internal_variables import has_state, on_nodes, own_copies
+from rope_twin.twin.figures import copied_law
+from rope_twin.twin.regrid import (
+    Elements,
+    elements_of,
+    has_state,
+    offsets_for,
+    on_nodes,
+    own_copies,
+)
 from rope_twin.twin.twin import Twin
 
 _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))

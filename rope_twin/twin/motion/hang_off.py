@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from rope_twin.errors import phrase
+from rope_twin.scene.environment import reference_point_m
+from rope_twin.scene.rigging import places
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.validation.environment import reference_point_m
-from rope_twin.scene.validation.rigging import places
 from rope_twin.twin.health import STUCK_NS, UNJUDGED, Judgement, SenderClock, StuckDetector
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S, HeaveTrack
 from rope_twin.twin.motion.plausibility import (
@@ -31,7 +31,7 @@ from rope_twin.twin.motion.plausibility import (
     needed_interval_s,
     shortest_period_s,
 )
-from rope_twin.twin.motion.ship_pose import (
+from rope_twin.twin.motion.ship_motion import (
     MOST_RATE_RAD_PER_S,
     STILL,
     UPRIGHT,

@@ -12,8 +12,15 @@ from typing import NamedTuple, Protocol
 
 from rope_twin.scene.winch import ConstantTension
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION
-from rope_twin.twin.winch.payout import LineTarget, Payout, TensionFeedback
+from rope_twin.twin.winch.commands import (
+    DEPTH,
+    LENGTH,
+    SPEED,
+    TENSION,
+    LineTarget,
+    Payout,
+    TensionFeedback,
+)
 
 Pieces = tuple[tuple[float, float], ...]  # jerk [m/s³] and duration [s]
 

@@ -27,12 +27,18 @@ from rope_twin.scene.schema import WINCH
 from rope_twin.scene.winch import FOLLOWS_MEASURED
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.health import UNJUDGED
-from rope_twin.twin.measured.readings import fastest_m_per_s
 from rope_twin.twin.motion.heave_track import NO_SEGMENT, STALE_NS, HeaveTrack
 from rope_twin.twin.motion.plausibility import SampleTiming, end_slope
+from rope_twin.twin.readings import fastest_m_per_s
 from rope_twin.twin.snapshot import InputHealth, WinchShot
-from rope_twin.twin.winch.commands import COMMANDER_EVENTS, WinchCommand
-from rope_twin.twin.winch.payout import UNKNOWN_ROPE, Payout, SpooledRope, TensionFeedback
+from rope_twin.twin.winch.commands import (
+    COMMANDER_EVENTS,
+    UNKNOWN_ROPE,
+    Payout,
+    SpooledRope,
+    TensionFeedback,
+    WinchCommand,
+)
 from rope_twin.twin.winch.winch import END_FRACTION, Winch
 
 HOLD_S = 1.0

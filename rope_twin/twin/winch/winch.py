@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rope_twin.errors import phrase
+from rope_twin.scene.rigging import places, winch_of
 from rope_twin.scene.schema import WINCH, RopeLine, Scene
-from rope_twin.scene.validation.rigging import places, winch_of
 from rope_twin.scene.winch import (
     FOLLOWS_MEASURED,
     HOLD_SPEED,
@@ -35,10 +35,15 @@ from rope_twin.twin.winch.commands import (
     RESET,
     SET_BRAKE,
     SPEED,
+    UNKNOWN_ROPE,
     CommandQueue,
+    Payout,
     ScheduleMonitor,
+    SpooledRope,
     SwitchQueue,
+    TensionFeedback,
     WinchCommand,
+    WinchStep,
     find_fault,
 )
 from rope_twin.twin.winch.components import Component, adding_components, drum_components
@@ -47,13 +52,6 @@ from rope_twin.twin.winch.control_modes import (
     JerkLimited,
     MotionProfile,
     control_modes,
-)
-from rope_twin.twin.winch.payout import (
-    UNKNOWN_ROPE,
-    Payout,
-    SpooledRope,
-    TensionFeedback,
-    WinchStep,
 )
 
 STALE_NS = 2_000_000_000

@@ -1,0 +1,270 @@
+"""Messages of the nodes beside the twin: learned figures, forecasts, alerts.
+
+Figures are learned from the measured tension. Forecasts are tables: the band of each quantity over
+the lead, risks, and quiet windows. The alert list has one DiagnosticStatus for each alert, in the
+order to be shown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.alerts.alert_list import Alert, Priority, State
+from rope_twin.errors import InputError, phrase
+from rope_twin.messages import templates
+from rope_twin.messages.cdr import Template, decode, new, serialise
+from rope_twin.messages.status import Level, Status, encode_diagnostics
+from rope_twin.topics import ALERT_COMMAND, ALERTS, FORECAST_RISK, WHAT_IF_ORDERS
+
+FIGURE_COLUMNS = "name value low high prior prior_sd sd state correlation"
+STATES = "not observable", "weak", "learned"  # numbers 0, 1, 2 of the column `state`
+# of value, low, high and prior
+UNITS = {
+    "submerged_weight": "N", "oscillating_mass": "kg", "payload_drag": "m²",
+    "axial_stiffness": "N", "axial_damping": "N·s", "tangential_drag": "kg/m²", "current": "-",
+    "tension_bias": "N", "tension_gain": "-", "heave_gain": "-", "heave_delay": "s",
+    "sheave_friction": "-",
+}  # fmt: skip
+ROW = "simulation: learned figures"
+TENSION_TOPIC, RISK_TOPIC, QUIET_TOPIC = "forecast/tension", FORECAST_RISK, "forecast/quiet"
+SCORE = "coverage", "judged", "factor", "age_s"  # how the last forecasts turned out
+FORECAST_TOPICS = TENSION_TOPIC, RISK_TOPIC, QUIET_TOPIC, WHAT_IF_ORDERS
+QUANTITIES = (
+    "top_tension_n", "payload_tension_n", "payload_depth_m", "payload_speed_m_per_s",
+    "slack_margin_n",
+)  # fmt: skip
+PERCENTILES = (5, 50, 95)
+_LEVELS = {
+    Priority.CAUTION: Level.WARN, Priority.WARNING: Level.WARN,
+    Priority.ALARM: Level.ERROR, Priority.EMERGENCY: Level.ERROR,
+}  # fmt: skip
+CREW_LIMITS_ROW = "simulation: crew limits"
+
+
+@cache
+def _template(count: int) -> Template:
+    point = templates.point_type(templates.columns(FIGURE_COLUMNS))
+    return Template(templates.cloud("map", count, point))
+
+
+def encode_estimate(stamp_ns: int, rows: Sequence[dict[str, Any]]) -> bytes:
+    """Return a message of estimate/figures.
+
+    stamp_ns: ROS time of the end of the data that were learned from. rows: values of
+    FIGURE_COLUMNS, with `state` one of STATES.
+    """
+    points = np.zeros(len(rows), templates.point_type(templates.columns(FIGURE_COLUMNS)))
+    for number, row in enumerate(rows):
+        for name in FIGURE_COLUMNS.split():
+            value = row[name]
+            if name == "name":
+                value = value.encode()
+            elif name == "state":
+                value = STATES.index(value)
+            points[name][number] = value
+    sec, nanosec = templates.split(stamp_ns)
+    stamp = {"header.stamp.sec": sec, "header.stamp.nanosec": nanosec}
+    return _template(len(rows)).fill({**stamp, "data": points.view(np.uint8)})
+
+
+def encode_alarm(words: str) -> bytes:
+    """Return a message of estimate/alarms; words: of the alarm, "": it was acknowledged."""
+    return serialise(new("std_msgs/msg/String", data=words))
+
+
+def alarm_words(alarm: dict[str, Any]) -> str:
+    """Return an alarm of a run in words, from its `--json`."""
+    return f"alarm at {alarm['found_s']:.0f} s: {alarm['causes']}, since {alarm['begun_s']:.0f} s"
+
+
+def learned_words(row: dict[str, Any]) -> str:
+    """Return a learned figure in words, from the fields of a FigureEstimate."""
+    unit = "" if row["unit"] == "-" else f" {row['unit']}"
+    words = (
+        f"{row['name'].replace('_', ' ')}: {row['value']:.4g}{unit}, 90 % {row['low']:.4g} to "
+        f"{row['high']:.4g}{unit} (scene {row['prior']:.4g}), {row['state']}"
+    )
+    return f"{words}; {row['advice']}" if row["advice"] else words
+
+
+def estimate_status(
+    words: str, trouble: str, rows: Sequence[dict[str, Any]], minutes: int, core_pct: float
+) -> Status:
+    """Return the row on learning: WARN if it stands.
+
+    words: what it does at present; trouble: why it stands, or ""; rows: as for `encode_estimate`.
+    """
+    values = {
+        "minutes learned from": str(minutes),
+        "CPU [% of a core]": f"{core_pct:.2f}",
+    }
+    for row in rows:
+        spread = f"{row['low']:.4g} to {row['high']:.4g} {row['unit']}, {row['state']}"
+        values[row["name"]] = f"{row['value']:.4g} {row['unit']}, 90 % {spread}"
+    return Status(ROW, Level.WARN if trouble else Level.OK, trouble or words, values)
+
+
+def band_columns(quantity: str) -> tuple[str, ...]:
+    """Return the columns of a quantity's band, such as top_tension_5_n."""
+    name, _, unit = quantity.replace("_m_per_s", " m_per_s").partition(" ")
+    if not unit:
+        name, _, unit = quantity.rpartition("_")
+    return tuple(f"{name}_{percent}_{unit}" for percent in PERCENTILES)
+
+
+_BANDS = [column for quantity in QUANTITIES for column in band_columns(quantity)]
+FORECAST_COLUMNS = {
+    TENSION_TOPIC: ("lead_s", *_BANDS, "heave_skill", "factor", "age_s"),
+    RISK_TOPIC: (
+        "span_s", "tension", "slack", "contact", "landing", "tension_limit_n",
+        "contact_limit_m_per_s", "horizon_s", "coverage", "judged", "factor", "age_s",
+    ),
+    QUIET_TOPIC: ("begin_s", "length_s", "probability", "speed_limit_m_per_s", "age_s"),
+    WHAT_IF_ORDERS: (
+        "name", "span_s", "tension", "slack", "contact", "landing", *band_columns("peak_change_n"),
+        "lower",
+    ),
+}  # fmt: skip
+
+
+def encode_forecast(
+    topic: str, origin_ns: int, frame_id: str, rows: Sequence[Mapping[str, float | str]]
+) -> bytes:
+    """Return a table of one of FORECAST_TOPICS, stamped with the origin [ROS time, ns].
+
+    rows: values by column, the column name in at most 32 bytes; a missing one is NaN.
+    """
+    described = templates.columns(" ".join(FORECAST_COLUMNS[topic]))
+    points = np.zeros(len(rows), templates.point_type(described))
+    for name in FORECAST_COLUMNS[topic]:
+        own = [row.get(name, "" if name == "name" else math.nan) for row in rows]
+        points[name] = [one.encode() if isinstance(one, str) else one for one in own]
+    message: Any = templates.cloud(frame_id, len(rows), points.dtype)
+    message.data = np.frombuffer(points.tobytes(), np.uint8)
+    sec, nanosec = templates.split(origin_ns)
+    message.header.stamp = new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+    return serialise(message)
+
+
+def encode_what_if(words: str) -> bytes:
+    """Return a message of forecast/what_if; words: orders, such as `lower:0.5 stop`."""
+    return serialise(new("std_msgs/msg/String", data=words))
+
+
+def read_risks(data: bytes) -> list[dict[str, float]]:
+    """Return the rows of a message on RISK_TOPIC.
+
+    Raises:
+        InputError: it is no such message, has no row, or a row lacks a column.
+    """
+    table = templates.read_cloud(decode(RISK_TOPIC, data))
+    columns = FORECAST_COLUMNS[RISK_TOPIC]
+    if not len(table) or not set(columns).issubset(table.dtype.names or ()):
+        what, right = f"{len(table)} rows without {', '.join(SCORE)}", "send the forecast node's"
+        raise InputError(phrase(RISK_TOPIC, what, right))
+    return [{name: float(row[name]) for name in columns} for row in table]
+
+
+class PublishedAlerts(NamedTuple):
+    """Alerts of one message."""
+
+    stamp_ns: int  # ROS time
+    now_ns: int  # twin time
+    alerts: tuple[Alert, ...]
+
+
+def encode_alerts(stamp_ns: int, now_ns: int, alerts: Sequence[Alert]) -> bytes:
+    """Return an `alerts` message.
+
+    Args:
+        stamp_ns: ROS time.
+        now_ns: twin time, to which the times of the alerts refer.
+        alerts: in the order to be shown; shelved ones at the end.
+    """
+    rows = [_row(one, now_ns) for one in alerts]
+    return encode_diagnostics(stamp_ns, rows)
+
+
+def _row(alert: Alert, now_ns: int) -> Status:
+    """Return the row of an alert."""
+    quiet = alert.state in (State.RECTIFIED, State.NORMAL)
+    values = {
+        "identifier": str(alert.identifier),
+        "instance": str(alert.instance),
+        "priority": alert.priority.name.lower(),
+        "category": alert.category,
+        "state": alert.state.name.lower(),
+        "now [ns]": str(now_ns),
+        "since [ns]": str(alert.since_ns),
+        "changed [ns]": str(alert.changed_ns),
+        "revision": str(alert.revision),
+        "escalation": str(alert.escalation),
+        "shelved until [ns]": str(alert.shelved_until_ns),
+        "first out": str(alert.first_out).lower(),
+        "sounds": str(alert.sounds(now_ns)).lower(),
+        "standing": str(alert.standing(now_ns)).lower(),
+    }
+    level = Level.OK if quiet else _LEVELS[alert.priority]
+    return Status(f"{alert.key} {alert.name}", level, alert.text, values)
+
+
+def crew_limits_row(limits: Mapping[str, float], words: str) -> Status:
+    """Return the row of the diagnostics on the limits of a crew: SI values by name, and words."""
+    values = {name: repr(value) for name, value in limits.items()}
+    return Status(CREW_LIMITS_ROW, Level.OK, words, values)
+
+
+def decode_alerts(data: bytes) -> PublishedAlerts:
+    """Return the alerts of a message.
+
+    Raises:
+        InputError: the bytes are not such a message.
+    """
+    message = decode(ALERTS, data)
+    found, now_ns = [], 0
+    for one in message.status:
+        values = {pair.key: pair.value for pair in one.values}
+        try:
+            now_ns = int(values["now [ns]"])
+            found.append(
+                Alert(
+                    identifier=int(values["identifier"]),
+                    instance=int(values["instance"]),
+                    name=one.name.partition(" ")[2],
+                    priority=Priority[values["priority"].upper()],
+                    category=values["category"],
+                    state=State[values["state"].upper()],
+                    text=one.message,
+                    since_ns=int(values["since [ns]"]),
+                    changed_ns=int(values["changed [ns]"]),
+                    revision=int(values["revision"]),
+                    escalation=int(values["escalation"]),
+                    shelved_until_ns=int(values["shelved until [ns]"]),
+                    first_out=values["first out"] == "true",
+                )
+            )
+        except (KeyError, ValueError) as error:
+            what = f"row '{one.name}' is no alert ({error})"
+            right = "only the simulation publishes here"
+            raise InputError(phrase(ALERTS, what, right)) from None
+    stamp = message.header.stamp
+    return PublishedAlerts(stamp.sec * 1_000_000_000 + stamp.nanosec, now_ns, tuple(found))
+
+
+def encode_command(words: str) -> bytes:
+    """Return an `alerts/command` message."""
+    return serialise(new("std_msgs/msg/String", data=words))
+
+
+def read_command(data: bytes) -> str:
+    """Return the words of an `alerts/command` message.
+
+    Raises:
+        InputError: the bytes are not such a message.
+    """
+    return str(decode(ALERT_COMMAND, data).data)

@@ -1,0 +1,297 @@
+"""Pictures of a plan (matplotlib): its inputs, limits and governing runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rope_twin.effects.current import CurrentParams
+from rope_twin.errors import InputError, phrase
+from rope_twin.planning.phases import hung_at
+from rope_twin.planning.runs import AT_DEPTH, AT_LOWEST, sea_seed, watch_seed
+from rope_twin.planning.simplified import lift_of, resonance_period_s
+from rope_twin.scene.lift import lift_figures
+from rope_twin.sea.tables import Vector
+from rope_twin.studies.picture import write_picture
+from rope_twin.twin.ensemble.member import TOP
+from rope_twin.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from rope_twin.planning.cells import Cell, CellLimit
+    from rope_twin.planning.run import PlanResult
+
+COLUMNS = ("time_s", "hook_load_n", "payload_tension_n", "payload_depth_m")
+AROUND_S = 60.0  # on either side of the largest load, in the lower panels
+DEPTHS, SHALLOW = 12, 0.05  # along the curve of resonance; its beginning over the deepest
+STYLES = ("-", "--", ":", "-.")
+WIDE = 7.0  # inches, over a page
+MOST_MARKED = 40  # cells of a contour whose value is written at them
+
+
+def _axes(height: float, across: int = 1, **more: Any) -> tuple[Any, Any]:
+    """Return a figure over the page and its axes; those of several in a list."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDE, height), layout="constrained")
+    found = figure.subplots(1, across, **more)
+    for axes in [found] if across == 1 else found:
+        axes.grid(True, linewidth=0.3)
+    return figure, found
+
+
+def _depths(result: PlanResult) -> tuple[float, float]:
+    """Return the depths between which curves over depth are drawn [m]."""
+    deepest = max(leg.to_m for work in result.works for leg in work.legs)
+    winch = result.scene.winch
+    least = 0.0 if winch is None else winch.least_line_out_m - result.scene.ship.hang_off_m[2]
+    return max(SHALLOW * deepest, least, 1.0), deepest
+
+
+def arrangement_figure(result: PlanResult) -> Any:
+    """Return depths of the phases, static hook load and current over one axis of depth."""
+    current = result.scene.listed(CurrentParams)
+    figure, panels = _axes(2.6, 2 if current is None else 3, sharey=True)
+    shallow, deepest = _depths(result)
+    water = panels[0]
+    for number, work in enumerate(result.works):
+        ends = [work.legs[0].from_m, work.legs[-1].to_m]
+        water.plot([number, number], ends, "o-", color=f"C{number}", linewidth=3, markersize=5)
+        bed = work.legs[0].bed_m
+        if bed is not None:
+            water.axhline(bed, color="#6b4f2a", linewidth=1.5)
+    water.set_xticks(range(len(result.works)), [work.title for work in result.works], fontsize=7)
+    water.set_xlim(-0.6, len(result.works) - 0.4)
+    water.axhline(0.0, color="#20506e", linewidth=1.5)
+    water.set_ylabel("depth [m]")
+    water.set_title("payload in each phase", fontsize=9)
+    figures, tip_m = lift_figures(result.scene), result.scene.ship.hang_off_m[2]
+    depths = np.linspace(min(shallow, deepest), deepest, 40)
+    panels[1].plot([1e-3 * figures.top_tension_n(tip_m + d) for d in depths.tolist()], depths)
+    panels[1].set_xlabel("kN")
+    panels[1].set_title("static hook load", fontsize=9)
+    if current is not None:
+        z, *parts = current.table.T
+        panels[2].plot(np.hypot(parts[0], parts[1]), -z, "o-", markersize=3)
+        panels[2].set_xlabel("m/s")
+        panels[2].set_title("current", fontsize=9)
+    top = min(min(leg.from_m for work in result.works for leg in work.legs), 0.0)
+    panels[0].set_ylim(1.04 * deepest, top - 0.04 * deepest)
+    return figure
+
+
+def tip_figure(result: PlanResult) -> Any:
+    """Return the height of the crane tip per metre of wave amplitude, and spectra of the plan."""
+    figure, (tip, sea) = _axes(2.7, 2)
+    period = np.linspace(4.0, 22.0, 181)
+    for heading in result.plan.sea.headings_deg:
+        angle = np.full_like(period, math.radians(heading))
+        height = np.abs(result.works[0].ship.tip.at(1.0 / period, angle)[2])
+        tip.plot(period, height, label=f"{heading:g}°")
+    tip.set_xlabel("wave period [s]")
+    tip.set_ylabel("tip height [m/m]")
+    tip.legend(fontsize="small", title="heading")
+    plan = result.plan
+    for number, tp in enumerate(plan.sea.tp_s):
+        heights = plan.heights_m(number, 0)
+        spectrum = plan.sea_state(heights[len(heights) // 2], number, 0).spectrum()
+        height = heights[len(heights) // 2]
+        density = spectrum.density_at(1.0 / period) / height**2
+        sea.plot(period, density, label=f"{tp:g} s", linewidth=0.9)
+    sea.set_xlabel("wave period [s]")
+    sea.set_ylabel("S/Hs² [s]")
+    sea.legend(fontsize="small", title="Tp")
+    return figure
+
+
+def resonance_figure(result: PlanResult) -> Any:
+    """Return the period of the first axial mode over depth, with the peak periods."""
+    figure, axes = _axes(2.5)
+    legs = [leg for work in result.works for leg in work.legs]
+    (shallow, deepest), tip_m = _depths(result), result.scene.ship.hang_off_m[2]
+    template, periods = legs[0], []
+    depths = np.linspace(shallow, deepest, DEPTHS)
+    for depth in depths.tolist():
+        hung, found, _ = hung_at(result.scene, None, depth + tip_m)
+        leg = type(template)(**{**vars(template), "scene": hung, "from_m": found, "to_m": found})
+        periods.append(resonance_period_s(lift_of(leg)))
+    axes.plot(periods, depths, color="#20506e")
+    for period in result.plan.sea.tp_s:
+        axes.axvline(period, color="#a02c00", linewidth=0.6)
+    axes.invert_yaxis()
+    axes.set_xlabel("period [s] (lines: Tp of the plan)")
+    axes.set_ylabel("depth [m]")
+    return figure
+
+
+def limits_figure(result: PlanResult) -> Any:
+    """Return the picture of limiting Hs over Tp: a panel for each phase, a line for each heading.
+
+    Bands are the intervals; thin lines are the simplified method.
+    """
+    figure, panels = _panels(len(result.works), 2.7)
+    top = result.plan.sea.hs_m.to * 1.08
+    for axes, work in zip(panels, result.works, strict=True):
+        cells = result.of_phase(work.title)
+        for number, heading in enumerate(result.plan.sea.headings_deg):
+            own = [one for one in cells if one.heading_deg == heading]
+            _draw_limit(axes, own, number, f"{heading:g}°")
+        axes.set_title(work.title, fontsize=10)
+        axes.set_xlabel("Tp [s]")
+        axes.set_ylabel("limiting Hs [m]")
+        axes.set_ylim(0.0, top)
+        axes.grid(True, linewidth=0.3)
+        axes.legend(fontsize="small", title="heading")
+    return figure
+
+
+def _panels(count: int, each: float) -> tuple[Any, list[Any]]:
+    """Return a figure over the page and the axes of so many panels, `each` inches high."""
+    from matplotlib.figure import Figure
+
+    across = min(count, 3)
+    down = math.ceil(count / across)
+    figure = Figure(figsize=(WIDE, each * down), layout="constrained")
+    panels: list[Any] = figure.subplots(down, across, squeeze=False).ravel().tolist()
+    for axes in panels[count:]:
+        axes.set_axis_off()
+    return figure, panels[:count]
+
+
+def _draw_limit(axes: Any, cells: Sequence[CellLimit], number: int, label: str) -> None:
+    periods = [one.period_s for one in cells]
+    colour, style = f"C{number}", STYLES[number % len(STYLES)]
+    heights = [one.height_m or 0.0 for one in cells]
+    axes.plot(periods, heights, f"o{style}", color=colour, markersize=4, label=label)
+    low, high = [one.low_m for one in cells], [one.high_m for one in cells]
+    axes.fill_between(periods, low, high, color=colour, alpha=0.2, linewidth=0.0)
+    simple = [one.simplified_height_m or 0.0 for one in cells]
+    axes.plot(periods, simple, color=colour, linewidth=0.7)
+
+
+def contour_figure(result: PlanResult) -> Any:
+    """Return contours of limiting Hs over Tp and heading, a panel for each phase; None: the plan
+    has one Tp or one heading.
+    """
+    sea = result.plan.sea
+    headings = sorted(sea.headings_deg)
+    if len(sea.tp_s) < 2 or len(headings) < 2:
+        return None
+    figure, panels = _panels(len(result.works), 2.8)
+    top = math.ceil(2.0 * max(one.height_m or 0.0 for one in result.cells)) / 2.0
+    levels = np.linspace(0.0, max(top, 0.5), 13)
+    for axes, work in zip(panels, result.works, strict=True):
+        cells = {(one.period_s, one.heading_deg): one for one in result.of_phase(work.title)}
+        table = np.array([[cells[tp, h].height_m or 0.0 for tp in sea.tp_s] for h in headings])
+        drawn = axes.contourf(sea.tp_s, headings, table, levels, cmap="RdYlGn")
+        lines = axes.contour(
+            sea.tp_s, headings, table, levels[::2], colors="#1c2630", linewidths=0.5
+        )
+        axes.clabel(lines, fontsize=6, fmt="%g")
+        tp, heading = np.meshgrid(sea.tp_s, headings)
+        axes.plot(tp.ravel(), heading.ravel(), ".", color="#1c2630", markersize=3)
+        axes.set_yticks(headings)
+        axes.set_title(work.title, fontsize=10)
+        axes.set_xlabel("Tp [s]")
+        axes.set_ylabel("heading [°]")
+    figure.colorbar(drawn, ax=panels, label="limiting Hs [m]", shrink=0.9)
+    return figure
+
+
+def governing_series(search: Cell, limit: CellLimit) -> tuple[Vector, Vector]:
+    """Return time [s] in the window, (n,), and hook load [N], payload tension [N] and depth [m] of
+    the governing run, (n, 3).
+    """
+    shown = limit.judged or limit.beyond
+    assert shown is not None
+    leg = search.work.legs[shown.governing_leg]
+    seed = sea_seed(search.plan.method.seed, search.work.number, leg.number, shown.governing_seed)
+    time_s, steps = watch_seed(leg, search.work.ship, search.sea(shown.height_m), seed)
+    counted = time_s > leg.first_s
+    return time_s[counted], steps[counted][:, [TOP, AT_LOWEST, AT_DEPTH]]
+
+
+def is_short(time_s: Vector) -> bool:
+    """Return whether a run is not longer than what is shown around its largest load."""
+    return bool(time_s[-1] - time_s[0] <= 2.0 * AROUND_S)
+
+
+def series_figure(limit: CellLimit, time_s: Vector, series: Vector) -> Any:
+    """Return the picture of a run: hook load as a whole unless it is short, then all around its
+    maximum.
+    """
+    from matplotlib.figure import Figure
+
+    short = is_short(time_s)
+    figure = Figure(figsize=(WIDE, 3.5 if short else 4.5), layout="constrained")
+    panels = figure.subplots(3 if short else 4, 1).tolist()
+    load, payload, depth = panels[-3:]
+    hook, tension, below = 1e-3 * series[:, 0], 1e-3 * series[:, 1], series[:, 2]
+    if not short:
+        panels[0].plot(time_s, hook, linewidth=0.6)
+        panels[0].set_ylabel("hook load [kN]")
+    at = time_s[int(np.argmax(hook))]
+    near = short | (np.abs(time_s - at) <= AROUND_S)
+    for axes, values, words in (
+        (load, hook, "hook load [kN]"),
+        (payload, tension, "payload [kN]"),
+        (depth, below, "depth [m]"),
+    ):
+        axes.plot(time_s[near], values[near], linewidth=0.9)
+        axes.set_ylabel(words)
+    payload.axhline(0.0, color="#a02c00", linewidth=0.8)
+    depth.invert_yaxis()
+    depth.set_xlabel("time [s]")
+    for axes in panels:
+        axes.grid(True, linewidth=0.3)
+        axes.yaxis.label.set_size(8)
+    figure.align_ylabels()
+    figure.suptitle(_where(limit), fontsize=10)
+    return figure
+
+
+def _where(limit: CellLimit) -> str:
+    """Return phase, sea and height of a cell in words."""
+    shown = limit.judged or limit.beyond
+    assert shown is not None
+    return (
+        f"{limit.phase}: Tp {limit.period_s:g} s, heading {limit.heading_deg:g}°, "
+        f"Hs {shown.height_m:g} m"
+    )
+
+
+def show_cell(search: Cell, out: Path) -> dict[str, Any]:
+    """Run the governing run of a cell's limiting height again; write its series and its picture.
+
+    Returns its numbers, and the paths of the files. Rows that are not there are run first.
+
+    Raises:
+        InputError: no height of the cell meets the criteria.
+    """
+    limit = search.find()
+    shown = limit.judged or limit.beyond
+    if shown is None or shown.governing_seed < 0:
+        what = limit.governing or "no height could be run"
+        raise InputError(phrase(f"cell of '{limit.phase}'", what, "choose another cell"))
+    time_s, series = governing_series(search, limit)
+    stem = f"cell_{limit.phase}_{limit.period_s:g}s_{limit.heading_deg:g}deg".replace("/", "_")
+    table = out / f"{stem}.csv"
+    columns = np.column_stack([time_s, series])
+    lines = [",".join(COLUMNS), *(",".join(f"{v:.6g}" for v in row) for row in columns)]
+    write_whole(table, ("\n".join(lines) + "\n").encode())
+    picture = out / f"{stem}.png"
+    write_picture(series_figure(limit, time_s, series), picture, 110)
+    return {
+        "phase": limit.phase,
+        "tp_s": limit.period_s,
+        "heading_deg": limit.heading_deg,
+        "hs_m": shown.height_m,
+        "seed": shown.governing_seed,
+        "hook_load_max_n": float(series[:, 0].max()),
+        "payload_tension_min_n": float(series[:, 1].min()),
+        "series": str(table),
+        "picture": str(picture),
+    }

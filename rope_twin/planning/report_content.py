@@ -1,0 +1,563 @@
+"""Content of the report of a plan: title, tables, figures and texts, in the order of reading.
+
+Whatever writes it, HTML or PDF, adds the layout alone. Texts mark code by `backticks`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rope_twin import __version__
+from rope_twin.planning.judgement import QUANTITIES
+from rope_twin.planning.notes import NOT_COVERED, notes
+from rope_twin.planning.pictures import (
+    AROUND_S,
+    arrangement_figure,
+    contour_figure,
+    governing_series,
+    is_short,
+    limits_figure,
+    resonance_figure,
+    series_figure,
+    tip_figure,
+)
+from rope_twin.planning.results import (
+    NONE,
+    daf,
+    difference,
+    height_words,
+    limit_words,
+    summary_lines,
+    table_rows,
+)
+from rope_twin.planning.simplified import lift_of, resonance_period_s
+from rope_twin.planning.tables import further_tables
+from rope_twin.scene.card import solver_version
+from rope_twin.scene.lift import lift_figures, listed_effects
+from rope_twin.sea.tables import Vector
+
+if TYPE_CHECKING:
+    from rope_twin.planning.cells import CellLimit, PhaseWork, RowStore
+    from rope_twin.planning.run import PlanResult
+
+SOURCES = {
+    "swl_n": "plan; capacity of the crane at its radius",
+    "safety_factor": "plan; MBL of the wire by the scene",
+    "slings": "MBL over the nominal safety factor of GL Noble Denton 0027/ND 7.3, or WLL",
+    "uplift_share": "DNV-RP-N103: hydrodynamic force at most 0.9 of the static submerged weight",
+    "least_tension_n": "plan",
+    "landing_speed_m_per_s": "plan; what object and soil bear",
+    "stroke_m": "plan; stroke of the compensator",
+    "compensation_speed_m_per_s": "plan; speed of the compensator",
+}
+WORDS = ("phase", "governed by")  # columns of the tables of cells that are text
+LIMIT_COLUMNS = (
+    "phase", "Tp s", "heading °", "Hs m", "interval m", "governed by", "simplified Hs m",
+)  # fmt: skip
+CELL_COLUMNS = ("phase", "Tp s", "heading °", "Hs m")
+SIMPLIFIED_HEAD = (
+    *CELL_COLUMNS, "tip amplitude m", "tip period s", "hook load kN", "simplified kN",
+    "difference %", "uplift %", "simplified %", "snap force kN",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading with its number; level 1 or 2."""
+
+    words: str
+    level: int
+    kind: str = "heading"
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph, or a list of points."""
+
+    lines: tuple[str, ...]
+    kind: str = "paragraph"  # or "list"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; its head may be empty."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    caption: str = ""
+    words: tuple[int, ...] = ()  # columns of text, on the left; numbers stand on the right
+    wide: tuple[int, ...] = ()  # columns that share what is left of the width
+    groups: tuple[bool, ...] = ()  # whether a rule stands above a row
+    kind: str = "table"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture of matplotlib."""
+
+    picture: Any
+    caption: str
+    name: str
+    kind: str = "figure"
+
+
+Block = Heading | Text | Table | Figure
+
+
+@dataclass
+class Report:
+    """A report, in the order of reading."""
+
+    title: str
+    lead: str
+    facts: tuple[tuple[str, str], ...]  # of the title block
+    blocks: list[Block] = field(default_factory=list)
+    _numbers: list[int] = field(default_factory=lambda: [0, 0])
+    _tables: int = 0
+    _figures: int = 0
+    _appendix: bool = False
+
+    def heading(self, words: str, level: int = 1) -> None:
+        """Add a numbered heading."""
+        self._numbers = (
+            [self._numbers[0] + 1, 0] if level == 1 else [self._numbers[0], self._numbers[1] + 1]
+        )
+        first = chr(64 + self._numbers[0]) if self._appendix else str(self._numbers[0])
+        number = first if level == 1 else f"{first}.{self._numbers[1]}"
+        self.blocks.append(Heading(f"{number}  {words}", level))
+
+    def appendix(self, words: str) -> None:
+        """Add the heading of the first appendix; further headings have letters too."""
+        self._appendix, self._numbers = True, [0, 0]
+        self.heading(words)
+
+    def text(self, *lines: str) -> None:
+        """Add a paragraph for each."""
+        self.blocks += [Text((line,)) for line in lines]
+
+    def points(self, lines: Sequence[str]) -> None:
+        """Add a list of points."""
+        self.blocks.append(Text(tuple(lines), "list"))
+
+    def table(
+        self,
+        caption: str,
+        head: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        words: Sequence[int] = (),
+        wide: Sequence[int] = (),
+        group: bool = False,
+    ) -> None:
+        """Add a table.
+
+        group: rows of the same first cell belong together; it is written in the first of them.
+        """
+        self._tables += 1
+        first = [row[0] for row in rows]
+        new = [k == 0 or own != first[k - 1] for k, own in enumerate(first)]
+        shown = [
+            tuple(row) if not group or begins else ("", *row[1:])
+            for row, begins in zip(rows, new, strict=True)
+        ]
+        rules = tuple(group and k > 0 and begins for k, begins in enumerate(new))
+        caption = f"Table {self._tables}. {caption}"
+        self.blocks.append(
+            Table(tuple(head), tuple(shown), caption, tuple(words), tuple(wide), rules)
+        )
+
+    def figure(self, picture: Any, caption: str) -> None:
+        """Add a picture; None is left out."""
+        if picture is None:
+            return
+        self._figures += 1
+        caption = f"Figure {self._figures}. {caption}"
+        self.blocks.append(Figure(picture, caption, f"figure{self._figures}"))
+
+
+def report_of(result: PlanResult, store: RowStore) -> Report:
+    """Return the content of a plan's report; governing runs are run once more.
+
+    store: rows of its runs.
+    """
+    plan, scene = result.plan, result.scene
+    report = Report(
+        plan.about or plan.name,
+        f"Lift analysis: limiting sea states by phase, peak period and heading. {scene.about}",
+        (
+            ("plan", f"`{plan.name}`"), ("scene", f"`{scene.name}`"),
+            ("analysis", f"rope_twin {__version__}, solver {solver_version(scene)}"),
+            ("digest of the plan", f"`{plan.digest[:16]}`"),
+            ("prepared by, date", ""), ("checked by, date", ""), ("approved by, date", ""),
+        ),
+    )  # fmt: skip
+    _add_summary(report, result)
+    _add_basis(report, result)
+    _add_limits(report, result)
+    _add_simplified(report, result)
+    _add_runs(report, result, store)
+    _add_accuracy(report, result)
+    report.appendix("Results of every cell")
+    _add_cells(report, result)
+    report.heading("Versions and digests")
+    names = ("", "")
+    report.table("What made these results.", names, list(_versions(result)), (0, 1), (1,))
+    return report
+
+
+def _lowest(cells: Sequence[CellLimit]) -> CellLimit:
+    """Return the cell with the lowest limit; one without a limit only if there is no other."""
+    return min(cells, key=lambda cell: (bool(cell.capped), cell.height_m or 0.0, cell.crossing_m))
+
+
+def _at(cell: CellLimit) -> str:
+    return f"Tp {cell.period_s:g} s, heading {cell.heading_deg:g}°"
+
+
+def _add_summary(report: Report, result: PlanResult) -> None:
+    report.heading("Summary")
+    low, method = _lowest(result.cells), result.plan.method
+    by = limit_words(result, low)
+    if low.height_m is None:
+        report.text(
+            f"At {_at(low)} no sea state of the grid meets the criteria in phase '{low.phase}' "
+            f"({by}). The other limits stand below."
+        )
+    else:
+        report.text(
+            f"The lowest limit is Hs {height_words(low)} m, in phase '{low.phase}' at {_at(low)}; "
+            f"{by} governs."
+        )
+    head = ("phase", "lowest limiting Hs", "at", "governed by", "largest hook load", "largest DAF")
+    rows = [_summary_row(result, work) for work in result.works]
+    report.table("Lowest limit of each phase, and the largest loads at its limits.", head, rows,
+                 (0, 2, 3), (2, 3))  # fmt: skip
+    report.text(
+        f"Loads are P{method.percentile:g} of the largest value in the exposure, at the limiting "
+        "sea states. Limits are operational limits: a weather forecast must stay below them times "
+        "the alpha factor of the operation's period."
+    )
+    remarks = list(notes(result))
+    if remarks:
+        report.text("What to know before these numbers are used:")
+        report.points(remarks)
+
+
+def _summary_row(result: PlanResult, work: PhaseWork) -> tuple[str, ...]:
+    cells = result.of_phase(work.title)
+    low = _lowest(cells)
+    judged = [cell for cell in cells if cell.judged is not None]
+    hooks = [cell.judged.values["hook_load"].value for cell in judged if cell.judged is not None]
+    return (
+        work.title,
+        f"{height_words(low)} m" if low.height_m is not None else "none",
+        _at(low),
+        limit_words(result, low),
+        f"{1e-3 * max(hooks):.0f} kN" if hooks else NONE,
+        f"{max(daf(result, cell) for cell in judged):.2f}" if judged else NONE,
+    )
+
+
+def _add_basis(report: Report, result: PlanResult) -> None:
+    plan, scene = result.plan, result.scene
+    report.heading("Basis")
+    report.heading("Inputs", 2)
+    report.table("Inputs and where they are from.", ("input", "value", "source"),
+                 list(_inputs(result)), (0, 1, 2), (1, 2))  # fmt: skip
+    for name, source in (("plan", plan.source), ("scene", scene.source)):
+        if source:
+            report.text(f"Source of the {name}: {source}")
+    report.figure(
+        arrangement_figure(result),
+        "Depth of the payload from start to end of each phase, static hook load over depth, and "
+        "the current; blue: surface, brown: seabed.",
+    )
+    report.figure(
+        tip_figure(result),
+        "Left: height of the crane tip per metre of wave amplitude, by heading. Right: wave "
+        f"spectra of the plan over Hs². {result.works[0].ship.tip.source}.",
+    )
+    report.heading("Phases", 2)
+    head = ("phase", "depth m", "line out m", "speed m/s", "exposure s", "static kN",
+            "resonance s", "elements, step", "error")  # fmt: skip
+    report.table(
+        "Phases and their legs: static hook load, period of the first axial mode, and the "
+        "discretisation error of mesh and step.", head, list(_legs(result)), (0,), (0,), True,
+    )  # fmt: skip
+    report.heading("Criteria", 2)
+    report.table(
+        "Criteria: each characteristic value is at most its limit.",
+        ("criterion", "limit", "source"),
+        list(_criteria(result)),
+        (0, 2),
+        (0, 2),
+    )
+    report.heading("Assumptions", 2)
+    report.points(list(_assumptions(result)))
+
+
+def _inputs(result: PlanResult) -> Iterator[tuple[str, str, str]]:
+    """Yield name, value and source of each input."""
+    scene, plan = result.scene, result.plan
+    figures = lift_figures(scene)
+    payload, water = figures.payload, scene.environment
+    assert payload is not None, "checked when the plan was read"
+    own = next(one for one in scene.payloads)
+    shaped = f"shape {type(own.shape).__name__.lower()}" if own.shape is not None else "scene"
+    yield "object", f"{own.name}, {1e-3 * payload.mass_kg:g} t in air", "scene"
+    yield (
+        "submerged weight",
+        f"{1e-3 * figures.payload_weight_n:.1f} kN ({payload.volume_m3:g} m³)",
+        "mass and displaced volume",
+    )
+    added = "scene" if own.added_mass_kg is not None else f"{shaped}, DNV-RP-N103"
+    drag = "scene" if own.drag_area_m2 is not None else f"{shaped}, DNV-RP-N103"
+    yield "added mass A33", f"{1e-3 * payload.added_mass_kg[2]:.1f} t", added
+    yield "vertical drag C_D·A", f"{payload.drag_area_m2[2]:.1f} m²", drag
+    for section in scene.ropes[0].made_of:
+        rope = section.rope
+        stiffness = figures.bars[0].stiffness_n
+        yield (
+            "rope",
+            f"{1e3 * rope.diameter_m:g} mm, {rope.mass_kg_per_m:g} kg/m, EA {1e-6 * stiffness:.1f} "
+            f"MN, MBL {1e-3 * rope.breaking_load_n:g} kN",
+            rope.source or rope.about or "scene",
+        )
+    yield (
+        "structural damping",
+        f"{100.0 * figures.damping_fraction:.2g} % of the first axial mode",
+        "scene",
+    )
+    yield "water", f"{water.water_density_kg_per_m3:g} kg/m³", "scene"
+    yield "vessel", result.works[0].ship.tip.source, "plan" if plan.vessel else "scene"
+    if plan.vessel is not None:
+        x, y, z = plan.vessel.crane_tip_m
+        yield "crane tip", f"{x:g} m ahead, {y:g} m to port, {z:g} m up, in the RAOs' axes", "plan"
+    sea = plan.sea
+    gamma = "by DNV-RP-C205, 3.5.5.5" if sea.gamma is None else "plan"
+    yield "spectrum", f"JONSWAP, gamma {gamma if sea.gamma is None else f'{sea.gamma:g}'}", gamma
+    yield (
+        "sea states",
+        f"Hs {sea.hs_m.from_:g} to {sea.hs_m.to:g} m by {sea.hs_m.step:g} m; Tp "
+        f"{', '.join(f'{one:g}' for one in sea.tp_s)} s; headings "
+        f"{', '.join(f'{one:g}' for one in sea.headings_deg)}° (180°: head seas)",
+        "plan",
+    )
+    yield "load models", ", ".join(listed_effects(scene)), "scene"
+
+
+def _legs(result: PlanResult) -> Iterator[tuple[str, ...]]:
+    for work in result.works:
+        for leg, setting, error in zip(work.legs, work.settings, work.setting_errors, strict=True):
+            depth = f"{leg.from_m:.0f}"
+            yield (
+                work.title,
+                depth if leg.to_m == leg.from_m else f"{depth} to {leg.to_m:.0f}",
+                f"{leg.line_out_m:.0f}",
+                f"{leg.speed_m_per_s:g}",
+                f"{leg.window_s:.0f}",
+                f"{1e-3 * leg.static_hook_n:.0f}",
+                f"{resonance_period_s(lift_of(leg)):.1f}",
+                f"{setting.elements}, {1e3 * setting.step_s:g} ms",
+                "given" if math.isnan(error) else f"{100.0 * error:.2g} %",
+            )
+
+
+def _criteria(result: PlanResult) -> Iterator[tuple[str, str, str]]:
+    limits = {limit.key: limit for work in result.works for limit in work.limits}
+    for limit in limits.values():
+        force = QUANTITIES[limit.quantity].unit == "kN"
+        most = f"{1e-3 * limit.most:.0f} kN" if force else f"{limit.most:g}"
+        yield f"{limit.words} (`{limit.key}`)", most, SOURCES.get(limit.key, "plan")
+
+
+def _assumptions(result: PlanResult) -> Iterator[str]:
+    method, scene = result.plan.method, result.scene
+    yield "The crane tip is rigid with the ship and turns by small angles (DNV-RP-N103, 4.3.3)."
+    yield (
+        "Each record is a stationary sea of one JONSWAP system; random phases and Rayleigh "
+        "amplitudes (DNV-RP-C205, 3.3.2)."
+        if "waves" not in listed_effects(scene)
+        else "Rope and payload feel the Airy waves that the ship answers, with the same phases."
+    )
+    yield (
+        "Maxima of seeds follow the Gumbel distribution (Gumbel 1958), fitted by maximum "
+        f"likelihood; intervals of {100.0 * method.confidence:g} % by a pivotal bootstrap (Lawless "
+        "2003)."
+    )
+    yield f"The first {scene.ship.motion_ramp_s + method.settle_s:g} s of a run are not counted."
+    if any(leg.speed_m_per_s > 0.0 for work in result.works for leg in work.legs):
+        yield "Winch speeds are constant, within the winch's acceleration."
+    if any(len(work.legs) > 1 for work in result.works):
+        yield "Legs of a lowering have independent seas of the same state."
+    yield "Added mass and drag of the object do not depend on its motion unless the scene says so."
+
+
+def _add_limits(report: Report, result: PlanResult) -> None:
+    report.heading("Limiting sea states")
+    report.text(
+        "Each cell has the largest Hs of the grid that meets all criteria, found by bisection, and "
+        "the criterion that the next height breaks. ≥: no higher sea was judged, as the grid ends "
+        "or waves break there."
+    )
+    headings = result.plan.sea.headings_deg
+    rows = []
+    for work in result.works:
+        cells = {(one.period_s, one.heading_deg): one for one in result.of_phase(work.title)}
+        for tp in result.plan.sea.tp_s:
+            own = [cells[tp, heading] for heading in headings]
+            rows.append((work.title, f"{tp:g}", *(_matrix_words(result, one) for one in own)))
+    head = ("phase", "Tp s", *(f"heading {one:g}°" for one in headings))
+    report.table(
+        "Limiting Hs in metres and the governing criterion, by phase, peak period and heading.",
+        head,
+        rows,
+        (0, *range(2, len(head))),
+        range(2, len(head)),
+        True,
+    )
+    report.figure(
+        limits_figure(result),
+        f"Limiting Hs over Tp. Bands: intervals of {100.0 * result.plan.method.confidence:g} % "
+        "where the use of the governing limit is 1. Thin lines: simplified method.",
+    )
+    report.figure(
+        contour_figure(result),
+        "Contours of limiting Hs over peak period and heading, linear between the cells (dots).",
+    )
+    for one in further_tables(result):
+        report.heading(one.title, 2)
+        head, *rows = one.rows
+        report.table(one.about, head, rows, (0,), (0,), True)
+
+
+def _matrix_words(result: PlanResult, cell: CellLimit) -> str:
+    if cell.height_m is None:
+        return f"none ({limit_words(result, cell)})"
+    if cell.capped:
+        return height_words(cell)
+    return f"{height_words(cell)}, {limit_words(result, cell)}"
+
+
+def _add_simplified(report: Report, result: PlanResult) -> None:
+    report.heading("Resonance and the simplified method")
+    report.figure(
+        resonance_figure(result),
+        "Period of the first axial mode of rope and payload over depth, "
+        "2π·√((M + A33 + m·L/3)·L/EA), and the peak periods of the plan.",
+    )
+    report.text(
+        "The simplified method (DNV-RP-N103) linearises drag and takes the response as fully "
+        "developed; in the splash zone it adds characteristic slamming, drag, inertia and buoyancy "
+        "as if they acted at once. The runs integrate quadratic drag, slack and the paid-out line "
+        "in time. Its numbers stand beside those of the runs in appendix A."
+    )
+    apart = [
+        (100.0 * difference(cell)["hook_load"], cell)
+        for cell in result.cells if cell.judged is not None
+    ]  # fmt: skip
+    if apart:
+        least, most = min(apart, key=_first), max(apart, key=_first)
+        report.text(
+            f"The hook load of the runs differs from the simplified one by {least[0]:+.1f} % "
+            f"({least[1].phase}, {_at(least[1])}) to {most[0]:+.1f} % ({most[1].phase}, "
+            f"{_at(most[1])})."
+        )
+
+
+def _first(pair: tuple[float, CellLimit]) -> float:
+    return pair[0]
+
+
+def _add_runs(report: Report, result: PlanResult, store: RowStore) -> None:
+    """Add the governing run of each phase's lowest limit."""
+    report.heading("Governing runs")
+    report.text("The run with the largest use of the governing limit, at the lowest limit of each "
+                "phase.")  # fmt: skip
+    for work in result.works:
+        low = _lowest(result.of_phase(work.title))
+        shown = low.judged or low.beyond
+        if shown is None or shown.governing_seed < 0:
+            continue
+        search = result.search_of(low, store)
+        time_s, series = governing_series(search, low)
+        report.figure(
+            series_figure(low, time_s, series),
+            f"{work.title}: seed {shown.governing_seed} at Hs {shown.height_m:g} m, {_at(low)}; "
+            f"{_parts_words(time_s)}.",
+        )
+
+
+def _parts_words(time_s: Vector) -> str:
+    """Return what the panels of a run show."""
+    if is_short(time_s):
+        return "the whole exposure"
+    return f"above the whole exposure, below {AROUND_S:g} s before and after the largest hook load"
+
+
+def _add_accuracy(report: Report, result: PlanResult) -> None:
+    report.heading("Statistics and accuracy")
+    report.points(list(summary_lines(result)))
+    errors = [cell.error for cell in result.cells if not math.isnan(cell.error)]
+    if errors:
+        report.text(
+            "The discretisation error of the governing run, from twice the elements and half the "
+            f"step, is {100.0 * float(np.median(errors)):.2g} % in the middle cell and at most "
+            f"{100.0 * max(errors):.2g} %."
+        )
+    report.heading("What is not covered")
+    report.points(NOT_COVERED)
+
+
+def _add_cells(report: Report, result: PlanResult) -> None:
+    head, *rows = table_rows(result)
+    others = [name for name in head if name not in LIMIT_COLUMNS and "simplified" not in name]
+    for title, names, wide, caption in (
+        ("Limits", LIMIT_COLUMNS, (0, 5), "Limits. Interval: of the Hs at which the largest use "
+         "of a limit is 1."),
+        ("Loads at the limits", (*CELL_COLUMNS, *others), (0,), "Loads at the limits (at the "
+         "lowest height where there is none). Error: discretisation error of the governing run."),
+    ):  # fmt: skip
+        report.heading(title, 2)
+        chosen = [head.index(name) for name in names]
+        text = [k for k, name in enumerate(names) if name in WORDS]
+        picked = [[row[k] for k in chosen] for row in rows]
+        report.table(caption, names, picked, text, wide, True)
+    rows = list(_simplified_rows(result))
+    if rows:
+        report.heading("Simplified method", 2)
+        report.table("Loads of the runs and of the simplified method at the limits. The snap force "
+                     "is that of the simplified method, should the rope go slack.",
+                     SIMPLIFIED_HEAD, rows, (0,), (0,), True)  # fmt: skip
+
+
+def _simplified_rows(result: PlanResult) -> Iterator[list[str]]:
+    for cell in result.cells:
+        if cell.judged is None:
+            continue
+        tip = max(cell.simplified, key=lambda one: one.tip_m)
+        hook = max(one.hook_n for one in cell.simplified)
+        uplift = max(one.uplift_share for one in cell.simplified)
+        values, apart = cell.judged.values, difference(cell)
+        yield [
+            cell.phase, f"{cell.period_s:g}", f"{cell.heading_deg:g}", f"{cell.height_m:g}",
+            f"{tip.tip_m:.2f}", f"{tip.tip_period_s:.1f}",
+            f"{1e-3 * values['hook_load'].value:.0f}", f"{1e-3 * hook:.0f}",
+            f"{round(100.0 * apart['hook_load']):+d}", f"{100.0 * values['uplift'].value:.0f}",
+            f"{100.0 * uplift:.0f}", f"{1e-3 * max(s.snap_n for s in cell.simplified):.0f}",
+        ]  # fmt: skip
+
+
+def _versions(result: PlanResult) -> Iterator[tuple[str, str]]:
+    plan, scene = result.plan, result.scene
+    yield "rope_twin", f"`{__version__}`"
+    yield "solver", f"`{solver_version(scene)}`"
+    yield "numpy", f"`{np.__version__}`"
+    yield "plan, SHA-256", f"`{plan.digest}`"
+    yield "scene, SHA-256", f"`{scene.digest}`"
+    yield "first random number", f"`{plan.method.seed}`"
+    yield "command", f"`rope_twin plan {plan.name} --report`"

@@ -1,0 +1,340 @@
+"""Conversion of a multi-line scene to a System.
+
+Each rope is built as if it carried the total suspended load alone, which determines its elements,
+its damping (a ratio refers to that mode) and its tolerance; then it gets its own payload and
+position. A rope that ends at a sheave has its last node there in the core, whichever end is higher,
+because elements are added and removed there (core/joined/sheaves.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.joined import joints as ties
+from rope_twin.core.joined.initial_guess import Link, guess_positions, initial_shape
+from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.statics import Wheel, reeve
+from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.net_curtain import NetCurtain, NetCurtainParams, facing
+from rope_twin.effects.payload import SplashZoneParams
+from rope_twin.effects.payload_faces import FairingParams, NetParams
+from rope_twin.effects.payload_shedding import PayloadSheddingParams
+from rope_twin.effects.rigid_body import RigidBodyParams
+from rope_twin.scene.grid import weight_n_per_m
+from rope_twin.scene.rigging import body_payload, meeting_points, places, winch_of
+from rope_twin.scene.rope_model import build, build_effects, tables_of
+from rope_twin.scene.schema import STEEL_KG_PER_M3, WINCH, Payload, RopeLine, Scene, Winch
+from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
+
+
+def first_places(scene: Scene) -> dict[str, Floats]:
+    """Return approximate positions of hang-offs, payloads and joints by name, (3,) each [m]."""
+    feet = {
+        f"foot of {line.name}, {number}": line.fixed_at_m
+        for number, line in enumerate(scene.ropes)
+        if line.fixed_at_m
+    }
+    ropes: list[Link] = [
+        (line.from_, line.to or f"foot of {line.name}, {number}", line.length_m)
+        for number, line in enumerate(scene.ropes)
+    ]
+    bars: list[Link] = [(*strut.between, strut.length_m) for strut in scene.struts]
+    found = guess_positions({**places(scene), **feet}, meeting_points(scene), ropes, bars)
+    return {str(name): place for name, place in found.items()}
+
+
+LEAST_ELEMENTS = 2.0  # minimum remaining length of a stretch, in elements
+
+
+def runs_over_sheave(scene: Scene, line: RopeLine) -> bool:
+    """Return whether the rope ends at a sheave."""
+    return any(line.to == sheave.name for sheave in scene.sheaves)
+
+
+def ends_of(scene: Scene, line: RopeLine) -> tuple[str, str]:
+    """Return the names of the points at the rope's first node and its last."""
+    names = (line.to, line.from_)
+    return names[::-1] if runs_over_sheave(scene, line) else names
+
+
+def with_both_stretches(scene: Scene, number: int) -> Scene:
+    """Return the scene with one rope as long as both stretches on its sheave together."""
+    line = scene.ropes[number]
+    both = [other for other in scene.ropes if other.to == line.to]
+    length, elements = sum(o.length_m for o in both), sum(o.elements for o in both)
+    ropes = list(scene.ropes)
+    ropes[number] = replace(line, length_m=length, elements=elements)
+    return replace(scene, ropes=tuple(ropes))
+
+
+def room_for(scene: Scene, line: RopeLine) -> Winch:
+    """Return the range of a stretch's length, as limits of a winch at its end."""
+    both = sum(other.length_m for other in scene.ropes if other.to == line.to)
+    return Winch(
+        speed_limit_m_per_s=1.0,
+        acceleration_limit_m_per_s2=1.0,
+        least_line_out_m=max(1.0, LEAST_ELEMENTS * line.length_m / line.elements),
+        most_line_out_m=both,
+    )
+
+
+def over_sheaves(scene: Scene) -> list[tuple[int, int]]:
+    """Return the numbers of the two ropes that end at each sheave, in the order of the scene."""
+    ends = [
+        [number for number, line in enumerate(scene.ropes) if line.to == sheave.name]
+        for sheave in scene.sheaves
+    ]
+    return [(into, out) for into, out in ends]
+
+
+def wheels(scene: Scene, joint_of: dict[str, int]) -> list[Wheel]:
+    """Return the sheaves as wheels; a positive flow enters the first rope listed."""
+    made = []
+    water = scene.environment
+    for sheave, (into, out) in zip(scene.sheaves, over_sheaves(scene), strict=True):
+        sunk = sheave.mass_kg * (1.0 - water.water_density_kg_per_m3 / STEEL_KG_PER_M3)
+        made.append(
+            Wheel(
+                point=joint_of[sheave.name],
+                into=into,
+                out=out,
+                mass=sheave.mass_kg,
+                weight=sunk * water.gravity_m_per_s2,
+                inertia=sheave.wheel_inertia_kg,
+                friction=sheave.friction,
+            )
+        )
+    return made
+
+
+def tethers(scene: Scene, joint_of: dict[str, int]) -> Floats:
+    """Return the tethers of the sheaves as links, (TIE_ROWS, tethers)."""
+    held = [sheave for sheave in scene.sheaves if sheave.tether is not None]
+    made = np.zeros((ties.TIE_ROWS, len(held)))
+    for column, sheave in zip(made.T, held, strict=True):
+        tether = sheave.tether
+        assert tether is not None
+        column[ties.FIRST], column[ties.SECOND] = joint_of[sheave.name], ties.ANCHORED
+        column[ties.AT : ties.AT + 3] = tether.at_m
+        column[ties.FORCE], column[ties.LENGTH] = tether.force_n, tether.length_m
+        column[ties.STIFFNESS] = tether.stiffness_n_per_m
+        column[ties.DAMPING] = tether.damping_newton_seconds_per_m
+    return made
+
+
+@dataclass(frozen=True)
+class BuiltSystem:
+    """Arrays of a multi-line scene."""
+
+    system: System
+    owners: dict[str, int]  # rope with this payload or joint at its lower end
+    hang_off_m: Floats  # of each rope, (ropes, 3); NaN where the upper end is connected
+
+
+def alone(scene: Scene, number: int) -> Scene:
+    """Return a scene of one rope, with all payloads and connections at its lower end."""
+    line = scene.ropes[number]
+    winch = winch_of(scene, line)
+    if runs_over_sheave(scene, line):
+        winch = room_for(scene, line)
+    total = NOTHING
+    for figures in point_figures(scene).values():
+        total = _sum(total, figures)
+    load = Payload(
+        name="load",
+        mass_kg=total.mass_kg,
+        displaced_volume_m3=total.volume_m3,
+        added_mass_kg=total.added_mass_kg,
+        drag_area_m2=total.drag_area_m2,
+    )
+    top = places(scene).get(line.from_, scene.ship.hang_off_m)
+    return replace(
+        scene,
+        ropes=(replace(line, from_=WINCH, to="load", fixed_at_m=None),),
+        payloads=(load,),
+        joints=(),
+        struts=(),
+        sheaves=(),
+        hang_offs=(),
+        winch=winch,
+        ship=replace(scene.ship, hang_off_m=top),
+    )
+
+
+def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
+    """Return the properties of each payload and connection, with half the mass of its bars.
+
+    Those of a rigid body include its hook.
+    """
+    density = scene.environment.water_density_kg_per_m3
+    found = {one.name: payload_figures(one, density) for one in scene.payloads}
+    found |= {one.name: _steel(one.mass_kg) for one in scene.joints}
+    for strut in scene.struts:
+        for name in strut.between:
+            found[name] = _sum(found[name], _steel(0.5 * strut.mass_kg))
+    body, carried = scene.listed(RigidBodyParams), body_payload(scene)
+    if body is not None and carried is not None:
+        found[carried] = _sum(found[carried], _steel(body.hook_mass_kg))
+    return found
+
+
+def _hook_mass_kg(scene: Scene, params: RigidBodyParams) -> float:
+    """Return the mass of a rigid body's hook, with half of the bars that end there."""
+    name = body_payload(scene)
+    bars = sum(0.5 * strut.mass_kg for strut in scene.struts if name in strut.between)
+    return params.hook_mass_kg + bars
+
+
+def build_joined(scene: Scene) -> BuiltSystem:
+    """Return ropes, connections and bars with an initial guess of their shape.
+
+    Raises:
+        SceneError: as for a scene of one rope.
+    """
+    owners: dict[str, int] = {}
+    for number, line in enumerate(scene.ropes):
+        if line.to:
+            owners.setdefault(line.to, number)
+    figures, where = point_figures(scene), first_places(scene)
+    body = next((one for one in scene.payloads if one.name == body_payload(scene)), None)
+    if body is not None:  # its bars are at the hook
+        figures[body.name] = payload_figures(body, scene.environment.water_density_kg_per_m3)
+    tables = any(one.rope.axial_stiffness for line in scene.ropes for one in line.made_of)
+    ropes: list[Rope] = []
+    for number, line in enumerate(scene.ropes):
+        own = figures.get(line.to, NOTHING) if owners.get(line.to) == number else NOTHING
+        rope = _rope(scene, number, own)
+        first, last = ends_of(scene, line)
+        low = np.array(line.fixed_at_m) if line.fixed_at_m else where[first]
+        n = int(rope.state.counts[ELEMENTS])
+        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = initial_shape(
+            low, where[last], rope.state.s[: n + 1], _floats(scene, line)
+        )
+        first_free = 1 if line.fixed_at_m else 0
+        tolerance = ropes[0].model.tolerance if ropes else rope.model.tolerance
+        model = rope.model._replace(first_free=first_free, tolerance=tolerance)
+        law = tables_of(line) if tables else None
+        ropes.append(rope._replace(model=model, law=law))
+    joint_of = {name: number for number, name in enumerate(_meetings(scene))}
+    hang_offs = places(scene)
+    unknown = (np.nan,) * 3
+    ends = [[joint_of.get(name, LOOSE) for name in ends_of(scene, line)] for line in scene.ropes]
+    lower, upper = (list(some) for some in zip(*ends, strict=True))
+    held = np.hstack([_ties(scene, joint_of), tethers(scene, joint_of)])
+    return BuiltSystem(
+        reeve(new_system(tuple(ropes), lower, upper, held), wheels(scene, joint_of)),
+        owners,
+        np.array([hang_offs.get(line.from_, unknown) for line in scene.ropes], dtype=float),
+    )
+
+
+def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
+    """Return a rope's arrays, with effects that act on what is at its lower end.
+
+    Without a payload there is no slamming.
+    """
+    single, line = alone(scene, number), scene.ropes[number]
+    rope = build(single)
+    if runs_over_sheave(scene, line):  # both sides have the damping of one rope
+        both = build(alone(with_both_stretches(scene, number), number))
+        rope.sections[C] = both.sections[C]
+    effects = tuple(_own_params(scene, number, own, params) for params in scene.effects)
+    carries = own is not NOTHING and line.to == body_payload(scene)
+    two_way = any(figures.differs_rising for figures in point_figures(scene).values())
+    built = build_effects(replace(single, effects=effects), own, carries, two_way)
+    net = scene.listed(NetCurtainParams)
+    if net is not None and net.between:
+        beside = _neighbours(scene, net, line.name)
+        built = tuple(facing(e, beside) if isinstance(e, NetCurtain) else e for e in built)
+    return rope._replace(effects=built)
+
+
+def _neighbours(scene: Scene, net: NetCurtainParams, name: str) -> list[int]:
+    """Return the numbers of the ropes that have a net between them and this one."""
+    numbers = {line.name: number for number, line in enumerate(scene.ropes)}
+    pairs = [pair for pair in net.between if name in pair]
+    return [numbers[pair[pair[0] == name]] for pair in pairs]
+
+
+def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> Any:
+    """Return an effect's parameters for one rope."""
+    line = scene.ropes[number]
+    payload = next((one for one in scene.payloads if one.name == line.to), None)
+    carried = None if own is NOTHING else payload
+    if isinstance(params, SplashZoneParams):
+        params = (payload.splash_zone if payload else None) or params
+        return params if carried else replace(params, bottom_area_m2=0.0)
+    if isinstance(params, NetParams):
+        net = carried.net if carried else None
+        return _of_payload(params, net, carried) or replace(params, panels=0)
+    if isinstance(params, NetCurtainParams):
+        return params if params.rope in ("", line.name) else replace(params, panels=0)
+    if isinstance(params, FairingParams):
+        fairing = carried.fairing if carried else None
+        return _of_payload(params, fairing, carried) or replace(params, face_m2=0.0)
+    if isinstance(params, PayloadSheddingParams):
+        sheds = carried and params.payload in ("", carried.name)
+        return params if sheds else replace(params, lift_coefficient=0.0)
+    if isinstance(params, RigidBodyParams):
+        params = replace(params, hook_mass_kg=_hook_mass_kg(scene, params))
+    if isinstance(params, BendingParams):
+        params = line.bending or params
+        if line.from_ not in places(scene):  # a connection is a hinge
+            params = replace(params, clamped_along=None)
+    return params
+
+
+def _of_payload(params: Any, own: Any, payload: Payload | None) -> Any:
+    """Return the net or fairing of a payload: its own, or the effect's, or None."""
+    if own is not None:
+        return replace(params, **vars(own))
+    return params if payload and params.payload in ("", payload.name) else None
+
+
+def _floats(scene: Scene, line: RopeLine) -> bool:
+    """Return whether the rope as a whole is lighter than water."""
+    lengths = line.lengths_m(line.length_m)
+    weights = (weight_n_per_m(one.rope, scene.environment) for one in line.made_of)
+    return sum(w * length for w, length in zip(weights, lengths, strict=True)) < 0.0
+
+
+def _meetings(scene: Scene) -> list[str]:
+    """Return payloads and joints at which several ropes or a bar end."""
+    ends = [name for line in scene.ropes for name in (line.from_, line.to)]
+    ends += [name for strut in scene.struts for name in strut.between]
+    points: list[Any] = [*scene.payloads, *scene.joints, *scene.sheaves]
+    barred = {name for strut in scene.struts for name in strut.between}
+    return [one.name for one in points if ends.count(one.name) > 1 or one.name in barred]
+
+
+def _ties(scene: Scene, joint_of: dict[str, int]) -> Floats:
+    """Return the bars as links that take compression, (TIE_ROWS, struts)."""
+    made = np.zeros((ties.TIE_ROWS, len(scene.struts)))
+    for column, strut in zip(made.T, scene.struts, strict=True):
+        column[ties.FIRST], column[ties.SECOND] = (joint_of[name] for name in strut.between)
+        column[ties.LENGTH] = strut.length_m
+        column[ties.STIFFNESS] = strut.stiffness_n_per_m
+        column[ties.DAMPING] = strut.damping_newton_seconds_per_m
+        column[ties.LEAST] = -np.inf
+    return made
+
+
+def _steel(mass_kg: float) -> PayloadFigures:
+    return replace(NOTHING, mass_kg=mass_kg, volume_m3=mass_kg / STEEL_KG_PER_M3)
+
+
+def _sum(one: PayloadFigures, other: PayloadFigures) -> PayloadFigures:
+    x, y, z = (a + b for a, b in zip(one.added_mass_kg, other.added_mass_kg, strict=True))
+    u, v, w = (a + b for a, b in zip(one.drag_area_m2, other.drag_area_m2, strict=True))
+    return PayloadFigures(
+        mass_kg=one.mass_kg + other.mass_kg,
+        volume_m3=one.volume_m3 + other.volume_m3,
+        added_mass_kg=(x, y, z),
+        drag_area_m2=(u, v, w),
+        added_mass_rising_kg=one.rising_added_mass_kg + other.rising_added_mass_kg,
+        drag_area_rising_m2=one.rising_drag_area_m2 + other.rising_drag_area_m2,
+    )

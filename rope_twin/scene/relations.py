@@ -1,0 +1,473 @@
+"""Rules between the values of a scene: references, order, limits; its VIV model.
+
+Each rule yields its faults as (path in the file, fault, remedy); the reader has already checked
+every single value.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.compensator import CompensatorParams
+from rope_twin.effects.depth_profiles import DepthProfilesParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.fluid_ramp import FluidRampParams
+from rope_twin.effects.hull_contact import HullContactParams
+from rope_twin.effects.line_contact import LineContactParams
+from rope_twin.effects.payload import PayloadParams, SplashZoneParams
+from rope_twin.effects.payload_faces import FairingParams, NetParams
+from rope_twin.effects.payload_oscillation import PayloadOscillationParams
+from rope_twin.effects.payload_shedding import PayloadSheddingParams
+from rope_twin.effects.rigid_body import RigidBodyParams
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.errors import RopeTwinError, did_you_mean
+from rope_twin.scene.environment import ENVIRONMENT_RULES
+from rope_twin.scene.grid import ends_m, grading_faults
+from rope_twin.scene.rigging import (
+    RIGGING_RULES,
+    body_holds,
+    body_payload,
+    curtain_hangs,
+    is_joined,
+    sheaves_hold,
+    winch_of,
+)
+from rope_twin.scene.schema import Fault, Rule, Scene, TwoWayShape
+from rope_twin.scene.shapes import payload_figures
+from rope_twin.scene.winch_rules import WINCH_RULES
+from rope_twin.vortex.results import CoupledSettings
+
+# Exceptions of a rule that depends on a violated one:
+_CONSEQUENCES = (
+    ArithmeticError, AssertionError, AttributeError, LookupError, RopeTwinError, TypeError,
+    ValueError,
+)  # fmt: skip
+STROUHAL = 0.17  # default, where the model has none
+
+
+def faults(scene: Scene) -> Iterator[Fault]:
+    """Yield every fault between the values of a scene, in the order of RULES."""
+    for rule in RULES:
+        yield from rule(scene)
+
+
+def independent_faults(scene: Scene) -> list[Fault]:
+    """Return every fault once; a rule made inapplicable by another fault is skipped."""
+    found: dict[Fault, None] = {}
+    for rule in RULES:
+        try:
+            for fault in rule(scene):
+                found[fault] = None
+        except _CONSEQUENCES:
+            if not found:
+                raise
+    return list(found)
+
+
+def _names(scene: Scene) -> Iterator[Fault]:
+    ropes = [line.name for line in scene.ropes]
+    payloads = [payload.name for payload in scene.payloads]
+    for key, names in (("ropes", ropes), ("payloads", payloads)):
+        counts = Counter(names)
+        for number, name in enumerate(names):
+            if not name:
+                yield f"{key}[{number}].name", "the name is empty", "give it a name"
+            if counts[name] > 1:
+                what = f"{counts[name]} {key} are named '{name}'"
+                yield f"{key}[{number}].name", what, "give each its own name"
+
+
+def _payload_figures(scene: Scene) -> Iterator[Fault]:
+    for number, payload in enumerate(scene.payloads):
+        given = {
+            "displaced_volume_m3": payload.displaced_volume_m3,
+            "added_mass_kg": payload.added_mass_kg,
+            "drag_area_m2": payload.drag_area_m2,
+        }
+        missing = [name for name, value in given.items() if value is None]
+        if payload.shape is None and missing:
+            what = f"without a shape {', '.join(missing)} cannot be known"
+            yield f"payloads[{number}]", what, "add a shape, or these keys"
+
+
+def _one_of_rope_and_sections(scene: Scene) -> Iterator[Fault]:
+    for number, line in enumerate(scene.ropes):
+        path = f"ropes[{number}]"
+        if line.rope is not None and line.sections:
+            right = "keep `rope` (all of one kind) or `sections` (several, from the lower end up)"
+            yield path, "both `rope` and `sections` are given", right
+        elif line.rope is None and not line.sections:
+            right = "add `rope` (a preset's name or figures), or `sections`"
+            yield path, "its material is not given", right
+
+
+def _section_lengths(scene: Scene) -> Iterator[Fault]:
+    for number, line in enumerate(scene.ropes):
+        path = f"ropes[{number}].sections"
+        for k, section in enumerate(line.sections[:-1]):
+            if section.length_m is None:
+                what = "only the topmost section may have no length"
+                yield f"{path}[{k}]", what, "add length_m"
+                return
+        lengths = [section.length_m for section in line.sections]
+        winch = winch_of(scene, line)
+        needed = winch.most_line_out_m if winch else line.length_m
+        if lengths and lengths[-1] is not None:
+            total = sum(length or 0.0 for length in lengths)
+            if total < needed:
+                what = f"the sections are {total:g} m long in total, for {needed:g} m of rope"
+                right = "lengthen one, or remove length_m of the topmost one: it is then unlimited"
+                yield path, what, right
+        out = sum(end < line.length_m for end in ends_m(line)) + 1
+        if out > line.elements:
+            what = f"{line.elements} elements for {out} sections that are out"
+            yield f"ropes[{number}].elements", what, f"give at least {out}"
+
+
+def _own_drag(scene: Scene) -> Iterator[Fault]:
+    drag = scene.listed(DragParams)
+    for number, line in enumerate(scene.ropes):
+        for section in line.made_of if drag is not None else ():
+            for name in ("normal", "tangential"):
+                own = getattr(section.rope, f"drag_{name}", None)
+                if own is not None and getattr(drag, name) == 0.0:
+                    what = (
+                        f"drag.{name} is 0 but {section.rope.about or 'a rope'} has its own {own:g}"
+                    )
+                    right = "give the scene's coefficient a value, or remove the rope's own"
+                    yield f"ropes[{number}]", what, right
+
+
+def _grading(scene: Scene) -> Iterator[Fault]:
+    for number, line in enumerate(scene.ropes):
+        if line.grading is not None:
+            winch = winch_of(scene, line)
+            least = winch.least_line_out_m if winch else None
+            path = f"ropes[{number}].grading"
+            yield from ((path, *words) for words in grading_faults(line, line.grading))
+            lowest = line.grading.lowest_m or (line.grading.nodes_m or (0.0,))[0]
+            if least is not None and lowest >= least:
+                what = f"the lowest element is {lowest:g} m, the winch hauls in to {least:g} m"
+                yield path, what, "shorten it, or raise least_line_out_m"
+
+
+def _damping(scene: Scene) -> Iterator[Fault]:
+    for number, line in enumerate(scene.ropes):
+        given = [value for value in dataclasses.astuple(line.damping) if value is not None]
+        if len(given) != 1:
+            what = ("no damping is", "", "two dampings are", "three dampings are")[len(given)]
+            right = "give exactly one of newton_seconds and fraction_of_first_axial_mode"
+            yield f"ropes[{number}].damping", f"{what} given", right
+
+
+def _effects(scene: Scene) -> Iterator[Fault]:
+    names = {effect.params: effect.name for effect in EFFECTS}
+    listed = [names[type(params)] for params in scene.effects]
+    if "payload" in listed and not (scene.payloads or scene.joints):
+        yield "effects", "`payload` is listed but no payload is", "add `payloads`, or remove it"
+    shedding = [effect.name for effect in EFFECTS if effect.sheds and effect.name in listed]
+    if len(shedding) > 1:
+        what = f"{' and '.join(shedding)} are models of the same vortex shedding"
+        yield "effects", what, "keep one of them"
+    if "bed_friction" in listed and "seabed" not in listed:
+        what = "`bed_friction` acts on the seabed, which is not listed"
+        yield "effects", what, "add `- seabed: {depth_m: ...}`"
+    if "wetting" in listed and "weight" not in listed:
+        what = "`wetting` corrects the buoyancy of `weight`, which is not listed"
+        yield "effects", what, "add `- weight: {}`"
+    if "wind" in listed and "wetting" not in listed:
+        what = "`wind` acts on the rope out of the water, and without `wetting` none is"
+        yield "effects", what, "add `- wetting: {}`"
+    if ramp := scene.listed(FluidRampParams):
+        yield from _ramped(scene, ramp, listed)
+    drag = scene.listed(DragParams)
+    if drag is not None and drag.over_keulegan_carpenter:
+        beside = [name for name in ("wetting", "depth_profiles") if name in listed] + shedding
+        if beside:
+            what = (
+                f"over_keulegan_carpenter of `drag` and `{beside[0]}` both change the rope's drag"
+            )
+            yield "effects", what, "keep one of them"
+    if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
+        what = "`splash_zone` corrects the loads of `payload`, which is not listed"
+        yield "effects", what, "add `- payload: {}`"
+
+
+def _depth_profiles(scene: Scene) -> Iterator[Fault]:
+    """Profiles over depth correct the loads of effects that know the local water."""
+    params = scene.listed(DepthProfilesParams)
+    if params is None:
+        return
+    names = {effect.params: effect.name for effect in EFFECTS}
+    listed = [names[type(own)] for own in scene.effects]
+    where, drag, rho = "effects", scene.listed(DragParams), params.density_kg_per_m3
+    own = scene.environment.water_density_kg_per_m3
+    if shedding_model(scene):
+        what = f"`depth_profiles` and `{shedding_model(scene)}`, whose water is the same all over"
+        yield where, what, "keep one of them"
+    if params.drag_factor and drag is None:
+        what = "`depth_profiles` scales the coefficients of `drag`, which is not listed"
+        yield where, what, "add `- drag: {...}`, or remove drag_factor"
+    elif params.drag_factor and drag is not None and drag.over_reynolds:
+        what = "`depth_profiles` and `drag` both have a factor on the drag coefficient"
+        yield where, what, "remove drag_factor or over_reynolds"
+    if not rho:
+        return
+    if "weight" not in listed:
+        what = "`depth_profiles` corrects the buoyancy of `weight`, which is not listed"
+        yield where, what, "add `- weight: {}`, or remove density_kg_per_m3"
+    for name in ("rigid_body", "net", "net_curtain", "fairing"):
+        if name in listed:
+            what = f"the water of `{name}` has one density, and `depth_profiles` another"
+            yield where, what, f"remove density_kg_per_m3 or `{name}`"
+    if own <= 0.0:
+        what = "a density over depth is relative to the scene's water, and there is none"
+        yield where, what, "give environment.water_density_kg_per_m3 above 0"
+    elif "splash_zone" in listed and abs(rho[0][1] - own) > SAME_WATER_KG_PER_M3:
+        what = f"{rho[0][1]:g} kg/m³ at the top of `depth_profiles`, {own:g} in `splash_zone`"
+        yield where, what, f"give environment.water_density_kg_per_m3: {rho[0][1]:g}"
+
+
+def _ramped(scene: Scene, ramp: FluidRampParams, listed: list[str]) -> Iterator[Fault]:
+    """Check that a fluid ramp finds all that it scales, and nothing that it cannot scale."""
+    beside = [effect.name for effect in EFFECTS if effect.beside and effect.name in listed]
+    for name in (*beside, *({"rigid_body", "payload_oscillation"} & set(listed))):
+        what = f"`fluid_ramp` does not scale the forces of `{name}`"
+        yield "effects", what, "remove one of them, or use `over_time` of `current`"
+    if ramp.vortices and not shedding_model(scene) and "payload_shedding" not in listed:
+        what = "`fluid_ramp` scales the forces of vortices, and no VIV model is listed"
+        yield "effects", what, "remove `vortices`, or list a VIV model or `payload_shedding`"
+    if ramp.fairings and not (
+        "fairing" in listed or any(payload.fairing for payload in scene.payloads)
+    ):
+        what = "`fluid_ramp` scales the drag of fairings, and no fairing is listed"
+        yield "effects", what, "remove `fairings`, or add `- fairing: {face_m2: ...}`"
+
+
+def _compensator(scene: Scene) -> Iterator[Fault]:
+    """A heave compensator is the lowest section of a single rope, short of what is hauled in."""
+    if scene.listed(CompensatorParams) is None:
+        return
+    line = scene.ropes[0]
+    if is_joined(scene):
+        what = "`compensator` is at the lower end of a single rope, and this scene has more"
+        yield "effects", what, "remove it, or the other ropes and connections"
+        return
+    if len(line.made_of) < 2:
+        right = "give `sections`: first its length_m retracted with its mass, then the rope"
+        yield "ropes[0].rope", "`compensator` is the rope's lowest section, and it has one", right
+        return
+    if line.fixed_at_m is not None:
+        right = "give the rope a payload, or remove it"
+        yield "ropes[0].fixed_at_m", "`compensator` carries a payload, and this end is fixed", right
+    unit_m = line.made_of[0].length_m or 0.0
+    least_m = scene.winch.least_line_out_m if scene.winch else 2.0 * unit_m
+    if least_m < 2.0 * unit_m:
+        what = f"{least_m:g} m hauls the compensator of {unit_m:g} m in"
+        yield "winch.least_line_out_m", what, f"give at least twice its length, {2.0 * unit_m:g} m"
+    names = {effect.params: effect for effect in EFFECTS}
+    for own in (names[type(params)] for params in scene.effects):
+        if own.sheds or own.name == "bending":
+            what = f"`{own.name}` acts on the whole rope, and its lowest section is a compensator"
+            yield "effects", what, f"remove `{own.name}` or `compensator`"
+
+
+def _hull_contact(scene: Scene) -> Iterator[Fault]:
+    """Boxes that move with the hang-off are for a rope that begins there."""
+    if scene.listed(HullContactParams) is not None and is_joined(scene):
+        what = "`hull_contact` moves with the hang-off of a single rope, and this scene has more"
+        yield "effects", what, "remove it, or the other ropes and connections"
+
+
+def _line_contact(scene: Scene) -> Iterator[Fault]:
+    """Yield contact between ropes in a scene with one."""
+    if scene.listed(LineContactParams) is None:
+        return
+    if len(scene.ropes) < 2:
+        what = "`line_contact` acts between ropes, and this scene has one"
+        yield "effects", what, "remove it, or add ropes"
+
+
+def _payload_oscillation(scene: Scene) -> Iterator[Fault]:
+    """Factors on the figures of a point payload, which have no other factor."""
+    if scene.listed(PayloadOscillationParams) is None:
+        return
+    profiles = scene.listed(DepthProfilesParams)
+    if scene.listed(PayloadParams) is None:
+        what = "`payload_oscillation` corrects the loads of `payload`, which is not listed"
+        yield "effects", what, "add `- payload: {}`"
+    for name, params in (("splash_zone", SplashZoneParams), ("rigid_body", RigidBodyParams)):
+        if scene.listed(params) is not None:
+            what = f"`payload_oscillation` and `{name}` both change the figures of `payload`"
+            yield "effects", what, "keep one of them"
+    if profiles is not None and profiles.density_kg_per_m3:
+        what = "`payload_oscillation` knows one density of water, `depth_profiles` another"
+        yield "effects", what, "remove density_kg_per_m3, or one of them"
+    for number, payload in enumerate(scene.payloads):
+        if payload_figures(payload, 1.0).differs_rising:
+            what = "its figures differ in ascent, and `payload_oscillation` has others by KC"
+            yield f"payloads[{number}]", what, "remove `rising`, or `payload_oscillation`"
+
+
+def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
+    """A decoupled VIV model amplifies one drag coefficient."""
+    own, model = model_beside(scene), shedding_model(scene)
+    drag = scene.listed(DragParams)
+    if own is None or own.drag is not None or drag is None:
+        return
+    if drag.over_reynolds or not drag.relative:
+        what = f"`{model}` amplifies one drag coefficient, and `drag` has no constant one"
+        right = f"give `{model}` a `drag` of its own, or remove over_reynolds and relative"
+        yield "effects", what, right
+
+
+SAME_WATER_KG_PER_M3 = 0.01
+AT_PAYLOADS = {"splash_zone": SplashZoneParams, "net": NetParams, "fairing": FairingParams}
+
+
+def _own_at_payload(scene: Scene) -> Iterator[Fault]:
+    """A payload's own splash-zone size, net or fairing replaces the effect's."""
+    for number, payload in enumerate(scene.payloads):
+        for name, params in AT_PAYLOADS.items():
+            path = f"payloads[{number}].{name}"
+            if getattr(payload, name) is None:
+                continue
+            if scene.listed(params) is None:
+                yield path, f"the effect `{name}` is not listed", "list it, or remove this"
+            elif not is_joined(scene):
+                right = f"give the values to the effect `{name}`"
+                yield path, "this is the only payload", right
+
+
+def _fairings_of_one_kind(scene: Scene) -> Iterator[Fault]:
+    """Either all fairings have a tow speed or none has."""
+    listed = scene.listed(FairingParams)
+    for number, payload in enumerate(scene.payloads):
+        own = payload.fairing
+        if listed is None or own is None:
+            continue
+        speeds = own.tow_speed_m_per_s, listed.tow_speed_m_per_s
+        if speeds.count(None) == 1:
+            what = "of this fairing and the effect's one has a tow speed and one has not"
+            right = "give both a tow_speed_m_per_s, or neither"
+            yield f"payloads[{number}].fairing", what, right
+
+
+def _at_the_end(scene: Scene) -> Iterator[Fault]:
+    """An effect at the lower end needs a payload there."""
+    names = [payload.name for payload in scene.payloads]
+    kinds = {NetParams: "net", FairingParams: "fairing", PayloadSheddingParams: "payload_shedding"}
+    for own in scene.effects:
+        name = kinds.get(type(own))
+        if name is None:
+            continue
+        if not names:
+            what = f"`{name}` is at the payload, and there is none"
+            yield "effects", what, "give the rope a payload, or remove it"
+        elif own.payload and own.payload not in names:
+            what, right = f"there is no payload '{own.payload}'", did_you_mean(own.payload, names)
+            yield f"effects.{name}.payload", what, right
+
+
+def _shedding_payload(scene: Scene) -> Iterator[Fault]:
+    """A point needs the area of the payload that sheds, a rigid body has its own."""
+    own = scene.listed(PayloadSheddingParams)
+    if own is None:
+        return
+    path, body = "effects.payload_shedding.area_m2", body_payload(scene)
+    if body is None and own.area_m2 is None:
+        yield path, "it is missing", "give the projected area of the payload across the flow"
+    elif body is not None and own.area_m2 is not None:
+        what = "the projected area of a rigid body follows from its size"
+        yield path, what, "remove it, or use `payload` instead of `rigid_body`"
+    elif body is not None and own.payload not in ("", body):
+        what = f"beside a rigid body only that sheds vortices, '{body}'"
+        yield "effects.payload_shedding.payload", what, "remove it"
+
+
+def _two_ways(scene: Scene) -> Iterator[Fault]:
+    """A payload with different properties in ascent and descent."""
+    if scene.listed(SplashZoneParams) is None:
+        return
+    for number, payload in enumerate(scene.payloads):
+        if payload.rising is None and not isinstance(payload.shape, TwoWayShape):
+            continue
+        what = f"'{payload.name}' has different properties in ascent and descent"
+        right = "remove `splash_zone`, which supports one set, or `rising` (and give a box)"
+        yield f"payloads[{number}]", what, right
+
+
+def _limits(scene: Scene) -> Iterator[Fault]:
+    """Limits refer to a seabed and a bend radius that the scene has."""
+    if scene.limits.landing_speed_m_per_s is not None and scene.listed(SeabedParams) is None:
+        right = "add the effect `seabed`, or remove this limit"
+        yield "limits.landing_speed_m_per_s", "the scene has no seabed to land on", right
+    made_of = [section.rope for line in scene.ropes for section in line.made_of]
+    if scene.limits.bend_radius and not any(rope.minimum_bend_radius_m for rope in made_of):
+        right = "give a rope its minimum_bend_radius_m, or remove this limit"
+        yield "limits.bend_radius", "no rope of the scene has a minimum bend radius", right
+
+
+RULES: tuple[Rule, ...] = (
+    _names,
+    *RIGGING_RULES,
+    sheaves_hold,
+    _payload_figures,
+    _one_of_rope_and_sections,
+    _section_lengths,
+    _own_drag,
+    _grading,
+    _damping,
+    *WINCH_RULES,
+    _effects,
+    _depth_profiles,
+    _compensator,
+    _hull_contact,
+    _line_contact,
+    _payload_oscillation,
+    _drag_that_grows,
+    body_holds,
+    curtain_hangs,
+    _two_ways,
+    _at_the_end,
+    _own_at_payload,
+    _fairings_of_one_kind,
+    _shedding_payload,
+    *ENVIRONMENT_RULES,
+    _limits,
+)
+
+
+def shedding_model(scene: Scene) -> str:
+    """Return the name of the scene's VIV model, or ""."""
+    for effect in EFFECTS:
+        if effect.sheds and any(type(params) is effect.params for params in scene.effects):
+            return effect.name
+    return ""
+
+
+def model_beside(scene: Scene) -> Any:
+    """Return the parameters of the scene's decoupled VIV model, or None."""
+    kinds = tuple(effect.params for effect in EFFECTS if effect.beside)
+    return next((own for own in scene.effects if isinstance(own, kinds)), None)
+
+
+def coupled_settings(scene: Scene) -> CoupledSettings:
+    """Return the scene's VIV model with its water; params of a decoupled one, else None."""
+    return CoupledSettings(
+        name=shedding_model(scene),
+        params=model_beside(scene),
+        strouhal=strouhal_number(scene),
+        density=scene.environment.water_density_kg_per_m3,
+        step_s=scene.time.step_s,
+    )
+
+
+def strouhal_number(scene: Scene) -> float:
+    """Return the Strouhal number of the scene's VIV model, or the default."""
+    numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
+    return next((number for number in numbers if number is not None), STROUHAL)

@@ -1,0 +1,350 @@
+"""Conversion of a scene to arrays: model, initial state near equilibrium, effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, pi, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+
+from rope_twin.core import state as rows
+from rope_twin.core.bed import Grid, Plane
+from rope_twin.core.body.components import Shedding
+from rope_twin.core.body.state import Afloat, GridBed, PlaneBed, RigidBody
+from rope_twin.core.body.step import with_parts
+from rope_twin.core.elements import SAME_PLACE
+from rope_twin.core.fibre import new_fibre
+from rope_twin.core.loads.hooks import hooks_of, work_rows
+from rope_twin.core.payout import TRIALS
+from rope_twin.core.state import (
+    ELEMENTS,
+    POSITION,
+    Floats,
+    Model,
+    State,
+    Table,
+    columns_for,
+    new_state,
+    new_work,
+)
+from rope_twin.core.state import Rope as CoreRope
+from rope_twin.effects import EFFECTS, Surroundings
+from rope_twin.effects.bed_friction import BedFrictionParams, GridFriction, PlaneFriction
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.payload import Payload as PayloadEffect
+from rope_twin.effects.payload import PayloadParams, SplashZone, SplashZoneParams, TwoWayPayload
+from rope_twin.effects.payload_shedding import PayloadShedding
+from rope_twin.effects.rigid_body import RigidBodyParams
+from rope_twin.effects.rope_in_air import WettingParams
+from rope_twin.effects.rope_mass import AddedMassParams, Weight
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.grid import (
+    Bar,
+    bars_of,
+    damping_newton_seconds,
+    end_mass_kg,
+    ends_m,
+    is_compensated,
+    least_line_out_m,
+    node_coordinates,
+)
+from rope_twin.scene.rigging import refuse_joined
+from rope_twin.scene.rope_data import StiffnessTable, cubics
+from rope_twin.scene.schema import Payload, RopeLine, Scene
+from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
+
+COLUMNS = 3  # along each side of a partially submerged body
+LEAST_SHARE = 0.1  # of the weight in air: minimum load of a nearly buoyant body on the seabed
+
+
+def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
+    """Return the kernel data of a scene's effects, one of which is a rigid body."""
+    (body,) = (own for own in built if isinstance(own, RigidBody))
+    parts, others = list(body.parts), []
+    for own in built:
+        if isinstance(own, SplashZone):
+            (zone,) = (one for one in scene.effects if isinstance(one, SplashZoneParams))
+            parts[0] = _afloat(zone, body, scene.environment.water_density_kg_per_m3)
+            continue
+        if isinstance(own, Plane | Grid):
+            (params,) = (one for one in scene.effects if isinstance(one, SeabedParams))
+            parts.append(_bed(own, params, body))
+            own = _below_hook(own, params, body) if body.here else own
+        if isinstance(own, PayloadShedding):
+            a, b, c = (float(side) for side in body.size)
+            parts.append(Shedding(own.k, own.turns, b * c, a * c, a * b))
+            continue
+        others.append(own)
+    whole = with_parts(body, tuple(parts))
+    if body.here and isinstance(parts[0], Afloat):  # it may begin in the air
+        whole = whole._replace(W=body.m * body.g + body.hook_weight)
+    return tuple(whole if own is body else own for own in others)
+
+
+def _afloat(params: SplashZoneParams, body: RigidBody, density: float) -> Afloat:
+    """Return columns over the body's outline."""
+    places, weights = leggauss(COLUMNS)
+    (a, b, _), (X, Y, Z) = body.size, body.middle
+    columns = [
+        (X + 0.5 * a * x, Y + 0.5 * b * y, Z, 0.25 * wx * wy, 0.5 * a * x, 0.5 * b * y)
+        for x, wx in zip(places, weights, strict=True)
+        for y, wy in zip(places, weights, strict=True)
+    ]
+    return Afloat(
+        columns=np.array(columns, dtype=float),
+        height=params.height_m,
+        side_x=float(a) / COLUMNS,
+        side_y=float(b) / COLUMNS,
+        span_x=0.5 * float(a) / sqrt(3.0),
+        span_y=0.5 * float(b) / sqrt(3.0),
+        aside=body.buoyed - body.middle,
+        slam=0.5 * density * params.slamming * params.bottom_area_m2,
+    )
+
+
+def _bed(own: Plane | Grid, params: SeabedParams, body: RigidBody) -> Any:
+    """Return the seabed below the corners."""
+    weight = (body.m - body.displaced) * body.g
+    k = max(weight, LEAST_SHARE * body.m * body.g) / params.payload_penetration_m / body.carrying
+    kind: Any = GridBed if isinstance(own, Grid) else PlaneBed
+    return kind(shape=own, k=float(k), chi=own.soil.chi, mu=own.soil.mu)
+
+
+def _below_hook(own: Any, params: SeabedParams, body: RigidBody) -> Any:
+    """Return the seabed below the rope, whose end carries only the hook."""
+    k = max(body.hook_weight, 0.0) / params.payload_penetration_m
+    return own._replace(soil=own.soil._replace(k_payload=k))
+
+
+SPLIT_ABOVE, MERGE_BELOW = 1.5, 0.4  # times the element length; leaves a hysteresis of 0.1
+ABSORB_S = 1.0
+SPARE_NODES = 4  # the hang-off, a top element not yet merged, and one to spare
+TOLERANCE_SHARE, TOLERANCE_LEAST_N, TOLERANCE_MOST_N = 0.003, 1.0, 500.0
+# of the friction that holds an element: mismatches near all of it would push elements on, and a
+# rope that sticks would never come to rest
+TOLERANCE_STUCK_SHARE = 0.01
+
+
+def build(scene: Scene) -> CoreRope:
+    """Return the arrays of the scene's rope with a straight, stretched initial guess of its shape.
+
+    Raises:
+        SceneError: a multi-line scene, an effect without a kernel, or an incomplete payload.
+    """
+    refuse_joined(scene)
+    line = scene.ropes[0]
+    payload = find_payload(scene, line)
+    density = scene.environment.water_density_kg_per_m3
+    figures = payload_figures(payload, density) if payload else None
+    effects = build_effects(scene, figures)
+    sections = _sections(scene, line, figures)
+    s = node_coordinates(line, least_line_out_m(scene), is_compensated(scene))
+    tension = _static_tension(effects, sections, s)
+    length = float(s[-1] - s[-2])
+    model = Model(
+        element_length=length,
+        split_above=SPLIT_ABOVE * length,
+        merge_below=MERGE_BELOW * length,
+        absorb=ABSORB_S,
+        first_free=1 if line.fixed_at_m is not None else 0,
+        step=scene.time.step_s,
+        tolerance=scene.time.newton_tolerance_n or _tolerance(tension, effects),
+    )
+    elements = len(s) - 1
+    state = new_state(_room(scene, line, s))
+    state.counts[ELEMENTS] = elements
+    state.s[: elements + 1] = s
+    _place(state, scene, line, tension)
+    work = new_work(columns_for(state.s.shape[0]), work_rows(effects))
+    return CoreRope(model, state, work, sections, effects, _law(line))
+
+
+def _room(scene: Scene, line: RopeLine, s: Floats) -> int:
+    """Return the node capacity of the arrays of a rope with nodes at these coordinates."""
+    most = scene.winch.most_line_out_m if scene.winch else line.length_m
+    to_come = ceil((most - line.length_m) / float(s[-1] - s[-2])) + len(line.made_of)
+    return len(s) - 1 + to_come + SPARE_NODES + TRIALS
+
+
+def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
+    """Return the payload at the line's lower end, or None if that end is fixed."""
+    return next((payload for payload in scene.payloads if payload.name == line.to), None)
+
+
+def build_effects(
+    scene: Scene,
+    figures: PayloadFigures | None,
+    carries_body: bool = True,
+    two_way: bool = False,
+) -> tuple[Any, ...]:
+    """Return the kernel data of the effects that the scene lists, in the order of EFFECTS.
+
+    figures: of the payload at the lower end; carries_body: whether it is the scene's rigid body,
+    if there is one; two_way: whether any payload of the scene differs in ascent and descent.
+    """
+    water = scene.environment
+    Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
+    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
+    Cd = sum(own.normal for own in scene.effects if isinstance(own, DragParams))
+    line = scene.ropes[0]
+    room = _room(
+        scene, line, node_coordinates(line, least_line_out_m(scene), is_compensated(scene))
+    )
+    density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
+    EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
+    bed = scene.listed(SeabedParams)
+    around = Surroundings(
+        density, gravity, Ca, room, Cd, EI, two_way=two_way,
+        friction=0.0 if bed is None else bed.friction,
+        sticks=scene.listed(BedFrictionParams) is not None,
+        added_mass_along=along,
+        carries=scene.listed(PayloadParams) is not None,
+        wets=scene.listed(WettingParams) is not None,
+        diameter=max(part.rope.diameter_m for one in scene.ropes for part in one.made_of),
+    )  # fmt: skip
+    apart = scene.listed(RigidBodyParams) is not None
+    built = []
+    for effect in EFFECTS:
+        for params in scene.effects:
+            if type(params) is effect.params:
+                # a body hangs below the rope's end: for other effects that end is unloaded
+                of_body = isinstance(params, RigidBodyParams)
+                own = NOTHING if apart and of_body != carries_body else figures
+                built.append(effect.build(params, own, around))
+                if params is bed:
+                    around = around._replace(bed=built[-1])
+                if not hooks_of(type(built[-1])):
+                    raise SceneError(
+                        phrase(f"effect '{effect.name}'", "it has no kernel", "register one")
+                    )
+    if any(one.rope.is_fibre for line in scene.ropes for one in line.made_of):
+        built.append(new_fibre(room))
+    return meet(built, scene) if apart else tuple(built)
+
+
+def section_damping(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> list[float]:
+    """Return c of T = E(strain) + c·strain rate [N·s] of each section, independent of the mesh."""
+    bars = hanging_bars(scene, line, figures, line.length_m)
+    return damping_newton_seconds(line.damping, bars, end_mass_kg(figures), line.elements)
+
+
+def hanging_bars(
+    scene: Scene, line: RopeLine, figures: PayloadFigures | None, line_out_m: float
+) -> list[Bar]:
+    """Return the sections of the rope hanging in still water at this paid-out length."""
+    water = scene.environment
+    load = 0.0
+    if figures is not None:
+        submerged = figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3
+        load = submerged * water.gravity_m_per_s2
+    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
+    return bars_of(line, line_out_m, load, water, along)
+
+
+def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> Floats:
+    """Return the rope's properties per metre, (rows.SECTION_ROWS, sections)."""
+    columns = np.zeros((rows.SECTION_ROWS, len(line.made_of)))
+    columns[rows.END] = ends_m(line)
+    columns[rows.C] = section_damping(scene, line, figures)
+    if is_compensated(scene) and len(line.made_of) > 1:
+        columns[rows.C, 0] = 0.0  # it has its own damping
+    drag = scene.listed(DragParams)
+    for column, section in zip(columns.T, line.made_of, strict=True):
+        rope = section.rope
+        d = rope.hydrodynamic_diameter_m
+        frontal, skin = d, pi * d
+        if drag is not None and rope.drag_normal is not None:
+            frontal = rope.diameter_m * rope.drag_normal / drag.normal
+        if drag is not None and rope.drag_tangential is not None:
+            skin = pi * rope.diameter_m * rope.drag_tangential / drag.tangential
+        column[rows.EA] = rope.tangent_n(0.0)
+        if rope.axial_stiffness is not None and rope.axial_stiffness.dynamic is not None:
+            column[rows.RELAXATION : rows.PER_METRE] = _fibre_figures(rope.axial_stiffness)
+        column[rows.PER_METRE :] = rope.mass_kg_per_m, 0.25 * pi * d**2, frontal, skin, 1.0
+    return columns
+
+
+def _fibre_figures(stiffness: StiffnessTable) -> list[float]:
+    """Return the rows RELAXATION to HIGHEST of a fibre rope's section."""
+    own, works = stiffness.dynamic, stiffness.working_curve
+    assert own is not None, "asked of fibre ropes only"
+    law = [1.0 / own.relaxation_s, own.constant_n, own.per_mean_tension, own.per_tension_amplitude]
+    if works is None:
+        return [*law, 0.0, 0.0, 0.0]
+    return [*law, works.permanent, works.curvature, works.highest_mean_tension_n]
+
+
+def _law(line: RopeLine) -> Table | None:
+    """Return the table of all sections if one of them has one, else None."""
+    if not any(section.rope.axial_stiffness for section in line.made_of):
+        return None
+    return tables_of(line)
+
+
+def tables_of(line: RopeLine) -> Table:
+    """Return tension over strain of each section; a straight line where it has no table."""
+    ropes = [section.rope for section in line.made_of]
+    return cubics(
+        [
+            rope.axial_stiffness.table
+            if rope.axial_stiffness
+            else ((0.0, 0.0), (1.0, rope.tangent_n(0.0)))
+            for rope in ropes
+        ]
+    )
+
+
+def _static_tension(effects: tuple[Any, ...], sections: Floats, s: Floats) -> Floats:
+    """Return the static tension [N] at these coordinates of a straight hanging rope."""
+    ends = (PayloadEffect, TwoWayPayload, RigidBody)
+    tension = np.full(len(s), sum(e.W for e in effects if isinstance(e, ends)), float)
+    for effect in effects:
+        if not isinstance(effect, Weight):
+            continue
+        low = 0.0
+        for end, mass, volume in sections[[rows.END, rows.PER_METRE, rows.PER_METRE + 1]].T:
+            weight = effect.g * (mass - effect.density * volume)
+            tension += weight * np.clip(s - low, 0.0, end - low)
+            low = end
+    return tension
+
+
+def _tolerance(tension: Floats, effects: tuple[Any, ...]) -> float:
+    """Return the largest tension mismatch of an accepted stage [N].
+
+    tension: of the straight hanging rope at its nodes, so it grows by the weight of each element.
+    """
+    own = min(TOLERANCE_SHARE * abs(float(tension[-1])), TOLERANCE_MOST_N)
+    for effect in effects:
+        if isinstance(effect, PlaneFriction | GridFriction):
+            weight = float(np.median(np.diff(tension)))
+            held = min(effect.axial, effect.lateral) * effect.slip * weight
+            own = min(own, TOLERANCE_STUCK_SHARE * held)
+    return max(own, TOLERANCE_LEAST_N)
+
+
+def _place(state: State, scene: Scene, line: RopeLine, tension: Floats) -> None:
+    """Set the initial guess: hanging straight and stretched, or straight to the fixed end."""
+    n = int(state.counts[ELEMENTS])
+    top = np.array(scene.ship.hang_off_m)
+    s = state.s[: n + 1]
+    if line.fixed_at_m is not None:
+        low = np.array(line.fixed_at_m)
+        state.nodes[POSITION : POSITION + 3, : n + 1] = low[:, None] + (top - low)[:, None] * (
+            s / s[-1]
+        )
+        return
+    strain = np.zeros(n)
+    for section, end in zip(
+        reversed(line.made_of), reversed([0.0, *ends_m(line)[:-1]]), strict=True
+    ):
+        for e in np.flatnonzero((s[:-1] >= end - SAME_PLACE) & (strain == 0.0)):
+            strain[e] = section.rope.strain_at(0.5 * float(tension[e] + tension[e + 1]))
+    depth: Floats = np.concatenate([[0.0], np.cumsum(np.diff(s) * (1.0 + strain))])
+    state.nodes[POSITION, : n + 1] = top[0]
+    state.nodes[POSITION + 1, : n + 1] = top[1]
+    state.nodes[POSITION + 2, : n + 1] = top[2] - depth[-1] + depth

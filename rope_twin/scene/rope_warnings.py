@@ -1,0 +1,506 @@
+"""Plausibility checks: valid but unlikely values, reported in numbers with a remedy.
+
+A check never stops or changes anything. Each yields sentences `where: what; remedy.`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import asin, ceil, degrees, floor, hypot, inf, pi, sqrt
+
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.rigid_body import RigidBodyParams, Sling
+from rope_twin.effects.rope_in_air import WettingParams
+from rope_twin.errors import phrase
+from rope_twin.scene.grid import Bar, tension_at_length
+from rope_twin.scene.joined_model import alone
+from rope_twin.scene.lift import (
+    LiftFigures,
+    hung_together,
+    lift_figures,
+    listed_effects,
+    schedule_meets_limit,
+)
+from rope_twin.scene.relations import model_beside, shedding_model
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.schema import Rope, Scene
+from rope_twin.scene.shapes import Box
+from rope_twin.scene.vortex_warnings import check_vortex_inputs, check_vortex_resolution
+from rope_twin.scene.water_warnings import (
+    check_compensator,
+    check_current,
+    check_depth_profiles,
+    check_environment,
+    check_water,
+    check_winch,
+    is_air,
+    moored_up,
+)
+
+SAFETY_FACTOR = 3.0  # MBL over static load, common for lifting wire
+
+
+def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check the static load at the start and at maximum payout."""
+    line = scene.ropes[0]
+    lengths = {"ropes[0]": (line.length_m, "")}
+    if scene.winch:
+        least, most = scene.winch.least_line_out_m, scene.winch.most_line_out_m
+        if figures.hung.dry_share(least) > 0.0:
+            lengths["winch.least_line_out_m"] = (least, f" with {least:g} m out, above the water,")
+        lengths["winch.most_line_out_m"] = (most, f" with {most:g} m out")
+    for path, (length, when) in lengths.items():
+        rope, tension = figures.weakest(length)
+        if line.fixed_at_m or tension <= rope.breaking_load_n / SAFETY_FACTOR:
+            continue
+        top = "top tension" if len(figures.bars) == 1 else f"tension of {_called(rope)}"
+        words = f"static {top} {tension / 1e3:.0f} kN{when}"
+        yield _weak(path, words, tension / rope.breaking_load_n, rope.breaking_load_n)
+        return
+
+
+def load_together(scene: Scene) -> Iterator[str]:
+    """Check what the ropes from the ship carry together; the actual distribution is less even."""
+    held = hung_together(scene)
+    if held is None:
+        return
+    path, when, tension = "ropes[0]", "", held.weight_n
+    if len(held.lines) > 1:
+        path, words = "ropes", f"{len(held.lines)} ropes from the ship together carry"
+    else:
+        words = "static top tension"
+        if scene.winch and tension <= held.breaking_load_n / SAFETY_FACTOR:
+            most = scene.winch.most_line_out_m
+            tension, when = held.weight_at(most), f" with {most:g} m out"
+            path = "winch.most_line_out_m"
+    if tension > held.breaking_load_n / SAFETY_FACTOR:
+        words = f"{words} {tension / 1e3:.0f} kN{when}"
+        yield _weak(path, words, tension / held.breaking_load_n, held.breaking_load_n)
+
+
+def _weak(path: str, words: str, utilisation: float, breaking_n: float) -> str:
+    """Return the warning of a tension beyond the safety factor, or beyond the MBL."""
+    what = f"{words} against a breaking load of {breaking_n / 1e3:.0f} kN"
+    if utilisation >= 1.0:
+        what, right = f"{what}: rope breaks", "take stronger rope or a lighter load"
+    else:
+        what = f"{what}, a safety factor of {1.0 / utilisation:.2f}"
+        right = f"below {SAFETY_FACTOR:g} take stronger rope or a lighter load"
+    return phrase(path, what, right)
+
+
+def _called(rope: Rope) -> str:
+    return rope.about or f"the {1e3 * rope.diameter_m:g} mm rope"
+
+
+ANOTHER_SIZE = 0.2  # relative difference of a length of shape and outline that is accepted
+FLATTEST_DEG = 60.0  # of a sling from the vertical: its tension is then twice its share
+LONGEST_STRETCH = 0.1  # of a sling's length
+
+
+def check_body(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check the outline, and slings that are too flat or too soft."""
+    body = scene.listed(RigidBodyParams)
+    if body is None:
+        return
+    yield from _size(scene, body)
+    told: dict[str, list[str]] = {}
+    for number, sling in enumerate(body.slings):
+        for warning in _sling(body, sling, figures.payload_weight_n):
+            told.setdefault(warning, []).append(str(number))
+    for warning, numbers in told.items():
+        yield f"effects.rigid_body.slings[{', '.join(numbers)}]{warning}"
+
+
+def _size(scene: Scene, body: RigidBodyParams) -> Iterator[str]:
+    shape = scene.payloads[0].shape
+    if not isinstance(shape, Box):
+        return
+    box = (shape.length_m, shape.width_m, shape.height_m)
+    if any(abs(a - b) > ANOTHER_SIZE * max(a, b) for a, b in zip(box, body.size_m, strict=True)):
+        sides = [" × ".join(f"{side:g}" for side in one) for one in (body.size_m, box)]
+        what = f"{sides[0]} m, and the payload's shape is a box of {sides[1]} m"
+        right = "give one size: inertia and contact use the first, drag and added mass this one"
+        yield phrase("effects.rigid_body.size_m", what, right)
+
+
+def _sling(body: RigidBodyParams, sling: Sling, weight_n: float) -> Iterator[str]:
+    """Check one sling, with the hook above the middle of the attachment points."""
+    middle = [sum(one.to_m[axis] for one in body.slings) / len(body.slings) for axis in (0, 1)]
+    aside = hypot(sling.to_m[0] - middle[0], sling.to_m[1] - middle[1])
+    length = sling.length_m
+    if aside >= length:
+        what = f"{length:g} m does not reach the hook at a lateral offset of {aside:.2f} m"
+        yield phrase(".length_m", what, f"give more than {aside:.2f} m")
+        return
+    angle = degrees(asin(aside / length))
+    if angle > FLATTEST_DEG:
+        what = (
+            f"{length:g} m is {angle:.0f}° from the vertical: more than twice its share of the load"
+        )
+        yield phrase(".length_m", what, f"give {aside / sqrt(0.75):.1f} m or more")
+    pull = max(weight_n, 0.0) / len(body.slings) * length / sqrt(length**2 - aside**2)
+    stretch = pull / sling.stiffness_n_per_m
+    if stretch > LONGEST_STRETCH * length:
+        what = f"its share of the load, {pull / 1e3:.0f} kN, stretches it by {stretch:.2g} m"
+        yield phrase(".stiffness_n_per_m", what, "give EA over length in N/m, not kN/m")
+
+
+LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
+LARGEST_DAMPING = 0.1  # damping ratio
+# Measured with TR-BDF2 on snapping ropes: peak 0.2, 1 and 6 % low at T/h = 200, 100 and 40.
+STEPS_PER_PERIOD = 100.0
+STEPS_PER_ROPE_WAVE = 10.0
+STEPS_PER_WAVE = 50.0
+SHORTEST_WAVE_S = 2.5  # 0.4 Hz, the end of a measured wave spectrum
+SHORTEST_RAMP_S = 2.0
+WAVE_SPEEDS_M_PER_S = (800.0, 12000.0)  # nylon and polyester to HMPE under load
+ROPE_DENSITIES_KG_PER_M3 = (300.0, 9000.0)
+# A smooth cylinder in the drag crisis has about 0.3; mooring chain 2.4 across it and 1.15/π along
+# it (DNV-OS-E301):
+LEAST_NORMAL_DRAG, CHAIN_NORMAL_DRAG, MOST_TANGENTIAL_DRAG = 0.3, 2.0, 0.2
+DRY_ROPE_SHARE = 0.005  # of the static top tension: error accepted for rope above the water
+Check = Callable[[Scene, LiftFigures], Iterator[str]]
+
+
+def sense_checks(scene: Scene) -> list[str]:
+    """Return every warning that the scene does not accept, one sentence each.
+
+    Raises:
+        SceneError: the payload's properties are incomplete.
+    """
+    return _without_accepted(scene, _warnings(scene))
+
+
+def _without_accepted(scene: Scene, warnings: list[str]) -> list[str]:
+    return [words for words in warnings if not any(a.matches(words) for a in scene.accept)]
+
+
+def validity_warnings(scene: Scene) -> list[str]:
+    """Return the warnings on what the scene's model leaves out or has in an unlikely size.
+
+    Those that the scene does not accept. Mesh and step belong to its convergence study, loads and
+    schedules to its limits.
+
+    Raises:
+        SceneError: the payload's properties are incomplete.
+    """
+    return _without_accepted(scene, _warnings(scene, OF_VALIDITY))
+
+
+def accepted_warnings(scene: Scene) -> tuple[list[str], list[str]]:
+    """Return the accepted warnings with their reasons, and the entries without a warning.
+
+    Raises:
+        SceneError: the payload's properties are incomplete.
+    """
+    warnings, accepted, idle = _warnings(scene), [], []
+    for number, entry in enumerate(scene.accept):
+        found = [words for words in warnings if entry.matches(words)]
+        accepted += [f"{words} Reason: {entry.reason.rstrip('.')}." for words in found]
+        if not found:
+            what = f"the scene has no warning at '{entry.key}' with the words '{entry.says}'"
+            idle.append(phrase(f"accept[{number}]", what, "remove it, or name another"))
+    return accepted, idle
+
+
+def _warnings(scene: Scene, checks: tuple[Check, ...] | None = None) -> list[str]:
+    """Return all warnings of some checks (default: all)."""
+    checks = CHECKS if checks is None else checks
+    if is_joined(scene):
+        return list(_joined(scene, checks))
+    figures = lift_figures(scene)
+    return [warning for check in checks for warning in check(scene, figures)]
+
+
+def _joined(scene: Scene, checks: tuple[Check, ...]) -> Iterator[str]:
+    """Check the first rope with the total suspended load, and mesh and properties of the others."""
+    if check_load in checks:
+        yield from load_together(scene)
+    first = alone(scene, 0)
+    for check in checks:
+        if check is not check_load:
+            yield from check(first, lift_figures(first))
+    for number in range(1, len(scene.ropes)):
+        own = alone(scene, number)
+        figures = lift_figures(own)
+        for check in filter(
+            checks.__contains__, (_elements, _bend_radius, _rope_figures, _damping)
+        ):
+            for warning in check(own, figures):
+                yield warning.replace("ropes[0]", f"ropes[{number}]", 1)
+
+
+def _fixed_end(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    line = scene.ropes[0]
+    if not line.fixed_at_m:
+        return
+    weakest = min(bar.rope.breaking_load_n for bar in figures.bars)
+    tension = tension_at_length(figures.bars, figures.chord_m)
+    if tension > weakest / SAFETY_FACTOR:
+        what = (
+            f"the fixed end is {figures.chord_m:.1f} m from the hang-off, which stretches "
+            f"{line.length_m:g} m of rope to {tension / 1e3:.0f} kN"
+        )
+        yield phrase("ropes[0].fixed_at_m", what, "give more rope, or a nearer end")
+
+
+def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    line, length = scene.ropes[0], figures.longest_element_m
+    if length > LONGEST_ELEMENT_M:
+        what = f"elements of {length:.1f} m are coarse for waves and curvature of the rope"
+        right = f"give at least {ceil(line.length_m / LONGEST_ELEMENT_M)} (4 m where slack matters)"
+        yield phrase("ropes[0].elements", what, right)
+    length = figures.shortest_element_m
+    fine = line.grading is not None or (shedding_model(scene) and model_beside(scene) is None)
+    if length < SHORTEST_ELEMENT_M and not fine:
+        what = f"elements of {length:.2f} m cost time and bring no accuracy"
+        right = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are sufficient"
+        yield phrase("ropes[0].elements", what, right)
+
+
+def _bend_radius(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check the mesh for the minimum bend radius: a shorter arc is not resolved."""
+    line, length = scene.ropes[0], figures.longest_element_m
+    least = min((bar.rope.minimum_bend_radius_m or inf for bar in figures.bars), default=inf)
+    if length > least * (1.0 + 1e-9):
+        what = f"elements of {length:.3g} m cannot resolve minimum_bend_radius_m, {least:g} m"
+        right = f"give at least {ceil(line.length_m / least)}, or shorter ones where it bends"
+        yield phrase("ropes[0].elements", what, right)
+
+
+def _rope_figures(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    for number, bar in enumerate(figures.bars):
+        path = "ropes[0].rope" if len(figures.bars) == 1 else f"ropes[0].sections[{number}].rope"
+        yield from _one_rope(path, bar)
+
+
+def _one_rope(path: str, bar: Bar) -> Iterator[str]:
+    yield from _coefficients(path, "drag_", bar.rope.drag_normal, bar.rope.drag_tangential)
+    rope, speed = bar.rope, sqrt(bar.stiffness_n / bar.rope.mass_kg_per_m)
+    low, high = WAVE_SPEEDS_M_PER_S
+    if not low <= speed <= high:
+        what = f"axial waves travel at {speed:.0f} m/s (steel wire 3200, polyester 2500, HMPE 8500)"
+        yield phrase(path, what, "check axial_stiffness_n [N] and mass_kg_per_m")
+    density = rope.mass_kg_per_m / (0.25 * pi * rope.hydrodynamic_diameter_m**2)
+    low, high = ROPE_DENSITIES_KG_PER_M3
+    if not low <= density <= high:
+        what = f"its mass over its volume is {density:.0f} kg/m³ (steel wire 7900, HMPE 975)"
+        yield phrase(path, what, "check mass_kg_per_m and hydrodynamic_diameter_m")
+
+
+def _drag(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check the drag coefficients of ropes without their own."""
+    drag = scene.listed(DragParams)
+    if drag is None:
+        return
+    rows = drag.over_reynolds
+    if drag.over_keulegan_carpenter is not None:
+        rows = tuple(row for own in drag.over_keulegan_carpenter.tables for row in own.rows)
+    factor = max((factor for _, factor in rows), default=1.0)
+    yield from _coefficients("effects drag", "", factor * drag.normal, drag.tangential)
+
+
+def _coefficients(
+    path: str, prefix: str, normal: float | None, tangential: float | None
+) -> Iterator[str]:
+    if normal is not None and normal < LEAST_NORMAL_DRAG:
+        what = f"{normal:g} is below the normal drag of a smooth cylinder in the drag crisis"
+        right = "wire and fibre rope have 1 to 1.8, chain 2.4"
+        yield phrase(f"{path}.{prefix}normal", what, right)
+    chain = normal is not None and normal >= CHAIN_NORMAL_DRAG
+    if tangential is not None and tangential > MOST_TANGENTIAL_DRAG and not chain:
+        what = f"{tangential:g} is too large for tangential drag, on π times the diameter"
+        right = "wire and fibre rope have 0.01 to 0.1, chain 0.37 with 2.4 normal to it"
+        yield phrase(f"{path}.{prefix}tangential", what, right)
+
+
+def _payload_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    if figures.payload is None or moored_up(scene, figures):
+        return
+    in_air = figures.payload.mass_kg * scene.environment.gravity_m_per_s2
+    weight, volume = figures.payload_weight_n, figures.payload.volume_m3
+    if weight >= 0.05 * in_air and weight > 0.0:
+        return
+    state = "floats" if weight <= 0.0 else "nearly floats"
+    what = (
+        f"it {state}: {in_air / 1e3:.1f} kN in air displaces {volume:.2f} m³ and weighs "
+        f"{weight / 1e3:.1f} kN in water"
+    )
+    right = "give more mass_kg, or the displaced_volume_m3 of a frame or flooded body"
+    yield phrase("payloads[0]", what, right)
+
+
+def _rope_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    line = scene.ropes[0]
+    lift = -figures.rope_weight_n_per_m * line.length_m
+    if figures.payload is None or lift <= max(figures.payload_weight_n, 0.0) / SAFETY_FACTOR:
+        return
+    what = (
+        f"the rope floats with {lift / 1e3:.2f} kN over {line.length_m:g} m against "
+        f"{figures.payload_weight_n / 1e3:.2f} kN of payload"
+    )
+    yield phrase("ropes[0]", what, "give a heavier payload, or the rope goes slack or rises")
+
+
+def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    listed = listed_effects(scene)
+    if "weight" not in listed:
+        what = "`weight` is not listed: the rope has neither weight nor buoyancy"
+        yield phrase("effects", what, "add `- weight: {}`")
+    if scene.payloads and not {"payload", "rigid_body"}.intersection(listed):
+        what = f"`payload` is not listed: '{scene.payloads[0].name}' has no mass, weight or drag"
+        yield phrase("effects", what, "add `- payload: {}`")
+    if "waves" in listed and "drag" not in listed:
+        what = "`waves` is listed without `drag`: only the water's acceleration acts on the rope"
+        yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")
+    if "current" in listed and "drag" not in listed:
+        what = "`current` is listed without `drag`: it has no effect on the rope"
+        yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")
+
+
+def _bending(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    bending = scene.listed(BendingParams)
+    if scene.winch and bending and bending.clamped_along is not None:
+        what = "rope from a winch is clamped in one direction (transients where elements split)"
+        yield phrase("effects bending.clamped_along", what, "remove it, or the winch")
+
+
+def _step(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    step = scene.time.step_s
+    rope_wave = 2.0 * scene.ropes[0].length_m / figures.axial_wave_speed_m_per_s
+    limits = [
+        (rope_wave, STEPS_PER_ROPE_WAVE, "the rope's own axial wave", "that wave is damped out"),
+        (SHORTEST_WAVE_S, STEPS_PER_WAVE, "the shortest sea waves", "they are not resolved"),
+    ]
+    if figures.payload is not None:
+        name = "the first axial period of rope and payload"
+        limits.append((figures.first_axial_period_s, STEPS_PER_PERIOD, name, "snap loads too low"))
+    for period, steps, name, loss in limits:
+        if step * steps > period * (1.0 + 1e-9):
+            what = f"{step:g} s is coarse for {name}, {period:.3g} s ({loss})"
+            yield phrase("time.step_s", what, f"give {period / steps:.2g} s or less")
+
+
+def _damping(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    path, fraction = "ropes[0].damping", figures.damping_fraction
+    line = scene.ropes[0]
+    if line.damping.fraction_of_one_element is not None:
+        c = max(figures.damping_newton_seconds)
+        what = (
+            f"given per element: {line.elements} elements give {c:.3g} N·s, "
+            f"{100.0 * fraction:.2g} % of critical on the first axial mode, twice as many give half"
+        )
+        right = f"give `fraction_of_first_axial_mode: {fraction:.3g}`, independent of the mesh"
+        yield phrase(path, what, right)
+    if fraction > LARGEST_DAMPING:
+        what = f"{100.0 * fraction:.0f} % of critical on the first axial mode"
+        yield phrase(path, what, "steel wire has 1 to 2 %, HMPE 3 to 5 %")
+    if fraction == 0.0:
+        what = "without damping the peak of a snap load has no limit with mesh refinement"
+        yield phrase(path, what, "steel wire has 1 to 2 % of critical, HMPE 3 to 5 %")
+
+
+def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    winch = scene.winch
+    if winch is None:
+        return
+    met = schedule_meets_limit(winch, scene.ropes[0].length_m)
+    if met is not None:
+        when, limit = met
+        name = "most_line_out_m" if limit == winch.most_line_out_m else "least_line_out_m"
+        what = f"it drives the paid-out length to {name} ({limit:g} m) after {when:.0f} s"
+        right = "the winch stops there; let the schedule return, or change the limit"
+        yield phrase("winch.schedule", what, right)
+    fastest = max((row.speed_m_per_s or 0.0 for row in winch.schedule), default=0.0)
+    sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
+    if figures.payload is not None and fastest > sinking:
+        what = f"it lowers at {fastest:g} m/s but the payload sinks at {sinking:.2f} m/s"
+        yield phrase("winch.schedule", what, "lower more slowly, or the rope goes slack")
+
+
+def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    yield from _dry_rope(scene, figures)
+    ramp = scene.ship.motion_ramp_s
+    heave = scene.sea_state.heave
+    fastest = 2.0 * pi * heave.amplitude_m / heave.period_s if heave else 0.0
+    sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
+    if 0.0 < sinking < fastest:
+        what = (
+            f"the hang-off descends at up to {fastest:.2f} m/s, the payload sinks at {sinking:.2f}"
+        )
+        yield phrase("sea_state.heave", what, "expect a slack rope and snap loads, or less heave")
+    if scene.sea_state.moves and ramp < SHORTEST_RAMP_S:
+        what = f"the ship's motion builds up within {ramp:g} s, which excites the rope"
+        yield phrase("ship.motion_ramp_s", what, "give 8 s or so")
+
+
+def _dry_rope(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check rope above the water, which is computed with the water's buoyancy and current."""
+    height = min(scene.ship.hang_off_m[2], scene.ropes[0].length_m)
+    if height <= 0.0 or is_air(scene) or scene.listed(WettingParams) is not None:
+        return
+    rope, environment = figures.bars[-1].rope, scene.environment
+    density = environment.water_density_kg_per_m3
+    area = 0.25 * pi * rope.hydrodynamic_diameter_m**2
+    lift = density * environment.gravity_m_per_s2 * area * height
+    current, drag = scene.listed(CurrentParams), scene.listed(DragParams)
+    push = 0.0
+    if current is not None and drag is not None:
+        frontal = drag.normal * rope.hydrodynamic_diameter_m * height
+        push = 0.5 * density * frontal * hypot(*current.points[0][1][:2]) ** 2
+    tension = abs(figures.top_tension_n(scene.ropes[0].length_m))
+    if scene.ropes[0].fixed_at_m:
+        tension = tension_at_length(figures.bars, figures.chord_m)
+    if max(lift, push) > DRY_ROPE_SHARE * tension:
+        what = (
+            f"{height:g} m of rope above the water is computed as submerged, with "
+            f"{lift:.0f} N of buoyancy and {push:.0f} N of drag in the surface current in excess"
+        )
+        right = f"expect this error in the top tension of {tension / 1e3:.1f} kN"
+        yield phrase("ship.hang_off_m[2]", what, right)
+
+
+CHECKS: tuple[Check, ...] = (
+    check_load,
+    _fixed_end,
+    _elements,
+    _bend_radius,
+    _rope_figures,
+    _drag,
+    _payload_floats,
+    _rope_floats,
+    _effects,
+    _bending,
+    _step,
+    _damping,
+    _schedule,
+    check_winch,
+    check_compensator,
+    check_water,
+    check_body,
+    _ship,
+    check_current,
+    check_depth_profiles,
+    check_vortex_resolution,
+    check_vortex_inputs,
+    check_environment,
+)
+# checks of what the model contains, and of figures that are unlikely
+OF_VALIDITY: tuple[Check, ...] = (
+    _rope_figures,
+    _drag,
+    _payload_floats,
+    _effects,
+    _bending,
+    _damping,
+    check_water,
+    check_body,
+    _dry_rope,
+    check_current,
+    check_depth_profiles,
+    check_vortex_inputs,
+    check_environment,
+)

@@ -1,1 +1,0 @@
-"""Convergence study of a scene, and its accuracy table: `rope_twin accuracy`."""

@@ -1,0 +1,201 @@
+"""Verification of `run --within`: the selected setting is run again against a finer reference.
+
+That reference is independent of the convergence study's: half its time step, and twice its elements
+unless those are sufficient already.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.card import Rung, read_card, told_bound
+from rope_twin.scene.load import argument_for
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.accuracy_run import Course, Quantity, Setting, Trial, differences
+from rope_twin.studies.accuracy_study import make_plan
+
+
+class Priced(Protocol):
+    """Accuracy level with a speed."""
+
+    @property
+    def real_time_factor(self) -> float:
+        """Return simulation time over computing time."""
+
+    def place(self) -> tuple[int, float, float | None]:
+        """Return elements, time step [s] and tolerance [N] (None: the scene's own)."""
+
+    def bound(self, name: str) -> float:
+        """Return the error bound of a quantity; NaN if it is unknown."""
+
+
+NOTHING = 1e-6  # below, errors are round-off
+P = TypeVar("P", bound=Priced)
+
+
+def sure_bound(rung: Priced, rungs: Iterable[Priced], name: str) -> float:
+    """Return the bound without coincidental cancellation; NaN if a finer level has none."""
+    elements, step_s, tolerance = rung.place()
+    finer = [
+        other.bound(name)
+        for other in rungs
+        if (place := other.place())[2] == tolerance and place[0] >= elements and place[1] <= step_s
+    ]
+    return math.nan if any(map(math.isnan, finer)) else max(finer)
+
+
+def cheapest_within(rungs: Sequence[P], name: str, target: float) -> P | None:
+    """Return the fastest level with the scene's own tolerance whose bound is at most `target`."""
+    own = [rung for rung in rungs if rung.place()[2] is None]
+    good = [rung for rung in own if sure_bound(rung, own, name) <= target]
+    return max(good, key=lambda rung: rung.real_time_factor, default=None)
+
+
+def most_accurate(rungs: Sequence[P], name: str, costs: Sequence[float], budget: float) -> P | None:
+    """Return the level with the smallest bound among those whose cost is within the budget.
+
+    Of levels whose bounds differ by less than a tenth, the cheapest is returned.
+    """
+    fitting = [
+        (sure_bound(rung, rungs, name), cost, rung)
+        for rung, cost in zip(rungs, costs, strict=True)
+        if cost <= budget
+    ]
+    known = [entry for entry in fitting if not math.isnan(entry[0])]
+    if not known:
+        return None
+    least = min(entry[0] for entry in known)
+    alike = [entry for entry in known if entry[0] <= max(1.1 * least, NOTHING)]
+    return min(alike, key=lambda entry: entry[1])[2]
+
+
+def next_better(rungs: Sequence[P], name: str, bound: float, costs: Sequence[float]) -> P | None:
+    """Return the cheapest level with a bound smaller by at least a tenth; None if there is none."""
+    better = [
+        (cost, number)
+        for number, (rung, cost) in enumerate(zip(rungs, costs, strict=True))
+        if sure_bound(rung, rungs, name) < max(0.9 * bound, NOTHING)
+    ]
+    return rungs[min(better)[1]] if better and bound > NOTHING else None
+
+
+def best_bound(rungs: Sequence[Rung], name: str) -> float:
+    """Return the smallest error of all levels; NaN if none is known."""
+    bounds = [sure_bound(rung, rungs, name) for rung in rungs]
+    return min((one for one in bounds if not math.isnan(one)), default=math.nan)
+
+
+ENOUGH = 1000  # elements of a reference that are not doubled
+Report = Callable[[int, int, str], None]  # done, of how many, what comes next
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Error target, and the window over which it is verified."""
+
+    quantity: Quantity
+    within: float  # in the quantity's unit
+    seconds: float | None  # None: the card's
+
+
+@dataclass(frozen=True)
+class Bought:
+    """Selected setting of one scene, and its measured error."""
+
+    scene: str
+    quantity: str
+    within: float  # asked for, in the quantity's unit
+    seconds: float | None  # over which it was measured; None: nothing was bought
+    elements: int | None  # None: nothing was bought
+    step_s: float | None
+    real_time_factor: float | None  # by the card
+    at_most: float | None  # by the card
+    error: float | None  # measured anew
+    reference: str  # the run that it was measured against
+    refusal: str  # why nothing was bought; else empty
+
+    @property
+    def ok(self) -> bool:
+        """Return whether the error meets the target; a refused selection does not violate it."""
+        return self.error is None or abs(self.error) <= self.within
+
+
+def check_scenes(scenes: Sequence[Scene], wanted: Wanted, report: Report) -> Iterator[Bought]:
+    """Return a result per scene.
+
+    Raises:
+        RopeTwinError: an accuracy table is missing or old, or a run failed.
+    """
+    for number, scene in enumerate(scenes):
+        report(number, len(scenes), scene.name)
+        yield check_scene(scene, wanted)
+    report(len(scenes), len(scenes), "done")
+
+
+def check_scene(scene: Scene, wanted: Wanted) -> Bought:
+    """Verify one scene.
+
+    Raises:
+        RopeTwinError: as for all.
+    """
+    quantity, within = wanted.quantity, wanted.within
+    card = read_card(scene)
+    why = "it has no accuracy card" if card is None else card.age(scene)
+    if card is None or why:
+        right = f"make it with `rope_twin accuracy {argument_for(scene)}`"
+        raise SceneError(phrase(f"scene {scene.name}", why, right))
+    known = [rung for rung in card.ladder if not math.isnan(rung.bound(quantity.name))]
+    rung = cheapest_within(known, quantity.name, within)
+    if rung is None:
+        return _nothing(scene, quantity, within, known)
+    plan = make_plan(scene, wanted.seconds or card.seconds)
+    course = Course(scene, plan.seconds, plan.look_s)
+    finer = _finer(plan.reference)
+    seen = Trial(course, Setting(rung.elements, rung.step_s)).look()
+    error = differences(seen, Trial(course, finer).look())[quantity.name]
+    return Bought(
+        scene.name, quantity.name, within, plan.seconds, rung.elements, rung.step_s,
+        rung.real_time_factor, rung.bound(quantity.name), error,
+        f"{finer.elements} at {1e3 * finer.step_s:g} ms", "",
+    )  # fmt: skip
+
+
+def _finer(reference: Setting) -> Setting:
+    times = 1 if reference.elements > ENOUGH else 2
+    return Setting(times * reference.elements, 0.5 * reference.step_s, reference.tolerance_n)
+
+
+def _nothing(scene: Scene, quantity: Quantity, within: float, known: Sequence[Rung]) -> Bought:
+    if known:
+        best = best_bound(known, quantity.name)
+        refusal = f"the best of its card is {told_bound(best)} {quantity.unit}"
+    else:
+        refusal = f"its card knows no error of {quantity.name}"
+    nothing = (None,) * 6
+    return Bought(scene.name, quantity.name, within, *nothing, "", refusal)
+
+
+def bought_table(rows: Sequence[Bought], unit: str) -> list[list[str]]:
+    """Return the results as rows of text, below a head."""
+    head = ["scene", "elements", "step ms", "× real time", f"card ≤ {unit}", f"measured {unit}",
+            "over s", "against", "holds"]  # fmt: skip
+    return [head, *([row.scene, *_cells(row)] for row in rows)]
+
+
+def _cells(row: Bought) -> list[str]:
+    if row.error is None or row.step_s is None:
+        return ["", "", "", "", "", "", "", f"nothing bought: {row.refusal}"]
+    return [
+        f"{row.elements}",
+        f"{1e3 * row.step_s:g}",
+        f"{row.real_time_factor:,.0f}",
+        f"{row.at_most:.2g}",
+        f"{row.error:.2g}",
+        f"{row.seconds:g}",
+        row.reference,
+        "yes" if row.ok else "NO",
+    ]

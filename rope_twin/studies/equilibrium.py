@@ -1,0 +1,442 @@
+"""Static equilibrium of one rope or of a system, with what its modes are computed from.
+
+For the small undamped motion of a rigid body on its slings about rest the unknowns are the
+displacements of hook and centre of gravity G and the rotation ψ about G, in world axes. A sling
+with the force f = T·n on the body at the arm a from G stretches by n·δ with δ = δ_hook - δ_G + a ×
+ψ; its force changes by (k·n·nᵀ + T/l·(I - n·nᵀ))·δ, and its moment by that and by (ψ × a) × f =
+a·(ψ·f) - ψ·(a·f); so does the moment of buoyancy. The mass is that of core/ body/loads: body, and
+added mass at the reference point h, M_A·c with c = v + Ω × h. The change of drag with the attitude
+is neglected, as for ropes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.body import state as at
+from rope_twin.core.body.components import bed_pushes, deck_pushes
+from rope_twin.core.body.loads import part_of
+from rope_twin.core.body.state import LENGTH, Deck, GridBed, PlaneBed, RigidBody
+from rope_twin.core.body.step import Pose, pose_of
+from rope_twin.core.joined import joints as ties
+from rope_twin.core.joined.joints import LOOSE, System
+from rope_twin.core.joined.sheaves import FROM, INTO, POINT, SHEAVE_MASS, WHEEL, Sheaves
+from rope_twin.core.joined.statics import solve_reeved_statics, weigh
+from rope_twin.core.state import (
+    BLOCK,
+    ELEMENTS,
+    LINE,
+    MOTIONS,
+    POSITION,
+    STIFFNESS,
+    TENSION,
+    Floats,
+    Rope,
+)
+from rope_twin.core.statics import solve_statics
+from rope_twin.core.still_rope import SYMMETRIC, Couplings, Elastic, StillRope
+from rope_twin.effects.current import CurrentParams
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.joined_model import build_joined
+from rope_twin.scene.rope_model import build
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.snapshot_builder import body_of
+
+HOOK, CENTRE, TURN = slice(0, 3), slice(3, 6), slice(6, 9)  # of the unknowns
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """A rope at rest; n free nodes from the lower end up, in the matrices' order."""
+
+    scene: Scene
+    first: int
+    place: Floats  # (3, nodes)
+    tension: Floats
+    stiffness: Floats  # dT/dl of the elements [N/m]
+    mass: Floats  # (3, 3, n)
+    couplings: Couplings | None  # of bending, at all nodes but the hang-off's
+    tangent: Floats  # at the free nodes, (3, n)
+    s: Floats  # unstretched, of the free nodes from the hang-off [m]
+    rest: Floats  # unstretched lengths of the elements [m]
+    body: HungBody | None  # below node 0, whose mass is then that of rope and hook alone
+
+
+def bring_to_rest(scene: Scene) -> AtRest:
+    """Return the static equilibrium of the scene's rope in its current.
+
+    Raises:
+        SceneError: it cannot rest, is slack somewhere, or its rigid body does not hang clear.
+    """
+    rope, line = build(scene), scene.ropes[0]
+    end = solve_statics(rope, line.length_m)
+    if not end.found:
+        raise SceneError(
+            phrase(f"{scene.path}: ropes[0]", "no static equilibrium", "check what holds the rope")
+        )
+    still = StillRope(rope, line.length_m)
+    place = still.place.copy()
+    forces = still.forces(place)
+    body = _body_of(scene, rope)  # as it rests at this place
+    if not (forces.tension > 0.0).all():
+        slack = int((forces.tension <= 0.0).sum())
+        what = f"{slack} of {still.n} elements are slack at rest, so it has no natural frequency"
+        raise SceneError(
+            phrase(f"{scene.path}: ropes[0]", what, "give it weight, tension or a payload")
+        )
+    span = np.diff(place, axis=1)
+    law: Elastic = still.elastic(np.sqrt((span * span).sum(axis=0)))
+    direction = span / np.sqrt((span * span).sum(axis=0))
+    mean = direction.copy()
+    mean[:, 1:] += direction[:, :-1]
+    first = still.first
+    tangent = mean / np.sqrt((mean * mean).sum(axis=0))
+    s = np.cumsum(still.rest[::-1])[::-1]
+    mass = forces.mass[SYMMETRIC]
+    if body is not None:
+        mass = StillRope(without_body(rope), line.length_m).forces(place).mass[SYMMETRIC]
+    still.rest_at(place)
+    couplings = still.couplings() if still.reach > 1 else None
+    return AtRest(
+        scene, first, place, forces.tension, law.stiffness, mass[:, :, first:], couplings,
+        tangent[:, first:], s[first:], still.rest, body,
+    )  # fmt: skip
+
+
+def _body_of(scene: Scene, rope: Rope) -> HungBody | None:
+    """Return the rigid body that hangs at rest below a rope; None if there is none."""
+    body = body_of(rope)
+    if body is None:
+        return None
+    return hung_body(scene, body, rope.state.nodes[POSITION : POSITION + 3, 0])
+
+
+def water_at(scene: Scene, z: Floats) -> Floats:
+    """Return the scene's current at these heights [m/s], (3, n)."""
+    water = np.zeros((3, len(z)))
+    for params in scene.effects:
+        if isinstance(params, CurrentParams):
+            rows = params.table[::-1]
+            for k in range(3):
+                water[k] += np.interp(z, rows[:, 0], rows[:, 1 + k])
+    return water
+
+
+@dataclass(frozen=True)
+class StillLine:
+    """One of the ropes, n elements from its lower end up; both of its ends are nodes."""
+
+    name: str
+    place: Floats  # (3, n + 1)
+    s: Floats  # unstretched from the upper end [m], (n + 1,)
+    tension: Floats  # (n,)
+    stiffness: Floats  # dT/dl of the elements [N/m], (n,)
+    mass: Floats  # of the nodes, (n + 1, 3, 3)
+    couplings: Couplings | None  # of bending
+
+    @property
+    def directions(self) -> tuple[Floats, Floats]:
+        """Return unit vectors (3, n) and lengths [m] of the elements."""
+        span = np.diff(self.place, axis=1)
+        length = np.sqrt((span * span).sum(axis=0))
+        return span / length, length
+
+
+@dataclass(frozen=True)
+class StillSystem:
+    """Ropes at rest, and how their nodes follow the unknowns: joints, free nodes, flows."""
+
+    scene: Scene
+    lines: tuple[StillLine, ...]
+    follow: Any  # sparse, (3·nodes of all ropes, unknowns)
+    joint_mass: Floats  # what sheaves weigh themselves and wheels turn with, of each unknown [kg]
+    tied: Any  # sparse stiffness of bars, tethers and slings [N/m], (unknowns, unknowns)
+    system: System  # in equilibrium
+    body: HungBody | None = None  # its six unknowns are the last ones
+    body_mass: Any = None  # sparse mass of it, (unknowns, unknowns)
+
+
+def bring_system_to_rest(scene: Scene) -> StillSystem:
+    """Return the static equilibrium of the scene's ropes in their current.
+
+    Raises:
+        SceneError: they cannot rest, are slack somewhere, or a rigid body does not hang clear.
+    """
+    built = build_joined(scene)
+    system = built.system
+    held = np.zeros((len(scene.ropes), MOTIONS))
+    held[:, :LINE] = np.nan_to_num(built.hang_off_m)
+    held[:, LINE] = [line.length_m for line in scene.ropes]
+    if not solve_reeved_statics(system, held).found:
+        right = "check what holds the ropes"
+        raise SceneError(phrase(f"{scene.path}: ropes", "no static equilibrium", right))
+    found = [_body_of(scene, rope) for rope in system.ropes]
+    weigh(system._replace(ropes=tuple(without_body(rope) for rope in system.ropes)), held)
+    lines = tuple(
+        _line(scene, number, rope, held[number, LINE]) for number, rope in enumerate(system.ropes)
+    )
+    still = StillSystem(scene, lines, *_unknowns(system, lines), system)
+    for r, body in enumerate(found):
+        if body is not None:
+            return _with_body(still, r, body)
+    return still
+
+
+def _with_body(still: StillSystem, r: int, body: HungBody) -> StillSystem:
+    """Return the system with six more unknowns for the body below rope r."""
+    from scipy.sparse import block_diag, coo_array, csr_array, hstack
+
+    joints, count = still.system.joints, still.follow.shape[1]
+    wheels = 0 if still.system.sheaves is None else still.system.sheaves.figures.shape[1]
+    at, _ = _numbers(still.system, still.lines, joints.nodes.shape[1] - wheels)
+    own = np.concatenate([3 * int(at[r][0]) + np.arange(3), count + np.arange(6)])
+    row, column = np.meshgrid(own, own, indexing="ij")
+    size = (count + 6, count + 6)
+    K, M = (
+        coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=size).tocsr()
+        for values in (body.stiffness, body.mass)
+    )
+    none = csr_array((6, 6))
+    return replace(
+        still,
+        follow=hstack([still.follow, csr_array((still.follow.shape[0], 6))]).tocsr(),
+        joint_mass=np.append(still.joint_mass, np.zeros(6)),
+        tied=block_diag([still.tied, none]).tocsr() + K,
+        body=body,
+        body_mass=M,
+    )
+
+
+def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:
+    """Return one rope as weighed in the equilibrium."""
+    n = int(rope.state.counts[ELEMENTS])
+    tension, name = rope.work[TENSION, :n].copy(), scene.ropes[number].name
+    if not (tension > 0.0).all():
+        slack = int((tension <= 0.0).sum())
+        what = f"{slack} of {n} elements are slack at rest, so it has no natural frequency"
+        right = "give it weight, tension or a payload"
+        raise SceneError(phrase(f"{scene.path}: ropes[{number}]", what, right))
+    still = StillRope(rope, length_m)
+    place: Floats = still.place.copy()
+    s = np.append(np.cumsum(still.rest[::-1])[::-1], 0.0)
+    mass = np.moveaxis(rope.work[BLOCK : BLOCK + 6, : n + 1][SYMMETRIC], 2, 0).copy()
+    couplings = still.couplings() if still.reach > 1 else None
+    stiffness = rope.work[STIFFNESS, :n].copy()
+    return StillLine(name, place, s, tension, stiffness, mass, couplings)
+
+
+def _numbers(system: System, lines: tuple[StillLine, ...], points: int) -> tuple[list[Any], int]:
+    """Return each node's index among connections and free nodes, or LOOSE; and their number."""
+    joints, at, count = system.joints, [], points
+    for r, rope in enumerate(system.ropes):
+        n = lines[r].place.shape[1] - 1
+        own = np.full(n + 1, LOOSE)
+        free = range(int(rope.model.first_free), n)
+        own[free.start : n] = count + np.arange(len(free))
+        count += len(free)
+        if joints.lower[r] != LOOSE:
+            own[0] = joints.lower[r]
+        if joints.upper[r] != LOOSE:
+            own[n] = joints.upper[r]
+        at.append(own)
+    return at, count
+
+
+def _unknowns(system: System, lines: tuple[StillLine, ...]) -> tuple[Any, Floats, Any]:
+    """Return `follow`, `joint_mass` and `tied` of a system.
+
+    Unknowns are three for each joint, three for each node that is no end and none that is held, and
+    the flow over each sheave.
+    """
+    from scipy.sparse import coo_array
+
+    joints, sheaves = system.joints, system.sheaves
+    wheels = 0 if sheaves is None else sheaves.figures.shape[1]
+    at, count = _numbers(system, lines, joints.nodes.shape[1] - wheels)
+    of = np.concatenate(at)
+    node = np.flatnonzero(of != LOOSE)
+    axes = np.arange(3)
+    rows = (3 * node[:, None] + axes).ravel()
+    columns = (3 * of[node][:, None] + axes).ravel()
+    values = np.ones(len(rows))
+    mass = np.zeros(3 * count + wheels)
+    if sheaves is not None:
+        ends = np.cumsum([len(own) for own in at]) - 1
+        for k in range(wheels):
+            more = _over(sheaves, k, lines, ends)
+            rows, values = np.append(rows, more[0]), np.append(values, more[1])
+            columns = np.append(columns, np.full(len(more[0]), 3 * count + k))
+            point = int(sheaves.figures[POINT, k])
+            mass[3 * point : 3 * point + 3] += sheaves.figures[SHEAVE_MASS, k]
+            mass[3 * count + k] += sheaves.figures[WHEEL, k]
+    size = 3 * count + wheels
+    follow = coo_array((values, (rows, columns)), shape=(3 * len(of), size)).tocsr()
+    return follow, mass, _tied(joints.ties, joints.nodes[POSITION : POSITION + 3], size)
+
+
+def _over(
+    sheaves: Sheaves, k: int, lines: tuple[StillLine, ...], ends: Any
+) -> tuple[Floats, Floats]:
+    """Return rows and values by which the rope's last nodes follow the flow over sheave k.
+
+    Rope that comes over goes down the one line and up the other, stretched as it is.
+    """
+    into, out = (int(sheaves.figures[row, k]) for row in (INTO, FROM))
+    one, other = lines[into], lines[out]
+    (t, t_length), (u, u_length) = one.directions, other.directions
+    mean = 0.5 * (t_length[-1] / one.s[-2] + u_length[-1] / other.s[-2])
+    rows = np.concatenate([3 * ends[into] + np.arange(3), 3 * ends[out] + np.arange(3)])
+    return rows, np.concatenate([-mean * t[:, -1], mean * u[:, -1]])
+
+
+def _tied(held: Floats, place: Floats, size: int) -> Any:
+    """Return the axial and geometric stiffness of struts and tensioners."""
+    from scipy.sparse import coo_array
+
+    matrix = coo_array((size, size)).tocsr()
+    for tie in held.T:
+        first, second = int(tie[ties.FIRST]), int(tie[ties.SECOND])
+        anchored = second == ties.ANCHORED
+        end = tie[ties.AT : ties.AT + 3] if anchored else place[:, second]
+        span = end - place[:, first]
+        length = float(np.sqrt(span @ span))
+        d = span / length
+        pull = max(tie[ties.FORCE] + tie[ties.STIFFNESS] * (length - tie[ties.LENGTH]),
+                   tie[ties.LEAST])  # fmt: skip
+        along = tie[ties.STIFFNESS] if pull > tie[ties.LEAST] else 0.0
+        block = (along - pull / length) * np.outer(d, d) + pull / length * np.eye(3)
+        spots = [(first, first, 1.0)]
+        if not anchored:
+            spots += [(second, second, 1.0), (first, second, -1.0), (second, first, -1.0)]
+        for i, j, sign in spots:
+            row, column = np.meshgrid(3 * i + np.arange(3), 3 * j + np.arange(3), indexing="ij")
+            entries = (sign * block).ravel(), (row.ravel(), column.ravel())
+            matrix = matrix + coo_array(entries, shape=(size, size)).tocsr()
+    return matrix
+
+
+class HungBody(NamedTuple):
+    """A body at rest; the first three unknowns are the hook's."""
+
+    stiffness: Floats  # (9, 9) [N/m], [N], [N·m]
+    mass: Floats  # (9, 9) [kg], [kg·m], [kg·m²]
+    reach: float  # largest distance of its points from G [m]
+
+
+def hung_body(scene: Scene, body: RigidBody, hook: Floats) -> HungBody:
+    """Return the body at rest below a hook at this position [m], (3,).
+
+    Raises:
+        SceneError: it is not fully submerged where the scene has a surface, or stands on something.
+    """
+    pose = pose_of(body)
+    what = _held_otherwise(body, pose)
+    if what:
+        right = "lower or lift it until it hangs clear"
+        raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
+    K = np.zeros((9, 9))
+    for leg in body.legs:
+        arm = pose.turn @ leg[:3]
+        force, stiffness = _sling(leg, hook - pose.centre - arm)
+        follow = np.hstack([np.eye(3), -np.eye(3), _cross(arm)])
+        K += follow.T @ stiffness @ follow
+        K[TURN, TURN] += _turned(arm, force)
+    lift = np.array([0.0, 0.0, body.displaced * body.g])
+    K[TURN, TURN] += _turned(pose.turn @ body.buoyed, lift)
+    return HungBody(0.5 * (K + K.T), _mass(body, pose), float(body.reach))
+
+
+class HungMotion(NamedTuple):
+    """Motion of a rigid body in a mode; energies are twice the kinetic energy at ω = 1."""
+
+    centre: Floats  # of gravity, (3,)
+    mass: Floats  # of its translation, (3, 3) [kg]
+    energy: float
+    largest: float  # motion of a point of it
+
+    @classmethod
+    def of(cls, body: HungBody | None, vector: Floats) -> HungMotion:
+        """Return the motion of the body, whose unknowns are the last six; at rest without one."""
+        if body is None:
+            return cls(np.zeros(3), np.zeros((3, 3)), 0.0, 0.0)
+        own = vector[-6:]
+        largest = np.linalg.norm(own[:3]) + body.reach * np.linalg.norm(own[3:])
+        return cls(
+            centre=own[:3],
+            mass=body.mass[CENTRE, CENTRE],
+            energy=float(own @ body.mass[3:, 3:] @ own),
+            largest=float(largest),
+        )
+
+    def along(self, direction: Floats) -> float:
+        """Return the energy of the translation along a direction."""
+        moved = (self.centre @ direction) * direction
+        return float(moved @ self.mass @ moved)
+
+    @property
+    def turning(self) -> float:
+        """Return the energy of the rotation, with what it shares with the translation."""
+        return max(self.energy - float(self.centre @ self.mass @ self.centre), 0.0)
+
+
+def without_body(rope: Rope) -> Rope:
+    """Return a rope that carries no body."""
+    effects = (own._replace(here=0.0) if isinstance(own, RigidBody) else own
+               for own in rope.effects)  # fmt: skip
+    return rope._replace(effects=tuple(effects))
+
+
+def _held_otherwise(body: RigidBody, pose: Pose) -> str:
+    """Return what else but slings and water carries the body; or ""."""
+    if body.stage[at.WET] < 1.0:
+        return "the body is not fully submerged, and a floating one has other modes"
+    deck, bed = part_of(body, Deck), part_of(body, PlaneBed, GridBed)
+    if deck is not None and deck_pushes(deck, body, pose).any():
+        return "the body stands on the deck, and has no modes of a hanging one"
+    if bed is not None and bed_pushes(bed, body, pose)[1].any():
+        return "the body stands on the seabed, and has no modes of a hanging one"
+    return ""
+
+
+def _sling(leg: Floats, d: Floats) -> tuple[Floats, Floats]:
+    """Return a sling's force on the body [N] and its stiffness [N/m]; zero if it is slack.
+
+    d: from its point on the body to the hook.
+    """
+    k, length = leg[at.STIFFNESS], float(np.linalg.norm(d))
+    if leg[LENGTH] == 0.0:  # a pin
+        return k * d, k * np.eye(3)
+    T, n = k * (length - leg[LENGTH]), d / length
+    if T <= 0.0:
+        return np.zeros(3), np.zeros((3, 3))
+    along = np.outer(n, n)
+    return T * n, k * along + T / length * (np.eye(3) - along)
+
+
+def _turned(arm: Floats, force: Floats) -> Floats:
+    """Return minus the derivative of a constant force's moment to the rotation."""
+    return np.asarray((arm @ force) * np.eye(3) - np.outer(arm, force))
+
+
+def _mass(body: RigidBody, pose: Pose) -> Floats:
+    """Return the mass of hook and body with added mass, (9, 9)."""
+    added, h = np.diag(body.added[:3]), _cross(body.watered)
+    own = np.zeros((6, 6))
+    own[:3, :3] = body.m * np.eye(3) + added
+    own[:3, 3:] = -added @ h
+    own[3:, :3] = own[:3, 3:].T
+    own[3:, 3:] = body.inertia + np.diag(body.added[3:]) + h.T @ added @ h
+    axes = np.kron(np.eye(2), pose.turn)
+    whole = np.zeros((9, 9))
+    whole[HOOK, HOOK] = body.hook * np.eye(3)
+    whole[3:, 3:] = axes @ own @ axes.T
+    return whole
+
+
+def _cross(a: Floats) -> Floats:
+    """Return the matrix of a × ."""
+    x, y, z = a
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -1,0 +1,520 @@
+"""Faults of sensors, clocks, networks and senders, laid over the messages of one input.
+
+The kinds are those with which PX4's simulation tests its estimators (off, stuck, garbage, wrong,
+slow, delayed, intermittent: PX4 user guide, "System Failure Injection"), and those of clocks and
+networks besides. A fault is a function from messages to messages.
+
+The instruments of a campaign (load cell, counter, depth sensor) measure what the sound twin
+computed, with a scatter of their own standard uncertainty.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any, NamedTuple
+
+from rope_twin.messages import (
+    encode_current,
+    encode_heave,
+    encode_measurement,
+    encode_order,
+    encode_pose,
+)
+from rope_twin.scene.instruments import Measured, MeasuredLength, MeasuredTension
+from rope_twin.scene.rigging import places
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.readings import Measurement
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.winch.commands import WinchCommand
+
+SECOND_NS = 1_000_000_000
+HEAVE, ODOMETRY, WINCH, CURRENT = "ship/heave", "ship/odometry", "winch/speed_command", "current"
+DRIVING = HEAVE, ODOMETRY, WINCH, CURRENT
+SENSORS, DEPTH = "winch/measured", "payload/measured_depth"
+JUDGING = SENSORS, DEPTH  # inputs that the twin is compared with
+INPUTS = *DRIVING, *JUDGING
+PAIR = " + "  # in the name of a pair of faults
+Heave = tuple[float, float]  # position [m], rate [m/s]
+Profile = tuple[tuple[float, float, float], ...]  # rows of z [m], east, north [m/s]
+READING_NS = SECOND_NS // 10
+# instruments of a scene that has none
+CELL = MeasuredTension(uncertainty_pct=0.5)
+COUNTER = MeasuredLength(uncertainty_m=0.02)
+SOUNDER = MeasuredLength(uncertainty_m=0.5)
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message on its way to the twin, in simulation time."""
+
+    topic: str
+    received_ns: int
+    stamp_ns: int  # by its sender's clock
+    content: Any  # Heave, ShipPose, WinchCommand, Profile or Measurement
+    sender: str = "sensor"
+    garbage: bytes = b""  # what comes in place of the content
+
+    def encoded(self, epoch_ns: int) -> bytes:
+        """Return CDR bytes as delivered by the middleware; epoch_ns: ROS time of t = 0."""
+        if self.garbage:
+            return self.garbage
+        stamp_ns = max(0, epoch_ns + self.stamp_ns)
+        if self.topic == HEAVE:
+            return encode_heave(stamp_ns, *self.content)
+        if self.topic == ODOMETRY:
+            return encode_pose(stamp_ns, self.content)
+        if self.topic == CURRENT:
+            return encode_current(self.content)
+        if self.topic in JUDGING:
+            return encode_measurement(stamp_ns, self.content)[1]
+        data: bytes = encode_order(stamp_ns, self.content)[1]
+        return data
+
+
+Change = Callable[[list[Message], random.Random], list[Message]]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Fault of an input from a given time on."""
+
+    name: str
+    change: Change
+    hidden: str = ""  # why the input alone cannot show it; empty: it must be flagged
+
+
+def faults_of(topic: str) -> list[Fault]:
+    """Return every fault of one input, and pairs of faults that can occur together."""
+    single = [replace(one, hidden=_HIDDEN.get((topic, one.name), one.hidden))
+              for one in (*_ANY, *_OF[topic])]  # fmt: skip
+    if topic in (HEAVE, ODOMETRY):
+        paired = [fault for fault in single if fault.name in _PAIRED]
+        single += [_both(one, other) for one, other in combinations(paired, 2)]
+    return single
+
+
+def _both(one: Fault, other: Fault) -> Fault:
+    hidden = one.hidden if one.hidden and other.hidden else ""
+    return Fault(f"{one.name}{PAIR}{other.name}",
+                 lambda given, rng: other.change(one.change(given, rng), rng), hidden)  # fmt: skip
+
+
+# -- what becomes of messages, whatever they say ------------------------------------------------
+
+
+def _off(given: list[Message], rng: random.Random) -> list[Message]:
+    return []
+
+
+def _stuck(given: list[Message], rng: random.Random) -> list[Message]:
+    return [replace(one, content=given[0].content) for one in given]
+
+
+def _random_bytes(given: list[Message], rng: random.Random) -> list[Message]:
+    return [replace(one, garbage=rng.randbytes(rng.randint(1, 400))) for one in given]
+
+
+def _cut_short(given: list[Message], rng: random.Random) -> list[Message]:
+    whole = [(one, one.encoded(0)) for one in given]
+    return [replace(one, garbage=data[: len(data) // 2]) for one, data in whole]
+
+
+def _all_numbers(value: float) -> Change:
+    def change(given: list[Message], rng: random.Random) -> list[Message]:
+        return _scaled_by(lambda _: value)(given, rng)
+
+    return change
+
+
+def _slow(given: list[Message], rng: random.Random) -> list[Message]:
+    """Pass one message every 0.5 s."""
+    kept: list[Message] = []
+    for one in given:
+        if not kept or one.stamp_ns >= kept[-1].stamp_ns + SECOND_NS // 2:
+            kept.append(one)
+    return kept
+
+
+def _delayed(delay_s: float) -> Change:
+    """Hold messages up; their stamps stay true."""
+    late_ns = round(delay_s * SECOND_NS)
+    return lambda given, rng: [replace(one, received_ns=one.received_ns + late_ns) for one in given]
+
+
+def _delayed_and_stamped_late(delay_s: float) -> Change:
+    """Hold messages up and stamp them on arrival, as a relay does."""
+    late_ns = round(delay_s * SECOND_NS)
+    return lambda given, rng: [
+        replace(one, received_ns=one.received_ns + late_ns, stamp_ns=one.stamp_ns + late_ns)
+        for one in given
+    ]
+
+
+def _clock_off(offset_s: float) -> Change:
+    off_ns = round(offset_s * SECOND_NS)
+    return lambda given, rng: [replace(one, stamp_ns=one.stamp_ns + off_ns) for one in given]
+
+
+def _intermittent(given: list[Message], rng: random.Random) -> list[Message]:
+    """Drop all messages of every other second."""
+    return [one for one in given if one.stamp_ns // SECOND_NS % 2]
+
+
+def _dropouts(given: list[Message], rng: random.Random) -> list[Message]:
+    """Drop half of all messages at random."""
+    return [one for one in given if rng.random() < 0.5]
+
+
+def _repeated(given: list[Message], rng: random.Random) -> list[Message]:
+    return [one for one in given for _ in range(2)]
+
+
+def _out_of_order(given: list[Message], rng: random.Random) -> list[Message]:
+    """Swap contents and stamps of neighbours; times of arrival are unchanged."""
+    swapped = list(given)
+    for k in range(0, len(swapped) - 1, 2):
+        a, b = swapped[k], swapped[k + 1]
+        swapped[k] = replace(b, received_ns=a.received_ns)
+        swapped[k + 1] = replace(a, received_ns=b.received_ns)
+    return swapped
+
+
+def _other_sender(given: list[Message], rng: random.Random) -> list[Message]:
+    """Add a second sender that sends in turn, with inverted values from five seconds before."""
+    turn = _scaled_by(lambda value: -value)
+    late_ns = 5 * SECOND_NS
+    shift_ns = 20_000_000  # between two of the first one's
+    others = [
+        replace(one, sender="stranger", stamp_ns=one.stamp_ns + late_ns + shift_ns,
+                received_ns=one.received_ns + late_ns + shift_ns)
+        for one in turn(given, rng)
+    ]  # fmt: skip
+    return sorted([*given, *others], key=lambda one: one.received_ns)
+
+
+# -- what becomes of their numbers --------------------------------------------------------------
+
+
+def _scaled_by(
+    value: Callable[[float], float], rate: Callable[[float], float] | None = None
+) -> Change:
+    """Change positions (or the value of a command or profile) by `value`, rates by `rate`."""
+    rate = rate or value
+
+    def content(one: Message) -> Any:
+        if one.topic == HEAVE:
+            z, v = one.content
+            return value(z), rate(v)
+        if one.topic == ODOMETRY:
+            pose: ShipPose = one.content
+            (x, y, z), (u, v, w) = pose.position_m, pose.velocity_m_per_s
+            return replace(
+                pose,
+                position_m=(value(x), value(y), value(z)),
+                velocity_m_per_s=(rate(u), rate(v), rate(w)),
+            )
+        if one.topic in JUDGING:
+            return _with_row(one.content, value, rate, value)
+        if one.topic == CURRENT:
+            return tuple((z, value(east), value(north)) for z, east, north in one.content)
+        return WinchCommand(one.content.kind, value(one.content.value))
+
+    return lambda given, rng: [replace(one, content=content(one)) for one in given]
+
+
+def _times(factor: float, rate: float | None = None) -> Change:
+    other = factor if rate is None else rate
+    return _scaled_by(lambda value: factor * value, lambda value: other * value)
+
+
+def _leap(leap_m: float) -> Change:
+    """Move every position by so much at once; rates stay true."""
+    return _scaled_by(lambda value: value + leap_m, lambda value: value)
+
+
+def _noise(sigma_m: float) -> Change:
+    def change(given: list[Message], rng: random.Random) -> list[Message]:
+        return _scaled_by(lambda value: value + rng.gauss(0.0, sigma_m), lambda rate: rate)(
+            given, rng
+        )
+
+    return change
+
+
+def _turned(turn: Callable[[ShipPose], ShipPose]) -> Change:
+    return lambda given, rng: [replace(one, content=turn(one.content)) for one in given]
+
+
+def _rates_of_turn_times(factor: float) -> Change:
+    def turn(pose: ShipPose) -> ShipPose:
+        x, y, z = pose.rate_rad_per_s
+        return replace(pose, rate_rad_per_s=(factor * x, factor * y, factor * z))
+
+    return _turned(turn)
+
+
+def _half_a_quaternion(pose: ShipPose) -> ShipPose:
+    x, y, z, w = pose.orientation
+    return replace(pose, orientation=(0.5 * x, 0.5 * y, 0.5 * z, 0.5 * w))
+
+
+Value = Callable[[float], float]
+
+
+def _same(value: float) -> float:
+    return value
+
+
+def _with_row(reported: Measurement, place: Value, speed: Value, tension: Value) -> Measurement:
+    """Return a measurement whose known values are changed."""
+    changes = place, speed, tension
+    rows = tuple(
+        (name, *(None if one is None else change(one)
+                 for change, one in zip(changes, given, strict=True)))
+        for name, *given in reported.rows
+    )  # fmt: skip
+    return reported._replace(rows=rows)  # type: ignore[arg-type]
+
+
+def _readings(place: Value = _same, speed: Value = _same, tension: Value = _same) -> Change:
+    """Change line out or depth [m], line speed [m/s] and tension [N] of each reading."""
+    return lambda given, rng: [
+        replace(one, content=_with_row(one.content, place, speed, tension)) for one in given
+    ]
+
+
+def _stuck_at_first(column: int) -> Change:
+    """Keep the first value of a column (1: line out or depth, 2: speed, 3: tension)."""
+
+    def change(given: list[Message], rng: random.Random) -> list[Message]:
+        rows = [list(one.content.rows[0]) for one in given]
+        for row in rows:
+            row[column] = rows[0][column] if rows[0] is not row else row[column]
+        return [replace(one, content=one.content._replace(rows=(tuple(row),)))
+                for one, row in zip(given, rows, strict=True)]  # fmt: skip
+
+    return change
+
+
+def _spikes(column: int, size: Value) -> Change:
+    """Change a value in one of ten readings at random."""
+
+    def change(given: list[Message], rng: random.Random) -> list[Message]:
+        made = []
+        for one in given:
+            row = list(one.content.rows[0])
+            if rng.random() < 0.1:
+                row[column] = size(row[column])
+            made.append(replace(one, content=one.content._replace(rows=(tuple(row),))))
+        return made
+
+    return change
+
+
+_ALIKE = "position and rate are changed alike, as in a smaller sea"
+_ANY = [
+    Fault("off", _off),
+    Fault("random bytes", _random_bytes),
+    Fault("cut short", _cut_short),
+    Fault("not a number", _all_numbers(math.nan)),
+    Fault("infinite", _all_numbers(math.inf)),
+    Fault("1e300", _all_numbers(1e300)),
+    Fault("another sender", _other_sender),
+]
+_STAMPED = [
+    Fault("delayed 0.5 s", _delayed(0.5)),
+    Fault("delayed 1 s", _delayed(1.0)),
+    Fault("delayed 5 s", _delayed(5.0)),
+    Fault("clock +1.5 s", _clock_off(1.5)),
+    Fault("clock +9 s", _clock_off(9.0)),
+    Fault("clock -1.5 s", _clock_off(-1.5)),
+    Fault("clock -9 s", _clock_off(-9.0)),
+    Fault("out of order", _out_of_order),
+]
+_STREAMED = [
+    Fault("stuck", _stuck),
+    Fault("slow, 2 Hz", _slow),
+    Fault("intermittent", _intermittent),
+    Fault("half lost", _dropouts),
+    Fault("repeated", _repeated),
+]
+_MEASURED = [
+    Fault("times 0.1", _times(0.1), _ALIKE),
+    Fault("times 1.03", _times(1.03), _ALIKE),
+    Fault("times 10", _times(10.0)),
+    Fault("opposite sign", _times(-1.0), _ALIKE),
+    Fault("position times 0.1", _times(0.1, 1.0)),
+    Fault("position times 10", _times(10.0, 1.0)),
+    Fault("position of opposite sign", _times(-1.0, 1.0)),
+    Fault("rate times 0.1", _times(1.0, 0.1)),
+    Fault("rate times 10", _times(1.0, 10.0)),
+    Fault("rate times 100", _times(1.0, 100.0)),
+    Fault("rate of opposite sign", _times(1.0, -1.0)),
+    Fault("rate +15 m/s", _scaled_by(lambda z: z, lambda v: v + 15.0)),
+    Fault("leap by 5 m", _leap(5.0)),
+    Fault("leap by 29 m", _leap(29.0)),
+    Fault("leap by 500 m", _leap(500.0)),
+    Fault("noise of 0.5 m", _noise(0.5)),
+    Fault("relayed 0.5 s late", _delayed_and_stamped_late(0.5), "stamps and values agree"),
+    Fault("relayed 5 s late", _delayed_and_stamped_late(5.0), "stamps and values agree"),
+]
+_ORDERED = "the winch obeys it, as it would obey its crew"
+_OF = {
+    HEAVE: [*_STAMPED, *_STREAMED, *_MEASURED],
+    ODOMETRY: [
+        *_STAMPED,
+        *_STREAMED,
+        *_MEASURED,
+        Fault("rate of turn times 10", _rates_of_turn_times(10.0)),
+        Fault("rate of turn of opposite sign", _rates_of_turn_times(-1.0)),
+        Fault("quaternion of length 0.5", _turned(_half_a_quaternion)),
+    ],
+    WINCH: [
+        *_STAMPED,
+        Fault("stuck", _stuck, _ORDERED),
+        Fault("slow, 2 Hz", _slow, _ORDERED),
+        Fault("intermittent", _intermittent),
+        Fault("half lost", _dropouts, _ORDERED),
+        Fault("repeated", _repeated),
+        Fault("times 0.1", _times(0.1), _ORDERED),
+        Fault("times 10", _times(10.0)),
+        Fault("times 100", _times(100.0)),
+        Fault("opposite sign", _times(-1.0), _ORDERED),
+        Fault("plus 5 m/s", _leap(5.0)),
+        Fault("relayed 0.5 s late", _delayed_and_stamped_late(0.5), _ORDERED),
+    ],
+    CURRENT: [
+        Fault("times 0.1", _times(0.1), "it is a current as good as any"),
+        Fault("times 10", _times(10.0)),
+        Fault("times 100", _times(100.0)),
+        Fault("opposite sign", _times(-1.0), "it is a current as good as any"),
+        Fault("plus 1 m/s", _leap(1.0)),
+    ],
+}
+_COMPARED = "readings are compared for the time of their stamps"
+_FT, _LB_N, _KGF_N = 0.3048, 4.4482216152605, 9.80665  # exact
+_ARRIVING = [
+    Fault("delayed 1 s", _delayed(1.0), _COMPARED),
+    Fault("delayed 15 s", _delayed(15.0)),
+    Fault("clock +1.5 s", _clock_off(1.5)),
+    Fault("clock +9 s", _clock_off(9.0)),
+    Fault("clock -15 s", _clock_off(-15.0)),
+    Fault("out of order", _out_of_order),
+    Fault("stuck", _stuck),
+    Fault("slow, 2 Hz", _slow, "fewer readings are as good"),
+    Fault("half lost", _dropouts, "fewer readings are as good"),
+    Fault("repeated", _repeated),
+]
+_OF[SENSORS] = [
+    *_ARRIVING,
+    Fault("relayed 15 s late", _delayed_and_stamped_late(15.0)),
+    Fault("tension stuck", _stuck_at_first(3)),
+    Fault("tension in lbf", _readings(tension=lambda n: n / _LB_N)),
+    Fault("tension in kgf", _readings(tension=lambda n: n / _KGF_N)),
+    Fault("tension in kN", _readings(tension=lambda n: 1e-3 * n)),
+    Fault("tension times 10", _readings(tension=lambda n: 10.0 * n)),
+    Fault("tension of opposite sign", _readings(tension=lambda n: -n)),
+    Fault("tension lost", _readings(tension=lambda n: 0.0)),
+    Fault("tension spikes of 50 kN", _spikes(3, lambda n: n + 5e4)),
+    Fault("line out stuck", _stuck_at_first(1)),
+    Fault("line out in ft", _readings(place=lambda m: m / _FT)),
+    Fault("line out of opposite sign", _readings(place=lambda m: -m)),
+    Fault("line out leaps by 5 m", _readings(place=lambda m: m + 5.0)),
+    Fault("line out spikes of 3 m", _spikes(1, lambda m: m + 3.0)),
+    Fault("line speed stuck", _stuck_at_first(2)),
+    Fault("line speed in m/min", _readings(speed=lambda v: 60.0 * v)),
+    Fault("line speed in ft/s", _readings(speed=lambda v: v / _FT)),
+    Fault("line speed of opposite sign", _readings(speed=lambda v: -v)),
+]
+_OF[DEPTH] = [
+    *_ARRIVING,
+    Fault("in ft", _readings(place=lambda m: m / _FT)),
+    Fault("in fathoms", _readings(place=lambda m: m / (6.0 * _FT))),
+    Fault("opposite sign", _readings(place=lambda m: -m)),
+    Fault("leaps by 5 m", _readings(place=lambda m: m + 5.0)),
+    Fault("spikes of 20 m", _spikes(1, lambda m: m + 20.0)),
+]
+_HIDDEN = {(CURRENT, "off"): "a profile holds until the next one comes"}
+_PAIRED = {
+    "stuck", "slow, 2 Hz", "intermittent", "half lost", "repeated", "out of order", "delayed 0.5 s",
+    "clock +1.5 s", "position times 10", "rate times 10", "rate of opposite sign", "another sender",
+    "leap by 5 m",
+}  # fmt: skip
+
+
+def laid_over(messages: list[Message], fault: Fault, from_ns: int, seed: int) -> list[Message]:
+    """Return the messages with the fault from a given time on, in the order of arrival.
+
+    Args:
+        messages: of one input, in the order of their stamps.
+        fault: the fault of those stamped `from_ns` [ns, simulation time] or later.
+        from_ns: its beginning.
+        seed: of random bytes, noise and losses.
+    """
+    sound = [one for one in messages if one.stamp_ns < from_ns]
+    later = [one for one in messages if one.stamp_ns >= from_ns]
+    faulted = fault.change(later, random.Random(seed))
+    return sorted([*sound, *faulted], key=lambda one: one.received_ns)
+
+
+class Truth(NamedTuple):
+    """Values of the sound twin at one time."""
+
+    stamp_ns: int
+    line_out_m: float
+    speed_m_per_s: float
+    tension_n: float
+    depth_m: float
+
+
+def truth_of(shot: Snapshot) -> Truth:
+    """Return what instruments would see of a snapshot, each without an error of its own."""
+    depth_m = -float(shot.payload_position_m[2])
+    return Truth(
+        shot.stamp_ns, shot.line_out_m, shot.payout_speed_m_per_s, shot.tension_top_n, depth_m
+    )
+
+
+def instrumented(scene: Scene) -> Scene:
+    """Return the scene with uncertainties of its instruments, its own where it gives them."""
+    own = scene.measured
+    tension = own.tension if own.tension.uncertainty(1.0) is not None else CELL
+    line_out = own.line_out if own.line_out.uncertainty(1.0) is not None else COUNTER
+    depth = own.payload_depth if own.payload_depth.uncertainty(1.0) is not None else SOUNDER
+    measured = Measured(tension=tension, line_out=line_out, payload_depth=depth)
+    return replace(scene, measured=measured)
+
+
+def readings(scene: Scene, truths: Sequence[Truth], latency_ns: int, seed: int) -> list[Message]:
+    """Return the readings of all instruments of an instrumented scene, in the order of arrival.
+
+    Args:
+        scene: from `instrumented`.
+        truths: of the sound twin, at rising times; one in READING_NS is read.
+        latency_ns: from a stamp to the arrival of its message.
+        seed: of the scatter.
+    """
+    rng, found, due_ns = random.Random(seed), list[Message](), 0
+    winch = next((one.from_ for one in scene.ropes if one.from_ in places(scene)), "")
+    cell, counter = scene.measured.tension, scene.measured.line_out
+    sounder = scene.measured.payload_depth
+    for one in truths:
+        if one.stamp_ns < due_ns:
+            continue
+        due_ns = one.stamp_ns + READING_NS
+        tension_n = one.tension_n + rng.gauss(0.0, cell.uncertainty(one.tension_n) or 0.0)
+        length_m = one.line_out_m + rng.gauss(0.0, counter.uncertainty(one.line_out_m) or 0.0)
+        depth_m = one.depth_m + rng.gauss(0.0, sounder.uncertainty(one.depth_m) or 0.0)
+        reported = Measurement.of_winch(
+            one.stamp_ns, length_m + counter.bias, one.speed_m_per_s, tension_n + cell.bias, winch
+        )
+        sounded = Measurement.of_depth(one.stamp_ns, depth_m + sounder.bias)
+        arrival_ns = one.stamp_ns + latency_ns
+        found.append(Message(SENSORS, arrival_ns, one.stamp_ns, reported, "winch"))
+        found.append(Message(DEPTH, arrival_ns, one.stamp_ns, sounded, "sounder"))
+    return found

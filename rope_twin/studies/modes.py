@@ -1,0 +1,442 @@
+"""Natural frequencies and modes of a scene's rope about its static equilibrium.
+
+Small undamped motion u of the nodes about equilibrium: M·ü + K·u = 0. A rigid body adds six
+unknowns (rope_twin.studies.equilibrium). K holds each element's stiffness k·t·tᵀ + (T/l)·(I -
+t·tᵀ), axial and geometric (Irvine 1981, Cable Structures, ch. 3), and bending if the scene lists
+it; M the mass and added mass of every effect: rope, its added mass in the transverse direction,
+payload with its added mass. Both ends have the scene's boundary conditions. Damping and the change
+of hydrodynamic loads with the shape are neglected.
+
+The smallest eigenvalues of K·φ = ω²·M·φ are found by shift and invert (Ericsson and Ruhe 1980, as
+in ARPACK).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.state import Floats
+from rope_twin.core.still_rope import SYMMETRIC, Couplings
+from rope_twin.errors import InputError, phrase
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.equilibrium import (
+    CENTRE,
+    AtRest,
+    HungMotion,
+    StillLine,
+    StillSystem,
+    bring_system_to_rest,
+    bring_to_rest,
+    water_at,
+)
+
+WAVE_PERIODS_S = (4.0, 20.0)  # of wind sea and swell
+STROUHAL = 0.2  # of a circular cylinder, 300 < Re < 1e5 (Blevins 1990)
+AXIAL_MODES = 3
+NEAR = 8  # modes looked at around the frequency that an axial mode should have
+SAME = 1e-6  # relative: frequencies this close belong to one mode in two directions
+STRAIGHT = 1e-6  # of the length: a rope within this of a line has no plane of its own
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One natural mode; shares are of its kinetic energy and add up to 1."""
+
+    frequency_hz: float
+    period_s: float
+    kind: str  # axial, in-plane, out-of-plane or turning: the largest share
+    axial_share: float
+    in_plane_share: float
+    out_of_plane_share: float
+    turning_share: float  # of a rigid body's rotation
+    largest_at_m: float  # where it moves most, unstretched from the hang-off
+    wave_ratio: float  # period over the nearest of WAVE_PERIODS_S, 1 among them
+    strouhal_hz: float  # of vortices in the scene's current where it moves most
+    shape: Floats  # motion of the nodes, hang-off first, largest 1; (nodes, 3)
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The lowest modes of a scene, and its first axial ones."""
+
+    lowest: tuple[Mode, ...]
+    axial: tuple[Mode, ...]
+    place: Floats  # of the nodes at rest, hang-off first [m], (nodes, 3)
+    strouhal_max_hz: float  # where the current across the rope is fastest
+
+
+def find_modes(scene: Scene, count: int) -> Modes:
+    """Return the `count` lowest modes and the first axial ones.
+
+    Raises:
+        InputError: a count that the rope's free nodes do not give.
+        SceneError: the rope cannot rest, or is slack somewhere: it then has no natural frequency.
+    """
+    rest = bring_to_rest(scene)
+    most = 3 * len(rest.s) - NEAR
+    if not 1 <= count <= most:
+        what = f"{count} of a rope with {len(rest.s)} free nodes"
+        raise InputError(phrase("--count", what, f"give 1 to {most}"))
+    K, M = _matrices(rest)
+    near = 0.0 if rest.body is None else NEAR_FREE  # nothing holds a body's turn about the rope
+    lowest = list(_modes(rest, *solve(K, M, count, near)))
+    axial = []
+    for omega in _axial_guesses(rest):
+        around = _modes(rest, *solve(K, M, NEAR, omega * omega))
+        axial.append(max(around, key=lambda mode: mode.axial_share))
+    speed = _speed_across(rest)
+    diameter = scene.ropes[0].thinnest_m
+    place = np.ascontiguousarray(rest.place[:, ::-1].T)
+    return Modes(tuple(lowest), tuple(axial), place, float(STROUHAL * speed.max() / diameter))
+
+
+def _matrices(rest: AtRest) -> tuple[Any, Any]:
+    """Return K and M as sparse matrices with 3 unknowns per free node, and a body's 6."""
+    from scipy.sparse import bsr_array
+
+    span = np.diff(rest.place, axis=1)
+    length = np.sqrt((span * span).sum(axis=0))
+    t = span / length
+    lateral = rest.tension / length
+    blocks = np.einsum("e,ke,ce->ekc", rest.stiffness - lateral, t, t)
+    blocks += lateral[:, None, None] * np.eye(3)
+    n, first = len(rest.s), rest.first
+    diagonal = blocks[first:].copy()
+    diagonal[1 - first :] += blocks[: len(blocks) - 1]
+    between = -blocks[first:-1]
+    i = np.arange(n)
+    row = np.concatenate([i, i[:-1], i[1:]])
+    column = np.concatenate([i, i[1:], i[:-1]])
+    data = np.concatenate([diagonal, between, between])
+    order = np.lexsort((column, row))
+    starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=n))])
+    K = bsr_array((data[order], column[order], starts), shape=(3 * n, 3 * n))
+    M = bsr_array((np.moveaxis(rest.mass, 2, 0), i, np.arange(n + 1)), shape=(3 * n, 3 * n))
+    if rest.couplings is not None:
+        K = K + _coupled(rest.couplings, first)
+    if rest.body is not None:
+        K, M = (
+            _with_body(rope, own) for rope, own in ((K, rest.body.stiffness), (M, rest.body.mass))
+        )
+    return K.tocsc(), M.tocsc()
+
+
+def _with_body(rope: Any, own: Floats) -> Any:
+    """Return a rope's matrix with that of a body, (9, 9), whose hook is the first node."""
+    from scipy.sparse import block_diag, coo_array, csr_array
+
+    count = rope.shape[0]
+    at = np.concatenate([np.arange(3), count + np.arange(6)])
+    row, column = np.meshgrid(at, at, indexing="ij")
+    size = (count + 6, count + 6)
+    added = coo_array((own.ravel(), (row.ravel(), column.ravel())), shape=size)
+    return block_diag([rope, csr_array((6, 6))]).tocsr() + added.tocsr()
+
+
+def _coupled(couplings: Couplings, first: int) -> Any:
+    """Return the stiffness of effects that couple second neighbours, as a sparse matrix."""
+    from scipy.sparse import block_diag, diags_array, eye_array, kron
+
+    near, far = couplings.near[first:-1], couplings.far[first:-2]
+    n = couplings.own.shape[1] - first
+    between = diags_array([near, near, far, far], offsets=[1, -1, 2, -2], shape=(n, n))
+    own = np.moveaxis(couplings.own[SYMMETRIC], 2, 0)[first:]
+    return kron(between, eye_array(3)) + block_diag(own)
+
+
+def solve(K: Any, M: Any, count: int, near: float) -> tuple[Floats, Floats]:
+    """Return frequencies ω [rad/s], rising, and M-normal modes with ω² nearest to `near`.
+
+    The start vector is fixed, so that the same scene gives the same digits.
+    """
+    from scipy.sparse.linalg import eigsh
+
+    start = np.random.default_rng(1).standard_normal(K.shape[0])
+    squares, modes = eigsh(K, k=count, M=M, sigma=near, which="LM", v0=start)
+    order = np.argsort(squares)
+    return np.sqrt(np.maximum(squares[order], 0.0)), modes[:, order]
+
+
+def _axial_guesses(rest: AtRest) -> Floats:
+    """Return ω [rad/s] of the first modes of a rope whose nodes move only along it.
+
+    Shifted off by a millionth: on a frequency itself the shifted matrix is singular.
+    """
+    from scipy.linalg import eigh_tridiagonal
+
+    mass = np.einsum("kn,kcn,cn->n", rest.tangent, rest.mass, rest.tangent)
+    if rest.body is not None:
+        t = rest.tangent[:, 0]
+        mass[0] += t @ rest.body.mass[CENTRE, CENTRE] @ t
+    k = rest.stiffness
+    diagonal = k[rest.first :].copy()
+    diagonal[1 - rest.first :] += k[: len(k) - 1]
+    root = 1.0 / np.sqrt(mass)
+    between = -k[rest.first : -1] * root[:-1] * root[1:]
+    last = min(AXIAL_MODES, len(mass)) - 1
+    squares = eigh_tridiagonal(
+        diagonal * root * root, between, eigvals_only=True, select="i", select_range=(0, last)
+    )
+    return np.asarray(np.sqrt(squares) * (1.0 + 1e-6))
+
+
+def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
+    """Return the modes; those of equal frequency are separated by the rope's plane."""
+    normal = _normal(rest)
+    vectors = _separate(rest, omega, vectors, normal)
+    speed = _speed_across(rest)
+    diameter = rest.scene.ropes[0].thinnest_m
+    for w, vector in zip(omega, vectors.T, strict=True):
+        motion, hung = vector[: 3 * len(rest.s)].reshape(-1, 3).T, HungMotion.of(rest.body, vector)
+        energy = _energy(rest, motion) + hung.energy
+        along = (motion * rest.tangent).sum(axis=0)
+        out = normal @ motion
+        axial = _energy(rest, along * rest.tangent) + hung.along(rest.tangent[:, 0])
+        sideways = _energy(rest, out * normal[:, None]) + hung.along(normal)
+        axial, sideways, turning = axial / energy, sideways / energy, hung.turning / energy
+        in_plane = 1.0 - axial - sideways - turning
+        shares = {"axial": axial, "in-plane": in_plane, "out-of-plane": sideways, TURNING: turning}
+        size = np.sqrt((motion * motion).sum(axis=0))
+        at = int(size.argmax())
+        held = w > (0.0 if rest.body is None else FREE)
+        period = 2.0 * pi / w if held else float("inf")
+        shape = np.zeros((rest.place.shape[1], 3))
+        shape[rest.first : -1] = motion.T / max(float(size[at]), hung.largest)
+        yield Mode(
+            frequency_hz=float(w / (2.0 * pi)) if held else 0.0,
+            period_s=float(period),
+            kind=max(shares, key=lambda kind: shares[kind]),
+            axial_share=float(axial),
+            in_plane_share=float(max(in_plane, 0.0)),
+            out_of_plane_share=float(sideways),
+            turning_share=float(turning),
+            largest_at_m=float(rest.s[at]),
+            wave_ratio=near_waves(period),
+            strouhal_hz=float(STROUHAL * speed[at] / diameter),
+            shape=shape[::-1].copy(),
+        )
+
+
+def near_waves(period_s: float) -> float:
+    """Return the ratio of a period to the nearest of WAVE_PERIODS_S."""
+    low, high = WAVE_PERIODS_S
+    return float(period_s / min(max(period_s, low), high))
+
+
+def _energy(rest: AtRest, motion: Floats) -> float:
+    """Return twice the kinetic energy of a motion at ω = 1."""
+    return float((motion * np.einsum("kcn,cn->kn", rest.mass, motion)).sum())
+
+
+def _normal(rest: AtRest) -> Floats:
+    """Return the normal of the rope's mean plane; of a straight rope, across the current or y."""
+    offset = rest.place - rest.place[:, -1:]
+    axes, sizes, _ = np.linalg.svd(offset, full_matrices=False)
+    if sizes[1] > STRAIGHT * sizes[0]:
+        return np.asarray(axes[:, 2])
+    across = np.cross(axes[:, 0], _water(rest).sum(axis=1))
+    if not across.any():
+        across = np.cross(axes[:, 0], [1.0, 0.0, 0.0])
+    return np.asarray(across / np.linalg.norm(across))
+
+
+def _separate(rest: AtRest, omega: Floats, vectors: Floats, normal: Floats) -> Floats:
+    """Rotate modes of equal frequency into the in-plane and out-of-plane directions."""
+    turned = vectors.copy()
+    start = 0
+    for end in range(1, len(omega) + 1):
+        if end < len(omega) and omega[end] - omega[end - 1] <= SAME * omega[end]:
+            continue
+        group = vectors[:, start:end]
+        motion = group.T[:, : 3 * len(rest.s)].reshape(end - start, -1, 3)
+        out = motion @ normal
+        mass = np.einsum("k,kcn,c->n", normal, rest.mass, normal)
+        _, turn = np.linalg.eigh((out * mass) @ out.T)
+        turned[:, start:end] = group @ turn
+        start = end
+    return turned
+
+
+def _water(rest: AtRest) -> Floats:
+    """Return the water properties at the free nodes."""
+    return water_at(rest.scene, rest.place[2, rest.first : -1])
+
+
+def _speed_across(rest: AtRest) -> Floats:
+    """Return the speed of the current normal to the rope at the free nodes [m/s]."""
+    water = _water(rest)
+    across = water - (water * rest.tangent).sum(axis=0) * rest.tangent
+    return np.asarray(np.sqrt((across * across).sum(axis=0)))
+
+
+NEAR_FREE = -1e-6  # [rad²/s²]: looked for from just below 0, as ropes over a sheave may run freely
+LOOKED_AT = (60, 200, 600)  # modes among which the first that stretch are sought
+FREE = 1e-4  # rad/s: what is slower is a motion that nothing holds, such as a spin about one rope
+STRETCHING, SWINGING, UNHELD = "stretching", "swinging", "free"
+TURNING = "turning"  # of a rigid body
+
+
+@dataclass(frozen=True)
+class SystemMode:
+    """One natural mode of a multi-line system."""
+
+    frequency_hz: float
+    period_s: float  # infinite where nothing holds the motion
+    kind: str  # stretching or swinging: where the larger part of its strain energy is; or free
+    stretching_share: float  # of the strain energy
+    vertical_share: float  # of the kinetic energy
+    turning_share: float  # of the kinetic energy: a rigid body's rotation
+    rope: str  # the one that moves most
+    largest_at_m: float  # and where: unstretched from that rope's upper end
+    wave_ratio: float  # period over the nearest of the waves' periods, 1 among them; free: infinite
+    strouhal_hz: float  # of vortices in the scene's current where it moves most
+    shapes: tuple[Floats, ...]  # motion of each rope's nodes, upper end first, largest 1
+
+
+@dataclass(frozen=True)
+class SystemModes:
+    """Lowest modes of a multi-line system, and its first axial ones."""
+
+    lowest: tuple[SystemMode, ...]
+    stretching: tuple[SystemMode, ...]
+    still: StillSystem
+
+
+def find_system_modes(scene: Scene, count: int) -> SystemModes:
+    """Return the `count` lowest modes and the first that stretch the ropes.
+
+    Raises:
+        InputError: a count that the ropes' free nodes do not give.
+        SceneError: the ropes cannot rest, or are slack somewhere.
+    """
+    still = bring_system_to_rest(scene)
+    size = still.follow.shape[1]
+    most = size - 2
+    if not 1 <= count <= most:
+        what = f"{count} of ropes with {size} ways to move"
+        raise InputError(phrase("--count", what, f"give 1 to {most}"))
+    from scipy.sparse import diags_array
+
+    stretch, turn, local_mass = (_whole(still, part) for part in (_stretch, _turn, _masses))
+    K, M = stretch + turn + still.tied, local_mass + diags_array(still.joint_mass)
+    if still.body is not None:
+        M = M + still.body_mass
+    found: list[SystemMode] = []
+    for wanted in LOOKED_AT:
+        wanted = min(max(wanted, count), most)
+        found = list(_system_modes(still, stretch, *solve(K.tocsc(), M.tocsc(), wanted, NEAR_FREE)))
+        stretching = [mode for mode in found if mode.kind == STRETCHING]
+        if len(stretching) >= AXIAL_MODES or wanted == most:
+            break
+    return SystemModes(tuple(found[:count]), tuple(stretching[:AXIAL_MODES]), still)
+
+
+def _whole(still: StillSystem, part: Any) -> Any:
+    """Assemble a matrix of the unknowns from those of the ropes' nodes."""
+    from scipy.sparse import block_diag
+
+    local = block_diag([part(line) for line in still.lines], format="csr")
+    return (still.follow.T @ local @ still.follow).tocsr()
+
+
+def _stretch(line: StillLine) -> Any:
+    """Return the axial stiffness k·t·tᵀ of each element."""
+    t, _ = line.directions
+    return _chain(np.einsum("e,ke,ce->ekc", line.stiffness, t, t))
+
+
+def _turn(line: StillLine) -> Any:
+    """Return the geometric stiffness (T/l)·(I - t·tᵀ) of each element, and that of bending."""
+    t, length = line.directions
+    lateral = line.tension / length
+    chain = _chain(lateral[:, None, None] * (np.eye(3) - np.einsum("ke,ce->ekc", t, t)))
+    return chain if line.couplings is None else chain + _bent(line)
+
+
+def _chain(blocks: Floats) -> Any:
+    """Return the matrix of blocks (n, 3, 3) that couple neighbouring nodes."""
+    from scipy.sparse import bsr_array
+
+    n = len(blocks)
+    size = (3 * n + 3, 3 * n + 3)
+    own = np.zeros((n + 1, 3, 3))
+    own[:n] += blocks
+    own[1:] += blocks
+    diagonal = bsr_array((own, np.arange(n + 1), np.arange(n + 2)), shape=size)
+    above = bsr_array((blocks, np.arange(1, n + 1), np.append(np.arange(n + 1), n)), shape=size)
+    return diagonal.tocsr() - above - above.T
+
+
+def _bent(line: StillLine) -> Any:
+    """Return the bending stiffness of second neighbours; the upper end is clamped or hinged."""
+    from scipy.sparse import block_diag, diags_array, eye_array, kron
+
+    bent = line.couplings
+    assert bent is not None
+    n = len(line.tension)
+    near, far = bent.near[:n], bent.far[: n - 1]
+    between = diags_array([near, near, far, far], offsets=[1, -1, 2, -2], shape=(n + 1, n + 1))
+    last = -(near[-1] + far[-1]) * np.eye(3)
+    return kron(between, eye_array(3)) + block_diag([*np.moveaxis(bent.own, 1, 0), last])
+
+
+def _masses(line: StillLine) -> Any:
+    from scipy.sparse import bsr_array
+
+    nodes = len(line.mass)
+    return bsr_array((line.mass, np.arange(nodes), np.arange(nodes + 1)))
+
+
+def _system_modes(
+    still: StillSystem, stretch: Any, omega: Floats, vectors: Floats
+) -> Iterator[SystemMode]:
+    """Return the modes as SystemMode objects."""
+    masses = [line.mass for line in still.lines]
+    ends = np.cumsum([mass.shape[0] for mass in masses])[:-1]
+    for found, vector in zip(omega, vectors.T, strict=True):
+        w = found if found > FREE else 0.0
+        strain = float(vector @ (stretch @ vector))
+        share = min(strain / (w * w), 1.0) if w else 0.0  # M-normal: ω² is all of it
+        motions = np.split((still.follow @ vector).reshape(-1, 3), ends)
+        energies = [
+            np.einsum("nk,nkc,nc->nk", motion, mass, motion)
+            for motion, mass in zip(motions, masses, strict=True)
+        ]
+        hung = HungMotion.of(still.body, vector)
+        kinetic = sum(energy.sum(axis=0) for energy in energies)
+        kinetic = kinetic + hung.centre * (hung.mass @ hung.centre)
+        turning = hung.turning / (float(kinetic.sum()) + hung.turning)
+        sizes = [np.sqrt((motion * motion).sum(axis=1)) for motion in motions]
+        r = int(np.argmax([size.max() for size in sizes]))
+        at = int(sizes[r].argmax())
+        line = still.lines[r]
+        period = 2.0 * pi / w if w else float("inf")
+        kind = TURNING if turning > 0.5 else STRETCHING if share > 0.5 else SWINGING
+        largest = max(float(sizes[r][at]), hung.largest)
+        yield SystemMode(
+            frequency_hz=float(w / (2.0 * pi)),
+            period_s=float(period),
+            kind=kind if w else UNHELD,
+            stretching_share=share,
+            vertical_share=float(kinetic[2] / (kinetic.sum() + hung.turning)),
+            turning_share=float(turning),
+            rope=line.name,
+            largest_at_m=float(line.s[at]),
+            wave_ratio=near_waves(period),
+            strouhal_hz=_strouhal(still, r, at),
+            shapes=tuple(motion[::-1] / largest for motion in motions),
+        )
+
+
+def _strouhal(still: StillSystem, r: int, at: int) -> float:
+    """Return the vortex-shedding frequency at node `at` of rope r [Hz]."""
+    line = still.lines[r]
+    t = line.directions[0][:, min(at, len(line.tension) - 1)]
+    water = water_at(still.scene, line.place[2, at : at + 1])[:, 0]
+    across = water - (water @ t) * t
+    return float(STROUHAL * np.sqrt(across @ across) / still.scene.ropes[r].thinnest_m)

@@ -1,1 +1,0 @@
-"""Natural frequencies and modes of a rope at rest: `rope_twin modes`."""

@@ -1,0 +1,462 @@
+"""The runs of a study: what each variable is in each, and what that makes of the scene.
+
+A run of a multi-line scene is a twin of its own, with results by rope. The tension of a rope is
+that at its upper end, or at its sheave. Figures of the top tension without the name of a rope are
+those of the first one, from the winch.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.errors import InputError, RopeTwinError, SceneError, SolverError, phrase
+from rope_twin.quantity import quantity, text
+from rope_twin.scene.joined_model import over_sheaves
+from rope_twin.scene.load import Change, change_scene, load_scene, rope_preset
+from rope_twin.scene.reader import Place, read_document, read_object
+from rope_twin.scene.relations import faults
+from rope_twin.scene.schema import Rope, Scene
+from rope_twin.studies.driven_twin import feed
+from rope_twin.twin.ensemble.ensemble import whole_steps
+from rope_twin.twin.ensemble.member import MemberResults
+from rope_twin.twin.monitors import Monitors, TensionMonitor
+from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.vortex_monitor import damage_of
+from rope_twin.vortex.fatigue import CURVES, OWN
+from rope_twin.vortex.results import MaterialFatigue, RopeDamage
+
+SEA_OFFSET_S = "sea_offset_s"  # the path of a variable that moves a run along the recorded sea
+RUNS_MOST = 100_000
+Row = dict[str, Any]
+Counts = dict[int, RopeDamage]  # by the number of the rope
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """Several numbers of the scene that belong together, such as a sea's height and period."""
+
+    name: str = text("what it is called in the table")
+    set_: dict[str, float] = text("number by path of the scene")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variable:
+    """Something that differs from run to run: numbers, names or cases."""
+
+    name: str = text("its column in the table; absent: the path", "")
+    path: str = text("what of the scene it is, such as payloads[0].mass_kg", "")
+    from_: float | None = quantity("lowest number", default=None)
+    to: float | None = quantity("highest number", default=None)
+    count: int | None = quantity("numbers from lowest to highest, on a grid", "", 2, 10_000,
+                                 default=None)  # fmt: skip
+    values: tuple[float, ...] = quantity("numbers", default=())
+    names: tuple[str, ...] = text("presets of `ropes[N].rope`, or bags of `sea_state.bag`", ())
+    cases: tuple[Case, ...] = text("numbers that belong together", ())
+    multiply: bool = text("the numbers multiply what the scene says", False)
+
+    @property
+    def column(self) -> str:
+        """Return the name of the variable in tables."""
+        return self.name or self.path + ("*" if self.multiply else "")
+
+    @property
+    def ranges(self) -> bool:
+        """Return whether any number from lowest to highest may be drawn."""
+        return self.from_ is not None
+
+    def check(self) -> str | None:
+        """Check that exactly one kind of values is given."""
+        ways = [self.from_ is not None or self.to is not None, bool(self.values), bool(self.names),
+                bool(self.cases)]  # fmt: skip
+        if sum(ways) != 1:
+            right = "give one of from and to, values, names, cases"
+            return f"{sum(ways)} ways of saying what it can be; {right}"
+        if self.cases:
+            if self.path or not self.name:
+                return "cases have paths of their own; give `name` and leave `path` out"
+            called = [case.name for case in self.cases]
+            return (
+                None if len(set(called)) == len(called) else "two cases have one name; rename one"
+            )
+        if not self.path:
+            return "it is not said what of the scene it is; add `path`"
+        if self.names and self.multiply:
+            return "names cannot multiply; leave `multiply` out"
+        if ways[0] and (self.from_ is None or self.to is None or self.from_ >= self.to):
+            return "`from` and `to` are no range; give both, the lesser as `from`"
+        if self.count is not None and not ways[0]:
+            return "`count` goes with `from` and `to`; leave it out"
+        return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LatinHypercube:
+    """Runs drawn so that each variable meets each part of its range equally often."""
+
+    runs: int = quantity("how many runs", "", 2, RUNS_MOST)
+    seed: int = quantity("picks them", "", 0, 2**31, default=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FatigueWish:
+    """Damage along the rope, counted in every run."""
+
+    curve: str = text(f"one of {', '.join(CURVES)}, or {OWN}, that of the rope in the scene")
+    piece_m: float = quantity("length of a piece of rope", "m", 0.5, 1e4, default=20.0)
+    sample_s: float = quantity("how often its tension is looked at", "s", 1e-3, 10.0, default=0.1)
+
+    def check(self) -> str | None:
+        """Check that the S-N curve is known."""
+        known = (*CURVES, OWN)
+        if self.curve in known:
+            return None
+        return f"there is no curve '{self.curve}'; known: {', '.join(known)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Parameter study."""
+
+    name: str
+    path: Path
+    digest: str  # SHA-256 of the file's text
+    about: str = text("one line: what is asked")
+    scene: str = text("a scene's name, or its path from this file")
+    seconds: float = quantity("twin time of each run", "s", 1e-2, 1e6)
+    look_s: float = quantity("how often each rope is looked along for slack", "s", 1e-3, 100.0,
+                             default=0.5)  # fmt: skip
+    vary: tuple[Variable, ...] = text("what differs from run to run")
+    latin_hypercube: LatinHypercube | None = text("drawn runs; absent: a grid of all values", None)
+    fatigue: FatigueWish | None = text("count damage along the rope", None)
+
+    def check(self) -> str | None:
+        """Check that the variables are consistent."""
+        columns = [one.column for one in self.vary]
+        twice = next((name for name in columns if columns.count(name) > 1), "")
+        if not self.vary:
+            return "nothing varies; add variables to `vary`"
+        if twice:
+            return f"two variables are called '{twice}'; give one of them a `name`"
+        bare = next((one for one in self.vary if one.ranges and one.count is None), None)
+        if bare is not None and self.latin_hypercube is None:
+            return f"on a grid '{bare.column}' needs its numbers; add `count`, or `latin_hypercube`"
+        return None
+
+
+def read_study(path: Path) -> tuple[Study, Scene]:
+    """Return a study and its scene.
+
+    Raises:
+        SceneError: one sentence on what is wrong in the file or the scene.
+    """
+    tree, data = read_document(path)
+    digest = hashlib.sha256(data).hexdigest()
+    place = Place(path)
+    study: Study = read_object(Study, tree, place, name=path.stem, path=path, digest=digest)
+    beside = path.parent / study.scene
+    return study, load_scene(beside if beside.suffix in (".yaml", ".yml") else study.scene)
+
+
+Value = float | str
+
+
+@dataclass(frozen=True)
+class StudyRun:
+    """One run of a study."""
+
+    number: int
+    values: tuple[Value, ...]  # of each variable: a number, a name, or a case's name
+
+
+def design_runs(study: Study) -> list[StudyRun]:
+    """Return all runs, always in the same order.
+
+    Raises:
+        InputError: there are too many.
+    """
+    if study.latin_hypercube is None:
+        sizes = [_choices(one) for one in study.vary]
+        count = math.prod(len(one) for one in sizes)
+        if count > RUNS_MOST:
+            what = f"the grid has {count} points"
+            right = f"give fewer values ({RUNS_MOST} points at most), or draw a latin_hypercube"
+            raise InputError(phrase(f"{study.path}: vary", what, right))
+        rows: Iterator[tuple[Value, ...]] = itertools.product(*sizes)
+    else:
+        from scipy.stats import qmc  # a second to load, and only studies want it
+
+        wish = study.latin_hypercube
+        cube = qmc.LatinHypercube(d=len(study.vary), rng=np.random.default_rng(wish.seed))
+        rows = (
+            tuple(_drawn(one, share) for one, share in zip(study.vary, point, strict=True))
+            for point in cube.random(wish.runs).tolist()
+        )
+    return [StudyRun(number, row) for number, row in enumerate(rows)]
+
+
+def _choices(variable: Variable) -> Sequence[Value]:
+    """Return the values of a variable on a grid."""
+    if variable.ranges:
+        low, high, count = variable.from_, variable.to, variable.count
+        assert low is not None
+        assert high is not None
+        assert count is not None
+        found: list[float] = np.linspace(low, high, count).tolist()
+        return found
+    return variable.values or variable.names or tuple(case.name for case in variable.cases)
+
+
+def _drawn(variable: Variable, share: float) -> Value:
+    """Return the value of a variable at a fraction from 0 to 1 of its range or list."""
+    if variable.ranges:
+        assert variable.from_ is not None
+        assert variable.to is not None
+        return variable.from_ + share * (variable.to - variable.from_)
+    choices = _choices(variable)
+    return choices[min(int(share * len(choices)), len(choices) - 1)]
+
+
+@dataclass(frozen=True)
+class Made:
+    """Scene of a run, made from that of the study."""
+
+    scene: Scene  # with its names, and with what all ropes of an ensemble must share
+    changes: tuple[Change, ...]  # to that
+    sea_offset_s: float
+
+
+def made_of(study: Study, scene: Scene, run: StudyRun) -> Made:
+    """Return scene and changes of a run, checked to be valid.
+
+    Raises:
+        InputError: a variable leads nowhere or out of a range; one sentence with its place.
+    """
+    changes: list[Change] = []
+    offset_s = 0.0
+    for number, (variable, value) in enumerate(zip(study.vary, run.values, strict=True)):
+        if variable.names:
+            with _at(f"{study.path}: vary[{number}]"):
+                scene = _named(scene, variable.path, str(value))
+        elif variable.path == SEA_OFFSET_S:
+            with _at(f"{study.path}: vary[{number}]"):
+                offset_s += _offset_s(scene, float(value))
+        else:
+            changes += _changes(variable, value)
+    shared = [change for change in changes if change.path.startswith("time.")]
+    own = tuple(change for change in changes if change not in shared)
+    try:
+        scene = change_scene(scene, shared)
+        change_scene(scene, own)
+    except RopeTwinError:
+        _judge_each(study, scene, run)
+        with _at(f"{study.path}: run {run.number}"):
+            raise
+    return Made(scene, own, offset_s)
+
+
+def _offset_s(scene: Scene, value: float) -> float:
+    """Return the offset into the sea [s].
+
+    Raises:
+        InputError: the scene has no sea that could begin elsewhere.
+    """
+    if scene.sea_state.on_waves is not None:
+        right = "vary effects.waves.seed instead"
+        raise InputError(phrase(SEA_OFFSET_S, "the ship rides on waves that begin with it", right))
+    if not scene.sea_state.moves:
+        raise InputError(phrase(SEA_OFFSET_S, "the scene's ship lies still", "leave it out"))
+    return value
+
+
+def _judge_each(study: Study, scene: Scene, run: StudyRun) -> None:
+    """Reject the first variable that is invalid by itself, with its place in the file."""
+    for number, (variable, value) in enumerate(zip(study.vary, run.values, strict=True)):
+        if not variable.names and variable.path != SEA_OFFSET_S:
+            with _at(f"{study.path}: vary[{number}]"):
+                change_scene(scene, _changes(variable, value))
+
+
+@contextmanager
+def _at(where: str) -> Iterator[None]:
+    """Add the place in the study to an error."""
+    try:
+        yield
+    except RopeTwinError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _changes(variable: Variable, value: Value) -> list[Change]:
+    """Return the change of a variable's value."""
+    if variable.cases:
+        case = next(one for one in variable.cases if one.name == value)
+        return [Change(path, number, variable.multiply) for path, number in case.set_.items()]
+    return [Change(variable.path, float(value), variable.multiply)]
+
+
+@lru_cache(maxsize=64)
+def _preset(name: str) -> Rope:
+    return rope_preset(name)
+
+
+def _named(scene: Scene, path: str, name: str) -> Scene:
+    """Return the scene with another rope or another bag.
+
+    Raises:
+        RopeTwinError: there is none of that name, or a rule of scenes is broken by it.
+    """
+    ropes = {f"ropes[{number}].rope": number for number in range(len(scene.ropes))}
+    if path in ropes:
+        lines = list(scene.ropes)
+        lines[ropes[path]] = replace(lines[ropes[path]], rope=_preset(name), sections=())
+        made = replace(scene, ropes=tuple(lines))
+    elif path == "sea_state.bag":
+        made = replace(scene, sea_state=replace(scene.sea_state, bag=name))
+    else:
+        right = f"names serve {', '.join(ropes)} and sea_state.bag"
+        raise InputError(phrase(path, "it takes no name", right))
+    for where, what, right in faults(made):
+        raise InputError(phrase(where, what, right))
+    told = f"{scene.digest}\n{path}={name}"
+    return dataclasses.replace(made, digest=hashlib.sha256(told.encode()).hexdigest())
+
+
+def new_counts(scene: Scene, wish: FatigueWish) -> Counts:
+    """Return the fatigue counts of a scene's ropes.
+
+    Raises:
+        InputError: the curve does not fit a rope.
+    """
+    found = (
+        (r, damage_of(scene, r, wish.curve, piece_m=wish.piece_m)) for r in range(len(scene.ropes))
+    )
+    return {r: count for r, count in found if count is not None}
+
+
+def run_system(scene: Scene, made: Made, seconds: float, look_s: float, wish: FatigueWish | None
+               ) -> Row:  # fmt: skip
+    """Run a multi-line scene with the changes of a run, and return its results.
+
+    Raises:
+        RopeTwinError: the sea cannot be opened, or the curve does not fit a rope.
+    """
+    own = change_scene(scene, made.changes)
+    sea = replace(own.sea_state, start_s=own.sea_state.start_s + made.sea_offset_s)
+    own = replace(own, sea_state=sea)
+    counts = new_counts(own, wish) if wish is not None else {}
+    fixed = {
+        "seconds": 0.0,
+        "elements": sum(line.elements for line in own.ropes),
+        "step_s": own.time.step_s,
+    }
+    checks = Monitors(slack_steps=whole_steps("look_s", look_s, own.time.step_s))
+    try:
+        twin = Twin(own, checks)
+    except SceneError as error:
+        unknown = MemberResults(0, math.nan, math.nan, math.nan, 0.0, 0, str(error))
+        return {**fixed, **_top(unknown), **_by_rope(own, None), **_damage(own, counts)}
+    failure = ""
+    try:
+        _step(twin, seconds, counts, wish)
+    except SolverError as error:
+        failure = str(error)
+    seen = twin.monitor(TensionMonitor)
+    assert seen is not None
+    top = seen.upper_n[0]
+    unconverged = int(twin.rope.state.health[rows.SUBSTEPS_UNCONVERGED])
+    results = MemberResults(
+        twin.steps, top.high, top.mean, top.low, seen.slack_share, unconverged, failure
+    )
+    fixed["seconds"] = twin.steps * twin.step_s
+    return {**fixed, **_top(results), **_by_rope(own, seen), **_damage(own, counts)}
+
+
+def _step(twin: Twin, seconds: float, counts: Counts, wish: FatigueWish | None) -> None:
+    """Step the twin to the end; its ropes are sampled for fatigue at the intervals wished for."""
+    slot = steps_in_slot(twin.step_s)
+    every = round(wish.sample_s / twin.step_s) if wish is not None else slot
+    for _ in feed(twin, seconds, math.gcd(every, slot)):
+        if counts and twin.steps % every == 0:
+            _sample(twin, counts)
+
+
+def _sample(twin: Twin, counts: Counts) -> None:
+    system = twin.joined
+    assert system is not None
+    ropes, beyond = system.system(twin.rope).ropes, dict(over_sheaves(twin.scene))
+    pulls = [float(pull[rows.PULL]) for pull in system.pull]
+    for r, count in counts.items():
+        if (other := beyond.get(r)) is not None:
+            count.take_over_sheave(ropes[r], ropes[other], (pulls[r], pulls[other]))
+        else:
+            count.take(ropes[r], pulls[r])
+
+
+def _top(results: MemberResults) -> Row:
+    return {name: known(value) for name, value in vars(results).items()}
+
+
+def known(value: Any) -> Any:
+    """Return a number of a row, None for one that is not finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _by_rope(scene: Scene, seen: TensionMonitor | None) -> Row:
+    """Return the tensions of each rope, and the largest of them over the breaking load.
+
+    seen: None if the run never started.
+    """
+    found: Row = {}
+    shares = []
+    for number, line in enumerate(scene.ropes):
+        upper = None if seen is None else seen.upper_n[number]
+        found[f"{line.name}.tension_max_n"] = None if upper is None else known(upper.high)
+        found[f"{line.name}.tension_mean_n"] = None if upper is None else known(upper.mean)
+        found[f"{line.name}.tension_min_n"] = None if upper is None else known(upper.low)
+        shares.append(math.nan if upper is None else upper.high / line.breaking_load_n)
+    return {"highest_over_breaking_load": known(float(np.max(shares))), **found}
+
+
+def _damage(scene: Scene, counts: Counts) -> Row:
+    """Return the damage of each rope's pieces, and the worst piece of all; empty: not counted."""
+    if not counts:
+        return {}
+    all_found = {r: count.shot(0.0, 0.0) for r, count in counts.items()}
+    worst = max(all_found, key=lambda r: float(all_found[r].used.max()))
+    there = all_found[worst]
+    row: Row = {
+        "damage_worst": float(there.used[there.worst]),
+        "damage_worst_rope": scene.ropes[worst].name,
+        "damage_worst_from_lower_end_m": float(there.from_lower_end_m[there.worst]),
+    }
+    for r, found in all_found.items():
+        name = scene.ropes[r].name
+        row[f"{name}.damage"] = found.used.tolist()
+        row[f"{name}.damage_from_lower_end_m"] = found.from_lower_end_m.tolist()
+        row |= {f"{name}.{key}": value for key, value in most_bent(found).items()}
+    return row
+
+
+def most_bent(found: MaterialFatigue) -> Row:
+    """Return what the most bent metre of a rope has had; empty: it runs over nothing."""
+    if found.bent is None:
+        return {}
+    at = found.most_bent
+    return {
+        "bends": float(found.bent.bends[at]),
+        "bends_from_lower_end_m": float(found.from_lower_end_m[at]),
+        "bend_damage": known(float(found.bent.damage[at])),
+        "discard_fraction": known(float(found.bent.discard[at])),
+    }

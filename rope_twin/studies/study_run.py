@@ -1,0 +1,472 @@
+"""A parameter study, run to its end: on the cores of this machine or on a Dask cluster."""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import importlib.util
+import json
+import math
+import socket
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Protocol, Self, TypeVar
+
+from rope_twin.core.jit.wide import LANES
+from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.scene.card import KnownError, known_error, solver_version
+from rope_twin.scene.lift import lift_figures
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.ensemble import AFTER_NS, Seas
+from rope_twin.studies.study_design import (
+    FatigueWish,
+    Made,
+    Row,
+    Study,
+    StudyRun,
+    design_runs,
+    known,
+    made_of,
+    most_bent,
+    new_counts,
+    run_system,
+)
+from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation, cores, whole_steps
+from rope_twin.vortex.results import RopeDamage
+from rope_twin.whole_file import write_whole
+
+if TYPE_CHECKING:
+    import pyarrow
+
+CHANGED = "; the convergence study is of the scene before its numbers were varied"
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Runs of one scene; all that a worker needs to know."""
+
+    scene: Scene
+    runs: tuple[StudyRun, ...]
+    made: tuple[Made, ...]
+    columns: tuple[str, ...]  # names of the variables
+    seconds: float
+    look_s: float
+    fatigue: FatigueWish | None
+
+
+def cut_into_batches(
+    study: Study, runs: Sequence[tuple[StudyRun, Made]], at_once: int = LANES
+) -> list[Batch]:
+    """Group runs of the same scene into batches of limited size."""
+    groups: dict[str, list[tuple[StudyRun, Made]]] = {}
+    for run, one in runs:
+        groups.setdefault(one.scene.digest, []).append((run, one))
+    columns = tuple(one.column for one in study.vary)
+    batches = []
+    for alike in groups.values():
+        for first in range(0, len(alike), at_once):
+            runs_here, made = zip(*alike[first : first + at_once], strict=True)
+            batches.append(
+                Batch(made[0].scene, runs_here, made, columns, study.seconds, study.look_s,
+                      study.fatigue)
+            )  # fmt: skip
+    return batches
+
+
+def run_batch(batch: Batch) -> list[Row]:
+    """Return a row of results for each run.
+
+    Raises:
+        RopeTwinError: the sea is not there or too short, or the curve does not fit the rope.
+    """
+    began = time.perf_counter()
+    results = list(_systems(batch) if is_joined(batch.scene) else _ensemble(batch))
+    error = known_error(batch.scene)
+    took_s = (time.perf_counter() - began) / len(batch.runs)
+    return [
+        {
+            "run": run.number,
+            **dict(zip(batch.columns, run.values, strict=True)),
+            **found,
+            **_card(error, bool(made.changes)),
+            "took_s": took_s,
+        }
+        for run, made, found in zip(batch.runs, batch.made, results, strict=True)
+    ]
+
+
+def _systems(batch: Batch) -> Iterator[Row]:
+    """Yield the results of each run of a multi-line scene."""
+    list(_variations(batch))  # rejects a sea that does not reach
+    for made in batch.made:
+        yield run_system(batch.scene, made, batch.seconds, batch.look_s, batch.fatigue)
+
+
+def _ensemble(batch: Batch) -> Iterator[Row]:
+    """Yield the results of each run of a single-line scene, all stepped together."""
+    ensemble = Ensemble(batch.scene, list(_variations(batch)), batch.look_s, threads=1)
+    followed = _follow(batch, ensemble)
+    for number in range(len(batch.runs)):
+        yield {
+            **_figures(ensemble, number),
+            **(_damage(followed[number]) if followed else {}),
+        }
+
+
+def _variations(batch: Batch) -> Iterator[Variation]:
+    seas = Seas(batch.scene, round(batch.seconds * 1e9) + AFTER_NS)
+    for run, made in zip(batch.runs, batch.made, strict=True):
+        heave = seas.heave(made.changes, made.sea_offset_s)
+        if heave is not None and heave.end_ns < batch.seconds * 1e9:
+            what = f"the sea of run {run.number} ends after {heave.end_ns * 1e-9:g} s"
+            raise InputError(phrase("seconds", what, "let it loop, or run shorter"))
+        yield Variation(made.changes, heave)
+
+
+def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeDamage]:
+    """Step all runs to the end, with an eye on each piece of rope where that is wished."""
+    wish = batch.fatigue
+    if wish is None:
+        left, step_s = round(batch.seconds / ensemble.step_s), ensemble.step_s
+        while left:
+            some = min(left, max(1, round(BATCH_S / step_s)))
+            ensemble.advance(some * step_s)
+            left -= some
+        return []
+    scenes = [ensemble.scene_of(number) for number in range(len(ensemble))]
+    counts = [new_counts(own, wish)[0] for own in scenes]
+    for _ in range(round(batch.seconds / wish.sample_s)):
+        ensemble.advance(wish.sample_s)
+        going = (k for k, one in enumerate(ensemble.figures()) if not one.failure)
+        for number in going:
+            seen = ensemble.snapshot(number)
+            from_lower_m = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
+            tension_n = seen.element_tension_n[::-1]
+            counts[number].take_tensions(from_lower_m, tension_n, seen.tension_top_n)
+    return counts
+
+
+def _figures(ensemble: Ensemble, number: int) -> Row:
+    scene, figures = ensemble.scene_of(number), ensemble.figures()[number]
+    least = min(bar.rope.breaking_load_n for bar in lift_figures(scene).bars)
+    told = {key: known(value) for key, value in asdict(figures).items()}
+    most = told["tension_top_max_n"]
+    share = None if most is None else most / least
+    whole = {"seconds": figures.steps * scene.time.step_s, "elements": scene.ropes[0].elements,
+             "step_s": scene.time.step_s}  # fmt: skip
+    return {**whole, **told, "highest_over_breaking_load": share}
+
+
+def _card(known: KnownError, changed: bool) -> Row:
+    """Return the error of the scene's convergence study; indicative for a run with other values."""
+    return {
+        "card_error_rms_pct": None if math.isnan(known.rms_pct) else known.rms_pct,
+        "card_error_peak_pct": None if math.isnan(known.peak_pct) else known.peak_pct,
+        "card_error_words": known.words + (CHANGED if changed else ""),
+    }
+
+
+def _damage(counted: RopeDamage) -> Row:
+    found = counted.shot(0.0, 0.0)
+    return {
+        "damage_worst": float(found.used[found.worst]),
+        "damage_worst_from_lower_end_m": float(found.from_lower_end_m[found.worst]),
+        "damage": found.used.tolist(),
+        "damage_from_lower_end_m": found.from_lower_end_m.tolist(),
+        **most_bent(found),
+    }
+
+
+WHOLE, MARK, LOCK = "runs.parquet", "study.json", "lock"
+_NUMBERS = ("run", "steps", "unconverged_substeps", "elements")
+_WORDS = ("card_error_words", "damage_worst_rope", "failure")
+_LISTS = ("damage", "damage_from_lower_end_m")  # after the name of a rope in multi-line scenes
+
+
+def check_parquet() -> None:
+    """Check that Parquet files can be written.
+
+    Raises:
+        InputError: pyarrow is not installed.
+    """
+    if importlib.util.find_spec("pyarrow") is None:
+        right = "install it with `pip install 'rope_twin[study]'`"
+        raise InputError(phrase("pyarrow", "a study writes its rows with it", right))
+
+
+class Titled(Protocol):
+    """A study or plan, as far as its folder names it."""
+
+    @property
+    def name(self) -> str:
+        """Return its name."""
+
+    @property
+    def scene(self) -> str:
+        """Return the name of its scene."""
+
+
+class RowFolder(ABC):
+    """The folder of the rows of one study or plan; held by one process at a time."""
+
+    title = "study"
+
+    def __init__(self, folder: Path, study: Titled, stamp: str) -> None:
+        """Open the folder; `stamp` identifies study, scene and solver of the rows found there.
+
+        Raises:
+            InputError: another process is at it, it holds another study, or it cannot be written.
+        """
+        check_parquet()
+        self._folder, self._titled = folder, study
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock: IO[str] = (folder / LOCK).open("w")
+        except OSError as error:
+            what = f"it cannot be written ({error.strerror})"
+            raise InputError(phrase(str(folder), what, "choose another one with --out")) from error
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            self._lock.close()
+            what = f"another process is at this {self.title}"
+            raise InputError(phrase(str(folder), what, "let it end, or stop it")) from error
+        self._claim(stamp)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        self._lock.close()
+
+    def _claim(self, stamp: str) -> None:
+        mark = self._folder / MARK
+        if mark.exists():
+            found = json.loads(mark.read_text(encoding="utf-8"))
+            if found["stamp"] != stamp:
+                self._lock.close()
+                of = f"another {self.title}, scene or solver"
+                what = f"its rows are of {of} ('{found['study']}')"
+                right = "give another folder with --out, or remove this one"
+                raise InputError(phrase(str(self._folder), what, right))
+            return
+        content = {"study": self._titled.name, "scene": self._titled.scene, "stamp": stamp}
+        write_whole(mark, json.dumps(content, ensure_ascii=False).encode())
+
+    def done(self) -> set[int]:
+        """Return the numbers of the runs with rows in the folder."""
+        return {int(row["run"]) for row in self.rows(["run"])}
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Keep the rows of a batch."""
+        first = min(row["run"] for row in rows)
+        self._write(self._folder / f"part-{first:06d}-{len(rows)}.parquet", rows)
+
+    def rows(self, columns: list[str] | None = None) -> list[Row]:
+        """Return all rows in the folder, by run; each once."""
+        import pyarrow.parquet as parquet
+
+        found: dict[int, Row] = {}
+        for path in self._files():
+            for row in parquet.read_table(path, columns=columns).to_pylist():
+                found[int(row["run"])] = row
+        return [found[number] for number in sorted(found)]
+
+    def close_rows(self) -> Path:
+        """Make one file of all rows; the path of it."""
+        parts = [path for path in self._files() if path.name != WHOLE]
+        whole = self._folder / WHOLE
+        if parts:
+            self._write(whole, self.rows())
+        for path in parts:
+            path.unlink()
+        return whole
+
+    def _files(self) -> list[Path]:
+        return sorted([*self._folder.glob("part-*.parquet"), *self._folder.glob(WHOLE)])
+
+    def _write(self, path: Path, rows: Sequence[Row]) -> None:
+        import pyarrow
+        import pyarrow.parquet as parquet
+
+        table = pyarrow.Table.from_pylist(list(rows), schema=self._schema(rows[0]))
+        sink = pyarrow.BufferOutputStream()
+        parquet.write_table(table, sink)
+        write_whole(path, sink.getvalue().to_pybytes())
+
+    @abstractmethod
+    def _schema(self, row: Row) -> pyarrow.Schema:
+        """Return the types by column, whichever values the first row lacks."""
+
+
+class StudyFolder(RowFolder):
+    """The folder of a parameter study."""
+
+    def __init__(self, folder: Path, study: Study, stamp: str) -> None:
+        """Open the folder, as any of rows."""
+        super().__init__(folder, study, stamp)
+        self._study = study
+
+    def _schema(self, row: Row) -> pyarrow.Schema:
+        """Return the types by column, whichever values the first row lacks."""
+        import pyarrow
+
+        words = {one.column for one in self._study.vary if one.names or one.cases}
+
+        def kind(name: str) -> Any:
+            if name in _NUMBERS:
+                return pyarrow.int64()
+            if name in _WORDS or name in words:
+                return pyarrow.string()
+            listed = name.rpartition(".")[2] in _LISTS
+            return pyarrow.list_(pyarrow.float64()) if listed else pyarrow.float64()
+
+        return pyarrow.schema([(name, kind(name)) for name in row])
+
+
+Report = Callable[[int, int], None]  # runs done, runs in all
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+CONNECT_S = 10
+RETRIES = 2  # of a batch whose worker died
+
+
+def study_stamp(study: Study, scene: Scene) -> str:
+    """Return a digest of study, scene and solver, on which all rows depend."""
+    told = repr((study.digest, scene.digest, solver_version(scene)))
+    return hashlib.sha256(told.encode()).hexdigest()[:16]
+
+
+def run_parameter_study(
+    study: Study,
+    scene: Scene,
+    into: Path,
+    report: Report,
+    scheduler: str = "",
+    at_once: int = LANES,
+) -> tuple[list[Row], Path]:
+    """Run all runs that have no row in the folder yet; return all rows, and their file.
+
+    Args:
+        study: what varies.
+        scene: what it varies in.
+        into: folder of the rows.
+        report: called at the start and whenever a batch is done.
+        scheduler: address of a Dask scheduler; empty: the cores of this machine.
+        at_once: runs in a batch; LANES of them step in one core's vectors. A run of a multi-line
+            scene is a batch by itself.
+
+    Raises:
+        RopeTwinError: one sentence; rows that were finished stay.
+    """
+    runs = [(run, made_of(study, scene, run)) for run in design_runs(study)]
+    _check_times(study, {made.scene.time.step_s for _, made in runs})
+    with StudyFolder(into, study, study_stamp(study, scene)) as folder:
+        done = folder.done()
+        report(len(done), len(runs))
+        batches = cut_into_batches(
+            study,
+            [(run, made) for run, made in runs if run.number not in done],
+            1 if is_joined(scene) else at_once,
+        )
+        results = on_cluster(run_batch, batches, scheduler) if scheduler else _on_cores(batches)
+        count = len(done)
+        for rows in results:
+            folder.add(rows)
+            count += len(rows)
+            report(count, len(runs))
+        whole = folder.close_rows()
+        return folder.rows(), whole
+
+
+def _check_times(study: Study, steps_s: set[float]) -> None:
+    for step_s in steps_s:
+        whole_steps(f"{study.path}: seconds", study.seconds, step_s)
+        whole_steps(f"{study.path}: look_s", study.look_s, step_s)
+        if study.fatigue is not None:
+            whole_steps(f"{study.path}: fatigue.sample_s", study.fatigue.sample_s, step_s)
+            samples = study.seconds / study.fatigue.sample_s
+            if abs(samples - round(samples)) > 1e-6:
+                what = f"{study.seconds:g} s are no whole number of samples"
+                right = f"give a part of {study.seconds:g} s"
+                raise InputError(phrase(f"{study.path}: fatigue.sample_s", what, right))
+
+
+def _on_cores(batches: Sequence[Batch]) -> Iterator[list[Row]]:
+    """Run one batch per core; the first by itself, since it may have to compile."""
+    if not batches:
+        return
+    yield run_batch(batches[0])
+    with ThreadPoolExecutor(cores()) as pool:
+        try:
+            for future in as_completed([pool.submit(run_batch, one) for one in batches[1:]]):
+                yield future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def on_cluster(
+    work: Callable[[Item], Result], items: Sequence[Item], address: str
+) -> Iterator[Result]:
+    """Yield results of the work on each item, as they come.
+
+    A worker does one item at a time; that of a failed worker goes to another one.
+
+    Raises:
+        RopeTwinError: there is no such cluster, or the work cannot be done; one sentence.
+    """
+    if importlib.util.find_spec("distributed") is None:
+        right = "install it with `pip install 'rope_twin[study]'`"
+        raise InputError(phrase("distributed", "--scheduler needs it", right))
+    import distributed
+
+    try:
+        _knock(address)
+        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+    except OSError as error:
+        what = f"no Dask scheduler answers there within {CONNECT_S} s"
+        right = "start one with `dask scheduler` and workers with `dask worker ADDRESS`"
+        raise InputError(phrase(f"--scheduler {address}", what, right)) from error
+    with client:
+        if not client.scheduler_info()["workers"]:
+            right = "start some with `dask worker ADDRESS --nthreads 1`"
+            raise InputError(phrase(f"--scheduler {address}", "it has no workers", right))
+        futures = client.map(work, items, pure=False, retries=RETRIES)
+        for future in distributed.as_completed(futures, loop=client.loop):
+            yield _result(future, address)
+
+
+def _knock(address: str) -> None:
+    """Check that the cluster answers, since a client that cannot connect reports it too late.
+
+    Raises:
+        InputError: it is no address.
+        OSError: nobody answers.
+    """
+    from distributed.comm import get_address_host_port
+
+    try:
+        place = get_address_host_port(address)
+    except (ValueError, KeyError, NotImplementedError) as error:
+        right = "give host and port as the scheduler tells them, like tcp://10.0.0.5:8786"
+        raise InputError(phrase(f"--scheduler {address}", "it is no address", right)) from error
+    socket.create_connection(place, CONNECT_S).close()
+
+
+def _result(future: Any, address: str) -> Any:
+    try:
+        found = future.result()
+    except RopeTwinError:
+        raise
+    except Exception as error:  # whatever went wrong on a worker, this process is to say it
+        right = "see its log; the rows that are done stay"
+        raise InputError(
+            phrase(f"--scheduler {address}", f"a worker could not go on ({error!r})", right)
+        ) from error
+    return found

@@ -1,1 +1,0 @@
-"""Vortex-induced vibration of a scene's rope: `rope_twin viv`."""

@@ -1,0 +1,305 @@
+"""VIV assessment in the frequency domain: lock-in zones, VIV response and fatigue damage.
+
+The modal response (rope_twin.vortex.modal_response) is about the static equilibrium in the scene's
+current: tension, mass with added mass, and normal flow velocity. The motion is normal to the plane
+of current and rope, for which a sagging rope is a string of its own length (Irvine 1981, ch. 3).
+
+In a multi-line scene each line is assessed by itself, with its shape and tension in the equilibrium
+of all; a line is a rope, or ropes that continue each other (rope_twin.vortex.line_model).
+Connections are held across the line.
+
+Drag is amplified by 1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983). Bending strain is d/2·y″, that of the
+outermost fibre of a section that stays plane. Stress is that of bending, E·d/2·y″ with E = EA over
+the metal area: an upper bound for a stranded rope, whose wires slide. A rope with the bending
+stiffness of a pipe of its diameter, EI/EA = (d² + d_i²)/16, is treated as a pipe, with its metal
+area. Damage is counted by rainflow of the bending stress alone; the tension is static.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.joined.joints import System
+from rope_twin.core.state import Floats
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.rope_mass import AddedMassParams
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.grid import ends_m
+from rope_twin.scene.rigging import is_joined, refuse_body
+from rope_twin.scene.rope_model import build
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.equilibrium import bring_system_to_rest, bring_to_rest, water_at
+from rope_twin.vortex.drag_amplification import amplified_drag
+from rope_twin.vortex.fatigue import StressCurve, damage_of_series, metal_area
+from rope_twin.vortex.line_model import Span, line_model, lines_of, one_rope
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.shedding import Shedding
+
+YEAR_S = 365.25 * 86400.0
+STEADY = 0.5  # of a run: the part that statistics are taken of
+RECORDED = 3  # times as often as the response needs its amplitude
+PLACES = 240  # at most, that stress and damage are counted at
+HARDLY = 1e-2  # of the largest motion: what moves less is as good as at rest
+
+
+@dataclass(frozen=True)
+class FrequencyDomainRun:
+    """A response over time; places from the lower end up."""
+
+    scene: SceneSpan
+    response: ModalResponse
+    time_s: Floats  # (times,)
+    coordinate: Floats  # of the modes [m], (times, modes)
+    from_top_m: Floats  # unstretched, of the places
+
+    @property
+    def first(self) -> int:
+        """Return the index of the first steady time."""
+        return int((1.0 - STEADY) * len(self.time_s))
+
+    def motion(self, places: Floats | None = None) -> Floats:
+        """Return the steady motion over the diameter, (times, places), at all or some places by
+        number.
+        """
+        shape, diameter = self.response.modes.shape, self.response.span.diameter
+        if places is not None:
+            some = places.astype(int)
+            shape, diameter = shape[some], diameter[some]
+        return np.asarray(self.coordinate[self.first :] @ shape.T / diameter)
+
+    @property
+    def covariance(self) -> Floats:
+        """Return the covariance of the steady modal coordinates [m²], (modes, modes)."""
+        late = self.coordinate[self.first :]
+        late = late - late.mean(axis=0)
+        return np.asarray(late.T @ late / len(late))
+
+    def rms(self) -> Floats:
+        """Return the RMS of the motion over the diameter, (places,)."""
+        shape = self.response.modes.shape
+        square = np.einsum("pm,mn,pn->p", shape, self.covariance, shape, optimize=True)
+        return np.asarray(np.sqrt(np.maximum(square, 0.0)) / self.response.span.diameter)
+
+    def frequency_hz(self) -> Floats:
+        """Return the mean frequency rms(ẏ)/rms(y)/2π of the motion, by modes; 0 without motion."""
+        shape = self.response.modes.shape
+        variance = np.diag(self.covariance)
+        square = shape**2 @ variance
+        rate = shape**2 @ (variance * self.response.frequency**2)
+        moves = square > 1e-12 * square.max(initial=1e-300)
+        return np.sqrt(np.where(moves, rate / np.where(moves, square, 1.0), 0.0))
+
+    def drag_amplification(self) -> Floats:
+        """Return the amplification of the normal drag coefficient (Vandiver 1983)."""
+        return amplified_drag(self.rms())
+
+    def spectra(self, places: Floats) -> tuple[Floats, Floats]:
+        """Return frequencies [Hz] and power of the motion per Hz [d²/Hz], (frequencies, places)."""
+        from scipy.signal import welch
+
+        motion = self.motion(places)
+        step = float(self.time_s[1] - self.time_s[0])
+        length = max(16, min(len(motion), len(motion) // 2))
+        found: tuple[Floats, Floats] = welch(motion, fs=1.0 / step, nperseg=length, axis=0)
+        return found
+
+    @property
+    def modal_rms(self) -> Floats:
+        """Return the RMS of each mode over the mean diameter."""
+        mean = float(self.response.span.diameter.mean())
+        return np.asarray(np.sqrt(np.diag(self.covariance)) / mean)
+
+
+@dataclass(frozen=True)
+class Fatigue:
+    """Strain, stress and damage of bending at places of the run."""
+
+    from_top_m: Floats
+    strain_rms: Floats
+    stress_rms_pa: Floats  # NaN where the rope is not all of steel
+    damage_per_year: Floats  # Miner's sum; NaN likewise
+
+
+def run_frequency_domain(
+    lying: SceneSpan, shedding: Shedding, duration_s: float
+) -> FrequencyDomainRun:
+    """Compute the VIV response of a line from rest for a given time."""
+    response = ModalResponse(lying.span, shedding)
+    step = min(response.step_s / RECORDED, duration_s / 16.0)
+    count = int(np.ceil(duration_s / step))
+    coordinate = np.zeros((count, len(response.frequency)))
+    for row in range(count):
+        response.advance(step)
+        coordinate[row] = response.coordinate
+    time_s: Floats = np.asarray(step * np.arange(1.0, count + 1.0), dtype=np.float64)
+    from_top = np.interp(response.span.s, lying.span.s, lying.unstretched)
+    return FrequencyDomainRun(lying, response, time_s, coordinate, from_top)
+
+
+def most_moved(run: FrequencyDomainRun, count: int) -> Floats:
+    """Return the numbers of the modes with the largest motion, at most `count`, in rising order."""
+    rms = run.modal_rms
+    most = np.argsort(-rms, kind="stable")[:count]
+    return np.sort(most[rms[most] > HARDLY * rms.max(initial=0.0)])
+
+
+def where_it_moves(frequency_hz: Floats, rms: Floats) -> Floats:
+    """Return frequencies for pictures, NaN where the motion is negligible."""
+    return np.where(rms > HARDLY * rms.max(initial=0.0), frequency_hz, np.nan)
+
+
+def chosen_places(run: FrequencyDomainRun, most: int = PLACES) -> Floats:
+    """Return the numbers of a limited number of equally spaced places."""
+    last = len(run.response.span.s) - 1
+    count = min(most, last + 1)
+    return np.unique(np.linspace(0.0, last, count).round())
+
+
+def count_fatigue(run: FrequencyDomainRun, scene: Scene, curve: StressCurve) -> Fatigue:
+    """Return bending strain and stress of the steady part of the run, and the damage per year."""
+    places = chosen_places(run)
+    some = places.astype(int)
+    s = run.response.span.s
+    bent = np.gradient(np.gradient(run.response.modes.shape, s, axis=0), s, axis=0)
+    radius, per_curvature = _per_curvature(run, scene, some)
+    curvature = run.coordinate[run.first :] @ bent[some].T
+    stress = curvature * per_curvature
+    known = np.isfinite(per_curvature)
+    damage = np.full(len(some), np.nan)
+    damage[known] = damage_of_series(stress[:, known], curve.used)
+    lasted = float(run.time_s[-1] - run.time_s[run.first])
+    rms = np.where(known, stress.std(axis=0), np.nan)
+    strain = radius * curvature.std(axis=0)
+    return Fatigue(run.from_top_m[some], strain, rms, damage * YEAR_S / lasted)
+
+
+def _per_curvature(
+    run: FrequencyDomainRun, scene: Scene, some: np.ndarray
+) -> tuple[Floats, Floats]:
+    """Return d/2 [m] and E·d/2 [Pa·m] at places, the latter NaN where it is not solid steel."""
+    figures: list[tuple[float, float]] = []
+    ends: list[float] = []  # of the sections, from the lower end of the line
+    low_m = 0.0
+    for number, length_m in zip(run.scene.ropes, run.scene.lengths_m, strict=True):
+        line = scene.ropes[number]
+        for section, end_m in zip(line.made_of, ends_m(line), strict=True):
+            rope = section.rope
+            area = metal_area(rope, run.response.span.stiffness)
+            radius = 0.5 * rope.diameter_m
+            figures.append((radius, rope.tangent_n(0.0) / area * radius))
+            ends.append(low_m + min(end_m, length_m))
+        low_m += length_m
+    below = run.from_top_m[0] - run.from_top_m[some]
+    which = np.searchsorted(ends, below, side="left")
+    at_places = np.array(figures)[np.minimum(which, len(figures) - 1)]
+    return at_places[:, 0], at_places[:, 1]
+
+
+@dataclass(frozen=True)
+class SceneSpan:
+    """A line of a scene, and where it lies."""
+
+    span: Span
+    place: Floats  # of its nodes, from the lower end up [m], (3, nodes)
+    unstretched: Floats  # from its upper end [m], (nodes,)
+    ropes: tuple[int, ...]  # their numbers, from its lower end up
+    lengths_m: tuple[float, ...]  # of these ropes, unstretched
+
+
+def spans_of(scene: Scene) -> list[SceneSpan]:
+    """Return the line models of all lines of a scene in static equilibrium.
+
+    Raises:
+        SceneError: no current, no static equilibrium, or a slack rope.
+    """
+    refuse_body(scene, "lines that end at a body which swings by itself are not assessed in modes")
+    if not is_joined(scene):
+        return [span_of(scene)]
+    _check_current(scene)
+    system = bring_system_to_rest(scene).system
+    return [_span_in(scene, system, numbers) for numbers in lines_of(system)]
+
+
+def _span_in(scene: Scene, system: System, numbers: tuple[int, ...]) -> SceneSpan:
+    """Return the line model of some ropes of a system in static equilibrium."""
+    ropes = [system.ropes[r] for r in numbers]
+    rope = one_rope(ropes)
+    n = int(rope.state.counts[rows.ELEMENTS])
+    s = rope.state.s[: n + 1]
+    place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1].copy()
+    span = line_model(rope)._replace(speed=_speed(scene, place))
+    if span.end_mass is not None:
+        x, y, _ = _across(scene, place) ** 2
+        loads = [own for own in rope.effects if isinstance(own, Payload | TwoWayPayload)]
+        whole = sum(x * own.Mx + y * own.My for own in loads) / (x + y)
+        span = span._replace(end_mass=float(whole))
+    lengths_m = tuple(float(one.state.s[one.state.counts[rows.ELEMENTS]]) for one in ropes)
+    return SceneSpan(span, place, s[-1] - s, numbers, lengths_m)
+
+
+def span_of(scene: Scene) -> SceneSpan:
+    """Return the line model of a scene of one rope in static equilibrium.
+
+    Raises:
+        SceneError: a multi-line system, no current, no static equilibrium, or a slack rope.
+    """
+    _check_current(scene)
+    rest = bring_to_rest(scene)
+    sections = build(scene).sections
+    steps = np.diff(rest.place, axis=1)
+    length = np.sqrt((steps * steps).sum(axis=0))
+    unstretched = np.concatenate([[0.0], np.cumsum(rest.rest)])
+    middle = 0.5 * (unstretched[1:] + unstretched[:-1])
+    which = np.searchsorted(sections[rows.END], middle, side="right")
+    mass, volume = sections[rows.PER_METRE : rows.PER_METRE + 2, which]
+    added = sum(p.normal for p in scene.effects if isinstance(p, AddedMassParams))
+    density = scene.environment.water_density_kg_per_m3
+    stretch = length / rest.rest
+    span = Span(
+        s=np.concatenate([[0.0], np.cumsum(length)]),
+        tension=rest.tension,
+        mass=(mass + added * density * volume) / stretch,
+        diameter=_at_nodes(np.sqrt(4.0 * volume / np.pi)),
+        speed=_speed(scene, rest.place),
+        stiffness=sum(p.stiffness_n_m2 for p in scene.effects if isinstance(p, BendingParams)),
+    )
+    if rest.first == 0:
+        normal = _across(scene, rest.place)
+        whole = float(normal @ rest.mass[:, :, 0] @ normal)
+        span = span._replace(end_mass=max(whole - float(span.node_mass[0]), 0.0))
+    length_m = float(unstretched[-1])
+    return SceneSpan(span, rest.place, length_m - unstretched, (0,), (length_m,))
+
+
+def _check_current(scene: Scene) -> None:
+    if not any(isinstance(params, CurrentParams) for params in scene.effects):
+        what = "no current, so no vortices"
+        raise SceneError(phrase(f"{scene.path}: effects", what, "add the effect 'current'"))
+
+
+def _at_nodes(of_elements: Floats) -> Floats:
+    """Return the mean of the elements adjacent to each node."""
+    both = np.concatenate([of_elements[:1], of_elements, of_elements[-1:]])
+    return np.asarray(0.5 * (both[1:] + both[:-1]))
+
+
+def _speed(scene: Scene, place: Floats) -> Floats:
+    """Return the speed of the current normal to a line at its nodes (3, nodes) [m/s]."""
+    water = water_at(scene, place[2])
+    direction = np.gradient(place, axis=1)
+    direction /= np.sqrt((direction * direction).sum(axis=0))
+    across = water - (water * direction).sum(axis=0) * direction
+    return np.asarray(np.sqrt((across * across).sum(axis=0)))
+
+
+def _across(scene: Scene, place: Floats) -> Floats:
+    """Return the unit vector normal to line and current at the lower end; place: (3, nodes)."""
+    water = water_at(scene, place[2]).sum(axis=1)
+    normal = np.cross(water, place[:, 1] - place[:, 0])
+    size = float(np.linalg.norm(normal))
+    return normal / size if size > 0.0 else np.array([0.0, 1.0, 0.0])

@@ -1,0 +1,466 @@
+"""Pictures and tables of VIV assessments, in one folder, and of modes (matplotlib, pyarrow)."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.state import Floats
+from rope_twin.errors import InputError, phrase
+from rope_twin.studies.modes import TURNING, UNHELD, Mode, Modes, SystemMode, SystemModes
+from rope_twin.studies.picture import Field, Line, Panel, check_picture, draw_panels, write_picture
+from rope_twin.studies.viv_frequency_domain import (
+    Fatigue,
+    FrequencyDomainRun,
+    chosen_places,
+    most_moved,
+    where_it_moves,
+)
+from rope_twin.studies.viv_time_domain import WINDOW_S, TimeDomainRun
+
+SHAPES = 8  # modes drawn, those that move most
+PERIODS = 12  # of the motion that the space-time picture shows
+ABOVE = 3.0  # times the mean frequency: so far spectra are drawn
+SETTLED = 0.1  # relative difference of the rms between both halves of a settled run
+COLUMNS = 60  # places in the table of the motion
+BELOW = "along the rope, + up from the hang-off [m]"
+SCATTER = "published VIV codes differ by a factor of 1.7"
+_ROPES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555")
+_COLOURS = {"axial": "#d55e00", "in-plane": "#0072b2", "out-of-plane": "#009e73",
+            TURNING: "#cc79a7"}  # fmt: skip
+
+
+def check_folder(folder: Path) -> None:
+    """Make it, and see that pictures and tables can be made at all.
+
+    Raises:
+        InputError: it cannot be made, or matplotlib or pyarrow is not there.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        what = str(error.strerror)
+        raise InputError(phrase(str(folder), what, "give a place that can be written")) from error
+    check_picture(folder / "motion.png")
+    try:
+        import pyarrow.parquet  # noqa: F401
+    except ImportError as error:
+        right = "install it: pip install 'rope_twin[plot]'"
+        raise InputError(phrase("tables", "pyarrow is not there", right)) from error
+
+
+def write_all(name: str, run: FrequencyDomainRun, fatigue: Fatigue, folder: Path) -> list[Path]:
+    """Write all pictures and tables; return their paths."""
+    drawn = [
+        _figure(folder / "current.png", f"{name}: what the current can drive", _current, run),
+        _figure(folder / "modes.png", f"{name}: modes that move most", _shapes, run),
+        _figure(
+            folder / "along.png", f"{name}: response along the rope ({SCATTER})",
+            lambda figure, own: _along(figure, own, fatigue), run,
+        ),
+        _figure(folder / "motion.png", f"{name}: motion of the last periods", _motion, run),
+        _figure(folder / "spectra.png", f"{name}: spectra along the rope", _spectra, run),
+    ]  # fmt: skip
+    return [*drawn, *_tables(run, fatigue, folder)]
+
+
+def _figure(path: Path, title: str, draw: Any, run: FrequencyDomainRun) -> Path:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 5.5), layout="constrained")
+    draw(figure, run)
+    figure.suptitle(title)
+    write_picture(figure, path, 100)
+    return path
+
+
+def _panels(figure: Any, count: int) -> Any:
+    """Return panels side by side over the same length of rope, hang-off on top."""
+    axes = np.atleast_1d(figure.subplots(1, count, sharey=True))
+    axes[0].set_ylabel("rope below the hang-off [m]")
+    axes[0].invert_yaxis()
+    for own in axes:
+        own.grid(True, linewidth=0.3)
+    return axes
+
+
+def _current(figure: Any, run: FrequencyDomainRun) -> None:
+    speed, strouhal, zones = _panels(figure, 3)
+    span, water = run.response.span, run.response.shedding
+    speed.plot(span.speed, run.from_top_m)
+    speed.set_xlabel("current across the rope [m/s]")
+    strouhal.plot(water.strouhal * span.speed / span.diameter, run.from_top_m)
+    strouhal.set_xlabel(f"Strouhal frequency, {water.strouhal:g}·U/d [Hz]")
+    for frequency, zone in zip(run.response.frequency, run.response.zones.T, strict=True):
+        if zone.any():
+            zones.plot(np.where(zone, frequency, np.nan), run.from_top_m, linewidth=2.5)
+    zones.set_xlabel("mode that each place drives [Hz]")
+
+
+def _shapes(figure: Any, run: FrequencyDomainRun) -> None:
+    most = most_moved(run, SHAPES)
+    axes = _panels(figure, max(len(most), 1))
+    for own, mode in zip(axes, most, strict=False):
+        own.plot(run.response.modes.shape[:, mode], run.from_top_m, linewidth=0.9)
+        frequency, rms = run.response.frequency[mode], run.modal_rms[mode]
+        own.set_title(f"{mode + 1}: {frequency:.3g} Hz\nrms {rms:.2g} d", fontsize=8)
+        own.set_xticks([])
+
+
+def _along(figure: Any, run: FrequencyDomainRun, fatigue: Fatigue) -> None:
+    axes = _panels(figure, 5)
+    rows = (
+        (run.rms(), run.from_top_m, "rms A/d"),
+        (where_it_moves(run.frequency_hz(), run.rms()), run.from_top_m, "mean frequency [Hz]"),
+        (run.drag_amplification(), run.from_top_m, "drag amplification"),
+        (1e-6 * fatigue.stress_rms_pa, fatigue.from_top_m, "bending stress, rms [MPa]"),
+        (fatigue.damage_per_year, fatigue.from_top_m, "damage per year"),
+    )
+    for own, (values, at, label) in zip(axes, rows, strict=True):
+        own.plot(values, at, linewidth=0.9)
+        own.set_xlabel(label)
+    if np.nanmax(fatigue.damage_per_year, initial=0.0) > 0.0:
+        axes[-1].set_xscale("log")
+
+
+def _motion(figure: Any, run: FrequencyDomainRun) -> None:
+    places = chosen_places(run, 600)
+    frequency = run.frequency_hz().max(initial=0.0)
+    step = float(run.time_s[1] - run.time_s[0])
+    shown = run.motion(places)
+    if frequency > 0.0:
+        shown = shown[-max(8, int(PERIODS / frequency / step)) :]
+    axes = figure.subplots()
+    last, top = run.time_s[-1], run.from_top_m[places.astype(int)]
+    largest = float(np.abs(shown).max(initial=1e-9))
+    image = axes.imshow(
+        shown.T[::-1], aspect="auto", cmap="RdBu_r", vmin=-largest, vmax=largest,
+        extent=(last - step * len(shown), last, float(top[0]), float(top[-1])),
+    )  # fmt: skip
+    figure.colorbar(image, ax=axes, label="y/d")
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("rope below the hang-off [m]")
+
+
+def _spectra(figure: Any, run: FrequencyDomainRun) -> None:
+    places = chosen_places(run)
+    frequency, power = run.spectra(places)
+    if (mean_hz := float(run.frequency_hz().max(initial=0.0))) > 0.0:
+        some = frequency < ABOVE * mean_hz
+        frequency, power = frequency[some], power[some]
+    axes = figure.subplots()
+    top = run.from_top_m[places.astype(int)]
+    floor = 1e-6 * float(power.max(initial=1e-30))
+    image = axes.imshow(
+        np.log10(np.maximum(power.T[::-1], floor)), aspect="auto",
+        extent=(float(frequency[0]), float(frequency[-1]), float(top[0]), float(top[-1])),
+    )  # fmt: skip
+    figure.colorbar(image, ax=axes, label="log10 of power [d²/Hz]")
+    axes.set_xlabel("frequency [Hz]")
+    axes.set_ylabel("rope below the hang-off [m]")
+
+
+def _tables(run: FrequencyDomainRun, fatigue: Fatigue, folder: Path) -> list[Path]:
+    """Return the results along the rope, of the modes, and the motion over time at some places."""
+    span, water = run.response.span, run.response.shedding
+    along = {
+        "from_hang_off_m": run.from_top_m,
+        "speed_across_m_per_s": span.speed,
+        "strouhal_hz": water.strouhal * span.speed / span.diameter,
+        "driven_hz": _driven_hz(run),
+        "rms_diameters": run.rms(),
+        "frequency_hz": run.frequency_hz(),
+        "drag_amplification": run.drag_amplification(),
+        "strain_rms": _to_all(run, fatigue, fatigue.strain_rms),
+        "stress_rms_pa": _to_all(run, fatigue, fatigue.stress_rms_pa),
+        "damage_per_year": _to_all(run, fatigue, fatigue.damage_per_year),
+    }
+    modes = {
+        "mode": np.arange(1, len(run.response.frequency) + 1),
+        "frequency_hz": run.response.frequency,
+        "modal_mass_kg": run.response.modes.mass,
+        "driven_m": run.response.zones.T @ span.node_length,
+        "rms_diameters": run.modal_rms,
+    }
+    places = chosen_places(run, 60)
+    motion = {"time_s": run.time_s[run.first :]}
+    for number, column in zip(places.astype(int), run.motion(places).T, strict=True):
+        motion[f"y_over_d_at_{run.from_top_m[number]:.2f}_m"] = column
+    return [
+        write_table(folder / f"{name}.parquet", columns)
+        for name, columns in (("along", along), ("modes", modes), ("motion", motion))
+    ]
+
+
+def _to_all(run: FrequencyDomainRun, fatigue: Fatigue, values: Any) -> Any:
+    return np.interp(run.from_top_m, fatigue.from_top_m[::-1], values[::-1])
+
+
+def write_table(path: Path, columns: dict[str, Any]) -> Path:
+    """Write one Parquet file.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    import pyarrow
+    import pyarrow.parquet
+
+    try:
+        pyarrow.parquet.write_table(pyarrow.table(columns), path)
+    except OSError as error:
+        right = "give a place that can be written"
+        raise InputError(phrase(str(path), str(error), right)) from error
+    return path
+
+
+def _driven_hz(run: FrequencyDomainRun) -> Any:
+    """Return the frequency of the mode with most power-in at a place; 0: none."""
+    zones = run.response.zones
+    if not zones.size:
+        return np.zeros(len(zones))
+    most = run.response.frequency[zones.argmax(axis=1)]
+    return np.where(zones.any(axis=1), most, 0.0)
+
+
+def write_time_domain(run: TimeDomainRun, folder: Path) -> list[Path]:
+    """Write `time_along.png`, `time_motion.png` and two Parquet tables; return their paths.
+
+    Raises:
+        InputError: matplotlib or pyarrow is not there, or the folder cannot be written.
+    """
+    pictures = {"time_along.png": _panels_along(run), "time_motion.png": _panels_in_time(run)}
+    for name, panels in pictures.items():
+        draw_panels(f"{run.scene}, {run.line}: {run.model}", panels, folder / name)
+    tables = {"time_along.parquet": _along_table(run), "time_motion.parquet": _motion_table(run)}
+    for name, columns in tables.items():
+        write_table(folder / name, columns)
+    return [folder / name for name in (*pictures, *tables)]
+
+
+def time_domain_figures(run: TimeDomainRun) -> dict[str, Any]:
+    """Return the results as numbers by name."""
+    across, with_flow = run.rms
+    at = int(across.argmax())
+    known, spectrum = run.fatigue is not None, run.spectrum
+    return {
+        "model": run.model,
+        "steady_s": float(len(run.time_s) * run.every_s),
+        "vortices_hz": run.vortices_hz,
+        "rms_max_diameters": float(across[at]),
+        "rms_max_at_m": float(run.from_hang_off_m[at]),
+        "rms_mean_diameters": float(across.mean()),
+        "frequency_there_hz": float(run.frequency_hz[0, at]),
+        "spectrum_centre_hz": spectrum.centre_hz,
+        "spectrum_bandwidth_hz": spectrum.bandwidth_hz,
+        "modulation": run.modulation,
+        "in_line_rms_max_diameters": float(with_flow.max()) if run.in_line else None,
+        "rms_second_over_first_half": run.growth if math.isfinite(run.growth) else None,
+        "drag_amplification_max": float(run.drag_amplification.max()),
+        "drag_amplification_mean": float(run.drag_amplification.mean()),
+        "drag_amplification_vandiver_max": float(run.vandiver.max()),
+        "tension_top_mean_n": float(run.tension_top_n.mean()),
+        "tension_top_min_n": float(run.tension_top_n.min()),
+        "tension_top_max_n": float(run.tension_top_n.max()),
+        "strain_rms_max": float(run.strain_rms.max()),
+        "stress_rms_max_pa": float(run.stress_rms_pa.max()) if known else None,
+        "damage_per_year_max": float(run.damage_per_year.max()) if known else None,
+    }
+
+
+def time_domain_words(run: TimeDomainRun) -> str:
+    """Return the results as text."""
+    one = time_domain_figures(run)
+    in_line = "not in the model"
+    if run.in_line:
+        in_line = f"{one['in_line_rms_max_diameters']:.3g}"
+    cause = "relative velocity" if run.in_line else "drag amplification"
+    words = (
+        f"{run.model}, last {one['steady_s']:.4g} s: maximum rms A/D "
+        f"{one['rms_max_diameters']:.3g} at {one['rms_max_at_m']:.4g} m below the hang-off, "
+        f"{one['frequency_there_hz']:.3g} Hz; in line {in_line}\n"
+        f"mean rms A/D {one['rms_mean_diameters']:.3g}; spectrum about "
+        f"{one['spectrum_centre_hz']:.3g} Hz, bandwidth {one['spectrum_bandwidth_hz']:.2g} Hz; "
+        f"modulation {one['modulation']:.0%}\n"
+        f"{_unsettled(run.growth)}"
+        f"(published VIV codes differ from each other by a factor of 1.7)\n"
+        f"top tension {1e-3 * one['tension_top_min_n']:.4g} to "
+        f"{1e-3 * one['tension_top_max_n']:.4g} kN, mean {1e-3 * one['tension_top_mean_n']:.4g}\n"
+        f"drag amplification at most {one['drag_amplification_max']:.3g}, mean "
+        f"{one['drag_amplification_mean']:.3g}, by the model's {cause} "
+        f"(Vandiver 1983 for this motion: {one['drag_amplification_vandiver_max']:.3g})\n"
+        f"{strain_words(one['strain_rms_max'])}"
+    )
+    if run.fatigue is None:
+        return (
+            f"{words}\nno bending stress: that needs steel rope or a pipe, with `bending` in the "
+            "scene"
+        )
+    return (
+        f"{words}\nbending stress at most {1e-6 * one['stress_rms_max_pa']:.3g} MPa rms, Miner "
+        f"damage of tension and bending {one['damage_per_year_max']:.3g} per year; a stranded "
+        "rope counts as solid: an upper bound"
+    )
+
+
+def strain_words(strain_rms_max: float) -> str:
+    """Return the bending strain in words."""
+    strain = 1e6 * strain_rms_max
+    return f"bending strain at most {strain:.3g} µm/m rms, of a section that stays plane"
+
+
+def _unsettled(growth: float) -> str:
+    """Return a line if the motion differs between both halves of its time; else nothing."""
+    if abs(growth - 1.0) <= SETTLED:
+        return ""
+    return (
+        "not settled: the rms of the second half of that time is "
+        f"{growth:.2g} times that of the first; give a longer --duration\n"
+    )
+
+
+def _panels_along(run: TimeDomainRun) -> list[Panel]:
+    depth = -run.from_hang_off_m
+
+    def panel(title: str, x: str, *lines: tuple[Floats, str]) -> Panel:
+        return Panel(title, x, BELOW, tuple(Line(values, depth, label) for values, label in lines))
+
+    sides = ("across the flow", "in line") if run.in_line else ("across the flow",)
+    moving_hz = [where_it_moves(*own) for own in zip(run.frequency_hz, run.rms, strict=True)]
+    damaged = run.damage_per_year > 0.0
+    damage = np.log10(run.damage_per_year, out=np.full(len(damaged), np.nan), where=damaged)
+    return [
+        panel("rms of the motion", "rms/d", *zip(run.rms, sides, strict=False)),
+        panel("mean frequency", "[Hz]", *zip(moving_hz, sides, strict=False)),
+        panel("drag amplification", "", (run.drag_amplification, "of the run"),
+              (run.vandiver, "Vandiver 1983 of this motion")),
+        panel("bending stress, rms", "[MPa]", (1e-6 * run.stress_rms_pa, "")),
+        panel("damage of tension and bending", "log10 of damage per year", (damage, "")),
+    ]  # fmt: skip
+
+
+def _panels_in_time(run: TimeDomainRun) -> list[Panel]:
+    depth = (-float(run.from_hang_off_m[-1]), 0.0)
+    mean_hz = max(float(run.frequency_hz[0].max()), 1e-9)
+    samples = 1.0 / mean_hz / run.every_s  # a period
+    shown = slice(-min(max(8, round(PERIODS * samples)), len(run.time_s)), None)
+    times = (float(run.time_s[shown][0]), float(run.time_s[shown][-1]))
+    frequency, power = run.spectra()
+    some = frequency < ABOVE * mean_hz
+    level = np.log10(np.maximum(power[some], 1e-6 * power.max()))
+    with_flow = Panel("in line with it", "time [s]", BELOW,
+                      field=Field(run.motion[1, shown].T[::-1], times, depth, "x/d"))  # fmt: skip
+    return [
+        Panel("across the flow, last periods", "time [s]", BELOW,
+              field=Field(run.motion[0, shown].T[::-1], times, depth, "y/d")),
+        *([with_flow] if run.in_line else []),
+        Panel("spectra across the flow", "[Hz]", BELOW,
+              field=Field(level.T[::-1], (0.0, float(frequency[some][-1])), depth,
+                          "log10 of power [d²/Hz]")),
+        Panel(f"rms over {WINDOW_S:g} s, all places", "time [s]", "rms/d", (Line(*run.size),)),
+        Panel("top tension", "time [s]", "[kN]",
+              (Line(run.time_s[shown], 1e-3 * run.tension_top_n[shown]),)),
+    ]  # fmt: skip
+
+
+def _along_table(run: TimeDomainRun) -> dict[str, Any]:
+    return {
+        "from_hang_off_m": run.from_hang_off_m,
+        "rms_diameters": run.rms[0],
+        "frequency_hz": run.frequency_hz[0],
+        "in_line_rms_diameters": run.rms[1],
+        "in_line_frequency_hz": run.frequency_hz[1],
+        "drag_amplification": run.drag_amplification,
+        "drag_amplification_vandiver": run.vandiver,
+        "strain_rms": run.strain_rms,
+        "stress_rms_pa": run.stress_rms_pa,
+        "damage_per_year": run.damage_per_year,
+    }
+
+
+def _motion_table(run: TimeDomainRun) -> dict[str, Any]:
+    columns: dict[str, Any] = {"time_s": run.time_s, "tension_top_n": run.tension_top_n}
+    places = np.unique(np.linspace(0, len(run.from_hang_off_m) - 1, COLUMNS).round()).astype(int)
+    for place in places:
+        at = f"{run.from_hang_off_m[place]:.2f}_m"
+        columns[f"y_over_d_at_{at}"] = run.motion[0, :, place]
+        if run.in_line:
+            columns[f"x_over_d_at_{at}"] = run.motion[1, :, place]
+    return columns
+
+
+def draw_modes(scene: str, found: Modes, path: Path) -> None:
+    """Draw a panel per mode: amplitude along the rope, signed by its main direction.
+
+    Raises:
+        InputError: matplotlib is not there, or the picture cannot be written.
+    """
+    check_picture(path)
+    from matplotlib.figure import Figure
+
+    modes = [*found.lowest, *found.axial]
+    figure = Figure(figsize=(1.2 * len(modes) + 1.0, 5.0), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(modes), sharey=True))
+    span = np.linalg.norm(np.diff(found.place, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(span)])
+    for axes, mode in zip(panels, modes, strict=True):
+        _draw(axes, mode, along)
+    panels[0].set_ylabel("along the rope from the hang-off [m]")
+    panels[0].invert_yaxis()
+    figure.suptitle(f"{scene}: natural modes about rest")
+    write_picture(figure, path, 110)
+
+
+def _draw(axes: Any, mode: Mode, along: Any) -> None:
+    axis = mode.shape[np.abs(mode.shape).max(axis=1).argmax()]
+    sign = np.sign(mode.shape @ axis)
+    motion = sign * np.linalg.norm(mode.shape, axis=1)
+    axes.plot(motion, along, color=_COLOURS[mode.kind], linewidth=1.2)
+    axes.axvline(0.0, color="0.7", linewidth=0.6)
+    axes.set_title(f"{mode.kind}\n{mode.period_s:.3g} s", fontsize=8)
+    axes.set_xlim(-1.1, 1.1)
+    axes.set_xticks([])
+
+
+def draw_system_modes(scene: str, found: SystemModes, path: Path) -> None:
+    """Draw a panel per mode: the ropes at rest in side view, and displaced by the mode.
+
+    Raises:
+        InputError: matplotlib is not there, or the picture cannot be written.
+    """
+    check_picture(path)
+    from matplotlib.figure import Figure
+
+    modes = [*found.lowest, *found.stretching]
+    figure = Figure(figsize=(1.5 * len(modes) + 1.0, 5.0), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(modes), sharey=True))
+    places = [line.place[:, ::-1].T for line in found.still.lines]
+    corners = np.concatenate(places)
+    size = float(np.ptp(corners, axis=0).max())
+    for axes, mode in zip(panels, modes, strict=True):
+        _draw_system(axes, mode, places, size)
+    panels[0].set_ylabel("z [m]")
+    names = [line.name for line in found.still.lines]
+    panels[-1].legend(names, fontsize=6, loc="lower right")
+    figure.suptitle(f"{scene}: natural modes about rest (grey), motion drawn large")
+    write_picture(figure, path, 110)
+
+
+def _draw_system(axes: Any, mode: SystemMode, places: list[Floats], size: float) -> None:
+    """Draw a system along x or y, whichever shows more of the motion."""
+    motion = np.concatenate(mode.shapes)
+    side = int((motion[:, :2] ** 2).sum(axis=0).argmax())
+    for k, (place, shape) in enumerate(zip(places, mode.shapes, strict=True)):
+        moved = place + 0.08 * size * shape
+        axes.plot(moved[:, side], moved[:, 2], color=_ROPES[k % len(_ROPES)], linewidth=1.2)
+    for place in places:
+        axes.plot(place[:, side], place[:, 2], color="0.75", linewidth=0.6, zorder=0)
+    at_rest = np.concatenate(places)[:, side]
+    middle, reach = 0.5 * (at_rest.min() + at_rest.max()), 0.5 * np.ptp(at_rest) + 0.1 * size
+    axes.set_xlim(middle - reach, middle + reach)
+    period = f"{mode.period_s:.3g} s" if mode.kind != UNHELD else "no period"
+    axes.set_title(f"{mode.kind}\n{period}", fontsize=8)
+    axes.set_xlabel("xy"[side] + " [m]", fontsize=7)
+    axes.tick_params(labelsize=6)

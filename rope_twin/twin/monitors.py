@@ -1,0 +1,387 @@
+"""Monitors of a twin: their interface, what they observe, energy balance and tension.
+
+A monitor exists only if a run asks for it. It observes each series of steps just done, adds its
+results to snapshots, and changes nothing in the twin: the run is bit-identical with it.
+
+Energy is evaluated at every step boundary. Power in and out is integrated from its values there by
+the trapezoidal rule with Gregory's end correction (a twelfth of the last and first increments). The
+remainder was dissipated numerically. In a snap load that begins and ends within a step the work of
+the hang-off is known only from the force at the step boundaries: with 20 ms the residual may be 0.3
+% of the exchanged energy too low, with 50 ms and a stiff damper some per cent.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.energy import Power, SystemBorder, accounts_of, lost
+from rope_twin.core.joined.joints import System
+from rope_twin.core.loads.hooks import hooks_of
+from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.inputs import TwinInputs
+from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL
+from rope_twin.twin.multi_line import MultiLineRopes
+from rope_twin.twin.ropes import Ropes
+from rope_twin.twin.snapshot import CutShot, EnergyBalance, Snapshot, amended
+from rope_twin.twin.snapshot_builder import Extremes
+from rope_twin.twin.state import Clock, SavedState
+from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.vortex.coupled import VivDragAmplification
+from rope_twin.vortex.results import MonitorSettings
+
+
+class TwinView(NamedTuple):
+    """Read-only view of a twin after the newest step; its arrays are those in use."""
+
+    scene: Scene
+    clock: Clock
+    step_s: float
+    rope: Rope  # the first one, with the effects in use
+    ropes: Ropes  # all of them, with the winches of the others
+    boundary: Boundary  # hang-off and paid-out length of the first one; row 0 is the present
+    pull: Floats  # force of the first one on its hang-off [N], (rows.PULL_COLUMNS,)
+    inputs: TwinInputs
+    viv_drag: VivDragAmplification | None  # loosely coupled VIV model of the scene
+
+    @property
+    def time_ns(self) -> int:
+        """Twin time [ns]."""
+        return self.clock.time_ns
+
+    @property
+    def tension(self) -> Floats:
+        """Tension of the first rope's elements from the lower end up [N], (elements,)."""
+        tension: Floats = self.rope.work[rows.TENSION, : self.rope.state.counts[rows.ELEMENTS]]
+        return tension
+
+    @property
+    def line(self) -> tuple[float, float]:
+        """Paid-out length of the first rope [m] and its rate [m/s]."""
+        value, rate = self.boundary
+        return float(value[0, rows.LINE]), float(rate[0, rows.LINE])
+
+    @property
+    def cut(self) -> CutShot | None:
+        """Position and time of the cut; None if no rope was cut."""
+        return self.inputs.cut.done
+
+    @property
+    def joined(self) -> MultiLineRopes | None:
+        """The multi-line system; None for a single rope."""
+        return self.ropes if isinstance(self.ropes, MultiLineRopes) else None
+
+
+class Chunk(NamedTuple):
+    """Ropes of a twin and their boundary conditions over the steps of one call of `advance`."""
+
+    ropes: Rope | System  # at present, with the effects in use
+    boundary: Boundary  # of every rope at the boundaries of the steps, (ropes, steps + 1, MOTIONS)
+    pulls: Floats  # force on every upper end after each step [N], (ropes, steps, PULL_COLUMNS)
+    done: int  # steps done: row `done` of the boundary is the present. 0: pulls has the present
+    time_ns: int  # the present
+    step_s: float
+    steps: int  # done since the start of the twin
+    currents: int  # current profiles accepted since then
+
+    @property
+    def border(self) -> tuple[Floats, Floats]:
+        """Return value and rate of the prescribed motion at present, (ropes, MOTIONS) each."""
+        return self.boundary.value[:, self.done].copy(), self.boundary.rate[:, self.done].copy()
+
+    @property
+    def pull(self) -> Floats:
+        """Return the force on the upper ends at present [N], (ropes, PULL_COLUMNS)."""
+        now: Floats = self.pulls[:, max(self.done - 1, 0)]
+        return now
+
+
+class Monitor:
+    """Monitor of a twin; by default it observes nothing.
+
+    It is made before the twin is built, so that it can reject the scene. All methods but `command`
+    and `invalidate` are called in the stepping thread.
+    """
+
+    told = ""  # message for the user before the run
+
+    def start(self, now: TwinView, present: Chunk) -> None:
+        """Start with a twin in static equilibrium."""
+        self.restart(now, present)
+
+    def restart(self, now: TwinView, present: Chunk) -> None:
+        """Start from the present: elements have changed, or the ropes are in an earlier state."""
+
+    def steps_to_observation(self, now: TwinView) -> int:
+        """Return after how many further steps it must observe."""
+        return STEPS_PER_CALL
+
+    def observe(self, now: TwinView, chunk: Chunk) -> None:
+        """Observe the steps just done, not more than `steps_to_observation` returned."""
+
+    def amend(self, now: TwinView, shot: Snapshot) -> Snapshot:
+        """Return the snapshot with its results."""
+        return shot
+
+    def cut(self, now: TwinView) -> None:
+        """Continue with a rope that was cut just now."""
+
+    def command(self, now_ns: int, rope: int, stamp_ns: int | None, command: WinchCommand) -> None:
+        """Take a command that the winch of a rope has accepted; under the lock of the inputs."""
+
+    def invalidate(self) -> None:
+        """Invalidate inputs that were known in advance; under the lock of the inputs."""
+
+    def state(self) -> dict[str, Any]:
+        """Return the state from which `restore` continues, by name; empty for none."""
+        return {}
+
+    def restore(self, now: TwinView, present: Chunk, saved: SavedState) -> None:
+        """Continue in a twin that was restored, as far as the state has this monitor.
+
+        Raises:
+            StateError: the state is of another monitor.
+        """
+        self.restart(now, present)
+
+
+def chunk_of(now: TwinView, pulls: Floats, boundary: Boundary) -> Chunk:
+    """Return the ropes at present and the last steps.
+
+    pulls: force of the first rope after each of them, empty for none; boundary: of the first rope,
+    row 0 is before them.
+    """
+    joined, done = now.joined, len(pulls)
+    ropes: Rope | System
+    if joined is None:
+        ropes, borders = now.rope, Boundary(*(table[None] for table in boundary))
+        each = pulls[None] if done else now.pull[None, None]
+    else:
+        ropes = joined.system(now.rope)
+        borders = joined.moved if done else joined.borders(boundary, 0)
+        each = joined.pulls if done else joined.pull[:, None]
+    counts = now.clock.steps, now.inputs.current.changes
+    return Chunk(ropes, borders, each, done, now.time_ns, now.step_s, *counts)
+
+
+@dataclass(frozen=True)
+class Monitors:
+    """Monitors that a run asks for."""
+
+    energy: bool = False
+    error_interval: bool = False
+    vortex: MonitorSettings | None = None  # vibration and fatigue
+    slack_steps: int = 0  # between checks for slack; 0: tensions are not monitored
+
+
+NO_MONITORS = Monitors()
+ENERGY, ERROR_INTERVAL = Monitors(energy=True), Monitors(error_interval=True)
+
+
+def new_monitors(scene: Scene, asked: Monitors) -> tuple[Monitor, ...]:
+    """Return the monitors of a new twin, not started; they are imported only if asked for.
+
+    Raises:
+        InputError: a monitor is not possible for the scene.
+    """
+    monitors: list[Monitor] = []
+    if asked.error_interval:
+        from rope_twin.twin.error_interval import ErrorInterval
+
+        monitors.append(ErrorInterval(scene))
+    if asked.energy:
+        monitors.append(EnergyMonitor())
+    if asked.slack_steps:
+        monitors.append(TensionMonitor(asked.slack_steps))
+    if asked.vortex:
+        from rope_twin.twin.vortex_monitor import VortexMonitor
+
+        monitors.append(VortexMonitor(scene, asked.vortex))
+    return tuple(monitors)
+
+
+class EnergyAccount:
+    """Energy sums over the steps, from the state at which it was opened."""
+
+    def __init__(self, time_s: float, border: SystemBorder) -> None:
+        self._since_s = time_s
+        self._first = self._now = border
+        self._work = np.zeros(len(Power._fields))  # by the trapezoidal rule
+        # increments of power over the first two and the last two steps, times step/12
+        self._first_rises: list[Floats] = []
+        self._last_rises: deque[Floats] = deque(maxlen=2)
+        self._damped = self._exchanged = 0.0
+
+    def take(self, step_s: float, border: SystemBorder) -> None:
+        """Add a step of this length [s] that ended at this state."""
+        before, after = np.array(self._now.power), np.array(border.power)
+        work = 0.5 * step_s * (before + after)
+        loss = lost(self._now, border, step_s)
+        changes = np.array(border.store) - np.array(self._now.store)
+        moved = np.abs(changes).sum() + np.abs(work).sum() + abs(loss)
+        self._last_rises.append(step_s / 12.0 * (after - before))
+        if len(self._first_rises) < 2:
+            self._first_rises.append(self._last_rises[-1])
+        self._work = self._work + work
+        self._damped += loss
+        self._exchanged += 0.5 * float(moved)
+        self._now = border
+
+    def restart_at(self, border: SystemBorder) -> None:
+        """Start the next step from this state, as the rope's elements have changed."""
+        self._now = border
+
+    def balance(self) -> EnergyBalance:
+        """Return the sums up to the present, with Gregory's corrections at both ends."""
+        now, work = self._now.store, self._work
+        if len(self._first_rises) == 2:
+            work = work - _steady(*self._last_rises) + _steady(*self._first_rises)
+        hang_off, passing, water = work.tolist()
+        change = now.total - self._first.store.total
+        return EnergyBalance(
+            since_s=self._since_s,
+            kinetic_j=now.kinetic,
+            elastic_j=now.elastic,
+            potential_j=now.potential,
+            change_j=change,
+            hang_off_j=hang_off,
+            passing_j=passing,
+            water_j=water,
+            damped_j=self._damped,
+            residual_j=hang_off + passing + water - self._damped - change,
+            exchanged_j=self._exchanged,
+        )
+
+
+class EnergyMonitor(Monitor):
+    """Monitor of the energy balance; it observes every step, so that the run is slower.
+
+    A saved state does not hold the balance: a restored twin opens a new one.
+    """
+
+    _account: EnergyAccount
+
+    def start(self, now: TwinView, present: Chunk) -> None:
+        """Open the balance.
+
+        Raises:
+            SceneError: an effect does not report its energy.
+        """
+        _check_effects(now.scene, now.rope)
+        self.restart(now, present)
+
+    def steps_to_observation(self, now: TwinView) -> int:
+        """Return 1."""
+        return 1
+
+    def observe(self, now: TwinView, chunk: Chunk) -> None:
+        """Add the step just done."""
+        if chunk.done:
+            self._account.take(now.step_s, _measured(now))
+
+    def amend(self, now: TwinView, shot: Snapshot) -> Snapshot:
+        """Return the snapshot with the energy balance."""
+        return amended(shot, energy=self._account.balance())
+
+    def restart(self, now: TwinView, present: Chunk) -> None:
+        """Open a new balance, as no step leads to the present."""
+        self._account = EnergyAccount(now.time_ns * 1e-9, _measured(now))
+
+    def cut(self, now: TwinView) -> None:
+        """Continue with the parts: a cut is no step, so its change of energy does not count."""
+        self._account.restart_at(_measured(now))
+
+
+def _measured(now: TwinView) -> SystemBorder:
+    """Return energy and power of the present state."""
+    return now.ropes.measure(now.rope, now.pull, now.line[1], now.time_ns * 1e-9)
+
+
+def _steady(one: Floats, other: Floats) -> Floats:
+    """Return the smaller of two increments of equal sign, else 0 (no correction at a kink)."""
+    same = np.sign(one) == np.sign(other)
+    return np.where(same, np.sign(one) * np.minimum(np.abs(one), np.abs(other)), 0.0)
+
+
+def _check_effects(scene: Scene, rope: Rope) -> None:
+    """Reject a balance in which an effect's work would appear as numerical dissipation.
+
+    Raises:
+        SceneError: an effect does not report the energy that it stores or adds.
+    """
+    for effect in rope.effects:
+        kind = type(effect)
+        if {"load", "load_end", "load_nodes", "couple"}.intersection(
+            hooks_of(kind)
+        ) and not accounts_of(kind):
+            what = f"effect {kind.__name__} does not say what energy it stores or brings"
+            right = "run it without the energy balance"
+            raise SceneError(phrase(f"{scene.path}", what, right))
+
+
+class TensionMonitor(Monitor):
+    """Monitor of the tension at the upper ends, in every step, and of slack, at intervals.
+
+    A saved state does not hold its results: in a restored twin they start again.
+    """
+
+    _upper: list[Extremes]
+    _static: list[float]
+
+    def __init__(self, slack_steps: int) -> None:
+        """Check for slack after every `slack_steps` steps."""
+        self._slack_steps = slack_steps
+        self._checks = self._slack_checks = 0
+
+    def start(self, now: TwinView, present: Chunk) -> None:
+        """Start in static equilibrium."""
+        self._static = present.pull[:, rows.PULL].tolist()
+        self._upper = [Extremes() for _ in self._static]
+
+    def steps_to_observation(self, now: TwinView) -> int:
+        """Return the number of steps until the next check for slack."""
+        return self._slack_steps - now.clock.steps % self._slack_steps
+
+    def observe(self, now: TwinView, chunk: Chunk) -> None:
+        """Take the tensions of the steps just done, and check for slack if that is due."""
+        for upper, pulls in zip(self._upper, chunk.pulls, strict=True):
+            upper.take(pulls[: chunk.done, rows.PULL].tolist())
+        if chunk.done and chunk.steps % self._slack_steps == 0:
+            self._checks += 1
+            self._slack_checks += any(bool(one.min() <= 0.0) for one in _tensions(chunk))
+
+    def cut(self, now: TwinView) -> None:
+        """Continue with the parts; the lower one of a multi-line system is a further rope."""
+        if now.joined is not None:
+            self._upper.append(Extremes())
+            self._static.append(0.0)
+
+    @property
+    def upper_n(self) -> list[Extremes]:
+        """Tension at the upper end of each rope in all steps [N]; before the first, the static."""
+        found = []
+        for upper, static in zip(self._upper, self._static, strict=True):
+            if upper.empty:
+                upper = Extremes()
+                upper.take([static])
+            found.append(upper)
+        return found
+
+    @property
+    def slack_share(self) -> float:
+        """Fraction of the checks that found an element without tension, of any rope."""
+        return self._slack_checks / self._checks if self._checks else 0.0
+
+
+def _tensions(chunk: Chunk) -> Iterator[Floats]:
+    """Yield the tension of the elements of each rope [N]."""
+    ropes = (chunk.ropes,) if isinstance(chunk.ropes, Rope) else chunk.ropes.ropes
+    for rope in ropes:
+        yield rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]

@@ -1,0 +1,389 @@
+"""Multi-line system of a twin, except its first rope with that rope's winch and hang-off.
+
+The twin owns the first rope as in a single-line scene; this module has the other ropes,
+connections, winches and hang-offs, and the step of all of them together.
+"""
+
+from __future__ import annotations
+
+import copy
+import logging
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.energy import SystemBorder, measure_system
+from rope_twin.core.joined.joints import LOOSE, PULL, System
+from rope_twin.core.joined.statics import solve_reeved_statics
+from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.step import advance_joined
+from rope_twin.scene.joined_model import build_joined, runs_over_sheave
+from rope_twin.scene.rigging import winch_of
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.contact import rope_contacts
+from rope_twin.twin.motion.hang_off import Moves
+from rope_twin.twin.multi_line_snapshot import (
+    Payouts,
+    SystemState,
+    contact,
+    payload_shots,
+    report_on,
+    rope_shots,
+    sheave_shots,
+    strut_shots,
+)
+from rope_twin.twin.parted import advance_in_substeps, cut_system, scene_of_parts
+from rope_twin.twin.regrid import joined_as, state_arrays
+from rope_twin.twin.rope_cut import CutPosition
+from rope_twin.twin.snapshot import InputHealth, Snapshot, amended
+from rope_twin.twin.snapshot_builder import (
+    RopeShape,
+    body_of,
+    shape_from_sheave,
+    shape_from_top,
+    strength_of,
+)
+from rope_twin.twin.state import changing_parts
+from rope_twin.twin.statics import check_equilibrium, judge_body, no_garbage_collection, weak_ropes
+from rope_twin.twin.winch.commands import (
+    HangOffMotion,
+    Payout,
+    TensionFeedback,
+    WinchCommand,
+    tension_feedback,
+)
+from rope_twin.twin.winch.winch import Winch, winch_of_rope
+
+_log = logging.getLogger(__name__)
+
+
+class MultiLineRopes:
+    """All ropes of a multi-line scene except the first one's boundary conditions.
+
+    Raises:
+        SceneError: the scene cannot be built.
+    """
+
+    def __init__(self, scene: Scene, steps: int) -> None:
+        """Build the system, with boundary conditions for up to `steps` steps."""
+        built = build_joined(scene)
+        self._scene = scene
+        self._ropes, self._joints = built.system.ropes[1:], built.system.joints
+        self._stack, self._sheaves = built.system.stack, built.system.sheaves
+        self._owners, self._hang_offs = built.owners, built.hang_off_m
+        self._lines = report_on(scene)
+        self.first = built.system.ropes[0]
+        self._winches = tuple(winch_of_rope(scene, line) for line in scene.ropes)
+        size = (len(scene.ropes), steps + 1, rows.MOTIONS)
+        self._boundary = Boundary(np.zeros(size), np.zeros(size))
+        self._boundary.value[:, :, : rows.LINE] = np.nan_to_num(self._hang_offs)[:, None]
+        self._boundary.value[:, :, rows.LINE] = [[line.length_m] for line in scene.ropes]
+        self.pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))  # force on upper ends now
+        self.pulls = self.pull[:, None]  # and after each step of the last call
+        self.moved = self._boundary  # boundary conditions of the last call
+        self._highest_n = np.zeros(len(scene.ropes))  # maximum tension at each upper end
+        self._is_cut = self._fresh = False  # a rope was cut; no step since then
+
+    def solve_statics(self) -> Floats:
+        """Solve for static equilibrium, compiling all kernels; return the first rope's top force.
+
+        Raises:
+            SceneError: there is no equilibrium, or the ropes float.
+        """
+        with no_garbage_collection():
+            end = solve_reeved_statics(self.system(self.first), self._boundary.value[:, 0])
+        judge_body(self._scene, self.lowest(self.first))
+        highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
+        check_equilibrium(self._scene, end, highest)
+        for warning in weak_ropes(
+            self._scene, [self._tension(self._rope(r)) for r in self._numbers]
+        ):
+            _log.warning(warning)
+        system = copy.deepcopy(self.system(self.first))
+        still = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))
+        pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
+        advance_joined(system, still, pull, 0.0, 1)
+        self.pull, self.pulls = pull[:, 0].copy(), pull
+        first: Floats = self.pull[0]
+        return first
+
+    def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
+        """Submit a command to the winch of this name; return "" or the rejection."""
+        names = [line.from_ for line in self._scene.ropes]
+        return self._winches[names.index(name)].take(stamp_ns, command, now_ns)
+
+    def follow(self, name: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
+        """Let the winch of this name have a measured line out [m] and line speed [m/s]."""
+        names = [line.from_ for line in self._scene.ropes]
+        self._winches[names.index(name)].follow(stamp_ns, length_m, speed)
+
+    def invalidate(self) -> None:
+        """Invalidate commands that were known in advance."""
+        for winch in self._winches[1:]:
+            winch.invalidate()
+
+    def newest_ns(self) -> dict[str, int]:
+        """Return the stamp of the newest accepted command of each winch but the first [ns]."""
+        newest: dict[str, int] = {}
+        for winch in self._winches[1:]:
+            newest |= winch.newest_ns()
+        return newest
+
+    def needs_feedback(self, time_ns: int) -> bool:
+        """Return whether a winch but the first needs tension feedback for the step from then on."""
+        return bool(self.needing_feedback(time_ns))
+
+    def needing_feedback(self, time_ns: int) -> dict[int, Winch]:
+        """Return those winches by the number of their rope."""
+        rest = enumerate(self._winches[1:], start=1)
+        return {r: winch for r, winch in rest if winch.needs_feedback(time_ns)}
+
+    def prescribe(
+        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
+    ) -> None:
+        """Set hang-offs and payouts at step boundary `row`.
+
+        heave: ship heave [m] and its rate [m/s]; moves: motion of the hang-offs moved by poses.
+        """
+        value, rate = self._boundary
+        for r in self._numbers[1:]:
+            if self._joints.upper[r] == LOOSE:
+                still = (0.0, 0.0)
+                moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
+                value[r, row, : rows.LINE] = self._hang_offs[r] + np.array(moved)
+                rate[r, row, : rows.LINE] = moving
+                feedback = (
+                    self._feedback_of(r, row) if self._winches[r].needs_feedback(from_ns) else None
+                )
+                line = self._winches[r].step(from_ns, step_s, moving[2], feedback)
+                value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
+
+    def _feedback_of(self, r: int, row: int) -> TensionFeedback:
+        """Return the tension feedback of a rope before the step that ends at boundary `row`."""
+        borders = self._boundary.value[r, row - 1 : row + 1]
+        heave = float(borders[0, rows.Z] - self._hang_offs[r, 2])
+        course = HangOffMotion(heave, self._winches[r].payout_m_per_s2)
+        pull = float(self.pull[r, rows.PULL])
+        return tension_feedback(self._rope(r), self._scene.ropes[r], pull, borders, course)
+
+    def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
+        """Advance all ropes like core's `advance`; boundary, pulls: of the first one."""
+        steps = len(pulls)
+        own = self.borders(boundary, steps)
+        pull = np.zeros((len(self._numbers), steps, rows.PULL_COLUMNS))
+        done = self._advance(self.system(first), own, time, pull)
+        pulls[:] = pull[0]
+        self.pulls, self.moved = pull, own
+        if done:
+            self.pull = pull[:, done - 1].copy()
+            own_n = pull[:, :done, rows.PULL].max(axis=1)
+            self._highest_n = np.maximum(self._highest_n, own_n)
+        self.first = first
+        return done
+
+    def system(self, first: Rope) -> System:
+        """Return all ropes with the first one's environment (see core/joined/stack.py)."""
+        return System((first, *self._ropes), self._joints, self._stack, self._sheaves)
+
+    def borders(self, boundary: Boundary, steps: int) -> Boundary:
+        """Return boundary conditions of all ropes in coming steps, (ropes, steps + 1, MOTIONS)."""
+        own = Boundary(*(table[:, : steps + 1].copy() for table in self._boundary))
+        for table, given in zip(own, boundary, strict=True):
+            table[0] = given[: steps + 1]
+        return own
+
+    def _advance(self, system: System, own: Boundary, time: float, pull: Floats) -> int:
+        """Advance all; the first step after a cut in substeps."""
+        if not self._fresh:
+            return advance_joined(system, own, pull, time, pull.shape[1])
+        begun = advance_in_substeps(system, Boundary(*(table[:, :2] for table in own)), time)
+        if begun is None:
+            return 0
+        pull[:, :1] = begun
+        self._fresh, steps = False, pull.shape[1] - 1
+        if steps == 0:
+            return 1
+        after, rest = Boundary(*(table[:, 1:].copy() for table in own)), pull[:, 1:].copy()
+        done = advance_joined(system, after, rest, time + system.ropes[0].model.step, steps)
+        pull[:, 1:] = rest
+        return 1 + done
+
+    def cut(
+        self, first: Rope, border: Boundary, place: CutPosition
+    ) -> tuple[MultiLineRopes, float]:
+        """Cut a rope; return itself with the lower part as additional rope, and its length [m]."""
+        r = place.rope
+        now = Boundary(*(table[:, :1].copy() for table in self._boundary))
+        for table, given in zip(now, border, strict=True):
+            table[0, 0] = given[0]
+        system, lost_m = cut_system(self.system(first), now, place)
+        self.first, self._ropes = system.ropes[0], system.ropes[1:]
+        self._is_cut = self._fresh = True
+        self._joints, self._stack = system.joints, system.stack
+        self._scene = scene_of_parts(self._scene, r, lost_m)
+        self._owners |= {name: len(self._ropes) for name, own in self._owners.items() if own == r}
+        self._hang_offs = np.vstack([self._hang_offs, np.full(3, np.nan)])
+        self._winches += (winch_of_rope(self._scene, self._scene.ropes[-1]),)
+        self._boundary = Boundary(*(np.vstack([one, one[-1:]]) for one in self._boundary))
+        self._boundary.value[-1], self._boundary.rate[-1] = 0.0, 0.0
+        self._boundary.value[-1, :, rows.LINE] = lost_m
+        self._boundary.value[r, :, rows.LINE] -= lost_m
+        self.pull = np.vstack([self.pull, np.zeros(rows.PULL_COLUMNS)])
+        self._highest_n = np.append(self._highest_n, 0.0)
+        return self, lost_m
+
+    def replace(self, ropes: Sequence[Rope]) -> None:
+        """Continue with ropes on other meshes; connections keep their motion."""
+        system = joined_as(self.system(self.first), ropes)
+        self.first, self._ropes = system.ropes[0], system.ropes[1:]
+        self._joints, self._stack, self._sheaves = system.joints, system.stack, system.sheaves
+
+    def length_m(self, r: int) -> float:
+        """Return the unstretched length of a rope other than the first [m]."""
+        state = self._rope(r).state
+        return float(state.s[state.counts[rows.ELEMENTS]])
+
+    def adapt_to_cut(self, r: int, lost_m: float, left_m: float) -> None:
+        """Report to the winch of another rope the length cut off and the length left [m]."""
+        self._winches[r].adapt_to_cut(lost_m, left_m)
+
+    def forget(self, done: int, prescribed: int) -> None:
+        """Make the boundary after `done` steps the first; `prescribed` ones follow it."""
+        for table in self._boundary:
+            table[:, : prescribed + 1] = table[:, done : done + prescribed + 1]
+
+    def discard_prescribed(self) -> None:
+        """Let the winches of other ropes continue from the payout of the last step."""
+        value, rate = self._boundary
+        for r in self._numbers[1:]:
+            if self._joints.upper[r] == LOOSE:
+                length, speed = float(value[r, 0, rows.LINE]), float(rate[r, 0, rows.LINE])
+                self._winches[r].continue_from(Payout(length, speed))
+
+    def border(self, first: Boundary) -> Boundary:
+        """Return hang-offs and payouts now, (ropes, MOTIONS); first: those of the first rope."""
+        own = Boundary(*(table[:, 0].copy() for table in self._boundary))
+        for table, given in zip(own, first, strict=True):
+            table[0] = given[0]
+        return own
+
+    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
+        """Return energy and power of all ropes now; pull [N], speed [m/s]: of the first one."""
+        pulls, speeds = self.pull.copy(), self._boundary.rate[:, 0, rows.LINE].copy()
+        pulls[0], speeds[0] = pull, speed
+        return measure_system(self.system(first), pulls, speeds, time)
+
+    def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
+        """Complete the first rope's snapshot with all ropes, payloads and winches."""
+        value, rate = (table[:, 0, rows.LINE] for table in self._boundary)
+        now = SystemState(
+            self._scene, self.system(self.first), self._owners, self.pull, Payouts(value, rate),
+            now_ns * 1e-9, effects,
+        )  # fmt: skip
+        limits = [shot.winch_at_limit]
+        inputs: dict[str, InputHealth] = dict(shot.inputs)
+        for line, winch in zip(self._scene.ropes[1:], self._winches[1:], strict=True):
+            if winch_of(self._scene, line):
+                inputs |= winch.health(now_ns)
+                limits += [f"{line.from_}: {winch.at_limit}"] if winch.at_limit else []
+        health = np.sum([rope.state.health for rope in self._ropes], axis=0)
+        solver = shot.solver._replace(
+            splits=shot.solver.splits + int(health[rows.SPLITS]),
+            merges=shot.solver.merges + int(health[rows.MERGES]),
+        )
+        ropes = rope_shots(now, shot)
+        strength = [
+            strength_of(line, max(most_n, one.tension_top_n), one.element_tension_n)
+            for line, most_n, one in zip(self._scene.ropes, self._highest_n, ropes, strict=True)
+        ]
+        taken = amended(
+            shot,
+            ropes=ropes,
+            payloads=payload_shots(now),
+            struts=strut_shots(now),
+            sheaves=sheave_shots(now),
+            winches=(*shot.winches, *(w for w in (one.shot() for one in self._winches[1:]) if w)),
+            winch_at_limit="; ".join(words for words in limits if words),
+            inputs=inputs,
+            solver=solver,
+            seabed=contact(now),
+            contacts=rope_contacts(now.system),
+            strength=tuple(strength),
+        )
+        return taken if self._lines is None else self._lines.complete(taken)
+
+    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
+        """Return the shapes of all ropes."""
+        ropes = zip(self._scene.ropes, (first, *self._ropes), shot.ropes, strict=True)
+        return tuple(
+            shape_from_sheave(line, rope, own)
+            if runs_over_sheave(self._scene, line)
+            else shape_from_top(line, rope, own, loose=not line.from_)
+            for line, rope, own in ropes
+        )
+
+    def lowest(self, first: Rope) -> Rope:
+        """Return the rope that carries the rigid body; the first one if there is none."""
+        return next((rope for rope in (first, *self._ropes) if body_of(rope)), first)
+
+    def changing(self) -> dict[str, Any]:
+        """Return the additional state that a restart needs, by name."""
+        kept: dict[str, Any] = {
+            "joined/nodes": self._joints.nodes,
+            "joined/pulls of struts": self._joints.ties[PULL],
+            "joined/boundary": self._boundary,
+            "joined/pull": self.pull,
+            "joined/winches": self._winches,
+            "joined/highest": self._highest_n,
+        }
+        if self._is_cut:
+            kept["joined/fresh"], kept["rope/model"] = self._fresh, self.first.model
+        if self._lines is not None:
+            kept["joined/lines"] = self._lines.known()
+        for r, rope in enumerate(self._ropes, start=1):
+            parts = {name: getattr(rope, name) for name in changing_parts(rope)}
+            kept |= {f"joined/{r}/{name}": part for name, part in parts.items()}
+            kept[f"joined/{r}/memories"] = state_arrays(rope.effects)
+            kept[f"joined/{r}/tension"] = self._tension(rope)
+        return kept
+
+    def take_back(self, values: dict[str, Any], first: Rope) -> None:
+        """Remove from `values` what `changing` gave and restore it; first: the first rope now."""
+        self.first = first
+        self._joints = self._joints._replace(nodes=values.pop("joined/nodes"))
+        self._joints.ties[PULL] = values.pop("joined/pulls of struts")
+        self._boundary = values.pop("joined/boundary")
+        self.pull, self._winches = values.pop("joined/pull"), values.pop("joined/winches")
+        self._highest_n = values.pop("joined/highest")
+        self._fresh = bool(values.pop("joined/fresh", False))
+        if self._lines is not None:
+            self._lines.take_back(values.pop("joined/lines"))
+        ropes = []
+        for r, rope in enumerate(self._ropes, start=1):
+            parts = {name: values.pop(f"joined/{r}/{name}") for name in changing_parts(rope)}
+            ropes.append(rope._replace(**parts))
+            memories = values.pop(f"joined/{r}/memories")
+            for own, memory in zip(state_arrays(rope.effects), memories, strict=True):
+                own[...] = memory
+            self._tension(ropes[-1])[:] = values.pop(f"joined/{r}/tension")
+        self._ropes = tuple(ropes)
+        for r in self._numbers:  # a cut moves the ends of sections
+            self._stack.sections[r, :, : self._rope(r).sections.shape[1]] = self._rope(r).sections
+
+    @property
+    def _numbers(self) -> range:
+        return range(1 + len(self._ropes))
+
+    def _rope(self, r: int) -> Rope:
+        return self.first if r == 0 else self._ropes[r - 1]
+
+    @staticmethod
+    def _tension(rope: Rope) -> Floats:
+        """Tension of the elements [N], a view of the scratch array."""
+        return rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]
+
+    def _nodes(self, r: int, first: int) -> Floats:
+        state = self._rope(r).state
+        return state.nodes[first : first + 3, : state.counts[rows.ELEMENTS] + 1]

@@ -1,0 +1,364 @@
+"""Snapshot of a multi-line system: ropes, payloads, bars, sheaves; clearance of two lines.
+
+Clearance and crossings are those of two lines that hang side by side. Each line runs from its
+hang-off down to the sheave. Seen normal to the plane of both hang-offs they cross where one passes
+to the other side of the other: where their distance along that plane changes sign. The gap is their
+distance there normal to the plane: with the current in that plane it is close to zero, and the
+lines touch. Lines are compared at equal depth, and one that turns upward again is followed by its
+greatest depth up to there; the number of such snapshots is counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.body.step import pose_of
+from rope_twin.core.joined.joints import FIRST, PULL, SECOND, System
+from rope_twin.core.joined.sheaves import FLOW_COLUMN, POINT
+from rope_twin.core.loads.balance import lower_end_tension
+from rope_twin.core.state import Floats
+from rope_twin.errors import InputError, phrase
+from rope_twin.scene.joined_model import runs_over_sheave
+from rope_twin.scene.rigging import places
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.contact import seabed_contact
+from rope_twin.twin.snapshot import (
+    BedContact,
+    Crossing,
+    LineEvent,
+    LinesShot,
+    Nearest,
+    PayloadShot,
+    RopeShot,
+    SheaveShot,
+    Snapshot,
+    StrutShot,
+    amended,
+    first_rope,
+)
+from rope_twin.twin.snapshot_builder import body_of
+from rope_twin.vortex.results import RopeVibration
+
+SHEAVE_ZONE = 0.02  # of the sheave's depth: the zone above it where the lines meet is left out
+SAME_CROSSING_TOL = 0.05  # of the sheave's depth: maximum shift of a crossing between two snapshots
+MIN_SPAN_M = 1e-3
+SAMPLING_NS = 1_000_000_000
+
+
+class Payouts(NamedTuple):
+    """Payout of each rope and its rate, (ropes,)."""
+
+    length_m: Floats
+    speed_m_per_s: Floats
+
+
+class SystemState(NamedTuple):
+    """Present state of all ropes."""
+
+    scene: Scene
+    system: System
+    owners: dict[str, int]  # by payload, the rope at whose lower end it is
+    pull: Floats  # force on the upper ends [N], (ropes, rows.PULL_COLUMNS)
+    line: Payouts
+    time_s: float
+    effects: tuple[Any, ...]  # of the first rope, in use now
+
+    def nodes(self, r: int, first: int) -> Floats:
+        """Return three rows of the state of a rope from `first` on, (3, nodes)."""
+        state = self.system.ropes[r].state
+        return state.nodes[first : first + 3, : state.counts[rows.ELEMENTS] + 1]
+
+
+def rope_shots(now: SystemState, first: Snapshot) -> tuple[RopeShot, ...]:
+    """Return the state of every rope; first: snapshot of the first one."""
+    names = [line.name for line in now.scene.ropes]
+    further = (_rope_shot(now, r, name) for r, name in enumerate(names[1:], start=1))
+    return first_rope(first, names[0]), *further
+
+
+def with_vibration(scene: Scene, shot: Snapshot, found: Sequence[RopeVibration]) -> Snapshot:
+    """Return the snapshot with the VIV response of its ropes, of those that have one.
+
+    found: from the last node of the core down, which at a sheave is the rope's lower end.
+    """
+    followed = zip(scene.ropes, shot.ropes, found, strict=False)
+    ropes = [
+        replace(one, vibration=own.upside_down() if runs_over_sheave(scene, line) else own)
+        for line, one, own in followed
+    ]
+    return amended(shot, vibration=found[0], ropes=(*ropes, *shot.ropes[len(ropes) :]))
+
+
+def payload_shots(now: SystemState) -> tuple[PayloadShot, ...]:
+    """Return the state of every payload: its lower end's, or that of a rigid body's middle."""
+    return tuple(_payload_shot(now, one.name) for one in now.scene.payloads)
+
+
+def _payload_shot(now: SystemState, name: str) -> PayloadShot:
+    r = now.owners[name]
+    body = body_of(now.system.ropes[r])
+    if body is None:
+        place, speed = (now.nodes(r, row)[:, 0].copy() for row in (rows.POSITION, rows.VELOCITY))
+    else:
+        pose = pose_of(body)
+        place, speed = pose.place(body.middle), pose.speed(body.middle)
+    return PayloadShot(name=name, position_m=place, velocity_m_per_s=speed)
+
+
+def strut_shots(now: SystemState) -> tuple[StrutShot, ...]:
+    """Return the state of every bar."""
+    joints = now.system.joints
+    shots = []
+    for k, one in enumerate(now.scene.struts):
+        ends = [joints.nodes[: rows.VELOCITY, int(joints.ties[end, k])] for end in (FIRST, SECOND)]
+        shots.append(StrutShot(one.name, np.array(ends), float(joints.ties[PULL, k])))
+    return tuple(shots)
+
+
+def sheave_shots(now: SystemState) -> tuple[SheaveShot, ...]:
+    """Return the state of every sheave."""
+    return tuple(_sheave_shot(now, k, one.name) for k, one in enumerate(now.scene.sheaves))
+
+
+def contact(now: SystemState) -> BedContact | None:
+    """Return the seabed contact of all ropes; the height is that of the lowest payload."""
+    found = [seabed_contact(rope) for rope in now.system.ropes]
+    contacts = [one for one in found if one is not None]
+    if not contacts:
+        return None
+    loads = [contacts[now.owners[one.name]] for one in now.scene.payloads]
+    return BedContact(
+        payload_height_m=min(one.payload_height_m for one in loads),
+        payload_push_n=sum(one.payload_push_n for one in loads),
+        rope_on_bed_m=sum(one.rope_on_bed_m for one in contacts),
+        rope_push_n=sum(one.rope_push_n for one in contacts),
+    )
+
+
+def _rope_shot(now: SystemState, r: int, name: str) -> RopeShot:
+    nodes, work = now.nodes(r, rows.POSITION), now.system.ropes[r].work
+    tension = work[rows.TENSION, : nodes.shape[1] - 1]
+    pull = float(now.pull[r, rows.PULL])
+    between = 0.5 * (tension[1:] + tension[:-1])
+    lower = lower_end_tension(now.system.ropes[r], now.effects, now.time_s)
+    at_nodes = np.concatenate(([lower], between, [pull]))
+    line = (float(now.line.length_m[r]), float(now.line.speed_m_per_s[r]))
+    downward = slice(None, None, -1)  # its upper end is the last node
+    if runs_over_sheave(now.scene, now.scene.ropes[r]):
+        downward, line = slice(None), _stretch(now, r)
+    return RopeShot(
+        name=name,
+        node_position_m=np.ascontiguousarray(nodes[:, downward].T),
+        node_tension_n=at_nodes[downward].copy(),
+        element_tension_n=tension[downward].copy(),
+        tension_top_n=pull,
+        line_out_m=line[0],
+        payout_speed_m_per_s=line[1],
+    )
+
+
+def _stretch(now: SystemState, r: int) -> tuple[float, float]:
+    """Return the unstretched length of a rope that ends at a sheave [m], and its rate [m/s]."""
+    sheaves = now.system.sheaves
+    assert sheaves is not None
+    flow = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
+    passed, speed = now.system.joints.nodes[[rows.POSITION, rows.VELOCITY], flow]
+    side = float(sheaves.side[r])
+    return float(sheaves.base[r] + side * passed), float(side * speed)
+
+
+def _sheave_shot(now: SystemState, k: int, name: str) -> SheaveShot:
+    sheaves, nodes = now.system.sheaves, now.system.joints.nodes
+    assert sheaves is not None
+    point, flow = (int(sheaves.figures[row, k]) for row in (POINT, FLOW_COLUMN))
+    return SheaveShot(
+        name=name,
+        position_m=nodes[: rows.VELOCITY, point].copy(),
+        passed_m=float(nodes[rows.POSITION, flow]),
+        speed_m_per_s=float(nodes[rows.VELOCITY, flow]),
+    )
+
+
+def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
+    """Return the rope numbers of both lines over the scene's sheave, from the hang-off down.
+
+    Raises:
+        InputError: the scene has not exactly one sheave, or a line branches on its way to the ship.
+    """
+    if len(scene.sheaves) != 1:
+        what = f"the scene has {len(scene.sheaves)} sheaves"
+        right = "give a scene with one, such as two_line_loop"
+        raise InputError(phrase(f"{scene.path}: sheaves", what, right))
+    lines = []
+    for number, line in enumerate(scene.ropes):
+        if line.to == scene.sheaves[0].name:
+            chain = [number]
+            while scene.ropes[chain[0]].from_ not in places(scene):
+                end = scene.ropes[chain[0]].from_
+                above = [k for k, other in enumerate(scene.ropes) if other.to == end]
+                if len(above) != 1 or above[0] in chain:
+                    what = f"{len(above)} ropes lead to '{end}'"
+                    right = "two lines are watched that go up to the ship as one rope each"
+                    raise InputError(phrase(f"{scene.path}: ropes[{chain[0]}]", what, right))
+                chain.insert(0, above[0])
+            lines.append(chain)
+    first = [chain for chain in lines if chain[0] == 0] or lines[:1]
+    (other,) = [chain for chain in lines if chain is not first[0]]
+    return first[0], other
+
+
+class ClearanceMonitor:
+    """Monitor of both lines from snapshot to snapshot.
+
+    Raises:
+        InputError: as `lines_of`, or both hang-offs are at the same position.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Find both lines and the plane of their hang-offs; raises InputError as the class says."""
+        self.lines = lines_of(scene)
+        at = places(scene)
+        one, other = (np.array(at[scene.ropes[line[0]].from_][:2]) for line in self.lines)
+        span = float(np.linalg.norm(other - one))
+        if span < MIN_SPAN_M:
+            right = "set `at_m` of one of them aside: the lines are watched in the plane of both"
+            raise InputError(phrase(f"{scene.path}: hang_offs", "both are at one place", right))
+        self.plane = (other - one) / span
+        self.crossings: tuple[Crossing, ...] = ()  # in the last snapshot
+        self.turned_up = 0  # number of snapshots in which a line turned upward
+
+    def look(self, shot: Snapshot) -> tuple[Nearest, list[LineEvent]]:
+        """Return the minimum distance in a snapshot, and crossings that began or ended since."""
+        paths = [self._path(shot, line) for line in self.lines]
+        self.turned_up += any((np.diff(path[:, 2]) > 0.0).any() for path in paths)
+        depth, both, slopes = _side_by_side(paths)
+        depth_of_sheave = -float(shot.sheaves[0].position_m[2])
+        above = depth < (1.0 - SHEAVE_ZONE) * depth_of_sheave
+        distance = np.linalg.norm(both[0] - both[1], axis=1)[above]
+        k = int(distance.argmin())
+        now = find_crossings(depth[above], both[:, above], slopes[above], self.plane)
+        happened = self._compare(now, shot.time_s, SAME_CROSSING_TOL * depth_of_sheave)
+        self.crossings = tuple(now)
+        return Nearest(shot.time_s, float(depth[above][k]), float(distance[k])), happened
+
+    def _path(self, shot: Snapshot, line: list[int]) -> Floats:
+        """Position of the nodes of a line from the hang-off down [m], (nodes, 3)."""
+        parts = [shot.ropes[line[0]].node_position_m]
+        parts += [shot.ropes[number].node_position_m[1:] for number in line[1:]]
+        return np.concatenate(parts)
+
+    def _compare(self, now: list[Crossing], time_s: float, same_m: float) -> list[LineEvent]:
+        """Return events of crossings that began, and of those that ended."""
+        left, happened = list(self.crossings), []
+        for crossing in now:
+            near = [old for old in left if abs(old.depth_m - crossing.depth_m) < same_m]
+            if near:
+                left.remove(min(near, key=lambda old: abs(old.depth_m - crossing.depth_m)))
+            else:
+                happened.append(_event(time_s, "cross", crossing))
+        return happened + [_event(time_s, "part", old) for old in left]
+
+
+def _event(time_s: float, what: str, at: Crossing) -> LineEvent:
+    return LineEvent(time_s, what, at.depth_m, at.angle_deg, at.gap_m)
+
+
+def _side_by_side(paths: list[Floats]) -> tuple[Floats, Floats, Floats]:
+    """Return both lines at the same depths: depths, x and y of each line, and their slopes.
+
+    (n,), (2, n, 2), (n, 2, 2): the slopes dx/dz and dy/dz of each line just below a depth.
+    """
+    depths = [np.maximum.accumulate(-path[:, 2]) for path in paths]
+    low = max(float(depth[0]) for depth in depths)
+    high = min(float(depth[-1]) for depth in depths)
+    every = np.unique(np.concatenate(depths))
+    every = every[(every >= low) & (every <= high)]
+    places = np.array(
+        [
+            [np.interp(every, depth, path[:, k]) for k in range(2)]
+            for depth, path in zip(depths, paths, strict=True)
+        ]
+    )
+    slopes = np.diff(places, axis=2) / np.diff(every)
+    slopes = np.concatenate([slopes, slopes[:, :, -1:]], axis=2)
+    return every, places.transpose(0, 2, 1), slopes.transpose(2, 0, 1)
+
+
+def find_crossings(depth: Floats, both: Floats, slopes: Floats, plane: Floats) -> list[Crossing]:
+    """Return the crossings, where the distance along the plane changes sign, from the top down.
+
+    depth: rising, (n,) [m]; both: x and y of each line, (2, n, 2) [m]; slopes: of both lines below
+    each depth, (n, 2, 2); plane: unit vector, (2,).
+    """
+    apart = both[0] - both[1]
+    along = apart @ plane
+    across = apart @ np.array([-plane[1], plane[0]])
+    found = []
+    for k in np.flatnonzero(along[:-1] * along[1:] < 0.0):
+        share = along[k] / (along[k] - along[k + 1])
+        one, other = (np.append(slopes[k, line], 1.0) for line in range(2))
+        cosine = abs(float(one @ other)) / float(np.linalg.norm(one) * np.linalg.norm(other))
+        at = float(depth[k] + share * (depth[k + 1] - depth[k]))
+        x, y = (both[0, k] + share * (both[0, k + 1] - both[0, k])).tolist()
+        found.append(
+            Crossing(
+                depth_m=at,
+                angle_deg=float(np.degrees(np.arccos(min(cosine, 1.0)))),
+                gap_m=float(abs(across[k] + share * (across[k + 1] - across[k]))),
+                position_m=(x, y, -at),
+            )
+        )
+    return found
+
+
+class ClearanceReport:
+    """Report of a running twin on its two lines, once a second of twin time."""
+
+    def __init__(self, watch: ClearanceMonitor) -> None:
+        self._watch = watch
+        self._looked = -1  # second of the last sampling
+        self._shot: LinesShot | None = None
+
+    def complete(self, shot: Snapshot) -> Snapshot:
+        """Add the results of the lines to the snapshot.
+
+        There is no subscriber at the start: the first sampling is after the first step.
+        """
+        second = shot.stamp_ns // SAMPLING_NS
+        if shot.step == 0 or second == self._looked:
+            return replace(shot, lines=self._shot)
+        nearest, events = self._watch.look(shot)
+        self._looked = second
+        self._shot = LinesShot(nearest, self._watch.crossings)
+        return replace(shot, lines=self._shot, line_events=tuple(events))
+
+    def known(self) -> list[Any]:
+        """Return the state that a restart needs, as plain numbers."""
+        known = self._watch.crossings
+        crossings = [[one.depth_m, one.angle_deg, one.gap_m, *one.position_m] for one in known]
+        near = self._shot.nearest if self._shot else Nearest(0.0, 0.0, 0.0)
+        last = [near.time_s, near.depth_m, near.distance_m]
+        return [self._looked, self._watch.turned_up, last, crossings]
+
+    def take_back(self, known: list[Any]) -> None:
+        """Resume from the state that `known` gave."""
+        self._looked, self._watch.turned_up, last, rows = known
+        self._watch.crossings = tuple(
+            Crossing(depth_m=depth, angle_deg=angle, gap_m=gap, position_m=(x, y, z))
+            for depth, angle, gap, x, y, z in rows
+        )
+        seen = self._looked >= 0
+        self._shot = LinesShot(Nearest(*last), self._watch.crossings) if seen else None
+
+
+def report_on(scene: Scene) -> ClearanceReport | None:
+    """Return a report on the scene's two lines; None if there are no two lines."""
+    try:
+        return ClearanceReport(ClearanceMonitor(scene))
+    except InputError:  # most scenes have no two lines around a sheave
+        return None

@@ -1,0 +1,313 @@
+"""Checks of measured line out, line speed, tension and payload depth.
+
+A reading is refused if it is not finite, beyond what the scene's winch and rope allow, out of
+order, or a jump that the winch's speed limit excludes. After a hole longer than HOLE_NS data is
+missing and nothing has jumped: any possible value is accepted, and one that the speed limit does
+not explain is reported as a warning.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections import deque
+from typing import NamedTuple, Self
+
+from rope_twin.errors import phrase
+from rope_twin.scene.rigging import places, winch_of
+from rope_twin.scene.schema import RopeLine, Scene, Winch
+from rope_twin.twin.health import (
+    AHEAD_NS,
+    CLOCK_SAMPLES_MIN,
+    CLOCK_WARN_S,
+    SENDER_LEAD_S,
+    UNJUDGED,
+    InputCounter,
+    too_far_ahead,
+    too_late,
+)
+from rope_twin.twin.snapshot import InputHealth
+
+WINCH_SENSORS, MOTOR, PAYLOAD = "winch", "motor", "payload"  # sources of a measurement
+# groups of sensors, as `Snapshot.inputs` names them
+WINCH_MEASURED, MOTOR_TENSION, PAYLOAD_DEPTH = "winch_measured", "motor_tension", "payload_depth"
+Row = tuple[str, float | None, float | None, float | None]
+Refusal = tuple[str, str, str]  # kind, fault and remedy
+HOLE_NS = 2_000_000_000  # after a longer gap no jump is seen
+STALE_NS = 2_000_000_000
+STALE_INTERVALS = 3.0  # a slow sensor is stale after so many of its own intervals
+HISTORY_NS = 10_000_000_000  # readings later than this cannot be compared
+SPEED_MARGIN = 1.25  # measured speed allowed over the winch's speed limit
+JUMP_M = 0.2  # allowed sudden change of the line out: slip and resolution of a counter
+FASTEST_M_PER_S = 10.0  # line speed of a winch that can render or slip, and speed of a payload
+DEPTH_JUMP_M, DEPTH_JUMP_SIGMAS = 5.0, 6.0  # scatter of acoustic positioning
+ABOVE_WATER_M = 50.0
+WAY_NS = 5_000_000_000  # over which line out and line speed are compared
+WAY_SHARE, WAY_LAG_S = 0.1, 0.3  # allowed: scale error and delay of the line speed
+TENSION_RANGE = -0.2, 2.0  # of the MBL: an offset may make an unloaded cell negative
+
+
+class Measurement(NamedTuple):
+    """Values measured at one instant; None: not measured.
+
+    A row has the name of the winch ("": the only one), line out [m], line speed [m/s, + pays out]
+    and tension [N]; of a payload its name ("": the only one) and depth [m, + down].
+    """
+
+    source: str  # WINCH_SENSORS (tension at the sheave), MOTOR or PAYLOAD
+    stamp_ns: int
+    rows: tuple[Row, ...]
+
+    @classmethod
+    def of_winch(
+        cls,
+        stamp_ns: int,
+        line_out_m: float | None = None,
+        speed_m_per_s: float | None = None,
+        tension_n: float | None = None,
+        winch: str = "",
+    ) -> Self:
+        """Return a reading of the sensors of one winch, with the tension at the sheave."""
+        return cls(WINCH_SENSORS, stamp_ns, ((winch, line_out_m, speed_m_per_s, tension_n),))
+
+    @classmethod
+    def of_motor(cls, stamp_ns: int, tension_n: float, winch: str = "") -> Self:
+        """Return a tension derived from the torque of a winch's motor."""
+        return cls(MOTOR, stamp_ns, ((winch, None, None, tension_n),))
+
+    @classmethod
+    def of_depth(cls, stamp_ns: int, depth_m: float) -> Self:
+        """Return a measured depth of the payload below the mean water level."""
+        return cls(PAYLOAD, stamp_ns, (("", depth_m, None, None),))
+
+
+class Readings(ABC):
+    """Checks and counts of the readings of one group of sensors."""
+
+    def __init__(self, name: str, topic: str) -> None:
+        self.counter, self._topic = InputCounter(name), topic
+        self._newest_ns: int | None = None
+        self._interval_ns = 0
+        self._place: tuple[int, float] | None = None  # newest stamp and value of line out or depth
+        self.warning = ""  # on the sensor itself, such as a frozen value
+        self.speed_doubt = ""  # why the measured speed does not fit the measured place
+        self._leads: deque[int] = deque(maxlen=CLOCK_SAMPLES_MIN)  # stamp minus arrival [ns]
+        # of the last WAY_NS: stamp, place [m], integral of the speed [m] and speed [m/s]
+        self._ways: deque[tuple[int, float, float, float]] = deque()
+
+    def invalidate(self) -> None:
+        """Accept readings again that were known in advance, after a pause or a restart."""
+        self._newest_ns = self._place = None
+        self._ways.clear()
+
+    def take(self, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None = None) -> str:
+        """Take a row; return "" or the reason for its rejection, counted.
+
+        received_ns: its arrival, to see a clock that is ahead; None: unknown.
+        """
+        if received_ns is not None:
+            self._leads.append(stamp_ns - received_ns)
+        fault = self._number_fault(row) or self._stamp_fault(stamp_ns, now_ns)
+        fault = fault or self._jump_fault(stamp_ns, row, now_ns)
+        if fault:
+            kind, what, right = fault
+            return self.counter.refuse(kind, phrase(self._topic, what, right))
+        if self._newest_ns is not None:
+            self._interval_ns = stamp_ns - self._newest_ns
+        self._newest_ns = stamp_ns
+        if row[1] is not None:
+            self._note_way(stamp_ns, row)
+            self._place = stamp_ns, row[1]
+        self.counter.accept(stamp_ns)
+        return ""
+
+    def _note_way(self, stamp_ns: int, row: Row) -> None:
+        """Compare the change of the measured place with the integral of the measured speed."""
+        _, place, speed, _ = row
+        if place is None or speed is None:
+            self.speed_doubt = ""
+            return
+        ways = self._ways
+        ran = 0.0
+        if ways:
+            seconds = (stamp_ns - ways[-1][0]) * 1e-9
+            ran = ways[-1][2] + 0.5 * (ways[-1][3] + speed) * seconds
+            if seconds > HOLE_NS * 1e-9:
+                ways.clear()
+        ways.append((stamp_ns, place, ran, speed))
+        while stamp_ns - ways[0][0] > WAY_NS:
+            ways.popleft()
+        since_ns, place_before, ran_before, _ = ways[0]
+        moved, ran = place - place_before, ran - ran_before
+        speeds = [one[3] for one in ways]
+        allowed = self._slip_m + WAY_SHARE * abs(ran) + WAY_LAG_S * (max(speeds) - min(speeds))
+        self.speed_doubt = ""
+        if abs(moved - ran) > allowed:
+            self.speed_doubt = (
+                f"in {(stamp_ns - since_ns) * 1e-9:.1f} s the {self._quantity} changed by "
+                f"{moved:+.2f} m, by the line speed {ran:+.2f} m: frozen, or another unit or sign?"
+            )
+
+    def _clock_doubt(self, lead_s: float) -> str:
+        """Return the warning on a sensor's clock that is ahead, or "".
+
+        Readings may come late (an acoustic way takes seconds), but none before it was made.
+        """
+        if len(self._leads) < CLOCK_SAMPLES_MIN:
+            return ""
+        ahead_s = min(self._leads) * 1e-9
+        if ahead_s <= lead_s + CLOCK_WARN_S:
+            return ""
+        what = f"stamps lie {ahead_s:.2f} s ahead of their arrival, {lead_s:g} s are allowed"
+        return f"{what}: the sensor's clock is ahead"
+
+    def health(self, now_ns: int, lead_s: float = SENDER_LEAD_S) -> InputHealth:
+        """Return counts, age and warnings; without readings the twin itself is not at fault.
+
+        lead_s: allowed to a sender, as a replay publishes a reading before its time.
+        """
+        words = [one for one in (self.warning, self._clock_doubt(lead_s)) if one]
+        if self._newest_ns is not None and self.stale(now_ns):
+            gap_s = (now_ns - self._newest_ns) * 1e-9
+            words.append(f"no reading for {gap_s:.1f} s; nothing is compared")
+        judged = UNJUDGED._replace(warning="; ".join(words)) if words else UNJUDGED
+        return self.counter.health(now_ns, False, judged)
+
+    def stale(self, now_ns: int) -> bool:
+        """Return whether readings have been missing for longer than is usual for the sensor."""
+        if self._newest_ns is None:
+            return False
+        allowed_ns = max(STALE_NS, round(STALE_INTERVALS * min(self._interval_ns, AHEAD_NS)))
+        return now_ns - self._newest_ns > allowed_ns
+
+    def _number_fault(self, row: Row) -> Refusal | None:
+        """Return why the numbers are rejected, or None."""
+        given = [value for value in row[1:] if value is not None]
+        if not given:
+            return "non_finite", "nothing is measured", "give at least one value that is not NaN"
+        bad = next((value for value in given if not math.isfinite(value)), None)
+        if bad is not None:
+            right = "give a finite number, or None (NaN in a message) for none"
+            return "non_finite", f"a value of {bad}", right
+        return self._range_fault(row)
+
+    @abstractmethod
+    def _range_fault(self, row: Row) -> Refusal | None:
+        """Return why a finite value is out of range, or None."""
+
+    def _stamp_fault(self, stamp_ns: int, now_ns: int) -> Refusal | None:
+        newest_ns, at = self._newest_ns, f"stamp {stamp_ns * 1e-9:.3f} s"
+        if stamp_ns == newest_ns:
+            return "repeated", f"{at} came twice", "each reading needs a stamp of its own"
+        if newest_ns is not None and stamp_ns < newest_ns:
+            what = f"{at} follows {newest_ns * 1e-9:.3f} s"
+            return "late", what, "readings must come in the order of their stamps"
+        if stamp_ns < now_ns - HISTORY_NS:
+            return ("late", *too_late(stamp_ns, now_ns))
+        if stamp_ns > now_ns + AHEAD_NS:
+            what = too_far_ahead("", stamp_ns, now_ns).removeprefix(": ")
+            fault, _, right = what.rstrip(".").partition("; ")
+            return "impossible", fault, right
+        return None
+
+    def _jump_fault(self, stamp_ns: int, row: Row, now_ns: int) -> Refusal | None:
+        """Return why a place after the last one is impossible, or None; warn after a hole."""
+        if self._place is None or row[1] is None:
+            return None
+        gap_ns = stamp_ns - self._place[0]
+        change, allowed = row[1] - self._place[1], self._allowed_m(gap_ns * 1e-9)
+        if abs(change) <= allowed:
+            return None
+        what = f"{self._quantity} changes by {change:+.2f} m in {gap_ns * 1e-9:.2f} s"
+        right = f"at most {allowed:.2f} m are possible"
+        if gap_ns <= HOLE_NS:
+            return "impossible", what, right
+        counter = f"{right}; accepted after a gap: was the sensor reset?"
+        self.counter.warn(phrase(self._topic, what, counter), now_ns)
+        return None
+
+    _quantity = ""
+    _slip_m = math.inf  # by so much place and integral of the speed may differ
+
+    @abstractmethod
+    def _allowed_m(self, seconds: float) -> float:
+        """Return the largest change of the place that is possible in a time [m]."""
+
+
+def fastest_m_per_s(winch: Winch | None) -> float:
+    """Return the line speed up to which a reading is believed [m/s]; 0 without a winch."""
+    if winch is None:
+        return 0.0
+    if winch.drive or winch.passive_compensation:
+        return FASTEST_M_PER_S
+    heave = winch.heave_compensation
+    most = winch.speed_limit_m_per_s + (heave.speed_limit_m_per_s if heave else 0.0)
+    return SPEED_MARGIN * most
+
+
+class WinchReadings(Readings):
+    """Readings of the sensors of one winch, or of its motor."""
+
+    _quantity = "line out"
+
+    def __init__(self, scene: Scene, line: RopeLine, source: str) -> None:
+        """Make the checks for the winch at the upper end of a rope."""
+        suffix = "" if line.from_ == scene.ropes[0].from_ else f" {line.from_}"
+        motor = source == MOTOR
+        name = MOTOR_TENSION if motor else WINCH_MEASURED
+        super().__init__(name + suffix, "winch/motor_tension" if motor else "winch/measured")
+        winch, counter = winch_of(scene, line), scene.measured.line_out
+        self._most_m = line.length_m if winch is None else winch.most_line_out_m
+        self._jump_m = self._slip_m = JUMP_M + counter.resolution_m
+        self._bias_m = counter.bias_m
+        self._speed = fastest_m_per_s(winch)
+        self._loads = tuple(share * line.breaking_load_n for share in TENSION_RANGE)
+
+    def _range_fault(self, row: Row) -> Refusal | None:
+        _, line_out, speed, tension = row
+        low_n, high_n = self._loads
+        slack = self._jump_m
+        if line_out is not None and not -slack <= line_out - self._bias_m <= self._most_m + slack:
+            right = f"this winch has 0 to {self._most_m:g} m out; set unit, sign and zero of it"
+            return "impossible", f"line out {line_out:g} m", right
+        if speed is not None and abs(speed) > self._speed + JUMP_M:
+            right = f"this line moves at {self._speed:g} m/s at most"
+            return "impossible", f"line speed {speed:g} m/s", right
+        if tension is not None and not low_n <= tension <= high_n:
+            right = f"{low_n:.4g} to {high_n:.4g} N are possible for this rope"
+            return "impossible", f"tension {tension:g} N", right
+        return None
+
+    def _allowed_m(self, seconds: float) -> float:
+        return self._speed * seconds + self._jump_m
+
+
+class DepthReadings(Readings):
+    """Readings of the payload's depth."""
+
+    _quantity = "depth"
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__("payload_depth", "payload/measured_depth")
+        line = scene.ropes[0]
+        winch = winch_of(scene, line)
+        most_m = line.length_m if winch is None else winch.most_line_out_m
+        if len(scene.ropes) > 1:
+            most_m += sum(one.length_m for one in scene.ropes[1:])
+        lowest_z = min(place[2] for place in places(scene).values())
+        sensor = scene.measured.payload_depth
+        self._deepest_m = 1.2 * most_m - lowest_z + scene.ship.max_heave_m + abs(sensor.bias_m)
+        self._sensor = sensor
+
+    def _range_fault(self, row: Row) -> Refusal | None:
+        depth = row[1]
+        if depth is not None and not -ABOVE_WATER_M <= depth <= self._deepest_m:
+            right = f"give point.z up from the mean water level, {ABOVE_WATER_M:g} m at most and "
+            right += f"{-self._deepest_m:.4g} m at least for this rope"
+            return "impossible", f"z of {-depth:g} m", right
+        return None
+
+    def _allowed_m(self, seconds: float) -> float:
+        assert self._place is not None
+        scatter = self._sensor.uncertainty(self._place[1]) or 0.0
+        return FASTEST_M_PER_S * seconds + max(DEPTH_JUMP_M, DEPTH_JUMP_SIGMAS * scatter)

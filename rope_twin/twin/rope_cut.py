@@ -1,0 +1,382 @@
+"""Cut of a rope: the solver's arrays of both parts, and the step of the falling part.
+
+The cut is at a node. Where none is, one is inserted into the element: position, velocity and length
+offset are interpolated, so that mass, momentum, height and stretch are unchanged (kinetic energy
+loses ¼·m·ξ·(1 - ξ)·|Δv|² of the element's mass m). The node is then the end of both parts, in each
+with the half element that it has there. Both ends start with the acceleration of the forces left on
+them, from a step of a microsecond taken twice.
+
+The upper part hangs on as before, with nothing at its lower end. The lower part has a free upper
+end. The step holds the uppermost node of a rope, so this part continues beyond its end in a section
+without mass, volume, area, stiffness and damping, which transmits no force: the end is exactly
+free. The node that holds that section moves ahead of the end along it, so that the end's tangent is
+the rope's own. For effects with bending stiffness the section is so long that it does not resist;
+VIV models count the rope between nodes, and get a section of 2 mm: 1 mm more at the end.
+
+Each part has its own arrays of effects with internal variables (core/loads/memory), so that
+neither changes the state of the other. Nodes keep their values; the node inserted at the cut takes
+values between those of its neighbours, as where an element splits. Effects at the lower end of the
+upper part keep their types, so that nothing is recompiled.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.bed import Grid, Plane
+from rope_twin.core.body.state import RigidBody
+from rope_twin.core.elements import SAME_PLACE
+from rope_twin.core.loads.hooks import hooks_of, work_rows
+from rope_twin.core.payout import SMALLEST_REST
+from rope_twin.core.state import (
+    Boundary,
+    Floats,
+    Rope,
+    State,
+    Table,
+    columns_for,
+    new_state,
+    new_work,
+)
+from rope_twin.core.step import advance
+from rope_twin.effects import depth_profiles, payload_oscillation
+from rope_twin.effects.compensator import Compensator
+from rope_twin.effects.depth_profiles import DepthProfiles
+from rope_twin.effects.hull_contact import HullContact
+from rope_twin.effects.payload import Payload, SplashZone, TwoWayPayload
+from rope_twin.effects.payload_faces import Fairing, Net, TowedFairing
+from rope_twin.effects.payload_oscillation import PayloadOscillation
+from rope_twin.effects.payload_shedding import PayloadShedding
+from rope_twin.effects.rope_mass import Weight
+from rope_twin.effects.waves import Waves
+from rope_twin.errors import SolverError, phrase
+from rope_twin.scene.grid import ROOM, halvings
+from rope_twin.scene.rope_model import TOLERANCE_LEAST_N, TOLERANCE_SHARE
+from rope_twin.twin.regrid import elements_of, has_state, on_nodes, own_copies, tensions
+from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth, OscillatingDrag
+
+
+def is_viv_model(effect: Any) -> bool:
+    """Return whether an effect loads nodes by their length, so that a massless section counts.
+
+    These are the VIV models inside the step, the sticking bed and nets along the rope. Contact with
+    the hull does not act on what falls.
+    """
+    at_nodes = has_state(effect) and "load_nodes" in hooks_of(type(effect))
+    return at_nodes and not isinstance(effect, DragGrowth | OscillatingDrag | HullContact)
+
+
+def of_falling(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the effects of a falling part: slack rope has no modes, and no ship holds it.
+
+    Drag amplification is reset; the hull, which moves with the uppermost node, is left behind.
+    """
+    for own in effects:
+        if isinstance(own, DragGrowth):
+            own.memory[GROWTH] = 0.0
+    return tuple(
+        own._replace(k=0.0, k_payload=0.0) if isinstance(own, HullContact) else own
+        for own in effects
+    )
+
+
+_NOTHING = (0.0, 0.0, 0.0)
+_WITHOUT: dict[type, dict[str, Any]] = {  # values that remove the load of an effect at the end
+    Payload: dict.fromkeys(Payload._fields, 0.0),
+    TwoWayPayload: dict.fromkeys(TwoWayPayload._fields, 0.0),
+    SplashZone: {"lift": 0.0, "slam": 0.0, "wet": _NOTHING, "added": _NOTHING, "k": _NOTHING},
+    Net: {"along": 0.0, "facing": 0.0, "lift": 0.0},
+    Fairing: {"k": 0.0},
+    HullContact: {"k_payload": 0.0},
+    TowedFairing: {"force": 0.0},
+    DepthProfiles: dict.fromkeys(depth_profiles.AT_END, 0.0),
+    PayloadOscillation: dict.fromkeys(payload_oscillation.AT_END, 0.0),
+    PayloadShedding: {"k": 0.0},
+    Waves: {"Mx": 0.0, "My": 0.0, "Mz": 0.0},
+}
+
+
+def is_at_end(effect: Any) -> bool:
+    """Return whether the effect loads the lower end of the rope."""
+    return "load_end" in hooks_of(type(effect)) or isinstance(effect, HullContact)
+
+
+def without_load(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the effects of the rope alone.
+
+    Raises:
+        TypeError: an effect at the lower end is unknown here.
+    """
+    return tuple(_bare(effect) if is_at_end(effect) else effect for effect in effects)
+
+
+def _bare(effect: Any) -> Any:
+    if isinstance(effect, Plane | Grid):  # the bed stays, the payload on it does not
+        return effect._replace(soil=effect.soil._replace(k_payload=0.0))
+    if isinstance(effect, RigidBody):
+        return effect._replace(here=0.0, W=0.0, hook=0.0)
+    if type(effect) not in _WITHOUT:
+        raise TypeError(f"{type(effect).__name__} loads the lower end: say here what is none of it")
+    return effect._replace(**_WITHOUT[type(effect)])
+
+
+NODE_TOL = 0.01  # of an element: the rope is cut at a node within this distance
+BEYOND_M = 1e9  # length of the massless section beyond the free end
+BEYOND_SHEDDING_M = 2.0 * SMALLEST_REST  # the same with VIV models: as short as possible
+AHEAD_M = 1.0  # distance of its held upper end beyond the free end
+INSTANT_S = 1e-6
+SPARE_NODES = 16  # nodes: those inserted, and the one beyond the free end
+_X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
+
+
+class Nodes(NamedTuple):
+    """Nodes and elements of a rope from the lower end up."""
+
+    motion: Floats  # position, velocity, acceleration of the material, (NODE_ROWS, nodes)
+    s: Floats  # (nodes,)
+    offset: Floats  # (elements,)
+    tension: Floats  # (elements,)
+
+    def with_node_at(self, s: float) -> tuple[Nodes, int]:
+        """Return these nodes with one at this material coordinate [m], and its index."""
+        e = int(np.searchsorted(self.s, s, side="right")) - 1
+        e = min(max(e, 0), len(self.offset) - 1)
+        share = (s - self.s[e]) / (self.s[e + 1] - self.s[e])
+        if not NODE_TOL <= share <= 1.0 - NODE_TOL:
+            return self, e + (share > 0.5)
+        between = (1.0 - share) * self.motion[:, e] + share * self.motion[:, e + 1]
+        parts = share * self.offset[e], (1.0 - share) * self.offset[e]
+        return Nodes(
+            np.insert(self.motion, e + 1, between, axis=1),
+            np.insert(self.s, e + 1, s),
+            np.concatenate([self.offset[:e], parts, self.offset[e + 1 :]]),
+            np.insert(self.tension, e, self.tension[e]),
+        ), e + 1
+
+
+class CutParts(NamedTuple):
+    """Two parts of a cut rope."""
+
+    upper: Rope
+    lower: Rope  # with the massless section on top
+    lost_m: float  # unstretched length of the lower part
+
+
+class CutPosition(NamedTuple):
+    """Position and time of a cut."""
+
+    at_m: float  # unstretched length of the part below the cut
+    least_m: float  # minimum payout of the winch above
+    time: float  # now [s]
+    rope: int = 0  # its number in a multi-line scene
+
+
+def cut_rope(rope: Rope, border: Boundary, place: CutPosition, bare: tuple[Any, ...]) -> CutParts:
+    """Cut a rope.
+
+    Args:
+        rope: whole rope; unchanged.
+        border: its prescribed motion now, in row 0.
+        place: position of the cut.
+        bare: its effects without the load at its lower end.
+
+    Raises:
+        SolverError: the forces at a new end are not finite.
+    """
+    V = float(border.rate[0, rows.LINE])
+    nodes, k = nodes_of(rope, V).with_node_at(_severable(rope, place.at_m))
+    lost = float(nodes.s[k])
+    for above in inserted_nodes(nodes.s[k:] - lost, place.least_m):
+        nodes, _ = nodes.with_node_at(lost + above)
+    nodes.motion[:, -1] = rope.state.nodes[:, len(rope_s(rope)) - 1]
+    upper = upper_part(rope, nodes, k, bare)
+    lower = _lower(rope, nodes, k)
+    held = border.value[0].copy()
+    held[rows.LINE] -= lost
+    _find_accelerations(upper, Boundary(held[None], border.rate[:1]), place.time)
+    ahead = node_beyond(lower)
+    _find_accelerations(lower, Boundary(ahead[0][None], ahead[1][None]), place.time)
+    return CutParts(upper, lower, lost)
+
+
+def _severable(rope: Rope, at_m: float) -> float:
+    """Return the position of a cut [m]: in a heave compensator, the nearer of its ends."""
+    unit_m = float(rope.state.s[1])
+    if at_m >= unit_m or not any(isinstance(own, Compensator) for own in rope.effects):
+        return at_m
+    return unit_m if at_m > 0.5 * unit_m else 0.0
+
+
+def rope_s(rope: Rope) -> Floats:
+    """Material coordinates of the nodes, a view [m], (nodes,)."""
+    return rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1]
+
+
+def without_massless_section(lower: Rope) -> Rope:
+    """Return a lower part without its massless section; a view except for the counts."""
+    counts = lower.state.counts.copy()
+    counts[rows.ELEMENTS] -= 1
+    return lower._replace(state=lower.state._replace(counts=counts))
+
+
+def node_beyond(lower: Rope) -> tuple[Floats, Floats]:
+    """Position of the held node beyond the free end, and its rate, (MOTIONS,) each."""
+    end = int(lower.state.counts[rows.ELEMENTS]) - 1
+    x = lower.state.nodes[_X, end]
+    along = x - lower.state.nodes[_X, end - 1]
+    value, rate = np.zeros(rows.MOTIONS), np.zeros(rows.MOTIONS)
+    value[:3] = x + AHEAD_M / max(float(np.linalg.norm(along)), 1e-9) * along
+    rate[:3] = lower.state.nodes[_V, end]
+    value[rows.LINE] = lower.state.s[end + 1]
+    return value, rate
+
+
+def step_free(lower: Rope, time: float) -> bool:
+    """Advance a lower part by a step; False: the next state is not finite and it is unchanged.
+
+    The node beyond the free end keeps the end's velocity over the step.
+    """
+    value, rate = node_beyond(lower)
+    lower.state.nodes[_X, int(lower.state.counts[rows.ELEMENTS])] = value[:3]
+    after = value + lower.model.step * rate
+    border = Boundary(np.array([value, after]), np.array([rate, rate]))
+    return advance(lower, border, np.zeros((1, rows.PULL_COLUMNS)), time, 1) == 1
+
+
+def refresh_tension(rope: Rope, payout_m_per_s: float) -> None:
+    """Recompute the tensions of the present state after a failed trial."""
+    now = elements_of(rope.state, rope.sections, payout_m_per_s)
+    n = len(now.rest)
+    rope.work[rows.TENSION, :n] = tensions(rope, now, rope.state.offset[:n])
+
+
+def nodes_of(rope: Rope, V: float) -> Nodes:
+    """Return the nodes of the material, which passes the hang-off with v - V·(vector/l_rest)."""
+    s = rope_s(rope).copy()
+    n = len(s) - 1
+    motion = rope.state.nodes[:, : n + 1].copy()
+    motion[_V, n] -= V / (s[n] - s[n - 1]) * (motion[_X, n] - motion[_X, n - 1])
+    return Nodes(motion, s, rope.state.offset[:n].copy(), rope.work[rows.TENSION, :n].copy())
+
+
+def inserted_nodes(s: Floats, least_m: float) -> list[float]:
+    """Return nodes to insert in the lowest element, as in a whole rope hauled in this far.
+
+    The uppermost element shrinks at the sheave and must not be the lowest one too.
+    """
+    least = min(least_m, float(s[-1]))
+    wanted = halvings(least, float(s[1])) if ROOM * least < s[1] else []
+    return [at for at in wanted if at < (1.0 - NODE_TOL) * s[1]]
+
+
+def upper_part(
+    rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...], *, loaded: bool = False
+) -> Rope:
+    """Return the part that hangs on; sections cut off end below its lower end.
+
+    loaded: its upper end is a connection, whose node carries loads.
+    """
+    sections = rope.sections.copy()
+    sections[rows.END] -= nodes.s[k]
+    part = Nodes(nodes.motion[:, k:], nodes.s[k:] - nodes.s[k], nodes.offset[k:], nodes.tension[k:])
+    state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
+    state.health[:] = rope.state.health
+    model = rope.model._replace(first_free=0)
+    own = nodes.s[k:] if loaded else nodes.s[k:-1]
+    if k > 0:
+        bare = tuple(e._replace(here=0.0) if isinstance(e, Compensator) else e for e in bare)
+    effects = on_nodes(bare, own, state.s.shape[0], float(nodes.s[k]))
+    return _filled(rope._replace(model=model, sections=sections, effects=effects), state, part)
+
+
+def falling_part(rope: Rope, nodes: Nodes, k: int) -> Rope:
+    """Return the part below node k; its elements neither split nor merge."""
+    motion, s = nodes.motion[:, : k + 1], nodes.s[: k + 1]
+    part = Nodes(motion, s, nodes.offset[:k], nodes.tension[:k])
+    state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
+    model = rope.model._replace(split_above=np.inf, merge_below=0.0)
+    effects = of_falling(on_nodes(rope.effects, s, state.s.shape[0]))
+    lower = rope._replace(model=model, sections=rope.sections.copy(), effects=effects)
+    return _filled(lower, state, part)
+
+
+def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
+    """Return the falling part with the massless section above it."""
+    lost = nodes.s[k]
+    sections = np.hstack([rope.sections, np.zeros((rows.SECTION_ROWS, 1))])
+    sections[rows.END, :-1] = np.minimum(sections[rows.END, :-1], lost)
+    sections[rows.END, -1] = np.inf
+    sections[rows.PER_METRE + rows.LENGTH - rows.MASS, -1] = 1.0  # it is a length, if of nothing
+    part = Nodes(
+        np.insert(nodes.motion[:, : k + 1], k + 1, nodes.motion[:, k], axis=1),
+        np.append(nodes.s[: k + 1], lost + _beyond_m(rope.effects)),
+        np.append(nodes.offset[:k], 0.0),
+        np.append(nodes.tension[:k], 0.0),
+    )
+    state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
+    model = rope.model._replace(split_above=np.inf, merge_below=0.0)
+    law = None if rope.law is None else _with_nothing(rope.law)
+    effects = of_falling(on_nodes(rope.effects, nodes.s[: k + 1], state.s.shape[0]))
+    lower = rope._replace(model=model, sections=sections, law=law, effects=effects)
+    return _filled(lower, state, part)
+
+
+def _beyond_m(effects: tuple[Any, ...]) -> float:
+    """Return the length of the massless section [m]."""
+    sheds = any(is_viv_model(own) for own in effects)
+    return BEYOND_SHEDDING_M if sheds else BEYOND_M
+
+
+def _with_nothing(law: Table) -> Table:
+    """Return the tension table with a section of zero tension at any strain."""
+    knots = law.knot.shape[1]
+    last = {field: np.zeros((1, knots)) for field in Table._fields}
+    last["knot"][0, 1:] = np.inf
+    return Table(*(np.vstack([getattr(law, name), last[name]]) for name in Table._fields))
+
+
+def _state(part: Nodes, room: int) -> State:
+    state = new_state(room)
+    n = len(part.offset)
+    state.counts[rows.ELEMENTS] = n
+    state.nodes[:, : n + 1], state.s[: n + 1], state.offset[:n] = part.motion, part.s, part.offset
+    return state
+
+
+def _filled(rope: Rope, state: State, part: Nodes) -> Rope:
+    """Return the part with its own scratch arrays and a tolerance from its weight."""
+    work = new_work(columns_for(state.s.shape[0]), work_rows(rope.effects))
+    work[rows.TENSION, : len(part.tension)] = part.tension
+    own = max(TOLERANCE_SHARE * _weight_n(rope, part), TOLERANCE_LEAST_N)
+    model = rope.model._replace(tolerance=min(rope.model.tolerance, own))
+    return rope._replace(model=model, state=state, work=work)
+
+
+def _weight_n(rope: Rope, part: Nodes) -> float:
+    """Weight of the rope in water, as a magnitude [N]."""
+    section = np.searchsorted(rope.sections[rows.END], part.s[:-1] + SAME_PLACE, side="right")
+    mass, volume = rope.sections[rows.PER_METRE : rows.PER_METRE + 2, section]
+    return sum(
+        abs(float(effect.g * (np.diff(part.s) @ (mass - effect.density * volume))))
+        for effect in rope.effects
+        if isinstance(effect, Weight)
+    )
+
+
+def _find_accelerations(part: Rope, border: Boundary, time: float) -> None:
+    """Set the accelerations of a part's nodes from its forces; all else is unchanged."""
+    model = part.model._replace(step=INSTANT_S, split_above=np.inf, merge_below=0.0)
+    after = border.value + INSTANT_S * border.rate
+    both = Boundary(np.vstack([border.value, after]), np.vstack([border.rate, border.rate]))
+    n, pull = int(part.state.counts[rows.ELEMENTS]), np.zeros((1, rows.PULL_COLUMNS))
+    for _ in range(2):
+        work = new_work(columns_for(part.state.s.shape[0]), work_rows(part.effects))
+        own = own_copies(part.effects)
+        trial = part._replace(model=model, state=part.state.copy(), work=work, effects=own)
+        if advance(trial, both, pull, time, 1) < 1:
+            what = "the forces at its new end are not finite"
+            raise SolverError(phrase("the rope's cut", what, "check the scene"))
+        part.state.nodes[_A, :n] = trial.state.nodes[_A, :n]

@@ -1,0 +1,332 @@
+"""Range in which a scene's model holds, and validity of its convergence study, during a run.
+
+Each finding outside the range has a value for the validity of the quality index (twin/quality.py)
+and says in words what the model does not contain. The scene's own warnings stand for the whole run,
+unless the scene accepts them; all else is judged at snapshots. Nothing here acts on the twin.
+
+A convergence study states the discretisation error of one run: the scene from its static
+equilibrium, with its own sea, winch schedule and current, for the duration of the study. A twin
+with the same inputs passes through the same phases of the lift (splash zone, landing) at the same
+time, so its error is known as long as no other input has come and the duration has not passed. From
+the first difference on the state itself is different: the error stays unknown for the rest of the
+run, and for every run that resumes from it. No allowance is made beyond the duration.
+
+All of this is a function of twin time and accepted inputs, so a real-time run, an offline run and a
+replay publish the same error; it is part of a saved state.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from rope_twin.effects.current import profile_of
+from rope_twin.effects.line_contact import LineContactParams
+from rope_twin.effects.payload import SplashZoneParams
+from rope_twin.effects.rigid_body import RigidBodyParams
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.waves import WavesParams
+from rope_twin.scene.card import KnownError, scene_digest
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_warnings import validity_warnings
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.shapes import payload_figures
+from rope_twin.scene.water_warnings import is_air
+from rope_twin.twin.motion.ship_motion import STILL, ShipPose
+from rope_twin.twin.snapshot import Snapshot
+
+LINE_FOLLOWING = "line_following"  # input of a winch that follows its measured line
+DOUBTED, OUTSIDE = 0.6, 0.5  # values: an error of unknown size, and one that must be expected
+PENETRATION_M = 0.5, 2.0  # of a payload in an elastic bed: from 1 to 0
+LINE_TOL_M = 0.5  # of the measured line out beyond the winch's range
+SPEED_TOL = 1.1  # of the measured line speed over the winch's limit
+HELD_M_PER_S, HELD_SHARE = 0.25, 0.1  # of a current below its last row, and of the depth
+PRIOR_SDS = 3.0  # of a learned figure from the scene's
+MOTION_TOL = 1e-6  # m, m/s, rad/s: a sample that differs by less matches the scene's sea
+UNHEARD_NS = 500_000_000  # the sea counts as missing after this time without a sample
+TIME_TOL_NS = 1_000
+CUT_REASON = "the rope was cut"
+OTHER_SCHEDULE = "it resumes from a run with another schedule or sea"
+
+
+class Finding(NamedTuple):
+    """Reason for leaving the model's range, and how far results may be relied on there, 0 to 1."""
+
+    value: float
+    reason: str
+
+
+def falling(value: float, good: float, bad: float) -> float:
+    """Return 1 up to `good`, 0 from `bad` on, and linear between them."""
+    return min(1.0, max(0.0, (bad - value) / (bad - good)))
+
+
+class ModelRange:
+    """Range of one scene's model; it has no state."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Read the scene.
+
+        Raises:
+            SceneError: the payload's properties are incomplete.
+        """
+        self._standing = _standing(scene)
+        self._winch = scene.winch
+        self._surfacing = _half_heights(scene)
+        waves, bed = scene.listed(WavesParams), scene.listed(SeabedParams)
+        self._water_m = waves.depth_m if waves is not None and bed is None else None
+        self._touching = scene.listed(LineContactParams) is not None
+        self._prior = scene.learning
+
+    def outside(
+        self, shot: Snapshot, effects: tuple[Any, ...], factors: Mapping[str, float]
+    ) -> Iterator[Finding]:
+        """Yield what is outside the range.
+
+        effects: kernel data of the first rope's, in use now; factors: learned ones, on the scene's
+        figures.
+        """
+        yield from self._standing
+        yield from self._at_the_surface(shot)
+        yield from self._below_the_bed(shot)
+        yield from self._beyond_the_winch(shot)
+        yield from _below_the_profile(shot, effects)
+        if shot.lines is not None and shot.lines.crossings and not self._touching:
+            at_m = shot.lines.crossings[0].depth_m
+            words = f"the lines cross at {at_m:.0f} m; contact between them is not modelled"
+            yield Finding(DOUBTED, words)
+        for name, factor in factors.items():
+            spread = 0.01 * getattr(self._prior, f"{name}_pct", math.inf)
+            if abs(math.log(factor)) > PRIOR_SDS * spread:
+                words = f"the learned {name.replace('_', ' ')} is {factor:.3g} times the scene's"
+                yield Finding(DOUBTED, f"{words}: another lift than the one prepared")
+
+    def _at_the_surface(self, shot: Snapshot) -> Iterator[Finding]:
+        if not self._surfacing:
+            return
+        places = {one.name: one.position_m for one in shot.payloads}
+        for name, half_m in self._surfacing.items():
+            z = float(places.get(name, shot.payload_position_m)[2])
+            if z > -half_m:
+                words = f"payload '{name}' is at the surface, z = {z:.1f} m, without `splash_zone`"
+                yield Finding(OUTSIDE, words)
+
+    def _below_the_bed(self, shot: Snapshot) -> Iterator[Finding]:
+        depth_m = -float(shot.payload_position_m[2])
+        if self._water_m is not None and depth_m > self._water_m:
+            yield Finding(
+                0.0, f"the payload is at {depth_m:.1f} m in water {self._water_m:g} m deep"
+            )
+        if shot.seabed is None:
+            return
+        sunk_m = -shot.seabed.payload_height_m
+        if sunk_m > PENETRATION_M[0]:
+            words = f"the payload is {sunk_m:.1f} m in the seabed, whose model is elastic"
+            yield Finding(falling(sunk_m, *PENETRATION_M), words)
+        bed_m = depth_m + shot.seabed.payload_height_m
+        for one in shot.residuals:
+            beyond_m = one.measured - bed_m - (one.half_width or 0.0)
+            if one.quantity == "payload_depth_m" and beyond_m > PENETRATION_M[0]:
+                words = f"the measured depth, {one.measured:.1f} m, is below the scene's seabed"
+                yield Finding(OUTSIDE, f"{words} at {bed_m:.1f} m")
+
+    def _beyond_the_winch(self, shot: Snapshot) -> Iterator[Finding]:
+        """Check the line that a winch follows; one that is commanded stays within its limits."""
+        winch = self._winch
+        if winch is None or shot.cut is not None or LINE_FOLLOWING not in shot.inputs:
+            return
+        low_m, high_m = winch.least_line_out_m - LINE_TOL_M, winch.most_line_out_m + LINE_TOL_M
+        if not low_m <= shot.line_out_m <= high_m:
+            words = f"line out of {shot.line_out_m:.1f} m, the scene's winch has "
+            words += f"{winch.least_line_out_m:g} to {winch.most_line_out_m:g} m"
+            yield Finding(DOUBTED, words)
+        speed = abs(shot.payout_speed_m_per_s)
+        if speed > SPEED_TOL * winch.speed_limit_m_per_s:
+            words = f"line speed of {speed:.2f} m/s, the scene's winch has at most "
+            yield Finding(DOUBTED, f"{words}{winch.speed_limit_m_per_s:g} m/s")
+
+
+def _below_the_profile(shot: Snapshot, effects: tuple[Any, ...]) -> Iterator[Finding]:
+    """Check whether a current from a sensor ends far above the payload, and not at rest."""
+    heard, profile = shot.inputs.get("current"), profile_of(effects)
+    if heard is None or not heard.accepted or profile is None:
+        return
+    last_m, end_m = float(profile.z[0]), float(shot.payload_position_m[2])
+    speed = float(np.hypot(*(row[0] for row in profile.U[:2])))
+    if speed > HELD_M_PER_S and last_m - end_m > -HELD_SHARE * end_m > 0.0:
+        words = f"the current ends at z = {last_m:g} m with {speed:.2f} m/s, which is used down to "
+        yield Finding(DOUBTED, f"{words}the payload at z = {end_m:.0f} m")
+
+
+@functools.lru_cache(maxsize=8)
+def _standing(scene: Scene) -> tuple[Finding, ...]:
+    """Return a finding for each warning of the scene on what its model does not contain."""
+    return tuple(
+        Finding(DOUBTED, f"the scene warns: {words.removesuffix('.')}")
+        for words in validity_warnings(scene)
+    )
+
+
+def _half_heights(scene: Scene) -> dict[str, float]:
+    """Return half the height of each payload whose way through the surface is not modelled [m].
+
+    It is that of a cube of the same volume. Empty: it is modelled, or there is no water.
+    """
+    modelled = any(isinstance(e, SplashZoneParams | RigidBodyParams) for e in scene.effects)
+    if modelled or is_air(scene):
+        return {}
+    if is_joined(scene):
+        own = [one for one in scene.payloads if one.splash_zone is None]
+    else:
+        own = list(scene.payloads[:1])
+    density = scene.environment.water_density_kg_per_m3
+    return {one.name: 0.5 * payload_figures(one, density).volume_m3 ** (1.0 / 3.0) for one in own}
+
+
+class MotionSample(Protocol):
+    """One sample of the hang-off's heave, with the ship's pose if that moves the hang-off."""
+
+    @property
+    def position_m(self) -> float:
+        """Heave [m]."""
+
+    @property
+    def velocity_m_per_s(self) -> float:
+        """Heave rate [m/s]."""
+
+    @property
+    def pose(self) -> ShipPose | None:
+        """The ship's pose; None: heave alone."""
+
+
+class SceneMotion(Protocol):
+    """Motion by the scene's own sea, in twin time."""
+
+    def between(self, from_ns: int, to_ns: int) -> Sequence[MotionSample]:
+        """Return the samples with from_ns <= stamp_ns < to_ns, in order."""
+
+
+class StudyValidity:
+    """Validity of the scene's convergence study for one run; `claim` gives the error that holds."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._moves = scene.sea_state.moves
+        self.digest = scene_digest(scene)  # a run may resume in a scene with another schedule
+        self._why = self._stated = ""  # latched: first reason, and first reason set by `invalidate`
+        self._agreed_ns: int | None = None  # stamp of the newest sample that matches the sea
+        self._strange: tuple[int, str] | None = None  # time and message of the first difference
+
+    def invalidate(self, why: str) -> None:
+        """Mark the error as unknown from now on; the first reason is kept."""
+        self._stated = self._stated or why
+        self._why = self._why or why
+
+    def resume(self, digest: str) -> None:
+        """Continue from a saved state in a scene with this digest."""
+        if digest != self.digest:
+            self.invalidate(OTHER_SCHEDULE)
+            self.digest = digest
+
+    def hear_heave(
+        self, own: SceneMotion | None, stamp_ns: int, position_m: float, velocity_m_per_s: float
+    ) -> None:
+        """Compare an accepted heave sample with the scene's own sea.
+
+        own: None if the sea is unknown here; nothing is then compared, unless the scene has no
+        motion.
+        """
+        if own is None and self._moves:
+            return
+        expected, heard = self._expected(own, stamp_ns), (position_m, velocity_m_per_s)
+        if isinstance(expected, ShipPose):
+            self._judge(stamp_ns, not self._moves and _near((0.0, 0.0), heard))
+        else:
+            self._judge(stamp_ns, expected is not None and _near(expected, heard))
+
+    def hear_pose(self, own: SceneMotion | None, pose: ShipPose) -> None:
+        """Compare an accepted pose with the scene's own sea; own: as in `hear_heave`."""
+        if own is None and self._moves:
+            return
+        expected = self._expected(own, pose.stamp_ns)
+        self._judge(
+            pose.stamp_ns,
+            isinstance(expected, ShipPose) and _near(_numbers(expected), _numbers(pose)),
+        )
+
+    def _expected(
+        self, own: SceneMotion | None, stamp_ns: int
+    ) -> ShipPose | tuple[float, float] | None:
+        """Return the sea's own pose, or heave and its rate, at this stamp; None: no sample."""
+        if own is None:
+            return ShipPose(stamp_ns, STILL, STILL)
+        for sample in own.between(stamp_ns, stamp_ns + 1):
+            return sample.pose or (sample.position_m, sample.velocity_m_per_s)
+        return None
+
+    def _judge(self, stamp_ns: int, own: bool) -> None:
+        """Record whether a sample matches; the motion differs from the last matching sample on."""
+        if own:
+            self._agreed_ns = stamp_ns
+        elif self._strange is None:
+            since_ns = 0 if self._agreed_ns is None else max(self._agreed_ns, 0)
+            why = f"the ship's motion is not the scene's own sea from {since_ns * 1e-9:.2f} s on"
+            self._strange = (since_ns, why)
+
+    def look(self, taken: Snapshot, compared: bool) -> None:
+        """Check the inputs at a snapshot; compared: motion was compared, or is the sea itself."""
+        now_ns = taken.stamp_ns
+        if self._why or now_ns == 0:
+            return
+        for winch in taken.winches:
+            if winch.off_schedule_s is not None:
+                self._latch(
+                    "winch commands differ from the scene's schedule from "
+                    f"{winch.off_schedule_s:.2f} s on"
+                )
+        if self._strange is not None and now_ns > self._strange[0]:
+            self._latch(self._strange[1])
+        if self._moves:
+            self._look_at_sea(taken, compared)
+
+    def _look_at_sea(self, taken: Snapshot, compared: bool) -> None:
+        """Check that samples of the scene's sea arrive and were compared."""
+        heave = taken.inputs.get("heave")
+        if not compared:
+            self._latch("the ship's motion was not compared with the scene's own sea")
+        elif heave is not None and (
+            heave.stale or (heave.accepted == 0 and taken.stamp_ns > UNHEARD_NS)
+        ):
+            self._latch(f"samples of the scene's sea are missing at {taken.time_s:.2f} s")
+
+    def _latch(self, why: str) -> None:
+        self._why = self._why or why
+
+    def claim(self, known: KnownError, time_ns: int) -> KnownError:
+        """Return the error known from the study, or why it is unknown for this run at this time."""
+        nothing = math.isnan(known.rms_pct) and math.isnan(known.peak_pct)
+        if why := self._stated if nothing else self._why:
+            return KnownError(words=f"unknown: {why}")
+        if nothing:
+            return known
+        if time_ns > known.seconds * 1e9 + TIME_TOL_NS:
+            return KnownError(words=f"unknown: {beyond(known.seconds)}")
+        return known
+
+
+def beyond(seconds: float) -> str:
+    """Return the message for a run longer than its convergence study."""
+    return f"the study's run ended at {seconds:g} s"
+
+
+def _numbers(pose: ShipPose) -> tuple[float, ...]:
+    return (
+        *pose.position_m, *pose.velocity_m_per_s, *pose.orientation, *pose.rate_rad_per_s,
+    )  # fmt: skip
+
+
+def _near(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    return all(abs(a - b) <= MOTION_TOL for a, b in zip(one, other, strict=True))

@@ -1,0 +1,140 @@
+"""The report's content, and both layouts of it: every word of the content is in each."""
+
+from __future__ import annotations
+
+import html
+import io
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pypdfium2
+import pytest
+
+from rope_twin.planning.cells import MemoryStore
+from rope_twin.planning.plan_reader import read_plan
+from rope_twin.planning.report import html_report, pdf_report
+from rope_twin.planning.report_content import Figure, Heading, Report, Table, Text, report_of
+from rope_twin.planning.run import PlanResult, run_plan
+
+PLAN = """about: hanging deep & deeper
+source: assumptions of a test
+scene: deep_lift
+vessel:
+  responses: vessel_120m
+  crane_tip_m: [10.0, 18.0, 12.0]
+sea:
+  hs_m: {from: 1.0, to: 3.0, step: 1.0}
+  tp_s: [9.0, 12.0]
+  headings_deg: [135.0, 180.0]
+phases:
+  - {name: halfway, at_depth: {depth_m: 1500.0, exposure_s: 60.0}}
+  - lowering: {from_m: 2000.0, to_m: 2030.0, speed_m_per_s: 0.5}
+criteria: {swl_n: 330000.0}
+method: {seeds: {start: 4, most: 4}, settle_s: 20.0, elements: 10, step_s: 0.1}
+"""
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[PlanResult, MemoryStore]:
+    """Return the result of the plan, and its rows."""
+    path = tmp_path_factory.mktemp("plan") / "deeper.yaml"
+    path.write_text(PLAN)
+    store = MemoryStore()
+    return run_plan(*read_plan(path), store), store
+
+
+@pytest.fixture(scope="module")
+def report(result: tuple[PlanResult, MemoryStore]) -> Report:
+    """Return its report."""
+    return report_of(*result)
+
+
+def said(report: Report) -> list[str]:
+    """Return every text of a report."""
+    found = [report.title, report.lead, *(word for pair in report.facts for word in pair)]
+    for block in report.blocks:
+        if isinstance(block, Heading):
+            found.append(block.words)
+        elif isinstance(block, Text):
+            found += block.lines
+        elif isinstance(block, Table):
+            found += [block.caption, *block.head, *(cell for row in block.rows for cell in row)]
+        else:
+            found.append(block.caption)
+    return found
+
+
+def bare(words: str) -> str:
+    """Return words without what a layout may break or add."""
+    return re.sub(r"[\s`\u200b\xad\u2010-]", "", words)
+
+
+def test_content_is_whole(report: Report) -> None:
+    """Chapters in order, tables and figures numbered through, a row for each cell."""
+    headings = [block.words for block in report.blocks if isinstance(block, Heading)]
+    assert [words for words in headings if "." not in words.split()[0]] == [
+        "1  Summary", "2  Basis", "3  Limiting sea states",
+        "4  Resonance and the simplified method", "5  Governing runs",
+        "6  Statistics and accuracy", "7  What is not covered", "A  Results of every cell",
+        "B  Versions and digests",
+    ]  # fmt: skip
+    tables = [block for block in report.blocks if isinstance(block, Table)]
+    figures = [block for block in report.blocks if isinstance(block, Figure)]
+    for kind, blocks in (("Table", tables), ("Figure", figures)):
+        for number, block in enumerate(blocks, 1):
+            assert block.caption.startswith(f"{kind} {number}. ")
+    assert len(figures) == 7, "arrangement, tip, limits, contours, resonance, two governing runs"
+    limits = next(table for table in tables if "interval m" in table.head)
+    assert len(limits.rows) == 8
+    assert [row[0] for row in limits.rows] == ["halfway", "", "", "", "lowering", "", "", ""]
+    for table in tables:
+        assert all(len(row) == len(table.rows[0]) for row in table.rows)
+    text = "\n".join(said(report))
+    assert "Source of the plan: assumptions of a test" in text
+    for words in ("Gumbel", "DNV-RP-N103", "vessel_120m", "SWL", "C_D·A", "rope_twin plan deeper"):
+        assert words in text, words
+
+
+def test_html_has_all_content(report: Report) -> None:
+    """One file, every text in it, escaped."""
+    page = html_report(report).decode()
+    text = bare(html.unescape(re.sub(r"<svg.*?</svg>|<[^>]+>", "", page, flags=re.DOTALL)))
+    assert [words for words in said(report) if bare(words) not in text] == []
+    assert "deep &amp; deeper" in page
+    assert page.count("<svg") == 7
+
+
+def test_pdf_has_all_content(report: Report) -> None:
+    """Every text is in it, in the order of reading within a page or two."""
+    with pypdfium2.PdfDocument(io.BytesIO(pdf_report(report))) as document:
+        pages = [bare(page.get_textpage().get_text_range()) for page in document]
+        assert document.get_metadata_value("Title") == report.title
+    text = "".join(pages)
+    words = [one for one in said(report) if len(one) < 60]
+    assert [one for one in words if bare(one) not in text] == []
+    assert len(pages) > 5
+    at = [text.rindex(bare(one.words)) for one in report.blocks
+          if isinstance(one, Heading) and one.level == 1]  # fmt: skip
+    assert at == sorted(at)
+
+
+def test_reports_repeat(result: tuple[PlanResult, MemoryStore]) -> None:
+    """The same results give the same bytes, without a date."""
+    first, second = report_of(*result), report_of(*result)
+    assert html_report(first) == html_report(second)
+    assert pdf_report(first) == pdf_report(second)
+
+
+def test_plan_without_a_limit_has_a_report(tmp_path: Path) -> None:
+    """Where no height meets the criteria the report says so."""
+    path = tmp_path / "heavy.yaml"
+    path.write_text(PLAN.replace("330000.0", "200000.0"))
+    plan, scene = read_plan(path)
+    small = replace(plan, sea=replace(plan.sea, tp_s=(9.0,), headings_deg=(180.0,)),
+                    phases=plan.phases[:1])  # fmt: skip
+    store = MemoryStore()
+    report = report_of(run_plan(small, scene, store), store)
+    text = "\n".join(said(report))
+    assert "no sea state of the grid meets the criteria in phase 'halfway'" in text
+    assert pdf_report(report).startswith(b"%PDF")
