@@ -11,8 +11,9 @@ from __future__ import annotations
 import copy
 import math
 import time
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -337,26 +338,40 @@ def _rms(apart: Vector) -> float:
     return float(np.sqrt(np.mean(apart**2)))
 
 
-class Body(Protocol):
-    """Something at rest that can be stepped."""
+class Body(ABC):
+    """Ropes at rest that can be stepped."""
 
     memory_mb: float  # of all arrays that the steps work on
+    lowest = 0  # number of the rope with the first payload
 
+    @property
+    @abstractmethod
+    def ropes(self) -> tuple[rows.Rope, ...]:
+        """Return the ropes; the first one stores the solver's counts."""
+
+    @abstractmethod
     def begin(self) -> None:
-        """Reset to static equilibrium."""
+        """Reset to static equilibrium, without vibration."""
 
+    @abstractmethod
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
         """Return the number of steps done, and the top tension after each [N], (steps,)."""
 
     def depth_m(self) -> float:
         """Return the depth of the lower end, or of the first payload [m]."""
+        return -float(self.ropes[self.lowest].state.nodes[rows.POSITION + 2, 0])
 
     def is_slack(self) -> bool:
         """Return whether any element is slack."""
+        return any(
+            bool(rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].min() <= 0.0)
+            for rope in self.ropes
+        )
 
     @property
     def health(self) -> Ints:
         """Return the solver's counts since the start."""
+        return self.ropes[0].state.health
 
 
 def body_of(scene: Scene) -> Body:
@@ -369,7 +384,7 @@ def body_of(scene: Scene) -> Body:
     return body if model_beside(scene) is None else ShakenBody(scene, body)
 
 
-class RopeBody:
+class RopeBody(Body):
     """One rope; its motion is (steps + 1, MOTIONS)."""
 
     loaded = (False,)  # whether the upper end of a rope carries loads
@@ -389,29 +404,14 @@ class RopeBody:
         pull = np.zeros((steps, rows.PULL_COLUMNS))
         return advance(self._rope, motion, pull, time, steps), pull[:, rows.PULL]
 
-    def depth_m(self) -> float:
-        """Return the depth of the lower end [m]."""
-        return -float(self._rope.state.nodes[rows.POSITION + 2, 0])
-
-    def is_slack(self) -> bool:
-        """Return whether any element is slack."""
-        return _is_slack(self._rope)
-
     @property
     def ropes(self) -> tuple[rows.Rope, ...]:
         """Return the rope."""
         return (self._rope,)
 
-    @property
-    def health(self) -> Ints:
-        """Return the solver's counts since the start."""
-        return self._rope.state.health
 
-
-class JoinedBody:
-    """Multi-line system; its motion is (ropes, steps + 1, MOTIONS), its top tension the first
-    rope's.
-    """
+class JoinedBody(Body):
+    """Multi-line system; motion (ropes, steps + 1, MOTIONS), top tension of the first rope."""
 
     def __init__(self, scene: Scene) -> None:
         built = build_joined(scene)
@@ -421,7 +421,7 @@ class JoinedBody:
         place[:, rows.LINE] = [line.length_m for line in scene.ropes]
         end = solve_reeved_statics(system, place)
         check_equilibrium(scene, end, max(self._highest(r) for r in range(len(system.ropes))))
-        self._lowest = built.owners[scene.payloads[0].name] if scene.payloads else 0
+        self.lowest = built.owners[scene.payloads[0].name] if scene.payloads else 0
         stack = system.stack
         state = (stack.nodes, stack.s, stack.offset, stack.counts, stack.health)
         self._tables = _arrays((state, system.joints.nodes, system.joints.ties, system.sheaves))
@@ -438,14 +438,6 @@ class JoinedBody:
         pull = np.zeros((len(self._system.ropes), steps, rows.PULL_COLUMNS))
         return advance_joined(self._system, motion, pull, time, steps), pull[0, :, rows.PULL]
 
-    def depth_m(self) -> float:
-        """Return the depth of the first payload [m]."""
-        return -float(self._system.ropes[self._lowest].state.nodes[rows.POSITION + 2, 0])
-
-    def is_slack(self) -> bool:
-        """Return whether any element of any rope is slack."""
-        return any(_is_slack(rope) for rope in self._system.ropes)
-
     @property
     def ropes(self) -> tuple[rows.Rope, ...]:
         """Return the ropes."""
@@ -456,11 +448,6 @@ class JoinedBody:
         """Return whether the upper end of each rope carries loads."""
         return loaded_ends(self._system)
 
-    @property
-    def health(self) -> Ints:
-        """Return the solver's counts since the start, which the first rope stores."""
-        return self._system.ropes[0].state.health
-
     def _highest(self, r: int) -> float:
         """Return the height of the highest node of rope r below its hang-off [m]."""
         rope, joints = self._system.ropes[r], self._system.joints
@@ -468,14 +455,19 @@ class JoinedBody:
         return float(rope.state.nodes[rows.POSITION + 2, :count].max())
 
 
-class ShakenBody:
+class ShakenBody(Body):
     """Line or multi-line system with a VIV model outside the time step, updated as in a twin."""
 
     def __init__(self, scene: Scene, body: RopeBody | JoinedBody) -> None:
         self._scene, self._body = scene, body
-        self.memory_mb = body.memory_mb
+        self.memory_mb, self.lowest = body.memory_mb, body.lowest
         self._steps = 0  # done since the beginning
         self._shake()
+
+    @property
+    def ropes(self) -> tuple[rows.Rope, ...]:
+        """Return the ropes."""
+        return self._body.ropes
 
     def begin(self) -> None:
         """Reset to static equilibrium, without vibration."""
@@ -501,29 +493,11 @@ class ShakenBody:
                 self._viv_drag.look(self._body.ropes, now, self._steps, 0)
         return done, pull
 
-    def depth_m(self) -> float:
-        """Return the depth of the lower end, or of the first payload [m]."""
-        return self._body.depth_m()
-
-    def is_slack(self) -> bool:
-        """Return whether any element is slack."""
-        return self._body.is_slack()
-
-    @property
-    def health(self) -> Ints:
-        """Return the solver's counts since the start."""
-        return self._body.health
-
     def _shake(self) -> None:
         cycle, body = steps_in_slot(self._scene.time.step_s), self._body
         settings = coupled_settings(self._scene)
         self._viv_drag = VivDragAmplification(settings, body.ropes, body.loaded, cycle)
         self._steps = 0
-
-
-def _is_slack(rope: rows.Rope) -> bool:
-    count = rope.state.counts[rows.ELEMENTS]
-    return bool(rope.work[rows.TENSION, :count].min() <= 0.0)
 
 
 def _arrays(value: Any) -> list[Any]:

@@ -8,7 +8,7 @@ sampled right after each of its updates.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,22 +73,6 @@ class SampledRope(NamedTuple):
         return at[::-1] if runs_over_sheave(scene, scene.ropes[self.number]) else at
 
 
-class Sampler(Protocol):
-    """Sampling of a rope."""
-
-    rope: SampledRope
-    has_slow_parts: bool  # whether its motion includes that of ship, waves and winch
-
-    def steps(self) -> int:
-        """Return the number of steps to the next sample."""
-
-    def sample(self) -> Sample:
-        """Take a sample."""
-
-    def bent(self, middles: Floats) -> Floats:
-        """Return the curvature at material coordinates [1/m], (2, places)."""
-
-
 def samplers_of(twin: Twin, vortices_hz: float) -> list[Sampler]:
     """Return the sampling of each rope that the scene's model needs.
 
@@ -143,7 +127,7 @@ def resampled(times: Floats, *values: Floats) -> list[Floats]:
 class _NodeSampler:
     """Sampler of a model inside the time step, which moves the nodes."""
 
-    has_slow_parts = True
+    has_slow_parts = True  # its motion includes that of ship, waves and winch
 
     def __init__(self, rope: SampledRope, vortices_hz: float) -> None:
         self.rope = rope
@@ -151,9 +135,11 @@ class _NodeSampler:
         self._split: Floats | None = None  # unit vectors of the first sample
 
     def steps(self) -> int:
+        """Return the number of steps to the next sample."""
         return self._every
 
     def sample(self) -> Sample:
+        """Take a sample."""
         rope, s, at = self.rope.now, self.rope.marks, self.rope.places
         place = _at(at, s, rope.state.nodes[_PLACE, : len(s)])
         if self._split is None:
@@ -163,6 +149,7 @@ class _NodeSampler:
         return Sample(moved, _at(at, s, _across(rope, s)), np.ones(PLACES), bent)
 
     def bent(self, middles: Floats) -> Floats:
+        """Return the curvature at material coordinates [1/m], (2, places)."""
         s, own = curvature(self.rope.now)
         return _at(middles, s, own)
 
@@ -196,10 +183,11 @@ class _ModelSampler:
         return bent
 
 
+Sampler = _NodeSampler | _ModelSampler
+
+
 def _across(rope: Rope, marks: Floats) -> Floats:
-    """Return the velocity of the water relative to the rope, normal to it, at the nodes, (3,
-    nodes).
-    """
+    """Return the water's velocity relative to the rope, normal to it, at its nodes, (3, nodes)."""
     along, flow = tangents(rope.state.nodes[_PLACE, : len(marks)]), relative_flow(rope)
     return np.asarray(flow - (flow * along).sum(axis=0) * along)
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 from math import isnan
 from statistics import median
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from rope_twin.core.state import ELEMENTS, Floats, Model, Rope
 from rope_twin.errors import SolverError
@@ -159,19 +159,12 @@ class Mesh:
         return Grid(model, room, left)
 
 
-class Adjustable(Protocol):
-    """Interface of a twin that can change its accuracy level."""
-
-    def set_level(self, level: AccuracyLevel) -> None:
-        """Continue with another mesh or time step."""
-
-
 class OverloadProtection:
     """Overload protection of one twin; for use by the stepping thread."""
 
     def __init__(
         self,
-        twin: Adjustable,
+        twin: Twin,
         levels: Sequence[AccuracyLevel],
         at: AccuracyLevel,
         wait_s: float = WAIT_S,

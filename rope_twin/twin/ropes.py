@@ -1,13 +1,14 @@
 """Ropes that a twin steps: a single rope or a multi-line system.
 
-The twin itself owns its first rope with that rope's winch and hang-off. `Ropes` covers the step and
-everything beyond the first rope; for a single rope that is nothing.
+The twin itself owns its first rope with that rope's winch and hang-off. `Ropes` are the classes for
+the step and everything beyond the first rope, with the same methods; for a single rope that is
+nothing. Where a method takes the first rope or its boundary, it is with the effects in use now.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,6 @@ from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.level import AccuracyLevel, Mesh
-from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.parted import CutRope, SingleWinch
@@ -43,102 +43,10 @@ from rope_twin.twin.snapshot import Snapshot, first_rope
 from rope_twin.twin.snapshot_builder import RopeShape, payload_depth_m, shape_from_top
 from rope_twin.twin.state import changing_parts
 from rope_twin.twin.statics import solve_scene_statics
-from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.vortex.coupled import VivDragAmplification
 
 # of a checkpoint: what continues from the present instead
 _NOT_PUT_BACK = ("joined/winches", "joined/lines", "joined/highest", "rope/model", "lower/model")
-
-
-class Ropes(Protocol):
-    """Interface of the ropes of a twin."""
-
-    first: Rope
-
-    def solve_statics(self) -> Floats:
-        """Solve for static equilibrium; return the first rope's force on its hang-off.
-
-        Raises:
-            SceneError: there is no equilibrium.
-        """
-
-    def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
-        """Submit a command to another winch than the first; return "" or the rejection."""
-
-    def follow(self, name: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
-        """Let another winch than the first have a measured line out [m] and line speed [m/s]."""
-
-    def invalidate(self) -> None:
-        """Invalidate commands to those winches that were known in advance."""
-
-    def newest_ns(self) -> dict[str, int]:
-        """Return the stamp of the newest accepted command of each of those winches, if any [ns]."""
-
-    def needs_feedback(self, time_ns: int) -> bool:
-        """Return whether another winch needs tension feedback for the step from this time on."""
-
-    def prescribe(
-        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
-    ) -> None:
-        """Set other hang-offs and their paid-out lengths at step boundary `row`.
-
-        heave: ship heave [m] and its rate [m/s]; moves: motion of the hang-offs moved by poses.
-        """
-
-    def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
-        """Advance in time like core's `advance`; boundary, pulls: of the first rope."""
-
-    def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[Ropes, float]:
-        """Cut a rope; return the ropes after the cut and the length of the lower part [m].
-
-        border: boundary conditions of the first rope, the present in row 0. `first` of the returned
-        ropes is then the first rope.
-
-        Raises:
-            SolverError: the cut cannot be made.
-        """
-
-    def replace(self, ropes: Sequence[Rope]) -> None:
-        """Continue with ropes on other meshes, in the same motion."""
-
-    def length_m(self, r: int) -> float:
-        """Return the unstretched length of a rope other than the first [m]."""
-
-    def adapt_to_cut(self, r: int, lost_m: float, left_m: float) -> None:
-        """Report to the winch of another rope the length cut off and the length left [m]."""
-
-    def forget(self, done: int, prescribed: int) -> None:
-        """Make the boundary after `done` steps the first; `prescribed` ones follow it."""
-
-    def discard_prescribed(self) -> None:
-        """Discard boundary conditions prescribed in advance for other ropes, after a failed step.
-
-        Their winches continue from the last step.
-        """
-
-    def border(self, first: Boundary) -> Boundary:
-        """Return hang-offs and paid-out lengths now, (ropes, MOTIONS); first: of the first rope."""
-
-    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
-        """Return energy and power now; pull: first rope on its hang-off [N], speed: pay-out."""
-
-    def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
-        """Complete the first rope's snapshot with the other ropes, payloads and winches.
-
-        effects: of the first rope, in use now.
-        """
-
-    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
-        """Return the shapes of all ropes in a complete snapshot; first: the first rope now."""
-
-    def lowest(self, first: Rope) -> Rope:
-        """Return the rope with the payload of one rope, or the rigid body; first: the first now."""
-
-    def changing(self) -> dict[str, Any]:
-        """Return the additional state that a restart needs, by name."""
-
-    def take_back(self, values: dict[str, Any], first: Rope) -> None:
-        """Remove from `values` what `changing` gave and restore it; first: the first rope now."""
 
 
 class OneRope(SingleWinch):
@@ -193,6 +101,9 @@ class OneRope(SingleWinch):
     def take_back(self, values: dict[str, Any], first: Rope) -> None:
         """Continue with the first rope; there is no additional state."""
         self.first = first
+
+
+Ropes = OneRope | CutRope | MultiLineRopes
 
 
 def ropes_of(scene: Scene, steps: int) -> Ropes:

@@ -33,7 +33,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
 
 from rope_twin.effects.compensator import SEALS, CompensatorForces, forces, of
 from rope_twin.scene import winch as winch_parts
@@ -54,14 +53,18 @@ States = dict[str, float]
 ROUNDS, ROUND_OFF = 80, 1e-13
 
 
-class Component(Protocol):
-    """Interface of a winch component."""
+class Component:
+    """Component of a winch; one without states, limit, switch or rope leaves the method out."""
+
+    _at_limit = ""
 
     def figures(self, line: Payout) -> States:
         """Return the states for operators, the unit in the name."""
+        return {}
 
     def words(self) -> str:
         """Return the active limit; "" if none."""
+        return self._at_limit
 
     def switch(self, switch: str, time_ns: int) -> None:
         """Take a switch command, which may be for another component."""
@@ -70,25 +73,7 @@ class Component(Protocol):
         """Set the total length of rope, paid out or on the drum [m]."""
 
 
-class AddingComponent(Component, Protocol):
-    """Interface of a component that adds to the motion."""
-
-    def add(self, wanted: Payout, moment: WinchStep) -> Payout:
-        """Return the line at the end of the step with the addition."""
-
-
-class LimitingComponent(Component, Protocol):
-    """Interface of a component that limits the motion."""
-
-    @property
-    def controls_line(self) -> bool:
-        """Whether it alone controls the line and the motor is off."""
-
-    def hold(self, before: Payout, wanted: Payout, moment: WinchStep) -> Payout:
-        """Return the line at the end of the step, as far as it allows."""
-
-
-class Layers:
+class Layers(Component):
     """Drum layer, radius and speed."""
 
     def __init__(self, machine: WinchDrum) -> None:
@@ -103,33 +88,26 @@ class Layers:
             "drum_speed_rad_per_s": line.speed_m_per_s / radius,
         }
 
-    def words(self) -> str:
-        """Return "", as there are no limits."""
-        return ""
-
-    def switch(self, switch: str, time_ns: int) -> None:
-        """Do nothing, as there is no switch."""
-
     def set_total_length(self, whole_m: float) -> None:
         """Set the total length; the length not paid out is on the drum."""
         self._machine.whole_m = whole_m
 
 
-def adding_components(scene: WinchScene) -> tuple[AddingComponent, ...]:
+def adding_components(scene: WinchScene) -> tuple[Compensation | FlyingSheave, ...]:
     """Return the components that add to the motion, in their order."""
     own, passive = scene.heave_compensation, scene.passive_compensation
-    active: tuple[AddingComponent, ...] = () if own is None else (Compensation(own),)
+    active = () if own is None else (Compensation(own),)
     return active if passive is None else (*active, FlyingSheave(passive))
 
 
 def drum_components(
     scene: WinchScene, diameter_m: float
-) -> tuple[tuple[Component, ...], tuple[LimitingComponent, ...]]:
+) -> tuple[tuple[Component, ...], tuple[Drive | Brake, ...]]:
     """Return the components that report the motion, and those that limit it, in their order."""
     if scene.drum is None:
         return (), ()
     machine = WinchDrum(scene.drum, diameter_m, scene.most_line_out_m)
-    reporting: tuple[Component, ...] = (Layers(machine),)
+    reporting = (Layers(machine),)
     if scene.drive is None:
         return reporting, ()
     drive = Drive(scene.drive, machine)
@@ -138,7 +116,7 @@ def drum_components(
     return reporting, (drive, Brake(scene.brake, drive))
 
 
-class Compensation:
+class Compensation(Component):
     """Heave compensation of a winch; `add` is called once a step."""
 
     def __init__(self, params: HeaveCompensation) -> None:
@@ -211,13 +189,6 @@ class Compensation:
         if switch == COMPENSATE:
             self._stroke = 0.0  # mid-stroke is the present line
 
-    def set_total_length(self, whole_m: float) -> None:
-        """Do nothing, as compensation does not depend on the total length."""
-
-    def words(self) -> str:
-        """Return the active limit; "" if none."""
-        return self._at_limit
-
     def figures(self, line: Payout) -> dict[str, float]:
         """Return stroke and its rate, + paid out, and whether it is on."""
         return {
@@ -251,7 +222,7 @@ class WinchDrum:
         return layer, self._drum.radius_m(layer, self._diameter)
 
 
-class Drive:
+class Drive(Component):
     """Motor of the winch."""
 
     def __init__(self, params: winch_parts.Drive, machine: WinchDrum) -> None:
@@ -305,23 +276,16 @@ class Drive:
             f"{wanted.speed_m_per_s:+.2f} is wanted"
         )
 
-    def words(self) -> str:
-        """Return the message on rendering; "" if it does not render."""
-        return self._at_limit
-
     def figures(self, line: Payout) -> dict[str, float]:
         """Return the motor torque, + hauls in."""
         return {"motor_torque_n_m": self._torque}
-
-    def switch(self, switch: str, time_ns: int) -> None:
-        """Do nothing, as the drive has no switch."""
 
     def set_total_length(self, whole_m: float) -> None:
         """Set the total length; the length not paid out is on the drum."""
         self._machine.whole_m = whole_m
 
 
-class Brake:
+class Brake(Component):
     """Brake of the drum: holds, or slips at its holding capacity."""
 
     def __init__(self, params: winch_parts.Brake, drive: Drive) -> None:
@@ -355,9 +319,6 @@ class Brake:
         """Whether the brake holds."""
         return self._holds
 
-    def set_total_length(self, whole_m: float) -> None:
-        """Do nothing, as the drum is the drive's."""
-
     def switch(self, switch: str, time_ns: int) -> None:
         """Set or release the brake with its delay; an emergency stop sets it."""
         if switch in (SET_BRAKE, EMERGENCY_STOP, RELEASE_BRAKE):
@@ -366,16 +327,12 @@ class Brake:
                 self._set = wanted
                 self._due_ns = time_ns + round(self._params.delay_s * 1e9)
 
-    def words(self) -> str:
-        """Return the message on slipping; "" if it does not slip."""
-        return self._at_limit
-
     def figures(self, line: Payout) -> dict[str, float]:
         """Return whether the brake holds, and its torque, + against paying out."""
         return {"brake_holds": float(self._holds), "brake_torque_n_m": self._torque}
 
 
-class FlyingSheave:
+class FlyingSheave(Component):
     """Flying sheave on a gas spring; `add` is called once a step."""
 
     def __init__(self, params: PassiveCompensation) -> None:
@@ -442,12 +399,6 @@ class FlyingSheave:
             "passive_gas_pressure_pa": parts.pressure_pa,
             "passive_gas_force_n": parts.gas,
         }
-
-    def switch(self, switch: str, time_ns: int) -> None:
-        """Do nothing, as a passive compensator has no switch."""
-
-    def set_total_length(self, whole_m: float) -> None:
-        """Do nothing, as compensation does not depend on the total length."""
 
 
 def root(miss: Callable[[float], float], low: float, high: float) -> float:

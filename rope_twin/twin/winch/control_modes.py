@@ -8,7 +8,7 @@ brakes ahead of them at its acceleration limit, the second with the fastest jerk
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from rope_twin.scene.winch import ConstantTension
 from rope_twin.scene.winch import Winch as WinchScene
@@ -100,16 +100,6 @@ POSITION_TOL_M = 1e-6  # tolerance of the stopping position
 BISECTIONS = 10  # bisection steps between braking and continuing
 
 
-class MotionProfile(Protocol):
-    """Interface of a motion profile."""
-
-    def move(self, line: Payout, target: LineTarget, step_s: float) -> tuple[Payout, bool]:
-        """Return the line one step later, and whether it must brake for the target's lengths."""
-
-    def follow_line(self, line: Payout) -> None:
-        """Accept that a limit has moved the line here."""
-
-
 class AccelerationLimited:
     """Profile with limited acceleration; the payout is the exact integral of the speed."""
 
@@ -181,6 +171,9 @@ class JerkLimited:
         return lowest >= target.low_m and highest <= target.high_m
 
 
+MotionProfile = AccelerationLimited | JerkLimited
+
+
 def braking_speed(room_m: float, acceleration: float, step_s: float) -> float:
     """Return the largest speed v at the end of a step from which the line still stops in time.
 
@@ -210,21 +203,6 @@ def _follow(line: Payout, target_speed: float, acceleration: float, step_s: floa
 
 
 DEPTH_SMOOTHING_S = 20.0  # longer than wave and axial periods, shorter than a lift
-
-
-class ControlMode(Protocol):
-    """Interface of a control mode."""
-
-    kind: str
-
-    def begin(self, value: float) -> None:
-        """Start control at this set-point, in the mode's unit."""
-
-    def target(self, line: Payout, feedback: TensionFeedback | None, step_s: float) -> LineTarget:
-        """Return the target of the next step."""
-
-    def words(self) -> str:
-        """Return the active limit of the mode; "" if none."""
 
 
 class SpeedControl:
@@ -357,16 +335,14 @@ class TensionControl:
         )
 
 
+ControlMode = SpeedControl | LengthControl | DepthControl | TensionControl
+
+
 def control_modes(scene: WinchScene) -> tuple[ControlMode, ...]:
     """Return the control modes of a winch; the first is active at the start."""
-    modes: tuple[ControlMode, ...] = (
-        SpeedControl(scene),
-        LengthControl(scene),
-        DepthControl(scene),
-    )
-    if scene.constant_tension is not None:
-        modes += (TensionControl(scene, scene.constant_tension),)
-    return modes
+    modes = SpeedControl(scene), LengthControl(scene), DepthControl(scene)
+    gains = scene.constant_tension
+    return modes if gains is None else (*modes, TensionControl(scene, gains))
 
 
 def _limited(speed: float, scene: WinchScene) -> LineTarget:

@@ -227,10 +227,8 @@ class Winch:
         if self._line.length_m < self._end_m:
             self._line = self._nominal = Payout(self._end_m, 0.0)
             self.at_limit = "the end of the rope that was cut is at the sheave"
-        if self.stale(time_ns):
-            self.counter.say("the command is no longer repeated; its last speed is kept")
-        else:
-            self.counter.say("")
+        stale = "the command is no longer repeated; its last speed is kept"
+        self.counter.say(stale if self.stale(time_ns) else "")
         return self._line
 
     def continue_from(self, line: Payout) -> None:
@@ -276,14 +274,8 @@ class Winch:
             figures |= part.figures(self._line)
         mode = EMERGENCY_STOP if self._stopped else self._kind
         self._monitor.look(self._begun_ns, WinchCommand(self._kind, self._value), self._stopped)
-        return WinchShot(
-            self._name,
-            mode,
-            self._value,
-            self.at_limit,
-            tuple(figures.items()),
-            self._monitor.differs_s,
-        )
+        own = self._name, mode, self._value, self.at_limit, tuple(figures.items())
+        return WinchShot(*own, self._monitor.differs_s)
 
     @property
     def _parts(self) -> tuple[Component, ...]:
@@ -347,17 +339,14 @@ class Winch:
         for limiting in self._limiting:
             line = limiting.hold(self._line, line, moment)
         if line != wanted:
-            line = self._at_rope_end(line)
+            assert self._scene is not None
+            most = self._scene.most_line_out_m
+            if line.length_m > most:  # a drum that renders until it is empty
+                line = Payout(most, 0.0)
             self._give_way(line, wanted)
         self._line = line
         limits = (self.at_limit, *(part.words() for part in self._parts))
         self.at_limit = "; ".join(words for words in limits if words)
-
-    def _at_rope_end(self, line: Payout) -> Payout:
-        """Hold a drum that renders until it is empty at the rope's end on it."""
-        assert self._scene is not None
-        most = self._scene.most_line_out_m
-        return Payout(most, 0.0) if line.length_m > most else line
 
     def _give_way(self, line: Payout, wanted: Payout) -> None:
         """Move the nominal line by the difference of the actual line from its target.
