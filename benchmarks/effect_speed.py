@@ -23,26 +23,22 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.compensator import CompensatorParams
-from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.coupled_vibration import DecomposedForceParams, ModalVibrationParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
-from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.hull_contact import HullBox, HullContactParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
-from rope_twin.effects.net import NetParams
 from rope_twin.effects.net_curtain import NetCurtainParams
-from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload import PayloadParams, SplashZoneParams
+from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
+from rope_twin.effects.rope_in_air import WettingParams, WindParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
-from rope_twin.effects.wetting import WettingParams
-from rope_twin.effects.wind import WindParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_model import build
@@ -173,7 +169,7 @@ def _measured(base: Scene, name: str, codes: dict[tuple[type, ...], str]) -> Eff
     kinds = tuple(type(own) for own in without.effects)
     if kinds not in codes:
         codes[kinds] = step_assembly(without)
-    symbols = sum(traces(codes[kinds], module) for module in modules_of(whole, without))
+    symbols = sum(traces(codes[kinds], place) for place in places_of(whole, without))
     return _row(name, without, whole, symbols)
 
 
@@ -222,14 +218,15 @@ def step_assembly(scene: Scene) -> str:
     return assembly(advance_steps, arguments)
 
 
-def modules_of(scene: Scene, without: Scene) -> tuple[str, ...]:
-    """Return the kernel modules that one scene has and another has not: those of one effect."""
+def places_of(scene: Scene, without: Scene) -> tuple[str, ...]:
+    """Return module and function of the kernels that one scene has and another has not."""
     others = {type(effect) for effect in build(without).effects}
     kinds = [type(own) for own in build(scene).effects if type(own) not in others]
     kernels = [kernel_of(hook, kind) for kind in kinds for hook in hooks_of(kind)]
-    return tuple(sorted({kernel.py_func.__module__ for kernel in kernels}))
+    made = [kernel.py_func for kernel in kernels]
+    return tuple(sorted({f"{f.__module__}.{f.__qualname__.split('.')[0]}" for f in made}))
 
 
-def traces(code: str, module: str) -> int:
-    """Count the symbols of a module's functions in assembly, as numba mangles them."""
-    return code.count("".join(f"{len(part)}{part}" for part in module.split(".")))
+def traces(code: str, place: str) -> int:
+    """Count the symbols of a module or a function in assembly, as numba mangles them."""
+    return code.count("".join(f"{len(part)}{part}" for part in place.split(".")))

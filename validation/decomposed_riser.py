@@ -14,8 +14,16 @@ from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.state import Floats
 from rope_twin.studies.accuracy_study import page_table
 from rope_twin.studies.picture import Line, Panel, Vector
-from rope_twin.vortex.decomposed_response import PER_PERIOD, REMEMBERED, DecomposedResponse
-from rope_twin.vortex.integrators import Integrator, Matrices, Motion, bathe, newmark_step
+from rope_twin.vortex.decomposed_response import (
+    PER_PERIOD,
+    REMEMBERED,
+    DecomposedResponse,
+    Integrator,
+    Matrices,
+    Motion,
+    bathe,
+    newmark_step,
+)
 from rope_twin.vortex.line_model import Span
 from rope_twin.vortex.power_in import Decomposed, Excitation, analyse, decomposed
 from validation.case import Case, Finding, Found, between, shown

@@ -11,12 +11,11 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
-from rope_twin.effects.weight import WeightParams
+from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
 from rope_twin.scene.schema import (
     Damping,
     Environment,

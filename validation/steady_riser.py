@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core.state import Floats
+from rope_twin.vortex.decomposed_response import upper_bands
 from rope_twin.vortex.force_table import ForceTable
-from rope_twin.vortex.integrators import upper_bands
 from rope_twin.vortex.line_model import Span
 from rope_twin.vortex.modes import stiffness
 from rope_twin.vortex.power_in import Decomposed, analyse, displaced

@@ -12,7 +12,7 @@ from rope_twin.studies.two_lines import LineRun, record_of, run_lines
 from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.snapshot import LineEvent
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.settings import MonitorSettings
+from rope_twin.vortex.results import MonitorSettings
 from validation.case import Case, Finding, Found, between, shown, within
 
 LINES = ("main", "haulback")

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.current import CurrentParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.studies.picture import Line, Panel, Vector

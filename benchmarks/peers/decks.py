@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
-from rope_twin.effects.weight import WeightParams
+from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.interchange.moordyn import ABOVE_M
 from rope_twin.interchange.moordyn_deck import (

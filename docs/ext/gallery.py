@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import sys
 from typing import Any
 
 from markdown import code, prose, table, words
@@ -118,7 +117,6 @@ def load_models() -> str:
     """Return a section for each effect: what its file says of model and source."""
     sections = []
     for effect in EFFECTS:
-        about = sys.modules[effect.params.__module__].__doc__ or ""
-        paragraphs = (prose(" ".join(one.split())) for one in about.split("\n\n"))
+        paragraphs = (prose(" ".join(one.split())) for one in effect.about.strip().split("\n\n"))
         sections.append("\n\n".join((f"## {code(effect.name)}", *paragraphs)))
     return "\n\n".join(sections)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
-from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.run.arguments import (
     add_command,

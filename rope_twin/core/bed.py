@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rope_twin.core.jit.decorators import jit_entry, jit_within
-from rope_twin.core.joined.stack import stacks
+from rope_twin.core.joined.stack import differs
 from rope_twin.core.state import Floats
 
 
@@ -40,42 +39,7 @@ class Grid(NamedTuple):
     soil: Soil
 
 
-class ManyPlanes(NamedTuple):
-    """One plane seabed shared by the ropes of a multi-line system."""
-
-    bed: Plane
-    k: Floats  # stiffness under the payload of each rope [N/m], (ropes,)
-
-
-class ManyGrids(NamedTuple):
-    """One seabed of soundings shared by the ropes of a multi-line system."""
-
-    bed: Grid
-    k: Floats  # stiffness under the payload of each rope [N/m], (ropes,)
-
-
-def _pick_plane(many: Any, r: int) -> Any:
-    bed = many.bed
-    soil = Soil(bed.soil.k, many.k[r], bed.soil.chi, bed.soil.mu)
-    return Plane(bed.height, bed.east, bed.north, soil)
-
-
-def _pick_grid(many: Any, r: int) -> Any:
-    bed = many.bed
-    soil = Soil(bed.soil.k, many.k[r], bed.soil.chi, bed.soil.mu)
-    return Grid(bed.top, bed.x, bed.y, bed.height, soil)
-
-
-@stacks(Plane, ManyPlanes, _pick_plane)
-def stack_planes(beds: Sequence[Plane]) -> ManyPlanes:
-    """Stack seabeds: the shape of the first one and the stiffness below each payload."""
-    return ManyPlanes(beds[0], np.array([one.soil.k_payload for one in beds]))
-
-
-@stacks(Grid, ManyGrids, _pick_grid)
-def stack_grids(beds: Sequence[Grid]) -> ManyGrids:
-    """Stack seabeds: the shape of the first one and the stiffness below each payload."""
-    return ManyGrids(beds[0], np.array([one.soil.k_payload for one in beds]))
+differs(Plane, Grid)
 
 
 @jit_within

@@ -210,35 +210,6 @@ def stretch(law: Any, work: Floats, offset: Any, p: float, q: float, low: int, h
 
 
 @jit
-def stretch_corrected(rope: Rope, stage: Stage, low: int, high: int) -> int:
-    """Apply `stretch` after a correction; return the number of tensions that deviate.
-
-    The linearisation predicts T + (AXIAL + GEOMETRIC)·t·Δdelta, T itself where slack. NaN always
-    counts as a deviation.
-    """
-    work, tolerance = rope.work, rope.model.tolerance
-    part = _part(law_of(rope), work, rope.state.offset, low)
-    motion, weights = _motion(work, low), (stage.p, stage.q)
-    dx, dy, dz = rows(work, CORRECTION, low)
-    nx, ny, nz = rows(work, CORRECTION, low + 1)
-    tx, ty, tz = rows(work, DIRECTION, low)
-    T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
-    wrong = 0
-    for e in range(high - low):
-        more = tx[e] * (nx[e] - dx[e]) + ty[e] * (ny[e] - dy[e]) + tz[e] * (nz[e] - dz[e])
-        expected = T[e] + (axial[e] + geometric[e]) * more
-        x, y, z, pull, along, across = _stretched(part, _apart(motion, e), weights, e)
-        wrong = count_beyond(wrong, pull, expected, tolerance)
-        tx[e] = x
-        ty[e] = y
-        tz[e] = z
-        T[e] = pull
-        axial[e] = along
-        geometric[e] = across
-    return wrong
-
-
-@jit
 def count_unexpected(rope: Rope, stage: Stage, low: int, high: int) -> int:
     """Return the number of tensions that will deviate once motion is corrected.
 

@@ -402,44 +402,37 @@ def eliminate_pair(work: Any, record: Any, at: int, nodes: Any, elements: Any, s
 
 
 @jit_within
+def store_three(record: Any, at: int, pairs: Any) -> None:
+    """Store three pairs."""
+    store(record, at, pairs[0])
+    store(record, at + 2, pairs[1])
+    store(record, at + 4, pairs[2])
+
+
+@jit_within
+def load_three(record: Any, at: int) -> Any:
+    """Load three pairs."""
+    return load(record, at), load(record, at + 2), load(record, at + 4)
+
+
+@jit_within
 def keep_pair(record: Any, at: int, gain: Any, own: Any, inverse: Any) -> None:
     """Store the factors of a pair."""
-    store(record, at, gain[0])
-    store(record, at + 2, gain[1])
-    store(record, at + 4, gain[2])
-    store(record, at + 6, gain[3])
-    store(record, at + 8, gain[4])
-    store(record, at + 10, gain[5])
-    store(record, at + 12, gain[6])
-    store(record, at + 14, gain[7])
-    store(record, at + 16, gain[8])
-    store(record, at + 18, own[0])
-    store(record, at + 20, own[1])
-    store(record, at + 22, own[2])
-    store(record, at + 24, inverse[0])
-    store(record, at + 26, inverse[1])
-    store(record, at + 28, inverse[2])
-    store(record, at + 30, inverse[3])
-    store(record, at + 32, inverse[4])
-    store(record, at + 34, inverse[5])
+    store_three(record, at, gain[:3])
+    store_three(record, at + 6, gain[3:6])
+    store_three(record, at + 12, gain[6:])
+    store_three(record, at + 18, own)
+    store_three(record, at + 24, inverse[:3])
+    store_three(record, at + 30, inverse[3:])
 
 
 @jit_within
 def push_pair(record: Any, at: int, f: Any) -> Any:
     """Return the force behind two eliminated nodes, given that on them; store their own part."""
-    gain = (
-        load(record, at), load(record, at + 2), load(record, at + 4), load(record, at + 6),
-        load(record, at + 8), load(record, at + 10), load(record, at + 12), load(record, at + 14),
-        load(record, at + 16),
-    )  # fmt: skip
-    inverse = (
-        load(record, at + 24), load(record, at + 26), load(record, at + 28), load(record, at + 30),
-        load(record, at + 32), load(record, at + 34),
-    )  # fmt: skip
+    gain = load_three(record, at) + load_three(record, at + 6) + load_three(record, at + 12)
+    inverse = load_three(record, at + 24) + load_three(record, at + 30)
     own, pushed = push_node(gain, inverse, f)
-    store(record, at + 18, own[0])
-    store(record, at + 20, own[1])
-    store(record, at + 22, own[2])
+    store_three(record, at + 18, own)
     return pushed
 
 

@@ -26,8 +26,6 @@ from __future__ import annotations
 from math import exp, sqrt
 from typing import Any
 
-from numba.extending import overload
-
 from rope_twin.core.axial_law import (
     BEND,
     CARRIED,
@@ -54,7 +52,8 @@ from rope_twin.core.axial_law import (
 )
 from rope_twin.core.elements import section_above
 from rope_twin.core.integrator import BDF2, GAMMA, K1, K2, TRAPEZOID
-from rope_twin.core.jit.decorators import LINKED, jit, jit_within
+from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.functions import by_type
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import (
@@ -208,17 +207,12 @@ def _predict(law: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
             m[HAT, e], m[HELD, e] = K1 * m[MIDDLE, e] - K2 * m[START, e], held
 
 
-def predict_law(law: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
-    """Predict the internal variables of the elements low <= e < high; other laws have none."""
-    if isinstance(law, FibreLaw):
-        _predict(law, rope, stage, kind, low, high)
-
-
-@overload(predict_law, jit_options=LINKED, strict=False)
-def _choose_prediction(law: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
-    if getattr(law, "instance_class", None) is FibreLaw:
-        return lambda law, rope, stage, kind, low, high: _predict(law, rope, stage, kind, low, high)
-    return lambda law, rope, stage, kind, low, high: None
+# Predict the internal variables of the elements low <= e < high; other laws have none.
+predict_law = by_type(
+    FibreLaw,
+    lambda law, rope, stage, kind, low, high: _predict(law, rope, stage, kind, low, high),
+    lambda law, rope, stage, kind, low, high: None,
+)
 
 
 @jit
@@ -229,17 +223,8 @@ def _hold(law: Any, rope: Any) -> None:
             m[HAT, e], m[HELD, e] = m[MEAN, e], 1.0
 
 
-def hold_law(law: Any, rope: Any) -> Any:
-    """Let a fibre rope answer as at the start of the step, at once; other laws always do."""
-    if isinstance(law, FibreLaw):
-        _hold(law, rope)
-
-
-@overload(hold_law, jit_options=LINKED, strict=False)
-def _choose_hold(law: Any, rope: Any) -> Any:
-    if getattr(law, "instance_class", None) is FibreLaw:
-        return lambda law, rope: _hold(law, rope)
-    return lambda law, rope: None
+# Let a fibre rope answer as at the start of the step, at once; other laws always do.
+hold_law = by_type(FibreLaw, lambda law, rope: _hold(law, rope), lambda law, rope: None)
 
 
 @jit_within

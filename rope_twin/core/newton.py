@@ -37,7 +37,7 @@ from rope_twin.core.integrator import (
     predict_trapezoid,
 )
 from rope_twin.core.jit.decorators import LINKED, jit
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import end_to_end, rows, span
 from rope_twin.core.jit.wide import count_beyond
 from rope_twin.core.joined.chains import add_couplings
 from rope_twin.core.joined.linear_solver import push_system, solve_system
@@ -91,50 +91,44 @@ MAX_CORRECTIONS_LAST = 200
 CHUNK = 64  # nodes per chunk of all passes: their rows fit into the nearest cache
 
 
-def _as_coupled(coupled: Any, plain: Any) -> Any:
-    """Return a solver of the chain: `coupled` if an effect's type couples nodes, else `plain`."""
-
-    def solve(effects: Any, work: Floats, first: Any, n: Any) -> None:
-        (coupled if hooks.couples(map(type, effects)) else plain)(work, first, n)
-
-    @overload(solve, jit_options=LINKED, strict=False)
-    def choose(effects: Any, work: Floats, first: Any, n: Any) -> Any:
-        chosen = coupled if hooks.couples(part.instance_class for part in effects) else plain
-
-        def call(effects: Any, work: Floats, first: Any, n: Any) -> None:
-            chosen(work, first, n)
-
-        return call
-
-    return solve
-
-
 @jit
 def _push_links(work: Floats, first: int, n: int) -> None:
     """Solve with the previous factors; subtract the effect of the couplings from the residual."""
-    push_coupled(work, first, n)
+    push_coupled(end_to_end(work), first, n)
     take_links(work, n)
 
 
-_eliminate = _as_coupled(eliminate_coupled, eliminate)
+# Solve the chain of a rope, in which an effect may couple nodes; and with the existing factors.
+_eliminate = hooks.chosen_by(
+    hooks.couples,
+    lambda effects, work, first, n: eliminate_coupled(end_to_end(work), first, n),
+    lambda effects, work, first, n: eliminate(end_to_end(work), first, n),
+)
+_push = hooks.chosen_by(
+    hooks.couples,
+    lambda effects, work, first, n: _push_links(work, first, n),
+    lambda effects, work, first, n: push(end_to_end(work), first, n),
+)
 
 
-_push = _as_coupled(_push_links, push)  # with the existing factors
+@by_kind(
+    lambda system: _eliminate(
+        system.effects, system.work, system.model.first_free, system.state.counts[ELEMENTS]
+    )
+)
+def _solve(system: Any) -> Any:
+    """Solve for the corrections of all nodes and connections."""
+    solve_system(system)
 
 
-def _solve_rope(system: Any) -> Any:
-    n = system.state.counts[ELEMENTS]
-    _eliminate(system.effects, system.work, system.model.first_free, n)
-
-
-def _push_rope(system: Any) -> Any:
-    n = system.state.counts[ELEMENTS]
-    _push(system.effects, system.work, system.model.first_free, n)
-
-
-# Solve for the corrections of all nodes and connections; with the existing factors.
-_solve = by_kind(_solve_rope, lambda system: solve_system(system))
-_solve_again = by_kind(_push_rope, lambda system: push_system(system))
+@by_kind(
+    lambda system: _push(
+        system.effects, system.work, system.model.first_free, system.state.counts[ELEMENTS]
+    )
+)
+def _solve_again(system: Any) -> Any:
+    """Solve with the existing factors."""
+    push_system(system)
 
 
 @jit
@@ -229,16 +223,8 @@ def _look_ahead(system: Any, stage: Stage) -> int:
     return int(unexpected)
 
 
-def _switches(effects: Any) -> Any:
-    """Return whether effects have active sets, so that tensions alone do not show convergence."""
-    return hooks.switches(map(type, effects))
-
-
-@overload(_switches, jit_options=LINKED, strict=False)
-def _choose_balance(effects: Any) -> Any:
-    if hooks.switches(effect.instance_class for effect in effects):
-        return lambda effects: True
-    return lambda effects: False
+# Whether effects have active sets, so that tensions alone do not show convergence.
+_switches = hooks.chosen_by(hooks.switches, lambda effects: True, lambda effects: False)
 
 
 @jit
@@ -295,13 +281,10 @@ def _choose_trial(sheaves: Any, effects: Any, system: Any, stage: Any) -> Any:
     return lambda sheaves, effects, system, stage: False
 
 
-# Whether one correction with the last elimination's factors solves the stage, where they are tried.
-_is_solved_again = by_kind(
-    lambda system, stage: _is_solved_by_factors(system, stage),
-    lambda system, stage: _try_joined(
-        system.sheaves, effects_at(system.stack.effects, ZERO), system, stage
-    ),
-)
+@by_kind(lambda system, stage: _is_solved_by_factors(system, stage))
+def _is_solved_again(system: Any, stage: Any) -> Any:
+    """Return whether one correction with the last factors solves the stage, where it is tried."""
+    return _try_joined(system.sheaves, effects_at(system.stack.effects, ZERO), system, stage)
 
 
 @jit

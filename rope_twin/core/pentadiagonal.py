@@ -1,18 +1,16 @@
 """Block-pentadiagonal solver of the node equations, O(n): a node is coupled to the next two.
 
-`eliminate_coupled_plainly` proceeds from the lower end to the hang-off. Compiled code factorises
-from both ends at once, one side in each SIMD lane, as in `core/tridiagonal`: pair k is the nodes
-first + k and n - 1 - k; the two or three nodes left in the middle are eliminated one by one. The
-factors of a pair for the back-substitution are a record of 36 numbers, 24 in the rows ELIMINATED
-and 12 in FACTOR, where records lie end to end; the last record in ELIMINATED is followed by the
-Schur complements of both sides on the middle. A test compares both with a dense solver.
+The matrix is factorised from both ends at once, one side in each SIMD lane, as in
+`core/tridiagonal`: pair k is the nodes first + k and n - 1 - k; the two or three nodes left in the
+middle are eliminated one by one. The factors of a pair for the back-substitution are a record of 36
+numbers, 24 in the rows ELIMINATED and 12 in FACTOR, where records lie end to end; the last record
+in ELIMINATED is followed by the Schur complements of both sides on the middle. A test compares it
+with a dense solver.
 """
 
 from __future__ import annotations
 
 from typing import Any
-
-from numba import config
 
 from rope_twin.core.elimination import (
     add,
@@ -23,17 +21,22 @@ from rope_twin.core.elimination import (
     hold_ends,
     lanes,
     link_less,
+    load_three,
     onto_next,
     push_coupled_node,
+    pushed_on,
     scaled,
     six,
     six_lanes,
     solve_symmetric,
     spring,
+    store_three,
     substituted,
+    two,
+    two_of_six,
 )
 from rope_twin.core.jit.decorators import jit, jit_ordered, jit_ordered_within, jit_within
-from rope_twin.core.jit.rows import column, gather, lane, load, pair, row, rows, span, store
+from rope_twin.core.jit.rows import column, gather, lane, pair, row, rows, span
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
@@ -65,14 +68,18 @@ def single_node(work: Floats, i: int, state: Any, K: Any, c: float, d: float) ->
 
 
 @jit_within
+def set_column(work: Any, first: int, i: int, d: Any) -> None:
+    """Set column i of three rows."""
+    work[first, i], work[first + 1, i], work[first + 2, i] = d
+
+
+@jit_within
 def keep_node(work: Floats, factors: int, i: int, kept: Any) -> None:
     """Store the factors of node i for the back-substitution; S⁻¹ from row `factors` on."""
     own, G, inverse = kept
+    set_column(work, ELIMINATED, i, own)
     for k in range(3):
-        work[ELIMINATED + k, i] = own[k]
-        work[ELIMINATED + 3 + k, i] = G[0][k]
-        work[ELIMINATED + 6 + k, i] = G[1][k]
-        work[ELIMINATED + 9 + k, i] = G[2][k]
+        set_column(work, ELIMINATED + 3 + 3 * k, i, G[k])
     for k in range(6):
         work[factors + k, i] = inverse[k]
 
@@ -85,51 +92,6 @@ def kept_of(work: Floats, factors: int, i: int) -> Any:
         column(work, ELIMINATED + 9, i),
     )  # fmt: skip
     return column(work, ELIMINATED, i), G, six(work, factors, i)
-
-
-@jit_within
-def set_correction(work: Floats, i: int, delta: Any) -> None:
-    """Set the correction of a node."""
-    for k in range(3):
-        work[CORRECTION + k, i] = delta[k]
-
-
-@jit_ordered
-def eliminate_coupled_plainly(work: Floats, first: int, n: int) -> None:
-    """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
-    nothing = (0.0, 0.0, 0.0)
-    nil = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    state = ground(work, first), nothing, (nil, nothing), (nothing, nothing, nothing)
-    for i in range(first, n):
-        c, d = work[LINK, i], work[LINK + 1, i]
-        kept, state = single_node(work, i, state, spring(work, i), c, d)
-        keep_node(work, FACTOR, i, kept)
-    _substitute_plainly(work, first, n)
-
-
-@jit_ordered
-def push_coupled_plainly(work: Floats, first: int, n: int) -> None:
-    """Solve for another residual with the factors of `eliminate_coupled_plainly`."""
-    f = carried = (0.0, 0.0, 0.0)
-    for i in range(first, n):
-        _, G, I = kept_of(work, FACTOR, i)
-        force = add(f, column(work, RESIDUAL, i))
-        own, pushed, far = push_coupled_node(force, G, I, work[SECOND, i])
-        f, carried = add(carried, pushed), far
-        for k in range(3):
-            work[ELIMINATED + k, i] = own[k]
-    _substitute_plainly(work, first, n)
-
-
-@jit_ordered
-def _substitute_plainly(work: Floats, first: int, n: int) -> None:
-    """Back-substitute from the hang-off down."""
-    near = far = (0.0, 0.0, 0.0)
-    for i in range(n - 1, first - 1, -1):
-        d = work[SECOND, i]
-        near, far = substituted(kept_of(work, FACTOR, i), near, scaled(d, far)), near
-        set_correction(work, i, near)
-    hold_ends(work, first, n)
 
 
 @jit
@@ -174,11 +136,10 @@ def _springs(work: Floats, i: int, e: int) -> Any:
 @jit_ordered_within
 def _paired_node(work: Floats, i: int, j: int, k: int, state: Any) -> Any:
     """Eliminate node i onto those above it and node j onto those below; store record k."""
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     S, f, carried, between = state
     K = _springs(work, i, j - 1)
     S = add_six(add_six(S, _gathered_six(work, i, j)), K)
-    f = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
+    f = pushed_on(work, i, j, f)
     B = add_nine(between, link_less(gather(row(work, LINK, 0), i, j - 1), K))
     kept, left = eliminate_coupled_node(S, f, B, gather(row(work, SECOND, 0), i, j - 2))
     _store(work, k, kept)
@@ -189,53 +150,21 @@ def _paired_node(work: Floats, i: int, j: int, k: int, state: Any) -> Any:
 def _store(work: Floats, k: int, kept: Any) -> None:
     """Store record k."""
     own, G, I = kept
-    record = row(work, ELIMINATED, RECORD * k)
-    store(record, 0, own[0])
-    store(record, 2, own[1])
-    store(record, 4, own[2])
-    store(record, 6, G[0][0])
-    store(record, 8, G[0][1])
-    store(record, 10, G[0][2])
-    store(record, 12, G[1][0])
-    store(record, 14, G[1][1])
-    store(record, 16, G[1][2])
-    store(record, 18, G[2][0])
-    store(record, 20, G[2][1])
-    store(record, 22, G[2][2])
-    more = row(work, FACTOR, MORE * k)
-    store(more, 0, I[0])
-    store(more, 2, I[1])
-    store(more, 4, I[2])
-    store(more, 6, I[3])
-    store(more, 8, I[4])
-    store(more, 10, I[5])
+    record, more = row(work, ELIMINATED, RECORD * k), row(work, FACTOR, MORE * k)
+    store_three(record, 0, own)
+    store_three(record, 6, G[0])
+    store_three(record, 12, G[1])
+    store_three(record, 18, G[2])
+    store_three(more, 0, I[:3])
+    store_three(more, 6, I[3:])
 
 
 @jit_within
 def _stored(work: Floats, k: int) -> Any:
     """Load record k."""
     r, m = row(work, ELIMINATED, RECORD * k), row(work, FACTOR, MORE * k)
-    G = (
-        (load(r, 6), load(r, 8), load(r, 10)), (load(r, 12), load(r, 14), load(r, 16)),
-        (load(r, 18), load(r, 20), load(r, 22)),
-    )  # fmt: skip
-    I = (load(m, 0), load(m, 2), load(m, 4), load(m, 6), load(m, 8), load(m, 10))
-    return (load(r, 0), load(r, 2), load(r, 4)), G, I
-
-
-@jit_within
-def _paired(a: Any, b: Any) -> Any:
-    """Return the entries of two symmetric matrices as pairs."""
-    return (
-        pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2]), pair(a[3], b[3]), pair(a[4], b[4]),
-        pair(a[5], b[5]),
-    )  # fmt: skip
-
-
-@jit_within
-def _paired_three(a: Any, b: Any) -> Any:
-    """Return the entries of two vectors as pairs."""
-    return pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2])
+    G = load_three(r, 6), load_three(r, 12), load_three(r, 18)
+    return load_three(r, 0), G, load_three(m, 0) + load_three(m, 6)
 
 
 @jit_within
@@ -268,18 +197,18 @@ def _solve_middle(work: Floats, middle: int, rest: int, below: Any, above: Any) 
     kept_low, state = single_node(work, low, state, spring(work, low), work[LINK, low], 0.0)
     (delta_high, _, _), _ = single_node(work, high, state, nil, 0.0, 0.0)
     delta_low = substituted(kept_low, delta_high, nothing)
-    set_correction(work, high, delta_high)
-    set_correction(work, low, delta_low)
+    set_column(work, CORRECTION, high, delta_high)
+    set_column(work, CORRECTION, low, delta_low)
     near, far = delta_low, delta_high
     if rest == 3:
         d = work[SECOND, middle]
         near, far = substituted(kept, delta_low, scaled(d, delta_high)), delta_low
-        set_correction(work, middle, near)
+        set_column(work, CORRECTION, middle, near)
     return near, far, delta_high, delta_low
 
 
 @jit_ordered
-def _eliminate_coupled_folded(work: Floats, first: int, n: int) -> None:
+def eliminate_coupled(work: Floats, first: int, n: int) -> None:
     """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
     if n - first == 1:
         _solve_one(work, first, n)
@@ -287,7 +216,7 @@ def _eliminate_coupled_folded(work: Floats, first: int, n: int) -> None:
     pairs = (n - first - 2) // 2
     zero = pair(0.0, 0.0)
     none = (zero, zero, zero)
-    S = _paired(ground(work, first), spring(work, n - 1))
+    S = two_of_six(ground(work, first), spring(work, n - 1))
     state = S, none, ((zero, zero, zero, zero, zero, zero), none), (none, none, none)
     for k in range(pairs):
         state = _paired_node(work, first + k, n - 1 - k, k, state)
@@ -299,24 +228,8 @@ def _eliminate_coupled_folded(work: Floats, first: int, n: int) -> None:
 def _solve_one(work: Floats, i: int, n: int) -> None:
     """Solve for the correction of the only free node."""
     S = add_six(add_six(ground(work, i), spring(work, i)), six(work, BLOCK, i))
-    set_correction(work, i, solve_symmetric(S, column(work, RESIDUAL, i)))
+    set_column(work, CORRECTION, i, solve_symmetric(S, column(work, RESIDUAL, i)))
     hold_ends(work, i, n)
-
-
-@jit_within
-def _store_six(record: Any, at: int, S: Any) -> None:
-    """Store pairs of a symmetric matrix, or of two vectors."""
-    for k in range(6):
-        store(record, at + 2 * k, S[k])
-
-
-@jit_within
-def _loaded_six(r: Any, at: int) -> Any:
-    """Load pairs of a symmetric matrix, or of two vectors."""
-    return (
-        load(r, at), load(r, at + 2), load(r, at + 4), load(r, at + 6), load(r, at + 8),
-        load(r, at + 10),
-    )  # fmt: skip
 
 
 @jit_within
@@ -324,43 +237,39 @@ def _store_middle(work: Floats, pairs: int, state: Any) -> None:
     """Store the Schur complements on the middle, after the records of the pairs."""
     S, _, (second, _), (x, y, z) = state
     record = row(work, ELIMINATED, RECORD * pairs)
-    _store_six(record, 0, S)
-    _store_six(record, 12, second)
-    _store_six(record, 24, (x[0], x[1], x[2], y[0], y[1], y[2]))
-    store(record, 36, z[0])
-    store(record, 38, z[1])
-    store(record, 40, z[2])
+    store_three(record, 0, S[:3])
+    store_three(record, 6, S[3:])
+    store_three(record, 12, second[:3])
+    store_three(record, 18, second[3:])
+    store_three(record, 24, x)
+    store_three(record, 30, y)
+    store_three(record, 36, z)
 
 
 @jit_within
 def _stored_middle(work: Floats, pairs: int, f: Any, far: Any) -> Any:
     """Load the Schur complements on the middle; f, far: forces on it and on the next node."""
     r = row(work, ELIMINATED, RECORD * pairs)
-    x, y = (load(r, 24), load(r, 26), load(r, 28)), (load(r, 30), load(r, 32), load(r, 34))
-    z = (load(r, 36), load(r, 38), load(r, 40))
-    return _loaded_six(r, 0), f, (_loaded_six(r, 12), far), (x, y, z)
+    S, second = load_three(r, 0) + load_three(r, 6), load_three(r, 12) + load_three(r, 18)
+    return S, f, (second, far), (load_three(r, 24), load_three(r, 30), load_three(r, 36))
 
 
 @jit_ordered
-def _push_coupled_folded(work: Floats, first: int, n: int) -> None:
-    """Solve for another residual with the records of `_eliminate_coupled_folded`."""
+def push_coupled(work: Floats, first: int, n: int) -> None:
+    """Solve for another residual with the records of `eliminate_coupled`."""
     if n - first == 1:
         _solve_one(work, first, n)
         return
     pairs = (n - first - 2) // 2
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     f = carried = (pair(0.0, 0.0), pair(0.0, 0.0), pair(0.0, 0.0))
     for k in range(pairs):
         i, j = first + k, n - 1 - k
         _, G, I = _stored(work, k)
-        force = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
+        force = pushed_on(work, i, j, f)
         d = gather(row(work, SECOND, 0), i, j - 2)
         own, pushed, far = push_coupled_node(force, G, I, d)
         f, carried = add(carried, pushed), far
-        record = row(work, ELIMINATED, RECORD * k)
-        store(record, 0, own[0])
-        store(record, 2, own[1])
-        store(record, 4, own[2])
+        store_three(row(work, ELIMINATED, RECORD * k), 0, own)
     _substitute_folded(work, first, n, _stored_middle(work, pairs, f, carried))
 
 
@@ -372,7 +281,7 @@ def _substitute_folded(work: Floats, first: int, n: int, state: Any) -> None:
     near_low, far_low, near_high, far_high = _solve_middle(
         work, first + pairs, n - first - 2 * pairs, _lanes_of(state, 0), _lanes_of(state, 1)
     )
-    near, far = _paired_three(near_low, near_high), _paired_three(far_low, far_high)
+    near, far = two(near_low, near_high), two(far_low, far_high)
     for k in range(pairs - 1, -1, -1):
         i, j = first + k, n - 1 - k
         d = gather(row(work, SECOND, 0), i, j - 2)
@@ -382,7 +291,3 @@ def _substitute_folded(work: Floats, first: int, n: int, state: Any) -> None:
         dy[i], dy[j] = lane(y, 0), lane(y, 1)
         dz[i], dz[j] = lane(z, 0), lane(z, 1)
     hold_ends(work, first, n)
-
-
-eliminate_coupled = eliminate_coupled_plainly if config.DISABLE_JIT else _eliminate_coupled_folded
-push_coupled = push_coupled_plainly if config.DISABLE_JIT else _push_coupled_folded

@@ -95,25 +95,16 @@ def stage_at(rope: Rope, boundary: Boundary, row: int, part: float, time: float,
     return Stage(time + part * h, c * c, c, V)
 
 
-@jit
-def _joined_stage_at(
-    system: Any, boundary: Boundary, row: int, part: float, time: float, c: float
-) -> Any:
+@by_kind(
+    lambda system, boundary, row, part, time, c: stage_at(system, boundary, row, part, time, c)
+)
+def _stage_at(system: Any, boundary: Any, row: Any, part: Any, time: Any, c: Any) -> Any:
     """Set the boundary conditions of all hang-offs; return the stage, without a payout speed."""
     for r in range(count_ropes(system)):
         if system.joints.upper[r] == LOOSE:
             own = boundary_of(system, boundary, r)
             system.joints.speed[r] = stage_at(rope_at(system, r), own, row, part, time, c).V
     return Stage(time + part * step_of(system), c * c, c, 0.0)
-
-
-# Set the boundary conditions at a fraction of the step and return the stage there.
-_stage_at = by_kind(
-    lambda system, boundary, row, part, time, c: stage_at(system, boundary, row, part, time, c),
-    lambda system, boundary, row, part, time, c: _joined_stage_at(
-        system, boundary, row, part, time, c
-    ),
-)
 
 
 @jit_sum
@@ -286,39 +277,28 @@ def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
     add_pull(rope.effects, work, rope.state.nodes, n, pull, row)
 
 
-@jit
-def _finish_joined(system: Any, boundary: Boundary, pull: Any, row: int, time: float) -> None:
-    """Complete step `row` of a multi-line system, which ends at `time`."""
-    for r in range(count_ropes(system)):
-        rope = rope_at(system, r)
-        if system.joints.upper[r] == LOOSE:
-            finish(rope, boundary_of(system, boundary, r), pull[r], row, time)
-        elif is_at_sheave(system.sheaves, r):
-            finish_at_sheave(system.sheaves, system, r, pull[r, row : row + 1], time)
+# One rope goes by value, as all of this is inlined here; `held` is the same system by its address.
+@by_kind(lambda system, held, boundary, pull, row, time: finish(system, boundary, pull, row, time))
+def _finish(system: Any, held: Any, boundary: Any, pull: Any, row: Any, time: Any) -> Any:
+    """Complete a step, which ends at `time`: report tensions, split or merge elements."""
+    for r in range(count_ropes(held)):
+        rope = rope_at(held, r)
+        if held.joints.upper[r] == LOOSE:
+            finish(rope, boundary_of(held, boundary, r), pull[r], row, time)
+        elif is_at_sheave(held.sheaves, r):
+            finish_at_sheave(held.sheaves, held, r, pull[r, row : row + 1], time)
         else:
             _report_joined(rope, pull[r], row, time)
 
 
-# Complete a step of a system: report tensions, split or merge elements. One rope goes by value,
-# as all of this is inlined here; `held` is the same system by its address.
-_finish = by_kind(
-    lambda system, held, boundary, pull, row, time: finish(system, boundary, pull, row, time),
-    lambda system, held, boundary, pull, row, time: _finish_joined(held, boundary, pull, row, time),
-)
-
-
-@jit
-def _has_other_elements(system: Any) -> bool:
-    """Return whether elements were added or removed since the plan was made."""
+@by_kind(lambda system: False)
+def _needs_plan(system: Any) -> Any:
+    """Return whether elements were added or removed since elimination was planned."""
     counts, known = system.stack.counts, system.joints.plan.counts
     other = 0
     for r in range(counts.shape[0]):
         other += counts[r, ELEMENTS] != known[r]
-    return bool(other > 0)
-
-
-# Whether the order of elimination must be planned again (core/joined/plan).
-_needs_plan = by_kind(lambda system: False, lambda system: _has_other_elements(system))
+    return other > 0
 
 
 @jit_entry

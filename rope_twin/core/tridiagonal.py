@@ -1,10 +1,10 @@
 """Block-tridiagonal solver of the node equations, O(n): a node is coupled to the next one only.
 
-`eliminate_plainly` proceeds from the lower end to the hang-off. Such a recursion is bound by its
-own latency, so compiled code factorises from both ends at once (twisted factorisation), one side in
-each SIMD lane: pair k is the nodes first + k and n - 1 - k, and the two sides meet in the middle.
-The factors of a pair are a record (core/elimination); records lie end to end in the rows
-ELIMINATED. A test compares both with a dense solver.
+A recursion from the lower end to the hang-off is bound by its own latency, so the matrix is
+factorised from both ends at once (twisted factorisation), one side in each SIMD lane: pair k is the
+nodes first + k and n - 1 - k, and the two sides meet in the middle. The factors of a pair are a
+record (core/elimination); records lie end to end in the rows ELIMINATED. A test compares it with a
+dense solver.
 
 `push` solves for another residual with the factors of the last elimination.
 
@@ -15,8 +15,6 @@ one in each lane, in the order of operations of a single rope.
 from __future__ import annotations
 
 from typing import Any
-
-from numba import config
 
 from rope_twin.core.elimination import (
     RECORD,
@@ -37,7 +35,7 @@ from rope_twin.core.elimination import (
     two,
     two_of_six,
 )
-from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within, jit_within
+from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within
 from rope_twin.core.jit.rows import lane, pair, row, rows, span
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.state import (
@@ -52,71 +50,8 @@ from rope_twin.core.state import (
 )
 
 
-@jit_within
-def _plain_node(work: Floats, i: int, e: int, Z: Any, f: Any) -> Any:
-    """Eliminate node i through element e, in a one-sided sweep."""
-    zxx, zxy, zxz, zyy, zyz, zzz = Z
-    fx, fy, fz = f
-    b = work[GEOMETRIC, e]
-    S = (
-        zxx + (work[BLOCK, i] + b), zxy + work[BLOCK + 1, i], zxz + work[BLOCK + 2, i],
-        zyy + (work[BLOCK + 3, i] + b), zyz + work[BLOCK + 4, i], zzz + (work[BLOCK + 5, i] + b),
-    )  # fmt: skip
-    force = (
-        fx + work[RESIDUAL, i], fy + work[RESIDUAL + 1, i], fz + work[RESIDUAL + 2, i],
-    )  # fmt: skip
-    t = (work[DIRECTION, e], work[DIRECTION + 1, e], work[DIRECTION + 2, e])
-    return eliminate_node(S, force, t, work[AXIAL, e], b)
-
-
 @jit_ordered
-def eliminate_plainly(work: Floats, first: int, n: int) -> None:
-    """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
-    Z, f = ground(work, first), (0.0, 0.0, 0.0)
-    for i in range(first, n):
-        gain, own, Z, f, inverse = _plain_node(work, i, i, Z, f)
-        for k in range(9):
-            work[ELIMINATED + k, i] = gain[k]
-        for k in range(3):
-            work[ELIMINATED + 9 + k, i] = own[k]
-        for k in range(6):
-            work[ELIMINATED + 12 + k, i] = inverse[k]
-    _substitute_plainly(work, first, n)
-
-
-@jit_ordered
-def push_plainly(work: Floats, first: int, n: int) -> None:
-    """Solve for another residual with the factors of `eliminate_plainly`."""
-    f = (0.0, 0.0, 0.0)
-    G = work[ELIMINATED : ELIMINATED + 18]
-    for i in range(first, n):
-        x, y, z = f
-        gain = (G[0, i], G[1, i], G[2, i], G[3, i], G[4, i], G[5, i], G[6, i], G[7, i], G[8, i])
-        inverse = (G[12, i], G[13, i], G[14, i], G[15, i], G[16, i], G[17, i])
-        force = (x + work[RESIDUAL, i], y + work[RESIDUAL + 1, i], z + work[RESIDUAL + 2, i])
-        own, f = push_node(gain, inverse, force)
-        for k in range(3):
-            G[9 + k, i] = own[k]
-    _substitute_plainly(work, first, n)
-
-
-@jit_ordered
-def _substitute_plainly(work: Floats, first: int, n: int) -> None:
-    """Back-substitute from the hang-off down."""
-    dx = dy = dz = 0.0
-    for i in range(n - 1, first - 1, -1):
-        G = work[ELIMINATED : ELIMINATED + 12]
-        dx, dy, dz = (
-            G[9, i] + G[0, i] * dx + G[1, i] * dy + G[2, i] * dz,
-            G[10, i] + G[3, i] * dx + G[4, i] * dy + G[5, i] * dz,
-            G[11, i] + G[6, i] * dx + G[7, i] * dy + G[8, i] * dz,
-        )
-        work[CORRECTION, i], work[CORRECTION + 1, i], work[CORRECTION + 2, i] = dx, dy, dz
-    hold_ends(work, first, n)
-
-
-@jit_ordered
-def _eliminate_folded(work: Floats, first: int, n: int) -> None:
+def eliminate(work: Floats, first: int, n: int) -> None:
     """Solve for the corrections of the nodes first <= i < n, from both ends at once.
 
     Pair k is the nodes first + k and n - 1 - k. The sides meet in the middle; with an even number
@@ -142,8 +77,8 @@ def _eliminate_folded(work: Floats, first: int, n: int) -> None:
 
 
 @jit_ordered
-def _push_folded(work: Floats, first: int, n: int) -> None:
-    """Solve for another residual with the records of `_eliminate_folded`."""
+def push(work: Floats, first: int, n: int) -> None:
+    """Solve for another residual with the records of `eliminate`."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
     records = row(work, ELIMINATED, 0)
@@ -185,10 +120,6 @@ def _substitute_all(work: Floats, first: int, n: int, low: Any, high: Any) -> No
         dy[i], dy[j] = lane(py, 0), lane(py, 1)
         dz[i], dz[j] = lane(pz, 0), lane(pz, 1)
     hold_ends(work, first, n)
-
-
-eliminate = eliminate_plainly if config.DISABLE_JIT else _eliminate_folded
-push = push_plainly if config.DISABLE_JIT else _push_folded
 
 
 INVERSE = ELIMINATED + 12

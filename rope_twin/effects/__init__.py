@@ -1,4 +1,4 @@
-"""Registry of the effects (load models) that a scene can list; one file each with its source.
+"""Registry of the effects (load models) that a scene can list, whose files give their sources.
 
 EFFECTS is the only list of all effects. Its order is the order in which they are compiled and
 summed: the same set shares one binary, and sums are bit-identical.
@@ -6,40 +6,38 @@ summed: the same set shares one binary, and sums are bit-identical.
 
 from __future__ import annotations
 
+import re
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from rope_twin.effects import (
-    added_mass,
     bed_friction,
     bending,
     compensator,
+    coupled_vibration,
     current,
-    decomposed_force,
     depth_profiles,
     drag,
-    fairing,
     fluid_ramp,
     hull_contact,
     line_contact,
-    modal_vibration,
-    net,
     net_curtain,
     payload,
+    payload_faces,
     payload_oscillation,
     payload_shedding,
     rigid_body,
+    rope_in_air,
+    rope_mass,
     seabed,
-    splash_zone,
     strouhal_forcing,
     travelling_waves,
     wake_oscillator,
     waves,
-    weight,
-    wetting,
-    wind,
 )
+from rope_twin.vortex.drag_amplification import build_growth
 
 
 class Surroundings(NamedTuple):
@@ -72,16 +70,23 @@ class Effect:
     beside: bool = False  # a VIV model decoupled from the step, with its own mesh
     version: int = 1  # incremented with every change of its results beyond round-off
 
+    @property
+    def about(self) -> str:
+        """Return what its file says of model and source; of several effects, under its name."""
+        text = sys.modules[self.params.__module__].__doc__ or ""
+        parts = re.split(r"\*\*(\w+)\*\*: ", text)
+        return dict(zip(parts[1::2], parts[2::2], strict=True)).get(self.name, text)
+
 
 EFFECTS: tuple[Effect, ...] = (
     Effect("current", current.CurrentParams, current.build),
     Effect("waves", waves.WavesParams, waves.build),
-    Effect("wetting", wetting.WettingParams, wetting.build),
+    Effect("wetting", rope_in_air.WettingParams, rope_in_air.build_wetting),
     Effect("depth_profiles", depth_profiles.DepthProfilesParams, depth_profiles.build),
-    Effect("wind", wind.WindParams, wind.build),
-    Effect("weight", weight.WeightParams, weight.build),
+    Effect("wind", rope_in_air.WindParams, rope_in_air.build_wind),
+    Effect("weight", rope_mass.WeightParams, rope_mass.build_weight),
     Effect("drag", drag.DragParams, drag.build),
-    Effect("added_mass", added_mass.AddedMassParams, added_mass.build),
+    Effect("added_mass", rope_mass.AddedMassParams, rope_mass.build_added_mass),
     Effect("bending", bending.BendingParams, bending.build),
     Effect(
         "strouhal_forcing",
@@ -90,10 +95,7 @@ EFFECTS: tuple[Effect, ...] = (
         sheds=True,
     ),
     Effect(
-        "wake_oscillator",
-        wake_oscillator.WakeOscillatorParams,
-        wake_oscillator.build,
-        sheds=True,
+        "wake_oscillator", wake_oscillator.WakeOscillatorParams, wake_oscillator.build, sheds=True
     ),
     Effect(
         "travelling_waves",
@@ -104,16 +106,16 @@ EFFECTS: tuple[Effect, ...] = (
     ),
     Effect(
         "modal_vibration",
-        modal_vibration.ModalVibrationParams,
-        modal_vibration.build,
+        coupled_vibration.ModalVibrationParams,
+        build_growth,
         sheds=True,
         beside=True,
         version=2,
     ),
     Effect(
         "decomposed_force",
-        decomposed_force.DecomposedForceParams,
-        decomposed_force.build,
+        coupled_vibration.DecomposedForceParams,
+        build_growth,
         sheds=True,
         beside=True,
         version=2,
@@ -129,15 +131,11 @@ EFFECTS: tuple[Effect, ...] = (
         payload_oscillation.build,
     ),
     Effect("rigid_body", rigid_body.RigidBodyParams, rigid_body.build),
-    Effect("splash_zone", splash_zone.SplashZoneParams, splash_zone.build),
-    Effect("net", net.NetParams, net.build),
+    Effect("splash_zone", payload.SplashZoneParams, payload.build_splash_zone),
+    Effect("net", payload_faces.NetParams, payload_faces.build_net),
     Effect("net_curtain", net_curtain.NetCurtainParams, net_curtain.build),
-    Effect("fairing", fairing.FairingParams, fairing.build),
-    Effect(
-        "payload_shedding",
-        payload_shedding.PayloadSheddingParams,
-        payload_shedding.build,
-    ),
+    Effect("fairing", payload_faces.FairingParams, payload_faces.build_fairing),
+    Effect("payload_shedding", payload_shedding.PayloadSheddingParams, payload_shedding.build),
     Effect("fluid_ramp", fluid_ramp.FluidRampParams, fluid_ramp.build),
     Effect("compensator", compensator.CompensatorParams, compensator.build),
 )

@@ -19,7 +19,6 @@ the normal deviation of the top element's q).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -29,9 +28,9 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.joined.stack import stacks
+from rope_twin.core.joined.stack import differs
 from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.state import BLOCK, LINK, POSITION, RESIDUAL, REST, Floats
+from rope_twin.core.state import BLOCK, LINK, POSITION, RESIDUAL, REST
 from rope_twin.quantity import quantity
 
 Triple = tuple[float, float, float]
@@ -64,21 +63,7 @@ class Bending(NamedTuple):
     z: float
 
 
-class ManyBendings(NamedTuple):
-    """Kernel data of the ropes of a multi-line system."""
-
-    figures: Floats  # the fields of Bending, (ropes, 5)
-
-
-def _pick(many: Any, r: int) -> Any:
-    own = many.figures[r]
-    return Bending(own[0], own[1], own[2], own[3], own[4])
-
-
-@stacks(Bending, ManyBendings, _pick)
-def stack_bendings(bendings: Sequence[Bending]) -> ManyBendings:
-    """Stack the kernel data of several ropes."""
-    return ManyBendings(np.array(bendings, dtype=float))
+differs(Bending)
 
 
 def build(params: BendingParams, payload: Any, environment: Any) -> Bending:

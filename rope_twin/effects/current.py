@@ -327,46 +327,6 @@ def _share_wide(current: Any, stage: Any) -> Any:
     return share
 
 
-@wide_kernel("flow", Current)
-def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add U(z) to flow for a SIMD batch."""
-    _flow_wide(current, 1.0, work, low, high)
-
-
-@wide_kernel("flow", RisingCurrent)
-def rising_flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add U(z) with its vertical component to flow for a SIMD batch."""
-    _flow_wide(current, 1.0, work, low, high)
-    _flow_up_wide(current, 1.0, work, low, high)
-
-
-@wide_kernel("flow", CurrentInTime)
-def flow_in_time_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add share(t)·U(z) to flow for a SIMD batch."""
-    _flow_wide(current.current, _share_wide(current, stage), work, low, high)
-
-
-@wide_kernel("flow", RisingCurrentInTime)
-def rising_flow_in_time_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add share(t)·U(z) with its vertical component to flow for a SIMD batch."""
-    share = _share_wide(current, stage)
-    _flow_wide(current.current, share, work, low, high)
-    _flow_up_wide(current.current, share, work, low, high)
-
-
-@kernel("flow", Current)
-def flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add U(z) to flow."""
-    _flow(current, 1.0, work, low, high)
-
-
-@kernel("flow", RisingCurrent)
-def rising_flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add U(z) with its vertical component to flow."""
-    _flow(current, 1.0, work, low, high)
-    _flow_up(current, 1.0, work, low, high)
-
-
 @jit_within
 def _share(current: Any, stage: Any) -> Any:
     """Return the time factor, which is constant before the first and after the last row."""
@@ -381,15 +341,31 @@ def _share(current: Any, stage: Any) -> Any:
     return share
 
 
-@kernel("flow", CurrentInTime)
-def flow_in_time(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add share(t)·U(z) to flow."""
-    _flow(current.current, _share(current, stage), work, low, high)
+@jit_within
+def _flow_rising(current: Any, share: Any, work: Any, low: int, high: int) -> None:
+    _flow(current, share, work, low, high)
+    _flow_up(current, share, work, low, high)
 
 
-@kernel("flow", RisingCurrentInTime)
-def rising_flow_in_time(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Add share(t)·U(z) with its vertical component to flow."""
-    share = _share(current, stage)
-    _flow(current.current, share, work, low, high)
-    _flow_up(current.current, share, work, low, high)
+@jit_within
+def _flow_rising_wide(current: Any, share: Any, work: Any, low: int, high: int) -> None:
+    _flow_wide(current, share, work, low, high)
+    _flow_up_wide(current, share, work, low, high)
+
+
+def _register(register: Any, steady: type, over_time: type, add: Any, share_of: Any) -> None:
+    """Register the kernels of a profile; add(current, share, ...): adds share·U(z) to flow."""
+
+    @register("flow", steady)
+    def flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+        add(current, 1.0, work, low, high)
+
+    @register("flow", over_time)
+    def flow_in_time(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+        add(current.current, share_of(current, stage), work, low, high)
+
+
+_register(kernel, Current, CurrentInTime, _flow, _share)
+_register(kernel, RisingCurrent, RisingCurrentInTime, _flow_rising, _share)
+_register(wide_kernel, Current, CurrentInTime, _flow_wide, _share_wide)
+_register(wide_kernel, RisingCurrent, RisingCurrentInTime, _flow_rising_wide, _share_wide)

@@ -22,7 +22,6 @@ taken out here and the power of the forces that act is put in its place, unless 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -32,20 +31,18 @@ import numpy as np
 from rope_twin.core.energy import account, account_soaked, wets
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows, span
-from rope_twin.core.joined.stack import stacks
-from rope_twin.core.loads.balance import Node
+from rope_twin.core.joined.stack import differs
+from rope_twin.core.loads.balance import Node, end_relative
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
     DIVISOR_MIN,
-    FLOW,
     FLOW_RATE,
     POSITION,
     RESIDUAL,
     SPEED2_MIN,
     TURN2,
-    VELOCITY,
     Floats,
 )
 from rope_twin.quantity import quantity
@@ -111,25 +108,7 @@ class DepthProfiles(NamedTuple):
 AT_END = DepthProfiles._fields[4:]  # what is the payload's
 
 
-class ManyDepthProfiles(NamedTuple):
-    """Kernel data of the ropes of a multi-line system."""
-
-    first: DepthProfiles
-    ends: Floats  # the payload's numbers of each rope, (ropes, 12)
-
-
-def _pick(many: Any, r: int) -> Any:
-    own, f = many.first, many.ends[r]
-    return DepthProfiles(
-        own.table, own.lift, own.added, own.axial, f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7],
-        f[8], f[9], f[10], f[11],
-    )  # fmt: skip
-
-
-@stacks(DepthProfiles, ManyDepthProfiles, _pick)
-def stack(many: Sequence[DepthProfiles]) -> ManyDepthProfiles:
-    """Stack the profiles of the first rope and the numbers of each payload."""
-    return ManyDepthProfiles(many[0], np.array([one[-len(AT_END) :] for one in many], dtype=float))
+differs(DepthProfiles)
 
 
 def build(params: DepthProfilesParams, payload: Any, around: Any) -> DepthProfiles:
@@ -221,15 +200,13 @@ def load_end(end: Any, work: Any, stage: Any) -> None:
     its entries off the diagonal are means.
     """
     _, _, z = rows(work, POSITION, 0)
-    vx, vy, vz = rows(work, VELOCITY, 0)
     ax, ay, az = rows(work, ACCELERATION, 0)
-    ux, uy, uz = rows(work, FLOW, 0)
     wx, wy, wz = rows(work, FLOW_RATE, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     share, slope, _ = _at(end.table, z[0])
     more = share - 1.0
-    x, y, w = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    x, y, w = end_relative(work)
     speed = sqrt(x * x + y * y + w * w + SPEED2_MIN)
     near = w * w + TURN2
     root = sqrt(near)

@@ -3,7 +3,7 @@
 Per metre, with the velocity u of the rope relative to the water, split along the tangent τ into s =
 u·τ and n = u - s·τ: force = -½·ρ·d·Cdn·|n|·n - ½·ρ·π·d·Cdt·|s|·s·τ. Cdn refers to the projected
 area d, Cdt to the skin area π·d. Cdn may depend on the Reynolds number |n|·d/ν by a table, linear
-in its logarithm, or on Keulegan-Carpenter number and roughness (vortex/oscillating_drag).
+in its logarithm, or on Keulegan-Carpenter number and roughness (vortex/drag_amplification).
 
 With `relative: false` u is the water's velocity alone, so that the rope's motion is not damped:
 method 1 of Laird, Fraser and Marsh (2016), for verification only.
@@ -26,7 +26,7 @@ from rope_twin.core.loads.balance import Load
 from rope_twin.core.loads.hooks import grows, kernel
 from rope_twin.core.state import DIVISOR_MIN, SPEED2_MIN, Floats
 from rope_twin.quantity import SparingRepr, quantity, text
-from rope_twin.vortex.oscillating_drag import OscillatingDrag, oscillating_drag
+from rope_twin.vortex.drag_amplification import OscillatingDrag, oscillating_drag
 
 
 @dataclass(frozen=True, kw_only=True)

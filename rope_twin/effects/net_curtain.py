@@ -36,8 +36,8 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit, jit_within
-from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.loads.balance import Load
+from rope_twin.core.jit.rows import row, rows
+from rope_twin.core.loads.balance import Load, add_to_node
 from rope_twin.core.loads.hooks import grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.loads.panel import (
@@ -52,14 +52,12 @@ from rope_twin.core.loads.panel import (
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     ACCELERATION,
-    BLOCK,
     DIVISOR_MIN,
     ELEMENTS,
     FLOW,
     FLOW_RATE,
     LENGTH,
     LINK2_MIN,
-    RESIDUAL,
     TANGENT,
     TANGENT2_MIN,
     VELOCITY,
@@ -313,8 +311,6 @@ def load_nodes(net: Any, work: Any, stage: Any, low: int, high: int) -> None:
     ux, uy, uz = rows(work, FLOW, low)
     wx, wy, wz = rows(work, FLOW_RATE, low)
     tx, ty, tz = rows(work, TANGENT, low)
-    Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
         for side in range(2):
             size = share[i] * length[i] * (net.near if side == 0 else net.far)
@@ -329,16 +325,7 @@ def load_nodes(net: Any, work: Any, stage: Any, low: int, high: int) -> None:
                 (ax[i], ay[i], az[i]),
                 (wx[i], wy[i], wz[i]),
             )
-            load = _panel(net, size, vectors, stage.q)
-            Rx[i] += load.x
-            Ry[i] += load.y
-            Rz[i] += load.z
-            Axx[i] += load.xx
-            Axy[i] += load.xy
-            Axz[i] += load.xz
-            Ayy[i] += load.yy
-            Ayz[i] += load.yz
-            Azz[i] += load.zz
+            add_to_node(work, low + i, _panel(net, size, vectors, stage.q))
 
 
 @kernel("settle", NetCurtain)

@@ -10,7 +10,7 @@ water, with factors linear between the rows of a table over
 
 L_k the size that the table refers to; u is the velocity relative to the water, its vertical part
 for z and its horizontal part for both x and y. σ, T and the means that fade are those of
-vortex/oscillating_drag: a regular motion has U·T/L exactly, 2π times amplitude over size. The
+vortex/drag_amplification: a regular motion has U·T/L exactly, 2π times amplitude over size. The
 factors are constant over a step. At the start, and in static equilibrium, they are those of the
 last row of drag and the first of added mass: a payload that has not moved yet.
 """
@@ -26,7 +26,9 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
+from rope_twin.core.jit.functions import interpolate
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.loads.balance import end_relative
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import (
@@ -40,7 +42,7 @@ from rope_twin.core.state import (
     Floats,
 )
 from rope_twin.quantity import quantity
-from rope_twin.vortex.oscillating_drag import factor_at, keulegan_carpenter
+from rope_twin.vortex.drag_amplification import keulegan_carpenter
 
 # Rows that are carried, of column 0 and three each: ⟨u⟩, u of the last step, ⟨u²⟩, ⟨(du/dt)²⟩, the
 # factors of drag and of added mass less 1; and whether there was a step yet.
@@ -153,16 +155,14 @@ def predict(own: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> 
 @kernel("load_end", PayloadOscillation)
 def load_end(own: Any, work: Any, stage: Any) -> None:
     """Add (c_A - 1)·A·(a_water - a) - (c_D - 1)·k·|u|·u to R_0, and the block, symmetric."""
-    vx, vy, vz = rows(work, VELOCITY, 0)
     ax, ay, az = rows(work, ACCELERATION, 0)
-    ux, uy, uz = rows(work, FLOW, 0)
     wx, wy, wz = rows(work, FLOW_RATE, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     acts = own.memory[ACTS:, 0]
     kx, ky, kz = acts[0] * own.kx, acts[1] * own.ky, acts[2] * own.kz
     mx, my, mz = acts[3] * own.Ax, acts[4] * own.Ay, acts[5] * own.Az
-    x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    x, y, z = end_relative(work)
     speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     Rx[0] += mx * (wx[0] - ax[0]) - kx * speed * x
     Ry[0] += my * (wy[0] - ay[0]) - ky * speed * y
@@ -204,8 +204,9 @@ def settle(own: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
             mean2 = mean[0] * mean[0] + mean[1] * mean[1]
             all2, fast2 = square[0] + square[1], rate2[0] + rate2[1]
         number = keulegan_carpenter(mean2, all2, fast2, size, own.window)
-        memory[CARRIED + DRAG + k, 0] = factor_at(own.drag_number, own.drag_factor, number) - 1.0
-        memory[CARRIED + ADDED + k, 0] = factor_at(own.added_number, own.added_factor, number) - 1.0
+        drag = interpolate(own.drag_number, own.drag_factor, number)
+        added = interpolate(own.added_number, own.added_factor, number)
+        memory[CARRIED + DRAG + k, 0], memory[CARRIED + ADDED + k, 0] = drag - 1.0, added - 1.0
     memory[CARRIED + BEGUN, 0] = 1.0
 
 

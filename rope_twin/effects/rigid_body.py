@@ -24,17 +24,12 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.body import components as body_afloat
-from rope_twin.core.body import components as body_bed
-from rope_twin.core.body import components as body_contact
-from rope_twin.core.body import state as body_state
+from rope_twin.core.body import state as at
 from rope_twin.core.body.state import Deck, Immersed, RigidBody
 from rope_twin.core.body.step import with_parts
 from rope_twin.core.loads.memory import new_memory
 from rope_twin.quantity import SparingRepr, quantity, text
 
-at = body_state
-PARTS = (body_afloat, body_contact, body_bed)  # imported to register their components
 Triple = tuple[float, float, float]
 STEEL = 7850.0  # kg/m³, density of the hook
 MIDDLE = (0.0, 0.0, 0.0)

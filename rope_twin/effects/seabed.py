@@ -19,8 +19,6 @@ import numpy as np
 
 from rope_twin.core.bed import (
     Grid,
-    ManyGrids,
-    ManyPlanes,
     Plane,
     Soil,
     beds_at,
@@ -29,11 +27,11 @@ from rope_twin.core.bed import (
 )
 from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit_within
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import ALL, bits, choose
-from rope_twin.core.loads.balance import Load
+from rope_twin.core.loads.balance import Load, add_to_node
 from rope_twin.core.loads.hooks import kernel, switching, wide_kernel
-from rope_twin.core.state import BLOCK, CORRECTION, POSITION, RESIDUAL, VELOCITY, Floats
+from rope_twin.core.state import CORRECTION, POSITION, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 
 CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]
@@ -169,21 +167,9 @@ def _at_end(soil: Any, bed: Any, work: Any, stage: Any) -> None:
     """Add the contact force on the payload."""
     _, _, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     height, east, north = bed
-    push = _contact(
-        soil, soil.k_payload, (z[0] - height, east, north), (vx[0], vy[0], vz[0]), stage
-    )
-    Rx[0] += push.x
-    Ry[0] += push.y
-    Rz[0] += push.z
-    Axx[0] += push.xx
-    Axy[0] += push.xy
-    Axz[0] += push.xz
-    Ayy[0] += push.yy
-    Ayz[0] += push.yz
-    Azz[0] += push.zz
+    place, velocity = (z[0] - height, east, north), (vx[0], vy[0], vz[0])
+    add_to_node(work, 0, _contact(soil, soil.k_payload, place, velocity, stage))
 
 
 @kernel("load_end", Plane, wide=True)
@@ -271,8 +257,7 @@ def power_end(bed: Any, place: Any) -> Any:
     return (_pushed(bed, bed.soil.k_payload, place) * place.velocity).sum(axis=0)
 
 
-for _kind in (Plane, Grid, ManyPlanes, ManyGrids):
-    switching(_kind)
 for _kind in (Plane, Grid):
+    switching(_kind)
     account("power", _kind)(power)
     account("power_end", _kind)(power_end)

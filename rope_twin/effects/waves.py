@@ -28,7 +28,6 @@ cubic (core/waves); angles are rotated from those of a nearby position by a seri
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -37,7 +36,7 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows
-from rope_twin.core.joined.stack import stacks
+from rope_twin.core.joined.stack import differs
 from rope_twin.core.lanes.effects import by_lane
 from rope_twin.core.loads.balance import Load
 from rope_twin.core.loads.hooks import grows, kernel
@@ -226,27 +225,7 @@ class Waves(NamedTuple):
 
 
 grows(Waves, "density", "Mx", "My", "Mz")
-
-
-class ManyWaves(NamedTuple):
-    """Kernel data of one sea state for the ropes of a multi-line system."""
-
-    sea: Waves
-    inertia: Floats  # ρ·V + added mass of the payload of each rope [kg], (ropes, 3)
-
-
-def _pick_waves(many: Any, r: int) -> Any:
-    sea, m = many.sea, many.inertia[r]
-    return Waves(
-        sea.table, sea.blocks, sea.levels, sea.steepest, sea.lowest, sea.depth, sea.ramp,
-        sea.follows, sea.extends, sea.density, sea.Ca, sea.apart, m[0], m[1], m[2],
-    )  # fmt: skip
-
-
-@stacks(Waves, ManyWaves, _pick_waves)
-def stack_waves(seas: Sequence[Waves]) -> ManyWaves:
-    """Stack the sea of the first rope and the inertia of each payload."""
-    return ManyWaves(seas[0], np.array([(one.Mx, one.My, one.Mz) for one in seas]))
+differs(Waves)
 
 
 def components_of(params: WavesParams, gravity: float) -> Components:

@@ -23,8 +23,8 @@ from scipy.special import erf
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.rope_mass import AddedMassParams
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 

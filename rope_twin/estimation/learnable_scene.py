@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from rope_twin.core import state as rows
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.estimation.figures import Prior, prior_of
 from rope_twin.scene.rigging import is_joined

@@ -16,13 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.weight import WeightParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.interchange.moordyn_deck import (
     COUPLED,

@@ -28,7 +28,7 @@ from rope_twin.twin.snapshot import (
     first_rope,
 )
 from rope_twin.twin.winch.commands import CONTROL_MODES
-from rope_twin.vortex.bends import BendResult
+from rope_twin.vortex.fatigue import BendResult
 from rope_twin.vortex.results import RopeVibration
 
 MAP = "map"  # REP 105: the fixed frame; x east, y north, z up, z = 0 at mean water level

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError, RopeTwinError, SceneErrors, did_you_mean, phrase
 from rope_twin.planning.plan_file import BY_TWIN, Criteria, LiftedFrom, LiftOff, Phase, Plan

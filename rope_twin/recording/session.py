@@ -44,7 +44,7 @@ from rope_twin.twin.level import AccuracyLevel
 from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.state import SavedState, decode_state, scene_properties
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.settings import MonitorSettings
+from rope_twin.vortex.results import MonitorSettings
 
 FORMAT = 3
 _SHARED = "share/"  # before names of files that come with the package

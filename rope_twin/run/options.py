@@ -21,7 +21,7 @@ from rope_twin.run.arguments import SCENE, add_duration, add_json, add_out, add_
 from rope_twin.twin.state_file import check_place
 from rope_twin.view.sinks import has_rerun, has_screen
 from rope_twin.vortex.fatigue import CURVES, OWN
-from rope_twin.vortex.settings import MonitorSettings
+from rope_twin.vortex.results import MonitorSettings
 
 if TYPE_CHECKING:
     from rope_twin.scene.schema import Scene

@@ -32,7 +32,7 @@ from rope_twin.twin.snapshot import (
     most_damaged,
 )
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.bends import BendResult
+from rope_twin.vortex.fatigue import BendResult
 from rope_twin.vortex.results import MaterialFatigue
 
 RUN_ROW = "simulation: run"

@@ -19,12 +19,11 @@ from rope_twin.core.joined.joints import LOOSE, System, new_system
 from rope_twin.core.joined.statics import Wheel, reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.bending import BendingParams
-from rope_twin.effects.fairing import FairingParams
-from rope_twin.effects.net import NetParams
 from rope_twin.effects.net_curtain import NetCurtain, NetCurtainParams, facing
+from rope_twin.effects.payload import SplashZoneParams
+from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.grid import weight_n_per_m
 from rope_twin.scene.rigging import body_payload, meeting_points, places, winch_of
 from rope_twin.scene.rope_model import build, build_effects, tables_of

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.effects import EFFECTS
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import STEEL, RigidBodyParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.grid import (
     Bar,
     damping_fraction,

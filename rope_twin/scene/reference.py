@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
 import types
 from collections.abc import Iterator
 from typing import Any, Union, get_args, get_origin, get_type_hints
@@ -229,6 +228,6 @@ def _reference(cls: type, definitions: Schema) -> Schema:
 
 def _sentence(cls: type) -> str:
     """Return the first sentence on a load model, which its module begins with, or on a shape."""
-    own = cls in SHAPES.values()
-    about = (cls.__doc__ if own else sys.modules[cls.__module__].__doc__) or ""
+    models = {effect.params: effect.about for effect in EFFECTS}
+    about = (cls.__doc__ if cls in SHAPES.values() else models[cls]) or ""
     return " ".join(about.split()).partition(". ")[0].rstrip(".") + "."

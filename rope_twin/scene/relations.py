@@ -15,17 +15,15 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams
-from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.hull_contact import HullContactParams
 from rope_twin.effects.line_contact import LineContactParams
-from rope_twin.effects.net import NetParams
-from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload import PayloadParams, SplashZoneParams
+from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import RopeTwinError, did_you_mean
 from rope_twin.scene.environment import ENVIRONMENT_RULES
 from rope_twin.scene.grid import ends_m, grading_faults
@@ -41,7 +39,7 @@ from rope_twin.scene.rigging import (
 from rope_twin.scene.schema import Fault, Rule, Scene, TwoWayShape
 from rope_twin.scene.shapes import payload_figures
 from rope_twin.scene.winch_rules import WINCH_RULES
-from rope_twin.vortex.settings import CoupledSettings
+from rope_twin.vortex.results import CoupledSettings
 
 # Exceptions of a rule that depends on a violated one:
 _CONSEQUENCES = (

@@ -7,12 +7,10 @@ from collections.abc import Iterator
 
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.compensator import CompensatorParams
-from rope_twin.effects.fairing import FairingParams
-from rope_twin.effects.net import NetParams
 from rope_twin.effects.net_curtain import NetCurtainParams
-from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload import PayloadParams, SplashZoneParams
+from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.scene.schema import WINCH, Fault, RopeLine, Rule, Scene, Triple, Winch
 

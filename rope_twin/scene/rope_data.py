@@ -20,8 +20,7 @@ import numpy as np
 from rope_twin.core.state import Floats, Table
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import SparingRepr, quantity, text
-from rope_twin.vortex.bends import Endurance
-from rope_twin.vortex.fatigue import CURVES, OWN, TensionCurve
+from rope_twin.vortex.fatigue import CURVES, OWN, Endurance, TensionCurve
 
 if TYPE_CHECKING:
     from rope_twin.scene.schema import RopeLine

@@ -31,18 +31,16 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.state import Rope as CoreRope
 from rope_twin.effects import EFFECTS, Surroundings
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bed_friction import BedFrictionParams, GridFriction, PlaneFriction
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import Payload as PayloadEffect
-from rope_twin.effects.payload import PayloadParams, TwoWayPayload
+from rope_twin.effects.payload import PayloadParams, SplashZone, SplashZoneParams, TwoWayPayload
 from rope_twin.effects.payload_shedding import PayloadShedding
 from rope_twin.effects.rigid_body import RigidBodyParams
+from rope_twin.effects.rope_in_air import WettingParams
+from rope_twin.effects.rope_mass import AddedMassParams, Weight
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZone, SplashZoneParams
-from rope_twin.effects.weight import Weight
-from rope_twin.effects.wetting import WettingParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.grid import (
     Bar,

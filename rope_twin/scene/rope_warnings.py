@@ -12,7 +12,7 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
-from rope_twin.effects.wetting import WettingParams
+from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.errors import phrase
 from rope_twin.scene.grid import Bar, tension_at_length
 from rope_twin.scene.joined_model import alone

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from rope_twin.effects.bending import BendingParams
-from rope_twin.effects.fairing import FairingFace
-from rope_twin.effects.net import NetPanels
-from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.effects.payload import SplashZoneParams
+from rope_twin.effects.payload_faces import FairingFace, NetPanels
 from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.scene.instruments import Learning, Measured
 from rope_twin.scene.rope_data import FatigueData, StiffnessTable

@@ -12,10 +12,10 @@ from math import floor, hypot, inf, log10, pi, sqrt
 
 import numpy as np
 
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.rope_mass import AddedMassParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import phrase

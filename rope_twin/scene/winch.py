@@ -7,7 +7,7 @@ from math import pi, radians
 
 from rope_twin.effects.compensator import GasSpringParams
 from rope_twin.quantity import SparingRepr, quantity, text
-from rope_twin.vortex.bends import BendPlace
+from rope_twin.vortex.fatigue import BendPlace
 
 WIRE_PA = 1.96e11  # Young's modulus of a rope's steel wires
 LAYER_RISE = 0.9  # radial spacing of layers in rope diameters (nested in grooves)

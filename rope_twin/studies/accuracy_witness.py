@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
-from rope_twin.effects.weight import WeightParams
+from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
 from rope_twin.scene.rope_model import build, find_payload, section_damping
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shapes import payload_figures

@@ -35,9 +35,8 @@ from rope_twin.twin.monitors import Monitors, TensionMonitor
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vortex_monitor import damage_of
-from rope_twin.vortex.damage import RopeDamage
 from rope_twin.vortex.fatigue import CURVES, OWN
-from rope_twin.vortex.results import MaterialFatigue
+from rope_twin.vortex.results import MaterialFatigue, RopeDamage
 
 SEA_OFFSET_S = "sea_offset_s"  # the path of a variable that moves a run along the recorded sea
 RUNS_MOST = 100_000

@@ -37,7 +37,7 @@ from rope_twin.studies.study_design import (
     run_system,
 )
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation, cores, whole_steps
-from rope_twin.vortex.damage import RopeDamage
+from rope_twin.vortex.results import RopeDamage
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ current: tension, mass with added mass, and normal flow velocity. The motion is 
 of current and rope, for which a sagging rope is a string of its own length (Irvine 1981, ch. 3).
 
 In a multi-line scene each line is assessed by itself, with its shape and tension in the equilibrium
-of all; a line is a rope, or ropes that continue each other (rope_twin.vortex.chain). Connections
-are held across the line.
+of all; a line is a rope, or ropes that continue each other (rope_twin.vortex.line_model).
+Connections are held across the line.
 
 Drag is amplified by 1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983). Bending strain is d/2·y″, that of the
 outermost fibre of a section that stays plane. Stress is that of bending, E·d/2·y″ with E = EA over
@@ -24,20 +24,19 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.joined.joints import System
 from rope_twin.core.state import Floats
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.rope_mass import AddedMassParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.grid import ends_m
 from rope_twin.scene.rigging import is_joined, refuse_body
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.equilibrium import bring_system_to_rest, bring_to_rest, water_at
-from rope_twin.vortex.chain import lines_of, one_rope
 from rope_twin.vortex.drag_amplification import amplified_drag
 from rope_twin.vortex.fatigue import StressCurve, damage_of_series, metal_area
-from rope_twin.vortex.line_model import Span, line_model
+from rope_twin.vortex.line_model import Span, line_model, lines_of, one_rope
 from rope_twin.vortex.modal_response import ModalResponse
 from rope_twin.vortex.shedding import Shedding
 

@@ -20,7 +20,7 @@ from rope_twin.studies.driven_twin import Motion, Speeds, march
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.coupled import VivDragAmplification
-from rope_twin.vortex.sampling import (
+from rope_twin.vortex.line_model import (
     bending_stiffness,
     curvature,
     flow_directions,

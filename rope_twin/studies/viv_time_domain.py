@@ -14,7 +14,7 @@ Drag amplification is that of the run: the mean of f·|u_n|·u_n over |U_n|·U_n
 the water relative to the rope and normal to it, u_n, its mean, U_n, and f, the drag amplification
 of a model outside the time step. Bending strain is d/2 times the curvature of the rope on its
 nodes, or of the motion of the model, in the direction in which it is largest; stress is E times the
-strain; damage is that of tension and bending together (rope_twin.vortex.damage), per year of the
+strain; damage is that of tension and bending together (rope_twin.vortex.results), per year of the
 run.
 """
 
@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.grid import ends_m
@@ -49,12 +49,11 @@ from rope_twin.studies.viv_samplers import (
 )
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.damage import DamageSettings, RopeDamage
 from rope_twin.vortex.drag_amplification import amplified_drag
 from rope_twin.vortex.fatigue import metal_area
-from rope_twin.vortex.measured import CUT_OFF
-from rope_twin.vortex.results import MaterialFatigue
-from rope_twin.vortex.sampling import bending_stiffness
+from rope_twin.vortex.line_model import bending_stiffness
+from rope_twin.vortex.monitor import CUT_OFF
+from rope_twin.vortex.results import DamageSettings, MaterialFatigue, RopeDamage
 
 STEADY = 0.5  # of a run: the part that counts
 LEAST_PERIODS = 10  # of the fastest vortices in that part

@@ -23,12 +23,11 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope, Table
 from rope_twin.effects.current import Current, CurrentInTime, RisingCurrent, RisingCurrentInTime
 from rope_twin.effects.drag import CurrentDrag, Drag, ReynoldsDrag
-from rope_twin.effects.payload import Payload, TwoWayPayload
-from rope_twin.effects.splash_zone import SplashZone
+from rope_twin.effects.payload import Payload, SplashZone, TwoWayPayload
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.twin.health import InputCounter
 from rope_twin.twin.regrid import has_state
-from rope_twin.vortex.oscillating_drag import OscillatingDrag
+from rope_twin.vortex.drag_amplification import OscillatingDrag
 
 FIGURES = (
     "submerged_weight",

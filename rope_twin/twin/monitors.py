@@ -35,7 +35,7 @@ from rope_twin.twin.snapshot_builder import Extremes
 from rope_twin.twin.state import Clock, SavedState
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.vortex.coupled import VivDragAmplification
-from rope_twin.vortex.settings import MonitorSettings
+from rope_twin.vortex.results import MonitorSettings
 
 
 class TwinView(NamedTuple):

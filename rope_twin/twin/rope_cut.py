@@ -45,21 +45,18 @@ from rope_twin.core.step import advance
 from rope_twin.effects import depth_profiles, payload_oscillation
 from rope_twin.effects.compensator import Compensator
 from rope_twin.effects.depth_profiles import DepthProfiles
-from rope_twin.effects.fairing import Fairing, TowedFairing
 from rope_twin.effects.hull_contact import HullContact
-from rope_twin.effects.net import Net
-from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.payload import Payload, SplashZone, TwoWayPayload
+from rope_twin.effects.payload_faces import Fairing, Net, TowedFairing
 from rope_twin.effects.payload_oscillation import PayloadOscillation
 from rope_twin.effects.payload_shedding import PayloadShedding
-from rope_twin.effects.splash_zone import SplashZone
+from rope_twin.effects.rope_mass import Weight
 from rope_twin.effects.waves import Waves
-from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.grid import ROOM, halvings
 from rope_twin.scene.rope_model import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.twin.regrid import elements_of, has_state, on_nodes, own_copies, tensions
-from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
-from rope_twin.vortex.oscillating_drag import OscillatingDrag
+from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth, OscillatingDrag
 
 
 def is_viv_model(effect: Any) -> bool:

@@ -63,7 +63,7 @@ from rope_twin.twin.snapshot_builder import (
 )
 from rope_twin.twin.state import Clock
 from rope_twin.twin.validity import ModelRange
-from rope_twin.vortex.sampling import bending_stiffness
+from rope_twin.vortex.line_model import bending_stiffness
 
 LINE_OUT_TOL_M = 0.02  # the static tension is computed again when the line out has changed by more
 MOST_N = 1e12

@@ -26,9 +26,9 @@ import numpy as np
 
 from rope_twin.effects.current import profile_of
 from rope_twin.effects.line_contact import LineContactParams
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.scene.card import KnownError, scene_digest
 from rope_twin.scene.rigging import is_joined

@@ -1,7 +1,7 @@
 """Monitor of vibration and fatigue: it passes samples of a twin to the `RopeMonitor` of each line.
 
 The ropes of a multi-line system are monitored each by itself; ropes that continue each other
-through bare connections are one line (rope_twin.vortex.chain).
+through bare connections are one line (rope_twin.vortex.line_model).
 
 Two ropes that run as one over a sheave share a fatigue count: its material is that of the first of
 them in the scene, from its far end, and then that of the other.
@@ -30,13 +30,17 @@ from rope_twin.twin.monitors import Chunk, Monitor, TwinView
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.state import SavedState
-from rope_twin.vortex.bends import reach_m
-from rope_twin.vortex.chain import lines_of, one_rope
-from rope_twin.vortex.damage import SEGMENT_M, DamageSettings, RopeDamage
-from rope_twin.vortex.fatigue import OWN, wire_curve_warning
+from rope_twin.vortex.fatigue import OWN, reach_m, wire_curve_warning
+from rope_twin.vortex.line_model import lines_of, one_rope
 from rope_twin.vortex.monitor import RopeMonitor, RopeSample, Sample, check_monitors, wear_name
-from rope_twin.vortex.results import RopeVibration
-from rope_twin.vortex.settings import FREQUENCY_DOMAIN, MonitorSettings
+from rope_twin.vortex.results import (
+    FREQUENCY_DOMAIN,
+    SEGMENT_M,
+    DamageSettings,
+    MonitorSettings,
+    RopeDamage,
+    RopeVibration,
+)
 
 PREFIX = "vortex/"  # of the names in a saved state
 Numbers = tuple[int, ...]  # of the ropes of a line, from its lower end up

@@ -25,20 +25,16 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
-from rope_twin.effects.decomposed_force import DecomposedForceParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.coupled_vibration import DecomposedForceParams, ModalVibrationParams
 from rope_twin.errors import InputError
 from rope_twin.vortex.decomposed_response import DecomposedResponse
 from rope_twin.vortex.drag_amplification import DragGrowth, amplified_drag, set_growth
-from rope_twin.vortex.line_model import Span, line_model
-from rope_twin.vortex.modal_response import ModalResponse
-from rope_twin.vortex.modes import ModeSearch
-from rope_twin.vortex.power_in import Decomposed, ExcitationSearch, decomposed, fine_enough
-from rope_twin.vortex.results import RopeVibration
-from rope_twin.vortex.sampling import (
+from rope_twin.vortex.line_model import (
     AVERAGING_PERIODS,
+    Span,
     along,
     flow_directions,
+    line_model,
     mean_around,
     mix_flow,
     needs_new_interval,
@@ -47,7 +43,10 @@ from rope_twin.vortex.sampling import (
     tangents,
     turned,
 )
-from rope_twin.vortex.settings import CoupledSettings
+from rope_twin.vortex.modal_response import ModalResponse
+from rope_twin.vortex.modes import ModeSearch
+from rope_twin.vortex.power_in import Decomposed, ExcitationSearch, decomposed, fine_enough
+from rope_twin.vortex.results import CoupledSettings, RopeVibration
 from rope_twin.vortex.shedding import LOCK_IN, Lift, Shedding
 
 EVERY_S = 1.0

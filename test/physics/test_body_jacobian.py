@@ -18,10 +18,10 @@ from rope_twin.core.body.solution import balance
 from rope_twin.core.body.state import PlaneBed, RigidBody
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import is_calm
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import DeckParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.rope_model import build_effects
 from rope_twin.scene.shapes import PayloadFigures
 

@@ -12,13 +12,13 @@ from scipy.optimize import brentq
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
+from rope_twin.effects.rope_in_air import WettingParams
+from rope_twin.effects.rope_mass import AddedMassParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams
-from rope_twin.effects.wetting import WettingParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_model import section_damping
 from rope_twin.scene.schema import Damping, Rising, Scene

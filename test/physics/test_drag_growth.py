@@ -14,7 +14,7 @@ from test_energy_accounts import seen, three
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import account_sum
-from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth, set_growth
 from rope_twin.vortex.drag_amplification import NODES as NOTED

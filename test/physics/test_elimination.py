@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.tridiagonal import eliminate, eliminate_plainly, push, push_plainly
+from rope_twin.core.tridiagonal import eliminate, push
 
 Vector = NDArray[np.float64]
 
@@ -25,18 +25,6 @@ def solve(work: Any, first: int, n: int) -> None:
 def solve_again(work: Any, first: int, n: int) -> None:
     """For another residual, by the factors of `solve`."""
     push(work, first, n)
-
-
-@jit_entry
-def solve_plainly(work: Any, first: int, n: int) -> None:
-    """As plain Python does it, from the lower end up."""
-    eliminate_plainly(work, first, n)
-
-
-@jit_entry
-def solve_plainly_again(work: Any, first: int, n: int) -> None:
-    """Likewise by the factors of `solve_plainly`."""
-    push_plainly(work, first, n)
 
 
 def chain(n: int, stiffness: float, seed: int) -> Vector:
@@ -95,16 +83,15 @@ def test_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
 @pytest.mark.parametrize("n", [2, 3, 8, 61])
 @pytest.mark.parametrize("stiffness", [1.0, 1e6])
 def test_factors_serve_another_residual(first: int, n: int, stiffness: float) -> None:
-    """Whatever the matrix has become by then; compiled from both ends, plainly from one."""
-    for solvers in ((solve, solve_again), (solve_plainly, solve_plainly_again)):
-        work = chain(n, stiffness, seed=7)
-        residual = np.random.default_rng(8).normal(0.0, 1.0, (3, n + 1))
-        other = work.copy()
-        other[rows.RESIDUAL : rows.RESIDUAL + 3] = residual
-        expected = dense(other, first, n)
-        solvers[0](work, first, n)
-        work[rows.RESIDUAL : rows.RESIDUAL + 3] = residual
-        work[rows.BLOCK : rows.BLOCK + 6] = work[rows.AXIAL : rows.GEOMETRIC + 1] = np.nan
-        solvers[1](work, first, n)
-        found = work[rows.CORRECTION : rows.CORRECTION + 3, first:n]
-        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+    """Whatever the matrix has become by then."""
+    work = chain(n, stiffness, seed=7)
+    residual = np.random.default_rng(8).normal(0.0, 1.0, (3, n + 1))
+    other = work.copy()
+    other[rows.RESIDUAL : rows.RESIDUAL + 3] = residual
+    expected = dense(other, first, n)
+    solve(work, first, n)
+    work[rows.RESIDUAL : rows.RESIDUAL + 3] = residual
+    work[rows.BLOCK : rows.BLOCK + 6] = work[rows.AXIAL : rows.GEOMETRIC + 1] = np.nan
+    solve_again(work, first, n)
+    found = work[rows.CORRECTION : rows.CORRECTION + 3, first:n]
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()

@@ -13,7 +13,7 @@ from rope_twin.core.energy import Place, account, account_sum, accounts_of, wett
 from rope_twin.core.loads.hooks import grown, hooks_of
 from rope_twin.core.state import Floats
 from rope_twin.effects import EFFECTS
-from rope_twin.effects.weight import Weight
+from rope_twin.effects.rope_mass import Weight
 
 NAMES = [effect.name for effect in EFFECTS]
 DT = 1e-5

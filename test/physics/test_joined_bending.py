@@ -23,7 +23,7 @@ from rope_twin.core.joined.joints import Joined
 from rope_twin.core.joined.linear_solver import solve_system
 from rope_twin.core.joined.stack import stacked_effects
 from rope_twin.effects.bending import Bending, BendingParams
-from rope_twin.effects.weight import Weight
+from rope_twin.effects.rope_mass import Weight
 from rope_twin.scene.joined_model import build_joined
 
 BENT = (Bending(1.0, 0.0, 0.0, 0.0, 0.0),)

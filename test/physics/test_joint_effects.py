@@ -11,7 +11,7 @@ import numpy as np
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.joined.stage import _count_left
+from rope_twin.core.joined.stage import count_unbalanced
 from rope_twin.core.state import Floats
 
 LINE = "rope: steel_wire_40mm, damping: {newton_seconds: 5.0e+5}"
@@ -99,10 +99,23 @@ class Points(NamedTuple):
     work: Floats
 
 
+class Constants(NamedTuple):
+    """Constants of ropes."""
+
+    model: Floats
+
+
+class Meeting(NamedTuple):
+    """What the balance of connections is judged by."""
+
+    joints: Points
+    stack: Constants
+
+
 @jit_entry
-def left(points: Points, most: float) -> int:
-    """Connections that are left with more than `most`."""
-    return int(_count_left(points, most))
+def left(points: Points, model: Floats) -> int:
+    """Connections that are left with more than the tolerance of `model`."""
+    return int(count_unbalanced(Meeting(points, Constants(model))))
 
 
 def test_a_connection_whose_force_is_not_a_number_is_not_in_balance() -> None:
@@ -112,6 +125,7 @@ def test_a_connection_whose_force_is_not_a_number_is_not_in_balance() -> None:
     work[rows.RESIDUAL : rows.RESIDUAL + 3, 2] = 3.0, 0.0, 4.1
     nodes = np.zeros((rows.NODE_ROWS, 8))
     two, three, four = (Points(nodes[:, :count], work) for count in (2, 3, 4))
-    assert (left(two, 5.0), left(three, 5.0)) == (0, 1)
+    model = np.full((1, len(rows.Model._fields)), 5.0)
+    assert (left(two, model), left(three, model)) == (0, 1)
     work[rows.RESIDUAL + 1, 3] = np.nan
-    assert left(four, 5.0) == 2
+    assert left(four, model) == 2

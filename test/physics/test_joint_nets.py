@@ -11,8 +11,7 @@ import pytest
 
 from rope_twin import Twin, load_scene
 from rope_twin.core.state import Floats
-from rope_twin.effects.fairing import FairingParams
-from rope_twin.effects.net import NetParams, coefficients
+from rope_twin.effects.payload_faces import FairingParams, NetParams, coefficients
 from rope_twin.twin.monitors import ENERGY
 
 LINE = "rope: steel_wire_40mm, damping: {newton_seconds: 2.0e+5}"

@@ -14,10 +14,13 @@ from rigs import Rig, Vector
 from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.effects import Surroundings
-from rope_twin.effects.fairing import FairingParams
-from rope_twin.effects.fairing import build as build_fairing
-from rope_twin.effects.net import NetParams, coefficients
-from rope_twin.effects.net import build as build_net
+from rope_twin.effects.payload_faces import (
+    FairingParams,
+    NetParams,
+    build_fairing,
+    build_net,
+    coefficients,
+)
 from rope_twin.scene.relations import faults
 
 WATER = Surroundings(1025.0, 9.80665, 0.0)

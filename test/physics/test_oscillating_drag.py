@@ -17,7 +17,7 @@ from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.monitors import Monitors
-from rope_twin.vortex.oscillating_drag import MEAN, MORE, RATE2, SQUARE
+from rope_twin.vortex.drag_amplification import MEAN, MORE, RATE2, SQUARE
 
 D = 0.25
 SMOOTH = RoughTable(roughness=1e-4, rows=((2.0, 0.8), (12.0, 1.6), (60.0, 0.7)))

@@ -16,7 +16,7 @@ from rope_twin.core.body.step import pose_of
 from rope_twin.core.joined.joints import loaded_ends
 from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.state import Floats, Rope
-from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.recording.motion_source import FIRST_NS, offer, open_sea
 from rope_twin.scene.rigging import winches_by_name

@@ -13,16 +13,14 @@ from test_vibration import CABLE
 from test_vibration_live import WINCH, asked_for, watched
 
 from rope_twin import Snapshot, Twin
-from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.coupled_vibration import DecomposedForceParams, ModalVibrationParams
 from rope_twin.effects.drag import DragParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.viv_frequency_domain import run_frequency_domain, span_of
 from rope_twin.studies.viv_time_domain import run_time_domain
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
-from rope_twin.vortex.results import RopeVibration
-from rope_twin.vortex.settings import FREQUENCY_DOMAIN, TIME_DOMAIN
+from rope_twin.vortex.results import FREQUENCY_DOMAIN, TIME_DOMAIN, RopeVibration
 from rope_twin.vortex.shedding import Shedding
 
 MODELS = [ModalVibrationParams(), DecomposedForceParams()]

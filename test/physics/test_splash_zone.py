@@ -13,9 +13,9 @@ from rigs import Rig, march, still
 
 from rope_twin.core import state as rows
 from rope_twin.effects import Surroundings
-from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload import PayloadParams, SplashZoneParams
 from rope_twin.effects.payload import build as build_payload
-from rope_twin.effects.splash_zone import SplashZoneParams, build
+from rope_twin.effects.payload import build_splash_zone as build
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.schema import Winch
 from rope_twin.scene.shapes import PayloadFigures

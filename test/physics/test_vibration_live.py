@@ -21,8 +21,7 @@ from rope_twin.vortex.line_model import Span, line_model, refined
 from rope_twin.vortex.modal_response import ModalResponse
 from rope_twin.vortex.modes import ModeSearch, find_lateral_modes
 from rope_twin.vortex.power_in import POWER_MIN, ExcitationSearch, decomposed, near_driven
-from rope_twin.vortex.results import RopeVibration
-from rope_twin.vortex.settings import FREQUENCY_DOMAIN, MonitorSettings
+from rope_twin.vortex.results import FREQUENCY_DOMAIN, MonitorSettings, RopeVibration
 from rope_twin.vortex.shedding import Shedding
 from validation.rigs import sine
 

@@ -10,9 +10,15 @@ import numpy as np
 import pytest
 
 from rope_twin.errors import InputError
-from rope_twin.vortex.decomposed_response import DecomposedResponse
+from rope_twin.vortex.decomposed_response import (
+    DecomposedResponse,
+    Integrator,
+    Matrices,
+    Motion,
+    bathe,
+    upper_bands,
+)
 from rope_twin.vortex.force_table import fitted_forces, read_force_table
-from rope_twin.vortex.integrators import Integrator, Matrices, Motion, bathe, upper_bands
 from rope_twin.vortex.line_model import Span
 from rope_twin.vortex.modes import stiffness
 from rope_twin.vortex.power_in import Decomposed, analyse, decomposed, displaced

@@ -14,11 +14,9 @@ from scipy.optimize import brentq
 from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.effects import Surroundings
+from rope_twin.effects.rope_in_air import WettingParams, WindParams, build_wetting
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.effects.waves import build as build_waves
-from rope_twin.effects.wetting import WettingParams
-from rope_twin.effects.wetting import build as build_wetting
-from rope_twin.effects.wind import WindParams
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.monitors import Monitors
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.planning.phases import hung_at, legs_of
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.seas import SeaState

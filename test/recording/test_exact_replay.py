@@ -25,7 +25,7 @@ from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
 from rope_twin.share import share_dir
 from rope_twin.topics import BY_NAME, INPUT_LOG_TOPIC, SESSION_TOPIC, TOPICS
-from rope_twin.vortex.settings import MonitorSettings
+from rope_twin.vortex.results import MonitorSettings
 
 EPOCH_NS = 1_700_000_000 * 10**9
 SCENE = "shallow_lift"

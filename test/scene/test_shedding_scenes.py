@@ -12,7 +12,7 @@ from scene_text import GOOD
 
 from rope_twin import load_scene
 from rope_twin.cli import main
-from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.lift import lift_figures

@@ -15,7 +15,7 @@ from rope_twin import Snapshot, Twin
 from rope_twin.core.state import Boundary
 from rope_twin.core.step import advance
 from rope_twin.effects.drag import Drag
-from rope_twin.effects.weight import Weight
+from rope_twin.effects.rope_mass import Weight
 from rope_twin.errors import SolverError
 from rope_twin.twin.state import load_state
 

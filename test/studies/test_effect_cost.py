@@ -12,13 +12,11 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.cli import scene as command
 from rope_twin.effects import EFFECTS
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
-from rope_twin.effects.payload import PayloadParams
-from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.effects.payload import PayloadParams, SplashZoneParams
+from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
 from rope_twin.effects.waves import RegularWave, WavesParams
-from rope_twin.effects.weight import WeightParams
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies import effect_cost

@@ -18,7 +18,6 @@ from rope_twin.scene.load import rope_preset
 from rope_twin.scene.schema import Damping, RopeLine, RopeSection
 from rope_twin.studies.ensemble import Plan, variations
 from rope_twin.twin.ensemble.ensemble import Ensemble
-from rope_twin.vortex.damage import DamageSettings, RopeDamage
 from rope_twin.vortex.fatigue import (
     CURVES,
     Cycles,
@@ -28,6 +27,7 @@ from rope_twin.vortex.fatigue import (
     find_curve,
     strength_of,
 )
+from rope_twin.vortex.results import DamageSettings, RopeDamage
 
 STEEL = rope_preset("steel_wire_40mm")
 FIBRE = rope_preset("hmpe_25mm")

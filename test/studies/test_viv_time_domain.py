@@ -14,8 +14,8 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.core.state import Floats
+from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.current import CurrentParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.schema import RegularHeave, Scene, SeaState, Time
 from rope_twin.studies.viv_pictures import time_domain_words

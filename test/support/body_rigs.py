@@ -16,10 +16,9 @@ from rope_twin.core.body import state as at
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.body.step import pose_of
 from rope_twin.effects.current import CurrentParams
-from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload import PayloadParams, SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.schema import Scene
 
 Vector = NDArray[np.float64]

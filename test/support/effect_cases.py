@@ -29,15 +29,13 @@ from rope_twin.core.joined.contact import add_among
 from rope_twin.core.loads.balance import add_couplings, add_end, add_flow, add_load
 from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.effects import EFFECTS
-from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.compensator import ActiveCylinder, CompensatorParams
+from rope_twin.effects.coupled_vibration import DecomposedForceParams, ModalVibrationParams
 from rope_twin.effects.current import CurrentParams, Layers
-from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import DragParams, KeuleganCarpenter, RoughTable
-from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.hull_contact import (
     BEFORE,
@@ -48,22 +46,19 @@ from rope_twin.effects.hull_contact import (
     HullContactParams,
 )
 from rope_twin.effects.line_contact import LineContactParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
-from rope_twin.effects.net import NetParams
 from rope_twin.effects.net_curtain import NetCurtainParams
-from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload import PayloadParams, SplashZoneParams
+from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
+from rope_twin.effects.rope_in_air import WettingParams, WindParams
+from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
-from rope_twin.effects.weight import WeightParams
-from rope_twin.effects.wetting import WettingParams
-from rope_twin.effects.wind import WindParams
 from rope_twin.scene.rope_model import build_effects
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.shapes import payload_figures

@@ -23,7 +23,7 @@ from rope_twin.twin.snapshot import (
     StrutShot,
     TensionInterval,
 )
-from rope_twin.vortex.bends import BendResult
+from rope_twin.vortex.fatigue import BendResult
 from rope_twin.vortex.results import MaterialFatigue, RopeVibration
 
 RESIDUAL = Residual(

@@ -7,8 +7,8 @@ import rainflow
 
 from rope_twin.core.state import Floats
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.vortex.damage import tension_along
 from rope_twin.vortex.fatigue import Cycles, StressCurve, Vector
+from rope_twin.vortex.results import tension_along
 
 
 def count_cycles(series: Vector) -> Cycles:

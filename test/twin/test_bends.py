@@ -26,10 +26,15 @@ from rope_twin.scene.winch import BendingSheave, Drum, HeaveCompensation, Inboar
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.bends import BendCount, BendPlace, Endurance
-from rope_twin.vortex.damage import DamageSettings, RopeDamage
-from rope_twin.vortex.fatigue import CURVES, Cycles, wire_curve_warning
-from rope_twin.vortex.settings import MonitorSettings
+from rope_twin.vortex.fatigue import (
+    CURVES,
+    BendCount,
+    BendPlace,
+    Cycles,
+    Endurance,
+    wire_curve_warning,
+)
+from rope_twin.vortex.results import DamageSettings, MonitorSettings, RopeDamage
 from validation.rigs import Rig, sine
 
 ROPE = Endurance(0.05, 1e6, log10_a=1.5, exponent=4.0, d_ratio=20.0, d_ratio_exponent=2.0,

@@ -17,7 +17,7 @@ from rope_twin.studies.driven_twin import march
 from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.vortex.settings import MonitorSettings
+from rope_twin.vortex.results import MonitorSettings
 from validation.rigs import sine
 
 BOTH = Monitors(vortex=MonitorSettings("frequency-domain", "stranded_wire"))

@@ -28,10 +28,9 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vortex_monitor import VortexMonitor
 from rope_twin.vortex.fatigue import STRESS_CURVES, wire_curve_warning
-from rope_twin.vortex.measured import MeasuredVibration
-from rope_twin.vortex.monitor import RopeMonitor
-from rope_twin.vortex.sampling import diameters, turned
-from rope_twin.vortex.settings import MonitorSettings
+from rope_twin.vortex.line_model import diameters, turned
+from rope_twin.vortex.monitor import MeasuredVibration, RopeMonitor
+from rope_twin.vortex.results import MonitorSettings
 from validation.rigs import Rig, sine
 
 STEEL = Rig(length=100.0, elements=20, mass=6.4, EA=6.5e7, diameter=0.032, damping=5e4, load=5e3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rope_twin.vortex.sampling import mean_around
+from rope_twin.vortex.line_model import mean_around
 
 NONE = np.zeros(9)  # no least length
 

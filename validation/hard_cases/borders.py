@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from rope_twin.effects.bed_friction import BedFrictionParams
+from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams
-from rope_twin.effects.wetting import WettingParams
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.twin.monitors import Monitors

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.effects.decomposed_force import DecomposedForceParams
-from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.coupled_vibration import DecomposedForceParams, ModalVibrationParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams

@@ -41,7 +41,6 @@ from math import cos, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
 from rope_twin.core.bed import Plane, beds_at, grid_bed, plane_bed
 from rope_twin.core.body import state as at
@@ -61,7 +60,8 @@ from rope_twin.core.body.motion import (
     vector,
 )
 from rope_twin.core.body.state import Afloat, Deck, GridBed, PlaneBed, RigidBody
-from rope_twin.core.jit.decorators import LINKED, jit, jit_within
+from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.functions import by_type
 from rope_twin.core.loads.balance import set_flow
 from rope_twin.core.payout import LOW
 from rope_twin.core.state import ELEMENTS, POSITION, SPEED2_MIN, SURFACE, VELOCITY, Floats
@@ -190,19 +190,10 @@ def _push(bed: Any, body: Any, q: float, pose: Any, r: Any, ground: Any) -> Any:
     return add_push(body, q, pose, r, touch)
 
 
-def _ground(shape: Any, x: Any, y: Any) -> Any:
-    """Return the height of the seabed below a position and its slopes to the east and the north."""
-    return plane_bed(shape, x, y) if isinstance(shape, Plane) else grid_bed(shape, x, y)
-
-
-@overload(_ground, jit_options=LINKED, strict=False)
-def _ground_by_type(shape: Any, x: Any, y: Any) -> Any:
-    chosen = plane_bed if shape.instance_class is Plane else grid_bed
-
-    def choice(shape: Any, x: Any, y: Any) -> Any:
-        return chosen(shape, x, y)
-
-    return choice
+# The height of the seabed below a position and its slopes to the east and the north.
+_ground = by_type(
+    Plane, lambda bed, x, y: plane_bed(bed, x, y), lambda bed, x, y: grid_bed(bed, x, y)
+)
 
 
 @part("act", PlaneBed, GridBed)

@@ -108,9 +108,7 @@ def part(hook: str, *kinds: type) -> Callable[[Any], Any]:
 
 def power_of(body: Any, pose: Any) -> float:
     """Return the power of all components into a body [W]."""
-    known = _KERNELS["power"]
-    members = [(one, known[type(one)]) for one in body.parts if type(one) in known]
-    return float(sum(call(one, body, pose) for one, call in members))
+    return float(sum(call(one, body, pose) for one, call in _members("power", body.parts)))
 
 
 def part_of(body: Any, *kinds: type) -> Any:
@@ -143,30 +141,25 @@ def _compose_act(parts: Any, body: Any, q: Any, pose: Any, found: Any) -> Any:
     return written_out("parts, body, q, pose, found", [*lines, "return found"], calls, add=_sum)
 
 
-def foresee_all(parts: Any, body: Any, rope: Any, stage: Any, pose: Any) -> Any:
-    """Call `foresee` of all components at the beginning of a stage."""
-    for one, call in _members("foresee", parts):
-        call(one, body, rope, stage, pose)
+def _call_all(hook: str, names: str) -> Any:
+    """Return the function that calls the kernels of a hook of all components."""
+
+    def call_all(parts: Any, *rest: Any) -> Any:
+        for one, call in _members(hook, parts):
+            call(one, *rest)
+
+    @overload(call_all, jit_options=LINKED, strict=False)
+    def compose(parts: Any, *rest: Any) -> Any:
+        calls = _calls(hook, parts)
+        lines = [f"kernel_{i}(parts[{i}], {names})" for i in calls]
+        return written_out(f"parts, {names}", [*lines, "return None"], calls)
+
+    return call_all
 
 
-@overload(foresee_all, jit_options=LINKED, strict=False)
-def _compose_foresee(parts: Any, body: Any, rope: Any, stage: Any, pose: Any) -> Any:
-    calls = _calls("foresee", parts)
-    lines = [f"kernel_{i}(parts[{i}], body, rope, stage, pose)" for i in calls]
-    return written_out("parts, body, rope, stage, pose", [*lines, "return None"], calls)
-
-
-def keep_all(parts: Any, body: Any, record: Any) -> Any:
-    """Call `keep` of all components at the end of a substep."""
-    for one, call in _members("keep", parts):
-        call(one, body, record)
-
-
-@overload(keep_all, jit_options=LINKED, strict=False)
-def _compose_keep(parts: Any, body: Any, record: Any) -> Any:
-    calls = _calls("keep", parts)
-    lines = [f"kernel_{i}(parts[{i}], body, record)" for i in calls]
-    return written_out("parts, body, record", [*lines, "return None"], calls)
+# At the beginning of a stage, and at the end of a substep.
+foresee_all = _call_all("foresee", "body, rope, stage, pose")
+keep_all = _call_all("keep", "body, record")
 
 
 def highest_floor(parts: Any, body: Any, place: Any, least: Any) -> Any:

@@ -36,7 +36,7 @@ RECORDS = 4  # current, end of the stage, start of the step, and one to write in
  P_START, L_START, X_MIDDLE, TURN_MIDDLE, P_MIDDLE, L_MIDDLE, SPEED_MIDDLE, RATE_MIDDLE,
  SPEED_BEFORE, RATE_BEFORE) = _places(0, 81)  # fmt: skip
 ATTITUDE, Q_START = _places(81, 89, 4)  # quaternions
-DECK_Z, DECK_SPEED, DECK_PUSH = 89, 90, 91  # height [m], velocity [m/s], force on the body [N]
+DECK_Z, DECK_SPEED = 89, 90  # height [m], velocity [m/s]
 FRESH = 92  # 1: static equilibrium has yet to be solved
 SHIP_Z = 93  # mean height of the hang-off [m]
 FORCES = 94  # sum of the magnitudes of all forces on the body [N]

@@ -31,12 +31,11 @@ import numpy as np
 from llvmlite import ir
 from numba import config, types
 from numba.core import cgutils
-from numba.core.imputils import impl_ret_untracked
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, overload
+from numba.core.typing.templates import signature
+from numba.extending import intrinsic, overload
 
 from rope_twin.core.jit.decorators import LINKED, jit_entry, jit_within
-from rope_twin.core.jit.wide import LANES, WIDE, TableType, WideType, choose, mask_of, spread
+from rope_twin.core.jit.wide import LANES, WIDE, TableType, choose, mask_of, register
 
 HAS_REGISTER = platform.machine() in ("x86_64", "AMD64")
 FLUSHED = 1 << 15 | 1 << 6
@@ -113,34 +112,17 @@ _DOUBLE = types.float64
 def _each_lane(function: Any, count: int) -> None:
     """Register a function of `count` numbers, one of which is wide at least."""
 
-    class Template(AbstractTemplate):  # type: ignore[misc]
-        def generic(self, arguments: Any, keywords: Any) -> Any:
-            if len(arguments) != count:
-                return None
-            if not any(isinstance(kind, WideType) for kind in arguments):
-                return None
-            if not all(isinstance(kind, WideType | types.Float) for kind in arguments):
-                return None
-            return signature(WIDE, *arguments)
-
-    infer_global(function)(Template)
-
-    def code(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+    def generate(context: Any, builder: Any, *values: Any) -> Any:
         one = signature(_DOUBLE, *([_DOUBLE] * count))
         called = context.get_function(function, one)
-        values = [spread(builder, value) for value in arguments]
         made = values[0]
         for lane in range(LANES):
             at = ir.Constant(_INDEX, lane)
             found = called(builder, [builder.extract_element(value, at) for value in values])
             made = builder.insert_element(made, found, at)
-        return impl_ret_untracked(context, builder, sig.return_type, made)
+        return made
 
-    if count == 1:
-        lower_builtin(function, WideType)(code)
-        return
-    for kinds in ((WideType, WideType), (WideType, types.Float), (types.Float, WideType)):
-        lower_builtin(function, *kinds)(code)
+    register(function, count, WIDE, generate)
 
 
 _each_lane(math.exp, 1)
@@ -195,6 +177,22 @@ def _compose_renewed(stage: Any, new: Any, old: Any) -> Any:
     if "lanes" in getattr(stage, "fields", ()):
         return lambda stage, new, old: choose(mask_of(stage.lanes), new, old)
     return lambda stage, new, old: new
+
+
+def by_type(kind: type, yes: Any, no: Any) -> Any:
+    """Return the function `yes(first, ...)` where `first` is of this type of struct, else `no`.
+
+    Both are plain functions with the same names of arguments; numba compiles the one it calls.
+    """
+
+    def call(first: Any, *rest: Any) -> Any:
+        return (yes if isinstance(first, kind) else no)(first, *rest)
+
+    @overload(call, jit_options=LINKED, strict=False)
+    def choose(first: Any, *rest: Any) -> Any:
+        return yes if getattr(first, "instance_class", None) is kind else no
+
+    return call
 
 
 @jit_entry

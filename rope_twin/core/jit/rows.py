@@ -207,9 +207,19 @@ if config.DISABLE_JIT:
         """State.offset."""
         return offset[low:]
 
+    def end_to_end(work: Any) -> Any:
+        """Return a rope's scratch, rows of which go on in the rows (or ropes) that follow."""
+        count = work.shape[0]
+        return np.lib.stride_tricks.as_strided(work, (count, 2**40), work.strides)
+
 else:
     row, rows, span, node_rows = _row, _rows, _span, _node_rows
     offset_row = _offset_row
+
+    @jit_within
+    def end_to_end(work: Any) -> Any:
+        """Return a rope's scratch as it is: its rows are not bounds-checked."""
+        return work
 
 
 def table_rows(scope: str, count: int) -> Any:

@@ -15,6 +15,7 @@ The arrays must be aligned to ALIGNMENT.
 
 from __future__ import annotations
 
+import itertools
 import math
 import operator
 from typing import Any
@@ -105,27 +106,27 @@ def spread(builder: Any, value: Any) -> Any:
     return builder.shuffle_vector(one, ir.Constant(REGISTER, ir.Undefined), first)
 
 
-def _register_pairwise(function: Any, result: Any, generate: Any) -> None:
-    """Typing and code of an operator on two numbers of which one is wide at least."""
+def register(function: Any, count: int, result: Any, generate: Any) -> None:
+    """Register typing and code of a function of `count` numbers, one of which is wide at least.
+
+    generate(context, builder, ...): the code for wide numbers.
+    """
 
     class Template(AbstractTemplate):  # type: ignore[misc]
         def generic(self, arguments: Any, keywords: Any) -> Any:
-            if len(arguments) != 2:
-                return None
-            if not any(isinstance(kind, WideType) for kind in arguments):
-                return None
-            if not all(isinstance(kind, WideType | types.Float) for kind in arguments):
-                return None
-            return signature(result, *arguments)
+            wide = len(arguments) == count and any(isinstance(k, WideType) for k in arguments)
+            if wide and all(isinstance(kind, WideType | types.Float) for kind in arguments):
+                return signature(result, *arguments)
+            return None
 
     infer_global(function)(Template)
 
     def code(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        a, b = (spread(builder, value) for value in arguments)
-        return generate(builder, a, b)
+        return generate(context, builder, *(spread(builder, value) for value in arguments))
 
-    for kinds in ((WideType, WideType), (WideType, types.Float), (types.Float, WideType)):
-        lower_builtin(function, *kinds)(code)
+    for kinds in itertools.product((WideType, types.Float), repeat=count):
+        if WideType in kinds:
+            lower_builtin(function, *kinds)(code)
 
 
 def _as_mask(builder: Any, bits: Any) -> Any:
@@ -133,14 +134,14 @@ def _as_mask(builder: Any, bits: Any) -> Any:
 
 
 def _arithmetic(instruction: str) -> Any:
-    def generate(builder: Any, a: Any, b: Any) -> Any:
+    def generate(context: Any, builder: Any, a: Any, b: Any) -> Any:
         return getattr(builder, instruction)(a, b)
 
     return generate
 
 
 def _comparison(sign: str) -> Any:
-    def generate(builder: Any, a: Any, b: Any) -> Any:
+    def generate(context: Any, builder: Any, a: Any, b: Any) -> Any:
         return _as_mask(builder, builder.fcmp_ordered(sign, a, b))
 
     return generate
@@ -149,7 +150,7 @@ def _comparison(sign: str) -> Any:
 def _extreme(sign: str) -> Any:
     """As numba does it for two doubles."""
 
-    def generate(builder: Any, a: Any, b: Any) -> Any:
+    def generate(context: Any, builder: Any, a: Any, b: Any) -> Any:
         return builder.select(builder.fcmp_ordered(sign, b, a), b, a)
 
     return generate
@@ -165,35 +166,20 @@ for _function, _instruction in (
     (operator.imul, "fmul"),
     (operator.itruediv, "fdiv"),
 ):
-    _register_pairwise(_function, WIDE, _arithmetic(_instruction))
+    register(_function, 2, WIDE, _arithmetic(_instruction))
 for _function, _sign in (
     (operator.lt, "<"),
     (operator.le, "<="),
     (operator.gt, ">"),
     (operator.ge, ">="),
 ):
-    _register_pairwise(_function, MASK, _comparison(_sign))
-_register_pairwise(min, WIDE, _extreme("<"))
-_register_pairwise(max, WIDE, _extreme(">"))
-
-
-def _register_single(function: Any, generate: Any) -> None:
-    class Template(AbstractTemplate):  # type: ignore[misc]
-        def generic(self, arguments: Any, keywords: Any) -> Any:
-            if len(arguments) == 1 and isinstance(arguments[0], WideType):
-                return signature(WIDE, WIDE)
-            return None
-
-    infer_global(function)(Template)
-
-    def code(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        return generate(builder, arguments[0])
-
-    lower_builtin(function, WideType)(code)
+    register(_function, 2, MASK, _comparison(_sign))
+register(min, 2, WIDE, _extreme("<"))
+register(max, 2, WIDE, _extreme(">"))
 
 
 def _call(name: str) -> Any:
-    def generate(builder: Any, a: Any) -> Any:
+    def generate(context: Any, builder: Any, a: Any) -> Any:
         kind = ir.FunctionType(REGISTER, [REGISTER])
         called = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
         return builder.call(called, [a])
@@ -201,14 +187,14 @@ def _call(name: str) -> Any:
     return generate
 
 
-def _negative(builder: Any, a: Any) -> Any:
+def _negative(context: Any, builder: Any, a: Any) -> Any:
     """As numba does it, so that sums are ordered alike."""
     return builder.fsub(ir.Constant(REGISTER, [-0.0] * LANES), a)
 
 
-_register_single(math.sqrt, _call("sqrt"))
-_register_single(abs, _call("fabs"))
-_register_single(operator.neg, _negative)
+register(math.sqrt, 1, WIDE, _call("sqrt"))
+register(abs, 1, WIDE, _call("fabs"))
+register(operator.neg, 1, WIDE, _negative)
 
 
 class _Both(AbstractTemplate):  # type: ignore[misc]

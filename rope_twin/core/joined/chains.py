@@ -20,8 +20,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import overload
-
 from rope_twin.core.elimination import (
     RECORD,
     add,
@@ -42,16 +40,17 @@ from rope_twin.core.elimination import (
     six_lanes,
     solve_symmetric,
     spring,
+    store_three,
     substitute_pair,
     substituted,
     two,
     two_of_six,
 )
-from rope_twin.core.jit.decorators import LINKED, jit, jit_ordered, jit_within
-from rope_twin.core.jit.rows import column, lane, load, pair, row, rows, store
+from rope_twin.core.jit.decorators import jit, jit_ordered, jit_within
+from rope_twin.core.jit.rows import column, lane, load, pair, row, rows
 from rope_twin.core.loads import balance
-from rope_twin.core.loads.hooks import couples
-from rope_twin.core.pentadiagonal import SECOND, keep_node, kept_of
+from rope_twin.core.loads.hooks import chosen_by, couples
+from rope_twin.core.pentadiagonal import SECOND, keep_node, kept_of, set_column
 from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, LINK, RESIDUAL, WORK_ROWS, ZERO
 
 FAR = WORK_ROWS  # 9 rows: H of the nodes
@@ -103,15 +102,9 @@ def _pair(work: Any, i: int, j: int, k: int, state: Any) -> Any:
     _, hy, _, to_y, _ = eliminate_node(S, py, t, a, b)
     _, hz, _, to_z, _ = eliminate_node(S, pz, t, a, b)
     far = row(work, FAR, _FAR_RECORD * k)
-    store(far, 0, hx[0])
-    store(far, 2, hy[0])
-    store(far, 4, hz[0])
-    store(far, 6, hx[1])
-    store(far, 8, hy[1])
-    store(far, 10, hz[1])
-    store(far, 12, hx[2])
-    store(far, 14, hy[2])
-    store(far, 16, hz[2])
+    store_three(far, 0, (hx[0], hy[0], hz[0]))
+    store_three(far, 6, (hx[1], hy[1], hz[1]))
+    store_three(far, 12, (hx[2], hy[2], hz[2]))
     P = px, py, pz
     D, g = less_product(D, P, (hx, hy, hz)), _plus_product(g, P, own)
     return left, pushed, (to_x, to_y, to_z), D, g
@@ -160,15 +153,8 @@ def eliminate_between(work: Any, n: int) -> Any:
         _put(record, _HIGH + 3 * k, G[k])
     D = less_product(six_lanes(below[3], 0), P, H)
     E = less_product(six_lanes(state[3], 1), Q, G)
-    a, b = lanes(below[1], 0), lanes(state[1], 1)
-    own = solve_symmetric(
-        S,
-        (
-            a[0] + b[0] + work[RESIDUAL, middle],
-            a[1] + b[1] + work[RESIDUAL + 1, middle],
-            a[2] + b[2] + work[RESIDUAL + 2, middle],
-        ),
-    )
+    sides = add(lanes(below[1], 0), lanes(state[1], 1))
+    own = solve_symmetric(S, add(sides, column(work, RESIDUAL, middle)))
     _put(record, _OWN, own)
     g = _plus_product(lanes(below[4], 0), P, own)
     h = _plus_product(lanes(state[4], 1), Q, own)
@@ -198,25 +184,22 @@ def push_between(work: Any, n: int) -> Any:
         f = push_pair(records, RECORD * pairs, f)
     b, high = lanes(f, 1), lanes(g, 1)
     record = row(work, ELIMINATED, RECORD * rounds)
-    S = (
-        record[_MATRIX], record[_MATRIX + 1], record[_MATRIX + 2], record[_MATRIX + 3],
-        record[_MATRIX + 4], record[_MATRIX + 5],
-    )  # fmt: skip
-    x, y, z = column(work, RESIDUAL, middle)
-    force = a[0] + b[0] + x, a[1] + b[1] + y, a[2] + b[2] + z
+    S = _three(record, _MATRIX) + _three(record, _MATRIX + 3)
+    force = add(add(a, b), column(work, RESIDUAL, middle))
     _put(record, _OWN, solve_symmetric(S, force))
     H, G = _kept_columns(record, _LOW), _kept_columns(record, _HIGH)
     return _plus_product(high, G, force), _plus_product(low, H, force)
 
 
 @jit_within
+def _three(record: Any, at: int) -> Any:
+    return record[at], record[at + 1], record[at + 2]
+
+
+@jit_within
 def _kept_columns(record: Any, at: int) -> Any:
     """Return three columns of the middle node's record."""
-    return (
-        (record[at], record[at + 1], record[at + 2]),
-        (record[at + 3], record[at + 4], record[at + 5]),
-        (record[at + 6], record[at + 7], record[at + 8]),
-    )
+    return _three(record, at), _three(record, at + 3), _three(record, at + 6)
 
 
 @jit_within
@@ -288,12 +271,6 @@ _NONE = (_NOTHING, _NOTHING, _NOTHING)
 
 
 @jit_within
-def set_column(work: Any, first: int, i: int, d: Any) -> None:
-    """Set column i of three rows."""
-    work[first, i], work[first + 1, i], work[first + 2, i] = d
-
-
-@jit_within
 def _node(work: Any, i: int, state: Any, K: Any, c: float) -> Any:
     """Return pivot, force and block to the next node of node i, whose next element is K.
 
@@ -347,21 +324,6 @@ def _pass_on(pivot: Any, P: Any, after: Any) -> Any:
     return (x, y, z), following, (far_x, far_y, far_z)
 
 
-@jit_within
-def _dot(a: Any, b: Any) -> Any:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@jit_within
-def _lessened(D: Any, P: Any, F: Any) -> Any:
-    """Return D - Pᵀ·F, symmetric; P and F by columns."""
-    (px, py, pz), (x, y, z) = P, F
-    return (
-        D[0] - _dot(px, x), D[1] - _dot(px, y), D[2] - _dot(px, z),
-        D[3] - _dot(py, y), D[4] - _dot(py, z), D[5] - _dot(pz, z),
-    )  # fmt: skip
-
-
 @jit_ordered
 def eliminate_coupled_between(work: Any, n: int) -> Any:
     """Condense to both ends: return block and force at node n, at node 0, and P by columns.
@@ -381,8 +343,8 @@ def eliminate_coupled_between(work: Any, n: int) -> Any:
         own = column(work, ELIMINATED, i)
         for k in range(3):
             set_column(work, COUPLED_FAR + 3 * k, i, F[k])
-        D = _lessened(D, P, F)
-        g = add(g, (_dot(P[0], own), _dot(P[1], own), _dot(P[2], own)))
+        D = less_product(D, P, F)
+        g = add(g, (dot(P[0], own), dot(P[1], own), dot(P[2], own)))
         P = following
     return state[0], state[1], D, g, P
 
@@ -438,17 +400,10 @@ def _couple(effects: Any, work: Any, stage: Any, n: int, upto: int) -> None:
             work[BLOCK + 3 + k, n] += S[1][k]
 
 
-def add_couplings(effects: Any, work: Any, stage: Any, n: Any, upto: Any) -> Any:
-    """Add every effect's forces between nodes that are not next neighbours, once loads are known.
-
-    upto: number of nodes that carry loads, n or (the upper end is at a connection) n + 1.
-    """
-    if couples(map(type, effects)):
-        _couple(effects, work, stage, n, upto)
-
-
-@overload(add_couplings, jit_options=LINKED, strict=False)
-def _compose_couplings(effects: Any, work: Any, stage: Any, n: Any, upto: Any) -> Any:
-    if couples(effect.instance_class for effect in effects):
-        return lambda effects, work, stage, n, upto: _couple(effects, work, stage, n, upto)
-    return lambda effects, work, stage, n, upto: None
+# Add every effect's forces between nodes that are not next neighbours, once loads are known; upto:
+# number of nodes that carry loads, n or (the upper end is at a connection) n + 1.
+add_couplings = chosen_by(
+    couples,
+    lambda effects, work, stage, n, upto: _couple(effects, work, stage, n, upto),
+    lambda effects, work, stage, n, upto: None,
+)

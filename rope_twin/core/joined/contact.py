@@ -27,10 +27,9 @@ from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_within
-from rope_twin.core.loads.hooks import kernel, kernels_by_place, members, switching, written_out
+from rope_twin.core.jit.decorators import jit, jit_entry, jit_within
+from rope_twin.core.loads.hooks import calls_of, kernel, switching
 from rope_twin.core.state import BLOCK, DIVISOR_MIN, ELEMENTS, POSITION, RESIDUAL, VELOCITY, Floats
 
 BUNCH = 8  # elements per group whose surrounding boxes are compared first
@@ -240,17 +239,8 @@ def among(contact: Any, system: Any, stage: Any) -> None:
 switching(LineContact)
 
 
-def add_among(effects: Any, system: Any, stage: Any) -> Any:
-    """Add the forces of effects that act between ropes."""
-    for effect, call in members("among", effects):
-        call(effect, system, stage)
-
-
-@overload(add_among, jit_options=LINKED, strict=False)
-def _compose_among(effects: Any, system: Any, stage: Any) -> Any:
-    calls = kernels_by_place("among", effects)
-    lines = [f"kernel_{i}(effects[{i}], system, stage)" for i in calls]
-    return written_out("effects, system, stage", [*lines, "return None"], calls)
+# Add the forces of effects that act between ropes.
+add_among = calls_of("among", "system, stage")
 
 
 class Touch(NamedTuple):

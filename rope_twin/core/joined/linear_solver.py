@@ -13,12 +13,7 @@ ends there; the chain that leads on from it begins with what the others left.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
-
-import numpy as np
-from numba import config
-from numba.extending import overload
 
 from rope_twin.core.elimination import (
     RECORD,
@@ -34,8 +29,8 @@ from rope_twin.core.elimination import (
     two,
     two_of_six,
 )
-from rope_twin.core.jit.decorators import LINKED, jit, jit_apart, jit_ordered, jit_within
-from rope_twin.core.jit.rows import column, lane, rows, table_rows
+from rope_twin.core.jit.decorators import jit, jit_apart, jit_ordered
+from rope_twin.core.jit.rows import column, end_to_end, lane, rows, table_rows
 from rope_twin.core.joined.chains import (
     eliminate_between,
     eliminate_coupled_between,
@@ -77,7 +72,7 @@ from rope_twin.core.joined.plan import (
 )
 from rope_twin.core.joined.sheaves import condense_flow, couple_flow, substitute_flow
 from rope_twin.core.joined.stack import effects_at
-from rope_twin.core.loads.hooks import couples
+from rope_twin.core.loads.hooks import chosen_by, couples
 from rope_twin.core.state import BLOCK, CORRECTION, ELEMENTS, RESIDUAL, ZERO
 
 _records = table_rows("scratch 0", 1)
@@ -89,16 +84,15 @@ _NONE = (0.0, 0.0, 0.0)
 def _begin_sums(plan: Any, work: Any) -> None:
     """Clear the sums; add what ends leave that no chain begins at."""
     sums = plan.sums
-    for k in range(KEPT):
+    for k in range(LEFT, LEFT + 6):
         for slot in range(sums.shape[1]):
             sums[k, slot] = 0.0
     for m in range(plan.sizes[ENDS]):
         if plan.ends[m, SUMMED] == 1:
             j, i = plan.ends[m, JOINT], plan.ends[m, COLUMN]
-            for k in range(3):
-                sums[FORCE + k, j] += work[RESIDUAL + k, i]
             for k in range(6):
                 sums[LEFT + k, j] += work[BLOCK + k, i]
+    _begin_tree_forces(plan, work)
 
 
 @jit
@@ -116,18 +110,21 @@ def _begin_tree_forces(plan: Any, work: Any) -> None:
 
 
 @jit
-def _add(sums: Any, slot: int, Z: Any, f: Any) -> None:
-    """Leave Schur complement and force of a chain at its end; NOWHERE: it goes on."""
+def _add_force(sums: Any, slot: int, f: Any) -> None:
+    """Leave the force of a chain at its end; NOWHERE: it goes on."""
     if slot != NOWHERE:
-        sums[0, slot] += Z[0]
-        sums[1, slot] += Z[1]
-        sums[2, slot] += Z[2]
-        sums[3, slot] += Z[3]
-        sums[4, slot] += Z[4]
-        sums[5, slot] += Z[5]
         sums[FORCE, slot] += f[0]
         sums[FORCE + 1, slot] += f[1]
         sums[FORCE + 2, slot] += f[2]
+
+
+@jit
+def _add(sums: Any, slot: int, Z: Any, f: Any) -> None:
+    """Leave Schur complement and force of a chain at its end."""
+    if slot != NOWHERE:
+        for k in range(6):
+            sums[LEFT + k, slot] += Z[k]
+    _add_force(sums, slot, f)
 
 
 @jit_ordered
@@ -170,15 +167,6 @@ def eliminate_trees(work: Any, plan: Any) -> None:
         root, slot = plan.roots[m, 0], plan.roots[m, 1]
         for k in range(6):
             sums[KEPT + k, slot] = sums[LEFT + k, slot] + work[BLOCK + k, root]
-
-
-@jit
-def _add_force(sums: Any, slot: int, f: Any) -> None:
-    """Leave the force of a chain at its end; NOWHERE: it goes on."""
-    if slot != NOWHERE:
-        sums[FORCE, slot] += f[0]
-        sums[FORCE + 1, slot] += f[1]
-        sums[FORCE + 2, slot] += f[2]
 
 
 @jit_ordered
@@ -257,24 +245,6 @@ def _spread(work: Any, plan: Any, joints: Any, joint: int, i: int) -> None:
         for m in range(plan.sizes[ENDS]):
             if plan.ends[m, JOINT] == joint:
                 work[k, plan.ends[m, COLUMN]] = work[k, i]
-
-
-if config.DISABLE_JIT:
-
-    def end_to_end(work: Any) -> Any:
-        """Return a rope's scratch, rows of which go on in the ropes (or rows) that follow."""
-        count = work.shape[0]
-        return np.lib.stride_tricks.as_strided(work, (count, 2**40), work.strides)
-
-else:
-
-    @jit_within
-    def end_to_end(work: Any) -> Any:
-        """Return a rope's scratch as it is: its rows are not bounds-checked."""
-        return work
-
-
-_WITHIN = {**LINKED, "forceinline": True}  # inlined in the caller
 
 
 @jit
@@ -486,21 +456,11 @@ def _solve_coupled(system: Any) -> None:
             substitute_coupled_between(work, n)
 
 
-def _chosen(coupled: Any, plain: Any) -> Callable[[Any, Any], Any]:
-    """Return f(effects, system) that calls `coupled` if an effect couples nodes, else `plain`."""
-
-    def call(effects: Any, system: Any) -> Any:
-        return (coupled if couples(map(type, effects)) else plain)(system)
-
-    @overload(call, jit_options=_WITHIN, strict=False)
-    def _choose(effects: Any, system: Any) -> Any:
-        solve = coupled if couples(effect.instance_class for effect in effects) else plain
-        return lambda effects, system: solve(system)
-
-    return call
-
-
-_solve = _chosen(_solve_coupled, _solve_by_plan)
+_solve = chosen_by(
+    couples,
+    lambda effects, system: _solve_coupled(system),
+    lambda effects, system: _solve_by_plan(system),
+)
 
 
 @jit_apart

@@ -1,23 +1,24 @@
 """Arrays of all ropes of a system in one piece, so that one binary steps any number of ropes.
 
 `rope_of(stack, r)` is rope r, made of views; to the kernels of a single rope it looks like one.
-Shared properties (current, drag, ...) are stored once; an effect whose properties differ from rope
-to rope (a payload) registers how it is stacked, and how one rope's values are picked from the
-stack. Effects with internal variables (core/loads/memory.py) are stacked as `Memories`.
+Shared properties (current, drag, ...) are stored once. Of an effect whose numbers differ from rope
+to rope (`differs`, a payload) each rope's are in a row of `Numbers`; arrays are those of the first
+rope. Effects with internal variables (core/loads/memory.py) are stacked as `Memories`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numba import types
 from numba.extending import overload
 
-from rope_twin.core.jit.decorators import LINKED, jit, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.joined.chains import chain_rows
-from rope_twin.core.loads.hooks import kernels_by_place, members, written_out
+from rope_twin.core.loads.hooks import kernels_by_place, members, struct_text, written_out
 from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.state import (
     COUNTS,
@@ -44,8 +45,15 @@ class Memories(NamedTuple):
     figures: Floats  # the fields of each that are numbers, (ropes, numbers)
 
 
-_STACKERS: dict[type, Callable[[Sequence[Any]], Any]] = {}
-_PICKERS: dict[type, Any] = {}
+class Numbers(NamedTuple):
+    """An effect whose numbers differ from rope to rope."""
+
+    first: Any  # that of one rope
+    figures: Floats  # the numbers of each, also those of its parts, (ropes, numbers)
+
+
+# the places of the fields that are real numbers, of each type whose numbers may differ
+_DIFFERS: dict[type, list[int]] = {}
 
 
 class Stack(NamedTuple):
@@ -63,18 +71,34 @@ class Stack(NamedTuple):
     law: Table | None
 
 
-def stacks(kind: type, stacked: type, picker: Any) -> Callable[[Any], Any]:
-    """Register how effects of this type are stacked, and the kernel that picks rope r's values.
+def differs(*kinds: type) -> None:
+    """Declare that the numbers of these types of effects may differ from rope to rope."""
+    for kind in kinds:
+        hints = get_type_hints(kind).values()
+        _DIFFERS[kind] = [k for k, hint in enumerate(hints) if hint is float]
 
-    picker: f(stacked effect, r), a plain function of numbers and arrays.
-    """
 
-    def register(function: Any) -> Any:
-        _STACKERS[kind] = function
-        _PICKERS[stacked] = jit_within(picker)
-        return function
+def _real(effect: Any) -> Any:
+    """Return an effect whose fields that are meant to be real numbers are."""
+    parts = list(effect)
+    for k in _DIFFERS[type(effect)]:
+        parts[k] = float(parts[k])
+    return type(effect)(*parts)
 
-    return register
+
+def _flat(value: Any) -> list[float]:
+    """Return the numbers of a struct and of its parts; whole ones and arrays are those of all."""
+    if isinstance(value, tuple):
+        return [number for part in value for number in _flat(part)]
+    return [value] if isinstance(value, float) else []
+
+
+def _with_numbers(value: Any, numbers: Iterator[float]) -> Any:
+    """Return a struct with other numbers (plain Python)."""
+    if isinstance(value, tuple):
+        parts = [_with_numbers(part, numbers) for part in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    return next(numbers) if isinstance(value, float) else value
 
 
 def stacked_effects(ropes: Sequence[Rope], room: int) -> tuple[Any, ...]:
@@ -82,13 +106,15 @@ def stacked_effects(ropes: Sequence[Rope], room: int) -> tuple[Any, ...]:
 
     room: number of nodes that the stack has space for.
     """
-    made = []
+    made: list[Any] = []
     for own in zip(*(rope.effects for rope in ropes), strict=True):
         if numbers_carried(type(own[0])):
             made.append(_stacked_memories(own, room))
-            continue
-        stacker = _STACKERS.get(type(own[0]))
-        made.append(own[0] if stacker is None else stacker(own))
+        elif type(own[0]) in _DIFFERS:
+            real = [_real(one) for one in own]
+            made.append(Numbers(real[0], np.array([_flat(one) for one in real])))
+        else:
+            made.append(own[0])
     return tuple(made)
 
 
@@ -207,10 +233,10 @@ def effects_at(effects: Any, r: Any) -> Any:
     made = []
     for effect in effects:
         if isinstance(effect, Memories):
-            made.append(_own_of(effect, r))
-        else:
-            picker = _PICKERS.get(type(effect))
-            made.append(effect if picker is None else picker(effect, r))
+            effect = _own_of(effect, r)
+        elif isinstance(effect, Numbers):
+            effect = _with_numbers(effect.first, iter(effect.figures[r]))
+        made.append(effect)
     return tuple(made)
 
 
@@ -231,6 +257,16 @@ def _memories_at(i: int, kind: Any) -> str:
     return f"Kind_{i}({', '.join(parts[name] for name in kind.fields)})"
 
 
+def _numbers_at(figures: str) -> Callable[[Any, str], str]:
+    """Return what `struct_text` takes for the numbers of rope r, in their order, and all else."""
+    column = itertools.count()
+
+    def leaf(kind: Any, path: str) -> str:
+        return f"{figures}[r, {next(column)}]" if isinstance(kind, types.Float) else path
+
+    return leaf
+
+
 @overload(effects_at, jit_options=LINKED, strict=False)
 def _compose_effects(effects: Any, r: Any) -> Any:
     scope: dict[str, Any] = {}
@@ -241,11 +277,13 @@ def _compose_effects(effects: Any, r: Any) -> Any:
             scope[f"Kind_{i}"] = kind.instance_class
             parts.append(_memories_at(i, kind))
             continue
-        picker = _PICKERS.get(effect.instance_class)
-        parts.append(f"effects[{i}]" if picker is None else f"pick_{i}(effects[{i}], r)")
-        scope[f"pick_{i}"] = picker
-    exec(f"def at(effects, r):\n    return ({' '.join(part + ',' for part in parts)})", scope)
-    return scope["at"]
+        text = f"effects[{i}]"
+        if effect.instance_class is Numbers:
+            kind = effect.types[effect.fields.index("first")]
+            text = struct_text(kind, f"{text}.first", scope, _numbers_at(f"{text}.figures"))
+        parts.append(text)
+    text = " ".join(part + "," for part in parts)
+    return written_out("effects, r", [f"return ({text})"], {}, **scope)
 
 
 def face_ropes(effects: Any, rope: Any, stack: Any) -> Any:

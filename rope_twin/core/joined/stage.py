@@ -10,6 +10,7 @@ pending: the next pass over the nodes applies it.
 
 from __future__ import annotations
 
+from functools import wraps
 from typing import Any
 
 from numba.extending import overload
@@ -66,89 +67,91 @@ from rope_twin.core.state import (
 _WITHIN = {**LINKED, "forceinline": True}  # inlined in the caller
 
 
-def by_kind(one: Any, many: Any) -> Any:
-    """Return the function that is `one(system, ...)` of a Rope and `many(system, ...)` of a Joined.
+def by_kind(one: Any) -> Any:
+    """Decorate a function of a `Joined`; `one(system, ...)` is what it does for a rope by itself.
 
     Both are plain functions with the same names of arguments; numba compiles the one that is
     called.
     """
 
-    def call(system: Any, *rest: Any) -> Any:
-        return (one if isinstance(system, Rope) else many)(system, *rest)
+    def decorate(many: Any) -> Any:
+        @wraps(many)
+        def call(system: Any, *rest: Any) -> Any:
+            return (one if isinstance(system, Rope) else many)(system, *rest)
 
-    @overload(call, jit_options=_WITHIN, strict=False)
-    def choose(system: Any, *rest: Any) -> Any:
-        kind = system.inner if isinstance(system, HeldType) else system
-        return one if kind.instance_class is Rope else many
+        @overload(call, jit_options=_WITHIN, strict=False)
+        def choose(system: Any, *rest: Any) -> Any:
+            kind = system.inner if isinstance(system, HeldType) else system
+            return one if kind.instance_class is Rope else many
 
-    return call
+        return call
 
-
-def _same_rope(system: Any, r: Any) -> Any:
-    return system
+    return decorate
 
 
-def _rope_at(system: Any, r: Any) -> Any:
+@by_kind(lambda system: 1)
+def count_ropes(system: Any) -> Any:
+    """Return the number of ropes of a system."""
+    return system.stack.counts.shape[0]
+
+
+@by_kind(lambda system, r: system)
+def rope_at(system: Any, r: Any) -> Any:
+    """Return rope r."""
     return rope_of(system.stack, r)
 
 
-def _same_stage(system: Any, stage: Any, r: Any) -> Any:
-    return stage
-
-
-def _stage_of(system: Any, stage: Any, r: Any) -> Any:
+@by_kind(lambda system, stage, r: stage)
+def stage_of(system: Any, stage: Any, r: Any) -> Any:
+    """Return the stage with the payout speed of rope r."""
     return Stage(stage.time, stage.p, stage.q, system.joints.speed[r])
 
 
-def _same_boundary(system: Any, boundary: Any, r: Any) -> Any:
-    return boundary
-
-
-def _boundary_of(system: Any, boundary: Any, r: Any) -> Any:
+@by_kind(lambda system, boundary, r: boundary)
+def boundary_of(system: Any, boundary: Any, r: Any) -> Any:
+    """Return the prescribed motion of rope r."""
     return Boundary(boundary.value[r], boundary.rate[r])
 
 
-def _face_others(system: Any, rope: Any) -> Any:
+@by_kind(lambda system, rope: None)
+def face_others(system: Any, rope: Any) -> Any:
+    """Set what the effects of a rope depend on of other ropes, once a step."""
     face_ropes(rope.effects, rope, system.stack)
 
 
-def _free_nodes(system: Any, r: Any) -> Any:
-    return system.state.counts[ELEMENTS]
-
-
-def _loaded_nodes(system: Any, r: Any) -> Any:
+@by_kind(lambda system, r: system.state.counts[ELEMENTS])
+def count_loaded(system: Any, r: Any) -> Any:
+    """Return the number of nodes of rope r that carry loads: all except a hang-off."""
     return system.stack.counts[r, ELEMENTS] + (system.joints.upper[r] != LOOSE)
 
 
-def _line_of(system: Any, boundary: Any, row: Any, r: Any) -> Any:
-    return boundary.value[row, LINE]
-
-
-def _line_at(system: Any, boundary: Any, row: Any, r: Any) -> Any:
+@by_kind(lambda system, boundary, row, r: boundary.value[row, LINE])
+def length_at(system: Any, boundary: Any, row: Any, r: Any) -> Any:
+    """Return the unstretched length of rope r at a step boundary [m]."""
     if system.joints.upper[r] == LOOSE:
         return boundary.value[r, row, LINE]
     return system.stack.s[r, system.stack.counts[r, ELEMENTS]]
 
 
-# Number of ropes of a system.
-count_ropes = by_kind(lambda system: 1, lambda system: system.stack.counts.shape[0])
-# Rope r, and the stage with its payout speed, and its prescribed motion.
-rope_at = by_kind(_same_rope, _rope_at)
-stage_of = by_kind(_same_stage, _stage_of)
-boundary_of = by_kind(_same_boundary, _boundary_of)
-# What the effects of rope r depend on of other ropes, once a step.
-face_others = by_kind(lambda system, rope: None, _face_others)
-# Number of its nodes that carry loads: all except a hang-off.
-count_loaded = by_kind(_free_nodes, _loaded_nodes)
-# Its unstretched length at a step boundary [m].
-length_at = by_kind(_line_of, _line_at)
-# Time step [s] and tolerance [N] of a system, and its counters: those of the first rope. Counters
-# come in a tuple because a kernel without memory management returns no array.
-step_of = by_kind(lambda system: system.model.step, lambda system: system.stack.model[0, STEP])
-tolerance_of = by_kind(
-    lambda system: system.model.tolerance, lambda system: system.stack.model[0, TOLERANCE]
-)
-health_of = by_kind(lambda system: (system.state.health,), lambda system: (system.stack.health[0],))
+@by_kind(lambda system: system.model.step)
+def step_of(system: Any) -> Any:
+    """Return the time step [s], that of the first rope."""
+    return system.stack.model[0, STEP]
+
+
+@by_kind(lambda system: system.model.tolerance)
+def tolerance_of(system: Any) -> Any:
+    """Return the tolerance of tensions [N], that of the first rope."""
+    return system.stack.model[0, TOLERANCE]
+
+
+@by_kind(lambda system: (system.state.health,))
+def health_of(system: Any) -> Any:
+    """Return the counters of the first rope.
+
+    They come in a tuple because a kernel without memory management returns no array.
+    """
+    return (system.stack.health[0],)
 
 
 OUT, BACK = ZERO, ZERO + 1  # directions of a copy: from the state to scratch, and back
@@ -166,17 +169,17 @@ def _move(joints: Any, stage: Any, kind: int, factor: float) -> None:
         correct(work, stage.p, stage.q, factor, ZERO, count)
 
 
-def _move_all(system: Any, stage: Any, kind: Any, factor: Any) -> Any:
+@by_kind(lambda system, stage, kind, factor: None)
+def move_connections(system: Any, stage: Any, kind: Any, factor: Any) -> Any:
+    """Move the connections (see `_move`) and the ropes' ends there, and set the forces of links."""
     _move(system.joints, stage, kind, factor)
     place_ends(system)
     pull_ties(system.joints.ties, system.joints.work, stage.p, stage.q)
 
 
-# Move the connections (see `_move`) and the ropes' ends there, and set the forces of links.
-move_connections = by_kind(lambda system, stage, kind, factor: None, _move_all)
-
-
-def _gather(system: Any, stage: Any) -> Any:
+@by_kind(lambda system, stage: None)
+def gather_connections(system: Any, stage: Any) -> Any:
+    """Add forces between ropes; assemble residual and matrix of the connections without chains."""
     add_among(system.stack.effects, system, stage)
     clear(system.joints)
     gather_ends(system)
@@ -184,28 +187,20 @@ def _gather(system: Any, stage: Any) -> Any:
     add_sheaves(system.sheaves, system, stage)
 
 
-# Add forces between ropes; assemble residual and matrix of the connections, without the chains.
-gather_connections = by_kind(lambda system, stage: None, _gather)
-
-
-def _pass(system: Any, rope: Any, r: Any, p: Any, q: Any) -> Any:
+@by_kind(lambda system, rope, r, p, q: None)
+def pass_sheave(system: Any, rope: Any, r: Any, p: Any, q: Any) -> Any:
+    """Move the last node of rope r with the rope that passes the sheave there (`pass_end`)."""
     pass_end(system.sheaves, system.joints, rope, r, p, q)
 
 
-# Move the last node of rope r with the rope that passes the sheave there; see `pass_end`.
-pass_sheave = by_kind(lambda system, rope, r, p, q: None, _pass)
-
-
-def _correct_all(system: Any, stage: Any) -> Any:
+@by_kind(lambda system, stage: 0)
+def correct_connections(system: Any, stage: Any) -> Any:
+    """Apply the correction of the connections; return how many links' tensions deviate."""
     joints = system.joints
     expect_pulls(joints.ties, joints.work)
     _move(joints, stage, SEARCH, 1.0)
     pull_ties(joints.ties, joints.work, stage.p, stage.q)
     return count_unexpected_ties(joints.ties, system.stack.model[0, TOLERANCE])
-
-
-# Apply the correction of the connections; return the number of links with a deviating tension.
-correct_connections = by_kind(lambda system, stage: 0, _correct_all)
 
 
 @jit
@@ -229,38 +224,30 @@ def _look_ahead_at_sheave(system: Any, rope: Any, stage: Any, r: int) -> int:
     return int(wrong + (not abs(work[TENSION, top] - expected) <= rope.model.tolerance))
 
 
-def _look_ahead(system: Any, rope: Any, stage: Any, r: Any) -> Any:
-    return count_unexpected(rope, stage, ZERO, rope.state.counts[ELEMENTS])
-
-
-def _look_ahead_joined(system: Any, rope: Any, stage: Any, r: Any) -> Any:
+@by_kind(
+    lambda system, rope, stage, r: count_unexpected(rope, stage, ZERO, rope.state.counts[ELEMENTS])
+)
+def look_ahead_in_rope(system: Any, rope: Any, stage: Any, r: Any) -> Any:
+    """Set direction and tension of rope r as if it were corrected; count deviating tensions."""
     if is_at_sheave(system.sheaves, r):
         return _look_ahead_at_sheave(system, rope, stage, r)
     return count_unexpected(rope, stage, ZERO, rope.state.counts[ELEMENTS])
 
 
-# Set direction and tension of rope r as if it were corrected; return the deviating tensions.
-look_ahead_in_rope = by_kind(_look_ahead, _look_ahead_joined)
+@by_kind(lambda system: 0.0)
+def slope_of_connections(system: Any) -> Any:
+    """Return R·delta summed over the connections [N·m/s²]."""
+    return joint_slope(system.joints)
 
-# R·delta summed over the connections [N·m/s²].
-slope_of_connections = by_kind(lambda system: 0.0, lambda system: joint_slope(system.joints))
 
-
-@jit
-def _count_left(joints: Any, most: float) -> int:
-    """Return how many connections have a residual above `most` [N], or NaN."""
-    count = 0
-    for j in range(joints.nodes.shape[1]):
-        x, y, z = column(joints.work, RESIDUAL, j)
+@by_kind(lambda system: 0)
+def count_unbalanced(system: Any) -> Any:
+    """Return how many connections have a residual above the tolerance, or NaN."""
+    count, most = 0, system.stack.model[0, TOLERANCE]
+    for j in range(system.joints.nodes.shape[1]):
+        x, y, z = column(system.joints.work, RESIDUAL, j)
         count += not x * x + y * y + z * z <= most * most
     return count
-
-
-# Number of connections whose residual exceeds the tolerance, or is NaN.
-count_unbalanced = by_kind(
-    lambda system: 0,
-    lambda system: _count_left(system.joints, system.stack.model[0, TOLERANCE]),
-)
 
 
 @jit
@@ -285,7 +272,9 @@ def _add_end_forces(system: Any, share: float) -> None:
                 R[a, high] -= share * work[TENSION, top] * work[DIRECTION + a, top]
 
 
-def _begin_trial(system: Any, stage: Any) -> Any:
+@by_kind(lambda system, stage: None)
+def begin_trial(system: Any, stage: Any) -> Any:
+    """Correct the connections before directions and tensions are set as if ropes were corrected."""
     joints = system.joints
     _add_end_forces(system, -1.0)
     _move(joints, stage, SEARCH, 1.0)
@@ -303,9 +292,9 @@ def _take_load(joints: Any, work: Any, i: int, joint: int) -> None:
     joints.work[RESIDUAL + 2, joint] -= xz * x + yz * y + zz * z
 
 
-@jit
-def _end_trial(system: Any, least: float) -> int:
-    """Return the number of connections with a residual above `least` [N], or NaN."""
+@by_kind(lambda system, least: 0)
+def count_left_at_connections(system: Any, least: Any) -> Any:
+    """Return how many connections then have a residual above `least` [N], or NaN."""
     stack, joints, left = system.stack, system.joints, 0
     _add_end_forces(system, 1.0)
     for r in range(stack.counts.shape[0]):
@@ -319,68 +308,45 @@ def _end_trial(system: Any, least: float) -> int:
     return left
 
 
-# Correct the connections, before directions and tensions are set as if the ropes were corrected;
-# and the number of connections that then have a residual above `least` [N].
-begin_trial = by_kind(lambda system, stage: None, _begin_trial)
-count_left_at_connections = by_kind(
-    lambda system, least: 0, lambda system, least: _end_trial(system, least)
-)
-
-
-@jit
-def _size(joints: Any) -> float:
+@by_kind(lambda system: 0.0)
+def size_of_connections(system: Any) -> Any:
     """Return the sum of absolute values of the connections' motion; not finite if one is not."""
-    total = 0.0
+    joints, total = system.joints, 0.0
     for k in range(joints.nodes.shape[0]):
         for j in range(joints.nodes.shape[1]):
             total += abs(joints.work[k, j])
     return total
 
 
-# Sum of absolute values of the connections' motion.
-size_of_connections = by_kind(lambda system: 0.0, lambda system: _size(system.joints))
-
-
-@jit
-def _complete(system: Any, stage: Any, pending: float) -> None:
-    """Set the ropes' ends to the motion of the connections, which are corrected already."""
-    place_ends(system)
-    p, q = pending * stage.p, pending * stage.q
-    for r in range(system.stack.counts.shape[0]):
-        pass_end(system.sheaves, system.joints, rope_at(system, r), r, p, q)
-
-
-def _settle_ends(system: Any, stage: Any, pending: Any) -> Any:
+@by_kind(lambda system, stage, pending: None)
+def settle_ends(system: Any, stage: Any, pending: Any) -> Any:
+    """Set the ropes' ends to the connections' motion, if effects have internal variables."""
     if has_memories(effects_at(system.stack.effects, ZERO)):
-        _complete(system, stage, pending)
+        place_ends(system)
+        p, q = pending * stage.p, pending * stage.q
+        for r in range(system.stack.counts.shape[0]):
+            pass_end(system.sheaves, system.joints, rope_at(system, r), r, p, q)
 
 
-# Set the ropes' ends to the accepted motion, if effects have internal variables.
-settle_ends = by_kind(lambda system, stage, pending: None, _settle_ends)
+@by_kind(lambda system: None)
+def place_all_ends(system: Any) -> Any:
+    """Set the ropes' ends to the motion of the connections."""
+    place_ends(system)
 
-# Set the ropes' ends to the motion of the connections.
-place_all_ends = by_kind(lambda system: None, lambda system: place_ends(system))
 
-
-@jit
-def _copy(joints: Any, row: int, way: int) -> None:
+@by_kind(lambda system, row, way: None)
+def copy_connections(system: Any, row: Any, way: Any) -> Any:
     """Copy the motion of the connections to the rows of scratch from `row` on (OUT), or BACK."""
-    count = joints.nodes.shape[1]
+    joints, count = system.joints, system.joints.nodes.shape[1]
     if way == OUT:
         copy(joints.nodes, ZERO, joints.work, row, count)
     else:
         copy(joints.work, row, joints.nodes, ZERO, count)
 
 
-# Copy the motion of the connections; see `_copy`.
-copy_connections = by_kind(
-    lambda system, row, way: None, lambda system, row, way: _copy(system.joints, row, way)
-)
-
-
-@jit
-def _join(system: Any) -> None:
-    """Set the ropes' ends to the motion of the connections, in scratch and in the state."""
+@by_kind(lambda system: None)
+def join_ends(system: Any) -> Any:
+    """Set the ropes' ends to the connections' motion before a call, in scratch and in the state."""
     stack, joints = system.stack, system.joints
     place_ends(system)
     for r in range(stack.counts.shape[0]):
@@ -391,7 +357,3 @@ def _join(system: Any) -> None:
                 nodes[k, 0] = work[k, 0]
             if joints.upper[r] != LOOSE:
                 nodes[k, n] = work[k, n]
-
-
-# Set the ropes' ends to the motion of the connections before the first step of a call.
-join_ends = by_kind(lambda system: None, lambda system: _join(system))

@@ -32,7 +32,15 @@ from numba.extending import overload
 from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit, jit_within
 from rope_twin.core.jit.wide import ALIGNMENT, LANES, choose, mask_of, table, wide
-from rope_twin.core.loads.hooks import kernel_of, kernels, may_be_calm, register_wide, written_out
+from rope_twin.core.loads.hooks import (
+    calls_of,
+    kernel_of,
+    kernels,
+    may_be_calm,
+    register_wide,
+    struct_text,
+    written_out,
+)
 from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.payout import LOW
 from rope_twin.core.state import (
@@ -109,20 +117,6 @@ def put_each(own: Any, theirs: Any, lane: int) -> None:
             part[lane] = value
 
 
-def _text(kind: Any, path: str, scope: dict[str, Any], leaf: Callable[[Any, str], str]) -> str:
-    """Return the source text of a copy of a struct whose arrays are replaced by `leaf`."""
-    if not isinstance(kind, types.BaseTuple):
-        return leaf(kind, path)
-    if isinstance(kind, types.BaseNamedTuple):
-        name = f"Kind_{len(scope)}"
-        scope[name] = kind.instance_class
-        parts = zip(kind.fields, kind.types, strict=True)
-        texts = [_text(part, f"{path}.{field}", scope, leaf) for field, part in parts]
-        return f"{name}({', '.join(texts)})"
-    texts = [_text(part, f"{path}[{k}]", scope, leaf) for k, part in enumerate(kind)]
-    return f"({''.join(text + ', ' for text in texts)})"
-
-
 def _widened(kind: Any, path: str) -> str:
     if kind.ndim > 3:
         return path  # no kernel of lanes reads it
@@ -139,9 +133,8 @@ def _compose_wide(data: Any) -> Any:
     if isinstance(data, types.NoneType):
         return lambda data: None
     scope: dict[str, Any] = {"wide": wide, "table": table}
-    text = _text(data, "data", scope, _widened)
-    exec(f"def written_out(data):\n    return {text}", scope)
-    return scope["written_out"]
+    text = struct_text(data, "data", scope, _widened)
+    return written_out("data", [f"return {text}"], {}, **scope)
 
 
 def lane_data(data: Any, lane: Any) -> Any:
@@ -152,9 +145,8 @@ def lane_data(data: Any, lane: Any) -> Any:
 @overload(lane_data, jit_options=_WITHIN, strict=False)
 def _compose_lane(data: Any, lane: Any) -> Any:
     scope: dict[str, Any] = {}
-    text = _text(data, "data", scope, lambda kind, path: f"{path}[lane]")
-    exec(f"def written_out(data, lane):\n    return {text}", scope)
-    return scope["written_out"]
+    text = struct_text(data, "data", scope, lambda kind, path: f"{path}[lane]")
+    return written_out("data, lane", [f"return {text}"], {}, **scope)
 
 
 def place_of(kind: type, effects: Iterable[Any]) -> int:
@@ -383,17 +375,8 @@ def _compose_calm(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> An
     return written_out(head, [*lines, "return calm"], calls, on_lanes=on_lanes)
 
 
-def predict_lanes(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
-    """Predict internal variables at the beginning of a stage, for the nodes low <= i < high."""
-    raise TypeError("lanes exist in compiled code only")
-
-
-@overload(predict_lanes, jit_options=LINKED, strict=False)
-def _compose_predict(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
-    calls = kernels("predict", effects, None)
-    lines = [f"kernel_{i}(effects[{i}], rope, stage, kind, low, high)" for i in _counts(effects)]
-    head = "effects, rope, stage, kind, low, high"
-    return written_out(head, [*lines, "return None"], calls)
+# Predict internal variables at the beginning of a stage, for the nodes low <= i < high.
+predict_lanes = calls_of("predict", "rope, stage, kind, low, high", lanes=True)
 
 
 @jit

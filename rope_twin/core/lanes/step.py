@@ -47,7 +47,14 @@ from rope_twin.core.lanes.effects import (
     settle_lanes,
     wide_data,
 )
-from rope_twin.core.loads.balance import load_lowest, load_of, load_remembering, load_rows, set_flow
+from rope_twin.core.loads.balance import (
+    load_lowest,
+    load_of,
+    load_remembering,
+    load_rows,
+    set_block,
+    set_flow,
+)
 from rope_twin.core.newton import CHUNK, SEARCH_FROM, count_left
 from rope_twin.core.payout import (
     OFFSET_GONE,
@@ -201,7 +208,7 @@ def _load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> Non
     tx, ty, tz = above
     bx, by, bz = below
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
+    block = span(work, BLOCK, 6, low)
     tangent = _tangent(above, below, 0)
     for i in range(high - low):
         following = _tangent(above, below, i + 1)
@@ -209,12 +216,7 @@ def _load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> Non
         Rx[i] = T[i] * tx[i] - T_below[i] * bx[i] + load.x
         Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y
         Rz[i] = T[i] * tz[i] - T_below[i] * bz[i] + load.z
-        Axx[i] = load.xx
-        Axy[i] = load.xy
-        Axz[i] = load.xz
-        Ayy[i] = load.yy
-        Ayz[i] = load.yz
-        Azz[i] = load.zz
+        set_block(block, i, load)
         tangent = following
     load_remembering(effects, work, stage, low, high, True)
 

@@ -25,6 +25,7 @@ from rope_twin.core.jit.functions import renewed
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import (
     Growth,
+    calls_of,
     couples,
     grown,
     kernels,
@@ -112,6 +113,42 @@ class Load(NamedTuple):
     zz: float
 
 
+@jit_within
+def add_to_node(work: Floats, i: int, load: Any) -> None:
+    """Add a load to the residual and the block of node i."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, i)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, i)
+    Rx[0] += load.x
+    Ry[0] += load.y
+    Rz[0] += load.z
+    Axx[0] += load.xx
+    Axy[0] += load.xy
+    Axz[0] += load.xz
+    Ayy[0] += load.yy
+    Ayz[0] += load.yz
+    Azz[0] += load.zz
+
+
+@jit_within
+def set_block(block: Any, i: int, load: Any) -> None:
+    """Set the block of node i, of the six rows of blocks."""
+    Axx, Axy, Axz, Ayy, Ayz, Azz = block
+    Axx[i] = load.xx
+    Axy[i] = load.xy
+    Axz[i] = load.xz
+    Ayy[i] = load.yy
+    Ayz[i] = load.yz
+    Azz[i] = load.zz
+
+
+@jit_within
+def end_relative(work: Floats) -> Any:
+    """Return the lower end's velocity relative to the water."""
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    return vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+
+
 @jit
 def load_nodes(effects: Any, work: Floats, stage: Stage, low: int, high: int) -> None:
     """Set residual R and block A of the nodes 1 <= low <= i < high.
@@ -124,7 +161,7 @@ def load_nodes(effects: Any, work: Floats, stage: Stage, low: int, high: int) ->
     tx, ty, tz = rows(work, DIRECTION, low)
     bx, by, bz = rows(work, DIRECTION, low - 1)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
+    block = span(work, BLOCK, 6, low)
     for i in range(high - low):
         x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
         inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
@@ -133,12 +170,7 @@ def load_nodes(effects: Any, work: Floats, stage: Stage, low: int, high: int) ->
         Rx[i] = T[i] * tx[i] - T_below[i] * bx[i] + load.x
         Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y
         Rz[i] = T[i] * tz[i] - T_below[i] * bz[i] + load.z
-        Axx[i] = load.xx
-        Axy[i] = load.xy
-        Axz[i] = load.xz
-        Ayy[i] = load.yy
-        Ayz[i] = load.yz
-        Azz[i] = load.zz
+        set_block(block, i, load)
     load_remembering(effects, work, stage, low, high, True)
 
 
@@ -228,18 +260,13 @@ def add_load(effects: Any, work: Floats, stage: Stage, low: int, high: int) -> N
     nodes = load_rows(work, low)
     tx, ty, tz = rows(work, TANGENT, low)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
+    block = span(work, BLOCK, 6, low)
     for i in range(high - low):
         load = load_of(effects, stage, nodes, (tx[i], ty[i], tz[i]), i)
         Rx[i] += load.x
         Ry[i] += load.y
         Rz[i] += load.z
-        Axx[i] = load.xx
-        Axy[i] = load.xy
-        Axz[i] = load.xz
-        Ayy[i] = load.yy
-        Ayz[i] = load.yz
-        Azz[i] = load.zz
+        set_block(block, i, load)
     load_remembering(effects, work, stage, low, high, False)
 
 
@@ -308,30 +335,9 @@ def slope(work: Floats, low: int, high: int) -> float:
     return total
 
 
-def add_flow(effects: Any, work: Floats, stage: Stage, low: Any, high: Any) -> Any:
-    """Add every effect's water velocity for the nodes low <= i < high."""
-    for effect, call in members("flow", effects):
-        call(effect, work, stage, low, high)
-
-
-@overload(add_flow, jit_options=LINKED, strict=False)
-def _compose_flow(effects: Any, work: Floats, stage: Stage, low: Any, high: Any) -> Any:
-    calls = kernels("flow", effects, work)
-    lines = [f"kernel_{i}(effects[{i}], work, stage, low, high)" for i in calls]
-    return written_out("effects, work, stage, low, high", [*lines, "return None"], calls)
-
-
-def add_end(effects: Any, work: Floats, stage: Stage) -> Any:
-    """Add every effect's load at the lower end."""
-    for effect, call in members("load_end", grown(effects, stage.time)):
-        call(effect, work, stage)
-
-
-@overload(add_end, jit_options=LINKED, strict=False)
-def _compose_end(effects: Any, work: Floats, stage: Stage) -> Any:
-    calls, growth = kernels("load_end", effects, work), Growth(effects)
-    lines = [*growth.lines, *(f"kernel_{i}({growth.of(i)}, work, stage)" for i in calls)]
-    return written_out("effects, work, stage", [*lines, "return None"], calls, **growth.names)
+# Add every effect's water velocity for the nodes low <= i < high; its load at the lower end.
+add_flow = calls_of("flow", "work, stage, low, high")
+add_end = calls_of("load_end", "work, stage", growth=True)
 
 
 @jit

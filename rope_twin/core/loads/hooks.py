@@ -179,6 +179,41 @@ def members(hook: str, effects: Iterable[Any]) -> list[tuple[Any, Any]]:
     return [(effect, known[type(effect)]) for effect in effects if type(effect) in known]
 
 
+def chosen_by(test: Callable[[Iterable[type]], bool], yes: Any, no: Any) -> Any:
+    """Return the function `yes(effects, ...)` or `no(effects, ...)`, by a test of effects' types.
+
+    Both are plain functions with the same names of arguments; numba compiles the one it calls.
+    """
+
+    def call(effects: Any, *rest: Any) -> Any:
+        return (yes if test(map(type, effects)) else no)(effects, *rest)
+
+    @overload(call, jit_options=LINKED, strict=False)
+    def choose(effects: Any, *rest: Any) -> Any:
+        return yes if test(effect.instance_class for effect in effects) else no
+
+    return call
+
+
+def struct_text(
+    kind: Any, path: str, scope: dict[str, Any], leaf: Callable[[Any, str], str]
+) -> str:
+    """Return the source text of a copy of a struct whose numbers and arrays are given by `leaf`.
+
+    kind: numba type of the struct; path: its text; scope: where the types that are named are put.
+    """
+    if not isinstance(kind, types.BaseTuple):
+        return leaf(kind, path)
+    if isinstance(kind, types.BaseNamedTuple):
+        name = kind.instance_class.__name__
+        scope[name] = kind.instance_class
+        parts = zip(kind.fields, kind.types, strict=True)
+        texts = [struct_text(part, f"{path}.{field}", scope, leaf) for field, part in parts]
+        return f"{name}({', '.join(texts)})"
+    texts = [struct_text(part, f"{path}[{k}]", scope, leaf) for k, part in enumerate(kind)]
+    return f"({''.join(text + ', ' for text in texts)})"
+
+
 def written_out(head: str, lines: list[str], calls: dict[int, Any], **names: Any) -> Any:
     """Return the function of these source lines, in which kernel_0, kernel_1 ... are the calls.
 
@@ -297,3 +332,32 @@ class Growth:
             else:
                 parts.append(f"share_{factor} * {at}")
         return f"{kind.__name__}({', '.join(parts)})"
+
+
+def calls_of(hook: str, names: str, *, lanes: bool = False, growth: bool = False) -> Any:
+    """Return the function that calls the kernels of a hook of all effects, one after another.
+
+    names: of the arguments behind the effect; lanes: SIMD variants, which are also chosen where a
+    `work` among the arguments is SIMD; growth: the effects are those at the stage's time.
+    """
+    places = {name: k for k, name in enumerate(names.split(", "))}
+
+    def call_all(effects: Any, *rest: Any) -> Any:
+        present = grown(effects, rest[places["stage"]].time) if growth else effects
+        for effect, call in members(hook, present):
+            call(effect, *rest)
+
+    @overload(call_all, jit_options=LINKED, strict=False)
+    def compose(effects: Any, *rest: Any) -> Any:
+        if lanes or "work" in places:
+            calls = kernels(hook, effects, None if lanes else rest[places["work"]])
+        else:
+            calls = kernels_by_place(hook, effects)
+        text = Growth(effects if growth and calls else ())
+        own = [text.of(i) if text.lines else f"effects[{i}]" for i in calls]
+        lines = [f"kernel_{i}({one}, {names})" for i, one in zip(calls, own, strict=True)]
+        return written_out(
+            f"effects, {names}", [*text.lines, *lines, "return None"], calls, **text.names
+        )
+
+    return call_all

@@ -39,10 +39,11 @@ from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.loads.hooks import (
     Growth,
+    calls_of,
+    chosen_by,
     grown,
     kernel_of,
     kernels_by_place,
-    members,
     written_out,
 )
 from rope_twin.core.state import ELEMENTS, ZERO, Rope, Stage, State
@@ -68,16 +69,8 @@ def remembers(kinds: Iterable[type]) -> bool:
     return any(kind in _REMEMBERED for kind in kinds)
 
 
-def has_memories(effects: Any) -> Any:
-    """Return whether one of these effects has internal variables."""
-    return remembers(map(type, effects))
-
-
-@overload(has_memories, jit_options=LINKED, strict=False)
-def _choose_memories(effects: Any) -> Any:
-    if remembers(effect.instance_class for effect in effects):
-        return lambda effects: True
-    return lambda effects: False
+# Whether one of these effects has internal variables.
+has_memories = chosen_by(remembers, lambda effects: True, lambda effects: False)
 
 
 def numbers_carried(kind: type) -> int:
@@ -146,24 +139,6 @@ def _copy(memory: Any, source: int, target: int, k: int, n: int) -> None:
             b[i] = a[i]
 
 
-@jit
-def _keep(memory: Any, k: int, n: int) -> None:
-    """Save the current values as those of the step's start."""
-    _copy(memory, ZERO, 2 * k, k, n)
-
-
-@jit
-def _take(memory: Any, k: int, n: int) -> None:
-    """Make the values of the last stage the current ones."""
-    _copy(memory, k, ZERO, k, n)
-
-
-@jit
-def _return(memory: Any, k: int, n: int) -> None:
-    """Restore the values of the step's start."""
-    _copy(memory, 2 * k, ZERO, k, n)
-
-
 def _with_variables(effects: Any) -> list[tuple[Any, int]]:
     """Return the effects with internal variables, each with their number (plain Python)."""
     return [(own, _REMEMBERED[type(own)]) for own in effects if type(own) in _REMEMBERED]
@@ -215,44 +190,11 @@ def _compose_begin(effects: Any, rope: Rope, time: Any, upto: Any) -> Any:
     return _for_each("effects, rope, time, upto", effects, line, "start", **names)
 
 
-def keep_memories(effects: Any, upto: Any) -> Any:
-    """Save internal variables of the step's start when the first substep is accepted."""
-    for effect, k in _with_variables(effects):
-        _keep(effect.memory, k, upto)
-
-
-@overload(keep_memories, jit_options=LINKED, strict=False)
-def _compose_keep(effects: Any, upto: Any) -> Any:
-    line = "keep(effects[#].memory, k_#, upto)"
-    return _for_each("effects, upto", effects, line, keep=_keep)
-
-
-def predict_memories(effects: Any, rope: Rope, stage: Stage, kind: Any, low: Any, high: Any) -> Any:
-    """Predict internal variables at the beginning of a stage, for the nodes low <= i < high.
-
-    Position, velocity and water are predicted already.
-    """
-    for effect, _ in _with_variables(grown(effects, stage.time)):
-        kernel_of("predict", type(effect))(effect, rope, stage, kind, low, high)
-
-
-@overload(predict_memories, jit_options=LINKED, strict=False)
-def _compose_predict(effects: Any, rope: Rope, stage: Stage, kind: Any, low: Any, high: Any) -> Any:
-    line = "kernel_#(effects[#], rope, stage, kind, low, high)"
-    return _for_each("effects, rope, stage, kind, low, high", effects, line, "predict")
-
-
-def prepare_axial(effects: Any, rope: Rope, stage: Stage, kind: Any) -> Any:
-    """Prepare the law of the lowest element for a stage, before its elements are evaluated."""
-    for effect, call in members("prepare", effects):
-        call(effect, rope, stage, kind)
-
-
-@overload(prepare_axial, jit_options=LINKED, strict=False)
-def _compose_prepare(effects: Any, rope: Rope, stage: Stage, kind: Any) -> Any:
-    calls = kernels_by_place("prepare", effects)
-    lines = [f"kernel_{i}(effects[{i}], rope, stage, kind)" for i in calls]
-    return written_out("effects, rope, stage, kind", [*lines, "return None"], calls)
+# Predict internal variables at the beginning of a stage, for the nodes low <= i < high. Position,
+# velocity and water are predicted already.
+predict_memories = calls_of("predict", "rope, stage, kind, low, high", growth=True)
+# Prepare the law of the lowest element for a stage, before its elements are evaluated.
+prepare_axial = calls_of("prepare", "rope, stage, kind")
 
 
 @jit
@@ -289,25 +231,23 @@ def _compose_settle(
     return _for_each(head, effects, line, "settle", "pending", complete=_complete)
 
 
-def accept_memories(effects: Any, upto: Any) -> Any:
-    """Accept the internal variables of a substep."""
-    for effect, k in _with_variables(effects):
-        _take(effect.memory, k, upto)
+def _copies(source: int, target: int) -> Any:
+    """Return the function that copies the values of all effects from one set of rows to another."""
+
+    def copy_all(effects: Any, upto: Any) -> Any:
+        for effect, k in _with_variables(effects):
+            _copy(effect.memory, source * k, target * k, k, upto)
+
+    @overload(copy_all, jit_options=LINKED, strict=False)
+    def compose(effects: Any, upto: Any) -> Any:
+        line = f"copy(effects[#].memory, {source} * k_#, {target} * k_#, k_#, upto)"
+        return _for_each("effects, upto", effects, line, copy=_copy)
+
+    return copy_all
 
 
-@overload(accept_memories, jit_options=LINKED, strict=False)
-def _compose_accept(effects: Any, upto: Any) -> Any:
-    line = "take(effects[#].memory, k_#, upto)"
-    return _for_each("effects, upto", effects, line, take=_take)
-
-
-def return_memories(effects: Any, upto: Any) -> Any:
-    """Restore internal variables of the step's start after a failed step."""
-    for effect, k in _with_variables(effects):
-        _return(effect.memory, k, upto)
-
-
-@overload(return_memories, jit_options=LINKED, strict=False)
-def _compose_return(effects: Any, upto: Any) -> Any:
-    line = "back(effects[#].memory, k_#, upto)"
-    return _for_each("effects, upto", effects, line, back=_return)
+# Save the values of the step's start, when the first of its substeps is accepted; accept those of a
+# substep; restore those of the step's start, after a failed step.
+keep_memories = _copies(0, 2)
+accept_memories = _copies(1, 0)
+return_memories = _copies(2, 0)

@@ -1,4 +1,10 @@
-"""Added mass of the rope, treated implicitly.
+"""Weight and added mass of the rope.
+
+**weight**: Weight of the rope less its buoyancy in water.
+
+Per unstretched metre w = (m - ρ·π·d²/4)·g, downward; d is the hydrodynamic (volume) diameter.
+
+**added_mass**: Added mass of the rope, treated implicitly.
 
 Per metre Ca·ρ·π·d²/4 times the acceleration normal to the tangent. Treated explicitly it is
 unstable once it exceeds the rope's mass (HMPE: 1.05 to 1.62 times), at any step.
@@ -17,6 +23,36 @@ from rope_twin.core.energy import account
 from rope_twin.core.loads.balance import Load
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.quantity import SparingRepr, quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class WeightParams:
+    """Without parameters: mass, diameter, density and gravity are the scene's."""
+
+
+class Weight(NamedTuple):
+    """Kernel data; mass and volume are the rope's, per node."""
+
+    g: float  # [m/s²]
+    density: float  # of the water [kg/m³]
+
+
+def build_weight(params: WeightParams, payload: Any, environment: Any) -> Weight:
+    """Return the kernel data for gravity and the water."""
+    return Weight(environment.gravity_m_per_s2, environment.water_density_kg_per_m3)
+
+
+@kernel("load", Weight, wide=True)
+def weight_load(weight: Any, node: Any, stage: Any) -> Any:
+    """Return F_z = -(m - ρ·volume)·g."""
+    down = weight.g * (node.mass - weight.density * node.volume)
+    return Load(0.0, 0.0, -down, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@account("potential", Weight)
+def potential(weight: Any, place: Any) -> Any:
+    """Return (m - ρ·volume)·g·z [J]."""
+    return weight.g * (place.mass - weight.density * place.volume) * place.position[2]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -46,7 +82,9 @@ class AxialAddedMass(NamedTuple):
     axial: float  # Ca·ρ along the rope [kg/m³]
 
 
-def build(params: AddedMassParams, payload: Any, environment: Any) -> AddedMass | AxialAddedMass:
+def build_added_mass(
+    params: AddedMassParams, payload: Any, environment: Any
+) -> AddedMass | AxialAddedMass:
     """Return the kernel data for the coefficients and the water density."""
     rho = environment.water_density_kg_per_m3
     if params.tangential > 0.0:
@@ -55,7 +93,7 @@ def build(params: AddedMassParams, payload: Any, environment: Any) -> AddedMass 
 
 
 @kernel("load", AddedMass, wide=True)
-def load(added: Any, node: Any, stage: Any) -> Any:
+def added_mass_load(added: Any, node: Any, stage: Any) -> Any:
     """Return F = -m·(a - (a·τ)τ) and A = m·(I - ττᵀ), with m = Ca·ρ·volume."""
     x, y, z = node.tx, node.ty, node.tz
     m = added.density * node.volume

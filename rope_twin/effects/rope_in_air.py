@@ -1,4 +1,6 @@
-"""Rope out of the water: its dry part has its weight in air, without drag or added mass.
+"""Rope above the water: its dry part, and the wind on it.
+
+**wetting**: Rope out of the water: its dry part has its weight in air, without drag or added mass.
 
 Buoyancy, drag, added mass and the inertia of waves act on the wetted fraction β of each node's
 rope. It rises linearly from 0 to 1 while the surface, η above the node (0 without `waves`), passes
@@ -13,6 +15,12 @@ and far below the stiffness of inertia in a step.
 
 The stored energy of `weight` and `added_mass` is that of a wholly wetted rope. It is taken out here
 and the power of the forces that act is put in its place.
+
+**wind**: Wind drag on the rope above the water (beside `wetting`).
+
+Per metre ½·ρ_air·d·C_d·|n|·n with n the normal component of the wind relative to the rope, on the
+dry part of each node. The wind grows with height by the power law U(z) = U_10·(z/10 m)^α, with α
+0.12 over open sea with waves (DNV-RP-C205, 2.3.2); a wind along the rope is neglected.
 """
 
 from __future__ import annotations
@@ -23,13 +31,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account_soaked, wets
+from rope_twin.core.energy import account, account_soaked, wets
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import choose
-from rope_twin.core.loads.balance import Node
-from rope_twin.core.loads.hooks import kernel, wide_kernel
-from rope_twin.core.state import DIVISOR_MIN, FLOW, FLOW_RATE, LENGTH, POSITION, SURFACE, VOLUME
+from rope_twin.core.loads.balance import Load, Node
+from rope_twin.core.loads.hooks import grows, kernel, wide_kernel
+from rope_twin.core.state import (
+    DIVISOR_MIN,
+    FLOW,
+    FLOW_RATE,
+    LENGTH,
+    POSITION,
+    SPEED2_MIN,
+    SURFACE,
+    VOLUME,
+)
+from rope_twin.quantity import quantity
 
 PER_AREA = 1.1283791670955126  # diameter over the root of the section's area, √(4/π)
 
@@ -47,7 +65,7 @@ class Wetting(NamedTuple):
     axial: float  # Ca along the rope·ρ [kg/m³]
 
 
-def build(params: WettingParams, payload: Any, around: Any) -> Wetting:
+def build_wetting(params: WettingParams, payload: Any, around: Any) -> Wetting:
     """Return the kernel data for gravity, water and the rope's added mass."""
     density = around.water_density_kg_per_m3
     return Wetting(
@@ -134,3 +152,75 @@ def wet_place(wetting: Any, place: Any) -> Any:
 
 
 account_soaked(Wetting)
+
+
+REFERENCE_M, LOWEST_M = 10.0, 0.1  # heights of U_10, and below which the wind no longer falls
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindParams:
+    """Wind velocity, its profile, and the drag coefficient of the rope in air."""
+
+    velocity_m_per_s: tuple[float, float] = quantity(
+        "velocity of the wind 10 m above the sea, to the east and to the north", "m/s",
+        -80.0, 80.0,
+    )  # fmt: skip
+    exponent: float = quantity("α of the profile (z/10 m)^α", "", 0.0, 1.0, default=0.12)
+    normal: float = quantity("normal drag coefficient, on the diameter", "", 0.0, 10.0, default=1.2)
+    density_kg_per_m3: float = quantity("density of the air", "kg/m³", 0.1, 10.0, default=1.226)
+
+
+class Wind(NamedTuple):
+    """Kernel data of the wind."""
+
+    x: float  # U_10 [m/s]
+    y: float
+    exponent: float
+    k: float  # ½·ρ·C_d [kg/m³]
+
+
+grows(Wind, "k")
+
+
+def build_wind(params: WindParams, payload: Any, around: Any) -> Wind:
+    """Return the kernel data of the wind."""
+    east, north = params.velocity_m_per_s
+    k = 0.5 * params.density_kg_per_m3 * params.normal
+    return Wind(float(east), float(north), float(params.exponent), float(k))
+
+
+@jit_within
+def _height(z: float, surface: float) -> float:
+    return max(z - surface, LOWEST_M) / REFERENCE_M
+
+
+@kernel("load", Wind, wide=True)
+def wind_load(wind: Any, node: Any, stage: Any) -> Any:
+    """Return F = -k·|n|·n on the dry area and A = q·k·(|n|·(I - ττᵀ) + nnᵀ/|n|)."""
+    x, y, z = node.tx, node.ty, node.tz
+    grown = _height(node.z, node.surface) ** wind.exponent
+    rx, ry, rz = node.vx - grown * wind.x, node.vy - grown * wind.y, node.vz
+    s = rx * x + ry * y + rz * z
+    nx, ny, nz = rx - s * x, ry - s * y, rz - s * z
+    speed = sqrt(nx * nx + ny * ny + nz * nz + SPEED2_MIN)
+    k = wind.k * node.bare
+    c, g = k * speed, stage.q * k / speed
+    own = stage.q * c
+    return Load(
+        -c * nx, -c * ny, -c * nz,
+        own * (1.0 - x * x) + g * nx * nx, g * nx * ny - own * x * y, g * nx * nz - own * x * z,
+        own * (1.0 - y * y) + g * ny * ny, g * ny * nz - own * y * z,
+        own * (1.0 - z * z) + g * nz * nz,
+    )  # fmt: skip
+
+
+@account("power", Wind)
+def wind_power(wind: Any, place: Any) -> Any:
+    """Return force times velocity [W]."""
+    height = np.maximum(place.position[2] - place.surface, LOWEST_M) / REFERENCE_M
+    u = place.velocity.copy()
+    u[0] -= height**wind.exponent * wind.x
+    u[1] -= height**wind.exponent * wind.y
+    across = u - (u * place.tangent).sum(axis=0) * place.tangent
+    size = wind.k * place.bare * np.sqrt((across * across).sum(axis=0))
+    return -(size * across * place.velocity).sum(axis=0)
