@@ -177,7 +177,7 @@ class FaultWatch:
         assert estimator.noise is not None
         noise, count = estimator.noise, round(CAPACITY_S / MEAN_S)
         end_s = estimator.block_begin_s
-        colour = noise.coloured(estimator.autocovariances(count, end_s))
+        colour = noise.coloured(estimator.autocovariances(count, end_s, estimated=False))
         lag_s = MEAN_S * np.arange(count)
         model_n = MODEL_ERROR * noise.nominal_white_n
         colour = colour + model_n**2 * np.exp(-lag_s / MODEL_ERROR_S)

@@ -28,7 +28,7 @@ from rope_twin.estimation.figures import (
     INDEX,
     factors_of,
 )
-from rope_twin.estimation.lift_model import ELEMENTS, STEP_S, STEPS_PER_MEAN, LiftModel
+from rope_twin.estimation.lift_model import STEP_S, STEPS_PER_MEAN, LiftModel
 from rope_twin.estimation.measured_lift import MEAN_S
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
@@ -106,7 +106,7 @@ class FaultLanes:
         """
         self._model = model
         self.pairs = [(onset, lane) for onset in range(ONSETS) for lane in LANES]
-        self._fleet = Fleet(scene, 1 + len(self.pairs), elements=ELEMENTS, step_s=STEP_S)
+        self._fleet = Fleet(scene, 1 + len(self.pairs), elements=model.elements, step_s=STEP_S)
         if model.live is not None:  # its current, not the scene's
             self._fleet.begin_from(model.live)
         known = set(self._fleet.figures)

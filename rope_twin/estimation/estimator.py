@@ -16,6 +16,7 @@ from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
 from rope_twin.estimation.figures import (
     HEAVE_DELAY,
+    HEAVE_ERRORS,
     INDEX,
     NAMES,
     Gaussian,
@@ -33,7 +34,9 @@ from rope_twin.estimation.learnable_scene import check_learnable, scene_prior
 from rope_twin.estimation.lift_model import LiftModel, Prediction
 from rope_twin.estimation.measured_lift import MEAN_S, MeasuredLift
 from rope_twin.estimation.noise import (
+    ExpectedHeave,
     ResidualNoise,
+    heave_spectra,
     heave_spectrum,
     tension_error_autocovariance,
 )
@@ -47,6 +50,7 @@ DRIFT = 0.02  # growth of each standard deviation over √(1 min), in prior stan
 LEAST_USED = 0.25  # share of a block's means that must be there to learn from it
 SPECTRUM_S = 240.0  # of heave for the linearised drag
 SPECTRUM_INTERVAL_S = 0.05
+BEFORE_S = 30.0  # of heave before the burn-in, from which it is estimated too
 SPEEDS = 30  # of the line in a block, for the same
 SPARE_HEAVE_S = 0.25  # beyond the delay, so that its lane has heave at the end of a block
 SAME_LENGTH_M = 0.01  # a measured line out that is the scene's
@@ -78,8 +82,6 @@ class Estimator:
         self.model = model
         self.state, self.state_s = state, begin_s
         self._running: Prediction | None = None
-        self._coloured: Floats = np.empty((0, 0))  # autocovariances for a running block
-        self._coloured_s = -np.inf  # that began then
 
     @property
     def block_begin_s(self) -> float:
@@ -112,11 +114,12 @@ class Estimator:
             SolverError: the rope with the present figures cannot be stepped.
         """
         known_s = self.model.lift.known_until_s(self.heave_ahead_s)
-        if self._running is None:
-            self._running = self.model.begin(self.theta, self.state, self.state_s)
-        end_s = min(self._running.end_s + SEGMENT_S, self.block_end_s)
-        if known_s < end_s - 1e-6:
+        if known_s < self.block_end_s - 1e-6:
             return False
+        if self._running is None:
+            heave = self._expected_heave()
+            self._running = self.model.begin(self.theta, self.state, self.state_s, heave)
+        end_s = min(self._running.end_s + SEGMENT_S, self.block_end_s)
         self.model.extend(self._running, end_s)
         if self._running.end_s >= self.block_end_s - 1e-6:
             self._assimilate(self._running)
@@ -134,16 +137,34 @@ class Estimator:
             pass
         return self.results[before:]
 
-    def autocovariances(self, count: int, end_s: float) -> Floats:
-        """Return those of the heave's error as a tension by octaves [N²], (BANDS, count)."""
-        lift, learning = self.model.lift, self.prior.learning
-        heave = lift.heave_grid(end_s - SPECTRUM_S, end_s, SPECTRUM_INTERVAL_S)
+    def _measured_psd(self, end_s: float) -> Floats:
+        """Return the spectrum of the measured heave before a time [s]."""
+        heave = self.model.lift.heave_grid(end_s - SPECTRUM_S, end_s, SPECTRUM_INTERVAL_S)
+        return heave_spectrum(heave, SPECTRUM_INTERVAL_S)
+
+    def _expected_heave(self) -> ExpectedHeave:
+        """Return the heave without its error over burn-in and block."""
+        end_s = self.block_end_s + self.heave_ahead_s
+        begin_s = self.state_s - BEFORE_S
+        times, heave = self.model.lift.heave.table[:, :2].T
+        near = slice(*np.searchsorted(times, (begin_s - 1.0, end_s + 1.0)))
+        psd, error_m = self._measured_psd(end_s), self.prior.learning.heave_error_m
+        return ExpectedHeave(times[near], heave[near], begin_s, end_s, psd, error_m)
+
+    def autocovariances(self, count: int, end_s: float, *, estimated: bool = True) -> Floats:
+        """Return those of the top motion's error as a tension by octaves [N²], (BANDS, count).
+
+        estimated: of a rope that is driven by the expected heave; False: by the measured one.
+        """
+        lift, error_m = self.model.lift, self.prior.learning.heave_error_m
+        levels = self.theta[[INDEX[name] for name in HEAVE_ERRORS]]
+        spectra = heave_spectra(self._measured_psd(end_s), error_m, levels)
         line, speed = lift.line_motion(end_s - BLOCK_S + np.arange(SPEEDS) * BLOCK_S / SPEEDS)
         factors = {name: float(value) for name, value in factors_of(self.theta).items()}
         bar = self.model.bar.at_length(float(line[SPEEDS // 2])).with_factors(factors)
-        psd = heave_spectrum(heave, SPECTRUM_INTERVAL_S)
-        error_m = learning.heave_error_m
-        return tension_error_autocovariance(bar, psd, error_m, count, MEAN_S, speed)
+        error = spectra.left if estimated else spectra.error
+        error = error + lift.line_error_psd(end_s - BLOCK_S, end_s)
+        return tension_error_autocovariance(bar, spectra.measured, error, count, MEAN_S, speed)
 
     def _assimilate(self, prediction: Prediction) -> None:
         """Learn from the block whose end a prediction with the present figures has reached."""
@@ -159,17 +180,20 @@ class Estimator:
         posterior, nis = self.belief, np.nan
         used = np.isfinite(measured)
         if used.mean() >= LEAST_USED:
-            posterior, used, nis = self._learn(measured, predicted, J, R, autocovariances)
+            heave = prediction.heave
+            posterior, used, nis = self._learn(measured, predicted, J, R, autocovariances, heave)
         held = self.prior.held(self.theta)
         self.results.append(BlockResult(end_s, posterior, float(used.mean()), nis, held))
         growth = np.diag((DRIFT * self.prior.sd) ** 2) * BLOCK_S / 60.0
         self.belief = Gaussian(self.theta.copy(), posterior.covariance + growth)
-        self.state = self.model.state_at(self.theta, self.state, self.state_s, begin_s)
+        heave = prediction.heave
+        self.state = self.model.state_at(self.theta, self.state, self.state_s, begin_s, heave)
         self.state_s = begin_s
 
     def _learn(
-        self, measured: Floats, predicted: Floats, J: Floats, R: Floats, autocovariances: Floats
-    ) -> tuple[Gaussian, Floats, float]:
+        self, measured: Floats, predicted: Floats, J: Floats, R: Floats, autocovariances: Floats,
+        heave: ExpectedHeave | None,
+    ) -> tuple[Gaussian, Floats, float]:  # fmt: skip
         """Move θ to its posterior mean; return the posterior, the used samples and the NIS.
 
         Where the gate leaves less than LEAST_USED, nothing is learned.
@@ -179,7 +203,7 @@ class Estimator:
         count = ITERATIONS if self.results else FIRST_ITERATIONS
         for iteration in range(count):
             if iteration:
-                prediction = self.model.predict(self.theta, self.state, self.state_s, end_s)
+                prediction = self.model.predict(self.theta, self.state, self.state_s, end_s, heave)
                 predicted, J = self.model.linearised(prediction, begin_s)
             residual = measured - predicted
             middle = np.nanmedian(residual) if iteration == 0 else 0.0
@@ -208,36 +232,6 @@ class Estimator:
             columns={name: J[:, k] for k, name in enumerate(NAMES)},
             prior_sd={name: float(self.prior.sd[k]) for k, name in enumerate(NAMES)},
         )
-
-    def innovation_until(self, end_s: float) -> Innovation:
-        """Return the innovation of the running block up to a time [s], a multiple of MEAN_S in it.
-
-        The members are stepped on only as far as they have not been. The figures are those before
-        the block.
-
-        Raises:
-            InputError: the time lies outside the running block, or its data are not there.
-            SolverError: the rope cannot be stepped.
-        """
-        begin_s = self.block_begin_s
-        known_s = self.model.lift.known_until_s(self.heave_ahead_s)
-        if not begin_s + MEAN_S <= end_s <= min(self.block_end_s, known_s) + 1e-6:
-            what = f"{end_s:g} s lies outside the running block, or its data are not there"
-            right = f"give {begin_s + MEAN_S:g} to {min(self.block_end_s, known_s):g} s"
-            raise InputError(phrase("innovation", what, right))
-        if self._running is None:
-            self._running = self.model.begin(self.theta, self.state, self.state_s)
-        self.model.extend(self._running, end_s)
-        count = round((end_s - begin_s) / MEAN_S)
-        measured, samples = self.model.lift.tension_means(begin_s, end_s)
-        measured = self.model.without_slack(self._running, begin_s, measured)
-        noise = self.noise or ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
-        if self._coloured_s != begin_s:  # once a block: it changes with sea and figures only
-            whole = round(BLOCK_S / MEAN_S)
-            self._coloured, self._coloured_s = self.autocovariances(whole, end_s), begin_s
-        R = noise.covariance(self._coloured[:, :count])
-        predicted, J = self.model.linearised(self._running, begin_s)
-        return self._innovation(measured - predicted[:count], J[:count], R, begin_s)
 
 
 def begin_at_rest(scene: Scene, lift: MeasuredLift, *, tared: bool = False) -> Estimator:

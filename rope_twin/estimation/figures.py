@@ -29,20 +29,28 @@ BIAS, GAIN, HEAVE_GAIN, HEAVE_DELAY, FRICTION = (
     "tension_bias", "tension_gain", "heave_gain", "heave_delay", "sheave_friction",
 )  # fmt: skip
 SENSOR_FIGURES = (BIAS, GAIN, HEAVE_GAIN, HEAVE_DELAY, FRICTION)
-NAMES = (*ROPE_FIGURES, *SENSOR_FIGURES)
+REPORTED = (*ROPE_FIGURES, *SENSOR_FIGURES)
+# Logarithms of the size of the motion sensor's error over its specification, in two octaves: the
+# share of the measured heave that is error follows from them (noise.HeaveSpectra).
+HEAVE_ERRORS = "heave_error_middle", "heave_error_high"
+# What profile and drag across the flow change of the current's effect, as its strength does: their
+# columns are equal, and so the strength alone is never known better than this.
+CURRENT_SHAPE = "current_shape"
+NAMES = (*REPORTED, *HEAVE_ERRORS, CURRENT_SHAPE)  # the last three are not reported
 COUNT = len(NAMES)
 INDEX: Mapping[str, int] = {name: k for k, name in enumerate(NAMES)}
 UNITS: Mapping[str, str] = {
     **dict.fromkeys(ROPE_FIGURES, "-"), BIAS: "N", GAIN: "-", HEAVE_GAIN: "-", HEAVE_DELAY: "s",
-    FRICTION: "-",
+    FRICTION: "-", **dict.fromkeys((*HEAVE_ERRORS, CURRENT_SHAPE), "-"),
 }  # fmt: skip
 # perturbation of each figure that a lane of its own carries, in units of θ
 LANE_STEPS: Mapping[str, float] = {
     "submerged_weight": 0.02, "oscillating_mass": 0.03, "payload_drag": 0.08,
     "axial_stiffness": 0.015, "axial_damping": 0.15, "tangential_drag": 0.10, "current": 0.20,
-    HEAVE_GAIN: 0.02, HEAVE_DELAY: 0.04,
+    HEAVE_GAIN: 0.02, HEAVE_DELAY: 0.04, **dict.fromkeys(HEAVE_ERRORS, 0.2),
 }  # fmt: skip
 RANGE_OVER_TENSION = 1.5  # full scale of a load pin over the static tension, if it is not given
+HEAVE_ERROR_SD = 0.5  # of those logarithms
 MOST_SDS = 4.0  # a figure stays within so many prior standard deviations
 
 
@@ -136,6 +144,8 @@ def prior_of(learning: Learning, static_tension_n: float) -> Prior:
             0.01 * learning.heave_gain_pct,
             learning.heave_delay_uncertainty_s,
             0.01 * learning.friction_uncertainty_pct,
+            *(HEAVE_ERROR_SD for _ in HEAVE_ERRORS),
+            0.01 * learning.current_shape_pct,
         ],
     ])  # fmt: skip
     mean = np.zeros(COUNT)

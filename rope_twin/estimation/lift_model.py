@@ -19,21 +19,26 @@ from rope_twin.errors import SolverError
 from rope_twin.estimation.figures import (
     BIAS,
     COUNT,
+    CURRENT_SHAPE,
     FRICTION,
     GAIN,
     HEAVE_DELAY,
+    HEAVE_ERRORS,
     HEAVE_GAIN,
     INDEX,
     LANE_STEPS,
     factors_of,
 )
 from rope_twin.estimation.impedance import Bar, bar_of
+from rope_twin.estimation.learnable_scene import check_learnable
 from rope_twin.estimation.load_pin import LoadPin
 from rope_twin.estimation.measured_lift import FORGETTING_S, MEAN_S, MeasuredLift
+from rope_twin.estimation.noise import ExpectedHeave
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState, LiveState
 
-ELEMENTS, STEP_S = 20, 0.05
+FEWEST_ELEMENTS, MOST_ELEMENTS, STEP_S = 6, 20, 0.05
+WAVE_SHARE = 0.2  # of the way of an axial wave in a step, which an element has at least
 STEPS_PER_MEAN = round(MEAN_S / STEP_S)
 SLACK_BELOW_N = 1.0  # an element that carries less hangs loose
 RAMP_S = 10.0  # over which the ship's motion builds up from rest
@@ -53,7 +58,18 @@ class Prediction:
     line_out_m: list[Floats] = field(default_factory=list)  # (steps,) each
     # of the rope over the sheave before `begin_s`: friction state and position; None: none
     sheave: Floats | None = None  # (2, members)
+    heave: ExpectedHeave | None = None  # that drives them; None: the measured one
     slack_s: Floats = field(default_factory=lambda: np.empty(0))  # ends of means with slack rope
+
+
+def elements_of(bar: Bar) -> int:
+    """Return the number of elements that the members have.
+
+    Elements that an axial wave passes many times in a step are no more accurate, since the step
+    does not resolve them, but need more corrections than members in lanes do together.
+    """
+    way_m = STEP_S * float(np.sqrt(bar.EA_n / bar.mass_kg_per_m).max())
+    return int(np.clip(bar.length_m.sum() / (WAVE_SHARE * way_m), FEWEST_ELEMENTS, MOST_ELEMENTS))
 
 
 class LiftModel:
@@ -63,19 +79,21 @@ class LiftModel:
         """Build the lanes of a scene, in its static equilibrium.
 
         Raises:
-            InputError: the scene's ropes meet, or have parts that a fleet does not step.
+            InputError: the scene cannot be learned yet.
             SceneError: the scene cannot be built.
         """
+        check_learnable(scene)
         self.lift = lift
-        self._lone = Fleet(scene, 1, elements=ELEMENTS, step_s=STEP_S)
+        self.bar: Bar = bar_of(scene)
+        self.elements = elements_of(self.bar)
+        self._lone = Fleet(scene, 1, elements=self.elements, step_s=STEP_S)
         self._known = self._lone.figures
-        present = {*self._known, HEAVE_GAIN, HEAVE_DELAY}
+        present = {*self._known, HEAVE_GAIN, HEAVE_DELAY, *HEAVE_ERRORS}
         self.lanes = tuple(name for name in LANE_STEPS if name in present)
         members = 1 + len(self.lanes)
         if LANES > 1:  # a group that is not half full is stepped member by member
             members = -(-members // (LANES // 2)) * (LANES // 2)
-        self._fleet = Fleet(scene, members, elements=ELEMENTS, step_s=STEP_S)
-        self.bar: Bar = bar_of(scene)
+        self._fleet = Fleet(scene, members, elements=self.elements, step_s=STEP_S)
         self.pin = LoadPin(scene.learning, float(self.bar.EA_n[-1]))
         self.rest = self._lone.state(0)
         self.ramp_begin_s = -np.inf
@@ -98,9 +116,15 @@ class LiftModel:
         self.live = live
         return self._lone.state(0)
 
-    def begin(self, theta: Floats, state: FleetState, begin_s: float) -> Prediction:
-        """Return a prediction that has not begun, from a state at a time [s]."""
-        return Prediction(theta, begin_s, begin_s, [state] * len(self._fleet))
+    def begin(
+        self, theta: Floats, state: FleetState, begin_s: float, heave: ExpectedHeave | None = None
+    ) -> Prediction:
+        """Return a prediction that has not begun, from a state at a time [s].
+
+        heave: of the sensor without its error; None: as it was measured.
+        """
+        states = [state] * len(self._fleet)
+        return Prediction(theta, begin_s, begin_s, states, heave=heave)
 
     def extend(self, prediction: Prediction, end_s: float) -> None:
         """Step the members on to a time [s], a whole number of means later.
@@ -115,7 +139,7 @@ class LiftModel:
         self._set(self._fleet, thetas)
         self._fleet.restore(prediction.states)
         times = _borders(prediction.end_s, steps)
-        inputs = self._inputs(times, thetas)
+        inputs = self._inputs(times, thetas, prediction.heave)
         record = self._fleet.advance(inputs, look_steps=STEPS_PER_MEAN)
         if 0 in record.failures:
             raise SolverError(record.failures[0])
@@ -148,9 +172,12 @@ class LiftModel:
             line_out_m=whole.line_out_m[first:], sheave=sheave,
         )  # fmt: skip
 
-    def predict(self, theta: Floats, state: FleetState, begin_s: float, end_s: float) -> Prediction:
+    def predict(
+        self, theta: Floats, state: FleetState, begin_s: float, end_s: float,
+        heave: ExpectedHeave | None = None,
+    ) -> Prediction:  # fmt: skip
         """Return the prediction from a state at begin to end [s]. Raises SolverError."""
-        prediction = self.begin(theta, state, begin_s)
+        prediction = self.begin(theta, state, begin_s, heave)
         self.extend(prediction, end_s)
         return prediction
 
@@ -187,6 +214,7 @@ class LiftModel:
             column = of_members[:, member] - predicted
             if np.isfinite(column).all():
                 jacobian[:, INDEX[name]] = column / LANE_STEPS[name]
+        jacobian[:, INDEX[CURRENT_SHAPE]] = jacobian[:, INDEX["current"]]
         for name, step in PIN_STEPS.items():
             more = theta.copy()
             more[INDEX[name]] += step
@@ -195,14 +223,15 @@ class LiftModel:
         return predicted, jacobian
 
     def state_at(
-        self, theta: Floats, state: FleetState, begin_s: float, end_s: float
-    ) -> FleetState:
+        self, theta: Floats, state: FleetState, begin_s: float, end_s: float,
+        heave: ExpectedHeave | None = None,
+    ) -> FleetState:  # fmt: skip
         """Return the state of a rope with figures θ that began with a state. Raises SolverError."""
         steps = round((end_s - begin_s) / STEP_S)
         self._set(self._lone, theta[None])
         self._lone.restore(state)
         times = _borders(begin_s, steps)
-        record = self._lone.advance(self._inputs(times, theta[None]), look_steps=steps)
+        record = self._lone.advance(self._inputs(times, theta[None], heave), look_steps=steps)
         if record.failures:
             raise SolverError(record.failures[0])
         return self._lone.state(0)
@@ -218,15 +247,21 @@ class LiftModel:
         factors = factors_of(thetas)
         fleet.set_figures({name: factors[name] for name in self._known})
 
-    def _inputs(self, times_s: Floats, thetas: Floats) -> FleetInputs:
+    def _inputs(self, times_s: Floats, thetas: Floats, heave: ExpectedHeave | None) -> FleetInputs:
         """Return what moves the members, whose sensors differ in gain and delay of the heave."""
         gains, delays = thetas[:, INDEX[HEAVE_GAIN]], thetas[:, INDEX[HEAVE_DELAY]]
         position = np.empty((len(times_s), len(thetas)))
         rate = np.empty_like(position)
         line, speed = self.lift.line_motion(times_s)
-        for delay in set(delays.tolist()):
-            of = delays == delay
-            z, v = self.lift.heave_motion(times_s, delay)
+        levels = thetas[:, [INDEX[name] for name in HEAVE_ERRORS]]
+        sensors = np.column_stack([delays, levels])
+        for delay, *own in np.unique(sensors, axis=0).tolist():
+            of = (sensors == [delay, *own]).all(axis=1)
+            if heave is None:
+                z, v = self.lift.heave_motion(times_s, delay)
+            else:
+                expected = heave.at(tuple(own))
+                z, v = expected(times_s + delay), expected(times_s + delay, 1)
             share = np.exp(-gains[of])
             position[:, of], rate[:, of] = share * z[:, None], share * v[:, None]
         since = times_s - self.ramp_begin_s

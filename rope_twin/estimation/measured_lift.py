@@ -21,6 +21,7 @@ SPIKE_SDS = 5.0  # of the pin's noise, from that median
 LEAST_GOOD = 0.6  # share of a mean's samples that must be good
 SMOOTHED_SAMPLES, SMOOTHED_ORDER = 15, 3
 _SMOOTHING = savgol_coeffs(SMOOTHED_SAMPLES, SMOOTHED_ORDER)
+SAME_COUNT_M = 1e-6  # counts that differ by less are equal
 EDGE_S = 0.25  # of standing counts beside a change, which say less than the change
 LINE_HZ = 20.0  # grid of the line out
 HEAVE_HOLE_S, LINE_HOLE_S = 1.0, 2.0  # longer gaps are holes
@@ -210,6 +211,21 @@ class MeasuredLift:
         begin, end = max(begin_s, table[0, 0]), min(end_s, table[-1, 0])
         times = np.arange(begin, end, interval_s)
         return np.interp(times, table[:, 0], table[:, 1])
+
+    def line_error_psd(self, begin_s: float, end_s: float) -> float:
+        """Return the spectrum of a line counter's rounding [m²/Hz], one-sided and flat.
+
+        A resolution Δ makes a white error of Δ²/12 while the line moves (Widrow 1956), and none
+        while it stands. The resolution is the smallest change of the counts.
+        """
+        times, counts = self.line_out.table.T
+        near = slice(*np.searchsorted(times, (begin_s, end_s)))
+        steps = np.abs(np.diff(counts[near]))
+        moved = steps > SAME_COUNT_M
+        if not moved.any():
+            return 0.0
+        spacing_s = float(np.median(np.diff(times[near])))
+        return float(moved.mean() * steps[moved].min() ** 2 / 6.0 * spacing_s)
 
     def line_motion(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Return the line out [m] and its rate [m/s] at times, (k,), smoothed over 15 samples."""

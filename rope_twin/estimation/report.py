@@ -21,6 +21,7 @@ from rope_twin.estimation.figures import (
     BIAS,
     INDEX,
     NAMES,
+    REPORTED,
     ROPE_FIGURES,
     UNITS,
     Gaussian,
@@ -84,8 +85,9 @@ def estimates(
     base: `base_values` of the scene; advice: by figure, what would tell more.
     """
     found = []
-    correlation = posterior.correlation - np.eye(len(NAMES))
-    for k, name in enumerate(NAMES):
+    count = len(REPORTED)
+    correlation = posterior.correlation[:count, :count] - np.eye(count)
+    for k, name in enumerate(REPORTED):
         if name in ROPE_FIGURES and not base[name]:
             continue
         mean, sd, before = posterior.mean[k], posterior.sd[k], prior.sd[k]

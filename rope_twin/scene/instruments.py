@@ -129,6 +129,10 @@ class Learning:
     current_pct: float = quantity(
         "standard uncertainty of the current's strength", "%", 0.01, 200.0, default=40.0
     )
+    current_shape_pct: float = quantity(
+        "standard uncertainty of its effect by profile and drag across the flow, as a strength",
+        "%", 0.01, 200.0, default=20.0,
+    )  # fmt: skip
     pin_range_n: float | None = quantity(
         "full scale of the load pin; default: 1.5 times the static top tension", "N", 1.0, 1e9,
         default=None,

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import toeplitz
 
+from rope_twin.core.state import Floats
 from rope_twin.errors import InputError
 from rope_twin.estimation.figures import BIAS, COUNT, FRICTION, INDEX, NAMES, Gaussian, prior_of
 from rope_twin.estimation.gauss_newton import (
@@ -22,10 +23,13 @@ from rope_twin.estimation.gauss_newton import (
 from rope_twin.estimation.impedance import BORGMAN, Bar, linear_drag, top_impedance
 from rope_twin.estimation.load_pin import LoadPin, dahl_states
 from rope_twin.estimation.noise import (
+    ERROR_BAND_HZ,
     FREQUENCY_HZ,
     FREQUENCY_STEP_HZ,
+    ExpectedHeave,
     ResidualNoise,
     heave_error_spectrum,
+    heave_spectra,
     heave_spectrum,
     tension_error_autocovariance,
 )
@@ -206,11 +210,15 @@ def test_linearised_drag_about_the_speed_of_the_line() -> None:
 
 
 def test_error_spectrum_has_its_variance_and_its_band() -> None:
-    """The autocovariance at lag 0 is the variance; a rigid rope's tension error is M·ω² of it."""
+    """Its variance lies in the band, above it falls as 1/f⁴; a rigid rope's error is M·ω² of it."""
     S = heave_error_spectrum(0.025)
-    assert S.sum() * FREQUENCY_STEP_HZ == pytest.approx(0.025**2)
-    bar = uniform(EA_n=np.array([1e12]), damping_newton_seconds=np.array([0.0]))
-    octaves = tension_error_autocovariance(bar, np.zeros_like(S), 0.025, 40, 0.25)
+    low, high = ERROR_BAND_HZ
+    band = (low <= FREQUENCY_HZ) & (high >= FREQUENCY_HZ)
+    assert S[band].sum() * FREQUENCY_STEP_HZ == pytest.approx(0.025**2)
+    at = [S[np.argmin(np.abs(FREQUENCY_HZ - f))] for f in (0.45, 0.9)]
+    assert at[0] / at[1] == pytest.approx(16.0, rel=0.05)
+    bar = uniform(EA_n=np.array([1e15]), damping_newton_seconds=np.array([0.0]))
+    octaves = tension_error_autocovariance(bar, np.zeros_like(S), S, 40, 0.25)
     r = octaves.sum(axis=0)
     w = 2.0 * np.pi * FREQUENCY_HZ
     force = (48648.0 + 3000.0 * 6.384) ** 2 * (w**4 * S).sum() * FREQUENCY_STEP_HZ
@@ -219,6 +227,61 @@ def test_error_spectrum_has_its_variance_and_its_band() -> None:
     beyond = FREQUENCY_HZ >= 0.1
     share = (w**4 * S)[beyond].sum() / (w**4 * S).sum()
     assert octaves[-1, 0] / r[0] == pytest.approx(share, rel=1e-3)
+
+
+def drawn(psd: Floats, seed: int, seconds: float = 1200.0) -> tuple[Floats, Floats]:
+    """Return times and a Gaussian process with a spectrum at FREQUENCY_HZ."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, 0.5)
+    a, b = rng.standard_normal((2, len(FREQUENCY_HZ))) * np.sqrt(psd * FREQUENCY_STEP_HZ)
+    phase = 2.0 * np.pi * np.outer(t, FREQUENCY_HZ + rng.uniform(-1, 1, len(a)) * 1e-3)
+    return t, np.cos(phase) @ a + np.sin(phase) @ b
+
+
+SEA = 0.4 * np.exp(-0.5 * ((FREQUENCY_HZ - 0.09) / 0.012) ** 2) + 1e-9
+
+
+def test_expected_heave_leaves_the_error_that_it_says() -> None:
+    """Of heave and error with the specified spectra less error is left, about as much as `left`."""
+    error = heave_error_spectrum(0.05)
+    raw, after, said = [], [], []
+    for seed in range(6):
+        t, z = drawn(SEA, seed, 200.0)
+        _, e = drawn(error, 100 + seed, 200.0)
+        expected = ExpectedHeave(t, z + e, 20.0, 180.0, SEA + error, 0.05)
+        inside = (t > 40.0) & (t < 160.0)
+        raw.append(e[inside].var())
+        after.append((expected.at((0.0, 0.0))(t[inside]) - z[inside]).var())
+        left = heave_spectra(SEA + error, 0.05, np.zeros(2)).left
+        said.append(left.sum() * FREQUENCY_STEP_HZ)
+    assert np.mean(after) < 0.6 * np.mean(raw)
+    assert np.mean(after) == pytest.approx(np.mean(said), rel=0.35)
+
+
+def test_heave_without_an_error_is_kept_and_more_error_keeps_less() -> None:
+    """With an error of nothing the heave comes back; in a high octave only its level counts."""
+    t, z = drawn(SEA, 3, 200.0)
+    kept = ExpectedHeave(t, z, 20.0, 180.0, SEA, 1e-6).at((0.0, 0.0))
+    inside = (t > 25.0) & (t < 175.0)
+    assert np.abs(kept(t[inside]) - z[inside]).max() < 0.02 * z.std()
+    spectra = [heave_spectra(SEA + 1e-2, 0.02, np.array(own)) for own in ((0, 0), (0.5, 0))]
+    more = spectra[1].error - spectra[0].error
+    octave = (FREQUENCY_HZ >= 0.1) & (FREQUENCY_HZ < 0.2)
+    assert (more[octave] > 0.0).all()
+    assert not more[~octave].any()
+    for one in spectra:
+        assert (one.error <= one.measured).all()
+        assert (one.left >= 0.0).all()
+
+
+def test_expected_heave_goes_through_a_hole() -> None:
+    """Where samples are missing the heave is predicted from those around, without a jump."""
+    t, z = drawn(SEA, 5, 200.0)
+    there = (t < 100.0) | (t > 104.0)
+    expected = ExpectedHeave(t[there], z[there], 20.0, 180.0, SEA + 1e-6, 1e-3).at((0.0, 0.0))
+    hole = (t > 99.0) & (t < 105.0)
+    assert np.abs(expected(t[hole]) - z[hole]).max() < 0.3 * z.std()
+    assert np.isfinite(expected(np.array([20.0, 180.0]))).all()
 
 
 def test_heave_spectrum_has_the_variance_of_a_sine() -> None:

@@ -11,10 +11,17 @@ from learned_lift import NOISE_N, SECONDS, lift, recorded, scene
 from rope_twin import load_scene
 from rope_twin.errors import InputError
 from rope_twin.estimation.estimator import BLOCK_S, Estimator
-from rope_twin.estimation.figures import BIAS, INDEX, NAMES, ROPE_FIGURES, Prior, prior_of
-from rope_twin.estimation.gauss_newton import Innovation
+from rope_twin.estimation.figures import (
+    BIAS,
+    CURRENT_SHAPE,
+    INDEX,
+    NAMES,
+    ROPE_FIGURES,
+    Prior,
+    prior_of,
+)
 from rope_twin.estimation.impedance import bar_of, top_impedance
-from rope_twin.estimation.lift_model import LiftModel
+from rope_twin.estimation.lift_model import STEP_S, LiftModel, elements_of
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 
@@ -95,28 +102,36 @@ def test_without_tension_nothing_is_learned() -> None:
     assert np.allclose(made.belief.sd, prior().sd * np.sqrt(1.0 + 0.02**2))
 
 
-def test_innovation_of_the_running_block() -> None:
-    """The residual before learning has the covariance R + J·P·Jᵀ; it is there second by second."""
+def test_innovation_of_a_block() -> None:
+    """The residual before learning has the covariance R + J·P·Jᵀ."""
     made = estimator(lift())
     assert made.innovation is None
-    early: Innovation = made.innovation_until(75.0)
-    assert early.time_s[0] == pytest.approx(60.125)
-    assert len(early.time_s) == 60
-    longer = made.innovation_until(90.0)
-    assert np.allclose(longer.residual_n[:60], early.residual_n, rtol=1e-9)
-    assert np.allclose(longer.columns["submerged_weight"][:60], early.columns["submerged_weight"])
     made.run(120.0)
     whole = made.innovation
     assert whole is not None
-    assert np.allclose(whole.residual_n[:120], longer.residual_n, rtol=1e-9)
+    assert whole.time_s[0] == pytest.approx(60.125)
     assert set(whole.columns) == set(NAMES) == set(whole.prior_sd)
     assert np.linalg.eigvalsh(whole.covariance).min() > 0.0
     e = whole.residual_n
     nis = e @ np.linalg.solve(whole.covariance, e) / len(e)
     assert 0.3 < nis < 2.0
     assert np.allclose(whole.columns[BIAS], 1.0)
-    with pytest.raises(InputError, match="outside the running block"):
-        made.innovation_until(300.0)
+
+
+def test_strength_and_shape_of_the_current_have_one_column() -> None:
+    """They are not told apart: together they are known, each only as far as the other's prior."""
+    whole = learned().innovation
+    assert whole is not None
+    assert np.array_equal(whole.columns["current"], whole.columns[CURRENT_SHAPE])
+
+
+def test_short_ropes_have_few_elements() -> None:
+    """An element is as long as a fifth of the way of an axial wave in a step; 6 to 20 elements."""
+    bar = LiftModel(scene(), lift()).bar
+    speed = float(np.sqrt(bar.EA_n[0] / bar.mass_kg_per_m[0]))
+    assert elements_of(bar.at_length(speed * STEP_S * 0.2 * 10.5)) == 10
+    assert elements_of(bar.at_length(10.0)) == 6
+    assert elements_of(bar.at_length(1e5)) == 20
 
 
 def test_work_in_parts_is_the_work_at_once() -> None:

@@ -160,3 +160,12 @@ def test_a_tension_that_has_stopped_is_not_waited_for() -> None:
     assert made.known_until_s(0.0) == pytest.approx(55.0)
     made.tension.add(58.0, 3e5)
     assert made.known_until_s(0.0) == pytest.approx(58.0)
+
+
+def test_rounding_of_a_line_counter_is_an_error_while_it_counts() -> None:
+    """Counts of a centimetre have the spectrum of Δ²/12 up to half the rate, standing ones none."""
+    series = MeasuredLift(100.0)
+    t = np.arange(0.0, 100.0, 0.05)
+    series.line_out.extend(t, np.round((100.0 + 0.2 * np.minimum(t, 50.0)) / 0.01) * 0.01)
+    assert series.line_error_psd(10.0, 40.0) * 10.0 == pytest.approx(1e-4 / 12.0, rel=0.05)
+    assert series.line_error_psd(60.0, 90.0) == 0.0

@@ -26,6 +26,7 @@ from rope_twin.estimation.figures import (
     HEAVE_DELAY,
     HEAVE_GAIN,
     INDEX,
+    REPORTED,
     Prior,
     factors_of,
 )
@@ -205,8 +206,10 @@ def scheduled_line(scene: Scene, steps: int) -> Floats:
 
 def _draw(prior: Prior, rng: np.random.Generator) -> Floats:
     """Return a θ from the prior, within MOST_SDS of its mean; friction and delay not negative."""
-    drawn = rng.standard_normal(len(prior.mean)).clip(-MOST_SDS, MOST_SDS)
-    theta = np.asarray(prior.mean + prior.sd * drawn)
+    theta = prior.mean.copy()  # no truth has the nuisances of the estimator
+    own = slice(len(REPORTED))
+    drawn = rng.standard_normal(len(REPORTED)).clip(-MOST_SDS, MOST_SDS)
+    theta[own] += prior.sd[own] * drawn
     for name in (FRICTION, HEAVE_DELAY):
         theta[INDEX[name]] = max(theta[INDEX[name]], 0.0)
     return theta
