@@ -6,11 +6,12 @@
 // in order. In a recording without it, rows of the diagnostics at WARN and ERROR stand in for them, as
 // warnings and alarms that nobody can acknowledge. Faults of the console itself always precede the list.
 
-import { $, icon, make, toast, write } from "./page.js";
+import { $, ask, icon, make, toast, write } from "./page.js";
 import { on, request, stale, state } from "./link.js";
 import { signIn } from "./control.js";
 
 const began = new Map();
+const MOST_MIN = 480; // a shift
 let shown = "", audio = null, nextMs = 0;
 
 function current() {
@@ -29,7 +30,7 @@ function current() {
     });
   }
   found.sort((one, two) => one.priority.localeCompare(two.priority));
-  return listed ? [...found, ...state.values.alerts.filter((one) => !one.shelved)] : found;
+  return listed ? [...found, ...state.values.alerts] : found; // shelved ones are at the end
 }
 
 const clock = (timeS) => {
@@ -43,9 +44,25 @@ function drawing(one) {
   return priority === "caution" ? "caution" : `${priority}-${one.state === "transferred" ? "acknowledged" : one.state}`;
 }
 
-async function act(action, id) {
+// Out of the list for a limited time; it stays below it, and returns by itself or by hand.
+async function shelve(one) {
+  const typed = await ask("Shelve the alert?", `${one.title}: minutes without it in the list, up to ${MOST_MIN}.`, "Shelve", { value: "10" });
+  if (typed === null) return;
+  const minutes = Number(typed.trim().replace(",", "."));
+  if (!(minutes > 0 && minutes <= MOST_MIN)) { toast(`${typed} is not between 0 and ${MOST_MIN} minutes.`, false); return; }
+  await act("shelve", one.id, { seconds: Math.round(60 * minutes) });
+}
+
+function press(text, title, action) {
+  const button = make("button", "small", text);
+  button.title = title;
+  button.onclick = action;
+  return button;
+}
+
+async function act(action, id, more = {}) {
   if (!(await signIn())) return;
-  const answer = await request({ do: "alert", action, alert: id });
+  const answer = await request({ do: "alert", action, alert: id, ...more });
   toast(answer.words, answer.ok);
 }
 
@@ -80,28 +97,29 @@ export function sound(nowMs) {
 
 export function draw() {
   const rows = current(), allowed = Boolean(state.control?.allowed);
-  const key = JSON.stringify([allowed, rows.map((one) => [one.id, one.priority, one.state, one.text, one.revision])]);
+  const key = JSON.stringify([allowed, rows.map((one) => [one.id, one.priority, one.state, one.text, one.revision, one.shelved])]);
   if (key === shown) return;
   shown = key;
-  write($("alert-count"), rows.length ? String(rows.length) : "");
+  const shelved = rows.filter((one) => one.shelved).length;
+  write($("alert-count"), (rows.length > shelved ? String(rows.length - shelved) : "") + (shelved ? ` + ${shelved} shelved` : ""));
   $("silence").hidden = !allowed || !rows.some((one) => one.sounds);
   if (!rows.length) {
     $("alerts").replaceChildren(make("li", "none", "No alert"));
     return;
   }
   $("alerts").replaceChildren(...rows.map((one) => {
-    const item = make("li", one.state === "unacknowledged" ? "flash" : "");
+    const item = make("li", one.shelved ? "shelved" : one.state === "unacknowledged" ? "flash" : "");
     item.dataset.priority = one.priority;
     const text = make("div", "text"), side = make("div", "at");
-    if (one.title) text.append(make("b", "", one.first_out ? `${one.title} (first)` : one.title));
+    if (one.title) text.append(make("b", "", one.shelved ? `${one.title} (shelved)` : one.first_out ? `${one.title} (first)` : one.title));
     text.append(document.createTextNode(one.text));
     text.title = one.text;
     side.append(make("time", "", clock(one.since_s)));
-    if (allowed && one.priority !== "caution" && ["unacknowledged", "silenced", "rectified"].includes(one.state)) {
-      const button = make("button", "small", "Ack");
-      button.title = "Acknowledge";
-      button.onclick = () => act("acknowledge", one.id);
-      side.append(button);
+    if (allowed && one.shelved) side.append(press("List", "List it again", () => act("unshelve", one.id)));
+    else if (allowed && one.priority !== "caution" && ["unacknowledged", "silenced", "rectified"].includes(one.state)) {
+      side.append(press("Ack", "Acknowledge", () => act("acknowledge", one.id)));
+    } else if (allowed && one.title && !/^(fault|diagnostics) /.test(one.id)) {
+      side.append(press("Shelve", "Take it out of the list for a time", () => shelve(one)));
     }
     item.append(icon(drawing(one)), text, side);
     return item;

@@ -14,8 +14,9 @@ import secrets
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeGuard
 
+from rope_twin.alerts.alert_list import SECOND, SHELVED_MOST_NS
 from rope_twin.console.pages import Page, Pages
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.winch import SWITCHES
@@ -33,7 +34,8 @@ _SLACK_S = 0.01  # of the server's clock
 REPEAT_S = 0.1  # a set-point is repeated so often, as the twin expects of a commander
 FEEDBACK_S = 2.5  # how long the twin's answer to a command is awaited
 ENTRIES, ENTRIES_WITHIN_S = 20, 10.0  # markers and casts that all pages may add
-ALERT_ACTIONS = "acknowledge", "silence", "transfer"
+ALERT_ACTIONS = "acknowledge", "silence", "transfer", "shelve", "unshelve"
+SHELVED_MOST_S = SHELVED_MOST_NS / SECOND
 TRIES, TRIES_IN_ALL, TRIES_WITHIN_S = 5, 20, 60.0  # wrong tokens of an address, and of all
 
 
@@ -271,6 +273,13 @@ class Desk:
             what = f"'{which}' is not in the list"
             self.answer(page, number, False, phrase("alert", what, "it may have ended"))
             return
+        seconds = content.get("seconds")
+        if action == "shelve":
+            if which == "all" or not _is_finite(seconds) or not 0.0 < seconds <= SHELVED_MOST_S:
+                right = f"give one alert and 1 to {SHELVED_MOST_S:g} s"
+                self.answer(page, number, False, phrase("shelve", f"{which} {seconds!r}", right))
+                return
+            which = f"{which} {seconds:g}"
         self._commander.command_alerts(f"{action} {which}")
         self.answer(page, number, True, f"{action} {which}: sent")
 
@@ -287,8 +296,7 @@ class Desk:
             return ""
         if page is not self._holder:
             return self._seat_fault("command")
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if kind in CONTROL_MODES and not (number and math.isfinite(value)):  # type: ignore[arg-type]
+        if kind in CONTROL_MODES and not _is_finite(value):
             return phrase("command", f"{kind} {value!r}", "it must be a finite number")
         return ""
 
@@ -426,6 +434,11 @@ class Desk:
         """Answer a request of a page; after the stage `sent` another answer follows."""
         content = {"type": "reply", "id": number, "ok": done, "words": words, "stage": stage}
         self._pages.send(page, content)
+
+
+def _is_finite(value: object) -> TypeGuard[float]:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and math.isfinite(value)  # type: ignore[arg-type]
 
 
 def _words(command: WinchCommand) -> str:

@@ -34,10 +34,11 @@ from rope_twin.console.figures import (
     sea_figures,
     winch_figures,
 )
-from rope_twin.console.pages import RATE_HZ, Pages
+from rope_twin.console.pages import Pages
 from rope_twin.console.playback import Recording
 from rope_twin.console.readings import TENSION, stale_limits_s
 
+READ_HZ = 10.0  # two rows for each column of dots in a wide terminal
 DRAW_HZ = 2.0  # what a reader follows; each drawing costs some 10 ms
 SEEK_S = 10.0  # a step in a recording
 _SOUND_S = {"alarm": 2.0, "warning": 4.0}  # between two bells of the terminal
@@ -166,7 +167,7 @@ class TerminalConsole(App[None]):
         for theme in _THEMES:
             self.register_theme(theme)
         self.theme = "dusk"
-        self.set_interval(1.0 / RATE_HZ, self._read)
+        self.set_interval(1.0 / READ_HZ, self._read)
         self.set_interval(1.0 / DRAW_HZ, self.draw)
 
     def draw(self) -> None:

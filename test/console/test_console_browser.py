@@ -458,7 +458,20 @@ def test_an_alert_flashes_until_it_is_acknowledged(
     assert served.commander.alert_words[-1] == "acknowledge 10001.1"
     served.source.alerts = [replace(TENSION_ALARM, state=State.ACKNOWLEDGED, revision=1)]
     until(page, "!document.querySelector('#alerts li.flash')")
-    assert page.locator("#alerts li button").count() == 0
+    until_shown(page, "alerts", "Shelve")
+    page.click("#alerts li button")
+    until_shown(page, "dialog-title", "Shelve the alert?")
+    page.fill("#dialog-input", "10")
+    page.click("#dialog-ok")
+    until_shown(page, "toast", "shelve 10001.1 600: sent")
+    assert served.commander.alert_words[-1] == "shelve 10001.1 600"
+    later_ns = 3600 * 1_000_000_000
+    shelved = replace(TENSION_ALARM, state=State.ACKNOWLEDGED, revision=2)
+    served.source.alerts = [replace(shelved, shelved_until_ns=10**6 * later_ns)]
+    until_shown(page, "alert-count", "1 SHELVED")  # as its heading is drawn
+    page.click("#alerts li.shelved button")
+    until_shown(page, "toast", "unshelve 10001.1: sent")
+    assert served.commander.alert_words[-1] == "unshelve 10001.1"
 
 
 def test_a_page_reconnects_when_its_server_comes_back(browser: Any) -> None:

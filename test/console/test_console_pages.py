@@ -424,3 +424,22 @@ def test_a_session_that_cannot_be_read_is_said_on_the_pages() -> None:
         rig.clock.now_s += 0.05
         pages.tick()
         assert pages.readings.values["fault twin/session"] == said
+
+
+@pytest.mark.parametrize("seconds", [None, 0, -1.0, 1e6, float("nan"), True, "600"])
+def test_shelving_needs_one_alert_and_a_time_within_a_shift(seconds: object) -> None:
+    rig = ConsoleRig()
+    rig.source.alerts = [TENSION_ALARM]
+    rig.tick(5)
+    page = rig.page(True)
+    replies(page)
+    for number, alert in enumerate(("10001.1", "all")):
+        rig.desk.take(
+            page,
+            {"do": "alert", "action": "shelve", "alert": alert, "seconds": seconds, "id": number},
+        )
+    assert [one["ok"] for one in replies(page)] == [False, False]
+    assert rig.commander.alert_words == []
+    content = {"do": "alert", "action": "shelve", "alert": "10001.1", "seconds": 600, "id": 9}
+    rig.desk.take(page, content)
+    assert rig.commander.alert_words == ["shelve 10001.1 600"]
