@@ -64,7 +64,7 @@ def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
 
 
 def with_error(plan: Plan, share: float) -> Plan:
-    """Return the plan with this discretisation error to aim at; its digest includes it.
+    """Return the plan with this discretisation error to aim at; its digest includes another one.
 
     Raises:
         InputError: the plan gives mesh and step, or the share is out of range.
@@ -72,6 +72,8 @@ def with_error(plan: Plan, share: float) -> Plan:
     if plan.method.elements is not None:
         what = f"'{plan.name}' gives elements and step_s"
         raise InputError(phrase("--within", what, "leave them out of its `method`"))
+    if share == plan.method.error_within:
+        return plan
     change = Change("method.error_within", share)
     made = change_part(plan, [change], Path("--within"))
     return replace(made, digest=hashlib.sha256(f"{plan.digest} {change}".encode()).hexdigest())

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -189,6 +190,14 @@ def _add_basis(report: Report, result: PlanResult) -> None:
     )
     report.heading("Assumptions", 2)
     report.points(list(_assumptions(result)))
+    if plan.uncertainties:
+        report.heading("Uncertain data", 2)
+        report.table(
+            "Data that the plan calls uncertain. The limits are those of the data above; "
+            "`rope_twin sensitivity` shows which of it they depend on.",
+            ("number", "distribution", "source"),
+            [(one.title, one.words, one.source) for one in plan.uncertainties], (0, 1, 2), (1, 2),
+        )  # fmt: skip
 
 
 def _inputs(result: PlanResult) -> Iterator[tuple[str, str, str]]:
@@ -372,16 +381,12 @@ def _add_simplified(report: Report, result: PlanResult) -> None:
         for cell in result.cells if cell.judged is not None and cell.simplified
     ]  # fmt: skip
     if apart:
-        least, most = min(apart, key=_first), max(apart, key=_first)
+        least, most = min(apart, key=itemgetter(0)), max(apart, key=itemgetter(0))
         report.text(
             f"The hook load of the runs differs from the simplified one by {least[0]:+.1f} % "
             f"({least[1].phase}, {_at(least[1])}) to {most[0]:+.1f} % ({most[1].phase}, "
             f"{_at(most[1])})."
         )
-
-
-def _first(pair: tuple[float, CellLimit]) -> float:
-    return pair[0]
 
 
 def _add_runs(report: Report, result: PlanResult, store: RowStore) -> None:
@@ -471,4 +476,6 @@ def _versions(result: PlanResult) -> Iterator[tuple[str, str]]:
     yield "plan, SHA-256", f"`{plan.digest}`"
     yield "scene, SHA-256", f"`{scene.digest}`"
     yield "first random number", f"`{plan.method.seed}`"
-    yield "command", f"`rope_twin plan {plan.name} --report`"
+    bought = plan.method.elements is None
+    within = f" --within {plan.method.error_within:g}" if bought else ""
+    yield "command", f"`rope_twin plan {plan.name}{within} --report`"

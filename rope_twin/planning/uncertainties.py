@@ -119,6 +119,16 @@ class Uncertainty:
         what = " and ".join(given) if given else "no distribution"
         return f"{what} given; give exactly one of {', '.join(KINDS)}"
 
+    @property
+    def words(self) -> str:
+        """Return the distribution in words."""
+        own, times = self.distribution, "times " if self.factor else ""
+        if isinstance(own, Normal):
+            return f"{times}normal, mean {own.mean:g}, standard deviation {own.std:g}"
+        if isinstance(own, Triangular):
+            return f"{times}triangular, {own.from_:g} to {own.to:g}, most likely {own.mode:g}"
+        return f"{times}uniform, {own.from_:g} to {own.to:g}"
+
     def change(self, value: float) -> Change:
         """Return the change that makes it this number, its path without `scene.`."""
         return Change(self.key.removeprefix(SCENE), value, self.factor)

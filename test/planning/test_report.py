@@ -33,6 +33,9 @@ phases:
   - lowering: {from_m: 2000.0, to_m: 2030.0, speed_m_per_s: 0.5}
 criteria: {swl_n: 330000.0}
 method: {seeds: {start: 4, most: 4}, settle_s: 20.0, elements: 10, step_s: 0.1}
+uncertainties:
+  - {key: criteria.swl_n, name: SWL, uniform: {from: 325000.0, to: 335000.0}, source: crane chart}
+  - {key: "scene.payloads[0].mass_kg", factor: true, normal: {mean: 1.0, std: 0.02}, source: guess}
 """
 
 
@@ -93,7 +96,17 @@ def test_content_is_whole(report: Report) -> None:
         assert all(len(row) == len(table.rows[0]) for row in table.rows)
     text = "\n".join(said(report))
     assert "Source of the plan: assumptions of a test" in text
-    for words in ("Gumbel", "DNV-RP-N103", "vessel_120m", "SWL", "C_D·A", "rope_twin plan deeper"):
+    for words in (
+        "Gumbel",
+        "DNV-RP-N103",
+        "vessel_120m",
+        "SWL",
+        "C_D·A",
+        "rope_twin plan deeper",
+        "uniform, 325000 to 335000",
+        "times normal, mean 1",
+        "crane chart",
+    ):
         assert words in text, words
 
 
