@@ -166,3 +166,25 @@ def test_offset_is_a_criterion(tmp_path: Path) -> None:
     assert cell.governing == "offset_m"
     assert cell.beyond is not None
     assert cell.beyond.values["offset"].value == pytest.approx(leg.offset_m)
+
+
+def test_winch_with_a_drive_is_planned_from_its_scene(tmp_path: Path) -> None:
+    """Its line out depends on the tension, so that a twin steps it; depths are refused."""
+    path = tmp_path / "drive.yaml"
+    path.write_text(
+        TWO.replace("two_line_lift", "emergency_stop").replace("1.6e+5", "9.0e+5")
+        .replace("exposure_s: 15.0", "exposure_s: 10.0").replace("to: 2.0", "to: 1.0")
+    )  # fmt: skip
+    own, scene = read_plan(path)
+    result = run_plan(own, scene, MemoryStore(), threads=1)
+    judged = result.cells[0].judged or result.cells[0].beyond
+    assert judged is not None
+    assert judged.failures == 0
+    assert set(judged.uses) == {"swl_n", "safety_factor", "uplift_share"}
+    assert judged.values["hook_load"].value > 0.9 * result.works[0].static_hook_n
+    path.write_text(path.read_text().replace("from_scene: {exposure_s: 10.0}",
+                                             "at_depth: {depth_m: 500.0}"))  # fmt: skip
+    with pytest.raises(
+        Exception, match="leave drive and passive_compensation out of the winch, or"
+    ):
+        read_plan(path)
