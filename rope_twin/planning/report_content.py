@@ -345,8 +345,7 @@ def _add_limits(report: Report, result: PlanResult) -> None:
     )
     for one in further_tables(result):
         report.heading(one.title, 2)
-        head, *rows = one.rows
-        report.table(one.about, head, rows, (0,), (0,), True)
+        report.table(one.about, one.rows[0], one.rows[1:], (0,), (0,), True)
 
 
 def _matrix_words(result: PlanResult, cell: CellLimit) -> str:
