@@ -12,8 +12,7 @@ from typing import Any
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
-from rope_twin.feeds.conversion import LineSample, Sample
-from rope_twin.feeds.instrument import Instrument
+from rope_twin.feeds.instrument import Instrument, LineSample, Sample
 from rope_twin.feeds.line_faults import LineFaults, read_faults, replay_with_faults
 from rope_twin.feeds.readings import clock_of
 from rope_twin.feeds.transports import Source, hand_over, open_source

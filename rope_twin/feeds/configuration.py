@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.feeds import line_monitors, motion_sensors
-from rope_twin.feeds.readings import Parser
-from rope_twin.feeds.registers import OPCUA_START, START, OpcNode, Register
+from rope_twin.feeds.readings import OPCUA_START, START, OpcNode, Parser, Register
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.reader import Place, read_document, read_object
 from rope_twin.share import share_dir

@@ -13,7 +13,7 @@ from typing import Any
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings
-from rope_twin.feeds.registers import Register, line_of, requests
+from rope_twin.feeds.readings import Register, line_of, requests
 from rope_twin.feeds.transports import SERIAL, Address, Source, Take
 
 _TIMEOUT_S = 1.0

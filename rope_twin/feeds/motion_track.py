@@ -15,7 +15,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from rope_twin.feeds.configuration import CRANE_TIP, FeedSettings
-from rope_twin.feeds.conversion import MotionSample
+from rope_twin.feeds.instrument import MotionSample
 from rope_twin.twin.motion.ship_motion import (
     ShipPose,
     attitude,

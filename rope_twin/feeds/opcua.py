@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings
-from rope_twin.feeds.registers import OPCUA_START, line_of
+from rope_twin.feeds.readings import OPCUA_START, line_of
 from rope_twin.feeds.transports import Address, Source, Take
 
 TIMEOUT_S = 2.0  # of a request, and of a connection

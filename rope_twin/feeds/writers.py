@@ -18,10 +18,9 @@ from rope_twin.feeds.configuration import (
     UNITS,
     FeedSettings,
 )
-from rope_twin.feeds.conversion import LineSample, MotionSample, Sample
+from rope_twin.feeds.instrument import LineSample, MotionSample, Sample
 from rope_twin.feeds.motion_sensors import EM3000_RECORD
-from rope_twin.feeds.readings import clock_of, nmea, sum_of
-from rope_twin.feeds.registers import OPCUA_START, line_of
+from rope_twin.feeds.readings import OPCUA_START, clock_of, line_of, nmea, sum_of
 
 Writer = Callable[[Sample], bytes]
 

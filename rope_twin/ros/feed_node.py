@@ -20,8 +20,7 @@ from rclpy.node import Node
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
-from rope_twin.feeds.conversion import LineSample, MotionSample, Sample
-from rope_twin.feeds.instrument import FeedCounts, Instrument
+from rope_twin.feeds.instrument import FeedCounts, Instrument, LineSample, MotionSample, Sample
 from rope_twin.feeds.line_faults import (
     NO_FAULTS,
     FaultySink,
@@ -30,17 +29,25 @@ from rope_twin.feeds.line_faults import (
     replay_with_faults,
     with_faults,
 )
-from rope_twin.feeds.motion_track import MotionTrack, motion_of_pose
-from rope_twin.feeds.publication import encode_line, encode_output
+from rope_twin.feeds.motion_track import HeaveOutput, MotionOutput, MotionTrack, motion_of_pose
 from rope_twin.feeds.transports import Sink, Source, hand_over, open_sink, open_source
 from rope_twin.feeds.writers import writer
-from rope_twin.messages import Level, Status, decode, encode_diagnostics
+from rope_twin.messages import (
+    Level,
+    Status,
+    decode,
+    encode_diagnostics,
+    encode_heave,
+    encode_measurement,
+    encode_pose,
+)
 from rope_twin.messages.status import counted
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import FeedParams, declare
 from rope_twin.ros.qos import listen, publish
 from rope_twin.topics import BY_NAME, MOTION_TOPICS, MOTOR_TENSION, WINCH_MEASURED
 from rope_twin.twin.motion.ship_motion import ShipPose, pose_fault
+from rope_twin.twin.readings import Measurement
 
 _POLL_S = 0.005
 _DIAGNOSTICS_S = 1.0
@@ -242,8 +249,8 @@ class FeedNode(Node):
 
 def _messages(channel: _Channel, sample: Sample) -> list[tuple[str, bytes]]:
     if isinstance(sample, LineSample):
-        return encode_line(sample, channel.settings.winch)
-    return [encode_output(output) for output in channel.track.take(sample)]
+        return _encode_line(sample, channel.settings.winch)
+    return [_encode_output(output) for output in channel.track.take(sample)]
 
 
 def chosen_feeds(settings: str, feed: str, source: str) -> dict[str, FeedSettings]:
@@ -377,6 +384,33 @@ class FeedSimulator(Node):
 
 def _stamp_ns(message: Any) -> int:
     return int(message.header.stamp.sec) * _SECOND_NS + int(message.header.stamp.nanosec)
+
+
+def _encode_line(sample: LineSample, winch: str) -> list[tuple[str, bytes]]:
+    """Return topics and messages of a measurement on a winch.
+
+    Tension of the motor has a topic of its own, since losses of sheaves and gear are in it.
+    """
+    at, measured = sample.stamp_ns, []
+    payout, speed = _known(sample.payout_m), _known(sample.speed_m_per_s)
+    tension = _known(sample.tension_n)
+    if (payout, speed, tension) != (None, None, None):
+        measured.append(Measurement.of_winch(at, payout, speed, tension, winch))
+    if not math.isnan(sample.motor_tension_n):
+        measured.append(Measurement.of_motor(at, sample.motor_tension_n, winch))
+    return [encode_measurement(at, one) for one in measured]
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _encode_output(output: MotionOutput) -> tuple[str, bytes]:
+    """Return topic and message of a motion."""
+    if isinstance(output, HeaveOutput):
+        data = encode_heave(output.stamp_ns, output.heave_m, output.heave_rate_m_per_s)
+        return "ship/heave", data
+    return "ship/odometry", encode_pose(output.stamp_ns, output)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from feed_samples import DATA, SAMPLES, settings
 
-from rope_twin.feeds.conversion import LineSample, MotionSample
-from rope_twin.feeds.instrument import Instrument
+from rope_twin.feeds.instrument import Instrument, LineSample, MotionSample
 from rope_twin.feeds.motion_track import HeaveOutput, MotionTrack, motion_of_pose
 from rope_twin.feeds.readings import DUPLICATE, LATE, LENGTH, ORDER, TIME, nmea, xor_of
 from rope_twin.feeds.writers import writer

@@ -10,8 +10,7 @@ from feed_samples import DATA, LINES, settings
 
 from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import FORMATS
-from rope_twin.feeds.conversion import LineSample, MotionSample, Sample
-from rope_twin.feeds.instrument import Instrument
+from rope_twin.feeds.instrument import Instrument, LineSample, MotionSample, Sample
 from rope_twin.feeds.line_faults import (
     CUT,
     DELAYED,

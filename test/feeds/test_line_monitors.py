@@ -9,8 +9,7 @@ from feed_samples import DATA, LINES, SAMPLES, settings
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rope_twin.feeds.conversion import LineSample
-from rope_twin.feeds.instrument import Instrument
+from rope_twin.feeds.instrument import Instrument, LineSample
 from rope_twin.feeds.readings import CHECKSUM, INCOMPLETE, NUMBER, RANGE, iso_time_ns
 from rope_twin.feeds.writers import writer
 

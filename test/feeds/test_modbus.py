@@ -16,9 +16,8 @@ from serial_cable import cable
 
 from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import FeedSettings
-from rope_twin.feeds.conversion import LineSample
-from rope_twin.feeds.instrument import Instrument
-from rope_twin.feeds.registers import MOST_REGISTERS, Register, line_of, requests
+from rope_twin.feeds.instrument import Instrument, LineSample
+from rope_twin.feeds.readings import MOST_REGISTERS, Register, line_of, requests
 from rope_twin.feeds.transports import open_source
 
 pytest.importorskip("pymodbus", reason="pymodbus is missing: pip install '.[modbus]'")

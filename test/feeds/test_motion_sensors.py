@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.feeds.configuration import FeedSettings
-from rope_twin.feeds.conversion import MotionSample
-from rope_twin.feeds.instrument import Instrument
+from rope_twin.feeds.instrument import Instrument, MotionSample
 from rope_twin.feeds.readings import CHECKSUM, INCOMPLETE, INVALID, LATE, NUMBER, nmea
 from rope_twin.feeds.writers import writer
 

@@ -15,15 +15,15 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 import pytest
 from feed_samples import LINES, MOTIONS, SAMPLES, settings
 
-from rope_twin.feeds.conversion import (
+from rope_twin.feeds.instrument import (
     MAX_HEAVE_M,
     MAX_PAYOUT_M,
     MAX_SPEED_M_PER_S,
     MAX_TENSION_N,
     MAX_TILT_DEG,
+    Instrument,
     LineSample,
 )
-from rope_twin.feeds.instrument import Instrument
 from rope_twin.feeds.readings import REASONS, nmea, sum_of
 
 IN_CI, LONG = 100_000, 10_000_000

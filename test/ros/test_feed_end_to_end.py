@@ -26,8 +26,7 @@ from ros_process import Processes
 from serial_cable import cable
 
 from rope_twin.feeds.configuration import FeedSettings
-from rope_twin.feeds.conversion import LineSample
-from rope_twin.feeds.instrument import Instrument
+from rope_twin.feeds.instrument import Instrument, LineSample
 from rope_twin.messages import read_cloud
 from rope_twin.share import share_dir
 

@@ -20,7 +20,7 @@ from ros_bench import Bench
 
 from rope_twin.errors import InputError, SceneError
 from rope_twin.feeds.configuration import FeedSettings
-from rope_twin.feeds.conversion import LineSample, MotionSample
+from rope_twin.feeds.instrument import LineSample, MotionSample
 from rope_twin.feeds.transports import Address, UdpSink
 from rope_twin.feeds.writers import writer
 from rope_twin.messages import encode_heave

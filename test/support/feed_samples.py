@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.feeds.configuration import FORMATS, FeedSettings
-from rope_twin.feeds.registers import OpcNode, Register
+from rope_twin.feeds.readings import OpcNode, Register
 
 DATA = Path(__file__).parents[1] / "data" / "feeds"
 US = {
