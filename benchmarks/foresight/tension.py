@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from benchmarks.foresight.heave import WHITE_M, assumed_error
 from benchmarks.foresight.seas import DrawnSea, motion_error, recorded_spectrum
 from rope_twin.forecast.heave_process import AHEAD_S, RECORD_S, SAMPLE_S
-from rope_twin.forecast.kept import KeptForecasts
-from rope_twin.forecast.nominal_rope import RAMP_S, nominal_states
+from rope_twin.forecast.recorded_lift import RAMP_S, nominal_states
+from rope_twin.forecast.risk import KeptForecasts
 from rope_twin.forecast.score import BAND, LeadScore, brier, score_lead
 from rope_twin.forecast.tension_forecast import (
     MARGIN,

@@ -27,12 +27,16 @@ from rope_twin.forecast.heave_process import (
     MeasuredWaves,
     heave_spectrum,
 )
-from rope_twin.forecast.kept import KeptForecasts
-from rope_twin.forecast.nominal_rope import NominalRope, scene_at_line
 from rope_twin.forecast.orders import CONTINUE, Order, check_order
-from rope_twin.forecast.recorded_lift import line_to_contact_m, seabed_depth_m
+from rope_twin.forecast.recorded_lift import (
+    NominalRope,
+    line_to_contact_m,
+    scene_at_line,
+    seabed_depth_m,
+)
 from rope_twin.forecast.risk import (
     BEGINS_S,
+    KeptForecasts,
     Limits,
     QuietWindow,
     Risk,

@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.forecast.heave_process import AHEAD_S, SAMPLE_S
-from rope_twin.forecast.kept import KeptForecasts
-from rope_twin.forecast.nominal_rope import nominal_states
 from rope_twin.forecast.orders import CONTINUE, Order
-from rope_twin.forecast.recorded_lift import RecordedLift, line_to_contact_m, seabed_depth_m
-from rope_twin.forecast.risk import SPANS_S
+from rope_twin.forecast.recorded_lift import (
+    RecordedLift,
+    line_to_contact_m,
+    nominal_states,
+    seabed_depth_m,
+)
+from rope_twin.forecast.risk import SPANS_S, KeptForecasts
 from rope_twin.forecast.score import BrierScore, LeadScore, brier, coverage, score_lead
 from rope_twin.forecast.tension_forecast import (
     TENSION,

@@ -9,8 +9,16 @@ import pytest
 
 from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import SAMPLE_S
-from rope_twin.forecast.kept import KEEP_EVERY_S, KEPT, KeptForecasts
-from rope_twin.forecast.risk import Limits, compare, first_contact, quiet_windows, risks
+from rope_twin.forecast.risk import (
+    KEEP_EVERY_S,
+    KEPT,
+    KeptForecasts,
+    Limits,
+    compare,
+    first_contact,
+    quiet_windows,
+    risks,
+)
 from rope_twin.forecast.tension_forecast import (
     BOTTOM,
     DEPTH,

@@ -13,8 +13,8 @@ from small_scene import small_scene
 
 from rope_twin.errors import InputError, SceneError
 from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
-from rope_twin.forecast.nominal_rope import nominal_states, scene_at_line
 from rope_twin.forecast.orders import LineNow, LinePath, Order, read_order
+from rope_twin.forecast.recorded_lift import nominal_states, scene_at_line
 from rope_twin.forecast.risk import compare
 from rope_twin.forecast.tension_forecast import (
     DEPTH,
