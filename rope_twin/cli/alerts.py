@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.alerts.rates import CHATTER, FLOOD, STEADY, AlertRates, rates
+from rope_twin.alerts.monitor import CHATTER, FLOOD, STEADY, AlertRates, rates
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import BagError, InputError, phrase
 from rope_twin.messages.reports import PublishedAlerts, decode_alerts

@@ -12,8 +12,7 @@ from small_scene import SMALL_SCENE, small_scene
 
 from rope_twin import load_scene
 from rope_twin.alerts.alert_list import AlertList, Priority, State
-from rope_twin.alerts.monitor import AlertMonitor
-from rope_twin.alerts.rates import rates
+from rope_twin.alerts.monitor import AlertMonitor, rates
 from rope_twin.alerts.situations import Watch
 from rope_twin.errors import InputError
 from rope_twin.messages.reports import decode_alerts, encode_alerts
