@@ -43,7 +43,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Learn and print the table. Raises RopeTwinError with one sentence if it cannot be done."""
-    from rope_twin.estimation import manoeuvre, report
+    from rope_twin.estimation import report
     from rope_twin.estimation.estimator import begin_at_rest
     from rope_twin.estimation.recorded_lift import read_lift
     from rope_twin.scene.load import load_scene
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         right = f"give at least {LEAST_S:g} s with tension, heave and line out"
         raise InputError(phrase(f"bag {args.bag}", what, right))
     posterior = estimator.results[-1].posterior
-    actions = manoeuvre.expected_after(estimator, scene)
+    actions = report.expected_after(estimator, scene)
     if not args.tared:
         actions.append(report.tare_action(estimator.prior, posterior))
     base = report.base_values(scene)

@@ -31,11 +31,16 @@ from rope_twin.estimation.causes import (
     name_causes,
 )
 from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, LEAST_USED, Estimator
-from rope_twin.estimation.fault_tests import FaultTests, Suspicion
+from rope_twin.estimation.fault_tests import (
+    FaultTests,
+    LostPayload,
+    RepeatedSample,
+    StuckEncoder,
+    Suspicion,
+)
 from rope_twin.estimation.figures import NAMES, factors_of
 from rope_twin.estimation.lift_model import Prediction
 from rope_twin.estimation.measured_lift import MEAN_S
-from rope_twin.estimation.plain_rules import LostPayload, RepeatedSample, StuckEncoder
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.twin.ensemble.fleet import FleetState

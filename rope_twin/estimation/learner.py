@@ -10,10 +10,8 @@ import numpy as np
 
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.estimation import report
-from rope_twin.estimation.estimator import BURN_IN_S, LEAST_USED, SPECTRUM_S, Estimator
-from rope_twin.estimation.figures import ROPE_FIGURES, factors_of
-from rope_twin.estimation.gauss_newton import Innovation
-from rope_twin.estimation.learnable_scene import check_learnable, scene_prior
+from rope_twin.estimation.estimator import BURN_IN_S, LEAST_USED, SPECTRUM_S, Estimator, Innovation
+from rope_twin.estimation.figures import ROPE_FIGURES, check_learnable, factors_of, scene_prior
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.worker import Begin, Heave, Input, Motion, Reading

@@ -20,7 +20,7 @@ from rope_twin.estimation.causes import (
     likelihood_gain,
 )
 from rope_twin.estimation.estimator import Estimator
-from rope_twin.estimation.learnable_scene import scene_prior
+from rope_twin.estimation.figures import scene_prior
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs

@@ -12,26 +12,29 @@ from scipy.linalg import toeplitz
 
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError
-from rope_twin.estimation.figures import BIAS, COUNT, FRICTION, INDEX, NAMES, Gaussian, prior_of
-from rope_twin.estimation.gauss_newton import (
+from rope_twin.estimation.estimator import (
     Whitening,
     gate,
     gauss_newton_step,
     huber_weights,
     inverse,
 )
-from rope_twin.estimation.impedance import BORGMAN, Bar, linear_drag, top_impedance
-from rope_twin.estimation.load_pin import LoadPin, dahl_states
+from rope_twin.estimation.figures import BIAS, COUNT, FRICTION, INDEX, NAMES, Gaussian, prior_of
+from rope_twin.estimation.lift_model import LoadPin, dahl_states
 from rope_twin.estimation.noise import (
+    BORGMAN,
     ERROR_BAND_HZ,
     FREQUENCY_HZ,
     FREQUENCY_STEP_HZ,
+    Bar,
     ExpectedHeave,
     ResidualNoise,
     heave_error_spectrum,
     heave_spectra,
     heave_spectrum,
+    linear_drag,
     tension_error_autocovariance,
+    top_impedance,
 )
 from rope_twin.scene.instruments import Learning
 

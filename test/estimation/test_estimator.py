@@ -20,9 +20,9 @@ from rope_twin.estimation.figures import (
     Prior,
     prior_of,
 )
-from rope_twin.estimation.impedance import bar_of, top_impedance
 from rope_twin.estimation.lift_model import STEP_S, LiftModel, elements_of
 from rope_twin.estimation.measured_lift import MeasuredLift
+from rope_twin.estimation.noise import bar_of, top_impedance
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 
 

@@ -12,9 +12,16 @@ from small_scene import SMALL_SCENE
 
 from rope_twin.cli import main
 from rope_twin.errors import InputError
-from rope_twin.estimation import manoeuvre, report
-from rope_twin.estimation.figures import BIAS, GAIN, INDEX, NAMES, Gaussian, prior_of
-from rope_twin.estimation.learnable_scene import check_learnable
+from rope_twin.estimation import report
+from rope_twin.estimation.figures import (
+    BIAS,
+    GAIN,
+    INDEX,
+    NAMES,
+    Gaussian,
+    check_learnable,
+    prior_of,
+)
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.load import load_scene
 
@@ -100,7 +107,7 @@ def test_conditioning_on_a_measurement() -> None:
 
 def test_planned_lines_stay_within_the_winch() -> None:
     """Both ways come back; speeds and accelerations are the winch's; no winch, no manoeuvre."""
-    plans = list(manoeuvre.planned_lines(scene(), 200.0))
+    plans = list(report.planned_lines(scene(), 200.0))
     assert len(plans) == 3
     for _, t, line in plans:
         speed = np.diff(line) / np.diff(t)
@@ -108,5 +115,5 @@ def test_planned_lines_stay_within_the_winch() -> None:
         assert np.abs(np.diff(speed)).max() <= 0.3 / 20.0 + 1e-9
         assert line[-1] == pytest.approx(200.0, abs=2.0)
         assert (line[t < 60.0] == 200.0).all()
-    assert len(list(manoeuvre.planned_lines(scene(), 51.0))) == 2  # no space to haul
+    assert len(list(report.planned_lines(scene(), 51.0))) == 2  # no space to haul
     assert SECONDS > 180.0

@@ -8,8 +8,8 @@ import pytest
 from learned_lift import NOISE_N, lift
 from test_live_learning import new_learning
 
-from rope_twin.estimation.alarm_task import ROW
 from rope_twin.estimation.causes import STUCK_PIN, STUCK_SENSOR
+from rope_twin.estimation.live import ROW
 from rope_twin.estimation.worker import Motion
 from rope_twin.messages.cdr import typestore
 from rope_twin.messages.reports import alarm_words, encode_alarm

@@ -9,7 +9,7 @@ import pytest
 
 from rope_twin import load_scene
 from rope_twin.estimation.alarms import largest_deceleration
-from rope_twin.estimation.plain_rules import LostPayload, RepeatedSample, StuckEncoder
+from rope_twin.estimation.fault_tests import LostPayload, RepeatedSample, StuckEncoder
 from rope_twin.scene.winch import EmergencyStop
 
 RATE_HZ = 20.0

@@ -11,8 +11,7 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.estimation.estimator import BURN_IN_S, Estimator
-from rope_twin.estimation.figures import GAIN, INDEX, NAMES, ROPE_FIGURES, Prior
-from rope_twin.estimation.learnable_scene import scene_prior
+from rope_twin.estimation.figures import GAIN, INDEX, NAMES, ROPE_FIGURES, Prior, scene_prior
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.scene.schema import Scene
 from validation.learning.truths import WARM_UP_S, Truth, make_truths

@@ -30,9 +30,9 @@ from rope_twin.estimation.figures import (
     Prior,
     factors_of,
 )
-from rope_twin.estimation.impedance import bar_of
-from rope_twin.estimation.load_pin import LoadPin
+from rope_twin.estimation.lift_model import LoadPin
 from rope_twin.estimation.measured_lift import MeasuredLift
+from rope_twin.estimation.noise import bar_of
 from rope_twin.recording.heave import open_heave
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import BATCH_S
