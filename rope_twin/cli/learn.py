@@ -73,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
     base = report.base_values(scene)
     advice = report.best_actions(posterior, actions)
     found = report.estimates(base, estimator.prior, posterior, advice)
+    found = report.score_applied(found, base, recorded.applied)
     derived = report.derived_mass_kg(base, posterior, scene)
     if args.out is not None:
         _draw(args.bag, estimator.results, base, args.out)

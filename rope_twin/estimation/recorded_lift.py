@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.errors import BagError, InputError, phrase
+from rope_twin.estimation.figures import ROPE_FIGURES
 from rope_twin.estimation.measured_lift import MeasuredLift, Series
 from rope_twin.messages.cdr import typestore
 from rope_twin.messages.inputs import read_heave, read_measurement
@@ -21,7 +22,8 @@ from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.recording.input_log import decode_json
 from rope_twin.recording.session import Session
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import BY_NAME, SESSION_TOPIC, WINCH_MEASURED
+from rope_twin.topics import BY_NAME, INPUT_LOG_TOPIC, SESSION_TOPIC, WINCH_MEASURED
+from rope_twin.twin.input_queue import calls_of
 
 HEAVE, HANG_OFF, LENGTH = "ship/heave", "hang_off/odometry", "ropes/length"
 LEAST_SAMPLES = 100
@@ -35,6 +37,7 @@ class RecordedLift:
     session: Session | None  # the first of the bag
     sources: dict[str, str]  # topic of each series
     problems: tuple[str, ...]  # messages that were left out
+    applied: dict[str, float]  # factors on the scene's figures that the run took over at last
 
     def scene(self) -> Scene:
         """Return the scene in the bag.
@@ -59,6 +62,7 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
     heave, hang_off = Series(2), Series(2)
     session: Session | None = None
     problems: list[str] = []
+    applied: dict[str, float] = {}
     rest_z: float | None = None
     refused = 0
     path = find_bag(bag)
@@ -73,6 +77,8 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
                         winch = winch or name
                         line_out.add(stamp_ns * 1e-9, _number(length))
                         tension.add(stamp_ns * 1e-9, _number(force))
+            elif topic == INPUT_LOG_TOPIC:
+                applied |= _applied(decode_json(topic, data))
             elif topic == HEAVE:
                 stamp_ns, (z, v) = read_heave(data)
                 heave.add(stamp_ns * 1e-9, z, v)
@@ -105,16 +111,35 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
     if sources["heave"] == HANG_OFF:
         lift.heave = _relative(hang_off, session, rest_z)
     _count_from(float(lift.tension.table[0, 0]), lift)
-    return RecordedLift(lift, session, sources, tuple(problems))
+    return RecordedLift(lift, session, sources, tuple(problems), applied)
 
 
 def _messages(path: Path) -> Iterator[tuple[str, bytes]]:
     """Return topic and data of the messages that are needed, topic by topic."""
     with BagReader(path) as bag:
         for name in bag.topics:
-            for wanted in (SESSION_TOPIC, WINCH_MEASURED, HEAVE, HANG_OFF, LENGTH):
+            for wanted in (SESSION_TOPIC, INPUT_LOG_TOPIC, WINCH_MEASURED, HEAVE, HANG_OFF, LENGTH):
                 if f"/{name}".endswith(f"/{wanted}"):
                     yield from ((wanted, data) for _, data in bag.messages(name))
+
+
+def _applied(entry: dict[str, Any]) -> dict[str, float]:
+    """Return the factors that an entry of the log of inputs takes over.
+
+    Raises:
+        InputError: it is no entry of that log.
+    """
+    try:
+        calls = calls_of(entry.get("calls", []))
+    except ValueError as error:
+        raise InputError(phrase(INPUT_LOG_TOPIC, str(error), "give the bag as recorded")) from error
+    given = (one.named for one in calls if one.method == "offer_figures")
+    return {
+        name: float(value)
+        for named in given
+        for name, value in named.items()
+        if name in ROPE_FIGURES
+    }
 
 
 def _decoded(topic: str, data: bytes) -> Any:

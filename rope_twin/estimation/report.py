@@ -157,6 +157,8 @@ class FigureEstimate:
     correlated: str = ""  # with which figure it is most correlated
     correlation: float = 0.0
     advice: str = ""  # what would tell more
+    applied: float | None = None  # value that the run took over; None: none
+    applied_off_sds: float | None = None  # by so many posterior sd from what is learned now
 
 
 def base_values(scene: Scene) -> dict[str, float]:
@@ -218,6 +220,25 @@ def estimates(
             )
         )
     return tuple(found)
+
+
+def score_applied(
+    found: Sequence[FigureEstimate], base: dict[str, float], applied: dict[str, float]
+) -> tuple[FigureEstimate, ...]:
+    """Return the estimates with what a run took over, and how far that was off.
+
+    base: `base_values` of the scene; applied: factors on them, by figure.
+    """
+    return tuple(
+        replace(
+            one,
+            applied=base[one.name] * applied[one.name],
+            applied_off_sds=float(np.log(base[one.name] * applied[one.name] / one.value)) / one.sd,
+        )
+        if one.name in applied
+        else one
+        for one in found
+    )
 
 
 def after_measurement(posterior: Gaussian, name: str, sd: float) -> Gaussian:
@@ -289,15 +310,24 @@ def table(found: Sequence[FigureEstimate]) -> list[tuple[str, ...]]:
     """Return the rows of a table for people, with a head."""
     head = ("figure", "value", "90 % interval", "prior", "prior sd", "sd", "state",
             "correlated with", "what would tell more")  # fmt: skip
-    lines: list[tuple[str, ...]] = [head]
+    scored = any(one.applied is not None for one in found)
+    lines: list[tuple[str, ...]] = [(*head, "taken over in the run")] if scored else [head]
     for one in found:
         tied = f"{one.correlated} {one.correlation:+.2f}" if one.correlated else "-"
         lines.append((
             f"{one.name} [{one.unit}]", f"{one.value:.4g}", f"{one.low:.4g} to {one.high:.4g}",
             f"{one.prior:.4g}", _spread(one.name, one.prior_sd), _spread(one.name, one.sd),
             one.state, tied, one.advice or "-",
+            *([_applied_words(one)] if scored else []),
         ))  # fmt: skip
     return lines
+
+
+def _applied_words(one: FigureEstimate) -> str:
+    if one.applied is None or one.applied_off_sds is None:
+        return "-"
+    inside = "inside" if one.low <= one.applied <= one.high else "outside"
+    return f"{one.applied:.4g}, {inside} ({one.applied_off_sds:+.1f} sd)"
 
 
 def as_json(

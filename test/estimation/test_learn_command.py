@@ -57,6 +57,26 @@ def test_learn_prints_json(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert picture.stat().st_size > 10_000
 
 
+def test_figures_that_the_run_took_over_are_scored(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A weight that was right lies in the interval, one that is 30 % off does not."""
+    theta, _, _ = recorded()
+    right, wrong = float(np.exp(theta[0])), 1.3 * float(np.exp(theta[1]))
+    taken = write_bag(tmp_path / "run", submerged_weight=right, oscillating_mass=wrong)
+    file = tmp_path / "small.yaml"
+    file.write_text(SMALL_SCENE)
+    assert main(["learn", str(taken), "--scene", str(file), "--tared", "--json"]) == 0
+    own = {one["name"]: one for one in json.loads(capsys.readouterr().out)["figures"]}
+    base = report.base_values(scene())
+    assert own["submerged_weight"]["applied"] == pytest.approx(base["submerged_weight"] * right)
+    assert abs(own["submerged_weight"]["applied_off_sds"]) < 3.0
+    assert own["oscillating_mass"]["applied_off_sds"] > 3.0
+    assert own["payload_drag"]["applied"] is None
+    assert main(["learn", str(taken), "--scene", str(file), "--tared"]) == 0
+    assert "outside" in capsys.readouterr().out
+
+
 def test_learn_refuses_a_short_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One sentence with what is needed."""
     short = write_bag(tmp_path / "short", 40.0)

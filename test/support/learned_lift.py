@@ -15,9 +15,11 @@ from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.messages import encode_heave
 from rope_twin.messages.inputs import encode_measurement
 from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.recording.input_log import encode_json
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import BY_NAME
+from rope_twin.topics import BY_NAME, INPUT_LOG_TOPIC
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
+from rope_twin.twin.input_queue import Call, plain_calls
 from rope_twin.twin.readings import Measurement
 
 START_NS = 1_700_000_000_000_000_000
@@ -73,10 +75,18 @@ def lift(seed: int = 0, lost: tuple[float, float] = (0.0, 0.0)) -> MeasuredLift:
     return made
 
 
-def write_bag(folder: Path, seconds: float = SECONDS) -> Path:
-    """Return a bag with winch/measured and ship/heave of the lift, as sensors publish them."""
+def write_bag(folder: Path, seconds: float = SECONDS, **applied: float) -> Path:
+    """Return a bag with winch/measured and ship/heave of the lift, as sensors publish them.
+
+    applied: factors on figures that the run took over.
+    """
     made = lift()
-    with BagWriter(folder, [BY_NAME["winch/measured"], BY_NAME["ship/heave"]]) as bag:
+    topics = [BY_NAME[name] for name in ("winch/measured", "ship/heave", INPUT_LOG_TOPIC)]
+    with BagWriter(folder, topics) as bag:
+        if applied:
+            calls = plain_calls([Call("offer_figures", (), {"ramp_s": 20.0, **applied})])
+            data = encode_json({"time_ns": 0, "calls": calls})
+            bag.write(INPUT_LOG_TOPIC, START_NS, data)
         for t, z, v in made.heave.table:
             stamp_ns = START_NS + round(t * 1e9)
             if t <= seconds:
