@@ -20,11 +20,13 @@ from numpy.typing import NDArray
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.forecast.heave_process import (
     AHEAD_S,
+    GRAVITY,
     PAST_S,
     RECORD_S,
     SAMPLE_S,
     SHORTEST_RECORD_S,
     MeasuredWaves,
+    Response,
     heave_spectrum,
 )
 from rope_twin.forecast.orders import CONTINUE, Order, check_order
@@ -58,8 +60,11 @@ from rope_twin.messages.reports import (
     TENSION_TOPIC,
     band_columns,
 )
-from rope_twin.scene.schema import Scene
-from rope_twin.sea.ship_motion import BoxHull, heave_response
+from rope_twin.scene.environment import vessel_raos
+from rope_twin.scene.schema import OnWaves, Scene
+from rope_twin.sea.raos import moved_by
+from rope_twin.sea.ship_motion import heave_response
+from rope_twin.twin.motion.hang_off import arm_from_bow, lever_arm
 
 Floats = NDArray[np.float64]
 Row = Mapping[str, float | str]
@@ -157,6 +162,27 @@ class LiveForecast:
     refused: tuple[str, ...] = ()  # orders that the scene cannot follow, a sentence each
 
 
+def hang_off_response(scene: Scene, heading_rad: float, frequency_hz: Floats) -> Response:
+    """Return the hang-off's heave per elevation of the waves there, for exp(+iωt), (n,).
+
+    By the RAOs of the scene's ship, moved rigidly to the hang-off; without any by its box-like hull
+    in head seas. heading_rad: direction that the waves travel to, counter-clockwise from east; they
+    are those of deep water, k = ω²/g.
+
+    Raises:
+        InputError: the scene's RAO file is invalid.
+    """
+    riding, responses = scene.sea_state.on_waves or OnWaves(), vessel_raos(scene)
+    if responses is None:
+        return heave_response(riding.hull, frequency_hz)
+    turned = np.full_like(frequency_hz, heading_rad - np.radians(riding.heading_deg))
+    heave = moved_by(responses.at(frequency_hz, turned), arm_from_bow(scene))[2]
+    x, y, _ = lever_arm(scene)  # RAOs lead the wave at the reference point, which is so far up-sea
+    apart = x * np.cos(heading_rad) + y * np.sin(heading_rad)
+    wave_number = (2.0 * np.pi * frequency_hz) ** 2 / GRAVITY
+    return np.asarray(heave * np.exp(1j * wave_number * apart))
+
+
 class LiveForecaster:
     """Forecasts what was heard; called by one thread."""
 
@@ -166,11 +192,16 @@ class LiveForecaster:
         limits: Limits,
         settings: ForecastSettings | None = None,
         wave_noise_m: float = 0.2,
+        wave_heading_rad: float = 0.0,
     ) -> None:
-        """Take a scene of one rope; wave_noise_m: standard deviation of measured elevations."""
+        """Take a scene of one rope.
+
+        wave_noise_m: standard deviation of measured elevations; wave_heading_rad: direction that
+        their waves travel to, counter-clockwise from east.
+        """
         self._scene, self._limits = scene, limits
         self.settings = settings or ForecastSettings(spread=unlearned_spread(scene.learning))
-        self._wave_noise_m = wave_noise_m
+        self._wave_noise_m, self._wave_heading_rad = wave_noise_m, wave_heading_rad
         self._forecaster: TensionForecaster | None = None
         self._nominal: NominalRope | None = None
         self._begun_s = 0.0  # time of the nominal rope's beginning
@@ -230,7 +261,8 @@ class LiveForecaster:
         waves = self._waves(heard, origin_s)
         response = None
         if waves is not None:
-            response = heave_response(BoxHull(), heave_spectrum(heave).frequency_hz)
+            frequency = heave_spectrum(heave).frequency_hz
+            response = hang_off_response(self._scene, self._wave_heading_rad, frequency)
         known = Known(
             origin_s, heave, line, mean, waves, response,
             compensated=bool(winch and winch.heave_compensation) and is_on is not False,

@@ -29,7 +29,7 @@ from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.tables import is_path
 from rope_twin.share import share_dir
 from rope_twin.twin.motion.boundary_conditions import is_known_in_advance
-from rope_twin.twin.motion.hang_off import lever_arm
+from rope_twin.twin.motion.hang_off import arm_from_bow
 
 HEAD_SEAS = 180.0
 CERTAIN = ("method", "uncertainties", "sea.hs_m")  # how a plan is worked out, no data of the lift
@@ -325,10 +325,7 @@ def tip_of(plan: Plan, scene: Scene) -> TipTransfer:
     own = vessel_raos(scene)
     if own is None:
         return HullTip(riding.hull)
-    x, y, z = lever_arm(scene)
-    bow = math.radians(riding.heading_deg)
-    c, s = math.cos(bow), math.sin(bow)
-    return ResponsesTip(own, (c * x + s * y, c * y - s * x, z))
+    return ResponsesTip(own, arm_from_bow(scene))
 
 
 def deck_of(plan: Plan, own: LiftedFrom | None) -> DeckTransfer | None:

@@ -87,7 +87,8 @@ class ForecastNode(Node):
         )
         self._winches = ("", WINCH, scene.ropes[0].name)  # as the simulation calls its winch
         self._bias_m, self._bias_n = scene.measured.line_out.bias, scene.measured.tension.bias
-        forecaster = LiveForecaster(scene, self._limits, settings, own.wave_noise_m)
+        heading = math.radians(own.wave_heading_deg)
+        forecaster = LiveForecaster(scene, self._limits, settings, own.wave_noise_m, heading)
         self.worker = ForecastWorker(
             forecaster, self._heard, self._send, self._now_s, own.interval_s
         )

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from small_scene import small_scene
 
+from rope_twin import load_scene
+from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import SAMPLE_S
 from rope_twin.forecast.live import (
@@ -21,6 +23,7 @@ from rope_twin.forecast.live import (
     LiveForecaster,
     Series,
     _sampled,
+    hang_off_response,
     orders_of,
     tables_of,
     usual_limits,
@@ -35,7 +38,9 @@ from rope_twin.messages.reports import (
     band_columns,
     encode_forecast,
 )
+from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.schema import Scene
+from rope_twin.sea.components import wave_at
 from rope_twin.topics import BY_NAME
 
 SETTINGS = ForecastSettings(members=19, burn_in_s=30.0)
@@ -104,6 +109,37 @@ def test_forecasts_follow_each_other(scene: Scene) -> None:
     assert len(forecaster.kept) == 1
     feed(heard, 140.0, 150.0)  # after a gap everything begins again
     assert "more of heave" in forecaster.waits_for(heard)
+
+
+def test_waves_up_sea_move_the_ship_of_the_scene(tmp_path: Path) -> None:
+    """Elevations at the hang-off times the response are the heave of the twin's own ship, for a
+    bow and a sea from other quarters; the seas are low, as turns are added as small angles.
+    """
+    text = load_scene("ship_6dof").path.read_text()
+    for old, new in (
+        ("heading_deg: 0.0", "heading_deg: 30.0"),
+        ("significant_height_m: 2.5", "significant_height_m: 0.05"),
+        ("      spreading: 6.0\n", ""),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    file = tmp_path / "scene.yaml"
+    file.write_text(text)
+    scene = load_scene(str(file))
+    params = scene.listed(WavesParams)
+    assert params is not None
+    waves = components_of(params, scene.environment.gravity_m_per_s2)
+    frequency, heading = waves.omega / (2.0 * np.pi), float(waves.heading[0])
+    assert (waves.heading == heading).all()
+    x, y, _ = scene.ship.hang_off_m
+    answer = hang_off_response(scene, heading, frequency) * wave_at(waves, x, y)
+    sea = open_sea(scene)
+    assert sea is not None
+    samples = sea.between(0, 60_000_000_000)
+    times = np.array([1e-9 * one.stamp_ns for one in samples])
+    expected = (answer * np.exp(1j * np.outer(times, waves.omega))).sum(axis=1).real
+    found = np.array([one.position_m for one in samples])
+    assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max()
 
 
 def test_worker_publishes_and_ends(scene: Scene) -> None:

@@ -69,6 +69,19 @@ def lever_arm(scene: Scene, place_m: Vector3 | None = None) -> Vector3:
     return x - a, y - b, z - c
 
 
+def arm_from_bow(scene: Scene) -> Vector3:
+    """Return `lever_arm` of the hang-off in the axes of a ship with RAOs: forward, to port, up [m].
+
+    Raises:
+        InputError: the scene's RAO file is invalid.
+    """
+    riding = scene.sea_state.on_waves
+    x, y, z = lever_arm(scene)
+    bow = math.radians(0.0 if riding is None else riding.heading_deg)
+    c, s = math.cos(bow), math.sin(bow)
+    return c * x + s * y, c * y - s * x, z
+
+
 class FurtherHangOff:
     """Hang-off of a rope other than the first, on a ship that is moved by poses."""
 
