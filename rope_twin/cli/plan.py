@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.cli.selection import read_amount
 from rope_twin.errors import InputError, phrase
 from rope_twin.planning.dataset import check_netcdf, write_netcdf
 from rope_twin.planning.notes import notes
@@ -72,22 +73,13 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add("--netcdf", action="store_true",
         help="write plan.nc: limits with named axes and a row for each run")  # fmt: skip
     words = "discretisation error of each cell, over its loads, such as 1%% (default: the plan's)"
-    add("--within", type=share, metavar="SHARE", help=words)
+    add("--within", metavar="ERROR", help=words)
     add("--threads", type=int, metavar="N", help="cells at a time (default: one a core)")
     add("--scheduler", default="", metavar="ADDRESS", help="Dask scheduler whose workers run it")
     add("--cell", default="", metavar="PHASE,TP,HEADING",
         help="run the governing run of one cell again, and draw it")  # fmt: skip
     add_json(parser)
     parser.set_defaults(run=run)
-
-
-def share(words: str) -> float:
-    """Return a share given as a number or in per cent, such as 0.01 or 1%."""
-    try:
-        return float(words.removesuffix("%")) * (0.01 if words.endswith("%") else 1.0)
-    except ValueError:
-        what = f"'{words}' is not a share; give a number or per cent, like 0.01 or 1%"
-        raise argparse.ArgumentTypeError(what) from None
 
 
 def run(args: argparse.Namespace) -> int:
@@ -105,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(phrase("--threads", f"{args.threads}", "give 1 to 256"))
     plan, scene = read_plan(args.plan)
     if args.within is not None:
-        plan = with_error(plan, args.within)
+        plan = with_error(plan, 0.01 * read_amount("--within", args.within, "the error", "%"))
     out = args.out or Path(f"plan_{plan.name}")
     check_parquet()
     check_picture(out / PICTURE)

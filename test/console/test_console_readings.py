@@ -24,7 +24,7 @@ from rope_twin.console.readings import (
     number,
     stale_limits_s,
 )
-from rope_twin.estimation.figures import NAMES
+from rope_twin.estimation.figures import REPORTED
 from rope_twin.estimation.report import FigureEstimate
 from rope_twin.messages import Level, Status
 from rope_twin.messages.reports import UNITS, encode_alarm, encode_estimate, encode_forecast
@@ -235,7 +235,7 @@ def test_learned_figures_have_units_and_words() -> None:
 
 
 def test_every_figure_that_is_learned_has_a_unit() -> None:
-    assert set(UNITS) == set(NAMES)
+    assert set(UNITS) == set(REPORTED)
 
 
 def test_a_trend_has_a_row_for_each_rope() -> None:
