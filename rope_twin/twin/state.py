@@ -190,7 +190,7 @@ class SavedState:
         except (StateError, KeyError, ValueError, TypeError, AttributeError) as error:
             what = f"it does not fit this version of rope_twin: {error}"
             wrote = f"version {self.about.program}, solver {self.about.solver}"
-            right = f"start anew, or go on with what wrote it ({wrote})"
+            right = f"start a new run, or go on with what wrote it ({wrote})"
             raise StateError(phrase(f"saved state {self.source}", what, right)) from error
         return TwinState(monitors={}, **parts)
 

@@ -245,7 +245,7 @@ SEA = 0.4 * np.exp(-0.5 * ((FREQUENCY_HZ - 0.09) / 0.012) ** 2) + 1e-9
 
 
 def test_expected_heave_leaves_the_error_that_it_says() -> None:
-    """Of heave and error with the specified spectra less error is left, about as much as `left`."""
+    """Less error is left of heave and error with the specified spectra, about as much as `left`."""
     error = heave_error_spectrum(0.05)
     raw, after, said = [], [], []
     for seed in range(6):

@@ -106,7 +106,7 @@ class Constants(NamedTuple):
 
 
 class Meeting(NamedTuple):
-    """What the balance of connections is judged by."""
+    """System, as far as the balance of its connections needs it."""
 
     joints: Points
     stack: Constants

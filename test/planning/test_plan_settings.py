@@ -121,7 +121,7 @@ def test_wrong_targets_are_refused(
 
 
 def test_plans_with_a_setting_of_their_own_are_refused(path: Path) -> None:
-    """Nothing can be bought where the plan decides."""
+    """A plan that decides on elements and step leaves nothing to be bought."""
     path.write_text(PLAN.replace("settle_s: 20.0", "elements: 10, step_s: 0.1"))
     with pytest.raises(RopeTwinError, match="--within: 'small' gives elements and step_s; leave"):
         with_error(read_plan(path)[0], 0.01)

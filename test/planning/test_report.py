@@ -134,7 +134,7 @@ def test_pdf_has_all_content(report: Report) -> None:
 
 
 def test_reports_repeat(result: tuple[PlanResult, MemoryStore]) -> None:
-    """The same results give the same bytes, without a date."""
+    """Equal results give equal bytes, without a date."""
     first, second = report_of(*result), report_of(*result)
     assert html_report(first) == html_report(second)
     assert pdf_report(first) == pdf_report(second)

@@ -78,11 +78,11 @@ def _restore(context: Any, was: Any) -> Any:
 if config.DISABLE_JIT:
 
     def flush() -> int:
-        """Nothing."""
+        """Return no mode: plain Python keeps the processor's."""
         return 0
 
     def restore(was: int) -> None:
-        """Nothing."""
+        """Keep the processor's mode."""
 
 else:
     flush, restore = _flush, _restore
