@@ -37,7 +37,7 @@ def test_it_is_the_track_to_the_bit(samples: list[Sample], start_ns: int, step_n
     times = np.arange(0, series.end_ns + 1, step_ns)
     if not len(times):
         return
-    z, v = series.at(times)
+    (z,), (v,) = series.at(times)
     track = HeaveTrack()
     for stamp, position, velocity in samples:
         assert not track.offer(stamp - start_ns, position, velocity)

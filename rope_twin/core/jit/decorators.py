@@ -288,7 +288,16 @@ def jit_ordered(function: Any) -> Any:
 
 def jit_entry(function: Any) -> Any:
     """Compile a kernel that Python calls, and keep its code on disk."""
-    entry = numba.njit(**OPTIONS)(function)
+    return _entry(function, OPTIONS)
+
+
+def jit_entry_exact(function: Any) -> Any:
+    """Compile a kernel that Python calls and that rounds after each operation, as Python does."""
+    return _entry(function, {**OPTIONS, "fastmath": False})
+
+
+def _entry(function: Any, options: dict[str, Any]) -> Any:
+    entry = numba.njit(**options)(function)
     if entry is not function and FOLDER is not None:  # plain Python has nothing to keep
         entry._cache = KeptCode(function, FOLDER)
     return entry

@@ -118,7 +118,7 @@ class _OfThread(threading.local):
     """Scratch arrays of each thread, made on first use."""
 
     def __init__(self, steps: int, watched: bool) -> None:
-        self.scratch = Scratch(steps, watched)
+        self.steps, self.scratch = steps, Scratch(steps, watched)
 
 
 class Ensemble:
@@ -165,6 +165,7 @@ class Ensemble:
         self.abreast = abreast
         self.steps = 0
         self._interrupted = False
+        self._own: _OfThread | None = None
         scenes = [_member_scene(scene, own, k) for k, own in enumerate(variations)]
         by_twin = [
             is_joined(one) or not is_known_in_advance(one.winch, own.commands)
@@ -206,7 +207,7 @@ class Ensemble:
         self._interrupted = True
         while steps > 0:
             batch = min(steps, max(1, round(BATCH_S / self.step_s)))
-            own = _OfThread(batch, self._watched)
+            own = self._scratch_of(batch)
 
             def turn(some: list[SteppedMember], batch: int = batch, own: _OfThread = own) -> None:
                 advance_group(some, batch, self._look_steps, own.scratch)
@@ -215,6 +216,12 @@ class Ensemble:
             self.steps += batch
             steps -= batch
         self._interrupted = False
+
+    def _scratch_of(self, steps: int) -> _OfThread:
+        """Return the scratch arrays of each thread, those of the last batch if it was as long."""
+        if self._own is None or self._own.steps != steps:
+            self._own = _OfThread(steps, self._watched)
+        return self._own
 
     def _groups(self) -> list[list[SteppedMember]]:
         """Return the members that have not failed, grouped by the members they are stepped with."""
@@ -279,6 +286,8 @@ class Ensemble:
 
     def _on_threads(self, work: Callable[[Key], Made], items: Sequence[Key]) -> list[Made]:
         """Apply the work to each item; an interruption waits only for items in progress."""
+        if self.threads == 1 or len(items) < 2:
+            return [work(item) for item in items]
         with ThreadPoolExecutor(self.threads) as pool:
             try:
                 return list(pool.map(work, items))

@@ -304,17 +304,14 @@ class SharedBoundary:
         made = Boundary(np.zeros((steps + 1, MOTIONS)), np.zeros((steps + 1, MOTIONS)))
         for table, before in zip(made, self.boundary, strict=True):
             table[0] = before[-1]
-        x, y, rest_z = self._ship.hang_off_m
-        border_ns = np.arange(first + 1, first + steps + 1, dtype=np.int64) * self._step_ns
-        z, v = self._heave.at(border_ns) if self._heave else (np.zeros(steps), np.zeros(steps))
-        share, share_rate = _ramps(first, steps, self._step_ns, self._ship.motion_ramp_s)
-        made.value[1:, :Z] = x, y
-        aside = self._heave.aside_at(border_ns) if self._heave else ()
-        for k, (moved, speed) in enumerate(aside):
-            made.value[1:, k] += share * moved
-            made.rate[1:, k] = share * speed + share_rate * moved
-        made.value[1:, Z] = rest_z + share * z
-        made.rate[1:, Z] = share * v + share_rate * z
+        made.value[1:, :LINE] = self._ship.hang_off_m
+        if self._heave is not None:
+            border_ns = np.arange(first + 1, first + steps + 1, dtype=np.int64) * self._step_ns
+            moved, speed = self._heave.at(border_ns)
+            share, share_rate = _ramps(first, steps, self._step_ns, self._ship.motion_ramp_s)
+            axes = slice(LINE - len(moved), LINE)
+            made.value[1:, axes] += (share * moved).T
+            made.rate[1:, axes] = (share * speed + share_rate * moved).T
         lines = self._winch.through(first, steps, made.rate[1:, Z])
         made.value[1:, LINE] = lines[1:, 0]
         made.rate[1:, LINE] = lines[1:, 1]

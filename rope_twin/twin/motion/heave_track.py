@@ -21,10 +21,12 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.core.interpolation import interpolate
 from rope_twin.errors import InputError, phrase
 from rope_twin.sea.ship_motion import FASTEST_M_PER_S
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
@@ -353,42 +355,23 @@ class HeaveSeries:
             )
 
     def at(self, time_ns: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return position [m] and velocity [m/s] at rising twin times, of the same shape.
+        """Return position [m] and velocity [m/s] at rising twin times, (motions, times) each.
+
+        Motions are heave, or with lateral samples east, north and heave.
 
         Raises:
             InputError: the series does not cover the times.
         """
-        return self._between(time_ns, self.position_m, self.velocity_m_per_s)
-
-    def aside_at(
-        self, time_ns: NDArray[np.int64]
-    ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Return lateral motion, east and north, as `at` does; empty if the series has none.
-
-        Raises:
-            InputError: the series does not cover the times.
-        """
-        if self.aside is None:
-            return []
-        return [self._between(time_ns, self.aside[k], self.aside[k + 2]) for k in (0, 1)]
-
-    def _between(
-        self, time_ns: NDArray[np.int64], z: NDArray[np.float64], v: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the cubic Hermite polynomials of values z with rates v at the samples."""
         self.check_reach(int(time_ns[0]), int(time_ns[-1]))
-        on = time_ns + self.start_ns
-        k = np.searchsorted(self.stamp_ns, on, side="left")
-        t0, t1 = self.stamp_ns[k - 1], self.stamp_ns[k]
-        z0, z1 = z[k - 1], z[k]
-        v0, v1 = v[k - 1], v[k]
-        h = (t1 - t0) * 1e-9
-        u = (on - t0) / (t1 - t0)
-        d0, d1 = v0 * h, v1 * h
-        c2, c3 = 3.0 * (z1 - z0) - 2.0 * d0 - d1, 2.0 * (z0 - z1) + d0 + d1
-        # + 0.0: a track adds the remainder of a gap, which turns -0 into 0
-        value = z0 + u * (d0 + u * (c2 + u * c3)) + 0.0
-        return value, (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h + 0.0
+        return interpolate(self.stamp_ns, *self._motions, time_ns + self.start_ns)
+
+    @cached_property
+    def _motions(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Values and rates of the motions, (motions, samples) each."""
+        z, v = self.position_m[None], self.velocity_m_per_s[None]
+        if self.aside is None:
+            return np.ascontiguousarray(z), np.ascontiguousarray(v)
+        return np.concatenate([self.aside[:2], z]), np.concatenate([self.aside[2:], v])
 
     def _order_fault(self) -> str:
         steps_ns = np.diff(self.stamp_ns)
