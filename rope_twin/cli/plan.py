@@ -148,9 +148,8 @@ def _show(args: argparse.Namespace, plan: Plan, scene: Scene, out: Path) -> int:
     """Run the governing run of a cell again, and draw it."""
     cell = cell_named(plan, args.cell)
     with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
-        found = show_cell(
-            *find_within(cell_of(plan, scene, prepare(plan, scene), cell, folder)), out
-        )
+        works = prepare(plan, scene, folder)
+        found = show_cell(*find_within(cell_of(plan, scene, works, cell, folder)), out)
     if args.json:
         print_json(found)
     else:

@@ -19,11 +19,13 @@ from rope_twin.errors import RopeTwinError
 from rope_twin.planning.judgement import Judgement, Limit, judge, limits_of, simplified_uses
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.plan_file import LEGS_MOST, SEEDS_MOST, Plan
-from rope_twin.planning.runs import Row, Ship, run_seeds, sea_seed
+from rope_twin.planning.runs import ERROR, STATISTICS, Row, Ship, run_row, run_seeds, sea_seed
 from rope_twin.planning.seas import SeaState
 from rope_twin.planning.simplified import Simplified, simplified
 from rope_twin.scene.card import Setting
 from rope_twin.scene.schema import Scene
+
+ERROR_RUNS = 100  # refinements from here on are those of the runs that give an error
 
 
 def runs_of_cell(plan: Plan) -> int:
@@ -166,13 +168,14 @@ class Cell:
         sea = self.plan.sea_state(height_m, self._period, self._heading)
         return SeaState(sea.height_m, sea.period_s, sea.heading_deg, sea.gamma, self._spreading)
 
-    def run_number(self, height: int, leg: int, seed: int) -> int:
+    def run_number(self, height: int, leg: int, seed: int, purpose: str = STATISTICS) -> int:
         """Return the number of a run, which tells its place in the plan."""
         plan = self.plan
         periods, headings = len(plan.sea.tp_s), len(plan.sea.headings_deg)
         phase, period, heading = self._cell
         cell = (phase * periods + period) * headings + heading
-        cell += self.refinements * len(plan.grid)
+        times = self.refinements + (ERROR_RUNS if purpose == ERROR else 0)
+        cell += times * len(plan.grid)
         return cell * runs_of_cell(plan) + (height * LEGS_MOST + leg) * SEEDS_MOST + seed
 
     def rows(self, height: int, seeds: int) -> list[Row]:
@@ -181,40 +184,50 @@ class Cell:
         Raises:
             RopeTwinError: a run cannot start.
         """
-        found = []
-        for leg in self.work.legs:
+        found, work = [], self.work
+        for leg in work.legs:
             numbers = [self.run_number(height, leg.number, k) for k in range(seeds)]
             kept = {number: self.store.get(number) for number in numbers}
             lacking = [k for k, number in enumerate(numbers) if kept[number] is None]
             if lacking:
-                made = self._run(height, leg, lacking)
-                self.store.add(made)
+                made = self._run(height, leg, work.settings[leg.number], lacking)
                 kept |= {int(row["run"]): row for row in made}
             found += [row for row in kept.values() if row is not None]
         return found
 
-    def _run(self, height: int, leg: Leg, seeds: Sequence[int]) -> list[Row]:
-        sea = self.sea(self.heights_m[height])
-        plan, work = self.plan, self.work
+    def row_at(self, setting: Setting, height: int, leg: int, seed: int) -> Row:
+        """Return the row of a run at another setting, which gives the error of that seed's own.
+
+        Raises:
+            RopeTwinError: the run cannot start.
+        """
+        kept = self.store.get(self.run_number(height, leg, seed, ERROR))
+        if kept is not None:
+            return kept
+        other = self.work.legs[leg].at_setting(setting)
+        return self._run(height, other, setting, [seed], ERROR)[0]
+
+    def _run(
+        self,
+        height: int,
+        leg: Leg,
+        setting: Setting,
+        seeds: Sequence[int],
+        purpose: str = STATISTICS,
+    ) -> list[Row]:
+        """Run seeds of a leg, which is at a setting, and keep their rows."""
+        sea, plan, work = self.sea(self.heights_m[height]), self.plan, self.work
         own = [sea_seed(plan.method.seed, work.number, leg.number, k) for k in seeds]
-        setting = work.settings[leg.number]
-        return [
-            {
-                "run": self.run_number(height, leg.number, k),
-                "phase": work.title,
-                "leg": leg.number,
-                "tp_s": sea.period_s,
-                "heading_deg": sea.heading_deg,
-                "hs_m": sea.height_m,
-                "seed": k,
-                **row,
-                "seconds": leg.seconds,
-                "elements": setting.elements,
-                "step_s": setting.step_s,
-                "setting_error": work.setting_errors[leg.number],
-            }
+        error = work.setting_errors[leg.number] if purpose == STATISTICS else math.nan
+        made = [
+            run_row(
+                self.run_number(height, leg.number, k, purpose), work.title, leg, sea, k, row,
+                setting, error, purpose,
+            )
             for k, row in zip(seeds, run_seeds(leg, work.ship, sea, own), strict=True)
-        ]
+        ]  # fmt: skip
+        self.store.add(made)
+        return made
 
     def judge(self, height: int, narrow: bool = False, more: bool = False) -> Judgement:
         """Return the judgement of a height, with seeds as many as the decision takes.

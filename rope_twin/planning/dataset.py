@@ -35,6 +35,7 @@ CELL = ("phase", "tp_s", "heading_deg")
 SUFFIXES = {"kN": "_n", "m": "_m", "m/s": "_m_per_s", "": ""}  # of the SI unit, by a table's unit
 ROW_WORDS = {
     "run": "number of the run, which tells its place in the plan",
+    "purpose": "what it is for: `statistics` of its cell",
     "leg": "number of the leg in its phase",
     "seed": "number of the seed in its cell",
     "sea_seed": "random number of the sea",

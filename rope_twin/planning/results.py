@@ -112,7 +112,7 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
     whole = f"{result.runs} runs of {result.simulated_s / 3600.0:.0f} h in all"
     if result.made:
         factor = result.made_s / result.elapsed_s
-        here = f"{result.made} of them" if result.made < result.runs else "done"
+        here = "done" if result.made >= result.runs else f"{result.made} runs made"
         whole += f", {here} in {result.elapsed_s:.0f} s ({factor:,.0f} times real time)"
     yield whole
 

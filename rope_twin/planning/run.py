@@ -30,7 +30,7 @@ from rope_twin.planning.dataset import plan_dataset
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import bow_of, read_plan, spreading_of, tip_of, with_error
-from rope_twin.planning.runs import Row, Ship
+from rope_twin.planning.runs import STATISTICS, Row, Ship
 from rope_twin.planning.settings import choose_setting, find_within
 from rope_twin.scene.card import KnownError, Setting, known_error, solver_version
 from rope_twin.scene.schema import Scene
@@ -40,7 +40,7 @@ from rope_twin.twin.ensemble.ensemble import cores
 if TYPE_CHECKING:
     from xarray import Dataset
 
-VERSION = 2  # of what the rows mean
+VERSION = 3  # of what the rows mean
 Report = Callable[[int, int, int], None]  # cells done, cells in all, runs done
 
 
@@ -55,10 +55,10 @@ class PlanResult:
     card: KnownError  # discretisation error of the scene at its own setting
     runs: int  # of all cells
     simulated_s: float  # time of all runs
-    made: int  # runs of this call; the others were there
+    made: int  # runs of this call, with those for errors and settings; the others were there
     made_s: float  # time of them
     elapsed_s: float  # real time of this call
-    rows: tuple[Row, ...]  # of all runs, by number
+    rows: tuple[Row, ...]  # of the cells' runs, by number
 
     @property
     def dataset(self) -> Dataset:
@@ -122,7 +122,7 @@ class PlanFolder(RowFolder):
             name: pyarrow.int64()
             if name in whole
             else pyarrow.string()
-            if name in ("phase", "failure")
+            if name in ("phase", "purpose", "failure")
             else pyarrow.float64()
             for name in row
         }
@@ -187,7 +187,7 @@ def run_plan(
     """
     began = time.perf_counter()
     counted = _Counted(store)
-    works = prepare(plan, scene)
+    works = prepare(plan, scene, counted)
     report(0, len(plan.grid), counted.made)
     found: dict[int, CellLimit] = {}
     results = (
@@ -199,7 +199,8 @@ def run_plan(
         found[number] = limit
         report(len(found), len(plan.grid), counted.made)
     ordered = tuple(found[k] for k in range(len(plan.grid)))
-    rows = tuple(counted.used[run] for run in sorted(counted.used))
+    used = (counted.used[run] for run in sorted(counted.used))
+    rows = tuple(row for row in used if row["purpose"] == STATISTICS)
     return PlanResult(
         plan=plan,
         scene=scene,
@@ -260,6 +261,8 @@ def _on_cluster(
     """Yield number and limit of each cell, found by a Dask cluster."""
     parts: dict[int, dict[int, Row]] = {number: {} for number in range(len(plan.grid))}
     for run, row in counted.kept().items():
+        if run < 0:  # a trial of a setting
+            continue
         parts[run // runs_of_cell(plan) % len(parts)][run] = row
     tasks = [CellTask(plan, scene, works, number, rows) for number, rows in parts.items()]
     for number, limit, rows in on_cluster(find_cell, tasks, address):
@@ -309,23 +312,25 @@ class _Counted:
         self.used |= {int(row["run"]): row for row in rows}
 
 
-def prepare(plan: Plan, scene: Scene) -> tuple[PhaseWork, ...]:
+def prepare(plan: Plan, scene: Scene, store: RowStore | None = None) -> tuple[PhaseWork, ...]:
     """Return all phases, ready to run.
+
+    store: of the rows of trials; None: in memory.
 
     Raises:
         RopeTwinError: a phase cannot be run; one sentence.
     """
     ship = Ship(tip_of(plan, scene), bow_of(plan, scene))
-    works = []
+    works, rows = [], MemoryStore() if store is None else store
     for number, phase in enumerate(plan.phases):
         legs = legs_of(plan, scene, phase)
-        works.append(phase_work(plan, scene, number, legs, _settings(plan, number, legs, ship,
-                                                                     scene), ship))  # fmt: skip
+        settings = _settings(plan, number, legs, ship, scene, rows)
+        works.append(phase_work(plan, scene, number, legs, settings, ship))
     return tuple(works)
 
 
 def _settings(
-    plan: Plan, number: int, legs: Sequence[Leg], ship: Ship, scene: Scene
+    plan: Plan, number: int, legs: Sequence[Leg], ship: Ship, scene: Scene, store: RowStore
 ) -> list[tuple[Setting, float]]:
     """Return a setting for each leg, with its error in a sea of the middle of the grid.
 
@@ -334,7 +339,7 @@ def _settings(
     heights = plan.heights_m(0, 0)
     middle = plan.sea_state(heights[len(heights) // 2], 0, 0)
     sea = replace(middle, spreading=spreading_of(plan, scene))
-    return [choose_setting(plan, number, leg, ship, sea) for leg in legs]
+    return [choose_setting(plan, number, leg, ship, sea, store) for leg in legs]
 
 
 def cell_of(

@@ -15,6 +15,7 @@ from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import SeaState, TipTransfer, tip_on_waves, tip_record
 from rope_twin.planning.twin_runs import reference_m, sea_changes, twin_rows, watch_twin
+from rope_twin.scene.card import Setting
 from rope_twin.scene.load import change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
@@ -26,6 +27,8 @@ from rope_twin.twin.motion.heave_track import HeaveSeries
 AT_LEAST, AT_DEPTH, AT_SINKING, AT_LOWEST = (1 + k for k in (LEAST, DEPTH, SINKING, LOWEST))
 
 Row = dict[str, Any]
+# what a run is for: extremes of its cell, the error of one of those, or the choice of a setting
+STATISTICS, ERROR, SETTING = "statistics", "error", "setting"
 
 
 @dataclass(frozen=True)
@@ -183,6 +186,38 @@ def run_seeds(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
         lost = "" if leg.bed_m is None or own.landed or member.failure else "it did not land"
         rows.append({"sea_seed": seed, **own.row(), "failure": member.failure or lost})
     return rows
+
+
+def run_row(
+    number: int,
+    phase: str,
+    leg: Leg,
+    sea: SeaState,
+    seed: int,
+    found: Row,
+    setting: Setting,
+    setting_error: float,
+    purpose: str,
+) -> Row:
+    """Return the row that is kept of a run: its place in the plan, what it found, its setting.
+
+    found: of `run_seeds`. setting_error: measured when the setting was chosen; NaN: it was not.
+    """
+    return {
+        "run": number,
+        "purpose": purpose,
+        "phase": phase,
+        "leg": leg.number,
+        "tp_s": sea.period_s,
+        "heading_deg": sea.heading_deg,
+        "hs_m": sea.height_m,
+        "seed": seed,
+        **found,
+        "seconds": leg.seconds,
+        "elements": setting.elements,
+        "step_s": setting.step_s,
+        "setting_error": setting_error,
+    }
 
 
 def watch_seed(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Vector, Vector]:

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 from rope_twin.errors import RopeTwinError
 from rope_twin.planning.phases import Leg
-from rope_twin.planning.runs import Row, Ship, run_seeds, sea_seed
+from rope_twin.planning.plan_file import LEGS_MOST
+from rope_twin.planning.runs import SETTING, Row, Ship, run_row, run_seeds, sea_seed
 from rope_twin.scene.card import Setting
 
 if TYPE_CHECKING:
-    from rope_twin.planning.cells import Cell, CellLimit
+    from rope_twin.planning.cells import Cell, CellLimit, RowStore
     from rope_twin.planning.judgement import Judgement
     from rope_twin.planning.plan_file import Plan
     from rope_twin.planning.seas import SeaState
@@ -42,34 +43,31 @@ def finer(setting: Setting) -> Setting:
     return Setting(2 * setting.elements, 0.5 * setting.step_s)
 
 
-def choose_setting(plan: Plan, number: int, leg: Leg, ship: Ship, sea: SeaState
-                   ) -> tuple[Setting, float]:  # fmt: skip
+TRIED = tuple(dict.fromkeys([*LADDER, *map(finer, LADDER)]))  # their places number the trials
+
+
+def choose_setting(
+    plan: Plan, number: int, leg: Leg, ship: Ship, sea: SeaState, store: RowStore
+) -> tuple[Setting, float]:
     """Return the coarsest setting within the plan's error, and its error over the hook load.
 
     The finest is returned if none is; the error is NaN if it could not be measured, or if the plan
     gives the setting.
 
-    number: of the phase; sea: in which the error is measured.
+    number: of the phase; sea: in which the error is measured; store: of the rows of the trials.
     """
     method = plan.method
     if method.elements is not None and method.step_s is not None:
         return Setting(method.elements, method.step_s), math.nan
     if leg.by_twin:  # contact and ropes that meet ask for the scene's own mesh and step
         return Setting(leg.scene.ropes[0].elements, leg.scene.time.step_s), math.nan
-    seeds = [sea_seed(method.seed, number, leg.number, k) for k in range(TRIAL_SEEDS)]
-    known: dict[Setting, list[Row] | None] = {}
-
-    def trial(setting: Setting) -> list[Row] | None:
-        if setting not in known:
-            known[setting] = _trial(leg, ship, sea, setting, seeds)
-        return known[setting]
-
+    trials = Trials(plan, number, leg, ship, sea, store)
     best = LADDER[-1], math.nan
     for setting in LADDER:
         if setting.elements > leg.scene.ropes[0].length_m / SHORTEST_M:
             break
-        rows = trial(setting)
-        reference = trial(finer(setting)) if rows is not None else None
+        rows = trials.rows(setting)
+        reference = trials.rows(finer(setting)) if rows is not None else None
         if rows is None or reference is None:
             continue
         error = relative_error(rows, reference, leg.payload_n)
@@ -82,17 +80,45 @@ def choose_setting(plan: Plan, number: int, leg: Leg, ship: Ship, sea: SeaState
 SHORTEST_M = 0.3  # element: a mesh that is finer than the payload is large resolves nothing
 
 
-def _trial(
-    leg: Leg, ship: Ship, sea: SeaState, setting: Setting, seeds: Sequence[int]
-) -> list[Row] | None:
-    """Return rows of the beginning of a leg; None if the scene does not run at the setting."""
-    try:
+class Trials:
+    """Short runs of a leg at several settings; their numbers are negative."""
+
+    def __init__(
+        self, plan: Plan, phase: int, leg: Leg, ship: Ship, sea: SeaState, store: RowStore
+    ) -> None:
+        """Take the beginning of a leg; a landing is run as a whole."""
         seconds = leg.seconds if leg.bed_m is not None else leg.first_s + TRIAL_S
-        short = Leg(**{**vars(leg), "seconds": min(leg.seconds, seconds)}).at_setting(setting)
-        rows = run_seeds(short, ship, sea, seeds)
-    except RopeTwinError:
-        return None
-    return None if any(row["failure"] for row in rows) else rows
+        self._leg = Leg(**{**vars(leg), "seconds": min(leg.seconds, seconds)})
+        self._plan, self._phase, self._ship, self._sea = plan, phase, ship, sea
+        self._store = store
+        self._failed: set[Setting] = set()
+
+    def rows(self, setting: Setting) -> list[Row] | None:
+        """Return the rows of all seeds; None if the scene does not run at the setting."""
+        place = (self._phase * LEGS_MOST + self._leg.number) * len(TRIED) + TRIED.index(setting)
+        numbers = [-1 - place * TRIAL_SEEDS - k for k in range(TRIAL_SEEDS)]
+        kept = [row for row in map(self._store.get, numbers) if row is not None]
+        if len(kept) < TRIAL_SEEDS and setting not in self._failed:
+            kept = self._run(setting, numbers)
+        failed = len(kept) < TRIAL_SEEDS or any(row["failure"] for row in kept)
+        return None if failed else kept
+
+    def _run(self, setting: Setting, numbers: Sequence[int]) -> list[Row]:
+        phase, first = self._phase, self._plan.method.seed
+        seeds = [sea_seed(first, phase, self._leg.number, k) for k in range(TRIAL_SEEDS)]
+        try:
+            leg = self._leg.at_setting(setting)
+            found = run_seeds(leg, self._ship, self._sea, seeds)
+        except RopeTwinError:
+            self._failed.add(setting)
+            return []
+        title = self._plan.phases[phase].title
+        made = [
+            run_row(number, title, leg, self._sea, k, row, setting, math.nan, SETTING)
+            for k, (number, row) in enumerate(zip(numbers, found, strict=True))
+        ]
+        self._store.add(made)
+        return made
 
 
 def relative_error(rows: Sequence[Row], reference: Sequence[Row], weight_n: float) -> float:
@@ -116,19 +142,15 @@ def governing_error(cell: Cell, height: int, judged: Judgement) -> float:
     """
     if judged.governing_seed < 0:
         return math.nan
-    work, leg = cell.work, cell.work.legs[judged.governing_leg]
-    seeds = [sea_seed(cell.plan.method.seed, work.number, leg.number, judged.governing_seed)]
-    sea = cell.sea(cell.heights_m[height])
+    leg, seed = judged.governing_leg, judged.governing_seed
+    own = cell.store.get(cell.run_number(height, leg, seed))
     try:
-        fine = leg.at_setting(finer(work.settings[leg.number]))
-        reference = run_seeds(fine, work.ship, sea, seeds)
+        reference = cell.row_at(finer(cell.work.settings[leg]), height, leg, seed)
     except RopeTwinError:
         return math.nan
-    run = cell.run_number(height, leg.number, judged.governing_seed)
-    own = cell.store.get(run)
-    if own is None or reference[0]["failure"]:
+    if own is None or reference["failure"]:
         return math.nan
-    return relative_error([own], reference, leg.payload_n)
+    return relative_error([own], [reference], cell.work.legs[leg].payload_n)
 
 
 def find_within(search: Cell) -> tuple[Cell, CellLimit]:

@@ -11,9 +11,11 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as parquet
@@ -22,8 +24,10 @@ import xarray
 
 from rope_twin.cli import main
 from rope_twin.errors import InputError
+from rope_twin.planning import cells, settings
 from rope_twin.planning.cells import Cell, CellLimit, MemoryStore, bisect
 from rope_twin.planning.notes import notes
+from rope_twin.planning.phases import Leg
 from rope_twin.planning.plan_file import AtDepth, Heights, Phase, Seeds
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.results import load_chart, result_object
@@ -38,7 +42,8 @@ from rope_twin.planning.run import (
     prepare,
 )
 from rope_twin.planning.run import run_plan as run
-from rope_twin.planning.runs import Row
+from rope_twin.planning.runs import Row, Ship, run_seeds
+from rope_twin.planning.seas import SeaState
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.load_chart import read_load_chart
 from rope_twin.share import share_dir
@@ -223,6 +228,50 @@ def test_killed_plans_continue(small: Path, tmp_path: Path) -> None:
     assert plain(result_object(found)) == plain(result_object(expected))
 
 
+def test_nothing_is_run_twice(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither trials of settings nor runs for an error: a killed plan goes on with the next run."""
+    path, out = tmp_path / "chosen.yaml", tmp_path / "out"
+    text = SMALL.replace("tp_s: [9.0, 12.0]", "tp_s: [9.0]").replace("start: 8", "start: 4")
+    path.write_text(text.replace("elements: 12, step_s: 0.1, ", ""))
+    words = ["plan", str(path), "--out", str(out), "--threads", "1", "--json"]
+    code = "import sys; from rope_twin.cli import main; sys.exit(main(sys.argv[1:]))"
+    child = subprocess.Popen(
+        [sys.executable, "-c", code, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end and len(list(out.glob("part-*.parquet"))) < 3:
+        time.sleep(0.01)
+    os.kill(child.pid, signal.SIGKILL)
+    child.wait()
+    own, scene = read_plan(path)
+    stepped: list[tuple[Any, ...]] = []
+
+    def counted(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list[Row]:
+        line = leg.scene.ropes[0].elements, leg.scene.time.step_s, sea.height_m, leg.seconds
+        stepped.extend((*line, seed) for seed in seeds)
+        return run_seeds(leg, ship, sea, seeds)
+
+    for module in (cells, settings):
+        monkeypatch.setattr(module, "run_seeds", counted)
+    whole = MemoryStore()
+    expected = run(own, scene, whole, threads=1)
+    made = {"error", "setting", "statistics"}
+    assert {row["purpose"] for row in whole.rows.values()} == made
+    assert len(stepped) == len(whole.rows)
+    stepped.clear()
+    with PlanFolder(out, own, plan_stamp(own, scene)) as folder:
+        kept = len(folder)
+        assert kept > 0
+        found = run(own, scene, folder, threads=1)
+        assert len(stepped) == len(whole.rows) - kept
+        stepped.clear()
+        again = run(own, scene, folder, threads=1)
+        assert repr(dict(sorted(folder.kept().items()))) == repr(dict(sorted(whole.rows.items())))
+    assert not stepped
+    for one in (found, again):
+        assert plain(result_object(one)) == plain(result_object(expected))
+
+
 def test_command_writes_rows_chart_and_picture(
     small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -270,6 +319,7 @@ def test_command_writes_rows_chart_and_picture(
     worst = max(
         row["top_max_n"] for row in rows
         if row["hs_m"] == shown["hs_m"] and row["tp_s"] == 9.0 and row["seed"] == shown["seed"]
+        and row["purpose"] == "statistics"
     )  # fmt: skip
     assert shown["hook_load_max_n"] == worst
     series = np.loadtxt(shown["series"], delimiter=",", skiprows=1)
