@@ -99,7 +99,8 @@ def _show(found: Sensitivity) -> None:
             "what lies beyond; raise sea.hs_m.to or compare the loads"
         )
     for output, (low, middle, high) in found.spread.items():
-        nominal = found.case.nominal[output]
-        print(f"\n{OUTPUTS[output]}: {nominal:.4g} by the plan; P10 {low:.4g}, P50 {middle:.4g}, "
-              f"P90 {high:.4g}")  # fmt: skip
+        own = OUTPUTS[output]
+        values = (found.case.nominal[output], low, middle, high)
+        plan, *shares = (f"{own.scale * one:.4g} {own.unit}".strip() for one in values)
+        print("\n{}: {} by the plan; P10 {}, P50 {}, P90 {}".format(own.words, plan, *shares))
         print_table(table_rows(found, output))

@@ -39,7 +39,11 @@ def notes(result: PlanResult) -> Iterator[str]:
     if winch is not None and winch.heave_compensation is not None:
         yield "The simplified method has no heave compensation: it shows what the runs gain by it."
     if any(work.legs[0].deck is not None for work in result.works):
-        yield "The deck of the lift-off stays level and does not move sideways."
+        yield (
+            "The deck of the lift-off moves up and down as its vessel does below the object, by "
+            "heave, roll and pitch; it stays level and in its place. The table of the lift-off has "
+            "what the crane tip does against it sideways."
+        )
     if result.scene.listed(CurrentParams) is None:
         yield "The scene has no current: the payload hangs plumb."
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rope_twin.effects.current import CurrentParams
 from rope_twin.planning.seas import SeaState
 from rope_twin.planning.slings import Slings
 from rope_twin.planning.uncertainties import Uncertainty
@@ -15,6 +19,9 @@ from rope_twin.quantity import quantity, text
 from rope_twin.scene.schema import Triple
 from rope_twin.sea.raos import NO_CONVENTIONS, RaoConventions
 from rope_twin.sea.spectrum import breaking_fault
+
+if TYPE_CHECKING:
+    from rope_twin.scene.schema import Scene
 
 CELLS_MOST = 5_000
 LEGS_MOST, SEEDS_MOST = 50, 10_000
@@ -39,6 +46,46 @@ class Vessel:
     bow_deg: float = quantity(
         "heading of the bow, for the current: 0 east, 90 north", "°", -360.0, 360.0, default=0.0
     )
+    motion_factor: float = quantity(
+        "factor on all RAOs, such as of a loading condition that is uncertain", "", 0.0, 10.0,
+        default=1.0,
+    )  # fmt: skip
+    heave_factor: float = quantity("factor on the heave RAO besides", "", 0.0, 10.0, default=1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignCurrent:
+    """Current of the plan, in place of the scene's: a design speed and its profile."""
+
+    speed_m_per_s: float = quantity("design speed", "m/s", 0.0, 10.0)
+    direction_deg: float = quantity(
+        "where it sets to, from the bow to port: 0 from astern, 180 from ahead, as headings", "°",
+        -360.0, 360.0,
+    )  # fmt: skip
+    profile: tuple[tuple[float, float], ...] = quantity(
+        "rows of elevation z [m] and share of the design speed, from the surface down, linear "
+        "between them; default: 1 at all depths", "", -12e3, 10.0, default=((0.0, 1.0),),
+    )  # fmt: skip
+
+    def check(self) -> str | None:
+        """Return a fault of the profile, or None."""
+        if not self.profile:
+            return "profile is empty; leave it out, or give rows like [-100.0, 0.5]"
+        if any(below >= above for (above, _), (below, _) in pairwise(self.profile)):
+            return "heights of the profile do not descend; order the rows from the surface down"
+        for z, share in self.profile:
+            if z > 0.0 or share < 0.0:
+                what = f"the profile has the row [{z:g}, {share:g}]"
+                return f"{what}; give an elevation of at most 0 and a share of 0 or more"
+        return None
+
+    def towards(self, bow: float) -> CurrentParams:
+        """Return the current over the water; bow: its heading from east to north [rad]."""
+        angle = bow + math.radians(self.direction_deg)
+        east, north = (self.speed_m_per_s * part for part in (math.cos(angle), math.sin(angle)))
+        return CurrentParams(
+            profile=tuple((z, (share * east, share * north)) for z, share in self.profile)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,6 +213,8 @@ class LiftedFrom:
     conventions: RaoConventions = text(
         "conventions that the RAO file does not state", NO_CONVENTIONS
     )
+    motion_factor: float = quantity("factor on all its RAOs", "", 0.0, 10.0, default=1.0)
+    heave_factor: float = quantity("factor on its heave RAO besides", "", 0.0, 10.0, default=1.0)
     turn_deg: float = quantity(
         "its bow from the crane vessel's, to port", "°", -360.0, 360.0, default=0.0
     )
@@ -178,6 +227,10 @@ class LiftedFrom:
         """Return a fault of a deck on the plan's own vessel, or None."""
         if not self.responses and (self.turn_deg or any(self.apart_m)):
             return "turn_deg and apart_m are of another vessel; give its `responses`"
+        if not self.responses and (self.motion_factor, self.heave_factor) != (1.0, 1.0):
+            return (
+                "motion_factor and heave_factor are those of `vessel`; give another's `responses`"
+            )
         return None
 
 
@@ -349,6 +402,7 @@ class Plan:
     scene: str = text("scene with rope, payload and winch: a name, or its path from this file")
     vessel: Vessel | None = text("ship; default: that of the scene's `on_waves`", None)
     sea: SeaGrid = text("sea states")
+    current: DesignCurrent | None = text("current; default: that of the scene", None)
     phases: tuple[Phase, ...] = text("phases of the operation")
     criteria: Criteria = text("limits", Criteria())
     slings: Slings | None = text("slings between rope and object", None)
@@ -369,6 +423,22 @@ class Plan:
                 break
             found.append(height)
         return found
+
+    def bow_of(self, scene: Scene) -> float:
+        """Return the heading of the bow, from east to north [rad]."""
+        if self.vessel is not None:
+            return math.radians(self.vessel.bow_deg)
+        riding = scene.sea_state.on_waves
+        return math.radians(riding.heading_deg) if riding is not None else 0.0
+
+    def in_current(self, scene: Scene) -> Scene:
+        """Return the scene with the plan's current, where it gives one; its digest includes it."""
+        if self.current is None:
+            return scene
+        own = self.current.towards(self.bow_of(scene))
+        others = tuple(one for one in scene.effects if not isinstance(one, CurrentParams))
+        digest = hashlib.sha256(f"{scene.digest} {own}".encode()).hexdigest()
+        return replace(scene, effects=(own, *others), digest=digest)
 
     def sea_state(self, height_m: float, period: int, heading: int) -> SeaState:
         """Return the sea state of a cell."""

@@ -15,23 +15,34 @@ from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError, RopeTwinError, SceneErrors, did_you_mean, phrase
-from rope_twin.planning.plan_file import BY_TWIN, Criteria, LiftedFrom, LiftOff, Phase, Plan
+from rope_twin.planning.plan_file import (
+    BY_TWIN,
+    Criteria,
+    LiftedFrom,
+    LiftOff,
+    Phase,
+    Plan,
+    Vessel,
+)
 from rope_twin.planning.seas import DeckTransfer, HullTip, ResponsesTip, TipTransfer
 from rope_twin.planning.uncertainties import with_values
 from rope_twin.scene.environment import vessel_raos
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_part, load_scene
 from rope_twin.scene.reader import Item, Place, read_document, read_object
+from rope_twin.scene.relations import faults as scene_faults
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import find_payload
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import read_responses
+from rope_twin.sea.raos import Responses
 from rope_twin.sea.tables import is_path
 from rope_twin.share import share_dir
 from rope_twin.twin.motion.boundary_conditions import is_known_in_advance
 from rope_twin.twin.motion.hang_off import arm_from_bow
 
 HEAD_SEAS = 180.0
+SCENE_CURRENT = "scene.effects.current"
 CERTAIN = ("method", "uncertainties", "sea.hs_m")  # how a plan is worked out, no data of the lift
 MOST_AIR_KG_PER_M3 = 10.0  # density of what counts as air
 
@@ -56,6 +67,7 @@ def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
         scene = load_scene(beside if beside.suffix in (".yaml", ".yml") else plan.scene)
     except RopeTwinError as error:
         raise _at(tree, place, "scene").refuse(str(error).rstrip("."), "correct it") from error
+    scene = plan.in_current(scene)
     errors = SceneErrors()
     for keys, what, right in faults(plan, scene):
         errors.add(_at(tree, place, *keys).refuse(what, right))
@@ -122,6 +134,7 @@ def faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
         yield ("scene",), *fault
         return
     yield from _vessel_faults(plan, scene)
+    yield from _current_faults(plan, scene)
     yield from _wave_faults(plan, scene)
     for number, phase in enumerate(plan.phases):
         for keys, what, right in _phase_faults(plan, phase, scene):
@@ -169,6 +182,16 @@ def _vessel_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     if not tip.headings and plan.sea.headings_deg != (HEAD_SEAS,):
         what = "the scene's box-like hull answers head seas alone"
         yield ("sea", "headings_deg"), what, "give [180.0], or a `vessel` with responses"
+
+
+def _current_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
+    if plan.current is None:
+        return
+    if _is_in_air(scene):
+        yield ("current",), f"'{scene.name}' is in air", "leave it out, or give a scene in water"
+        return
+    for where, what, right in scene_faults(scene):
+        yield ("current",), f"with it, {where} of '{scene.name}': {what}", right
 
 
 def _wave_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
@@ -295,7 +318,11 @@ def _uncertainty_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
         where = ("uncertainties", number, "key")
         if own.key.startswith(CERTAIN):
             what = f"'{own.key}' is no property of the lift"
-            yield where, what, "give a key of vessel, sea, phases, criteria or scene"
+            yield where, what, "give a key of vessel, sea, current, phases, criteria or scene"
+            continue
+        if plan.current is not None and own.key.startswith(SCENE_CURRENT):
+            what = f"'{own.key}' is replaced by the plan's `current`"
+            yield where, what, "give current.speed_m_per_s or another key of it"
             continue
         for value in own.distribution.quantile(np.array([0.0, 1.0])).tolist():
             try:
@@ -316,7 +343,7 @@ def tip_of(plan: Plan, scene: Scene) -> TipTransfer:
         InputError: the table of RAOs is wrong.
     """
     if plan.vessel is not None:
-        table = read_responses(_rao_file(plan, plan.vessel.responses), plan.vessel.conventions)
+        table = _raos(plan, plan.vessel)
         origin = table.origin_m or (0.0, 0.0, 0.0)
         x, y, z = (a - b for a, b in zip(plan.vessel.crane_tip_m, origin, strict=True))
         return ResponsesTip(table, (x, y, z))
@@ -338,26 +365,16 @@ def deck_of(plan: Plan, own: LiftedFrom | None) -> DeckTransfer | None:
         return None
     vessel = plan.vessel
     assert vessel is not None, "checked when the plan was read"
-    if own.responses:
-        table = read_responses(_rao_file(plan, own.responses), own.conventions)
-    else:
-        table = read_responses(_rao_file(plan, vessel.responses), vessel.conventions)
+    table = _raos(plan, own if own.responses else vessel)
     origin = table.origin_m or (0.0, 0.0, 0.0)
     x, y, z = (a - b for a, b in zip(own.point_m, origin, strict=True))
     return DeckTransfer(table, (x, y, z), math.radians(own.turn_deg), own.apart_m)
 
 
-def _rao_file(plan: Plan, name: str) -> str:
-    beside = plan.path.parent / name
-    return str(beside) if is_path(name) and beside.is_file() else name
-
-
-def bow_of(plan: Plan, scene: Scene) -> float:
-    """Return the heading of the bow, from east to north [rad]."""
-    if plan.vessel is not None:
-        return math.radians(plan.vessel.bow_deg)
-    riding = scene.sea_state.on_waves
-    return math.radians(riding.heading_deg) if riding is not None else 0.0
+def _raos(plan: Plan, own: Vessel | LiftedFrom) -> Responses:
+    beside = plan.path.parent / own.responses
+    found = str(beside) if is_path(own.responses) and beside.is_file() else own.responses
+    return read_responses(found, own.conventions).scaled(own.motion_factor, own.heave_factor)
 
 
 def spreading_of(plan: Plan, scene: Scene) -> float | None:

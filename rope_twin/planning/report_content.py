@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rope_twin import __version__
+from rope_twin.effects.current import CurrentParams
 from rope_twin.planning.document import Report
 from rope_twin.planning.judgement import plain_name, quantity_of
 from rope_twin.planning.notes import NOT_COVERED, notes
@@ -209,6 +210,7 @@ def _inputs(result: PlanResult) -> Iterator[tuple[str, str, str]]:
     if plan.vessel is not None:
         x, y, z = plan.vessel.crane_tip_m
         yield "crane tip", f"{x:g} m ahead, {y:g} m to port, {z:g} m up, in the RAOs' axes", "plan"
+    yield from _current(result)
     sea = plan.sea
     gamma = "by DNV-RP-C205, 3.5.5.5" if sea.gamma is None else "plan"
     yield "spectrum", f"JONSWAP, gamma {gamma if sea.gamma is None else f'{sea.gamma:g}'}", gamma
@@ -220,6 +222,19 @@ def _inputs(result: PlanResult) -> Iterator[tuple[str, str, str]]:
         "plan",
     )
     yield "load models", ", ".join(listed_effects(scene)), "scene"
+
+
+def _current(result: PlanResult) -> Iterator[tuple[str, str, str]]:
+    """Yield the current at its highest and its lowest point, with its direction from the bow."""
+    current = result.scene.listed(CurrentParams)
+    if current is None:
+        return
+    bow, words = math.degrees(result.plan.bow_of(result.scene)), []
+    for z, east, north, _ in current.table[[0, -1] if len(current.table) > 1 else [0]].tolist():
+        setting = (math.degrees(math.atan2(north, east)) - bow) % 360.0
+        words.append(f"{math.hypot(east, north):.3g} m/s towards {setting:.0f}° at {-z:g} m")
+    source = "plan" if result.plan.current else "scene"
+    yield "current, from the bow", ", ".join(words), source
 
 
 def _lines(scene: Scene) -> Iterator[tuple[str, str, str]]:

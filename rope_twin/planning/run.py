@@ -29,7 +29,7 @@ from rope_twin.planning.cells import (
 from rope_twin.planning.dataset import plan_dataset
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import Plan
-from rope_twin.planning.plan_reader import bow_of, read_plan, spreading_of, tip_of, with_error
+from rope_twin.planning.plan_reader import read_plan, spreading_of, tip_of, with_error
 from rope_twin.planning.runs import STATISTICS, Row, Ship
 from rope_twin.planning.settings import choose_setting, find_within
 from rope_twin.scene.card import KnownError, Setting, known_error, solver_version
@@ -320,7 +320,7 @@ def prepare(plan: Plan, scene: Scene, store: RowStore | None = None) -> tuple[Ph
     Raises:
         RopeTwinError: a phase cannot be run; one sentence.
     """
-    ship = Ship(tip_of(plan, scene), bow_of(plan, scene))
+    ship = Ship(tip_of(plan, scene), plan.bow_of(scene))
     works, rows = [], MemoryStore() if store is None else store
     for number, phase in enumerate(plan.phases):
         legs = legs_of(plan, scene, phase)

@@ -142,10 +142,8 @@ class RelativeTip:
         return self.tip.headings
 
     def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return the motion of the tip; its height is that above the deck."""
-        found = self.tip.at(frequency_hz, heading).copy()
-        found[2] -= self.deck.at(frequency_hz, heading)
-        return found
+        """Return the motion of the tip less that of the deck."""
+        return self.tip.at(frequency_hz, heading) - self.deck.moved(frequency_hz, heading)
 
     def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
         """Return the motion of the ship, without the deck's."""
@@ -154,7 +152,7 @@ class RelativeTip:
 
 @dataclass(frozen=True)
 class DeckTransfer:
-    """Height of a point of a deck, per metre of wave amplitude at the crane vessel's reference."""
+    """Motion of a point of a deck, per metre of wave amplitude at the crane vessel's reference."""
 
     responses: Responses
     arm_m: tuple[float, float, float]  # from its reference point: forward, to port, up
@@ -167,17 +165,27 @@ class DeckTransfer:
         return f"deck with RAOs {Path(self.responses.source).name}"
 
     def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return the height of the deck, (n,); arguments as for TipTransfer, in deep water."""
+        """Return the height of the deck, (n,): heave, and roll and pitch times the arm; see
+        `moved`.
+        """
+        return np.asarray(self.moved(frequency_hz, heading)[2])
+
+    def moved(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return the motion along the crane vessel's axes, (3, n); arguments as for TipTransfer, in
+        deep water.
+        """
         x, y = self.apart_m
         number = (2.0 * np.pi * frequency_hz) ** 2 / STANDARD_GRAVITY
         late = np.exp(-1j * number * (x * np.cos(heading) + y * np.sin(heading)))
         own = self.responses.at(frequency_hz, heading - self.turn)
-        return np.asarray(late * moved_by(own, self.arm_m)[2])
+        forward, port, up = late * moved_by(own, self.arm_m)[:3]
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        return np.stack([c * forward - s * port, s * forward + c * port, up])
 
 
 @dataclass(frozen=True)
 class Moments:
-    """Vertical motion of the crane tip in a sea state."""
+    """Motion of the crane tip in a sea state, along one direction."""
 
     rms_m: float
     rms_m_per_s: float
@@ -202,10 +210,28 @@ def tip_spectrum(tip: TipTransfer, sea: SeaState) -> tuple[Vector, Vector]:
 
 def tip_moments(tip: TipTransfer, sea: SeaState) -> Moments:
     """Return the standard deviations of the tip's height, velocity and acceleration."""
-    f, density = tip_spectrum(tip, sea)
+    return _moments(*tip_spectrum(tip, sea))
+
+
+def _moments(f: Vector, density: Vector) -> Moments:
     omega = 2.0 * np.pi * f
     rms = [math.sqrt(float(np.trapezoid(omega ** (2 * k) * density, f))) for k in range(3)]
     return Moments(*rms)
+
+
+def lateral_moments(tip: TipTransfer, sea: SeaState) -> Moments:
+    """Return the standard deviations of the horizontal motion in the direction of its largest."""
+    spectrum = sea.spectrum()
+    f, density = spectrum.frequency_hz, spectrum.density_m2_per_hz
+    products = np.zeros((len(f), 2, 2))
+    for turn, share in _directions(sea.spreading):
+        forward, port, _ = tip.at(f, np.full_like(f, math.radians(sea.heading_deg) + turn))
+        pair = np.stack([forward, port], axis=1)
+        products += share * (pair[:, :, None] * pair[:, None, :].conj()).real
+    products *= density[:, None, None]
+    direction = np.linalg.eigh(np.trapezoid(products, f, axis=0))[1][:, -1]
+    along = np.einsum("i,nij,j->n", direction, products, direction)
+    return _moments(f, along)
 
 
 def _directions(exponent: float | None) -> list[tuple[float, float]]:

@@ -21,9 +21,10 @@ import numpy as np
 
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.planning.cells import Cell, MemoryStore, PhaseWork, phase_work
+from rope_twin.planning.judgement import QUANTITIES, Quantity
 from rope_twin.planning.phases import legs_of
 from rope_twin.planning.plan_file import Plan, Seeds
-from rope_twin.planning.plan_reader import bow_of, faults, spreading_of, tip_of
+from rope_twin.planning.plan_reader import faults, spreading_of, tip_of
 from rope_twin.planning.run import cell_of, plan_stamp, prepare
 from rope_twin.planning.runs import Row, Ship
 from rope_twin.planning.uncertainties import with_values
@@ -40,11 +41,11 @@ LEVELS = 4  # of the grid of Morris
 RESAMPLES = 200  # of the bootstrap behind the intervals
 CONFIDENCE = 0.9
 LIMIT, USE = "limiting_hs_m", "use"
-OUTPUTS: Mapping[str, str] = {
-    LIMIT: "limiting Hs [m]",
-    USE: "largest use of a limit",
-    "hook_load": "hook load [N]",
-    "uplift": "uplift over submerged weight",
+OUTPUTS: Mapping[str, Quantity] = {  # in units of tables and pictures; rows are in SI
+    LIMIT: Quantity("limiting Hs", "m", 1.0),
+    USE: Quantity("largest use of a limit", "%", 100.0),
+    "hook_load": QUANTITIES["hook_load"],
+    "uplift": Quantity("uplift over submerged weight", "%", 100.0),
 }
 Report = Callable[[int, int], None]  # samples done, samples in all
 
@@ -242,7 +243,7 @@ def outputs_at(case: Case, values: Sequence[float]) -> dict[str, float]:
     number = case.cell[0]
     legs = legs_of(plan, scene, plan.phases[number])
     settings = [case.settings[min(k, len(case.settings) - 1)] for k in range(len(legs))]
-    ship = Ship(tip_of(plan, scene), bow_of(plan, scene))
+    ship = Ship(tip_of(plan, scene), plan.bow_of(scene))
     work: PhaseWork = phase_work(plan, scene, number, legs, settings, ship)
     search = Cell(plan, work, case.cell, spreading_of(plan, scene), MemoryStore())
     return _outputs(search, search.heights_m.index(case.height_m))
@@ -367,11 +368,12 @@ def table_rows(found: Sensitivity, output: str = LIMIT) -> list[list[str]]:
     head = ["uncertain", "μ*", "±", "σ", "source"]
     if found.method == "sobol":
         head = ["uncertain", "S1", "±", "ST", "±", "source"]
-    rows = []
+    rows, sobol = [], found.method == "sobol"
+    scale = 1.0 if sobol else OUTPUTS[output].scale
     for own in found.indices:
         if own.output == output:
-            numbers = [own.first, own.first_width, own.total]
-            numbers += [own.total_width] if found.method == "sobol" else []
+            numbers = [scale * own.first, scale * own.first_width, scale * own.total]
+            numbers += [own.total_width] if sobol else []
             rows.append([own.name, *(f"{one:.3g}" for one in numbers), sources[own.name]])
     return [head, *rows]
 
@@ -403,13 +405,17 @@ def panels(found: Sensitivity) -> list[Panel]:
     made = []
     for output in found.spread:
         own = [one for one in found.indices if one.output == output]
+        quantity = OUTPUTS[output]
         if found.method == "morris":
-            lines = [Line([one.first], [one.total], one.name, "o") for one in own]
-            made.append(Panel(OUTPUTS[output], "μ*: mean absolute effect", "σ", tuple(lines)))
+            k = quantity.scale
+            lines = [Line([k * one.first], [k * one.total], one.name, "o") for one in own]
+            unit = f" [{quantity.unit}]" if quantity.unit else ""
+            along = f"μ*: mean absolute effect{unit}"
+            made.append(Panel(quantity.words, along, f"σ{unit}", tuple(lines)))
         else:
             at = [float(k) for k in range(1, len(own) + 1)]
             names = "; ".join(f"{k} {one.name}" for k, one in enumerate(own, 1))
             pair = (Line(at, [one.first for one in own], "S1", "o"),
                     Line(at, [one.total for one in own], "ST", "s"))  # fmt: skip
-            made.append(Panel(OUTPUTS[output], names, "share of the variance", pair))
+            made.append(Panel(quantity.words, names, "share of the variance", pair))
     return made

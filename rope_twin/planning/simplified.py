@@ -36,7 +36,14 @@ from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.estimation.noise import linear_drag
 from rope_twin.planning.extremes import rayleigh_factor
 from rope_twin.planning.phases import Leg
-from rope_twin.planning.seas import RelativeTip, SeaState, TipTransfer, tip_moments, tip_spectrum
+from rope_twin.planning.seas import (
+    RelativeTip,
+    SeaState,
+    TipTransfer,
+    lateral_moments,
+    tip_moments,
+    tip_spectrum,
+)
 from rope_twin.scene.lift import lift_figures
 from rope_twin.sea.spectrum import zero_crossing_period_s
 from rope_twin.sea.tables import Vector
@@ -207,10 +214,23 @@ def relative_speed(
     leg: Leg, tip: TipTransfer, sea: SeaState, exposure_s: float, percentile: float
 ) -> float:
     """Return the characteristic vertical speed between crane tip and deck [m/s]."""
-    between = tip if leg.deck is None else RelativeTip(tip, leg.deck)
-    moments = tip_moments(between, sea)
+    moments = tip_moments(_over_deck(leg, tip), sea)
     factor = rayleigh_factor(exposure_s / moments.crossing_period_s, percentile)
     return factor * moments.rms_m_per_s
+
+
+def relative_offset_m(
+    leg: Leg, tip: TipTransfer, sea: SeaState, exposure_s: float, percentile: float
+) -> float:
+    """Return the characteristic horizontal motion of the crane tip against the deck [m]."""
+    moments = lateral_moments(_over_deck(leg, tip), sea)
+    if moments.rms_m == 0.0:
+        return 0.0
+    return rayleigh_factor(exposure_s / moments.crossing_period_s, percentile) * moments.rms_m
+
+
+def _over_deck(leg: Leg, tip: TipTransfer) -> TipTransfer:
+    return tip if leg.deck is None else RelativeTip(tip, leg.deck)
 
 
 def lift_off_n(leg: Leg, lift: Lift, relative_m_per_s: float) -> float:

@@ -13,6 +13,7 @@ from rope_twin.planning.simplified import (
     lift_of,
     lift_off_n,
     lift_off_speed,
+    relative_offset_m,
     relative_speed,
 )
 from rope_twin.planning.slings import sling_shares
@@ -29,8 +30,8 @@ SLING = ("phase", "sling", "share %", "with skew, tilt, CoG %", "load at hook kN
 
 SNAP = (*CELL, "uplift %", "slack %", "snap force kN", "static + snap kN", "of hook limit %",
         "hook load kN")  # fmt: skip
-LIFT_OFF = (*CELL, "winch m/s", "tip to deck m/s", "least by API m/s", "DAF", "simplified DAF",
-            "re-hit m/s")  # fmt: skip
+LIFT_OFF = (*CELL, "winch m/s", "tip to deck m/s", "aside m", "least by API m/s", "DAF",
+            "simplified DAF", "re-hit m/s")  # fmt: skip
 
 
 class Table(NamedTuple):
@@ -123,20 +124,22 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
             spreading = spreading_of(result.plan, result.scene)
             gamma = result.plan.sea.gamma
             sea = SeaState(one.height_m, cell.period_s, cell.heading_deg, gamma, spreading)
-            closing = relative_speed(
-                leg, work.ship.tip, sea, leg.window_s, result.plan.method.percentile
-            )
+            asked = leg, work.ship.tip, sea, leg.window_s, result.plan.method.percentile
+            closing = relative_speed(*asked)
+            aside = relative_offset_m(*asked)
             by_rule = lift_off_n(leg, lift_of(leg), closing - leg.speed_m_per_s) / static
             rows.append([
                 *_cell_words(cell), f"{one.height_m:g}", f"{-leg.speed_m_per_s:g}",
-                f"{closing:.2f}", f"{lift_off_speed(one.height_m):.2f}",
+                f"{closing:.2f}", f"{aside:.2f}", f"{lift_off_speed(one.height_m):.2f}",
                 f"{one.values['hook_load'].value / static:.2f}", f"{by_rule:.2f}",
                 f"{one.values['re_hit'].value:.2f}",
             ])  # fmt: skip
     about = (
         "DAF of the simplified formula: 1 + V_R·√(K/(g·W)) with V_R the speed of the winch and the "
-        "characteristic speed between crane tip and deck (API Spec 2C, 7th ed., 5.4.5). On a rigid "
-        "rope a winch faster than the deck leaves it behind; an object that swings on its rope, or "
+        "characteristic speed between crane tip and deck (API Spec 2C, 7th ed., 5.4.5). Aside: "
+        "characteristic horizontal motion of the crane tip against the point of the deck below the "
+        "object, in its largest direction; in the runs the deck stays in place. On a rigid rope "
+        "a winch faster than the deck leaves it behind; an object that swings on its rope, or "
         "leaves the deck edge by edge, may still meet it. API's least hoisting speed is that of "
         "5.4.5.2 for a supply vessel. Re-hit: closing speed of object and deck after the first "
         "lift-off."

@@ -145,4 +145,5 @@ def with_values(
     pairs = [(one.key.startswith(SCENE), one.change(float(value)))
              for one, value in zip(uncertain, values, strict=True)]  # fmt: skip
     made = change_part(plan, [change for inside, change in pairs if not inside], plan.path)
-    return made, change_scene(scene, [change for inside, change in pairs if inside])
+    changed = change_scene(scene, [change for inside, change in pairs if inside])
+    return made, made.in_current(changed)

@@ -126,6 +126,15 @@ class Responses:
         beyond = (frequency_hz / self.frequency_hz[-1] - 1.0) / (FADE - 1.0)
         return np.asarray(0.5 * (1.0 + np.cos(np.pi * np.clip(beyond, 0.0, 1.0))))
 
+    def scaled(self, motion: float, heave: float) -> Responses:
+        """Return the RAOs times a factor on all of them, and that of heave times another one."""
+        if motion == heave == 1.0:
+            return self
+        factors = np.array([1.0, 1.0, heave, 1.0, 1.0, 1.0]) * motion
+        words = f"all × {motion:g}, heave × {heave:g} besides"
+        answer = factors[:, None, None] * self.answer
+        return replace(self, answer=answer, source=f"{self.source} ({words})")
+
     def moved(self, to_m: Point) -> Responses:
         """Return the RAOs of another point of the vessel, such as the crane tip.
 

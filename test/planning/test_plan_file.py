@@ -177,6 +177,31 @@ WRONG = {
         "method:", uncertain("criteria.swl_n", "triangular: {from: 3.0, mode: 1.0, to: 4.0}"), 13,
         "the mode 1 is not from 3 to 4",
     ),
+    "current beyond the sea": (
+        "phases:", "current: {speed_m_per_s: 20.0, direction_deg: 0}\nphases:", 9,
+        "20 m/s is out of range; give 0 to 10",
+    ),
+    "current without direction": (
+        "phases:", "current: {speed_m_per_s: 0.5}\nphases:", 9, "direction_deg missing",
+    ),
+    "current from below": (
+        "phases:",
+        "current: {speed_m_per_s: 0.5, direction_deg: 0, profile: [[-9, 1], [0, 1]]}\nphases:", 9,
+        "heights of the profile do not descend; order the rows from the surface down",
+    ),
+    "current against itself": (
+        "phases:", "current: {speed_m_per_s: 0.5, direction_deg: 0, profile: [[0, -1]]}\nphases:",
+        9, "the profile has the row [0, -1]; give an elevation of at most 0 and a share of 0",
+    ),
+    "motion factor": (
+        "  crane_tip_m", "  motion_factor: -1.0\n  crane_tip_m", 4, "-1 is out of range",
+    ),
+    "uncertain current of the scene": (
+        "method:",
+        "current: {speed_m_per_s: 0.5, direction_deg: 0}\n"
+        + uncertain("scene.effects.current.profile[0]", "uniform: {from: 0.1, to: 0.2}"), 14,
+        "is replaced by the plan's `current`; give current.speed_m_per_s",
+    ),
     "key twice": ("method:", "criteria: {}\nmethod:", 13, "the key 'criteria' is given a second"),
     "not YAML": ("method: {within: 0.05}", "method: {within: 0.05", 14, "it is not YAML"),
     "list at the top": (GOOD, "- scene: deep_lift\n", 0, "its top is a list, not a mapping"),

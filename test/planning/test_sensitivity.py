@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,18 @@ import pytest
 from scipy import stats
 
 from rope_twin.cli import main
+from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError
-from rope_twin.planning.plan_reader import read_plan
-from rope_twin.planning.sensitivity import case_of, design, indices, lowest_cell, run_sensitivity
+from rope_twin.planning.phases import legs_of
+from rope_twin.planning.plan_reader import read_plan, tip_of
+from rope_twin.planning.sensitivity import (
+    case_of,
+    design,
+    indices,
+    lowest_cell,
+    outputs_at,
+    run_sensitivity,
+)
 from rope_twin.planning.uncertainties import Normal, Triangular, Uniform, with_values
 
 SHARES = np.linspace(0.0, 1.0, 41)
@@ -126,6 +136,42 @@ def test_numbers_reach_plan_and_scene(path: Path) -> None:
     assert (made.sea, made.vessel) == (plan.sea, plan.vessel)
 
 
+def test_motions_and_current_are_numbers_of_a_plan(path: Path) -> None:
+    """Factors on the RAOs, and the design current: its speed moves the object by its square."""
+    text = (
+        PLAN[: PLAN.index("uncertainties")]
+        + """uncertainties:
+  - {key: vessel.motion_factor, uniform: {from: 0.8, to: 1.2}, source: loading condition}
+  - {key: vessel.heave_factor, uniform: {from: 0.8, to: 1.2}, source: loading condition}
+  - {key: current.speed_m_per_s, uniform: {from: 0.1, to: 0.6}, source: hindcast}
+  - {key: current.direction_deg, uniform: {from: -90.0, to: 90.0}, source: hindcast}
+"""
+    )
+    current = "current: {speed_m_per_s: 0.2, direction_deg: 0.0, profile: [[0, 1], [-3000, 0.5]]}\n"
+    path.write_text(text.replace("phases:", current + "phases:"))
+    plan, scene = read_plan(path)
+    numbers = plan.uncertainties
+    f, heading = np.array([0.08, 0.11]), np.full(2, math.pi)
+    at_rest = tip_of(plan, scene)
+    made, changed = with_values(plan, scene, numbers, [1.1, 0.9, 0.4, 90.0])
+    freedoms = at_rest.freedoms(f, heading)
+    assert tip_of(made, changed).freedoms(f, heading) == pytest.approx(
+        freedoms * 1.1 * np.array([1.0, 1.0, 0.9, 1.0, 1.0, 1.0])[:, None]
+    )
+    found = [one.listed(CurrentParams).table for one in (scene, changed)]
+    assert found[0] == pytest.approx(np.array([[0.0, 0.2, 0.0, 0.0], [-3000.0, 0.1, 0.0, 0.0]]))
+    assert found[1] == pytest.approx(np.array([[0.0, 0.0, 0.4, 0.0], [-3000.0, 0.0, 0.2, 0.0]]))
+    assert len({scene.digest, changed.digest}) == 2
+    along = with_values(plan, scene, numbers, [1.1, 0.9, 0.4, 0.0])
+    near, far = (legs_of(*pair, plan.phases[0])[0].offset_m for pair in ((plan, scene), along))
+    assert far == pytest.approx(4.0 * near, rel=0.02)
+    case = case_of(plan, scene, (0, 0, 0))
+    calm = outputs_at(case, [0.9, 0.9, 0.2, 0.0])
+    rough = outputs_at(case, [1.1, 1.1, 0.2, 0.0])
+    assert rough["hook_load"] > calm["hook_load"]
+    assert rough["limiting_hs_m"] < calm["limiting_hs_m"]
+
+
 def test_command_ranks_the_numbers_of_a_plan(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -152,7 +198,10 @@ def test_command_ranks_the_numbers_of_a_plan(
     assert main([*words, "--cell", "at_depth,9,180"]) == 0
     shown = capsys.readouterr().out
     assert (out / "runs.parquet").stat().st_mtime_ns == stamp
-    assert "limiting Hs [m]" in shown
+    assert re.search(r"limiting Hs: [1-6]\.\d* m by the plan", shown)
+    assert re.search(r"hook load: 3\d\d\.\d kN by the plan; P10 3\d\d", shown)
+    load, *_ = [row for row in shown[shown.index("hook load:") :].splitlines() if "mass " in row]
+    assert float(load.split()[1]) == pytest.approx(1e-3 * weights["hook_load", "mass"], rel=0.01)
     assert "weighing" in shown
     assert main([*words, "--cell", "at_depth,12,180"]) == 1
     assert "its rows are of another sensitivity study" in capsys.readouterr().err

@@ -13,7 +13,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.planning.cells import MemoryStore
 from rope_twin.planning.phases import Leg, hung_at, legs_of
-from rope_twin.planning.plan_reader import bow_of, read_plan, tip_of
+from rope_twin.planning.plan_reader import read_plan, tip_of
 from rope_twin.planning.results import result_object, table_rows
 from rope_twin.planning.run import PlanResult, run_plan
 from rope_twin.planning.seas import LEAD_SAMPLES, tip_record
@@ -89,7 +89,7 @@ def test_results_without_a_simplified_method(two: PlanResult) -> None:
 def test_hang_off_follows_the_record_of_the_tip(two: PlanResult) -> None:
     """Six degrees of freedom about the reference point: at small angles the tip's own record."""
     plan, scene, leg = two.plan, two.scene, two.works[0].legs[0]
-    tip, bow, sea = tip_of(plan, scene), bow_of(plan, scene), plan.sea_state(1.0, 0, 0)
+    tip, bow, sea = tip_of(plan, scene), plan.bow_of(scene), plan.sea_state(1.0, 0, 0)
     short = replace(leg, seconds=14.0)
     shots = list(watch_twin(short, tip, bow, sea, 5))
     series = tip_record(tip, sea, 5, 14.0, bow, True)

@@ -8,7 +8,7 @@ import pytest
 
 from rope_twin.effects.waves import WavesParams
 from rope_twin.planning.phases import Leg, legs_of
-from rope_twin.planning.plan_reader import bow_of, read_plan, tip_of
+from rope_twin.planning.plan_reader import read_plan, tip_of
 from rope_twin.planning.runs import Ship, sea_seed, variation
 from rope_twin.planning.seas import SeaState
 from rope_twin.recording.motion_source import sea_of_waves
@@ -19,7 +19,7 @@ def splash() -> tuple[Leg, Ship]:
     """Return the leg of the shipped plan through the splash zone, and its ship."""
     plan, scene = read_plan("splash_zone")
     (leg,) = legs_of(plan, scene, plan.phases[0])
-    return leg, Ship(tip_of(plan, scene), bow_of(plan, scene))
+    return leg, Ship(tip_of(plan, scene), plan.bow_of(scene))
 
 
 def test_ship_and_payload_have_the_same_waves() -> None:
