@@ -18,8 +18,9 @@ from rope_twin.messages.diagnostics import breach_words
 from rope_twin.messages.reports import crew_limits_row
 from rope_twin.messages.status import Status
 from rope_twin.scene.lift import LiftFigures, lift_figures
-from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.winch import Drum
 from rope_twin.twin.run_record import LINES, LoadRules, lowest_n, payload_motions, watches_bends
 from rope_twin.twin.snapshot import LimitBreach, Snapshot
 
@@ -156,6 +157,27 @@ class CrewLimits:
         return crew_limits_row(self._set, ", ".join(named) or "none beside those of the scene")
 
 
+class Store(NamedTuple):
+    """Rope on the drum of a winch."""
+
+    winch: str
+    drum: Drum
+    diameter_m: float
+    whole_m: float  # length of the rope, of which the line out has left
+
+    def turns(self, line_out_m: float) -> float:
+        """Return the turns left on the drum."""
+        return self.drum.turns(self.whole_m - line_out_m, self.diameter_m)
+
+    def to_layer_m(self, line_out_m: float) -> float:
+        """Return the length of line to the nearest change of layer [m]; infinite: there is none."""
+        drum, d, stored_m = self.drum, self.diameter_m, self.whole_m - line_out_m
+        layer = drum.layer_of(stored_m, d)
+        ends = (drum.length_m(k, d) for k in (layer - 1, layer))
+        apart = [abs(stored_m - end) for end in ends if 0.0 < end < self.whole_m]
+        return min(apart, default=math.inf)
+
+
 class SceneFigures:
     """Limits and static loads of a scene, constant during a run, and the limits of its crew."""
 
@@ -166,6 +188,7 @@ class SceneFigures:
         self.allowed_n = dict(zip(rules.ropes, rules.allowed_n, strict=True))
         self.limited = scene.limits.tension_n is not None or scene.limits.utilisation < 1.0
         self.crew = CrewLimits(scene_limits(scene), impossible_limits(scene))
+        self.stores = dict(_stores(scene))
         self._lift: LiftFigures | None = None
         if not is_joined(scene) and scene.payloads and not scene.ropes[0].fixed_at_m:
             self._lift = lift_figures(scene)
@@ -280,6 +303,15 @@ class LimitWatch:
         self._broken[limit, where] = LimitBreach(
             limit, where, allowed, first_s, time_s, worst, worst_s
         )
+
+
+def _stores(scene: Scene) -> Iterator[tuple[int, Store]]:
+    """Yield the rope on each drum by the number of its rope."""
+    for number, line in enumerate(scene.ropes):
+        winch = winch_of(scene, line)
+        if winch is not None and winch.drum is not None:
+            diameter_m = line.made_of[0].rope.diameter_m
+            yield number, Store(line.from_, winch.drum, diameter_m, winch.most_line_out_m)
 
 
 def _nearness(value: float, least: float) -> float:

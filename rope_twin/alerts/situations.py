@@ -40,6 +40,10 @@ SLACK_WINDOW_NS = 60 * SECOND
 AT_LIMIT_SHARE = 0.1  # of LIMIT_WINDOW_NS
 LIMIT_WINDOW_NS = 60 * SECOND
 POOR_INDEX, DOUBTFUL_INDEX = 0.7, 0.5  # of a quality index
+RESIDUAL_HEAVE, HEAVING_M_PER_S = 0.3, 0.05  # of the heave rate (RMS), and the least that counts
+HEAVE_EVERY_NS, HEAVE_SAMPLES = SECOND // 2, 120  # a minute
+LEAST_TURNS = 3.0  # on a drum, as codes of cranes ask
+LAYER_NEAR_M = 5.0  # of line until a rope leaves the drum from another layer
 WAVES_S = 30.0  # two of the longest waves: what each crest exceeds is one situation
 RISK_SPAN_S = 30.0  # within which a crew can still stop, haul or lower through
 POSSIBLE, LIKELY = 0.1, 0.5  # probabilities that call for a caution and a warning
@@ -55,6 +59,7 @@ class Moment(NamedTuple):
     limits: LimitWatch
     least_payload_n: float  # tension at the payload over the last minute; NaN: does not count
     at_limit: float  # share of the last minute that the winch was at one of its limits
+    residual_heave: float  # of the last minute that is not compensated; NaN: does not count
     risk: Mapping[str, float]  # of RISK_SPAN_S ahead, as forecast/risk has it; empty: unknown
 
 
@@ -110,6 +115,28 @@ def _winch(at: Moment) -> Iterator[Measure]:
         yield Measure("winch", at.at_limit, ((AT_LIMIT_SHARE, WARNING),), text)
 
 
+def _residual(at: Moment) -> Iterator[Measure]:
+    """Find a heave compensation that leaves much of the heave."""
+    if math.isfinite(at.residual_heave):
+        text = f"{at.residual_heave:.0%} of the heave rate of a minute is left at the line"
+        yield Measure("winch", at.residual_heave, ((RESIDUAL_HEAVE, CAUTION),), text)
+
+
+def _drum(at: Moment) -> Iterator[Measure]:
+    """Find a drum that is nearly empty, and one whose rope changes its layer soon."""
+    lengths = [at.shot.line_out_m, *(one.line_out_m for one in at.shot.ropes[1:])]
+    for number, line_out_m in enumerate(lengths):
+        store = at.scene.stores.get(number)
+        if store is None:
+            continue
+        left, change_m = store.turns(line_out_m), store.to_layer_m(line_out_m)
+        text = f"'{store.winch}': {left:.1f} turns left on the drum"
+        yield Measure(store.winch, LEAST_TURNS / max(left, 1e-9), ((1.0, ALARM),), text)
+        text = f"'{store.winch}': change of layer within {change_m:.1f} m of line"
+        near = LAYER_NEAR_M / max(change_m, 1e-9)
+        yield Measure(f"{store.winch} layer", near, ((1.0, CAUTION),), text)
+
+
 def _stroke(at: Moment) -> Iterator[Measure]:
     """Find a heave compensator at one of its stops."""
     one = at.shot.compensator
@@ -150,14 +177,16 @@ def _inputs(at: Moment) -> Iterator[Measure]:
 
 
 def _quality(at: Moment) -> Iterator[Measure]:
-    """Find results that may no longer be relied on."""
+    """Find results that may no longer be relied on: one alert, since most share their cause."""
     if at.shot.motion_ramp < 1.0:
         return  # the start-up is known to everybody
-    for one in at.shot.quality:
+    worst = min(at.shot.quality, key=lambda one: one.index, default=None)
+    if worst is not None:
         levels = (1.0 - POOR_INDEX + 1e-6, CAUTION), (1.0 - DOUBTFUL_INDEX + 1e-6, WARNING)
-        label = one.element.replace("_", " ")
-        text = f"quality of {label} {one.index:.1f}, {one.cause}: {one.reason}"
-        yield Measure(one.element, 1.0 - one.index, levels, text)
+        poor = [one.element for one in at.shot.quality if one.index < POOR_INDEX - 1e-6]
+        labels = ", ".join(poor or [worst.element]).replace("_", " ")
+        text = f"quality of {labels} {worst.index:.1f}, {worst.cause}: {worst.reason}"
+        yield Measure("twin", 1.0 - worst.index, levels, text)
 
 
 def _stopped(at: Moment) -> Iterator[Measure]:
@@ -248,6 +277,8 @@ KINDS = (
     Kind(10016, "fault alarm", _faults, hold_s=0.0, category="A"),
     Kind(10017, "forecast", _forecast, delay_s=3.0, hold_s=10.0, deadband=0.3),
     Kind(10018, "clearance", _clearance, hold_s=WAVES_S, category="A"),
+    Kind(10019, "line on the drum", _drum, hold_s=10.0, deadband=0.2),
+    Kind(10020, "residual heave", _residual, hold_s=10.0, deadband=0.1),
 )
 
 
@@ -283,6 +314,9 @@ class Watch:
         self._texts: dict[tuple[int, str], tuple[Levels, str]] = {}
         self._payload: deque[tuple[int, float]] = deque()  # rising tensions: least first
         self._limited: deque[tuple[int, int]] = deque()  # time at a limit of the winch [ns]
+        self._heaving: deque[tuple[float, float]] = deque(maxlen=HEAVE_SAMPLES)  # rates, squared
+        self._heaved_ns = 0
+        self._heave_left = math.nan
         self._seen_ns: int | None = None
         self._risk: Mapping[str, float] = {}
         self._risk_ns = 0
@@ -304,8 +338,9 @@ class Watch:
     def look(self, shot: Snapshot) -> list[Situation]:
         """Return the situations at the time of a snapshot."""
         least, share = self._least_payload_n(shot), self._share_at_limit(shot)
+        rest = self._residual_heave(shot)
         risk = self._risk if shot.stamp_ns - self._risk_ns <= RISK_AGE_NS else {}
-        moment = Moment(shot, self._rows, self._scene, self._limits, least, share, risk)
+        moment = Moment(shot, self._rows, self._scene, self._limits, least, share, rest, risk)
         found: list[Situation] = []
         for kind in KINDS:
             measures = {one.where: one for one in kind.find(moment)}
@@ -340,11 +375,34 @@ class Watch:
         """Return the share of LIMIT_WINDOW_NS that the winch was at one of its limits."""
         past_ns = 0 if self._seen_ns is None else shot.stamp_ns - self._seen_ns
         self._seen_ns = shot.stamp_ns
-        if shot.winch_at_limit and past_ns > 0:
+        stopped = any(one.mode == EMERGENCY_STOP for one in shot.winches)  # an alert of its own
+        if shot.winch_at_limit and past_ns > 0 and not stopped:
             self._limited.append((shot.stamp_ns, past_ns))
         while self._limited and self._limited[0][0] <= shot.stamp_ns - LIMIT_WINDOW_NS:
             self._limited.popleft()
         return sum(some for _, some in self._limited) / LIMIT_WINDOW_NS
+
+    def _residual_heave(self, shot: Snapshot) -> float:
+        """Return the RMS rate of heave that is left over that of the heave, of a whole minute.
+
+        NaN while the compensation of the first winch is off or was on for less.
+        """
+        figures = dict(shot.winches[0].figures) if shot.winches else {}
+        if not figures.get("compensation_on") or shot.motion_ramp < 1.0:
+            self._heaving.clear()
+            self._heave_left = math.nan
+        elif not self._heaving or shot.stamp_ns - self._heaved_ns >= HEAVE_EVERY_NS:
+            heave = float(shot.hang_off_velocity_m_per_s[2])
+            rest = heave - figures["compensation_m_per_s"]
+            self._heaving.append((heave * heave, rest * rest))
+            self._heaved_ns = shot.stamp_ns
+            if len(self._heaving) == HEAVE_SAMPLES:
+                moved, left = (
+                    math.fsum(one) / HEAVE_SAMPLES for one in zip(*self._heaving, strict=True)
+                )
+                moving = moved > HEAVING_M_PER_S**2
+                self._heave_left = math.sqrt(left / moved) if moving else math.nan
+        return self._heave_left
 
     def _least_payload_n(self, shot: Snapshot) -> float:
         """Return the least tension at the payload over SLACK_WINDOW_NS [N].

@@ -40,6 +40,13 @@ class Drum:
             layer += 1
         return layer
 
+    def turns(self, stored_m: float, diameter_m: float) -> float:
+        """Return the turns on the drum at a stored length; negative: rope that is not there."""
+        layer = self.layer_of(stored_m, diameter_m)
+        beyond_m = stored_m - self.length_m(layer - 1, diameter_m)
+        turn_m = 2.0 * pi * self.radius_m(layer, diameter_m)
+        return (layer - 1) * self.turns_per_layer + beyond_m / turn_m
+
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from sample_snapshot import QUALITY, RESIDUAL, hanging_rope
 from small_scene import SMALL_SCENE, small_scene
@@ -58,7 +59,7 @@ class Course:
         for _ in range(max(1, round(seconds * 1e9 / STEP_NS))):
             self.time_ns += STEP_NS
             shot: Snapshot = replace(self.quiet, stamp_ns=self.time_ns, **fields)
-            found = self.watch.look(shot)
+            self.last, found = shot, self.watch.look(shot)
         return {(one.identifier, one.where): one.priority for one in found}
 
 
@@ -219,10 +220,16 @@ def test_inputs_quality_and_diagnostics(scene: Any) -> None:
     course.see(6.0)
     for index, expected in ((0.7, {}), (0.65, Priority.CAUTION), (0.4, Priority.WARNING)):
         seen = course.see(11.0, quality=(replace(QUALITY, index=index),))
-        assert seen == ({(10008, "top_tension"): expected} if expected else {})
+        assert seen == ({(10008, "twin"): expected} if expected else {})
     course.see(11.0, quality=(replace(QUALITY, index=0.65),))
     assert course.see(11.0, quality=(replace(QUALITY, index=0.7),)) == {}, "without a measurement"
     assert course.see(30.0, quality=(replace(QUALITY, index=0.1),), motion_ramp=0.5) == {}
+    poor = [replace(QUALITY, element=one, index=0.6) for one in ("top_tension", "slack", "fatigue")]
+    fine = replace(QUALITY, element="payload_depth", index=0.9)
+    assert course.see(11.0, quality=(*poor, fine)) == {(10008, "twin"): Priority.CAUTION}
+    (one,) = course.watch.look(course.last)
+    assert one.text.startswith("quality of top tension, slack, fatigue 0.6"), "one situation"
+    course.see(11.0)
     course.watch.take_rows([Status("simulation: pacing", Level.WARN, "0.6 s behind")])
     assert course.see(6.0) == {(10014, "pacing"): Priority.WARNING}
     course.watch.take_rows([])
@@ -289,8 +296,49 @@ def test_events_and_modes(scene: Any) -> None:
         (10011, "tool landing_speed_m_per_s"): Priority.ALARM
     }
     assert course.see(6.0, breaches=(landing,)) == {}
-    stopped = WinchShot("winch", "emergency_stop", 0.0, "", ())
-    assert course.see(0.1, winches=(stopped,)) == {(10012, "winch"): Priority.WARNING}
+    stopped = WinchShot("winch", "emergency_stop", 0.0, "no motion is obeyed", ())
+    assert course.see(9.0, winches=(stopped,), winch_at_limit=stopped.at_limit) == {
+        (10012, "winch"): Priority.WARNING
+    }, "one situation has one alert"
+
+
+def test_a_drum_that_is_nearly_empty_and_its_layers(tmp_path: Any) -> None:
+    """On r_0 = 0.5 m, 10 turns and 0.9 d a layer: 2π·10·(0.5 + 0.45 d) m in the first."""
+    path = tmp_path / "drum.yaml"
+    drum = "drum: {core_radius_m: 0.5, turns_per_layer: 10}"
+    path.write_text(
+        SMALL_SCENE.replace("most_line_out_m: 400.0", f"most_line_out_m: 250.0\n  {drum}")
+    )
+    made = load_scene(path)
+    diameter_m = made.ropes[0].made_of[0].rope.diameter_m
+    turn_m = 2.0 * math.pi * (0.5 + 0.45 * diameter_m)
+    course = Course(made)
+    assert course.see(1.0) == {}
+    assert course.see(0.1, line_out_m=250.0 - 2.99 * turn_m) == {(10019, "winch"): Priority.ALARM}
+    assert course.see(0.1, line_out_m=250.0 - 3.5 * turn_m) == {(10019, "winch"): Priority.ALARM}
+    assert course.see(15.0, line_out_m=250.0 - 5.0 * turn_m) == {}
+    changing = {(10019, "winch layer"): Priority.CAUTION}
+    assert course.see(0.1, line_out_m=250.0 - 10.0 * turn_m + 4.9) == changing
+    assert course.see(15.0, line_out_m=250.0 - 10.0 * turn_m - 7.0) == {}
+
+
+def test_a_compensation_that_leaves_much_of_the_heave(scene: Any) -> None:
+    course = Course(scene)
+
+    def heave(seconds: float, left: float) -> dict[tuple[int, str], Priority]:
+        seen: dict[tuple[int, str], Priority] = {}
+        for _ in range(round(seconds / 0.5)):
+            rate = math.cos(0.7 * course.time_ns * 1e-9)
+            figures = (("compensation_on", 1.0), ("compensation_m_per_s", (1.0 - left) * rate))
+            winch = WinchShot("winch", "speed", 0.0, "", figures)
+            seen = course.see(
+                0.5, winches=(winch,), hang_off_velocity_m_per_s=np.array([0, 0, rate])
+            )
+        return seen
+
+    assert heave(70.0, left=0.25) == {}
+    assert heave(70.0, left=0.35) == {(10020, "winch"): Priority.CAUTION}
+    assert course.see(15.0) == {}, "switched off"
 
 
 def test_a_crew_commands_by_words_and_mistakes_are_answered(scene: Any) -> None:
