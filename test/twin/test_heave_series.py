@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rope_twin.core.interpolation import Times
+from rope_twin.core.state import MOTIONS, Boundary, Z
 from rope_twin.errors import InputError
 from rope_twin.twin.motion.heave_track import HeaveSeries, HeaveTrack
 
@@ -37,7 +39,9 @@ def test_it_is_the_track_to_the_bit(samples: list[Sample], start_ns: int, step_n
     times = np.arange(0, series.end_ns + 1, step_ns)
     if not len(times):
         return
-    (z,), (v,) = series.at(times)
+    boundary = Boundary(*np.zeros((2, len(times) + 1, MOTIONS)))
+    series.move(boundary, Times(times, np.ones(len(times)), np.zeros(len(times))))
+    z, v = (table[1:, Z] for table in boundary)
     track = HeaveTrack()
     for stamp, position, velocity in samples:
         assert not track.offer(stamp - start_ns, position, velocity)
@@ -75,8 +79,10 @@ def test_what_no_ship_does_is_refused(wrong: dict[int, Sample | None], words: st
 
 def test_it_tells_where_it_ends() -> None:
     series = HeaveSeries.of(wave(5.0)).starting_at(10**9)
+    times = Times(np.array([3 * 10**9, 4 * 10**9]), np.ones(2), np.zeros(2))
+    boundary = Boundary(*np.zeros((2, 3, MOTIONS)))
     with pytest.raises(InputError, match=r"samples from -1 s to 3\.9 s, wanted from 3 s to"):
-        series.at(np.array([3 * 10**9, 4 * 10**9]))
+        series.move(boundary, times)
 
 
 def test_a_track_gives_the_same_however_early_it_is_fed() -> None:

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.interpolation import Times
 from rope_twin.core.state import LINE, MOTIONS, Boundary, Floats, Rope, Z
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.schema import Scene, Ship
@@ -307,11 +308,8 @@ class SharedBoundary:
         made.value[1:, :LINE] = self._ship.hang_off_m
         if self._heave is not None:
             border_ns = np.arange(first + 1, first + steps + 1, dtype=np.int64) * self._step_ns
-            moved, speed = self._heave.at(border_ns)
-            share, share_rate = _ramps(first, steps, self._step_ns, self._ship.motion_ramp_s)
-            axes = slice(LINE - len(moved), LINE)
-            made.value[1:, axes] += (share * moved).T
-            made.rate[1:, axes] = (share * speed + share_rate * moved).T
+            build_up = _ramps(first, steps, self._step_ns, self._ship.motion_ramp_s)
+            self._heave.move(made, Times(border_ns, *build_up))
         lines = self._winch.through(first, steps, made.rate[1:, Z])
         made.value[1:, LINE] = lines[1:, 0]
         made.rate[1:, LINE] = lines[1:, 1]

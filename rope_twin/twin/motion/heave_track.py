@@ -26,7 +26,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.core.interpolation import interpolate
+from rope_twin.core.interpolation import Samples, Times, add_motion
+from rope_twin.core.state import Boundary
 from rope_twin.errors import InputError, phrase
 from rope_twin.sea.ship_motion import FASTEST_M_PER_S
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
@@ -354,24 +355,23 @@ class HeaveSeries:
                 )
             )
 
-    def at(self, time_ns: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return position [m] and velocity [m/s] at rising twin times, (motions, times) each.
-
-        Motions are heave, or with lateral samples east, north and heave.
+    def move(self, boundary: Boundary, at: Times) -> None:
+        """Add the motion at rising twin times to the boundaries after each step (`add_motion`).
 
         Raises:
             InputError: the series does not cover the times.
         """
-        self.check_reach(int(time_ns[0]), int(time_ns[-1]))
-        return interpolate(self.stamp_ns, *self._motions, time_ns + self.start_ns)
+        self.check_reach(int(at.stamp[0]), int(at.stamp[-1]))
+        add_motion(self._samples, at._replace(stamp=at.stamp + self.start_ns), boundary)
 
     @cached_property
-    def _motions(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Values and rates of the motions, (motions, samples) each."""
+    def _samples(self) -> Samples:
+        """Samples of heave, or with lateral ones of east, north and heave."""
         z, v = self.position_m[None], self.velocity_m_per_s[None]
-        if self.aside is None:
-            return np.ascontiguousarray(z), np.ascontiguousarray(v)
-        return np.concatenate([self.aside[:2], z]), np.concatenate([self.aside[2:], v])
+        if self.aside is not None:
+            z, v = np.concatenate([self.aside[:2], z]), np.concatenate([self.aside[2:], v])
+        stamps = np.ascontiguousarray(self.stamp_ns)
+        return Samples(stamps, np.ascontiguousarray(z), np.ascontiguousarray(v))
 
     def _order_fault(self) -> str:
         steps_ns = np.diff(self.stamp_ns)
