@@ -95,7 +95,7 @@ ADDED: dict[str, Any] = {
         damping_newton_seconds_per_m=2e3, throttling_kg_per_m=4e3, friction_n=500.0,
     ),
 }  # fmt: skip
-BETWEEN = ("line_contact",)  # what acts between ropes, of which the base has one
+BETWEEN = ("line_contact", "payload_contact")  # what acts between ropes; the base has one
 NEEDS = {"wind": "wetting", "bed_friction": "seabed"}  # what acts only beside another
 TOGETHER = ("waves", "seabed")  # beside the base's own: the sea that a lift usually has
 TOGETHER_NAME = "with waves and seabed"

@@ -184,9 +184,9 @@ TOPICS: tuple[Topic, ...] = (
           "touchdown point (TDP) of each rope on the seabed: name; x, y, z [m]; line_out_m; "
           "layback_m; tension_n; angle_deg", only_with="seabed"),
     Topic("ropes/contact", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 50.0, "simulation",
-          "contact of the rope with the hull, or between ropes: name (hull, ropes); x, y, z [m] of "
-          "the largest force, NaN: none; normal_force_n, the sum of all", only_with="contacts",
-          in_view=False),
+          "contact with the hull, between ropes or payloads: name (hull, ropes, payloads); x, y, z "
+          "[m] of the largest force, NaN: none; normal_force_n, the sum of all",
+          only_with="contacts", in_view=False),
     Topic("lines/crossings", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
           "two lines around a sheave: name (nearest, crossing_1, ...); x, y, z [m]; distance_m "
           "between the lines; angle_deg; NaN: unknown", only_with="lines"),

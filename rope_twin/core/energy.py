@@ -21,7 +21,7 @@ over for a sheave are its kinetic energy, that of its wheel, its potential energ
 of the rope on it.
 
 A link stores the work of its force without damping, and none where it is slack. So does a contact
-between ropes, whose damping and friction dissipate.
+between ropes or payloads, whose damping and friction dissipate.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.joined import joints as ties
 from rope_twin.core.joined.contact import touch_of
 from rope_twin.core.joined.joints import LOOSE, Joints, System
+from rope_twin.core.joined.payload_contact import payload_touch_of
 from rope_twin.core.joined.sheaves import (
     CREEP,
     FLOW_COLUMN,
@@ -438,7 +439,7 @@ class SystemBorder(NamedTuple):
     store: Store
     power: Power
     elements: tuple[Elements, ...]  # of each rope, and of the links as one more
-    rubbed: float  # what friction on sheaves and contact between ropes dissipate [W]
+    rubbed: float  # what friction on sheaves and contact of ropes and payloads dissipate [W]
 
 
 def of_one(border: Border) -> SystemBorder:
@@ -470,9 +471,8 @@ def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -
         borders.append(border)
     held, stored = _tied(joints)
     elements = tuple(border.elements for border in borders)
-    touch = touch_of(system.stack)
-    if touch is not None:
-        stored += touch.stored
+    touches = [one for one in (touch_of(system.stack), payload_touch_of(system)) if one is not None]
+    stored += sum(one.stored for one in touches)
     still = _of_sheaves(joints, sheaves) + np.array([0.0, stored, 0.0])
     store = np.sum([border.store for border in borders], axis=0) + still
     power = np.sum([border.power for border in borders], axis=0)
@@ -480,7 +480,7 @@ def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -
         Store(*store.tolist()),
         Power(*power.tolist()),
         (*elements, held),
-        _rubbed(joints, sheaves, elements, pulls[:, PULL]) + (touch.lost if touch else 0.0),
+        _rubbed(joints, sheaves, elements, pulls[:, PULL]) + sum(one.lost for one in touches),
     )
 
 

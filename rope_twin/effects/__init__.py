@@ -25,6 +25,7 @@ from rope_twin.effects import (
     line_contact,
     net_curtain,
     payload,
+    payload_contact,
     payload_faces,
     payload_oscillation,
     payload_shedding,
@@ -124,6 +125,7 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("bed_friction", bed_friction.BedFrictionParams, bed_friction.build, version=2),
     Effect("hull_contact", hull_contact.HullContactParams, hull_contact.build),
     Effect("line_contact", line_contact.LineContactParams, line_contact.build),
+    Effect("payload_contact", payload_contact.PayloadContactParams, payload_contact.build),
     Effect("payload", payload.PayloadParams, payload.build),
     Effect(
         "payload_oscillation",

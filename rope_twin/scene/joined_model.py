@@ -8,6 +8,7 @@ because elements are added and removed there (core/joined/sheaves.py).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,11 +17,13 @@ import numpy as np
 from rope_twin.core.joined import joints as ties
 from rope_twin.core.joined.initial_guess import Link, guess_positions, initial_shape
 from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.payload_contact import PayloadContact
 from rope_twin.core.joined.statics import Wheel, reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.net_curtain import NetCurtain, NetCurtainParams, facing
 from rope_twin.effects.payload import SplashZoneParams
+from rope_twin.effects.payload_contact import PayloadContactParams, placed
 from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
@@ -203,11 +206,12 @@ def build_joined(scene: Scene) -> BuiltSystem:
     body = next((one for one in scene.payloads if one.name == body_payload(scene)), None)
     if body is not None:  # its bars are at the hook
         figures[body.name] = payload_figures(body, scene.environment.water_density_kg_per_m3)
+    joint_of = {name: number for number, name in enumerate(_meetings(scene))}
     tables = any(one.rope.axial_stiffness for line in scene.ropes for one in line.made_of)
     ropes: list[Rope] = []
     for number, line in enumerate(scene.ropes):
         own = figures.get(line.to, NOTHING) if owners.get(line.to) == number else NOTHING
-        rope = _rope(scene, number, own)
+        rope = _rope(scene, number, own, joint_of)
         first, last = ends_of(scene, line)
         low = np.array(line.fixed_at_m) if line.fixed_at_m else where[first]
         n = int(rope.state.counts[ELEMENTS])
@@ -219,7 +223,6 @@ def build_joined(scene: Scene) -> BuiltSystem:
         model = rope.model._replace(first_free=first_free, tolerance=tolerance)
         law = tables_of(line) if tables else None
         ropes.append(rope._replace(model=model, law=law))
-    joint_of = {name: number for number, name in enumerate(_meetings(scene))}
     hang_offs = places(scene)
     unknown = (np.nan,) * 3
     ends = [[joint_of.get(name, LOOSE) for name in ends_of(scene, line)] for line in scene.ropes]
@@ -232,10 +235,10 @@ def build_joined(scene: Scene) -> BuiltSystem:
     )
 
 
-def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
+def _rope(scene: Scene, number: int, own: PayloadFigures, joint_of: Mapping[str, int]) -> Rope:
     """Return a rope's arrays, with effects that act on what is at its lower end.
 
-    Without a payload there is no slamming.
+    joint_of: numbers of the connections by name. Without a payload there is no slamming.
     """
     single, line = alone(scene, number), scene.ropes[number]
     rope = build(single)
@@ -250,6 +253,11 @@ def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
     if net is not None and net.between:
         beside = _neighbours(scene, net, line.name)
         built = tuple(facing(e, beside) if isinstance(e, NetCurtain) else e for e in built)
+    touching = scene.listed(PayloadContactParams)
+    if touching is not None:
+        built = tuple(
+            placed(e, touching, joint_of) if isinstance(e, PayloadContact) else e for e in built
+        )
     return rope._replace(effects=built)
 
 
@@ -303,11 +311,13 @@ def _floats(scene: Scene, line: RopeLine) -> bool:
 
 
 def _meetings(scene: Scene) -> list[str]:
-    """Return payloads and joints at which several ropes or a bar end."""
+    """Return payloads and joints at which several ropes or a bar end, or that others touch."""
     ends = [name for line in scene.ropes for name in (line.from_, line.to)]
     ends += [name for strut in scene.struts for name in strut.between]
     points: list[Any] = [*scene.payloads, *scene.joints, *scene.sheaves]
     barred = {name for strut in scene.struts for name in strut.between}
+    touching = scene.listed(PayloadContactParams)
+    barred |= {body.name for body in touching.bodies} if touching is not None else set()
     return [one.name for one in points if ends.count(one.name) > 1 or one.name in barred]
 
 

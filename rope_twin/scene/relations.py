@@ -19,6 +19,7 @@ from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.hull_contact import HullContactParams
 from rope_twin.effects.line_contact import LineContactParams
 from rope_twin.effects.payload import PayloadParams, SplashZoneParams
+from rope_twin.effects.payload_contact import PayloadContactParams
 from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
@@ -292,6 +293,26 @@ def _line_contact(scene: Scene) -> Iterator[Fault]:
         yield "effects", what, "remove it, or add ropes"
 
 
+def _payload_contact(scene: Scene) -> Iterator[Fault]:
+    """Check that bodies that touch are payloads or joints of a system, and points."""
+    own = scene.listed(PayloadContactParams)
+    if own is None:
+        return
+    if not is_joined(scene):
+        what = "`payload_contact` acts between payloads and joints, and this scene has one"
+        yield "effects", what, "remove it, or add payloads on ropes of their own"
+        return
+    names = [*(one.name for one in scene.payloads), *(one.name for one in scene.joints)]
+    for number, body in enumerate(own.bodies):
+        path = f"effects.payload_contact.bodies[{number}].name"
+        if body.name not in names:
+            right = did_you_mean(body.name, names)
+            yield path, f"there is no payload or joint '{body.name}'", right
+        elif body.name == body_payload(scene):
+            what = f"'{body.name}' is a rigid body, and its contact is not modelled"
+            yield path, what, "remove it, or use `payload` instead of `rigid_body`"
+
+
 def _payload_oscillation(scene: Scene) -> Iterator[Fault]:
     """Factors on the figures of a point payload, which have no other factor."""
     if scene.listed(PayloadOscillationParams) is None:
@@ -432,6 +453,7 @@ RULES: tuple[Rule, ...] = (
     _compensator,
     _hull_contact,
     _line_contact,
+    _payload_contact,
     _payload_oscillation,
     _drag_that_grows,
     body_holds,

@@ -1,4 +1,4 @@
-"""Contact with seabed, hull and other ropes, and the touchdown point within an element.
+"""Contact with seabed, hull and each other, and the touchdown point within an element.
 
 A rope without bending stiffness that hangs from the bed up to its support is a catenary: at arc
 length s from the touchdown its slope is tan(phi) = w·s/H (Irvine 1981, Cable Structures, 2.1), less
@@ -32,6 +32,7 @@ from rope_twin.core.body.state import GridBed, PlaneBed
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.joined.contact import touch_of
 from rope_twin.core.joined.joints import System
+from rope_twin.core.joined.payload_contact import payload_touch_of
 from rope_twin.core.state import ELEMENTS, POSITION, VELOCITY, Rope
 from rope_twin.effects.hull_contact import HullContact, contact_forces
 from rope_twin.effects.seabed import normal_push
@@ -146,9 +147,11 @@ def hull_contacts(rope: Rope) -> tuple[PressedPlace, ...]:
     return (PressedPlace("hull", float(normal.sum()), (a, b, c)),)
 
 
-def rope_contacts(system: System) -> tuple[PressedPlace, ...]:
-    """Return the present contact between ropes; none if the scene does not list the effect."""
-    touch = touch_of(system.stack)
-    if touch is None:
-        return ()
-    return (PressedPlace("ropes", touch.push, touch.at if touch.contacts else NOWHERE),)
+def system_contacts(system: System) -> tuple[PressedPlace, ...]:
+    """Return the present contact between ropes and between payloads, of the effects listed."""
+    both = (("ropes", touch_of(system.stack)), ("payloads", payload_touch_of(system)))
+    return tuple(
+        PressedPlace(name, touch.push, touch.at if touch.contacts else NOWHERE)
+        for name, touch in both
+        if touch is not None
+    )

@@ -22,7 +22,7 @@ from rope_twin.core.step import advance_joined
 from rope_twin.scene.joined_model import build_joined, runs_over_sheave
 from rope_twin.scene.rigging import winch_of
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.contact import rope_contacts
+from rope_twin.twin.contact import system_contacts
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line_snapshot import (
     Payouts,
@@ -309,7 +309,7 @@ class MultiLineRopes:
             inputs=inputs,
             solver=solver,
             seabed=contact(now),
-            contacts=rope_contacts(now.system),
+            contacts=system_contacts(now.system),
             strength=tuple(strength),
         )
         return taken if self._lines is None else self._lines.complete(taken)

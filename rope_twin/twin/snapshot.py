@@ -71,9 +71,9 @@ class InputHealth(NamedTuple):
 
 @dataclass(frozen=True)
 class PressedPlace:
-    """Contact with the hull or between ropes."""
+    """Contact with the hull, between ropes or between payloads."""
 
-    name: str  # hull or ropes
+    name: str  # hull, ropes or payloads
     normal_n: float  # sum of all normal forces
     # of the largest of them (hull: middle of its element); NaN: nothing touches
     position_m: tuple[float, float, float]
@@ -370,7 +370,7 @@ class Snapshot:
     breaches: tuple[LimitBreach, ...] = ()  # limits of the scene exceeded since the start
     seabed: BedContact | None = None  # only of a scene with a seabed
     touchdowns: tuple[Touchdown, ...] = ()  # of the ropes that touch it
-    contacts: tuple[PressedPlace, ...] = ()  # of a scene with `hull_contact` or `line_contact`
+    contacts: tuple[PressedPlace, ...] = ()  # of the effects of contact
     bends: tuple[RopeBend, ...] = ()  # of ropes with bending stiffness or a minimum bend radius
     body: BodyShot | None = None  # only of a scene whose payload is a rigid body
     compensator: CompensatorShot | None = None  # only of a scene with one

@@ -38,8 +38,9 @@ from rope_twin.effects import EFFECTS
 Vector = effect_cases.Vector
 NAMES = [*(effect.name for effect in EFFECTS), *VARIANTS]
 # The block of a model of vortices is tested with its wake solved, in its own file, and that of
-# contact with the hull without its edges and between ropes, likewise.
-INEXACT = (*SHEDDING, "drag over Reynolds numbers", "hull_contact", "line_contact")
+# contact with the hull without its edges, between ropes and between payloads, likewise.
+CONTACT = ("hull_contact", "line_contact", "payload_contact")
+INEXACT = (*SHEDDING, "drag over Reynolds numbers", *CONTACT)
 EXACT = [name for name in NAMES if name not in INEXACT]
 SKEW = (
     "payload", "rigid_body", "splash_zone", "net", "depth_profiles", "payload_oscillation",

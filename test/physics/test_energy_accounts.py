@@ -59,8 +59,8 @@ def stored(effects: tuple[Any, ...], place: Place) -> float:
 
 
 # A rigid body has motion of its own, so what it stores is no function of the nodes: its account is
-# held against runs (test_rigid_body.py); so is that of contact, which ropes share
-# (test_line_contact.py).
+# held against runs (test_rigid_body.py); so is that of contact, which ropes or
+# payloads share (test_line_contact.py, test_payload_contact.py).
 TOGETHER = {  # what takes from the accounts of others is held against all of them
     "wetting": ("wetting", "weight", "drag", "added_mass"),
     "depth_profiles": ("depth_profiles", "weight", "drag", "added_mass", "payload"),
@@ -79,6 +79,7 @@ TOGETHER = {  # what takes from the accounts of others is held against all of th
 OF_THE_NODES = [*dict.fromkeys([*NAMES, *TOGETHER])]
 OF_THE_NODES.remove("rigid_body")
 OF_THE_NODES.remove("line_contact")
+OF_THE_NODES.remove("payload_contact")
 
 
 @pytest.mark.parametrize("name", OF_THE_NODES)

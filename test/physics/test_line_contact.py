@@ -15,7 +15,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import measure_system
 from rope_twin.core.joined.contact import Touch, touch_of
 from rope_twin.effects.line_contact import LineContactParams
-from rope_twin.twin.contact import rope_contacts
+from rope_twin.twin.contact import system_contacts
 
 Vector = NDArray[np.float64]
 SPAN, REACH = 40.0, 0.1
@@ -74,7 +74,7 @@ def test_strings_that_collide_press_by_their_impedance() -> None:
     pushes = pressed(bench, 0.8)
     assert pushes[60:].mean() == pytest.approx(speed * PLATEAU, rel=0.02)
     assert bench.health[rows.SUBSTEPS_UNCONVERGED] == 0
-    (place,) = rope_contacts(bench.system)
+    (place,) = system_contacts(bench.system)
     assert (place.name, place.normal_n) == ("ropes", pushes[-1])
     assert place.position_m[:2] == pytest.approx((0.04, 0.03), abs=0.01)
 

@@ -48,6 +48,7 @@ from rope_twin.effects.hull_contact import (
 from rope_twin.effects.line_contact import LineContactParams
 from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.effects.payload import PayloadParams, SplashZoneParams
+from rope_twin.effects.payload_contact import PayloadContactParams, TouchingBody
 from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
@@ -119,6 +120,12 @@ PARAMS: dict[str, Any] = {
     ),
     "line_contact": LineContactParams(
         distance_m=0.5, stiffness_n_per_m=2e3, damping_s_per_m=0.2, friction=0.3
+    ),
+    "payload_contact": PayloadContactParams(
+        bodies=(TouchingBody(name="skip", radius_m=9.0), TouchingBody(name="hook", radius_m=7.0)),
+        stiffness_n_per_m=2e3,
+        damping_s_per_m=0.2,
+        friction=0.3,
     ),
     "payload": PayloadParams(),
     "payload_oscillation": PayloadOscillationParams(
@@ -254,6 +261,8 @@ def acting(name: str) -> tuple[Any, ...]:
         memory[:] = np.random.default_rng(5).uniform(0.3, 1.2, memory.shape)
     if name in CURTAINS:
         effects[-1].memory[3, -1] = NODES  # whose shares are known
+    if name == "payload_contact":
+        effects = (*effects[:-1], effects[-1]._replace(joints=np.array([0, 1])))
     if name == "hull_contact":  # a rope of these nodes, with friction
         memory = effects[-1].memory
         shape = memory[BEFORE:REACHED].shape
@@ -329,10 +338,25 @@ class Beside(NamedTuple):
     counts: Any
 
 
+class Ends(NamedTuple):
+    """The part of the connections that acts between them: each is at a node of the rope."""
+
+    work: Vector
+    nodes: Vector
+    matrix: Vector
+
+
 class Two(NamedTuple):
     """A system of two ropes."""
 
     stack: Beside
+    joints: Ends
+
+
+def blocks_of(matrix: Vector) -> Vector:
+    """The own blocks of connections, (6, connections)."""
+    own = matrix.reshape(NODES, 3, NODES, 3).diagonal(axis1=0, axis2=2)
+    return np.array([own[i, j] for i, j in ((0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2))])
 
 
 @jit_entry
@@ -352,8 +376,10 @@ def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODE
         both = np.stack([work, work])
         both[1, rows.POSITION] += 0.3
         counts = np.array([[NODES - 1, 0], [NODES - 1, 0]])
-        apply_among(effects, Two(Beside(both, both.copy(), counts)), some_stage())
+        ends = Ends(both[0], both[0].copy(), np.zeros((3 * NODES, 3 * NODES)))
+        apply_among(effects, Two(Beside(both, both.copy(), counts), ends), some_stage())
         work = both[0]
+        work[rows.BLOCK : rows.BLOCK + 6] += blocks_of(ends.matrix)
     return np.concatenate([work[part] for part in RESULTS])
 
 

@@ -1,22 +1,25 @@
-"""A hard case of contact: payload and rope that meet the hull, and two ropes, all at 5 m/s."""
+"""A hard case of contact at 5 m/s: payload and rope on the hull, two ropes, two payloads."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import pi, sqrt
+from math import log1p, pi, sqrt
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import measure_system
 from rope_twin.core.joined.contact import touch_of
 from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.payload_contact import PayloadContact, payload_touch_of
 from rope_twin.core.state import Boundary
 from rope_twin.core.step import advance_joined
 from rope_twin.effects.hull_contact import HullBox, HullContact, HullContactParams, contact_forces
 from rope_twin.effects.line_contact import LineContactParams
+from rope_twin.effects.payload_contact import PayloadContactParams, TouchingBody, placed
 from rope_twin.scene.rope_model import build
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.twin.monitors import Monitors
@@ -40,6 +43,7 @@ HANGING = Rig(
 WALL_M = 1.0
 WALL = HullBox(centre_m=(WALL_M + 150.0, 0.0, -100.0), size_m=(300.0, 600.0, 600.0))
 SECONDS = 0.8
+MASSES, CHI = (1e4, 4e3), 0.2  # kg; s/m
 SPAN_M = 40.0  # of two strings
 TAUT = Rig(length=39.9, mass=10.0, EA=2e6, diameter=0.1, load=0.0, gravity=1e-9, tolerance=1.0)
 
@@ -219,13 +223,86 @@ def _ropes() -> list[Finding]:
     ]  # fmt: skip
 
 
+def _two_payloads(chi: float) -> tuple[System, Callable[[], None]]:
+    """Return two payloads, of which one flies at the other, and the step."""
+    bodies = tuple(TouchingBody(name=name, radius_m=1.0) for name in ("one", "other"))
+    params = PayloadContactParams(
+        bodies=bodies, stiffness_n_per_m=K_PAYLOAD, damping_s_per_m=chi, friction=0.0
+    )
+    ropes, value = [], np.zeros((2, 2, rows.MOTIONS))
+    for r, mass in enumerate(MASSES):
+        rig = replace(FLYING, load=mass, step=0.001, tolerance=1e-3)
+        scene, n = rig.scene(), rig.elements
+        rope = build(replace(scene, effects=(*scene.effects, params)))
+        effects = tuple(
+            placed(own, params, {"one": 0, "other": 1}) if isinstance(own, PayloadContact) else own
+            for own in rope.effects
+        )
+        rope.state.nodes[0, : n + 1] = value[r, :, 0] = 2.01 * r
+        rope.state.nodes[2, : n + 1] = rope.state.s[: n + 1] - rig.length
+        value[r, :, rows.LINE] = rig.length
+        ropes.append(rope._replace(effects=effects))
+    system = new_system(tuple(ropes), [0, 1], [LOOSE, LOOSE])
+    system.ropes[0].state.nodes[rows.VELOCITY, 0] = SPEED
+    system.joints.nodes[rows.VELOCITY, 0] = SPEED
+    boundary, pull, time = Boundary(value, np.zeros_like(value)), np.zeros((2, 1, 5)), [0.0]
+
+    def advance() -> None:
+        advance_joined(system, boundary, pull, time[0], 1)
+        time[0] += 0.001
+
+    return system, advance
+
+
+def _rebound(chi: float) -> float:
+    """Return the speed of parting over that of meeting, by ∫v·dv/(1 + χ·v) = 0 (derived)."""
+    v = chi * SPEED
+
+    def balance(e: float) -> float:
+        return v * (1.0 + e) - log1p(v) + log1p(-v * e)
+
+    return float(brentq(balance, 0.0, min(1.0, (1.0 - 1e-9) / v)))
+
+
+def _payloads() -> list[Finding]:
+    """Limit the errors of two payloads that collide: speeds, depth, energy, restitution."""
+    still, (one, other) = (np.zeros((2, 5)), np.zeros(2), 0.0), MASSES
+    system, advance = _two_payloads(0.0)
+    start, deepest = measure_system(system, *still).store.total, 0.0
+    for _ in range(300):
+        advance()
+        touch = payload_touch_of(system)
+        assert touch is not None, "the scene lists it"
+        deepest = max(deepest, touch.deepest)
+    after = system.joints.nodes[rows.VELOCITY].copy()
+    gained = measure_system(system, *still).store.total - start
+    damped, advance = _two_payloads(CHI)
+    for _ in range(400):
+        advance()
+    parted = float(np.diff(damped.joints.nodes[rows.VELOCITY])[0]) / SPEED
+    unconverged = sum(int(s.ropes[0].state.health[rows.SUBSTEPS_UNCONVERGED])
+                      for s in (system, damped))  # fmt: skip
+    reduced = one * other / (one + other)
+    return [
+        off("speed of the payload that was hit", after[1], 2.0 * one * SPEED / (one + other), 0.1),
+        off("speed of the one that hit it", after[0], SPEED * (one - other) / (one + other), 0.1),
+        off("deepest penetration of two payloads against v·√(m/k)", deepest,
+            SPEED * sqrt(reduced / K_PAYLOAD), 0.1),
+        limited("energy of two payloads after they met", 100.0 * abs(gained) / start, 0.1),
+        off("restitution of damping", parted, _rebound(CHI), 0.2),
+        all_converged(unconverged),
+    ]  # fmt: skip
+
+
 def contact() -> list[Finding]:
-    """Meet a wall at 5 m/s, a payload alone and a rope along its length; then rope on rope."""
-    return [*_payload(), *_rope(), *_ropes()]
+    """Meet a wall at 5 m/s, a payload alone and a rope along its length; then both kinds alike."""
+    return [*_payload(), *_rope(), *_ropes(), *_payloads()]
 
 
 CASES = (
-    hard_case("contact_5_m_per_s", "payload and rope that meet the hull, and two ropes, at 5 m/s",
-              "v·√(m/k), π·√(m/k), momentum; the chain of masses by scipy (DOP853); V·√(T·m)",
+    hard_case("contact_5_m_per_s",
+              "payload and rope that meet the hull, two ropes, two payloads, at 5 m/s",
+              "v·√(m/k), π·√(m/k), momentum, energy; the chain of masses by scipy (DOP853); "
+              "V·√(T·m)",
               contact, 40.0),
 )  # fmt: skip

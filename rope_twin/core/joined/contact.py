@@ -58,7 +58,7 @@ def _dot(a: Any, b: Any) -> float:
 
 
 @jit_within
-def _less(a: Any, b: Any) -> Any:
+def less(a: Any, b: Any) -> Any:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
@@ -72,8 +72,8 @@ def _mixed(a: Any, b: Any, t: float) -> Any:
 def _closest(one: Any, i: int, other: Any, j: int) -> Any:
     """Return the shares s, t of the closest points of two elements, and the vector between them."""
     a, b = _vector(one, POSITION, i), _vector(other, POSITION, j)
-    u, w = _less(_vector(one, POSITION, i + 1), a), _less(_vector(other, POSITION, j + 1), b)
-    r = _less(a, b)
+    u, w = less(_vector(one, POSITION, i + 1), a), less(_vector(other, POSITION, j + 1), b)
+    r = less(a, b)
     uu, ww, uw = _dot(u, u) + DIVISOR_MIN, _dot(w, w) + DIVISOR_MIN, _dot(u, w)
     ur, wr = _dot(u, r), _dot(w, r)
     square = uu * ww - uw * uw
@@ -110,7 +110,7 @@ def _is_nearest(contact: Any, pair: Any, s: float, t: float, gap: Any, last: Any
                 continue
             u, _, between = _closest(one, e, other, f)
             there = _mixed(_vector(one, POSITION, e), _vector(one, POSITION, e + 1), u)
-            way, size = _less(there, here), _dot(between, between)
+            way, size = less(there, here), _dot(between, between)
             first = e < i or (e == i and f < j)
             if _dot(way, way) < 4.0 * contact.reach * contact.reach and (
                 size < own or (size == own and first and 0.0 < u < 1.0)
@@ -120,7 +120,7 @@ def _is_nearest(contact: Any, pair: Any, s: float, t: float, gap: Any, last: Any
 
 
 @jit
-def _side(gap: Any, before: Any) -> Any:
+def side_of(gap: Any, before: Any) -> Any:
     """Return the unit vector n from the other rope, and n·(P - Q); before: P - Q at the start."""
     size, was = sqrt(_dot(gap, gap)), sqrt(_dot(before, before))
     if size > 1e-6 * was:
@@ -132,7 +132,7 @@ def _side(gap: Any, before: Any) -> Any:
 
 
 @jit_within
-def _forces(contact: Any, deep: float, n: Any, v: Any) -> Any:
+def press(contact: Any, deep: float, n: Any, v: Any) -> Any:
     """Return N, its gain 1 - χ·v_n, v_n, v_t, and friction per sliding velocity [N·s/m]."""
     out = _dot(v, n)
     gain = max(1.0 - contact.chi * out, 0.0)
@@ -145,7 +145,7 @@ def _forces(contact: Any, deep: float, n: Any, v: Any) -> Any:
 def _relative(one: Any, i: int, s: float, other: Any, j: int, t: float) -> Any:
     """Return the velocity of P relative to Q."""
     here = _mixed(_vector(one, VELOCITY, i), _vector(one, VELOCITY, i + 1), s)
-    return _less(here, _mixed(_vector(other, VELOCITY, j), _vector(other, VELOCITY, j + 1), t))
+    return less(here, _mixed(_vector(other, VELOCITY, j), _vector(other, VELOCITY, j + 1), t))
 
 
 @jit
@@ -162,11 +162,11 @@ def _touch(contact: Any, pair: Any, stage: Any) -> None:
     """Add the forces of a pair of elements that is near."""
     one, i, other, j, starts, last = pair
     s, t, gap = _closest(one, i, other, j)
-    n, apart = _side(gap, _closest(starts[0], i, starts[1], j)[2])
+    n, apart = side_of(gap, _closest(starts[0], i, starts[1], j)[2])
     deep = contact.reach - apart
     if deep <= 0.0 or not _is_nearest(contact, (one, i, other, j), s, t, gap, last):
         return
-    N, gain, _, slid, rub = _forces(contact, deep, n, _relative(one, i, s, other, j, t))
+    N, gain, _, slid, rub = press(contact, deep, n, _relative(one, i, s, other, j, t))
     if N == 0.0:
         return
     across = stage.q * rub
@@ -268,14 +268,14 @@ def _measure(contact: Any, nodes: Any, counts: Any, found: Any) -> None:
                     if far or _apart(own, _surround(other, other, j, j + 1), contact.reach):
                         continue
                     s, t, gap = _closest(one, i, other, j)
-                    n_vector, apart = _side(gap, gap)
+                    n_vector, apart = side_of(gap, gap)
                     deep = contact.reach - apart
                     if deep <= 0.0 or not _is_nearest(
                         contact, (one, i, other, j), s, t, gap, (n - 2, m - 2)
                     ):
                         continue
                     v = _relative(one, i, s, other, j, t)
-                    N, _, out, slid, rub = _forces(contact, deep, n_vector, v)
+                    N, _, out, slid, rub = press(contact, deep, n_vector, v)
                     found[0] += 0.5 * contact.k * deep * deep
                     found[1] += (contact.k * deep - N) * out + rub * _dot(slid, slid)
                     found[2] += N

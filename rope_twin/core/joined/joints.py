@@ -231,6 +231,8 @@ def renew_plan(system: System) -> bool:
         map(type, system.ropes[0].effects)
     ):  # the plan is not used, all connections are dense
         coupled |= set(range(joints.nodes.shape[1]))
+    for effect in stack.effects:
+        coupled |= set(getattr(effect, "joints", ()))
     if sheaves is not None:
         coupled |= set(sheaves.figures[[POINT, FLOW_COLUMN]].astype(int).ravel())
     topology = Topology(
@@ -285,6 +287,16 @@ def add_block(matrix: Any, joint: int, S: Any) -> None:
     matrix[i + 1, i + 1] += S[3]
     matrix[i + 2, i + 1] += S[4]
     matrix[i + 2, i + 2] += S[5]
+
+
+@jit
+def couple_blocks(matrix: Any, upper: int, lower: int, S: Any) -> None:
+    """Subtract a symmetric block (xx, xy, xz, yy, yz, zz) between two connections."""
+    i, j = 3 * upper, 3 * lower
+    xx, xy, xz, yy, yz, zz = S
+    for r, row in enumerate(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))):
+        for c in range(3):
+            matrix[i + r, j + c] -= row[c]
 
 
 @jit

@@ -180,8 +180,8 @@ def move_connections(system: Any, stage: Any, kind: Any, factor: Any) -> Any:
 @by_kind(lambda system, stage: None)
 def gather_connections(system: Any, stage: Any) -> Any:
     """Add forces between ropes; assemble residual and matrix of the connections without chains."""
-    add_among(system.stack.effects, system, stage)
     clear(system.joints)
+    add_among(system.stack.effects, system, stage)
     gather_ends(system)
     add_ties(system.joints.ties, system.joints.work, system.joints.matrix)
     add_sheaves(system.sheaves, system, stage)

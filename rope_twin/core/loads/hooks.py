@@ -31,7 +31,8 @@ code and no branch behind. Plain Python (NUMBA_DISABLE_JIT=1) loops over the sam
   multi-line system, copies from the other ropes of `stack` what the effect depends on; memory: its
   internal variables of all ropes, (ropes, rows, nodes + 1).
 - `among(effect, system, stage)` adds forces between the ropes of a system (core/joined) to
-  residuals and blocks of their nodes, after the loads of every rope.
+  residuals and blocks of their nodes or connections, after the loads of every rope. Connections
+  that it couples are those in the effect's field `joints`.
 - `start`, `predict`, `load_nodes` and `settle` belong to effects with internal variables
   (core/loads/memory.py).
 

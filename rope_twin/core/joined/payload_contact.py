@@ -1,0 +1,118 @@
+"""Contact between the payloads and hooks of a system: spheres about connections, with friction.
+
+Two bodies touch where their centres come nearer than the sum r of their radii. With n the unit
+vector from one centre to the other and the penetration e = r - n·(x - x'), normal force and
+friction are those between ropes (core/joined/contact), at the centres: a point has no rotation. n
+keeps to the side of the start of the step, so that bodies whose centres pass each other within a
+step are pushed back.
+
+The connections are solved in the dense system, where the block of a pair is coupled:
+p·∂f/∂x + q·∂f/∂v, without the curvature -N/|x - x'| across n and the change of friction with N,
+which would make it indefinite or unsymmetric. So bodies press in static equilibrium too, without
+friction, as nothing moves there.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.jit.decorators import jit, jit_entry
+from rope_twin.core.jit.rows import column
+from rope_twin.core.joined.contact import Touch, less, press, side_of
+from rope_twin.core.joined.joints import System, add_block, couple_blocks
+from rope_twin.core.loads.hooks import kernel, switching
+from rope_twin.core.state import POSITION, RESIDUAL, VELOCITY, Floats, Ints
+
+
+class PayloadContact(NamedTuple):
+    """Kernel data of contact between payloads."""
+
+    joints: Ints  # connection of each body, (bodies,)
+    radii: Floats  # [m], (bodies,)
+    k: float  # stiffness of a contact [N/m]
+    chi: float  # χ [s/m]
+    mu: float  # μ
+
+
+@jit
+def _penetration(contact: Any, motion: Any, start: Any, a: int, b: int) -> Any:
+    """Return the direction n from body b to body a, and e."""
+    i, j = contact.joints[a], contact.joints[b]
+    gap = less(column(motion, POSITION, i), column(motion, POSITION, j))
+    before = less(column(start, POSITION, i), column(start, POSITION, j))
+    n, apart = side_of(gap, before)
+    return n, contact.radii[a] + contact.radii[b] - apart
+
+
+@jit
+def _touch(contact: Any, joints: Any, a: int, b: int, stage: Any) -> None:
+    """Add force and block of two bodies."""
+    n, deep = _penetration(contact, joints.work, joints.nodes, a, b)
+    if deep <= 0.0:
+        return
+    i, j = contact.joints[a], contact.joints[b]
+    v = less(column(joints.work, VELOCITY, i), column(joints.work, VELOCITY, j))
+    N, gain, _, slid, rub = press(contact, deep, n, v)
+    if N == 0.0:
+        return
+    across = stage.q * rub
+    along = (stage.p * gain + stage.q * contact.chi * deep) * contact.k - across
+    block = (
+        across + along * n[0] * n[0], along * n[0] * n[1], along * n[0] * n[2],
+        across + along * n[1] * n[1], along * n[1] * n[2], across + along * n[2] * n[2],
+    )  # fmt: skip
+    for k in range(3):
+        force = N * n[k] - rub * slid[k]
+        joints.work[RESIDUAL + k, i] += force
+        joints.work[RESIDUAL + k, j] -= force
+    add_block(joints.matrix, i, block)
+    add_block(joints.matrix, j, block)
+    couple_blocks(joints.matrix, max(i, j), min(i, j), block)
+
+
+@kernel("among", PayloadContact)
+def among(contact: Any, system: Any, stage: Any) -> None:
+    """Add the forces between all bodies of a system."""
+    for a in range(contact.joints.shape[0]):
+        for b in range(a):
+            _touch(contact, system.joints, a, b, stage)
+
+
+switching(PayloadContact)
+
+
+@jit_entry
+def _measure(contact: Any, nodes: Any, found: Any) -> None:
+    for a in range(contact.joints.shape[0]):
+        for b in range(a):
+            n, deep = _penetration(contact, nodes, nodes, a, b)
+            if deep <= 0.0:
+                continue
+            i, j = contact.joints[a], contact.joints[b]
+            v = less(column(nodes, VELOCITY, i), column(nodes, VELOCITY, j))
+            N, _, out, slid, rub = press(contact, deep, n, v)
+            found[0] += 0.5 * contact.k * deep * deep
+            found[1] += (contact.k * deep - N) * out
+            found[1] += rub * (slid[0] * slid[0] + slid[1] * slid[1] + slid[2] * slid[2])
+            found[2] += N
+            found[3] = max(found[3], deep)
+            found[4] += 1.0
+            if found[5] < N:
+                found[5] = N
+                for k in range(3):
+                    low = nodes[POSITION + k, j] + contact.radii[b] * n[k]
+                    found[6 + k] = low - 0.5 * deep * n[k]
+
+
+def payload_touch_of(system: System) -> Touch | None:
+    """Return the contact between payloads now; None: the scene does not list it."""
+    kinds = (own for own in system.stack.effects if isinstance(own, PayloadContact))
+    contact = next(kinds, None)
+    if contact is None:
+        return None
+    found: Floats = np.zeros(9)
+    _measure(contact, system.joints.nodes, found)
+    stored, lost, push, deepest, contacts, _, x, y, z = found.tolist()
+    return Touch(stored, lost, push, deepest, int(contacts), (x, y, z))
