@@ -20,7 +20,6 @@ from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_study import Machine, this_machine
 from rope_twin.studies.ensemble import SEA_OFFSET, Axis, make_plan, variations
-from rope_twin.twin.ensemble.ensemble import BATCH_S
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, live_state
 from rope_twin.twin.motion.boundary_conditions import SharedBoundary, WinchMotion
 from rope_twin.twin.twin import Twin
@@ -111,13 +110,8 @@ class _Seas:
         winch = WinchMotion(scene.winch, scene.ropes[0].length_m, None, step_s)
         borders = [SharedBoundary(scene.ship, winch, own, step_s) for own in self._series[:count]]
         value, rate = np.empty((2, steps + 1, rows.MOTIONS, count))
-        batch = round(BATCH_S / step_s)
-        for first in range(0, steps, batch):
-            some = min(batch, steps - first)
-            for k, own in enumerate(borders):
-                moved = own.through(first, some)
-                value[first : first + some + 1, :, k] = moved.value
-                rate[first : first + some + 1, :, k] = moved.rate
+        for k, own in enumerate(borders):
+            value[..., k], rate[..., k] = own.through(0, steps)
         heave = value[:, rows.Z] - scene.ship.hang_off_m[2]
         line = value[:, rows.LINE, 0], rate[:, rows.LINE, 0]
         return FleetInputs(heave, rate[:, rows.Z].copy(), *(one.copy() for one in line))

@@ -19,7 +19,7 @@ from rope_twin.scene.card import Setting
 from rope_twin.scene.load import change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
-from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation
+from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation
 from rope_twin.twin.ensemble.member import LINE_OUT, TOP, WATCHED
 from rope_twin.twin.motion.boundary_conditions import WinchMotion
 from rope_twin.twin.motion.heave_track import HeaveSeries
@@ -258,7 +258,7 @@ def _batches(leg: Leg, ensemble: Ensemble) -> Iterator[tuple[Vector, Vector | No
     compensated = winch is not None and winch.heave_compensation is not None
     nominal = nominal_line(leg) if compensated else None
     while left:
-        some = min(left, max(1, round(BATCH_S / step)))
+        some = min(left, BATCH_STEPS)
         ensemble.advance(some * step)
         time_s = np.arange(done + 1.0, done + some + 1.0) * step
         parts = [ensemble.watched(k) for k in range(len(ensemble))]
@@ -271,10 +271,4 @@ def nominal_line(leg: Leg) -> Vector:
     scene, step = leg.scene, leg.scene.time.step_s
     winch = scene.winch and dataclasses.replace(scene.winch, heave_compensation=None)
     motion = WinchMotion(winch, scene.ropes[0].length_m, leg.commands, step)
-    found: list[Vector] = []
-    steps, done = round(leg.seconds / step), 0
-    while done < steps:
-        some = min(steps - done, max(1, round(BATCH_S / step)))
-        found.append(motion.through(done, some)[1:, 0])
-        done += some
-    return np.concatenate(found)
+    return motion.through(0, round(leg.seconds / step))[1:, 0]

@@ -48,7 +48,6 @@ from rope_twin.vortex.coupled import VivDragAmplification
 
 Vector = NDArray[np.float64]
 AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
-BATCH_S = 8.0  # less than the 10 s that winch commands may be known ahead
 PIECE_NODE_STEPS = 40_000  # a timed piece takes some 4 ms at least
 ENOUGH_S, FEWEST_RUNS, MOST_RUNS = 0.6, 2, 7  # of timing
 
@@ -126,7 +125,7 @@ class Course:
 
     def _of_rope(self, line: RopeLine, place: Triple | None, step_s: float) -> rows.Boundary:
         """Return the motion of a rope with a hang-off at `place` at rest; None: it has none."""
-        steps, batch = round(self.seconds / step_s), max(1, round(BATCH_S / step_s))
+        steps = round(self.seconds / step_s)
         if place is None:
             still = np.zeros((steps + 1, rows.MOTIONS))
             still[:, rows.LINE] = line.length_m
@@ -135,11 +134,7 @@ class Course:
         track = WinchMotion(winch, line.length_m, None, step_s)
         ship = replace(self.scene.ship, hang_off_m=place)
         borders = SharedBoundary(ship, track, self._heave_at(place), step_s)
-        parts = [rows.Boundary(*(table.copy() for table in borders.boundary))]
-        for first in range(0, steps, batch):
-            part = borders.through(first, min(batch, steps - first))
-            parts.append(rows.Boundary(*(table[1:].copy() for table in part)))
-        value, rate = (np.concatenate(tables) for tables in zip(*parts, strict=True))
+        value, rate = borders.through(0, steps)
         if self._line is not None:
             border_s = np.arange(steps + 1) * step_s
             value[:, rows.LINE] = self._line(border_s)

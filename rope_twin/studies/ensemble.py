@@ -17,7 +17,7 @@ from rope_twin.recording.motion_source import FIRST_NS, open_sea, series_of
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene, SeaState
-from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Lanes, Variation, whole_steps
+from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Lanes, Variation, whole_steps
 from rope_twin.twin.ensemble.member import MemberResults
 from rope_twin.twin.motion.heave_track import HeaveSeries
 
@@ -207,7 +207,7 @@ def run_study(
     report: Callable[[float, float], None],
     threads: int | None = None,
 ) -> StudyResult:
-    """Run all members; `report(simulation time, real time)` is called every 8 s of simulation time.
+    """Run all members; `report(simulation time, real time)` is called every 800 steps.
 
     Raises:
         RopeTwinError: a member, the sea or a value is invalid; one sentence.
@@ -223,7 +223,8 @@ def run_study(
     started = time.perf_counter()
     report(0.0, 0.0)
     while ensemble.time_ns < round(seconds * 1e9):
-        ensemble.advance(_piece(seconds - ensemble.time_ns * 1e-9, scene.time.step_s))
+        left = round(seconds / ensemble.step_s) - ensemble.steps
+        ensemble.advance(min(left, BATCH_STEPS) * ensemble.step_s)
         report(ensemble.time_ns * 1e-9, time.perf_counter() - started)
     return StudyResult(
         plan=plan,
@@ -239,12 +240,6 @@ def run_study(
         starting_s=started - began,
         computing_s=time.perf_counter() - started,
     )
-
-
-def _piece(left_s: float, step_s: float) -> float:
-    """Return whole steps of about BATCH_S, or the remaining ones."""
-    most = max(1, round(BATCH_S / step_s))
-    return min(most, round(left_s / step_s)) * step_s
 
 
 def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:

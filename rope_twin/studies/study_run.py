@@ -36,7 +36,7 @@ from rope_twin.studies.study_design import (
     new_counts,
     run_system,
 )
-from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation, cores, whole_steps
+from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation, cores, whole_steps
 from rope_twin.vortex.results import RopeDamage
 from rope_twin.whole_file import write_whole
 
@@ -132,10 +132,10 @@ def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeDamage]:
     """Step all runs to the end, with an eye on each piece of rope where that is wished."""
     wish = batch.fatigue
     if wish is None:
-        left, step_s = round(batch.seconds / ensemble.step_s), ensemble.step_s
+        left = round(batch.seconds / ensemble.step_s)
         while left:
-            some = min(left, max(1, round(BATCH_S / step_s)))
-            ensemble.advance(some * step_s)
+            some = min(left, BATCH_STEPS)
+            ensemble.advance(some * ensemble.step_s)
             left -= some
         return []
     scenes = [ensemble.scene_of(number) for number in range(len(ensemble))]

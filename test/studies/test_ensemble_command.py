@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import yaml
 
-import rope_twin.studies.ensemble as study
 from rope_twin.cli import main
 from rope_twin.share import share_dir
 
@@ -182,9 +181,3 @@ def test_a_sea_that_ends_too_early(tmp_path: Path, capsys: Printed) -> None:
     still = scene_file(tmp_path, sea_state={})
     assert main(["ensemble", str(still), "--sea-offset", "0..9"]) == 1
     assert "--sea-offset: the scene's ship lies still; leave it out" in capsys.readouterr().err
-
-
-def test_the_study_asks_for_no_more_than_whole_steps() -> None:
-    """A time that is no multiple of the report's is stepped to its end."""
-    assert study._piece(12.0, 0.01) == pytest.approx(8.0)
-    assert study._piece(0.03, 0.01) == pytest.approx(0.03)

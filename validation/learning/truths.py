@@ -35,7 +35,6 @@ from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.noise import bar_of
 from rope_twin.recording.heave import open_heave
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.ensemble import BATCH_S
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 from rope_twin.twin.motion.boundary_conditions import WinchMotion
 
@@ -198,10 +197,7 @@ class _Group:
 
 def scheduled_line(scene: Scene, steps: int) -> Floats:
     """Return paid-out length [m] and its rate by the scene's winch schedule, (steps + 1, 2)."""
-    winch = WinchMotion(scene.winch, scene.ropes[0].length_m, None, STEP_S)
-    batch = round(BATCH_S / STEP_S)
-    parts = [winch.through(first, min(batch, steps - first)) for first in range(0, steps, batch)]
-    return np.concatenate([parts[0][:1], *(part[1:] for part in parts)])
+    return WinchMotion(scene.winch, scene.ropes[0].length_m, None, STEP_S).through(0, steps)
 
 
 def _draw(prior: Prior, rng: np.random.Generator) -> Floats:

@@ -58,7 +58,7 @@ from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import CommandSample
 from rope_twin.vortex.coupled import VivDragAmplification
 
-BATCH_S = 8.0  # time of a batch; less than the 10 s that commands may be known ahead
+BATCH_STEPS = 800  # of a batch, in which members share what is done once for many steps
 SAMPLING_S = 0.5
 MIN_MEMBERS = LANES  # the SIMD step is not compiled for ensembles with fewer members
 AnyMember = SteppedMember | UnstartedMember
@@ -206,7 +206,7 @@ class Ensemble:
             heave.check_reach(end_ns, end_ns)
         self._interrupted = True
         while steps > 0:
-            batch = min(steps, max(1, round(BATCH_S / self.step_s)))
+            batch = min(steps, BATCH_STEPS)
             own = self._scratch_of(batch)
 
             def turn(some: list[SteppedMember], batch: int = batch, own: _OfThread = own) -> None:

@@ -38,6 +38,7 @@ from rope_twin.twin.winch.commands import (
 from rope_twin.twin.winch.winch import Winch
 
 STEPS_PER_CALL = 256  # number of steps for which a twin prescribes motion at most
+OFFERED_NS = 8_000_000_000  # commands known in advance reach the winch so much early, at most
 
 
 class Blending:
@@ -247,6 +248,7 @@ class WinchMotion:
         self._step_s, self._step_ns = step_s, round(step_s * 1e9)
         self._lock = threading.Lock()
         self._first, self._lines = 0, np.array([[length_m, 0.0]])
+        self._offered_ns = 0  # commands before have been passed to the winch
 
     def through(self, first: int, steps: int, heave_rate: Floats | None = None) -> Floats:
         """Paid-out length [m] and its rate [m/s] at the step boundaries, (steps + 1, 2).
@@ -257,21 +259,26 @@ class WinchMotion:
         rates = np.zeros(steps) if heave_rate is None else heave_rate
         with self._lock:
             if (self._first, len(self._lines)) != (first, steps + 1):
-                self._offer(first * self._step_ns, (first + steps) * self._step_ns)
                 lines = [tuple(self._lines[-1])]
                 for step, rate in enumerate(rates.tolist(), start=first):
+                    self._offer(step * self._step_ns)
                     line = self._winch.step(step * self._step_ns, self._step_s, rate)
                     lines.append((line.length_m, line.speed_m_per_s))
                 self._first, self._lines = first, np.array(lines)
             return self._lines
 
-    def _offer(self, from_ns: int, to_ns: int) -> None:
-        """Pass the commands of a batch to the winch; the trial has shown that it accepts them."""
-        due = [] if self._commands is not None else schedule_samples(self._scene, from_ns, to_ns)
+    def _offer(self, now_ns: int) -> None:
+        """Pass the commands of the next seconds to the winch; the trial has shown that it accepts
+        them.
+        """
+        if now_ns < self._offered_ns:
+            return
+        to_ns = self._offered_ns = now_ns + OFFERED_NS
+        due = [] if self._commands is not None else schedule_samples(self._scene, now_ns, to_ns)
         while self._commands and self._commands[0].stamp_ns < to_ns:
             due.append(self._commands.popleft())
         for sample in due:
-            self._winch.take(sample.stamp_ns, sample.command, from_ns)
+            self._winch.take(sample.stamp_ns, sample.command, now_ns)
 
 
 class SharedBoundary:
