@@ -20,6 +20,7 @@ from rope_twin.errors import SceneError, SceneErrors, did_you_mean, phrase
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.environment import beside, is_bag_path
 from rope_twin.scene.grid import elements_with
+from rope_twin.scene.net_grid import net_faults, with_nets
 from rope_twin.scene.reader import Item, Place, kind, read_choice, read_document, read_object
 from rope_twin.scene.relations import faults, independent_faults
 from rope_twin.scene.schema import Rope, Scene
@@ -166,6 +167,10 @@ def load_scene(name_or_path: str | Path) -> Scene:
             digest=hashlib.sha256(data).hexdigest(),
         )
     errors.raise_any()
+    for where, what, right in net_faults(scene):
+        errors.add(Place(path, where, tree.find(where).line).refuse(what, right))
+    errors.raise_any()
+    scene = with_nets(scene) if scene.nets else scene
     for where, what, right in independent_faults(scene):
         errors.add(Place(path, where, tree.find(where).line).refuse(what, right))
     errors.raise_any()

@@ -395,6 +395,31 @@ class RopeLine:
         return lengths
 
 
+@dataclass(frozen=True, kw_only=True)
+class FlexibleNet:
+    """A net with nodes of its own between ropes, which carries tension from rope to rope."""
+
+    name: str = text("name of the net")
+    between: tuple[str, ...] = text("ropes that hold it, side by side, at least two")
+    from_m: float = quantity(
+        "lower edge of the net, from the lower end of each rope", "m", 0.0, 1e3, default=0.0
+    )
+    to_m: float = quantity("upper edge of the net, likewise", "m", 0.1, 1e3)
+    width_m: float = quantity("unstretched width from one rope to the next", "m", 0.1, 500.0)
+    columns: int = quantity("panels across, from one rope to the next", "", 1, 12, default=3)
+    rows: int = quantity("panels in height", "", 1, 12, default=3)
+    twine_m: float = quantity("diameter of the twine", "m", 1e-4, 0.05)
+    bar_m: float = quantity("half-mesh (bar) length, knot to knot", "m", 1e-3, 2.0)
+    twine_kg_per_m3: float = quantity(
+        "density of the twine: polyamide 1140, polyethylene 950, polyester 1380", "kg/m³", 500.0,
+        8000.0, default=1140.0,
+    )  # fmt: skip
+    twine_stiffness_n: float = quantity("axial stiffness EA of one twine", "N", 1.0, 1e8)
+    twine_breaking_load_n: float = quantity("breaking load of one twine", "N", 1.0, 1e7)
+    damping: Damping = text("structural damping of the twines of a border between panels")
+    law: str = text("force law: aarsnes or loeland", "loeland")
+
+
 class Shape(Protocol):
     """Interface of a payload's shape; axes x, y lateral, z vertical."""
 
@@ -527,6 +552,7 @@ class Scene:
     ropes: tuple[RopeLine, ...] = text("the ropes")
     payloads: tuple[Payload, ...] = text("the payloads", ())
     joints: tuple[Joint, ...] = text("connections of ropes without a payload", ())
+    nets: tuple[FlexibleNet, ...] = text("flexible nets between ropes", ())
     struts: tuple[Strut, ...] = text("spreader bars between payloads or joints", ())
     sheaves: tuple[Sheave, ...] = text("sheaves over which two ropes run as one", ())
     hang_offs: tuple[HangOff, ...] = text("further points where ropes leave the ship", ())
