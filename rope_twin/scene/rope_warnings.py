@@ -11,6 +11,7 @@ from math import asin, ceil, degrees, floor, hypot, inf, pi, sqrt
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.hull_contact import HullContactParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.errors import phrase
@@ -149,6 +150,7 @@ def _sling(body: RigidBodyParams, sling: Sling, weight_n: float) -> Iterator[str
 
 
 LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
+SMEARED_SHARE = 0.05  # of the side force of the hull, h/(4·z)
 LARGEST_DAMPING = 0.1  # damping ratio
 # Measured with TR-BDF2 on snapping ropes: peak 0.2, 1 and 6 % low at T/h = 200, 100 and 40.
 STEPS_PER_PERIOD = 100.0
@@ -258,6 +260,19 @@ def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if length < SHORTEST_ELEMENT_M and not fine:
         what = f"elements of {length:.2f} m cost time and bring no accuracy"
         right = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are sufficient"
+        yield phrase("ropes[0].elements", what, right)
+
+
+def _hull_edges(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check elements that cross the hull's edges: their side force is up to h/(4·z) too large."""
+    hull = scene.listed(HullContactParams)
+    depths = [0.5 * box.size_m[2] - box.centre_m[2] for box in hull.boxes] if hull else []
+    z = min((depth for depth in depths if depth > 0.0), default=inf)
+    h = figures.longest_element_m
+    if h > 4.0 * SMEARED_SHARE * z:
+        what = f"elements of {h:.1f} m spread the bend at an edge {z:g} m below the hang-off"
+        least = ceil(scene.ropes[0].length_m / (4.0 * SMEARED_SHARE * z))
+        right = f"expect a side force up to {25.0 * h / z:.0f} % too large, or give {least}"
         yield phrase("ropes[0].elements", what, right)
 
 
@@ -467,6 +482,7 @@ CHECKS: tuple[Check, ...] = (
     check_load,
     _fixed_end,
     _elements,
+    _hull_edges,
     _bend_radius,
     _rope_figures,
     _drag,

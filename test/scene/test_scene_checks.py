@@ -57,6 +57,15 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "ropes[0].elements: ",
         ("55.6 m", "at least 10"),
     ),
+    "elements too long for an edge": (
+        spoilt(
+            "  - weight: {}\n",
+            "  - weight: {}\n  - hull_contact: {boxes: "
+            "[{centre_m: [12.0, 0.0, -8.0], size_m: [20.0, 20.0, 8.0]}]}\n",
+        ),
+        "ropes[0].elements: ",
+        ("10.0 m spread the bend at an edge 12 m below", "up to 21 % too large, or give 209"),
+    ),
     "elements that cannot tell a bend": (
         spoilt("steel_wire_40mm", FIGURES.replace("}", ", minimum_bend_radius_m: 4.0}")),
         "ropes[0].elements: ",
