@@ -1,6 +1,6 @@
 // Tension along the rope with its range of the last minute, over the length down from the sheave.
 
-import { $, canvas, colour, ticks } from "./page.js";
+import { $, canvas, colour, tick, ticks } from "./page.js";
 import { allowed, leastTension, state } from "./link.js";
 import { force, known, units } from "./units.js";
 
@@ -25,12 +25,12 @@ export function draw() {
   context.textAlign = "center";
   for (const at of ticks(low * scale, high * scale, 3)) {
     line(context, x(at / scale), box.top, x(at / scale), box.bottom);
-    context.fillText(String(Math.round(at * 100) / 100), x(at / scale), box.top - 6);
+    if (x(at / scale) < width - 44) context.fillText(tick(at), x(at / scale), box.top - 6); // beside the unit
   }
   context.textAlign = "right";
   for (const at of ticks(0, length, 5)) {
     line(context, box.left, y(at), box.right, y(at));
-    context.fillText(String(Math.round(at)), box.left - 6, y(at) + 4);
+    context.fillText(tick(at), box.left - 6, y(at) + 4);
   }
   context.fillText(`${units().force}`, width - 2, 12);
   context.textAlign = "left";

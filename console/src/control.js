@@ -22,6 +22,7 @@ const winch = () => winchFacts() ?? { switches: [], modes: ["speed", "length", "
 const stoppable = () => facts().winches
   ? Object.entries(facts().winches).filter(([, one]) => one.switches.includes("emergency_stop")).map(([name]) => name)
   : (state.values.winches ?? []).map((row) => row.name);
+export const hasWinch = () => !facts().winches || Object.keys(facts().winches).length > 0;
 const title = (name) => name === "winch" ? "Winch" : `Winch ${name}`;
 const holds = () => state.control?.holder !== null && state.control?.holder === state.page;
 
@@ -70,7 +71,7 @@ async function seat() {
     if (agreed) toast((await request({ do: "release_seat" })).words);
     return;
   }
-  const text = `Seat of the winch: ${state.values.seat ?? "unknown"}. A schedule that commands the winch stops, and its last command remains in force.`;
+  const text = !hasWinch() ? "The scene has no winch: this page may then set limits and command learning." : `Seat of the winch: ${state.values.seat ?? "unknown"}. A schedule that commands the winch stops, and its last command remains in force.`;
   if (!(await ask("Take the seat?", text, "Take the seat"))) return;
   const answer = await request({ do: "take_seat" });
   toast(answer.words, answer.ok);
@@ -128,10 +129,10 @@ export function draw() {
   const holder = control.holder_name ? `Seat: ${control.holder_name.split(" (")[0]}` : "Take the seat";
   write($("seat"), !control.allowed ? (state.hello?.kind === "recording" ? "Recording" : "Read only") : own ? "In command" : holder);
   $("seat").setAttribute("aria-pressed", String(own));
-  $("command").hidden = !own;
+  $("command").hidden = !own || !hasWinch();
   $("learning").hidden = !own;
   $("command").closest(".tile").classList.toggle("commanding", own);
-  if (own) panel();
+  if (own && hasWinch()) panel();
 }
 
 function panel() {

@@ -154,7 +154,7 @@ $("palette").onclick = nextPalette;
 $("units").onclick = setUnits;
 document.addEventListener("keydown", keys);
 window.addEventListener("resize", () => { along.repaint(); survey.repaint(); fresh = true; });
-on("hello", (content) => { trend.fill(content.trend); write($("scene"), facts().scene ?? content.source?.name ?? "rope_twin"); trend.repaint(); fresh = true; });
+on("hello", (content) => { trend.fill(content.trend); winch.fill(content.trend); write($("scene"), facts().scene ?? content.source?.name ?? "rope_twin"); trend.repaint(); fresh = true; });
 on("row", (row) => { if (row.trend) trend.add(row.trend); fresh = true; });
 on("profile", () => { fresh = true; });
 on("state", () => { fresh = true; });

@@ -1,6 +1,7 @@
 // Small parts that all pages use: elements, figures, colours of the palette, freshness of numbers.
 
 import icons from "./icons.gen.js";
+import { inUnits } from "./units.js";
 
 export const $ = (id) => document.getElementById(id);
 const written = new WeakMap();
@@ -38,6 +39,7 @@ export function addIcons() {
 // A list of labelled figures: rows of [label, text, unit, class], or null for one that is absent.
 export function figures(parent, rows) {
   const present = rows.filter(Boolean);
+  parent.classList.toggle("dense", present.length > 6);
   const key = present.map(([label, , unit, kind]) => `${label}|${unit}|${kind}`).join("\n");
   if (parent.dataset.key !== key) {
     parent.dataset.key = key;
@@ -68,7 +70,7 @@ export const forgetColours = () => seen.clear();
 let hideToast = 0;
 export function toast(text, good = true) {
   const element = $("toast");
-  element.textContent = text;
+  element.textContent = inUnits(text);
   element.classList.toggle("bad", !good);
   element.hidden = false;
   clearTimeout(hideToast);
@@ -126,6 +128,9 @@ export function canvas(element) {
   context.font = "12px 'Noto Sans', sans-serif";
   return { context, width, height };
 }
+
+// Label of a step.
+export const tick = (at) => String(Math.round(at * 100) / 100).replace("-", "−");
 
 // Round steps of an axis, about `count` of them.
 export function ticks(low, high, count) {

@@ -1,9 +1,9 @@
 // Second page: profile to scale, touchdown, bend radius.
 
-import { $, canvas, colour, figures, ticks, write } from "./page.js";
+import { $, canvas, colour, figures, tick, ticks, write } from "./page.js";
 import { crewLimit, facts, limit, payload, ropeNames, state } from "./link.js";
 import { fixed, force, known, metres, units } from "./units.js";
-import { payloadRows } from "./winch.js";
+import { offset, payloadRows } from "./winch.js";
 
 let trueScale = false, drawn = null;
 export const repaint = () => { drawn = null; };
@@ -24,6 +24,7 @@ export function draw() {
   const [nearest, ...crossings] = values.crossings ?? []; // of two lines around a sheave
   figures($("survey-payload"), [
     ...payloadRows(values),
+    one && values.body ? offset(values) : null,
     one ? ["East", metres(one.place_m[0], 1, true), "m"] : null,
     one ? ["North", metres(one.place_m[1], 1, true), "m"] : null,
   ]);
@@ -31,16 +32,16 @@ export function draw() {
     ["Layback", metres(down.layback_m), "m"], ["Line out to it", metres(down.line_out_m), "m"],
     ["Tension there", force(down.tension_n), units().force], ["Angle to the bed", fixed(down.angle_deg, 1), "°"],
     ["East", metres(down.x, 1, true), "m"], ["North", metres(down.y, 1, true), "m"], ["Depth", metres(known(down.z) ? -down.z : null), "m"],
-  ] : [["Touchdown", values.touchdowns ? "none" : "no seabed", ""]]);
+  ] : [["Touchdown", values.touchdowns ? "none" : "no seabed in this scene", "", "wide"]]);
   figures($("survey-bend"), bend ? [
-    ["Smallest now", metres(bend.radius_m, 2), "m"], ["Since the start", metres(bend.smallest_radius_m, 2), "m"],
-    ["Minimum (MBR)", metres(least, 2), "m", known(bend.radius_m) && known(least) && bend.radius_m < least ? "bad" : ""], ["At line out", metres(bend.line_out_m), "m"],
+    ["Smallest now", metres(bend.radius_m, 2), "m", known(bend.radius_m) && known(least) && bend.radius_m < least ? "bad" : ""], ["Since the start", metres(bend.smallest_radius_m, 2), "m"],
+    known(least) ? ["Minimum (MBR)", metres(least, 2), "m"] : null, ["At line out", metres(bend.line_out_m), "m"],
   ] : [["Bend radius", "not monitored", "", "wide"]]);
   const apart = limit("line_clearance_m");
   $("survey-lines").hidden = !nearest;
   if (nearest) figures($("survey-crossings"), [
     ["Crossings", String(crossings.length), ""], [`Nearest${known(apart) ? ` ≥ ${metres(apart, 1)}` : ""}`, metres(nearest.distance_m, 2), "m", known(apart) && nearest.distance_m < apart ? "bad" : ""],
-    ["Angle there", fixed(nearest.angle_deg, 1), "°"], ["Depth there", metres(known(nearest.z) ? -nearest.z : null), "m"],
+    known(nearest.angle_deg) ? ["Angle there", fixed(nearest.angle_deg, 1), "°"] : null, ["Depth there", metres(known(nearest.z) ? -nearest.z : null), "m"],
   ]);
   shape();
 }
@@ -58,7 +59,7 @@ function shape() {
   const across = ropes.flatMap((rope) => rope.x_m.map((x, k) => along(x, rope.y_m[k])));
   const depths = ropes.flatMap((rope) => rope.z_m), low = Math.min(...depths, bed ?? 0), high = Math.max(...depths, 0);
   const span = Math.max(...across) - Math.min(...across), deep = high - low || 1;
-  const box = { left: 56, right: width - 16, top: 12, bottom: height - 34 };
+  const box = { left: 56, right: width - 16, top: 22, bottom: height - 34 };
   const vertical = (box.bottom - box.top) / (deep * 1.06);
   const horizontal = trueScale ? vertical : (box.right - box.left) / Math.max(span * 1.15, 1e-3, deep * 0.01);
   const middle = (Math.max(...across) + Math.min(...across)) / 2, centre = (box.left + box.right) / 2;
@@ -71,15 +72,17 @@ function shape() {
   context.textAlign = "right";
   for (const at of ticks(low, high, 8)) {
     stroke(context, [[box.left, y(at)], [box.right, y(at)]]);
-    context.fillText(String(Math.round(-at)), box.left - 6, y(at) + 4);
+    context.fillText(tick(-at), box.left - 6, y(at) + 4);
   }
   context.textAlign = "center";
   const half = (box.right - box.left) / 2 / horizontal;
   for (const at of ticks(middle - half, middle + half, 6)) {
     stroke(context, [[x(at), box.top], [x(at), box.bottom]]);
-    context.fillText(`${Math.round(at * 100) / 100}`, x(at), box.bottom + 16);
+    context.fillText(tick(at), x(at), box.bottom + 16);
   }
   context.fillText("m from the sheave", centre, height - 4);
+  context.textAlign = "left";
+  context.fillText("m deep", 0, 10);
   context.lineWidth = 2;
   context.strokeStyle = colour("--instrument-enhanced-secondary-color");
   stroke(context, [[box.left, y(0)], [box.right, y(0)]]);

@@ -1,12 +1,12 @@
 // Trend of the tension: computed, measured, error interval, forecast band, and limits.
 
 import uPlot from "uplot";
-import { $, colour } from "./page.js";
+import { $, colour, tick } from "./page.js";
 import { allowed, leastTension, rope, stale, state } from "./link.js";
 import { force, known, units } from "./units.js";
 
 const WINDOW_S = 60, AHEAD_S = 30;
-let chart = null, lines = [], dirty = false, toLimit = false, hasForecast = false, horizonAt = null;
+let chart = null, lines = [], dirty = false, toLimit = false, hasForecast = false, horizonAt = null, legendKey = "";
 
 export function start() {
   build();
@@ -57,7 +57,8 @@ export function draw() {
   const scale = units().newton, scaled = (values) => values.map((one) => one === null ? null : one * scale);
   const now = columns.time[columns.time.length - 1];
   const band = ahead(now);
-  if (band.length > 0 !== hasForecast) { hasForecast = band.length > 0; legend(); }
+  hasForecast = band.length > 0;
+  legend(columns);
   horizonAt = hasForecast ? horizon(now) : null;
   const past = (values) => [...scaled(values), ...band.map(() => null)];
   const next = (name) => [...columns.time.map(() => null), ...scaled(band.map((row) => row[name]))];
@@ -146,9 +147,15 @@ function marks(self) {
   ctx.restore();
 }
 
-function legend() {
-  const rows = [["computed", "computed"], ["measured", "measured"], ["band computed", "95 %"]];
+// Only of what is drawn.
+function legend({ measured, low }) {
+  const rows = [["computed", "computed"]];
+  if (measured.some(known)) rows.push(["measured", "measured"]);
+  if (low.some(known)) rows.push(["band computed", "95 %"]);
   if (hasForecast) rows.push(["band computed", "forecast 5–95 %"]);
+  const key = rows.join();
+  if (key === legendKey) return;
+  legendKey = key;
   $("trend-legend").replaceChildren(...rows.map(([kind, text]) => {
     const span = document.createElement("span");
     span.className = kind;
@@ -167,14 +174,13 @@ function build() {
   const axis = { stroke: colour("--element-neutral-color"), font: "13px 'Noto Sans', sans-serif",
     grid: { stroke: colour("--border-outline-color"), width: 1 }, ticks: { show: false } };
   const none = { show: true, stroke: "transparent", width: 0, points: { show: false } };
-  legend();
   chart = new uPlot({
     width: Math.max(holder.clientWidth, 100), height: Math.max(holder.clientHeight, 80),
     cursor: { show: false }, legend: { show: false }, padding: [8, 18, 0, 0],
     scales: { x: { time: false, range: () => [-WINDOW_S, hasForecast ? AHEAD_S : 0] }, y: { range: yRange } },
     axes: [
-      { ...axis, values: (_, at) => at.map((one) => one === 0 ? "now" : `${one > 0 ? "+" : "−"}${Math.abs(one)} s`), size: 24, gap: 2 },
-      { ...axis, size: 58, gap: 4 },
+      { ...axis, values: (_, at) => at.map((one) => one === 0 ? "now" : `${one > 0 ? "+" : "−"}${Math.abs(one)} s`), size: 28, gap: 6 },
+      { ...axis, values: (_, at) => at.map(tick), size: 58, gap: 4 },
     ],
     series: [
       {},

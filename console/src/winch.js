@@ -1,8 +1,9 @@
 // The first page: what a winch driver needs, on one screen.
 
 import { $, figures, make, write } from "./page.js";
-import { allowed, facts, leastTension, limit, own, payload, residual, rope, ropeNames, said, state, winch, winchName, winchRow } from "./link.js";
-import { fixed, force, known, metres, speed, units } from "./units.js";
+import { allowed, facts, leastTension, limit, own, payload, residual, rope, ropeNames, said, stale, state, winch, winchName, winchRow } from "./link.js";
+import { commands, hasWinch } from "./control.js";
+import { fixed, force, inUnits, known, metres, speed, units } from "./units.js";
 
 export function draw() {
   const values = state.values;
@@ -12,6 +13,12 @@ export function draw() {
   gear(values, winch());
   risk(values);
   quality(values);
+}
+
+// Heave of the minute before the page connected.
+export function fill(trend) {
+  heaves.length = 0;
+  (trend[0]?.heave_m ?? []).forEach((heave, number) => { if (known(heave) && number % 4 === 0) heaves.push([trend[0].time_s[number], heave]); });
 }
 
 const percent = (part) => `${Math.max(0, Math.min(100, 100 * part)).toFixed(1)}%`;
@@ -43,7 +50,7 @@ function bigNumbers(rope, winch) {
   place(meter.children[1], full && known(highest) ? highest / full : null);
   place(meter.children[2], full ? top / full : null);
   meter.classList.toggle("alarm", known(tension) && known(top) && tension > top);
-  meter.classList.toggle("warning", known(tension) && known(top) && tension > 0.9 * top && tension <= top);
+  meter.classList.toggle("warning", known(tension) && known(top) && tension > 0.95 * top && tension <= top);
   const load = used && known(used.utilisation) && used.utilisation > 0 ? highest / used.utilisation : rope.breaking_load_n;
   write($("utilisation"), known(tension) && known(load) ? fixed(100 * tension / load, 1) : "–");
   write($("utilisation-under"), known(load)
@@ -78,12 +85,16 @@ const LANDING_M = 20; // above the bed: from there on a crew watches the speed o
 const most = (value, text) => known(value) ? ` ≤ ${text(value)}` : "";
 const beyond = (is, value) => known(value) && is ? "bad" : "";
 
+export function offset(values) {
+  const [x, y] = payload().place_m, [x0 = 0, y0 = 0] = values.hang_off_m ?? [];
+  return ["Offset", metres(Math.hypot(x - x0, y - y0)), "m"];
+}
+
 export function payloadRows(values) {
   const one = payload(), bed = values.bed?.[0];
   if (!one) return [["Depth", "–", "m"]];
   const [, , z] = one.place_m, [vx, vy, vz] = one.velocity_m_per_s;
-  const away = Math.hypot(one.place_m[0] - (values.hang_off_m?.[0] ?? 0), one.place_m[1] - (values.hang_off_m?.[1] ?? 0));
-  const body = values.body?.[0];
+  const body = values.body?.[0], held = known(bed?.payload_reaction_n) && bed.payload_reaction_n > 0;
   const bedZ = facts().bed_m, height = known(bed?.payload_height_m) ? bed.payload_height_m : known(bedZ) ? z - bedZ : null;
   const fast = Math.hypot(vx, vy, vz), deepest = limit("payload_depth_m"), fastest = limit("payload_speed_m_per_s");
   const clear = limit("bed_clearance_m"), landing = limit("landing_speed_m_per_s");
@@ -91,25 +102,25 @@ export function payloadRows(values) {
     [`Depth${most(deepest, (one) => metres(one, 0))}`, metres(known(z) ? -z : null), "m", beyond(-z > deepest, deepest)],
     [known(fastest) ? `Speed${most(fastest, speed)}` : "Vertical speed", known(vz) ? `${vz < 0 ? "↓" : "↑"} ${speed(Math.abs(vz))}` : "–", units().speed, beyond(fast > fastest, fastest)],
     height === null ? null : [known(clear) ? `Height ≥ ${metres(clear, 0)}` : "Above the bed", metres(height), "m", beyond(height < clear, clear)],
-    known(landing) && known(height) && height < LANDING_M ? [`Landing${most(landing, speed)}`, speed(Math.max(0, -vz)), units().speed, beyond(-vz > landing, landing)] : null,
-    ["Offset", metres(away), "m"],
+    known(landing) && known(height) && height < LANDING_M && !held ? [`Landing${most(landing, speed)}`, speed(Math.max(0, -vz)), units().speed, beyond(-vz > landing, landing)] : null,
+    body ? null : offset(values),
     body ? ["Roll, pitch", `${fixed(one.attitude_deg[0], 1, true)}, ${fixed(one.attitude_deg[1], 1, true)}`, "°"] : null,
     body ? ["Heading", fixed((90 - one.attitude_deg[2] + 720) % 360, 0), "°"] : null,
     height === null && !body ? ["Speed", speed(Math.hypot(vx, vy, vz)), units().speed] : null,
-    known(bed?.payload_reaction_n) && bed.payload_reaction_n > 0 ? ["On the bed", force(bed.payload_reaction_n), units().force] : null,
+    held ? ["On the bed", force(bed.payload_reaction_n), units().force] : null,
   ];
 }
 
 function load(values) {
-  write($("payload-name"), payload()?.name ?? "");
+  write($("payload-name"), rope().payload || payload()?.name || "");
   const depth = residual("payload_depth_m"), rows = payloadRows(values);
   if (depth && known(depth.measured)) rows.push(["Measured, Δ", `${metres(depth.measured)}, ${metres(depth.residual, 1, true)}`, "m"]);
   const line = state.profile[state.line], least = leastTension();
   const weight = ropeNames().length < 2 ? facts().payloads?.[0]?.submerged_n : null; // else lines share it
   if (line && known(line.least_n)) {
     const margin = line.least_n - (known(least) ? least : 0);
-    const share = known(weight) && weight > 0 ? `, ${fixed(100 * line.least_n / weight, 0)} %` : "";
-    rows.push(["Slack margin, 60 s", force(margin, margin < 0), `${units().force}${share}`, margin < 0 ? "bad" : ""]);
+    rows.push(["Slack margin", force(margin, margin < 0), units().force, margin < 0 ? "bad" : ""]);
+    if (known(weight) && weight > 0) rows.push(["of its weight", fixed(100 * line.least_n / weight, 0), "%"]);
   }
   figures($("payload-figures"), rows);
 }
@@ -129,8 +140,8 @@ function sea(values) {
   figures($("sea-figures"), [
     ["Heave", metres(heave, 2, true), "m"],
     ["Heave rate", fixed(rate?.[2], 2, true), "m/s"],
-    ["Sign. heave, 4σ", heaves.length > 100 ? metres(4 * spread, 1) : "–", "m"],
-    ["Sea surface", metres(values.elevation_m, 2, true), "m"],
+    heaves.length > 100 ? ["Sign. heave, 4σ", metres(4 * spread, 1), "m"] : null,
+    known(values.elevation_m) ? ["Sea surface", metres(values.elevation_m, 2, true), "m"] : null,
     known(given.significant_height_m) ? ["Sea Hs, Tp", `${metres(given.significant_height_m)}, ${fixed(given.peak_period_s, 1)}`, "m, s"] : null,
     unit ? ["Hook compensator", metres(unit.stroke_m, 2), "m stroke"] : null,
   ]);
@@ -141,23 +152,27 @@ function deviation(values) {
   return Math.sqrt(values.reduce((sum, one) => sum + (one - mean) ** 2, 0) / values.length);
 }
 
+const within = (value, unit) => known(value) ? ` ±${fixed(value, 1)} ${unit}` : "";
+
 function gear(values, winch) {
   const row = winchRow() ?? {};
   const [, mode = "–", limit = ""] = /^([^(]*?)(?: \((.*)\))?$/.exec(said(values.winch_mode)) ?? [];
   const name = ropeNames().length > 1 ? `${winchName()} · ` : "";
-  write($("mode"), name + (mode || "–"));
+  write($("mode"), hasWinch() ? name + (inUnits(mode) || "–") : "none in this scene");
+  write($("winch-limit"), limit && inUnits(limit));
+  $("winch-limit").title = limit;
+  const seat = said(values.seat);
+  write($("winch-seat"), seat && `Seat: ${seat}`);
   const turn = layer(row.drum_radius_m, winch);
   const rows = [
-    limit ? ["At its limit", limit, "", "wide"] : null,
-    "brake_holds" in row ? ["Brake", row.brake_holds ? "set" : "released", ""] : null,
-    "compensation_on" in row ? ["Compensation", row.compensation_on ? "on" : "off", ""] : null,
-    "compensation_m" in row && known(row.compensation_m) ? ["AHC stroke", metres(row.compensation_m, 2, true), winch?.compensation_stroke_m ? `±${metres(winch.compensation_stroke_m, 1)} m` : "m"] : null,
-    known(row.compensation_m_per_s) ? ["AHC speed", fixed(row.compensation_m_per_s, 2, true), winch?.compensation_speed_m_per_s ? `±${fixed(winch.compensation_speed_m_per_s, 1)} m/s` : "m/s"] : null,
+    "brake_holds" in row && !commands() ? ["Brake", row.brake_holds ? "set" : "released", ""] : null, // else on its button
+    "compensation_on" in row && !commands() ? ["Compensation", row.compensation_on ? "on" : "off", ""] : null,
+    "compensation_m" in row && known(row.compensation_m) ? [`AHC${within(winch?.compensation_stroke_m, "m")}`, metres(row.compensation_m, 2, true), "m"] : null,
+    known(row.compensation_m_per_s) ? [`AHC${within(winch?.compensation_speed_m_per_s, "m/s")}`, fixed(row.compensation_m_per_s, 2, true), "m/s"] : null,
     turn === null ? null : ["Drum layer", String(turn), `r ${metres(row.drum_radius_m, 2)} m`],
     known(row.drum_radius_m) && turn === null ? ["Drum radius", metres(row.drum_radius_m, 2), "m"] : null,
     known(row.motor_torque_n_m) ? ["Motor torque", fixed(row.motor_torque_n_m / 1000, 0, true), "kN·m"] : null,
     known(row.brake_torque_n_m) && row.brake_holds ? ["Brake torque", fixed(row.brake_torque_n_m / 1000, 0, true), "kN·m"] : null,
-    ["Seat", said(values.seat) || "–", "", "wide"],
   ];
   figures($("winch-figures"), rows);
 }
@@ -171,12 +186,13 @@ function layer(radius, winch) {
 const SPANS = [10, 20, 30];
 function risk(values) {
   const rows = SPANS.map((span) => values.risk?.rows.find((row) => row.span_s === span)).filter(Boolean), holder = $("risk");
-  const key = JSON.stringify([rows, quiet(values), units().name, ropeNames().length]);
+  const why = rows.length ? "" : notForecast(values);
+  const last = stale("forecast/risk") ? notForecast(values) : quiet(values), key = JSON.stringify([rows, last, units().name, why]);
   if (holder.dataset.key === key) return;
   holder.dataset.key = key;
   holder.className = rows.length ? "known" : "empty";
   if (!rows.length) {
-    holder.replaceChildren(ropeNames().length > 1 ? "No forecast: it is made for one rope, not for joined ones" : "No forecast");
+    holder.replaceChildren(why);
     return;
   }
   const limit = rows[0].tension_limit_n, heads = rows.map((row) => `${row.span_s} s`);
@@ -188,7 +204,15 @@ function risk(values) {
     ...line("", heads, "k"), ...line(`P(> ${fixed(limit * units().newton, 0)} ${units().force})`, chance("tension"), "v"),
     ...line("P(slack)", chance("slack"), "v"),
     ...line("Heave", sure.map(() => "known"), "k"), ...(sure.length < rows.length ? [guess] : []),
-    make("div", "k all", quiet(values)));
+    make("div", "k all", last));
+}
+
+// Why no forecast comes, in the words of the node that makes them.
+function notForecast(values) {
+  const worker = values["diagnostics forecast: worker"];
+  if (ropeNames().length > 1) return `No forecast: it is made for a scene of one rope, not for ${ropeNames().length} that are joined`;
+  if (worker) return `No forecast: ${worker.message}`;
+  return state.hello?.kind === "recording" ? "No forecast in this recording" : "No forecast: none is made in this run";
 }
 
 // The surest quiet window, or the first of those that are equally sure; begins are from the origin.
@@ -202,7 +226,7 @@ function quiet(values) {
   return `Quiet ${fixed(best.length_s, 0)} s (< ${speed(best.speed_limit_m_per_s)} ${units().speed}) ${from}: ${fixed(100 * best.probability, 0)} %${doubt}`;
 }
 
-const LABELS = { top_tension: "Top tension", payload_depth: "Payload depth", slack: "Slack", fatigue: "Fatigue" };
+const LABELS = { top_tension: "Top tension", payload_depth: "Payload depth", slack: "Slack", fatigue: "Fatigue", forecast: "Forecast" };
 function quality(values) {
   const rows = values.quality ?? [], holder = $("quality");
   if (!rows.length) { if (!holder.classList.contains("empty")) { holder.className = "empty"; holder.textContent = "No index"; } return; }
@@ -214,8 +238,8 @@ function quality(values) {
   holder.className = "";
   holder.replaceChildren(...rows.map((row) => {
     const line = make("div", "index"), bar = make("div", "bar2"), full = make("i");
-    if (row.index < 0.5) bar.classList.add("alarm");
-    else if (row.index < 0.7 - 1e-6) bar.classList.add("warning");
+    if (row.index < 0.5) bar.classList.add("warning"); // as their alerts
+    else if (row.index < 0.7 - 1e-6) bar.classList.add("caution");
     full.style.width = percent(row.index ?? 0);
     bar.append(full);
     line.append(make("span", "", LABELS[row.name] ?? row.name), make("b", "", fixed(row.index, 2)), bar);

@@ -336,8 +336,8 @@ class RopeProfile:
         x, y, z = (np.interp(wanted, along, place[:, axis]) for axis in range(3))
         return {
             "along_m": _rounded(wanted, 1),
-            "x_m": _rounded(x, 2),
-            "y_m": _rounded(y, 2),
+            "x_m": _rounded(x, 3),
+            "y_m": _rounded(y, 3),
             "z_m": _rounded(z, 2),
             "tension_n": _rounded(tension_n, 0),
             "low_n": _rounded(low_n, 0),

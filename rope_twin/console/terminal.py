@@ -27,6 +27,7 @@ from rope_twin.console.figures import (
     big_figures,
     known,
     limit,
+    no_forecast,
     of_rope,
     payload_figures,
     quality_lines,
@@ -185,9 +186,8 @@ class TerminalConsole(App[None]):
             self.query_one(f"#big-{number}", _Big).show(figure, age, old)
         self._draw_trend(view, ages)
         self._put("alerts", self._alerts())
-        lines = [*risk_lines(values, units), *quality_lines(values)]
-        words = "\n".join(lines) or "No forecast, no quality index"
-        self._put("lines", Text(words), layout=True)
+        risks = risk_lines(values, units) or [no_forecast(whole.values)]
+        self._put("lines", Text("\n".join([*risks, *quality_lines(values)])), layout=True)
         payload = payload_figures(values, view.profile, facts, units)
         for name, rows in (("payload", payload), ("sea", sea_figures(values, facts)),
                            ("winch", winch_figures(values, facts))):  # fmt: skip

@@ -82,7 +82,7 @@ _LIMITS_IN_WORDS = {  # name of the limited quantity, scale, unit and number for
     "utilisation": ("utilisation of", 1.0, "", ".3g"),
     "strain": ("strain of", 100.0, " %", ".3g"),
     "min_tension_n": ("minimum tension of", 1e-3, " kN", ".1f"),
-    "bend_radius": ("bend radius of", 1.0, " m", ".3g"),
+    "bend_radius": ("bend radius of", 1.0, " m", ".4g"),
     "payload_speed_m_per_s": ("speed of", 1.0, " m/s", ".3g"),
     "payload_depth_m": ("depth of", 1.0, " m", ".1f"),
     "landing_speed_m_per_s": ("landing speed of", 1.0, " m/s", ".3g"),

@@ -21,8 +21,10 @@ from rope_twin.messages.status import Level, Status
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.twin.snapshot import (
+    Bend,
     InputHealth,
     LimitBreach,
+    RopeBend,
     RopeStrength,
     Snapshot,
     WinchShot,
@@ -149,6 +151,24 @@ def test_a_crews_limits_along_the_rope_and_of_a_landing(with_bed: Any) -> None:
     assert [where for number, where in found if number == 10011] == ["tool landing_speed_m_per_s"]
     course.watch.crew.set("landing_speed_m_per_s", "scene")
     assert 10011 not in [number for number, _ in course.see(0.02, seabed=above)]
+
+
+def test_a_crews_bend_radius(tmp_path: Any) -> None:
+    path = tmp_path / "stiff.yaml"
+    bending = "\n  - bending: {stiffness_n_m2: 20000.0}"
+    path.write_text(SMALL_SCENE.replace("effects:", f"effects:{bending}"))
+    course = commanded(load_scene(path), "bend_radius_m 400")
+
+    def bends(radius_m: float) -> tuple[RopeBend, ...]:
+        one = Bend("hoist", radius_m, 48.0, course.time_ns * 1e-9, 0.0, 2.0)
+        return (RopeBend(one, (0.0, 0.0, -48.0), one),)
+
+    assert course.see(1.0, bends=bends(400.5)) == {}
+    key = (10011, "hoist bend_radius")
+    assert course.see(0.02, bends=bends(399.5)) == {key: Priority.ALARM}
+    (one,) = course.watch.look(course.last)
+    assert one.text.startswith("bend radius of 'hoist' 399.5 m, below the limit of 400 m")
+    assert course.see(11.0, bends=bends(500.0)) == {}
 
 
 def test_a_crew_sets_no_limit_of_what_the_scene_has_not(scene: Any, with_bed: Any) -> None:

@@ -22,6 +22,7 @@ from rope_twin.console.pages import Pages
 from rope_twin.console.readings import Readings, stale_limits_s
 from rope_twin.console.requests import Log, Requests
 from rope_twin.console.server import Server
+from rope_twin.messages.status import Level, Status
 
 CHROMIUM = Path("/usr/bin/chromium")
 pytestmark = [
@@ -148,7 +149,7 @@ def test_numbers_are_those_of_the_topics(open_page: Callable[..., Any], served: 
         ("payload-figures", f"{-shot.payload_position_m[2]:.1f}"),
         ("tension-measured", "measured 321.0 kN Δ +0.2 kN"),
         ("quality", "0.80"),
-        ("risk", "No forecast"),
+        ("risk", "No forecast: none is made in this run"),
     ):
         until_shown(page, name, words)
     page.keyboard.press("u")  # t · m/min
@@ -157,6 +158,15 @@ def test_numbers_are_those_of_the_topics(open_page: Callable[..., Any], served: 
     page.keyboard.press("u")
     page.keyboard.press("u")
     until_shown(page, "line-speed", "+0.50")
+
+
+def test_why_there_is_no_forecast(open_page: Callable[..., Any], served: Served) -> None:
+    waiting = Status("forecast: worker", Level.OK, "waits for 18 s more of heave", {})
+    served.source.rows = [*served.source.rows, waiting]
+    page = open_page()
+    until_shown(page, "risk", "No forecast: waits for 18 s more of heave")
+    served.source.several = True
+    until_shown(page, "risk", "No forecast: it is made for a scene of one rope")
 
 
 def test_risk_and_quiet_window_of_a_forecast(open_page: Callable[..., Any], served: Served) -> None:

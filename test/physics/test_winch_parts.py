@@ -155,7 +155,9 @@ def test_a_rendering_drum_holds_its_torque_over_its_radius(scene: Scene, inertia
     assert tension[-500:].std() < 1e-3 * held, "it is steady"
     words = twin.snapshot().winch_at_limit
     assert "renders: " in words
-    assert f"line {twin.snapshot().payout_speed_m_per_s:+.2f} m/s where +0.00 is wanted" in words
+    assert (
+        f"line {twin.snapshot().payout_speed_m_per_s:+.2f} m/s where +0.00 m/s is wanted" in words
+    )
     if inertia < 1.0:
         assert np.abs(tension[100:] / held - 1.0).max() < 0.02, "a light drum does not ring"
 

@@ -273,7 +273,7 @@ class Drive(Component):
         return (
             f"renders: {moment.feedback.pull_n * 1e-3:.0f} kN on the rope, the drive gives "
             f"{limit * 1e-3:.0f} kN on layer {layer}, line {after.speed_m_per_s:+.2f} m/s where "
-            f"{wanted.speed_m_per_s:+.2f} is wanted"
+            f"{wanted.speed_m_per_s:+.2f} m/s is wanted"
         )
 
     def figures(self, line: Payout) -> dict[str, float]:
