@@ -54,7 +54,7 @@ function bigNumbers(rope, winch) {
   const load = used && known(used.utilisation) && used.utilisation > 0 ? highest / used.utilisation : rope.breaking_load_n;
   write($("utilisation"), known(tension) && known(load) ? fixed(100 * tension / load, 1) : "–");
   write($("utilisation-under"), known(load)
-    ? `of MBL ${force(load)} ${units().force}, max. ${fixed(100 * (used?.utilisation ?? NaN), 1)} %` : "");
+    ? `of MBL ${force(load)} ${units().force}${known(used?.utilisation) ? `, max. ${fixed(100 * used.utilisation, 1)} %` : ""}` : "");
   write($("highest"), `${force(highest)} ${units().force}`);
   write($("amplification"), fixed(used?.dynamic_amplification, 2));
   write($("static"), `${force(used?.static_tension_n)} ${units().force}`);
@@ -120,7 +120,7 @@ function load(values) {
   if (line && known(line.least_n)) {
     const margin = line.least_n - (known(least) ? least : 0);
     rows.push(["Slack margin", force(margin, margin < 0), units().force, margin < 0 ? "bad" : ""]);
-    if (known(weight) && weight > 0) rows.push(["of its weight", fixed(100 * line.least_n / weight, 0), "%"]);
+    if (known(weight) && weight > 0) rows.push(["Margin/weight", fixed(100 * line.least_n / weight, 0), "%"]);
   }
   figures($("payload-figures"), rows);
 }

@@ -16,7 +16,7 @@ import pytest
 from console_rig import FACTS, TENSION_ALARM, TOKEN, FakeCommander, SnapshotSource
 from sample_snapshot import RESIDUAL, hanging_rope, lifted
 
-from rope_twin.alerts.alert_list import State
+from rope_twin.alerts.alert_list import Priority, State
 from rope_twin.console.control import Desk, Token
 from rope_twin.console.pages import Pages
 from rope_twin.console.readings import Readings, stale_limits_s
@@ -482,6 +482,39 @@ def test_an_alert_flashes_until_it_is_acknowledged(
     page.click("#alerts li.shelved button")
     until_shown(page, "toast", "unshelve 10001.1: sent")
     assert served.commander.alert_words[-1] == "unshelve 10001.1"
+
+
+HEAR_TONES = """window.tones = [];
+const make = AudioContext.prototype.createOscillator;
+AudioContext.prototype.createOscillator = function () {
+  const one = make.call(this);
+  window.tones.push(one);
+  return one;
+};
+null"""
+
+
+def test_alarms_and_warnings_sound_until_they_are_silenced(
+    open_page: Callable[..., Any], served: Served
+) -> None:
+    """Three tones of 960 Hz for an alarm, two of 620 Hz for a warning; only after a touch."""
+    page = open_page()
+    page.evaluate(HEAR_TONES)
+    served.source.alerts = [TENSION_ALARM]
+    until_shown(page, "alerts", "510 kN")
+    assert page.locator("#sound-off").is_visible()
+    assert page.evaluate("window.tones.length") == 0
+    page.click("#winch .big h2")
+    until(page, "document.getElementById('sound-off').hidden && window.tones.length >= 3")
+    assert page.evaluate("window.tones.map((one) => one.frequency.value)")[:3] == [960.0] * 3
+    served.source.alerts = [replace(TENSION_ALARM, state=State.SILENCED, revision=2)]
+    until(page, "!document.querySelector('#alerts li.flash')")
+    page.evaluate("window.tones.length = 0")
+    time.sleep(4.5)  # more than from one sound to the next
+    assert page.evaluate("window.tones.length") == 0
+    served.source.alerts = [replace(TENSION_ALARM, priority=Priority.WARNING, revision=3)]
+    until(page, "window.tones.length === 2")
+    assert page.evaluate("window.tones.map((one) => one.frequency.value)") == [620.0] * 2
 
 
 def test_a_page_reconnects_when_its_server_comes_back(browser: Any) -> None:
