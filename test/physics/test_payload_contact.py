@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import log1p, pi, sqrt
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +13,13 @@ from numpy.typing import NDArray
 from rigs import Rig
 from scipy.optimize import brentq
 
+from benchmarks.effect_speed import traces
 from rope_twin.core import state as rows
 from rope_twin.core.energy import SystemBorder, measure_system
+from rope_twin.core.jit.decorators import assembly, jit_entry
+from rope_twin.core.joined.joints import Joined
 from rope_twin.core.joined.payload_contact import PayloadContact, payload_touch_of
+from rope_twin.core.joined.stage import gather_connections
 from rope_twin.effects.payload_contact import PayloadContactParams, TouchingBody, placed
 from rope_twin.twin.contact import system_contacts
 
@@ -174,6 +179,30 @@ def test_a_step_that_moves_a_body_through_another_does_not_pass_it() -> None:
     meet(bench, 0.4)
     assert bench.joints[0, 0] < bench.joints[0, 1]
     assert border(bench).store.total <= start * (1.0 + 1e-3)
+
+
+KERNELS = "rope_twin.core.joined.payload_contact"
+
+
+@jit_entry
+def gather(system: Any, stage: Any) -> None:
+    """What is added between ropes and connections."""
+    gather_connections(system, stage)
+
+
+def test_where_nothing_is_listed_there_is_no_code_for_it() -> None:
+    """No symbol of the effect's kernels in the step's part between ropes."""
+    system, stage = flying(CONTACT).system, rows.Stage(0.0, 1.0, 1.0, 0.0)
+    stack = system.stack
+    rest_of_it = tuple(own for own in stack.effects if not isinstance(own, PayloadContact))
+    assert len(rest_of_it) == len(stack.effects) - 1
+    whole, without = (
+        assembly(gather, (Joined(stack._replace(effects=own), system.joints, None), stage))
+        for own in (stack.effects, rest_of_it)
+    )
+    assert traces(whole, KERNELS)
+    assert not traces(without, KERNELS)
+    assert "add_ties" in without
 
 
 LEANING = Rig(
