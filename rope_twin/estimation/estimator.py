@@ -36,7 +36,7 @@ from rope_twin.estimation.figures import (
     factors_of,
     scene_prior,
 )
-from rope_twin.estimation.lift_model import LiftModel, Prediction
+from rope_twin.estimation.lift_model import ExpectedMotion, LiftModel, Prediction
 from rope_twin.estimation.measured_lift import MEAN_S, MeasuredLift
 from rope_twin.estimation.noise import (
     ExpectedHeave,
@@ -106,6 +106,7 @@ class Step:
 
     theta: Floats  # (n,)
     precision: Floats  # Λ, (n, n)
+    gain: float  # that a linear ŷ would have in -ln of the posterior density
 
     @property
     def posterior(self) -> Gaussian:
@@ -122,22 +123,42 @@ def gauss_newton_step(
     *,
     robust: bool = True,
     temper: float = TEMPER,
+    least: Floats | None = None,
     most: Floats | None = None,
 ) -> Step:
     """Return θ after one step, and its precision.
 
     theta: (n,), where residual (k,) and jacobian (k, n) were evaluated. robust: with Huber's
-    weights. most: largest change of each figure, (n,); None: no limit.
+    weights. least, most: of each figure after the step, (n,); None: no limit. Where one is at its
+    limit the others are the best ones for that.
     """
     r, J = whiten(residual), whiten(jacobian)
     w = huber_weights(r) if robust else np.ones_like(r)
     P_inverse = inverse(prior.covariance)
     precision = P_inverse + temper * (J * w[:, None]).T @ J
     pull = P_inverse @ (prior.mean - theta) + temper * J.T @ (w * r)
-    change = _solve(precision, pull)
-    if most is not None:
-        change = np.clip(change, -most, most)
-    return Step(theta + change, precision)
+    low = np.full_like(theta, -np.inf) if least is None else least - theta
+    high = np.full_like(theta, np.inf) if most is None else most - theta
+    change = _solve_within(precision, pull, low, high)
+    return Step(theta + change, precision, 0.5 * float(change @ pull))
+
+
+def _solve_within(precision: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the x within limits that minimises ½·xᵀΛx - xᵀ·right.
+
+    What is beyond its limit is set to it, and the others are solved for again.
+    """
+    x = np.zeros_like(right)
+    free = np.ones(len(right), bool)
+    while free.any():
+        rest = right[free] - precision[np.ix_(free, ~free)] @ x[~free]
+        x[free] = _solve(precision[np.ix_(free, free)], rest)
+        beyond = free & ((x < low) | (x > high))
+        if not beyond.any():
+            break
+        x[beyond] = np.clip(x[beyond], low[beyond], high[beyond])
+        free &= ~beyond
+    return x
 
 
 def _solve(precision: Floats, right: Floats) -> Floats:
@@ -145,6 +166,14 @@ def _solve(precision: Floats, right: Floats) -> Floats:
     scale = 1.0 / np.sqrt(np.diag(precision))
     unit = precision * np.outer(scale, scale)
     return np.asarray(scale * cho_solve(cho_factor(unit, lower=True), scale * right))
+
+
+def misfit(theta: Floats, prior: Gaussian, whitened: Floats, temper: float = TEMPER) -> float:
+    """Return -ln of the posterior density of θ, but for a constant, by whitened residuals (k,)."""
+    size = np.abs(whitened)
+    squares = np.where(size < HUBER_SDS, size**2, HUBER_SDS * (2.0 * size - HUBER_SDS))
+    off = theta - prior.mean
+    return 0.5 * float(temper * squares.sum() + off @ inverse(prior.covariance) @ off)
 
 
 def gate(residual: Floats, covariance: Floats, jacobian: Floats, prior: Gaussian) -> Floats:
@@ -155,8 +184,20 @@ def gate(residual: Floats, covariance: Floats, jacobian: Floats, prior: Gaussian
     return np.asarray(finite & (np.abs(np.where(finite, residual, 0.0)) < limit))
 
 
+@dataclass(frozen=True)
+class _Linear:
+    """Prediction of a block to first order about θ."""
+
+    theta: Floats  # (COUNT,)
+    residual: Floats  # (k,) measured less predicted [N]; NaN: missing, or the rope is slack
+    jacobian: Floats  # (k, COUNT)
+    covariance: Floats  # R, (k, k) [N²]
+    autocovariances: Floats  # of its octaves, (BANDS, k) [N²]
+
+
 BLOCK_S, BURN_IN_S = 60.0, 60.0
-FIRST_ITERATIONS, ITERATIONS = 4, 2
+MOST_ITERATIONS, MOST_HALVINGS = 20, 3
+ENOUGH = 0.05  # gain of a step in -ln of the posterior density that is no worth another one
 DRIFT = 0.02  # growth of each standard deviation over √(1 min), in prior standard deviations
 LEAST_USED = 0.25  # share of a block's means that must be there to learn from it
 SPECTRUM_S = 240.0  # of heave for the linearised drag
@@ -228,8 +269,8 @@ class Estimator:
         if known_s < self.block_end_s - 1e-6:
             return False
         if self._running is None:
-            heave = self._expected_heave()
-            self._running = self.model.begin(self.theta, self.state, self.state_s, heave)
+            motion = self._expected_motion()
+            self._running = self.model.begin(self.theta, self.state, self.state_s, motion)
         end_s = min(self._running.end_s + SEGMENT_S, self.block_end_s)
         self.model.extend(self._running, end_s)
         if self._running.end_s >= self.block_end_s - 1e-6:
@@ -253,25 +294,31 @@ class Estimator:
         heave = self.model.lift.heave_grid(end_s - SPECTRUM_S, end_s, SPECTRUM_INTERVAL_S)
         return heave_spectrum(heave, SPECTRUM_INTERVAL_S)
 
-    def _expected_heave(self) -> ExpectedHeave:
-        """Return the heave without its error over burn-in and block."""
+    def _expected_motion(self) -> ExpectedMotion:
+        """Return heave and line without their errors over burn-in and block."""
         end_s = self.block_end_s + self.heave_ahead_s
         begin_s = self.state_s - BEFORE_S
         times, heave = self.model.lift.heave.table[:, :2].T
         near = slice(*np.searchsorted(times, (begin_s - 1.0, end_s + 1.0)))
         psd, error_m = self._measured_psd(end_s), self.prior.learning.heave_error_m
-        return ExpectedHeave(times[near], heave[near], begin_s, end_s, psd, error_m)
+        expected = ExpectedHeave(times[near], heave[near], begin_s, end_s, psd, error_m)
+        line = self.model.lift.line_track(self.state_s, self.block_end_s, straight=True)
+        return ExpectedMotion(expected, line)
 
-    def autocovariances(self, count: int, end_s: float, *, estimated: bool = True) -> Floats:
+    def autocovariances(
+        self, count: int, end_s: float, *, theta: Floats | None = None, estimated: bool = True
+    ) -> Floats:
         """Return those of the top motion's error as a tension by octaves [N²], (BANDS, count).
 
-        estimated: of a rope that is driven by the expected heave; False: by the measured one.
+        theta: figures; None: the present ones. estimated: of a rope that is driven by the expected
+        heave; False: by the measured one.
         """
+        theta = self.theta if theta is None else theta
         lift, error_m = self.model.lift, self.prior.learning.heave_error_m
-        levels = self.theta[[INDEX[name] for name in HEAVE_ERRORS]]
+        levels = theta[[INDEX[name] for name in HEAVE_ERRORS]]
         spectra = heave_spectra(self._measured_psd(end_s), error_m, levels)
         line, speed = lift.line_motion(end_s - BLOCK_S + np.arange(SPEEDS) * BLOCK_S / SPEEDS)
-        factors = {name: float(value) for name, value in factors_of(self.theta).items()}
+        factors = {name: float(value) for name, value in factors_of(theta).items()}
         bar = self.model.bar.at_length(float(line[SPEEDS // 2])).with_factors(factors)
         error = spectra.left if estimated else spectra.error
         error = error + lift.line_error_psd(end_s - BLOCK_S, end_s)
@@ -281,65 +328,98 @@ class Estimator:
         """Learn from the block whose end a prediction with the present figures has reached."""
         begin_s, end_s = self.block_begin_s, self.block_end_s
         measured, samples = self.model.lift.tension_means(begin_s, end_s)
-        measured = self.model.without_slack(prediction, begin_s, measured)
         if self.noise is None:
             self.noise = ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
-        autocovariances = self.autocovariances(len(measured), end_s)
-        R = self.noise.covariance(autocovariances)
-        predicted, J = self.model.linearised(prediction, begin_s)
-        self.innovation = self._innovation(measured - predicted, J, R, begin_s)
-        posterior, nis = self.belief, np.nan
-        used = np.isfinite(measured)
+        first = self._linearise(prediction, measured)
+        self.innovation = self._innovation(first)
+        posterior, used, nis = self.belief, np.isfinite(first.residual), np.nan
         if used.mean() >= LEAST_USED:
-            heave = prediction.heave
-            posterior, used, nis = self._learn(measured, predicted, J, R, autocovariances, heave)
+            posterior, used, nis = self._learn(first, measured, prediction.motion)
         held = self.prior.held(self.theta)
         self.results.append(BlockResult(end_s, posterior, float(used.mean()), nis, held))
         growth = np.diag((DRIFT * self.prior.sd) ** 2) * BLOCK_S / 60.0
         self.belief = Gaussian(self.theta.copy(), posterior.covariance + growth)
-        heave = prediction.heave
-        self.state = self.model.state_at(self.theta, self.state, self.state_s, begin_s, heave)
+        motion = prediction.motion
+        self.state = self.model.state_at(self.theta, self.state, self.state_s, begin_s, motion)
         self.state_s = begin_s
 
+    def _linearise(self, prediction: Prediction, measured: Floats) -> _Linear:
+        """Return what a prediction of the present block leaves of the measured means."""
+        assert self.noise is not None
+        begin_s, theta = self.block_begin_s, prediction.theta
+        whole = self.model.without_slack(prediction, begin_s, measured)
+        predicted, J = self.model.linearised(prediction, begin_s)
+        colours = self.autocovariances(len(measured), self.block_end_s, theta=theta)
+        R = self.noise.covariance(colours)
+        return _Linear(theta, whole - predicted, J, R, colours)
+
     def _learn(
-        self, measured: Floats, predicted: Floats, J: Floats, R: Floats, autocovariances: Floats,
-        heave: ExpectedHeave | None,
-    ) -> tuple[Gaussian, Floats, float]:  # fmt: skip
+        self, at: _Linear, measured: Floats, motion: ExpectedMotion | None
+    ) -> tuple[Gaussian, Floats, float]:
         """Move θ to its posterior mean; return the posterior, the used samples and the NIS.
 
-        Where the gate leaves less than LEAST_USED, nothing is learned.
+        Steps are taken from new linearisations until one promises no more than ENOUGH. One that
+        makes the posterior density smaller is halved. Where the gate leaves less than LEAST_USED,
+        nothing is learned.
         """
         assert self.noise is not None
-        begin_s, end_s = self.block_begin_s, self.block_end_s
-        count = ITERATIONS if self.results else FIRST_ITERATIONS
-        for iteration in range(count):
-            if iteration:
-                prediction = self.model.predict(self.theta, self.state, self.state_s, end_s, heave)
-                predicted, J = self.model.linearised(prediction, begin_s)
-            residual = measured - predicted
-            middle = np.nanmedian(residual) if iteration == 0 else 0.0
-            used = gate(residual - middle, R, J, self.belief)
+        for iteration in range(MOST_ITERATIONS):
+            middle = np.nanmedian(at.residual) if iteration == 0 else 0.0
+            used = gate(at.residual - middle, at.covariance, at.jacobian, self.belief)
             if used.mean() < LEAST_USED:
                 self.theta = self.belief.mean.copy()
                 return self.belief, used, np.nan
-            whiten = Whitening(R, used)
+            whiten = Whitening(at.covariance, used)
+            reach = MOST_STEP_SDS * self.prior.sd
             step = gauss_newton_step(
-                self.theta, self.belief, residual, J, whiten,
-                robust=iteration > 0, most=MOST_STEP_SDS * self.prior.sd,
+                at.theta, self.belief, at.residual, at.jacobian, whiten, robust=iteration > 0,
+                least=self.prior.within(at.theta - reach), most=self.prior.within(at.theta + reach),
             )  # fmt: skip
-            before, self.theta = self.theta, self.prior.within(step.theta)
-        left = residual - J @ (self.theta - before)
+            if iteration > 0 and step.gain < ENOUGH:
+                break
+            better = self._better(at, step.theta - at.theta, used, measured, motion)
+            if better is None:
+                break
+            at = better
+        self.theta = step.theta
+        left = at.residual - at.jacobian @ (step.theta - at.theta)
         whitened = whiten(left)
-        self.noise.learn(left, used, autocovariances)
+        self.noise.learn(left, used, at.autocovariances)
         posterior = Gaussian(self.theta.copy(), step.posterior.covariance)
         return posterior, used, float(whitened @ whitened) / max(int(used.sum()), 1)
 
-    def _innovation(self, residual: Floats, J: Floats, R: Floats, begin_s: float) -> Innovation:
+    def _better(
+        self, at: _Linear, change: Floats, used: Floats, measured: Floats,
+        motion: ExpectedMotion | None,
+    ) -> _Linear | None:  # fmt: skip
+        """Return the linearisation after a change, or as small a part of it as is an improvement.
+
+        None: even an eighth of it is none.
+        """
+        for halved in range(1 + MOST_HALVINGS):
+            theta = at.theta + 0.5**halved * change
+            prediction = self.model.predict(
+                theta, self.state, self.state_s, self.block_end_s, motion
+            )
+            new = self._linearise(prediction, measured)
+            both = used & np.isfinite(new.residual)  # neither is slack
+            if both.mean() < LEAST_USED:
+                continue
+            whiten = Whitening(at.covariance, both)
+            before, after = (
+                misfit(one.theta, self.belief, whiten(one.residual)) for one in (at, new)
+            )
+            if after < before:
+                return new
+        return None
+
+    def _innovation(self, at: _Linear) -> Innovation:
         """Return the residual before learning, with its covariance and signatures."""
+        J, middles = at.jacobian, MEAN_S * (np.arange(len(at.residual)) + 0.5)
         return Innovation(
-            time_s=np.asarray(begin_s + MEAN_S * (np.arange(len(residual)) + 0.5), float),
-            residual_n=residual,
-            covariance=R + J @ self.belief.covariance @ J.T,
+            time_s=np.asarray(self.block_begin_s + middles, float),
+            residual_n=at.residual,
+            covariance=at.covariance + J @ self.belief.covariance @ J.T,
             columns={name: J[:, k] for k, name in enumerate(NAMES)},
             prior_sd={name: float(self.prior.sd[k]) for k, name in enumerate(NAMES)},
         )

@@ -89,11 +89,16 @@ UNITS: Mapping[str, str] = {
     **dict.fromkeys(ROPE_FIGURES, "-"), BIAS: "N", GAIN: "-", HEAVE_GAIN: "-", HEAVE_DELAY: "s",
     FRICTION: "-", **dict.fromkeys((*HEAVE_ERRORS, CURRENT_SHAPE), "-"),
 }  # fmt: skip
-# perturbation of each figure that a lane of its own carries, in units of θ
-LANE_STEPS: Mapping[str, float] = {
-    "submerged_weight": 0.02, "oscillating_mass": 0.03, "payload_drag": 0.08,
-    "axial_stiffness": 0.015, "axial_damping": 0.15, "tangential_drag": 0.10, "current": 0.20,
-    HEAVE_GAIN: 0.02, HEAVE_DELAY: 0.04, **dict.fromkeys(HEAVE_ERRORS, 0.2),
+# Steps in θ that a lane carries, by the figure it is for. The tension answers to mass or stiffness
+# alone, which change the natural period, in proportion for a small step only; mass has a lane with
+# the stiffness, which leaves the period where it is.
+LANE_STEPS: Mapping[str, Mapping[str, float]] = {
+    **{name: {name: step} for name, step in (
+        ("submerged_weight", 0.02), ("payload_drag", 0.08), ("axial_stiffness", 0.003),
+        ("axial_damping", 0.05), ("tangential_drag", 0.10), ("current", 0.20), (HEAVE_GAIN, 0.02),
+        (HEAVE_DELAY, 0.04), *((name, 0.2) for name in HEAVE_ERRORS),
+    )},
+    "oscillating_mass": {"oscillating_mass": 0.03, "axial_stiffness": 0.03},
 }  # fmt: skip
 RANGE_OVER_TENSION = 1.5  # full scale of a load pin over the static tension, if it is not given
 HEAVE_ERROR_SD = 0.5  # of those logarithms

@@ -35,7 +35,7 @@ from rope_twin.estimation.figures import (
     check_learnable,
     factors_of,
 )
-from rope_twin.estimation.measured_lift import FORGETTING_S, MEAN_S, MeasuredLift
+from rope_twin.estimation.measured_lift import FORGETTING_S, MEAN_S, LineTrack, MeasuredLift
 from rope_twin.estimation.noise import Bar, ExpectedHeave, bar_of
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.schema import Scene
@@ -101,6 +101,14 @@ RAMP_S = 10.0  # over which the ship's motion builds up from rest
 PIN_STEPS: Mapping[str, float] = {BIAS: 100.0, GAIN: 0.003, FRICTION: 0.004}
 
 
+@dataclass(frozen=True)
+class ExpectedMotion:
+    """Expected motion of ship and line over a block, given all samples of it."""
+
+    heave: ExpectedHeave
+    line: LineTrack
+
+
 @dataclass
 class Prediction:
     """Tension of the members from a common state on, extended as data come."""
@@ -113,7 +121,7 @@ class Prediction:
     line_out_m: list[Floats] = field(default_factory=list)  # (steps,) each
     # of the rope over the sheave before `begin_s`: friction state and position; None: none
     sheave: Floats | None = None  # (2, members)
-    heave: ExpectedHeave | None = None  # that drives them; None: the measured one
+    motion: ExpectedMotion | None = None  # that drives them; None: the measured one
     slack_s: Floats = field(default_factory=lambda: np.empty(0))  # ends of means with slack rope
 
 
@@ -172,14 +180,14 @@ class LiftModel:
         return self._lone.state(0)
 
     def begin(
-        self, theta: Floats, state: FleetState, begin_s: float, heave: ExpectedHeave | None = None
+        self, theta: Floats, state: FleetState, begin_s: float, motion: ExpectedMotion | None = None
     ) -> Prediction:
         """Return a prediction that has not begun, from a state at a time [s].
 
-        heave: of the sensor without its error; None: as it was measured.
+        motion: without the errors of sensor and counter; None: as it was measured.
         """
         states = [state] * len(self._fleet)
-        return Prediction(theta, begin_s, begin_s, states, heave=heave)
+        return Prediction(theta, begin_s, begin_s, states, motion=motion)
 
     def extend(self, prediction: Prediction, end_s: float) -> None:
         """Step the members on to a time [s], a whole number of means later.
@@ -194,7 +202,7 @@ class LiftModel:
         self._set(self._fleet, thetas)
         self._fleet.restore(prediction.states)
         times = _borders(prediction.end_s, steps)
-        inputs = self._inputs(times, thetas, prediction.heave)
+        inputs = self._inputs(times, thetas, prediction.motion)
         record = self._fleet.advance(inputs, look_steps=STEPS_PER_MEAN)
         if 0 in record.failures:
             raise SolverError(record.failures[0])
@@ -229,10 +237,10 @@ class LiftModel:
 
     def predict(
         self, theta: Floats, state: FleetState, begin_s: float, end_s: float,
-        heave: ExpectedHeave | None = None,
+        motion: ExpectedMotion | None = None,
     ) -> Prediction:  # fmt: skip
         """Return the prediction from a state at begin to end [s]. Raises SolverError."""
-        prediction = self.begin(theta, state, begin_s, heave)
+        prediction = self.begin(theta, state, begin_s, motion)
         self.extend(prediction, end_s)
         return prediction
 
@@ -268,7 +276,11 @@ class LiftModel:
         for member, name in enumerate(self.lanes, start=1):
             column = of_members[:, member] - predicted
             if np.isfinite(column).all():
-                jacobian[:, INDEX[name]] = column / LANE_STEPS[name]
+                steps = dict(LANE_STEPS[name])
+                own = steps.pop(name)
+                for other, step in steps.items():  # has its column already
+                    column = column - step * jacobian[:, INDEX[other]]
+                jacobian[:, INDEX[name]] = column / own
         jacobian[:, INDEX[CURRENT_SHAPE]] = jacobian[:, INDEX["current"]]
         for name, step in PIN_STEPS.items():
             more = theta.copy()
@@ -279,14 +291,14 @@ class LiftModel:
 
     def state_at(
         self, theta: Floats, state: FleetState, begin_s: float, end_s: float,
-        heave: ExpectedHeave | None = None,
+        motion: ExpectedMotion | None = None,
     ) -> FleetState:  # fmt: skip
         """Return the state of a rope with figures θ that began with a state. Raises SolverError."""
         steps = round((end_s - begin_s) / STEP_S)
         self._set(self._lone, theta[None])
         self._lone.restore(state)
         times = _borders(begin_s, steps)
-        record = self._lone.advance(self._inputs(times, theta[None], heave), look_steps=steps)
+        record = self._lone.advance(self._inputs(times, theta[None], motion), look_steps=steps)
         if record.failures:
             raise SolverError(record.failures[0])
         return self._lone.state(0)
@@ -295,27 +307,33 @@ class LiftModel:
         """Return θ of each member, (members, COUNT); spare members repeat the first."""
         thetas = np.tile(theta, (len(self._fleet), 1))
         for member, name in enumerate(self.lanes, start=1):
-            thetas[member, INDEX[name]] += LANE_STEPS[name]
+            for figure, step in LANE_STEPS[name].items():
+                thetas[member, INDEX[figure]] += step
         return thetas
 
     def _set(self, fleet: Fleet, thetas: Floats) -> None:
         factors = factors_of(thetas)
         fleet.set_figures({name: factors[name] for name in self._known})
 
-    def _inputs(self, times_s: Floats, thetas: Floats, heave: ExpectedHeave | None) -> FleetInputs:
+    def _inputs(
+        self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None
+    ) -> FleetInputs:
         """Return what moves the members, whose sensors differ in gain and delay of the heave."""
         gains, delays = thetas[:, INDEX[HEAVE_GAIN]], thetas[:, INDEX[HEAVE_DELAY]]
         position = np.empty((len(times_s), len(thetas)))
         rate = np.empty_like(position)
-        line, speed = self.lift.line_motion(times_s)
+        if motion is None:
+            line, speed = self.lift.line_motion(times_s)
+        else:
+            line, speed = motion.line.at(times_s)
         levels = thetas[:, [INDEX[name] for name in HEAVE_ERRORS]]
         sensors = np.column_stack([delays, levels])
         for delay, *own in np.unique(sensors, axis=0).tolist():
             of = (sensors == [delay, *own]).all(axis=1)
-            if heave is None:
+            if motion is None:
                 z, v = self.lift.heave_motion(times_s, delay)
             else:
-                expected = heave.at(tuple(own))
+                expected = motion.heave.at(tuple(own))
                 z, v = expected(times_s + delay), expected(times_s + delay, 1)
             share = np.exp(-gains[of])
             position[:, of], rate[:, of] = share * z[:, None], share * v[:, None]

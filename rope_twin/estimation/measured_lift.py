@@ -9,6 +9,8 @@ has forgotten it, are missing.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import savgol_coeffs
@@ -24,6 +26,8 @@ _SMOOTHING = savgol_coeffs(SMOOTHED_SAMPLES, SMOOTHED_ORDER)
 SAME_COUNT_M = 1e-6  # counts that differ by less are equal
 EDGE_S = 0.25  # of standing counts beside a change, which say less than the change
 LINE_HZ = 20.0  # grid of the line out
+STRAIGHT_SAMPLES = 41  # of a steady line, on that grid
+STRAIGHT_MOST, STRAIGHT_RMS = 0.75, 0.4  # resolutions; rounding explains 1/2 and 1/√12
 HEAVE_HOLE_S, LINE_HOLE_S = 1.0, 2.0  # longer gaps are holes
 LATE_S = 5.0  # of the tension, behind heave and line out
 FORGETTING_S = 30.0  # after a hole of heave or line out
@@ -102,6 +106,13 @@ def interval_means(
     return np.where(number >= least, total / np.maximum(number, 1.0), np.nan), number
 
 
+def _resolution(counts: Floats) -> float:
+    """Return the smallest change of the counts of a line counter [m]; 0: they do not change."""
+    steps = np.abs(np.diff(counts))
+    steps = steps[steps > SAME_COUNT_M]
+    return float(steps.min()) if len(steps) else 0.0
+
+
 def without_stairs(time_s: Floats, counts: Floats) -> tuple[Floats, Floats]:
     """Return times and positions of a line from a counter of coarse resolution, (k,) each.
 
@@ -127,6 +138,50 @@ def without_stairs(time_s: Floats, counts: Floats) -> tuple[Floats, Floats]:
     )
     order = np.argsort(times)
     return times[order], positions[order]
+
+
+def straightened(positions: Floats, resolution_m: float) -> Floats:
+    """Return positions on an even grid, (k,), with the line itself where its speed is constant.
+
+    The rounding of a counter is no noise while a line runs steadily: it is a slow saw tooth, which
+    no short mean removes and which shakes the rope at its own period. Stretches are set to a
+    straight line of least squares where rounding explains what lies beside it: STRAIGHT_MOST
+    resolutions over STRAIGHT_SAMPLES, STRAIGHT_RMS of the whole stretch.
+    """
+    half = STRAIGHT_SAMPLES // 2
+    if len(positions) <= STRAIGHT_SAMPLES:
+        return positions
+    near = np.lib.stride_tricks.sliding_window_view(positions, STRAIGHT_SAMPLES)
+    along = np.arange(STRAIGHT_SAMPLES) - float(half)
+    middle, slope = near.mean(axis=1), near @ along / (along @ along)
+    off = np.abs(near - middle[:, None] - slope[:, None] * along).max(axis=1)
+    steady = np.concatenate([[False], off <= STRAIGHT_MOST * resolution_m, [False]])
+    borders = np.flatnonzero(np.diff(steady.astype(int))) + half
+    made = positions.copy()
+    for begin, end in borders.reshape(-1, 2):
+        if end - begin > STRAIGHT_SAMPLES:
+            at = np.arange(end - begin) - 0.5 * (end - begin - 1)
+            own = positions[begin:end]
+            line = own.mean() + at * (at @ own) / (at @ at)
+            if np.sqrt(np.mean((own - line) ** 2)) <= STRAIGHT_RMS * resolution_m:
+                made[begin:end] = line
+    return made
+
+
+@dataclass(frozen=True)
+class LineTrack:
+    """Smoothed line out over time."""
+
+    time_s: Floats  # (k,) evenly spaced
+    line_out_m: Floats  # (k,)
+    rate_m_per_s: Floats  # (k,)
+
+    def at(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """Return the line out [m] and its rate [m/s] at times, (k,); beyond its ends it stands."""
+        inside = np.clip(times_s, self.time_s[0], self.time_s[-1])
+        rate = np.interp(inside, self.time_s, self.rate_m_per_s)
+        line = np.interp(inside, self.time_s, self.line_out_m)
+        return line, np.where(inside == times_s, rate, 0.0)
 
 
 class MeasuredLift:
@@ -220,26 +275,33 @@ class MeasuredLift:
         """
         times, counts = self.line_out.table.T
         near = slice(*np.searchsorted(times, (begin_s, end_s)))
-        steps = np.abs(np.diff(counts[near]))
-        moved = steps > SAME_COUNT_M
-        if not moved.any():
+        resolution_m = _resolution(counts[near])
+        if resolution_m == 0.0:
             return 0.0
+        moved = np.abs(np.diff(counts[near])) > SAME_COUNT_M
         spacing_s = float(np.median(np.diff(times[near])))
-        return float(moved.mean() * steps[moved].min() ** 2 / 6.0 * spacing_s)
+        return float(moved.mean() * resolution_m**2 / 6.0 * spacing_s)
 
     def line_motion(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Return the line out [m] and its rate [m/s] at times, (k,), smoothed over 15 samples."""
+        return self.line_track(float(times_s[0]), float(times_s[-1])).at(times_s)
+
+    def line_track(self, begin_s: float, end_s: float, straight: bool = False) -> LineTrack:
+        """Return the line out between two times [s], smoothed over 15 samples.
+
+        straight: where the line runs steadily it is a straight line first.
+        """
         table = self.line_out.table
         margin = SMOOTHED_SAMPLES / LINE_HZ
-        begin = max(float(times_s[0]) - margin, table[0, 0])
-        end = min(float(times_s[-1]) + margin, table[-1, 0])
+        begin = max(begin_s - margin, table[0, 0])
+        end = min(end_s + margin, table[-1, 0])
         count = max(SMOOTHED_SAMPLES, round((end - begin) * LINE_HZ)) + 1
         grid = begin + np.arange(count) / LINE_HZ
         near = slice(*np.searchsorted(table[:, 0], (begin - LINE_HOLE_S, end + LINE_HOLE_S)))
         raw = np.interp(grid, *without_stairs(*table[near].T))
+        if straight and (resolution_m := _resolution(table[near, 1])) > 0.0:
+            raw = straightened(raw, resolution_m)
         half = SMOOTHED_SAMPLES // 2
         around = np.pad(raw, half, mode="reflect", reflect_type="odd")
         smooth = np.convolve(around, _SMOOTHING, "valid")
-        inside = np.clip(times_s, grid[0], grid[-1])
-        rate = np.interp(inside, grid, np.gradient(smooth, 1.0 / LINE_HZ))
-        return np.interp(inside, grid, smooth), np.where(inside == times_s, rate, 0.0)
+        return LineTrack(grid, smooth, np.gradient(smooth, 1.0 / LINE_HZ))

@@ -18,6 +18,7 @@ from rope_twin.estimation.estimator import (
     gauss_newton_step,
     huber_weights,
     inverse,
+    misfit,
 )
 from rope_twin.estimation.figures import BIAS, COUNT, FRICTION, INDEX, NAMES, Gaussian, prior_of
 from rope_twin.estimation.lift_model import LoadPin, dahl_states
@@ -99,6 +100,47 @@ def test_a_missing_sample_is_no_sample() -> None:
     )  # fmt: skip
     assert np.allclose(got.theta, fewer.theta, rtol=1e-12)
     assert np.isfinite(got.precision).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_figure_at_its_limit_leaves_the_best_others(seed: int) -> None:
+    """The step then is that of the problem without this figure, whose value is known."""
+    prior, J, R, y = random_problem(seed)
+    used, free = np.ones(len(y), bool), np.arange(len(prior.mean)) != 2
+    r = y - J @ prior.mean
+    whiten = Whitening(R, used)
+    open_step = gauss_newton_step(prior.mean, prior, r, J, whiten, robust=False)
+    most = np.full_like(prior.mean, np.inf)
+    least = -most
+    moved = 0.5 * (open_step.theta[2] - prior.mean[2])  # half as far as it would go
+    (most if moved > 0.0 else least)[2] = prior.mean[2] + moved
+    step = gauss_newton_step(
+        prior.mean, prior, r, J, whiten, robust=False, least=least, most=most
+    )  # fmt: skip
+    precision = open_step.precision
+    pull = precision @ (open_step.theta - prior.mean)
+    others = np.linalg.solve(
+        precision[np.ix_(free, free)], pull[free] - precision[free, 2] * moved
+    )  # fmt: skip
+    assert step.theta[2] == pytest.approx(prior.mean[2] + moved)
+    assert np.allclose((step.theta - prior.mean)[free], others, rtol=1e-6, atol=1e-9)
+
+
+def test_the_gain_of_a_step_is_that_of_the_misfit() -> None:
+    """In a linear problem -ln of the density falls by as much as the step promised."""
+    prior, J, R, y = random_problem(5)
+    whiten = Whitening(R, np.ones(len(y), bool))
+    step = gauss_newton_step(prior.mean, prior, y - J @ prior.mean, J, whiten, robust=False)
+    scale = 1e-3  # of the data, so that no residual is an outlier
+    small = gauss_newton_step(
+        prior.mean, prior, scale * (y - J @ prior.mean), J, whiten, robust=False
+    )  # fmt: skip
+    before = misfit(prior.mean, prior, whiten(scale * (y - J @ prior.mean)))
+    after = misfit(
+        small.theta, prior, whiten(scale * (y - J @ prior.mean) - J @ (small.theta - prior.mean))
+    )
+    assert small.gain == pytest.approx(before - after, rel=1e-6)
+    assert step.gain == pytest.approx(small.gain / scale**2, rel=1e-6)
 
 
 def test_huber_bounds_what_one_sample_does() -> None:

@@ -125,6 +125,27 @@ def test_strength_and_shape_of_the_current_have_one_column() -> None:
     assert np.array_equal(whole.columns["current"], whole.columns[CURRENT_SHAPE])
 
 
+def test_derivatives_are_those_of_small_changes() -> None:
+    """Columns of mass and stiffness, alone and together, are central differences of 0.1 %.
+
+    Both together leave the natural period, so theirs is a small difference of large columns.
+    """
+    made = estimator(lift())
+    model, names = made.model, ("oscillating_mass", "axial_stiffness")
+    theta, step = made.theta, 1e-3
+
+    def predicted(*changed: str, by: float) -> np.ndarray:
+        moved = theta.copy()
+        moved[[INDEX[name] for name in changed]] += by
+        return model.linearised(model.predict(moved, made.state, 0.0, 120.0), 60.0)[0]
+
+    _, J = model.linearised(model.predict(theta, made.state, 0.0, 120.0), 60.0)
+    for some in (names[:1], names[1:], names):
+        column = J[:, [INDEX[name] for name in some]].sum(axis=1)
+        central = (predicted(*some, by=step) - predicted(*some, by=-step)) / (2.0 * step)
+        assert np.abs(column - central).max() < 0.06 * np.abs(central).max(), some
+
+
 def test_short_ropes_have_few_elements() -> None:
     """An element is as long as a fifth of the way of an axial wave in a step; 6 to 20 elements."""
     bar = LiftModel(scene(), lift()).bar

@@ -13,6 +13,7 @@ from rope_twin.estimation.measured_lift import (
     MeasuredLift,
     Series,
     interval_means,
+    straightened,
     without_spikes,
     without_stairs,
 )
@@ -169,3 +170,28 @@ def test_rounding_of_a_line_counter_is_an_error_while_it_counts() -> None:
     series.line_out.extend(t, np.round((100.0 + 0.2 * np.minimum(t, 50.0)) / 0.01) * 0.01)
     assert series.line_error_psd(10.0, 40.0) * 10.0 == pytest.approx(1e-4 / 12.0, rel=0.05)
     assert series.line_error_psd(60.0, 90.0) == 0.0
+
+
+def test_a_steady_line_is_straight_and_its_start_is_kept() -> None:
+    """Counts of a line at 0.5 m/s lie on it within a sixth of the resolution, ramps are as counted.
+
+    Rounding at 2.5015 counts a sample is a saw tooth of 5 mm and some 80 s, which is no noise.
+    """
+    t = np.arange(0.0, 60.0, 0.05)
+    ran = np.clip(t - 20.0, 0.0, None)
+    true = np.where(ran < 2.0, 0.125 * ran**2, 0.5 * (ran - 1.0)) * 1.0006
+    counts = np.round(true / 0.01) * 0.01
+    made = straightened(counts, 0.01)
+    steady = (t > 24.0) & (t < 58.0)
+    assert np.abs(counts - true)[steady].max() > 0.004
+    assert np.abs(made - true)[steady].max() < 0.01 / 6.0
+    start = (t > 20.6) & (t < 21.8)
+    assert np.array_equal(made[start], counts[start])
+    assert np.array_equal(made[t < 18.0], counts[t < 18.0])
+
+
+def test_a_line_that_swings_is_not_straightened() -> None:
+    """The swing of a compensator, ten counts of its counter, stays as it was counted."""
+    t = np.arange(0.0, 60.0, 0.05)
+    swing = np.round(0.1 * np.sin(2.0 * np.pi * t / 12.0) / 0.01) * 0.01
+    assert np.array_equal(straightened(swing, 0.01), swing)
