@@ -198,7 +198,9 @@ def test_a_bag_and_a_state_that_find_no_room_are_told_at_the_end(
     words = ["run", "still_water", "--duration", "3", "--headless", "--json", "--out", str(bag)]
     words += ["--save-state", str(state), *(["--processes"] if processes_too else [])]
     script = (  # files of more than 20 kB are refused, as by a full disk
-        "import resource, sys\n"
+        "import os, resource, sys\n"
+        "os.environ['PYTHONDONTWRITEBYTECODE'] = '1'\n"  # it would be cut at 20 kB too
+        "sys.dont_write_bytecode = True\n"
         "from rope_twin.cli import main\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))\n"
         "sys.exit(main(sys.argv[1:]))\n"
