@@ -30,6 +30,13 @@ THIN_M, LIGHT_KG_PER_M = 1e-3, 1e-3  # of a border: the panels have the twine's 
 ELEMENTS = 3  # of a border
 
 
+class NetPart(RopeLine):
+    """A border of panels, or the part of a rope beside or below the net.
+
+    What is plausible for a rope of the scene need not be for it.
+    """
+
+
 def net_faults(scene: Scene) -> Iterator[Fault]:
     """Check that the ropes of each net can hold it."""
     if len(scene.nets) > 1:
@@ -129,18 +136,25 @@ def _divided(line: RopeLine, net: FlexibleNet, made: _Made) -> tuple[RopeLine, l
         places[0] = line.to
     made.joints.extend(Joint(name=name) for name in places if name != line.to)
 
-    def part(name: str, length_m: float, from_: str, to: str) -> RopeLine:
-        count = max(2, round(line.elements * length_m / line.length_m))
-        return replace(
-            line, name=name, length_m=length_m, elements=count, from_=from_, to=to, fixed_at_m=None
-        )
+    def part(name: str, length_m: float, from_: str, to: str) -> NetPart:
+        return NetPart(
+            name=name, rope=line.rope, length_m=length_m, elements=elements(length_m), from_=from_,
+            to=to, damping=line.damping, bending=line.bending, fatigue=line.fatigue,
+        )  # fmt: skip
+
+    def elements(length_m: float) -> int:
+        return max(2, round(line.elements * length_m / line.length_m))
 
     for row, (low, high) in enumerate(pairwise(places)):
         made.ropes.append(part(f"{line.name}_{row}", height, high, low))
     if net.from_m > 0.0:
         below = part(f"{line.name}_below", net.from_m, places[0], line.to)
         made.ropes.append(replace(below, fixed_at_m=line.fixed_at_m))
-    return part(line.name, line.length_m - net.to_m, line.from_, places[-1]), places
+    left_m = line.length_m - net.to_m
+    above = replace(
+        line, length_m=left_m, elements=elements(left_m), to=places[-1], fixed_at_m=None
+    )
+    return above, places
 
 
 def _inner(scene: Scene, net: FlexibleNet, name: str, made: _Made) -> list[str]:
@@ -154,7 +168,7 @@ def _inner(scene: Scene, net: FlexibleNet, name: str, made: _Made) -> list[str]:
     return places
 
 
-def _border(scene: Scene, net: FlexibleNet, name: str, length_m: float, twines: float) -> RopeLine:
+def _border(scene: Scene, net: FlexibleNet, name: str, length_m: float, twines: float) -> NetPart:
     """Return a rope with the stiffness of so many twines."""
     drag = scene.listed(DragParams)
     rope = Rope(
@@ -167,4 +181,4 @@ def _border(scene: Scene, net: FlexibleNet, name: str, length_m: float, twines: 
         drag_tangential=0.0 if drag is not None and drag.tangential > 0.0 else None,
         about=f"{twines:.3g} twines of '{net.name}'",
     )
-    return RopeLine(name=name, rope=rope, length_m=length_m, elements=ELEMENTS, damping=net.damping)
+    return NetPart(name=name, rope=rope, length_m=length_m, elements=ELEMENTS, damping=net.damping)

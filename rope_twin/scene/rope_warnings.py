@@ -24,6 +24,7 @@ from rope_twin.scene.lift import (
     listed_effects,
     schedule_meets_limit,
 )
+from rope_twin.scene.net_grid import NetPart
 from rope_twin.scene.relations import model_beside, shedding_model
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Rope, Scene
@@ -226,6 +227,8 @@ def _joined(scene: Scene, checks: tuple[Check, ...]) -> Iterator[str]:
         if check is not check_load:
             yield from check(first, lift_figures(first))
     for number in range(1, len(scene.ropes)):
+        if isinstance(scene.ropes[number], NetPart):
+            continue
         own = alone(scene, number)
         figures = lift_figures(own)
         for check in filter(

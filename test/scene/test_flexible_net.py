@@ -9,6 +9,7 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.errors import SceneError
+from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Scene
 
 NET = (
@@ -70,6 +71,16 @@ def test_a_net_is_a_grid_of_ropes_with_the_stiffness_of_its_twines(tmp_path: Pat
     assert len(panels.between) == 3 * 2
     area = panels.to_m * panels.width_m * len(panels.between)
     assert area == pytest.approx(6.0 * 6.0)
+
+
+def test_borders_of_panels_are_no_ropes_to_be_warned_of(tmp_path: Path) -> None:
+    """They are light, stiff and without drag by design; the lines that hold the net stay judged."""
+    scene = scene_of(TEXT, tmp_path)
+    about = {warning.split(":")[0].split(".")[0] for warning in sense_checks(scene)}
+    assert about == {"effects current", "time"}
+    soft = scene_of(TEXT.replace("2.0e+5", "2.0e+7"), tmp_path)
+    about = {warning.split(":")[0].split(".")[0] for warning in sense_checks(soft)}
+    assert about == {"effects current", "time", "ropes[0]", "ropes[1]"}
 
 
 @pytest.mark.parametrize(
