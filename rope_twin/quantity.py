@@ -79,7 +79,7 @@ class SparingRepr:
         usual: Any = {field.name: field.default for field in dataclasses.fields(cast(Any, self))}
         given = (
             (name, value) for name, value in vars(self).items()
-            if name not in self._no_figures
+            if name in usual and name not in self._no_figures
             and not (name in self._spared and value is None)
             and not (name in self._later and value == usual[name])
         )  # fmt: skip

@@ -65,6 +65,10 @@ TOPICS: tuple[Topic, ...] = (
     Topic("ship/odometry", "nav_msgs/msg/Odometry", Qos.SENSOR, 20.0, "sea_state",
           "in place of ship/heave: pose of the ship's reference point relative to its still-water "
           "position [m], and twist in body axes [m/s, rad/s]", of_snapshot=False),
+    Topic("lower_end/odometry", "nav_msgs/msg/Odometry", Qos.SENSOR, 50.0, "",
+          "position [m] and velocity [m/s] of the rope's lower end in the axes of map, as another "
+          "simulator holds it (co-simulation); of a scene with `end_motion: {from_outside: true}`; "
+          "attitude and rates of turn are not read", of_snapshot=False, in_view=False),
     Topic("winch/speed_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0,
           "winch_schedule", "velocity[0] pay-out rate [m/s], positive = pay out; `header.stamp` = "
           "0: apply immediately; `name[0]` selects the winch", of_snapshot=False, in_view=False),
@@ -150,6 +154,9 @@ TOPICS: tuple[Topic, ...] = (
     Topic("hang_off/odometry", "nav_msgs/msg/Odometry", Qos.STREAM, 50.0, "simulation",
           "position [m] and velocity [m/s] of the first rope's hang-off, in the axes of map",
           in_view=False),
+    Topic("lower_end/wrench", "geometry_msgs/msg/WrenchStamped", Qos.STREAM, 50.0, "simulation",
+          "force of the rope on what holds its lower end [N], in the axes of map, where the scene "
+          "moves that end (`end_motion`)", only_with="lower_end_force_n", in_view=False),
     Topic("payloads/state", "sensor_msgs/msg/MultiDOFJointState", Qos.STREAM, 50.0, "simulation",
           "pose of each payload in map [m] and its velocity [m/s]; of a 6-DOF payload also "
           "attitude, and twist [m/s, rad/s] in body axes; names are frames"),
@@ -274,6 +281,7 @@ SEAT_TOPIC = "winch/seat"
 WINCH_TOPICS = (*ORDER_TOPICS.values(), SWITCH_TOPIC)
 SESSION_TOPIC, INPUT_LOG_TOPIC = "twin/session", "twin/inputs"
 MOTION_TOPICS = "ship/heave", "ship/odometry"
+LOWER_END = "lower_end/odometry"
 WINCH_MEASURED, MOTOR_TENSION = "winch/measured", "winch/motor_tension"
 MEASURED_DEPTH = "payload/measured_depth"
 MEASURED_ELEVATION = "sea/measured_elevation"
@@ -283,7 +291,9 @@ WHAT_IF, WHAT_IF_ORDERS = "forecast/what_if", "forecast/orders"
 FORECAST_RISK = "forecast/risk"  # its score is judged by the quality index
 # topics with which the twin is driven and judged; the simulation subscribes to ALERT_COMMAND and
 # FORECAST_RISK too
-INPUTS = (*MOTION_TOPICS, *WINCH_TOPICS, CUT_TOPIC, "current", *MEASURED_TOPICS)
+INPUTS = (
+    *MOTION_TOPICS, LOWER_END, *WINCH_TOPICS, CUT_TOPIC, "current", *MEASURED_TOPICS
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,8 @@ ROWS_MEAN = {
     "simulation: fatigue": "accumulated (Miner) damage, in runs that compute it",
     "simulation: faults": "fault that the tests of the measured tension found, and since when",
     "simulation: fluid ramp": "factors on the forces of the water, in scenes that build them up",
-    "simulation: input ...": "one row per input (heave, winch command, current, measured values): "
-    "accepted and rejected samples, age, faults",
+    "simulation: input ...": "one row per input (heave, lower end, winch command, current, "
+    "measured values): accepted and rejected samples, age, faults",
     "simulation: learned figures": "what is learned from the measured tension, and why it stands",
     "simulation: limits": "limits of the scene that were exceeded",
     "simulation: messages": "messages that could not be decoded",

@@ -8,7 +8,7 @@ from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError, phrase
-from rope_twin.interchange.fmu import INPUTS, OUTPUTS, export_fmu
+from rope_twin.interchange.fmu import export_fmu, inputs_of, outputs_of
 from rope_twin.interchange.moordyn import deck_of, scene_of
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
 from rope_twin.interchange.orcaflex import scene_of_model
@@ -96,10 +96,11 @@ def _imported(path: Path, breaking_load_n: float, out: Path) -> Imported:
 
 def _run_fmu(args: argparse.Namespace) -> int:
     scene = export_fmu(args.scene, args.out)
+    given, found = list(inputs_of(scene)), list(outputs_of(scene))
     if args.json:
-        print_json({"files": [args.out], "inputs": list(INPUTS), "outputs": list(OUTPUTS)})
+        print_json({"files": [args.out], "inputs": given, "outputs": found})
         return ExitCode.OK
-    names = f"{len(INPUTS)} inputs, {len(OUTPUTS)} outputs"
+    names = f"{len(given)} inputs, {len(found)} outputs"
     print(f"{args.out}: {names}, communication steps of multiples of {scene.time.step_s:g} s")
     return ExitCode.OK
 

@@ -53,7 +53,7 @@ from rope_twin.core.joined.sheaves import (
     WHEEL,
     Sheaves,
 )
-from rope_twin.core.loads.balance import set_flow
+from rope_twin.core.loads.balance import lower_end_force, set_flow
 from rope_twin.core.loads.hooks import grown
 from rope_twin.core.state import (
     ACCELERATION,
@@ -141,7 +141,7 @@ class Store(NamedTuple):
 class Power(NamedTuple):
     """Power into the rope [W]; negative values take energy from it."""
 
-    hang_off: float  # force times material velocity there
+    hang_off: float  # force times material velocity there, and at a lower end that is moved
     passing: float  # energy carried by the rope that enters over the sheave
     water: float
 
@@ -289,8 +289,10 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
     )
     per_metre = elements.stored[-1] / elements.rest[-1]
     per_metre += _motion(rope.effects, sheave) + account_sum("potential", rope.effects, sheave)
+    led = place.velocity[:, 0] if rope.model.first_free else np.zeros(3)
+    pulled = float(lower_end_force(rope, rope.effects, time) @ led) if led.any() else 0.0
     power = Power(
-        hang_off=-float(pull @ place.velocity[:, -1]),
+        hang_off=-float(pull @ place.velocity[:, -1]) - pulled,
         passing=float(V * per_metre),
         water=account_sum("power", effects, wetted(effects, place))
         + account_sum("power_end", effects, end)

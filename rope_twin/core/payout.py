@@ -90,9 +90,17 @@ def prescribed(boundary: Boundary, row: int, column: int, part: float, h: float)
     """Return value, rate and second derivative of a column at the fraction `part` of a step."""
     y0, y1 = boundary.value[row, column], boundary.value[row + 1, column]
     d0, d1 = boundary.rate[row, column] * h, boundary.rate[row + 1, column] * h
+    return hermite(y0, y1, d0, d1, part, h)
+
+
+@jit
+def hermite(y0: float, y1: float, d0: float, d1: float, u: float, h: float) -> Any:
+    """Return value, rate and second derivative at the fraction u of a span of h between two values.
+
+    d0, d1: their rates times h.
+    """
     c2 = 3.0 * (y1 - y0) - 2.0 * d0 - d1
     c3 = 2.0 * (y0 - y1) + d0 + d1
-    u = part
     value = y0 + u * (d0 + u * (c2 + u * c3))
     first = (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h
     second = (2.0 * c2 + 6.0 * c3 * u) / (h * h)

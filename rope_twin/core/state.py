@@ -101,6 +101,7 @@ ELEMENTS, LOWEST_OFFSET, COUNTS = 0, 1, 2
 PULL, PULL_X, PULL_Y, PULL_Z, PULL_COLUMNS = range(5)
 # columns of the prescribed motion: hang-off x, y, z and the paid-out length L
 X, Y, Z, LINE, MOTIONS = range(5)
+STEPS_PER_CALL = 256  # number of steps for which a twin prescribes motion at most
 # For kernel arguments: numba compiles a kernel again for every literal that it is called with.
 ZERO, KEPT_ROWS, LINE_COLUMN = np.int64(0), np.int64(KEPT), np.int64(LINE)
 

@@ -2,9 +2,10 @@
 
 The FMU contains the scene's file and a module of three lines; the twin is the installed
 rope_twin of the Python that loads it. Inputs are displacement, velocity and acceleration of the
-hang-off at the time of the step's beginning, from which they are extrapolated over the step:
-p + v·h + a·h²/2, so that a step's error is of the third order in h (of the second without a, of the
-first without v). Outputs are those at the step's end.
+hang-off, and of the lower end if the scene leaves that to another simulator, at the time of the
+step's beginning. From these they are extrapolated over the step: p + v·h + a·h²/2, so that a step's
+error is of the third order in h (of the second without a, of the first without v). Outputs are
+those at the step's end.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import importlib.util
 import shutil
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose, Vector3
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
@@ -35,6 +37,15 @@ INPUTS = {
     },
     "winch_speed_m_per_s": "commanded speed, positive: pay-out",
 }
+LOWER = {"low_{}_m": "displacement", "low_v{}_m_per_s": "velocity",
+         "low_a{}_m_per_s2": "acceleration"}  # fmt: skip
+LOWER_INPUTS = {
+    name.format(axis): f"{what} of the rope's lower end along {axis}"
+    for name, what in LOWER.items()
+    for axis in AXES
+}
+LOWER_OUTPUTS = {f"low_force_{axis}_n": f"force on what holds the lower end along {axis}"
+                 for axis in AXES}  # fmt: skip
 OUTPUTS = {
     **{f"hook_force_{axis}_n": f"force on the hang-off along {axis}" for axis in AXES},
     "hook_load_n": "tension at the hang-off",
@@ -61,6 +72,16 @@ class {name}(Fmi3Slave):
     def do_step(self, current_time, step_size):
         return self.model.step_into(self, current_time, step_size)
 '''
+
+
+def inputs_of(scene: Scene) -> dict[str, str]:
+    """Return what each input of a scene's FMU is; those of the lower end, where it is led."""
+    return INPUTS | LOWER_INPUTS if scene.ropes[0].is_led else INPUTS
+
+
+def outputs_of(scene: Scene) -> dict[str, str]:
+    """Return what each output of a scene's FMU is."""
+    return OUTPUTS | LOWER_OUTPUTS if scene.ropes[0].end_motion is not None else OUTPUTS
 
 
 class SceneModel:
@@ -93,12 +114,15 @@ class SceneModel:
         if abs(time_s - at_ns * 1e-9) > STEP_TOL:
             what = f"a step from {time_s:g} s, where the twin is at {at_ns * 1e-9:g} s"
             raise InputError(phrase("FMU", what, "step without gaps, from 0 on"))
-        p, v, a = ([inputs[name.format(axis)] for axis in AXES] for name in MOTIONS)
+        now, ahead = _motion(inputs, MOTIONS, 0.0), _motion(inputs, MOTIONS, step_s)
         if at_ns == 0:
-            _taken(twin.offer_pose(_pose(0, p, v)))
-        ahead = [x + step_s * (u + 0.5 * step_s * w) for x, u, w in zip(p, v, a, strict=True)]
-        fast = [u + step_s * w for u, w in zip(v, a, strict=True)]
-        _taken(twin.offer_pose(_pose(until_ns, ahead, fast)))
+            _taken(twin.offer_pose(ShipPose(0, *now)))
+        _taken(twin.offer_pose(ShipPose(until_ns, *ahead)))
+        line = twin.scene.ropes[0]
+        if line.is_led and line.fixed_at_m is not None:
+            a, b, c = line.fixed_at_m
+            (x, y, z), rate = _motion(inputs, LOWER, step_s)
+            _taken(twin.offer_lower_end(until_ns, (a + x, b + y, c + z), rate))
         speed = inputs["winch_speed_m_per_s"]
         if twin.scene.winch is not None and speed != self._speed:
             _taken(twin.offer_command(at_ns, WinchCommand(SPEED, speed)))
@@ -117,12 +141,17 @@ class SceneModel:
             **{f"payload_{axis}_m": own for axis, own in zip(AXES, place, strict=True)},
             "line_out_m": float(shot.line_out_m),
             "least_tension_n": float(shot.element_tension_n.min()),
+            **{
+                f"low_force_{axis}_n": own
+                for axis, own in zip(AXES, shot.lower_end_force_n, strict=False)
+            },
         }
 
     def step_into(self, slave: Any, time_s: float, step_s: float) -> bool:
         """Advance with the slave's inputs and set its outputs; False, and logged, if it fails."""
         try:
-            self.step({name: float(getattr(slave, name)) for name in INPUTS}, time_s, step_s)
+            given = inputs_of(self.twin.scene)
+            self.step({name: float(getattr(slave, name)) for name in given}, time_s, step_s)
         except RopeTwinError as error:
             from pythonfmu3.enums import Fmi3Status  # of the FMU that calls
 
@@ -133,10 +162,14 @@ class SceneModel:
         return True
 
 
-def _pose(stamp_ns: int, place: list[float], velocity: list[float]) -> ShipPose:
-    x, y, z = place
-    u, v, w = velocity
-    return ShipPose(stamp_ns, (x, y, z), (u, v, w))
+def _motion(
+    inputs: dict[str, float], names: Iterable[str], after_s: float
+) -> tuple[Vector3, Vector3]:
+    """Return displacement [m] and velocity [m/s] this long after the inputs."""
+    p, v, a = ([inputs[name.format(axis)] for axis in AXES] for name in names)
+    x, y, z = (s + after_s * (u + 0.5 * after_s * w) for s, u, w in zip(p, v, a, strict=True))
+    r, s, t = (u + after_s * w for u, w in zip(v, a, strict=True))
+    return (x, y, z), (r, s, t)
 
 
 def _taken(refusal: str) -> None:
@@ -157,12 +190,13 @@ def register(slave: Any) -> None:
             variability=Fmi3Variability.continuous,
         )
     )
-    for name, about in INPUTS.items():
+    scene = slave.model.twin.scene
+    for name, about in inputs_of(scene).items():
         setattr(slave, name, 0.0)
         slave.register_variable(Float64(name, causality=Fmi3Causality.input, description=about))
     for name, value in slave.model.outputs().items():
         setattr(slave, name, value)
-        about = OUTPUTS[name]
+        about = outputs_of(scene)[name]
         slave.register_variable(Float64(name, causality=Fmi3Causality.output, description=about))
 
 

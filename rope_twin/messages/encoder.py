@@ -60,6 +60,7 @@ class Encoder:
             "ropes/markers": self._markers,
             "hang_off/wrench": self._hang_off_wrench,
             "hang_off/odometry": self._hang_off_odometry,
+            "lower_end/wrench": self._lower_end_wrench,
             "payloads/state": self._payloads_state,
             "winch/state": self._winch_state,
             "winch/mode": winch_mode,
@@ -201,6 +202,14 @@ class Encoder:
     def _hang_off_wrench(self, snapshot: Snapshot) -> bytes:
         return self._wrench.fill(
             {**self._stamp(snapshot), "wrench.force": snapshot.hang_off_force_n}
+        )
+
+    def _lower_end_wrench(self, snapshot: Snapshot) -> bytes:
+        if not snapshot.lower_end_force_n:
+            what = "the snapshot has no force on a lower end"
+            raise InputError(phrase("encode", what, "give a scene with `end_motion`"))
+        return self._wrench.fill(
+            {**self._stamp(snapshot), "wrench.force": np.array(snapshot.lower_end_force_n)}
         )
 
     def _hang_off_odometry(self, snapshot: Snapshot) -> bytes:

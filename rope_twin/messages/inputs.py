@@ -21,13 +21,14 @@ from rope_twin.scene.schema import WINCH
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.topics import (
     CUT_TOPIC,
+    LOWER_END,
     MEASURED_DEPTH,
     MOTOR_TENSION,
     ORDER_TOPICS,
     SWITCH_TOPIC,
     WINCH_MEASURED,
 )
-from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.motion.ship_motion import ShipPose, Vector3
 from rope_twin.twin.readings import MOTOR, PAYLOAD, WINCH_SENSORS, Measurement
 from rope_twin.twin.winch.commands import (
     COMMANDER_EVENTS,
@@ -56,6 +57,19 @@ def encode_heave(
             **_stamp(stamp_ns),
             "pose.pose.position": (0.0, 0.0, position_m),
             "twist.twist.linear": (0.0, 0.0, velocity_m_per_s),
+        }
+    )
+
+
+def encode_lower_end(
+    stamp_ns: int, position_m: Sequence[float], velocity_m_per_s: Sequence[float]
+) -> bytes:
+    """Return a lower_end/odometry message: motion of the rope's lower end, in map."""
+    return _lower_end().fill(
+        {
+            **_stamp(stamp_ns),
+            "pose.pose.position": tuple(position_m),
+            "twist.twist.linear": tuple(velocity_m_per_s),
         }
     )
 
@@ -172,6 +186,11 @@ def _pose() -> Template:
 
 
 @cache
+def _lower_end() -> Template:
+    return Template(templates.odometry("map", "lower_end"))
+
+
+@cache
 def _elevation(recorded: bool) -> Template:
     header = templates.header(RECORD_FRAME if recorded else "map")
     return Template(new("geometry_msgs/msg/PointStamped", header=header))
@@ -253,6 +272,18 @@ def read_pose(data: bytes) -> tuple[int, ShipPose]:
         (turn.x, turn.y, turn.z, turn.w),
         (rate.x, rate.y, rate.z),
     )
+
+
+def read_lower_end(data: bytes) -> tuple[int, Vector3, Vector3]:
+    """Return ROS stamp [ns], position [m] and velocity [m/s] of a lower_end/odometry message.
+
+    Raises:
+        InputError: if the bytes are not such a message, or its stamp is invalid.
+    """
+    message = decode(LOWER_END, data)
+    place, speed = message.pose.pose.position, message.twist.twist.linear
+    stamp_ns = _stamp_ns(LOWER_END, message.header.stamp)
+    return stamp_ns, (place.x, place.y, place.z), (speed.x, speed.y, speed.z)
 
 
 def read_order(topic: str, data: bytes) -> tuple[int | None, WinchCommand, str]:

@@ -22,6 +22,7 @@ from rope_twin.messages.inputs import (
     read_current,
     read_cut,
     read_heave,
+    read_lower_end,
     read_measurement,
     read_order,
     read_pose,
@@ -34,6 +35,7 @@ from rope_twin.topics import (
     CUT_TOPIC,
     INPUT_LOG_TOPIC,
     INPUTS,
+    LOWER_END,
     MEASURED_DEPTH,
     MEASURED_TOPICS,
     MOTOR_TENSION,
@@ -326,6 +328,9 @@ def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:
     if topic == "ship/odometry":
         stamp_ns, pose = read_pose(data)
         return stamp_ns, _pose_values(pose)
+    if topic == LOWER_END:
+        stamp_ns, place, velocity = read_lower_end(data)
+        return stamp_ns, (*place, *velocity)
     if topic == CUT_TOPIC:
         at_ns, below_m, _ = read_cut(data)
         return at_ns, (below_m,)
@@ -347,6 +352,9 @@ def _given(call: Call) -> tuple[str, int | None, Values] | None:
         pose = call.arguments[0]
         assert isinstance(pose, ShipPose)
         return "ship/odometry", pose.stamp_ns, _pose_values(pose)
+    if call.method == "offer_lower_end":
+        stamp_ns, place, velocity = call.arguments
+        return LOWER_END, stamp_ns, (*place, *velocity)
     if call.method == "offer_command":
         stamp_ns, order = call.arguments[:2]
         assert isinstance(order, WinchCommand)

@@ -86,6 +86,8 @@ SERIES: Mapping[str, Callable[[Any], Cells]] = {
     "payloads/state": _bodies,
     "hang_off/odometry": _odometry,
     "hang_off/wrench": _wrench,
+    "lower_end/odometry": _odometry,
+    "lower_end/wrench": _wrench,
     "ship/heave": _heave,
     "ship/odometry": _odometry,
     "sea/elevation": _height,

@@ -340,13 +340,18 @@ class PacedTwin:
         return epoch_ns
 
     def _motion_reach_ns(self) -> int | None:
-        """Return the ROS time to which the ship motion is known; None: nothing moves the ship."""
-        epoch_ns, motion_ns = self.border.epoch_ns, self.border.motion_ns
-        if epoch_ns is None:
+        """Return the ROS time to which the motion of ship and lower end is known; None: neither of
+        them is moved.
+        """
+        border, scene = self.border, self.scene
+        if border.epoch_ns is None:
             return 0
-        if motion_ns is None:
-            return 0 if self.scene.sea_state.moves else None
-        return epoch_ns + motion_ns
+        moves = ((border.motion_ns, scene.sea_state.moves),
+                 (border.lower_end_ns, scene.ropes[0].is_led))  # fmt: skip
+        if any(newest_ns is None and awaited for newest_ns, awaited in moves):
+            return 0
+        known = [newest_ns for newest_ns, _ in moves if newest_ns is not None]
+        return border.epoch_ns + min(known) if known else None
 
     def describe_again(self) -> None:
         """Begin a new session at the next cycle, for a recorder that has joined."""

@@ -52,6 +52,7 @@ from rope_twin.topics import (
     FORECAST_RISK,
     INPUT_LOG_TOPIC,
     INPUTS,
+    LOWER_END,
     MEASURED_TOPICS,
     MOTION_TOPICS,
     RELEASE,
@@ -357,6 +358,8 @@ class SimulationNode(LifecycleNode):
                 return
             if name == CUT_TOPIC:
                 self.paced.border.take_cut(data)
+            elif name == LOWER_END:
+                self.paced.border.take_lower_end(data)
             elif name == FORECAST_RISK:
                 self.paced.alerts.take_risks(self.paced.border.take_forecast(data))
             elif name in MEASURED_TOPICS:

@@ -22,13 +22,21 @@ from rope_twin.messages.inputs import (
     read_current,
     read_cut,
     read_heave,
+    read_lower_end,
     read_measurement,
     read_order,
     read_pose,
 )
 from rope_twin.messages.reports import SCORE, read_risks
 from rope_twin.run.seat import Command, Seats
-from rope_twin.topics import CUT_TOPIC, FORECAST_RISK, INPUTS, MEASURED_TOPICS, MOTION_TOPICS
+from rope_twin.topics import (
+    CUT_TOPIC,
+    FORECAST_RISK,
+    INPUTS,
+    LOWER_END,
+    MEASURED_TOPICS,
+    MOTION_TOPICS,
+)
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.readings import Measurement
@@ -121,6 +129,7 @@ class InputBorder:
         self.motion_listener: Callable[[int, float], None] | None = None
         self.epoch_ns: int | None = None  # ROS time of t = 0; None: all inputs are ignored
         self.motion_ns: int | None = None  # twin time of the newest sample of ship motion
+        self.lower_end_ns: int | None = None  # likewise of the motion of the lower end
 
     def take_motion(
         self, topic: str, data: bytes, sender: object = None, received_ns: int | None = None
@@ -154,6 +163,14 @@ class InputBorder:
         else:
             self._inputs.offer_heave(stamp_ns - epoch_ns, *sample, arrival_ns)
         self.motion_ns = max(self.motion_ns or 0, stamp_ns - epoch_ns)  # once it is queued
+
+    def take_lower_end(self, data: bytes) -> None:
+        """Accept or reject a lower_end/odometry message."""
+        content = self._read(LOWER_END, lambda: read_lower_end(data))
+        if content is not None and (epoch_ns := self._epoch()) is not None:
+            stamp_ns, place, velocity = content
+            self._inputs.offer_lower_end(stamp_ns - epoch_ns, place, velocity)
+            self.lower_end_ns = max(self.lower_end_ns or 0, stamp_ns - epoch_ns)
 
     def take_order(self, topic: str, data: bytes, sender: str, publisher: str = "") -> None:
         """Accept or reject a message on one of WINCH_TOPICS.

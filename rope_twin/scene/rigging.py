@@ -124,6 +124,12 @@ def _lower_ends(scene: Scene) -> Iterator[Fault]:
         elif not line.to and not line.fixed_at_m:
             right = "add `to` (a payload's name) or `fixed_at_m` (a fixed point)"
             yield path, "its lower end is neither fixed nor loaded", right
+        elif line.end_motion is not None and not line.fixed_at_m:
+            right = "give `fixed_at_m`, its place at rest, instead of `to`, or no end_motion"
+            yield f"{path}.end_motion", "a payload moves by itself", right
+        elif line.end_motion is not None and is_joined(scene):
+            what = "the lower end of a single rope can be moved, and this scene has more"
+            yield f"{path}.end_motion", what, "leave it out, or the other ropes and connections"
         elif line.to and line.to not in names:
             if line.to in places(scene):
                 right = "let it end at a payload or a joint: ropes leave the ship by `from`"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, pi, sqrt
+from math import ceil, pi, radians, sqrt
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,12 @@ from rope_twin.core.body.step import with_parts
 from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.fibre import new_fibre
 from rope_twin.core.loads.hooks import hooks_of, work_rows
+from rope_twin.core.moved_end import HarmonicEnd, LedEnd, led_end
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     ELEMENTS,
     POSITION,
+    STEPS_PER_CALL,
     Floats,
     Model,
     State,
@@ -54,7 +56,7 @@ from rope_twin.scene.grid import (
 )
 from rope_twin.scene.rigging import refuse_joined
 from rope_twin.scene.rope_data import StiffnessTable, cubics
-from rope_twin.scene.schema import Payload, RopeLine, Scene
+from rope_twin.scene.schema import EndMotion, Payload, RopeLine, Scene
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
 
 COLUMNS = 3  # along each side of a partially submerged body
@@ -223,7 +225,19 @@ def build_effects(
                     )
     if any(one.rope.is_fibre for line in scene.ropes for one in line.made_of):
         built.append(new_fibre(room))
+    if line.end_motion is not None:
+        built.append(_moved_end(line, line.end_motion))
     return meet(built, scene) if apart else tuple(built)
+
+
+def _moved_end(line: RopeLine, motion: EndMotion) -> HarmonicEnd | LedEnd:
+    """Return the kernel data of the motion of a rope's lower end."""
+    assert line.fixed_at_m is not None, "a rule of scenes"
+    if motion.from_outside:
+        return led_end(line.fixed_at_m, STEPS_PER_CALL + 1)
+    waves = [(*one.amplitude_m, 2.0 * pi / one.period_s, radians(one.phase_deg))
+             for one in motion.harmonics]  # fmt: skip
+    return HarmonicEnd(np.array(line.fixed_at_m), np.array(waves, dtype=float), motion.ramp_s)
 
 
 def section_damping(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> list[float]:

@@ -346,8 +346,38 @@ class Damping:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RopeLine:
+class EndHarmonic:
+    """Sine of the motion of a rope's lower end."""
+
+    amplitude_m: Triple = quantity("amplitude along x, y, z", "m", -100.0, 100.0)
+    period_s: float = quantity("period", "s", 0.5, 1e4)
+    phase_deg: float = quantity("phase of the sine at t = 0", "°", -360.0, 360.0, default=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EndMotion:
+    """Motion of a rope's fixed lower end about its place; one of harmonics and from_outside."""
+
+    harmonics: tuple[EndHarmonic, ...] = text("sum of sines", ())
+    ramp_s: float = quantity("build-up time of the harmonics", "s", 0.1, 600.0, default=8.0)
+    from_outside: bool = text(
+        "another simulator moves it: lower_end/odometry, or the inputs of an FMU", False
+    )
+
+    def check(self) -> str | None:
+        """Return a fault unless exactly one is given, or None."""
+        if self.from_outside == (not self.harmonics):
+            return None
+        given = "harmonics and from_outside" if self.harmonics else "neither of both"
+        return f"{given}; give harmonics, or from_outside: true"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class RopeLine(SparingRepr):
     """One rope of the scene: winch to payload or fixed point, or between connections."""
+
+    _later = frozenset(("end_motion",))
+    _no_figures = frozenset(("fatigue",))  # it judges, and moves nothing
 
     name: str = text("name of the rope")
     from_: str = text("upper end: the winch, a hang-off, a joint or payload", WINCH)
@@ -362,6 +392,7 @@ class RopeLine:
     fixed_at_m: Triple | None = quantity(
         "lower end fixed at x, y, z instead of a payload", "m", -2e4, 2e4, default=None
     )
+    end_motion: EndMotion | None = text("motion of a fixed lower end; default: at rest", None)
     grading: Grading | None = text("graded mesh near the lower end; default: equal elements", None)
     bending: BendingParams | None = text(
         "multi-line scenes: its own bending stiffness, instead of the effect's", None
@@ -374,6 +405,11 @@ class RopeLine:
     def made_of(self) -> tuple[RopeSection, ...]:
         """Return its sections from the lower end up; a single one without a length if uniform."""
         return (RopeSection(rope=self.rope),) if self.rope is not None else self.sections
+
+    @property
+    def is_led(self) -> bool:
+        """Return whether another simulator moves its lower end."""
+        return self.end_motion is not None and self.end_motion.from_outside
 
     @property
     def thinnest_m(self) -> float:

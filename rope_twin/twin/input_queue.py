@@ -115,6 +115,7 @@ class InputQueue:
         return self._stepper.snapshot()
 
     offer_heave, offer_pose = _queued("offer_heave"), _queued("offer_pose")
+    offer_lower_end = _queued("offer_lower_end")
     offer_command, offer_cut = _queued("offer_command"), _queued("offer_cut")
     offer_current, offer_measurement = _queued("offer_current"), _queued("offer_measurement")
     offer_figures, take_remark = _queued("offer_figures"), _queued(_REMARK)

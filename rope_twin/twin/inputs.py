@@ -29,6 +29,7 @@ from rope_twin.twin.cut_input import CutInput
 from rope_twin.twin.figures import RAMP_S, FigureBase, LearnedFigures
 from rope_twin.twin.health import InputCounter
 from rope_twin.twin.motion.hang_off import HangOffTrack
+from rope_twin.twin.motion.lower_end import LowerEndTrack
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.residuals import MeasuredInputs
@@ -60,6 +61,7 @@ class InputState(NamedTuple):
     border: InputCounter
     figures: LearnedFigures
     forecast: ForecastInput
+    lower_end: LowerEndTrack | None
 
 
 class TwinInputs:
@@ -79,6 +81,7 @@ class TwinInputs:
         self.border = InputCounter(BORDER)  # what was kept from the twin, in words
         self.figures = LearnedFigures()
         self.forecast = ForecastInput()
+        self.lower_end = LowerEndTrack(scene) if scene.ropes[0].is_led else None
         self._base = FigureBase(ropes.first)
         self.validity = StudyValidity(scene)
         self._digest = self.validity.digest  # a run may resume in a scene with another schedule
@@ -94,12 +97,14 @@ class TwinInputs:
     def state(self) -> InputState:
         """Return the inputs' state; its parts are the inputs themselves."""
         own = self.heave, self.winch, self.current, self.cut, self.validity, self._profiles
-        return InputState(*own, self.measured, self.border, self.figures, self.forecast)
+        others = self.measured, self.border, self.figures, self.forecast, self.lower_end
+        return InputState(*own, *others)
 
     def restore(self, state: InputState) -> None:
         """Continue with the inputs of a state."""
         self.heave, self.winch, self.current, self.cut, self.validity = state[:5]
-        self._profiles, self.measured, self.border, self.figures, self.forecast = state[5:]
+        self._profiles, self.measured, self.border, self.figures = state[5:9]
+        self.forecast, self.lower_end = state[9:]
         self._apply_figures()
         self.validity.resume(self._digest)
 
@@ -141,6 +146,22 @@ class TwinInputs:
             refusal = self.heave.offer_pose(pose, received_ns)
             if not refusal and self._judges_motion:
                 self.validity.hear_pose(self.own_motion, pose)
+            return refusal
+
+    def offer_lower_end(
+        self,
+        stamp_ns: int,
+        position_m: tuple[float, float, float],
+        velocity_m_per_s: tuple[float, float, float],
+    ) -> str:
+        """Submit the motion of the lower end, in map; return "" or the reason for the rejection."""
+        if self.lower_end is None:
+            right = "give its rope `end_motion: {from_outside: true}`"
+            return phrase("lower_end", "the scene does not let another simulator move it", right)
+        with self.lock:
+            refusal = self.lower_end.offer_place(stamp_ns, position_m, velocity_m_per_s)
+            if not refusal:
+                self.validity.invalidate("the lower end is moved from elsewhere")
             return refusal
 
     def prescribe_motion(self) -> None:
@@ -267,7 +288,8 @@ class TwinInputs:
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted sample of heave, cut and each winch [ns]."""
-        counters = (self.heave.counter, self.cut.counter)
+        ends = () if self.lower_end is None else (self.lower_end.counter,)
+        counters = (self.heave.counter, self.cut.counter, *ends)
         own = {one.name: one.newest_ns for one in counters if one.newest_ns is not None}
         return own | self.winch.newest_ns() | self.ropes.newest_ns() | self.measured.newest_ns()
 
@@ -278,6 +300,8 @@ class TwinInputs:
             self.winch.invalidate()
             self.ropes.invalidate()
             self.measured.invalidate()
+            if self.lower_end is not None:
+                self.lower_end.invalidate()
 
     def check_profiles(self) -> None:
         """Mark the known error as unknown after a current profile; call it under the lock.
@@ -308,6 +332,7 @@ class TwinInputs:
             **self.winch.health(now),
             "current": self.current.counter.health(now, False),
             **self.cut.health(now),
+            **({} if self.lower_end is None else {"lower_end": self.lower_end.health(now)}),
             **self.measured.health(now),
             **({BORDER: kept_out} if kept_out.warning else {}),
             **({FIGURES_INPUT: learned} if learned.accepted or learned.note else {}),

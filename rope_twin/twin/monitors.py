@@ -23,11 +23,10 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import Power, SystemBorder, accounts_of, lost
 from rope_twin.core.joined.joints import System
 from rope_twin.core.loads.hooks import hooks_of
-from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.state import STEPS_PER_CALL, Boundary, Floats, Rope
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.inputs import TwinInputs
-from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import CutShot, EnergyBalance, Snapshot, amended

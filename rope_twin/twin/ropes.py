@@ -14,6 +14,7 @@ import numpy as np
 
 from rope_twin.core.energy import SystemBorder, measure, of_one
 from rope_twin.core.joined.joints import loaded_ends
+from rope_twin.core.loads.balance import lower_end_force
 from rope_twin.core.state import (
     ACCELERATION,
     ELEMENTS,
@@ -39,7 +40,7 @@ from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.parted import CutRope, SingleWinch
 from rope_twin.twin.regrid import upper_ends
 from rope_twin.twin.rope_cut import CutPosition, cut_rope, without_load
-from rope_twin.twin.snapshot import Snapshot, first_rope
+from rope_twin.twin.snapshot import Snapshot, amended, first_rope
 from rope_twin.twin.snapshot_builder import RopeShape, payload_depth_m, shape_from_top
 from rope_twin.twin.state import changing_parts
 from rope_twin.twin.statics import solve_scene_statics
@@ -82,8 +83,11 @@ class OneRope(SingleWinch):
         return of_one(measure(first, pull[PULL_X : PULL_Z + 1], time, speed))
 
     def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
-        """Return the snapshot unchanged."""
-        return shot
+        """Add the force on the lower end, where the scene moves that."""
+        if self._scene.ropes[0].end_motion is None:
+            return shot
+        force = lower_end_force(self.first, effects, now_ns * 1e-9)
+        return amended(shot, lower_end_force_n=tuple(force.tolist()))
 
     def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shape of the rope."""

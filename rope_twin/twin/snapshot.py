@@ -387,6 +387,8 @@ class Snapshot:
     cut: CutShot | None = None  # if a rope was cut
     lines: LinesShot | None = None  # two lines around one sheave, at their last sampling
     line_events: tuple[LineEvent, ...] = ()  # line crossings that began or ended since then
+    # force of the rope on its lower end, x, y, z, where the scene moves that end; else none
+    lower_end_force_n: tuple[float, ...] = ()
     residuals: tuple[Residual, ...] = ()  # of what is measured, once it was compared
     forecast_score: ForecastScore | None = None  # of the forecasts heard; None: none runs
     quality: tuple[Quality, ...] = ()  # index of each functional element

@@ -11,6 +11,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.body.step import pose_of
+from rope_twin.core.moved_end import without_motion
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.statics import solve_statics
 from rope_twin.core.step import advance
@@ -50,6 +51,7 @@ def solve_scene_statics(scene: Scene, rope: Rope) -> Floats:
     """
     line = scene.ropes[0]
     nodes = rope.state.nodes
+    rope = rope._replace(effects=without_motion(rope.effects))
     with no_garbage_collection():
         end = solve_statics(rope, line.length_m)
     judge_body(scene, rope)

@@ -35,7 +35,7 @@ from rope_twin.twin.monitors import (
     chunk_of,
     new_monitors,
 )
-from rope_twin.twin.motion.boundary_conditions import STEPS_PER_CALL, BoundaryConditions, Present
+from rope_twin.twin.motion.boundary_conditions import BoundaryConditions, Present
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.multi_line_snapshot import with_vibration
 from rope_twin.twin.pacing import steps_in_slot
@@ -90,10 +90,12 @@ class Twin:
         self.scene = scene
         self.failure_folder: Path | None = None  # for the state from which a step failed
         self._clock = Clock()
-        self._system = RopeSystem(scene, STEPS_PER_CALL)
+        self._system = RopeSystem(scene, rows.STEPS_PER_CALL)
         self._mesh = Mesh(scene, self._system.all_with(self._system.first))
         self.inputs = TwinInputs(scene, self._system.ropes, self._clock)
-        self._motion = BoundaryConditions(scene, STEPS_PER_CALL, self.inputs.winch.line.length_m)
+        self._motion = BoundaryConditions(
+            scene, rows.STEPS_PER_CALL, self.inputs.winch.line.length_m
+        )
         self._card_error = known_error(scene)  # by the scene's convergence study alone
         end_n = float(self._system.tension[0])
         self._record = RunRecord(scene, self._system.ropes, self._system.upper_pulls, end_n)
@@ -107,6 +109,7 @@ class Twin:
 
     offer_heave = _passed_on(TwinInputs.offer_heave)
     offer_pose = _passed_on(TwinInputs.offer_pose)
+    offer_lower_end = _passed_on(TwinInputs.offer_lower_end)
     offer_current = _passed_on(TwinInputs.offer_current)
     offer_cut = _passed_on(TwinInputs.offer_cut)
     offer_measurement = _passed_on(TwinInputs.offer_measurement)
@@ -248,7 +251,7 @@ class Twin:
             raise InputError(phrase("advance", what, "restore an earlier saved state"))
         try:
             while steps > 0:
-                steps -= self._advance_some(min(steps, STEPS_PER_CALL))
+                steps -= self._advance_some(min(steps, rows.STEPS_PER_CALL))
         except SolverError as error:
             raise SolverError(str(error).removesuffix(".") + self._keep_failure(error)) from error
 
@@ -297,7 +300,11 @@ class Twin:
                     monitor.cut(self.inspect())
             steps = inputs.steps_before(clock.time_ns, self.step_ns, steps)
             now = Present(clock.time_ns, self.step_ns, system.first, self.top_pull_n)
-            return self.rope, self._motion.fill(steps, inputs, now)
+            steps = self._motion.fill(steps, inputs, now)
+            if inputs.lower_end is not None:
+                effects = inputs.current.effects
+                inputs.lower_end.prescribe(effects, clock.time_ns, self.step_ns, steps)
+            return self.rope, steps
 
     def _observe(self, pulls: rows.Floats, moved: rows.Boundary) -> None:
         """Sample the loosely coupled VIV model, if that is due, and let the monitors observe.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from pathlib import Path
 
@@ -10,7 +11,15 @@ import pytest
 
 from rope_twin.cli import main
 from rope_twin.errors import InputError
-from rope_twin.interchange.fmu import INPUTS, OUTPUTS, SceneModel, export_fmu
+from rope_twin.interchange.fmu import (
+    INPUTS,
+    LOWER_INPUTS,
+    OUTPUTS,
+    SceneModel,
+    export_fmu,
+    inputs_of,
+    outputs_of,
+)
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.driven_twin import march
 from rope_twin.twin.snapshot import Snapshot
@@ -81,6 +90,40 @@ def test_run_by_fmpy_is_that_of_the_twin(
     line = np.array([shot.line_out_m for shot in right])
     assert found["line_out_m"] == pytest.approx(line, abs=1e-6)
     assert line[-1] - line[0] > 0.2
+
+
+def test_lower_end_is_an_input_where_the_scene_leaves_it_so(tmp_path: Path) -> None:
+    """An ROV on a tether, moved through the model: the force is that of a twin with its motion."""
+    text = load_scene("rov_tether").path.read_text()
+    text = text.replace("-860.0]", "-860.0]\n    end_motion: {from_outside: true}")
+    text = text.replace("sea_state: {bag: sea_2p5m}\n", "").replace("elements: 50", "elements: 10")
+    (tmp_path / "led.yaml").write_text(text)
+    scene = load_scene(tmp_path / "led.yaml")
+    assert set(inputs_of(scene)) - set(INPUTS) == set(LOWER_INPUTS)
+    model, twin = SceneModel(str(tmp_path), "led.yaml"), Twin(scene)
+    twin.prescribe_motion()
+    twin.offer_speed(0, 0.0)
+    still, place = dict.fromkeys(inputs_of(scene), 0.0), scene.ropes[0].fixed_at_m
+    assert place is not None
+    for step in range(100):
+        time, then = STEP_S * step, STEP_S * (step + 1)
+        x, v, a = 0.1 * time**3, 0.3 * time**2, 0.6 * time
+        model.step(still | {"low_x_m": x, "low_vx_m_per_s": v, "low_ax_m_per_s2": a}, time, STEP_S)
+        moved = x + STEP_S * (v + 0.5 * STEP_S * a)
+        at = (place[0] + moved, *place[1:])
+        assert twin.offer_lower_end(round(then * 1e9), at, (v + STEP_S * a, 0.0, 0.0)) == ""
+        twin.advance(round(STEP_S / twin.step_s))
+        found = model.outputs()
+        right = twin.snapshot().lower_end_force_n
+        assert [found[f"low_force_{axis}_n"] for axis in "xyz"] == pytest.approx(right, rel=1e-8)
+    assert found["payload_x_m"] - place[0] == pytest.approx(0.1 * 2.0**3, rel=0.01)
+    assert set(found) == set(outputs_of(scene))
+    if importlib.util.find_spec("fmpy") and importlib.util.find_spec("pythonfmu3"):
+        import fmpy
+
+        export_fmu(str(tmp_path / "led.yaml"), tmp_path / "led.fmu")
+        described = fmpy.read_model_description(str(tmp_path / "led.fmu"))
+        assert {one.name for one in described.modelVariables} >= {"low_x_m", "low_force_z_n"}
 
 
 def test_steps_that_do_not_fit() -> None:

@@ -125,6 +125,10 @@ def wrench(snapshot: Snapshot) -> object:
     return made("geometry_msgs/msg/WrenchStamped", header=header(snapshot, "map"), wrench=parts)
 
 
+def lower_end(snapshot: Snapshot) -> object:
+    return wrench(replace(snapshot, hang_off_force_n=np.array(snapshot.lower_end_force_n)))
+
+
 def interval(snapshot: Snapshot) -> object:
     found = snapshot.error_interval
     assert found is not None
@@ -188,6 +192,7 @@ BY_OBJECTS = {
     "ropes/tension_top": lambda s: joint(s, effort=s.tension_top_n),
     "ropes/tension_bottom": lambda s: joint(s, effort=float(s.node_tension_n[-1])),
     "hang_off/wrench": wrench,
+    "lower_end/wrench": lower_end,
     "hang_off/odometry": odometry,
     "ropes/element_tension": element_tension,
     "payloads/state": payload,

@@ -51,6 +51,9 @@ def encoded(topic: str, nodes: int) -> bytes:
     return {
         "ship/heave": messages.encode_heave(STAMP_NS, 1.5, -0.25),
         "ship/odometry": messages.encode_pose(STAMP_NS, rolled_ship(STAMP_NS)),
+        "lower_end/odometry": messages.encode_lower_end(
+            STAMP_NS, (1.0, 2.0, -3.0), (0.1, 0.0, -0.2)
+        ),
         "sea/elevation": messages.encode_elevation(STAMP_NS, -0.75),
         **dict(messages.encode_order(STAMP_NS, order, "aft") for order in ONE_OF_EACH),
         **dict([messages.encode_cut(STAMP_NS, 1500.0)]),

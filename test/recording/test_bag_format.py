@@ -18,6 +18,7 @@ from rope_twin.messages import (
     encode_elevation,
     encode_epoch,
     encode_heave,
+    encode_lower_end,
     encode_measurement,
     encode_order,
     encode_pose,
@@ -68,6 +69,7 @@ def all_messages(stamp_ns: int) -> dict[str, bytes]:
     return messages | {
         "ship/heave": encode_heave(stamp_ns, 0.5, -0.25),
         "ship/odometry": encode_pose(stamp_ns, rolled_ship(stamp_ns)),
+        "lower_end/odometry": encode_lower_end(stamp_ns, (1.0, 2.0, -3.0), (0.1, 0.0, -0.2)),
         "sea/elevation": encode_elevation(stamp_ns, 1.5),
         **dict(encode_order(stamp_ns, order) for order in ONE_OF_EACH),
         **dict([encode_cut(stamp_ns, 1500.0)]),

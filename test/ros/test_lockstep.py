@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 from ros_bench import Bench
 
-from rope_twin.messages import encode_heave
+from rope_twin.messages import encode_heave, encode_lower_end
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import RegularHeave, SeaState
+from rope_twin.scene.schema import EndHarmonic, EndMotion, RegularHeave, SeaState
 from rope_twin.studies.driven_twin import fed
+from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.twin import Twin
 
 pytestmark = pytest.mark.ros
@@ -110,6 +111,69 @@ def test_twin_steps_to_the_time_of_the_master_alone(bench: Bench) -> None:
     for shot in right:
         force = forces[START_NS + shot.stamp_ns].wrench.force
         assert force.z == pytest.approx(float(shot.hang_off_force_n[2]), rel=1e-8)
+
+
+def test_lower_end_is_held_by_the_master(bench: Bench, tmp_path: Path) -> None:
+    """An ROV on a tether, of which the master knows the motion: the twin waits for it, and the
+    force on the ROV is that of the same motion in a scene.
+    """
+    amplitude = (AMPLITUDE_M, -0.1, 0.2)
+    text = load_scene("rov_tether").path.read_text()
+    for old, new in (("-860.0]", "-860.0]\n    end_motion: {from_outside: true}"),
+                     ("sea_state: {bag: sea_2p5m}\n", ""), ("step_s: 0.01", "step_s: 0.02"),
+                     ("elements: 50", "elements: 12")):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new, 1)
+    (tmp_path / "led.yaml").write_text(text)
+    node = bench.make("simulation", scene=str(tmp_path / "led.yaml"), use_sim_time=True,
+                      lockstep=True, ladder=False)  # fmt: skip
+    master, motion = Master(bench), bench.publisher("lower_end/odometry")
+    forces = bench.listen("lower_end/wrench")
+    scene = load_scene(tmp_path / "led.yaml")
+    line, place = scene.ropes[0], scene.ropes[0].fixed_at_m
+    assert place is not None
+
+    def share(time_s: float) -> tuple[float, float]:
+        value, slope = ramp(time_s, 1.0)
+        s, c = math.sin(OMEGA * time_s), OMEGA * math.cos(OMEGA * time_s)
+        return value * s, slope * s + value * c
+
+    def move(at_ns: int) -> None:
+        moved, speed = share(at_ns * 1e-9)
+        at = tuple(x + moved * a for x, a in zip(place, amplitude, strict=True))
+        motion.publish(encode_lower_end(START_NS + at_ns, at, [speed * a for a in amplitude]))
+
+    def answered(at_ns: int) -> bool:
+        stamps = (one.header.stamp for one in reversed(forces))
+        return any(one.sec * 10**9 + one.nanosec == START_NS + at_ns for one in stamps)
+
+    master.begin(node)
+    master.tick(5 * SLOT_NS)
+    bench._spin(0.2)
+    assert node.paced.twin.time_ns == 0, "the motion of the lower end is not known"
+    for k in range(SLOTS + 1):
+        at_ns = k * SLOT_NS
+
+        def done(at_ns: int = at_ns) -> bool:
+            move(at_ns)
+            master.tick(at_ns)
+            newest_ns = node.paced.border.lower_end_ns
+            return answered(at_ns) if at_ns else newest_ns is not None
+
+        bench.until(done, f"the answer at {at_ns * 1e-9:g} s")
+        assert node.paced.twin.time_ns == at_ns
+    own = EndMotion(harmonics=(EndHarmonic(amplitude_m=amplitude, period_s=6.0),), ramp_s=1.0)
+    assert scene.winch is not None
+    same = replace(scene, ropes=(replace(line, end_motion=own),),
+                   winch=replace(scene.winch, schedule=()))  # fmt: skip
+    by_stamp = {one.header.stamp.sec * 10**9 + one.header.stamp.nanosec: one.wrench.force
+                for one in forces}  # fmt: skip
+    twin = Twin(same)
+    for k in range(1, SLOTS + 1):
+        twin.advance(1)
+        found, right = by_stamp[START_NS + k * SLOT_NS], twin.snapshot().lower_end_force_n
+        apart = max(abs(a - b) for a, b in zip((found.x, found.y, found.z), right, strict=True))
+        assert apart <= 1e-8 * math.hypot(*right)
 
 
 def test_lockstep_needs_simulated_time(bench: Bench) -> None:

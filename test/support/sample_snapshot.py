@@ -66,6 +66,7 @@ def hanging_rope(
         tension_top_min_n=float(element[0]) - 1e3,
         tension_top_max_n=float(element[0]) + 1e3,
         hang_off_force_n=np.array([10.0, -2.0, -float(element[0])]),
+        lower_end_force_n=(30.0, -40.0, 1.2e3),
         tension_payload_n=float(element[-1]),
         hang_off_position_m=position[0].copy(),
         hang_off_velocity_m_per_s=velocity[0].copy(),

@@ -361,6 +361,21 @@ def lower_end_tension(rope: Rope, effects: Any, time_s: float) -> float:
     force on the hang-off is. Internal variables of effects (VIV, sticking friction) are left out.
     0 where the element is slack, or carries less than its half weighs.
     """
+    force, along = _at_lower_end(rope, effects, time_s)
+    held = float(rope.work[TENSION, 0]) > 0.0 and force @ along > 0.0
+    return math.sqrt(float(force @ force)) if held else 0.0
+
+
+def lower_end_force(rope: Rope, effects: Any, time_s: float) -> Floats:
+    """Return the force of the rope on what holds its lower end [N], (3,), as `lower_end_tension`.
+
+    Of a slack rope it is that of the lowest half element alone.
+    """
+    return _at_lower_end(rope, effects, time_s)[0]
+
+
+def _at_lower_end(rope: Rope, effects: Any, time_s: float) -> tuple[Floats, Floats]:
+    """Return the force on the lower end [N] and the direction of the element there, (3,) each."""
     work = new_work(2)
     work[:NODE_ROWS, :2] = rope.state.nodes[:, :2]
     step = work[:3, 1] - work[:3, 0]
@@ -371,8 +386,7 @@ def lower_end_tension(rope: Rope, effects: Any, time_s: float) -> float:
     work[TANGENT : TANGENT + 3, 0] = along
     _load_lower_end(effects, work, Stage(time_s, 1.0, 0.0, 0.0))
     pull = float(rope.work[TENSION, 0])
-    force = pull * along + work[RESIDUAL : RESIDUAL + 3, 0]
-    return math.sqrt(float(force @ force)) if pull > 0.0 and force @ along > 0.0 else 0.0
+    return np.asarray(pull * along + work[RESIDUAL : RESIDUAL + 3, 0]), along
 
 
 @jit_entry

@@ -37,7 +37,6 @@ from rope_twin.twin.winch.commands import (
 )
 from rope_twin.twin.winch.winch import Winch
 
-STEPS_PER_CALL = 256  # number of steps for which a twin prescribes motion at most
 OFFERED_NS = 8_000_000_000  # commands known in advance reach the winch so much early, at most
 
 

@@ -49,10 +49,17 @@ class HeaveTrack:
     """Heave over twin time [ns]; `offer` takes samples, `at` is called with rising times."""
 
     def __init__(
-        self, limit_m: float = HEAVE_LIMIT_M, speed_limit_m_per_s: float = VELOCITY_LIMIT_M_PER_S
+        self,
+        limit_m: float = HEAVE_LIMIT_M,
+        speed_limit_m_per_s: float = VELOCITY_LIMIT_M_PER_S,
+        name: str = "heave",
+        moved: str = "ship",
     ) -> None:
-        """Set the maximum position [m] and the maximum speed of accepted samples."""
-        self.counter = InputCounter("heave")
+        """Set the maximum position [m] and the maximum speed of accepted samples.
+
+        name: of the input; moved: what it moves, in words.
+        """
+        self.counter, self._moves = InputCounter(name), moved
         self.missing_ns = 0  # total time without a sample after the requested time
         self._limit_m, self._speed_limit = limit_m, speed_limit_m_per_s
         self._rejoin_s = REJOIN_S  # duration of the newest blending
@@ -122,31 +129,36 @@ class HeaveTrack:
         """Return why the numbers of a sample are rejected, counted; or ""."""
         refuse = self.counter.refuse
         if not (math.isfinite(z) and math.isfinite(v)):
-            return refuse("non_finite", phrase("heave", f"position {z} m, velocity {v} m/s",
-                                               "both must be finite numbers"))  # fmt: skip
+            what = f"position {z} m, velocity {v} m/s"
+            right = "both must be finite numbers"
+            return refuse("non_finite", phrase(self.counter.name, what, right))
         if not self._is_possible(z, v):
             return refuse("impossible", phrase(
-                "heave", f"position {z:g} m, velocity {v:g} m/s",
-                f"a ship stays within ±{self._limit_m:g} m and ±{self._speed_limit:g} m/s"))  # fmt: skip # noqa: E501
+                self.counter.name, f"position {z:g} m, velocity {v:g} m/s",
+                f"a {self._moves} stays within ±{self._limit_m:g} m and ±{self._speed_limit:g} m/s"))  # fmt: skip # noqa: E501
         return ""
 
     def _stamp_fault(self, stamp_ns: int) -> str:
         """Return why the stamp of a sample is rejected, counted; or ""."""
-        refuse = self.counter.refuse
+        refuse, name, stamp = (
+            self.counter.refuse,
+            self.counter.name,
+            f"stamp {stamp_ns * 1e-9:.3f} s",
+        )
         if self._stamps and stamp_ns == self._stamps[-1]:
-            return refuse("repeated", phrase("heave", f"stamp {stamp_ns * 1e-9:.3f} s came twice",
-                                             "each sample needs a stamp of its own"))  # fmt: skip
+            right = "each sample needs a stamp of its own"
+            return refuse("repeated", phrase(name, f"{stamp} came twice", right))
         if self._stamps and stamp_ns < self._stamps[-1]:
-            return refuse("late", phrase(
-                "heave", f"stamp {stamp_ns * 1e-9:.3f} s follows {self._stamps[-1] * 1e-9:.3f} s",
-                "samples must come in the order of their stamps"))  # fmt: skip
+            what = f"{stamp} follows {self._stamps[-1] * 1e-9:.3f} s"
+            right = "samples must come in the order of their stamps"
+            return refuse("late", phrase(name, what, right))
         now = self._asked_ns
         if now is not None and stamp_ns < now:
-            return refuse("late", phrase("heave", *too_late(stamp_ns, now, "needed")))
+            return refuse("late", phrase(name, *too_late(stamp_ns, now, "needed")))
         ahead_ns = stamp_ns - (now or 0)
         leap_ns = min(ahead_ns, stamp_ns - self._stamps[-1]) if self._stamps else ahead_ns
         if leap_ns > (LEAP_NS if self._stamps else AHEAD_NS):
-            return refuse("impossible", too_far_ahead("heave", stamp_ns, now or 0))
+            return refuse("impossible", too_far_ahead(name, stamp_ns, now or 0))
         return ""
 
     def _jump_fault(self, stamp_ns: int, z: float) -> str:
@@ -156,8 +168,8 @@ class HeaveTrack:
             jump = z - self._samples[-1][0]
             if abs(jump) > self._speed_limit * seconds + JUMP_M:
                 return self.counter.refuse("impossible", phrase(
-                    "heave", f"it jumps by {jump:.2f} m in {seconds:.3f} s",
-                    f"a ship moves by at most {self._speed_limit:g} m/s"))  # fmt: skip
+                    self.counter.name, f"it jumps by {jump:.2f} m in {seconds:.3f} s",
+                    f"a {self._moves} moves by at most {self._speed_limit:g} m/s"))  # fmt: skip
         return ""
 
     def _is_possible(self, z: float, v: float) -> bool:
@@ -257,7 +269,7 @@ class HeaveTrack:
         elif known:
             self.counter.say("")
         elif not self._stamps:
-            self.counter.say("no sample yet; the ship lies still")
+            self.counter.say(f"no sample yet; the {self._moves} lies still")
         else:
             missing = (time_ns - self._stamps[-1]) * 1e-9
             self.counter.say(f"no sample for {missing:.2f} s; the last motion dies away")

@@ -1,0 +1,119 @@
+"""Lower end of a single rope whose motion is prescribed, instead of fixed.
+
+The solver holds node 0 (`first_free` 1); before each stage these kernels set its position, velocity
+and acceleration, at the stage's time. Two kinds:
+
+- `HarmonicEnd`: x = x_0 + r(t)·Σ A·sin(ω·t + φ) along each axis, with the build-up r of
+  `twin.motion.heave_track.ramp`;
+- `LedEnd`: a twin writes position and velocity at the boundaries of the steps to come, from samples
+  that another simulator sends. Until one comes the end stays where it is.
+
+Between step boundaries both are cubic Hermite polynomials, as the motion of the hang-off is
+(core/payout.prescribed).
+
+The part of a cut rope that hangs from the ship has a free end, and both do nothing there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, cos, sin
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.payout import hermite, prescribed
+from rope_twin.core.state import ACCELERATION, POSITION, VELOCITY, Boundary, Floats
+
+OMEGA, PHASE, WAVE_ROWS = 3, 4, 5  # behind the amplitudes along x, y, z
+SAME_TIME = 1e-6  # of a step: a stage at a boundary belongs to the step that ends there
+
+
+class HarmonicEnd(NamedTuple):
+    """Kernel data of harmonics."""
+
+    mean: Floats  # x, y, z [m]
+    waves: Floats  # amplitudes x, y, z [m], ω [rad/s], φ [rad], (harmonics, WAVE_ROWS)
+    ramp: float  # build-up time [s]
+
+
+class LedEnd(NamedTuple):
+    """Kernel data of a motion between step boundaries."""
+
+    value: Floats  # position at the boundaries [m], (boundaries, 3)
+    rate: Floats  # velocity [m/s], (boundaries, 3)
+    clock: Floats  # time of the first boundary, and between boundaries [s], (2,)
+
+
+def led_end(place: Sequence[float], boundaries: int) -> LedEnd:
+    """Return the data of an end at rest, with room for so many step boundaries."""
+    value = np.tile(np.array(place, dtype=float), (boundaries, 1))
+    return LedEnd(value, np.zeros_like(value), np.array([0.0, 1.0]))
+
+
+def led_of(effects: Sequence[Any]) -> LedEnd | None:
+    """Return the end among a rope's effects that is led from outside, if there is one."""
+    return next((one for one in effects if isinstance(one, LedEnd)), None)
+
+
+def without_motion(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the effects of a rope whose lower end stays where it is."""
+    return tuple(one for one in effects if not isinstance(one, HarmonicEnd | LedEnd))
+
+
+@jit_within
+def _span(time: float, begin: float, h: float) -> Any:
+    """Return the number of the step of h, from `begin`, that a time is in, and its part of it."""
+    since = (time - begin) / h
+    row = max(ceil(since - SAME_TIME) - 1, 0)
+    return row, min(max(since - row, 0.0), 1.0)
+
+
+@jit_within
+def _set(work: Any, k: int, motion: Any) -> None:
+    work[POSITION + k, 0], work[VELOCITY + k, 0], work[ACCELERATION + k, 0] = motion
+
+
+@jit_within
+def _harmonics(own: Any, k: int, time: float) -> Any:
+    """Return displacement [m] along axis k and its rate [m/s] at a time."""
+    u, T = min(max(time / own.ramp, 0.0), 1.0), own.ramp
+    share = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+    slope = 30.0 * u * u * (1.0 - u) * (1.0 - u) / T
+    moved, rate = 0.0, 0.0
+    for j in range(own.waves.shape[0]):
+        A, omega = own.waves[j, k], own.waves[j, OMEGA]
+        angle = omega * time + own.waves[j, PHASE]
+        moved += A * share * sin(angle)
+        rate += A * (slope * sin(angle) + share * omega * cos(angle))
+    return moved, rate
+
+
+@kernel("prepare", HarmonicEnd)
+def move_by_harmonics(own: Any, rope: Any, stage: Any, kind: int) -> None:
+    """Set the end to the harmonics around the stage's time."""
+    if rope.model.first_free == 0:
+        return
+    h = rope.model.step
+    row, part = _span(stage.time, 0.0, h)
+    for k in range(3):
+        x, u = _harmonics(own, k, row * h)
+        y, v = _harmonics(own, k, (row + 1) * h)
+        mean = own.mean[k]
+        _set(rope.work, k, hermite(mean + x, mean + y, u * h, v * h, part, h))
+
+
+@kernel("prepare", LedEnd)
+def move_as_led(own: Any, rope: Any, stage: Any, kind: int) -> None:
+    """Set the end to the motion between the boundaries around the stage's time."""
+    if rope.model.first_free == 0:
+        return
+    h = own.clock[1]
+    row, part = _span(stage.time, own.clock[0], h)
+    border = Boundary(own.value, own.rate)
+    if row > own.value.shape[0] - 2:
+        row, part = own.value.shape[0] - 2, 1.0
+    for k in range(3):
+        _set(rope.work, k, prescribed(border, row, k, part, h))
