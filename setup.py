@@ -31,6 +31,7 @@ STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on 
 # `rope_twin plan`: its report, its results as netCDF, and RAOs from netCDF files of Capytaine
 PLANNING = ["jinja2>=3.1", "h5netcdf[h5py]>=1.4", "xarray>=2025.1", "typst>=0.14", *PLOT]
 SENSITIVITY = ["SALib>=1.5"]  # `rope_twin sensitivity`: designs and indices of Morris and Sobol
+HYDRODYNAMICS = ["capytaine>=2.2"]  # GPL-3.0, so an extra that nothing needs
 FMU = ["pythonfmu3>=0.3.4"]  # FMU 3.0 export of scenes
 # the operator console: in browsers, and by Textual in a terminal
 CONSOLE = ["starlette>=0.46", "uvicorn>=0.35", "websockets>=14", "textual>=8"]
@@ -109,6 +110,7 @@ setup(
         "study": STUDY,
         "planning": PLANNING,
         "sensitivity": [*PLANNING, *SENSITIVITY],
+        "hydrodynamics": HYDRODYNAMICS,
         "fmu": FMU,
         "docs": DOCS,
         "test": TEST,

@@ -18,6 +18,7 @@ from typing import Any
 
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json
 from rope_twin.cli.interchange import add_export, add_import, run_export, run_import
+from rope_twin.cli.scene_coefficients import add_coefficients, run_coefficients
 from rope_twin.cli.scene_raos import add_raos, run_raos
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words
@@ -40,7 +41,12 @@ from rope_twin.twin.ensemble.ensemble import whole_steps
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import CONTROL_MODES, WinchCommand, motion_of
 
-FILES = {"raos": run_raos, "import": run_import, "export": run_export}
+FILES = {
+    "raos": run_raos,
+    "coefficients": run_coefficients,
+    "import": run_import,
+    "export": run_export,
+}
 NARROWEST = 40  # what a line of keys needs
 WIDEST = 100  # columns of the list, on a terminal that has more
 
@@ -99,6 +105,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )  # fmt: skip
     add_json(schema)
     add_raos(actions)
+    add_coefficients(actions)
     add_import(actions)
     add_export(actions)
     parser.set_defaults(run=run)
