@@ -68,6 +68,7 @@ function take(frame) {
     if (frame.stage === "done" || !frame.ok) waiting.delete(frame.id);
   }
   if (frame.log) state.log = frame.log;
+  if (frame.sea_limits) state.sea_limits = frame.sea_limits;
   tell(frame.type, frame);
 }
 

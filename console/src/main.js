@@ -6,6 +6,7 @@ import * as control from "./control.js";
 import * as engineering from "./engineering.js";
 import * as log from "./log.js";
 import * as player from "./player.js";
+import * as sealimits from "./sealimits.js";
 import * as survey from "./survey.js";
 import * as trend from "./trend.js";
 import * as whatif from "./whatif.js";
@@ -125,7 +126,7 @@ function freshness() {
 function numbers() {
   lines();
   if (tab === "winch") { winch.draw(); along.draw(); whatif.draw(); }
-  else if (tab === "survey") survey.draw();
+  else if (tab === "survey") { survey.draw(); sealimits.draw(); }
   else if (tab === "engineering") engineering.draw();
   else log.draw();
   alerts.draw();
@@ -147,6 +148,7 @@ whatif.start();
 control.start();
 alerts.start();
 survey.start();
+sealimits.start();
 log.start();
 player.start();
 for (const one of TABS) $(`tab-${one}`).onclick = () => show(one);

@@ -55,6 +55,10 @@ def add_parser(subparsers: Parsers) -> None:
         action="store_true",
         help="find a suite on other machines too (default: this machine only)",
     )
+    words = (
+        "load_chart.json of `rope_twin plan`: pages show what it allows in the sea entered there"
+    )
+    add("--load-chart", default="", metavar="FILE", help=words)
     add_json(parser)
 
 
@@ -90,15 +94,20 @@ def _live(args: argparse.Namespace) -> int:
 
     if not args.network:
         keep_to_loopback()
-    given = overrides({"address": args.address, "control": args.control})
+    given = overrides(
+        {"address": args.address, "control": args.control, "load_chart": args.load_chart}
+    )
     tell = _announce(args)
     return run_node(lambda: ConsoleNode(tell, parameter_overrides=given), ["rope_twin"])
 
 
 def _terminal(args: argparse.Namespace) -> int:
     """Show the console in the terminal. Raises RopeTwinError."""
-    if args.control or args.json or args.address != CONSOLE:
-        given = "--control" if args.control else "--json" if args.json else "--address"
+    named = {
+        "--control": args.control, "--json": args.json, "--load-chart": args.load_chart,
+        "--address": args.address != CONSOLE,
+    }  # fmt: skip
+    if given := next((name for name, there in named.items() if there), ""):
         what = "the terminal console only shows, and serves no page"
         raise InputError(phrase(f"--terminal {given}", what, f"leave {given} out"))
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
@@ -137,7 +146,9 @@ def _recorded(args: argparse.Namespace) -> int:
     from rope_twin.console.pages import Pages
     from rope_twin.console.playback import Recording, connect_playback
     from rope_twin.console.requests import Log
+    from rope_twin.console.sea_limits import SeaLimits
     from rope_twin.console.server import Server, read_address
+    from rope_twin.scene.load_chart import read_load_chart
 
     host, port = read_address(args.address)
     stop = StopSignal(signal.SIG_DFL)
@@ -146,6 +157,9 @@ def _recorded(args: argparse.Namespace) -> int:
         pages = Pages(source, time.monotonic, read_session=session_facts)
         desk = Desk(pages, time.monotonic)
         connect_playback(source, pages, desk)
+        if args.load_chart:
+            chart = read_load_chart(args.load_chart)
+            SeaLimits(pages, chart, time.monotonic).connect(desk)
         log = Log(pages)
         log.connect(desk)
         server = Server(pages, desk, log, host, port)

@@ -26,6 +26,7 @@ from rope_twin.console.facts import scene_facts, session_facts
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import DIAGNOSTICS, SHOWN, Readings, Values
 from rope_twin.console.requests import LEARNING, Log, Outcome, Requests
+from rope_twin.console.sea_limits import SeaLimits
 from rope_twin.console.server import Server, announce, read_address
 from rope_twin.errors import InputError, phrase
 from rope_twin.forecast.orders import read_orders
@@ -36,6 +37,7 @@ from rope_twin.ros.params import ConsoleParams, declare
 from rope_twin.ros.qos import listen as subscribe
 from rope_twin.ros.qos import message_type, publish
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.load_chart import read_load_chart
 from rope_twin.topics import (
     ALERT_COMMAND,
     BY_NAME,
@@ -244,6 +246,9 @@ class ConsoleNode(Node):
             Requests(pages, desk, commander, time.monotonic)
         log = Log(pages)
         log.connect(desk)
+        if self._params.load_chart:
+            chart = read_load_chart(self._params.load_chart)
+            SeaLimits(pages, chart, time.monotonic).connect(desk)
         desk.further["what_if"] = self._ask_orders
         self._server = Server(pages, desk, log, host, port)
         self._server.start()

@@ -185,6 +185,7 @@ class ConsoleParams:
     address: str = text("HOST:PORT to serve the page at", "127.0.0.1:8420")
     scene: str = text("scene whose limits are shown; empty: that of twin/session", "")
     control: bool = text("allow pages that give the token to command winches", False)
+    load_chart: str = text("load chart of a plan that the pages show; empty: none", "")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
