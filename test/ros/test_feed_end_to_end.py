@@ -70,7 +70,7 @@ def sent_by(path: Path, feed: dict[str, Any]) -> set[tuple[float, ...]]:
 
 
 def rounded(*values: float) -> tuple[float, ...]:
-    return tuple(round(value, 6) for value in values)
+    return tuple(round(float(value), 6) for value in values)  # NumPy rounds ties otherwise
 
 
 class Board:
