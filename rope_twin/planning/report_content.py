@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
@@ -61,7 +62,7 @@ SOURCES = {
     "stroke_m": "plan; stroke of the compensator",
     "compensation_speed_m_per_s": "plan; speed of the compensator",
 }
-WORDS = ("phase", "governed by")  # columns of the tables of cells that are text
+WORDS = ("phase", "governed by", "criterion")  # columns of the tables of cells that are text
 LIMIT_COLUMNS = (
     "phase", "Tp s", "heading °", "Hs m", "interval m", "governed by", "simplified Hs m",
 )  # fmt: skip
@@ -77,6 +78,7 @@ def report_of(result: PlanResult, store: RowStore) -> Report:
 
     store: rows of its runs.
     """
+    result = _spoken(result)
     plan, scene = result.plan, result.scene
     report = Report(
         plan.about or plan.name,
@@ -100,6 +102,13 @@ def report_of(result: PlanResult, store: RowStore) -> Report:
     names = ("", "")
     report.table("What made these results.", names, list(_versions(result)), (0, 1), (1,))
     return report
+
+
+def _spoken(result: PlanResult) -> PlanResult:
+    """Return the result with phases called as in a text: `at depth`."""
+    works = (replace(one, title=one.title.replace("_", " ")) for one in result.works)
+    cells = (replace(one, phase=one.phase.replace("_", " ")) for one in result.cells)
+    return replace(result, works=tuple(works), cells=tuple(cells))
 
 
 def _lowest(cells: Sequence[CellLimit]) -> CellLimit:
@@ -212,8 +221,9 @@ def _inputs(result: PlanResult) -> Iterator[tuple[str, str, str]]:
         yield "crane tip", f"{x:g} m ahead, {y:g} m to port, {z:g} m up, in the RAOs' axes", "plan"
     yield from _current(result)
     sea = plan.sea
-    gamma = "by DNV-RP-C205, 3.5.5.5" if sea.gamma is None else "plan"
-    yield "spectrum", f"JONSWAP, gamma {gamma if sea.gamma is None else f'{sea.gamma:g}'}", gamma
+    by_rule = sea.gamma is None
+    gamma = "from Tp/√Hs" if by_rule else f"{sea.gamma:g}"
+    yield "spectrum", f"JONSWAP, gamma {gamma}", "DNV-RP-C205, 3.5.5.5" if by_rule else "plan"
     yield (
         "sea states",
         f"Hs {sea.hs_m.from_:g} to {sea.hs_m.to:g} m by {sea.hs_m.step:g} m; Tp "
@@ -232,7 +242,7 @@ def _current(result: PlanResult) -> Iterator[tuple[str, str, str]]:
     bow, words = math.degrees(result.plan.bow_of(result.scene)), []
     for z, east, north, _ in current.table[[0, -1] if len(current.table) > 1 else [0]].tolist():
         setting = (math.degrees(math.atan2(north, east)) - bow) % 360.0
-        words.append(f"{math.hypot(east, north):.3g} m/s towards {setting:.0f}° at {-z:g} m")
+        words.append(f"{math.hypot(east, north):.3g} m/s towards {setting:.0f}° at {abs(z):g} m")
     source = "plan" if result.plan.current else "scene"
     yield "current, from the bow", ", ".join(words), source
 
@@ -268,8 +278,8 @@ def _object(scene: Scene) -> Iterator[tuple[str, str, str]]:
         stiffness = figures.bars[0].stiffness_n
         yield (
             "rope",
-            f"{1e3 * rope.diameter_m:g} mm, {rope.mass_kg_per_m:g} kg/m, EA {1e-6 * stiffness:.1f} "
-            f"MN, MBL {1e-3 * rope.breaking_load_n:g} kN",
+            f"{1e3 * rope.diameter_m:g} mm, {rope.mass_kg_per_m:.4g} kg/m, EA "
+            f"{1e-6 * stiffness:.1f} MN, MBL {1e-3 * rope.breaking_load_n:.4g} kN",
             rope.source or rope.about or "scene",
         )
     yield (
@@ -360,7 +370,8 @@ def _add_limits(report: Report, result: PlanResult) -> None:
     )
     for one in further_tables(result):
         report.heading(one.title, 2)
-        report.table(one.about, one.rows[0], one.rows[1:], (0,), (0,), True)
+        text = [k for k, name in enumerate(one.rows[0]) if name in WORDS]
+        report.table(one.about, one.rows[0], one.rows[1:], text, text, True)
 
 
 def _matrix_words(result: PlanResult, cell: CellLimit) -> str:
@@ -431,7 +442,7 @@ def _parts_words(time_s: Vector) -> str:
 
 def _add_accuracy(report: Report, result: PlanResult) -> None:
     report.heading("Statistics and accuracy")
-    report.points(list(summary_lines(result)))
+    report.points([line[0].upper() + line[1:] for line in summary_lines(result)])
     errors = [cell.error for cell in result.cells if not math.isnan(cell.error)]
     if errors:
         report.text(
@@ -450,7 +461,9 @@ def _add_cells(report: Report, result: PlanResult) -> None:
         ("Limits", LIMIT_COLUMNS, (0, 5), "Limits. Interval: of the Hs at which the largest use "
          "of a limit is 1."),
         ("Loads at the limits", (*CELL_COLUMNS, *others), (0,), "Loads at the limits (at the "
-         "lowest height where there is none). Error: discretisation error of the governing run."),
+         "lowest height where there is none). ±: half of the interval of the hook load. DAF: hook "
+         "load over the largest static one of the phase. Error: discretisation error of the "
+         "governing run."),
     ):  # fmt: skip
         report.heading(title, 2)
         chosen = [head.index(name) for name in names]

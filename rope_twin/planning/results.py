@@ -61,7 +61,7 @@ def table_rows(result: PlanResult) -> list[list[str]]:
 def _cells_of(result: PlanResult, cell: CellLimit) -> list[str]:
     judged = cell.judged or cell.beyond
     begin = [cell.phase, f"{cell.period_s:g}", f"{cell.heading_deg:g}", height_words(cell),
-             f"{cell.low_m:.2f} to {cell.high_m:.2f}", limit_words(result, cell)]  # fmt: skip
+             _interval(cell), limit_words(result, cell)]  # fmt: skip
     simple = f"{cell.simplified_height_m:g}" if cell.simplified_height_m is not None else "none"
     simple = simple if cell.simplified else NONE
     hook = f"{1e-3 * _simple(cell.simplified)[0]:.0f}" if cell.simplified else NONE
@@ -85,6 +85,13 @@ def _cells_of(result: PlanResult, cell: CellLimit) -> list[str]:
     ]
 
 
+def _interval(cell: CellLimit) -> str:
+    """Return the interval of the height at which the use is 1; none where all of it is capped."""
+    if cell.capped and cell.low_m == cell.high_m:
+        return NONE
+    return f"{cell.low_m:.2f} to {cell.high_m:.2f}"
+
+
 def summary_lines(result: PlanResult) -> Iterator[str]:
     """Yield what the table does not say."""
     method = result.plan.method
@@ -102,6 +109,9 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
                 else (f"{leg.from_m:.0f} m")
             )
             yield f"{work.title}, {where}: {setting}, {error_words}; exposure {leg.window_s:.0f} s"
+    alone = [work.title for work in result.works if work.legs[0].by_twin]
+    if alone:
+        yield f"{', '.join(alone)}: runs are stepped one at a time, not in lanes"
     finer = sum(cell.refinements > 0 for cell in result.cells)
     if finer:
         yield (
@@ -109,7 +119,7 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
             f"error of the governing run to {100.0 * method.error_within:g} %"
         )
     yield f"card of scene '{result.scene.name}': {_card_words(result)}"
-    whole = f"{result.runs} runs of {result.simulated_s / 3600.0:.0f} h in all"
+    whole = f"{result.runs:,} runs of {result.simulated_s / 3600.0:,.0f} h in all"
     if result.made:
         factor = result.made_s / result.elapsed_s
         here = "done" if result.made >= result.runs else f"{result.made} runs made"

@@ -34,6 +34,9 @@ LIFT_OFF = (*CELL, "winch m/s", "tip to deck m/s", "aside m", "least by API m/s"
             "simplified DAF", "re-hit m/s")  # fmt: skip
 
 
+USES = (*CELL, "criterion", "value", "limit", "utilisation %")
+
+
 class Table(NamedTuple):
     """A table of the report."""
 
@@ -44,6 +47,7 @@ class Table(NamedTuple):
 
 def further_tables(result: PlanResult) -> Iterator[Table]:
     """Yield the tables that the plan has."""
+    yield _uses(result)
     yield _values(result)
     if any(cell.simplified for cell in result.cells):
         yield _snaps(result)
@@ -52,6 +56,35 @@ def further_tables(result: PlanResult) -> Iterator[Table]:
         yield _lift_offs(result, lifted)
     if result.plan.slings is not None:
         yield _slings(result)
+
+
+def _uses(result: PlanResult) -> Table:
+    """Return the utilisation of every criterion at the lowest limit of each phase."""
+    rows = [list(USES)]
+    for work in result.works:
+        cells = result.of_phase(work.title)
+        cell = min(cells, key=lambda one: (one.height_m or 0.0, one.crossing_m))
+        judged = cell.judged or cell.beyond
+        if judged is None:
+            continue
+        for limit in work.limits:
+            value, quantity = judged.values.get(limit.quantity), quantity_of(limit.quantity)
+            if value is None or limit.key not in judged.uses:
+                continue
+            share = quantity.unit == ""
+            scale, unit = (100.0, "%") if share else (quantity.scale, quantity.unit)
+            half, most = 0.5 * scale * (value.high - value.low), scale * limit.most
+            rows.append([
+                *_cell_words(cell), f"{judged.height_m:g}", limit.words,
+                f"{scale * value.value:.3g} ± {half:.2g} {unit}", f"{most:.4g} {unit}",
+                f"{100.0 * judged.uses[limit.key].value:.0f}",
+            ])  # fmt: skip
+    about = (
+        "Utilisation of each criterion at the lowest limit of each phase: characteristic value, ± "
+        "half of its interval, over what is allowed. SWL: of the crane. MBL over its safety "
+        "factor: of the wire, loaded by the hook load. Slack: uplift over the submerged weight."
+    )
+    return Table("Utilisation", rows, about)
 
 
 def _values(result: PlanResult) -> Table:

@@ -7,6 +7,7 @@ data sheet means an infinite mass.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -23,6 +24,12 @@ if TYPE_CHECKING:
     from rope_twin.scene.schema import Scene
 
 SCENE = "scene."
+# endings of keys, the longer ones first: unit of tables, and its size in the unit of the key
+UNITS = {
+    "_m_per_s": ("m/s", 1.0), "_kg_per_m3": ("kg/m³", 1.0), "_kg_per_m": ("kg/m", 1.0),
+    "_m3": ("m³", 1.0), "_m2": ("m²", 1.0), "_kg": ("kg", 1.0), "_deg": ("°", 1.0),
+    "_n": ("kN", 1e-3), "_m": ("m", 1.0), "_s": ("s", 1.0),
+}  # fmt: skip
 ENDS = 3.0  # standard deviations of a normal distribution
 
 
@@ -123,11 +130,17 @@ class Uncertainty:
     def words(self) -> str:
         """Return the distribution in words."""
         own, times = self.distribution, "times " if self.factor else ""
+        end = "" if self.factor else re.sub(r"\[\d+\]$", "", self.key)
+        unit, scale = next((one for name, one in UNITS.items() if end.endswith(name)), ("", 1.0))
+        unit = f" {unit}" if unit else ""
         if isinstance(own, Normal):
-            return f"{times}normal, mean {own.mean:g}, standard deviation {own.std:g}"
+            mean, std = scale * own.mean, scale * own.std
+            return f"{times}normal, mean {mean:g}{unit}, standard deviation {std:g}{unit}"
+        low, high = scale * own.from_, scale * own.to
         if isinstance(own, Triangular):
-            return f"{times}triangular, {own.from_:g} to {own.to:g}, most likely {own.mode:g}"
-        return f"{times}uniform, {own.from_:g} to {own.to:g}"
+            mode = scale * own.mode
+            return f"{times}triangular, {low:g} to {high:g}{unit}, most likely {mode:g}{unit}"
+        return f"{times}uniform, {low:g} to {high:g}{unit}"
 
     def change(self, value: float) -> Change:
         """Return the change that makes it this number, its path without `scene.`."""

@@ -103,7 +103,7 @@ def test_content_is_whole(report: Report) -> None:
         "SWL",
         "C_D·A",
         "rope_twin plan deeper",
-        "uniform, 325000 to 335000",
+        "uniform, 325 to 335 kN",
         "times normal, mean 1",
         "crane chart",
     ):

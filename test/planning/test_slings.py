@@ -170,7 +170,10 @@ def test_slings_limit_a_plan(tmp_path: Path) -> None:
     assert len(loads) == 4
     assert max(one["utilisation"] for one in loads) == pytest.approx(use)
     tables = {table.title: table.rows for table in further_tables(result)}
-    assert list(tables) == ["Further characteristic values", "Snap check", "Slings"]
+    assert list(tables) == ["Utilisation", "Further characteristic values", "Snap check", "Slings"]
+    uses = {row[4]: row for row in tables["Utilisation"][1:]}
+    assert uses["slings"][-1] == f"{100.0 * use:.0f}"
+    assert uses["slings"][5].startswith(f"{1e-3 * load:.3g} ± ")
     snap = max(one.snap_n for one in cell.simplified)
     whole = 1e-3 * (result.works[0].static_hook_n + snap)
     assert tables["Snap check"][1][6:8] == [f"{1e-3 * snap:.0f}", f"{whole:.0f}"]
