@@ -256,7 +256,6 @@ def _browser(duration_s: float) -> dict[str, float]:
     psutil, sync_playwright = browsing_tools()
     epoch_ns = time.time_ns()
     served = serve(epoch_ns)
-    before = {one.pid for one in psutil.process_iter()}
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 800})
@@ -269,11 +268,11 @@ def _browser(duration_s: float) -> dict[str, float]:
         )
         time.sleep(2.0)
         page.evaluate("window.delays.length = 0")
-        cost_s = _cost_s(psutil, before)
+        cost_s = _cost_s(psutil)
         began_s = time.monotonic()
         time.sleep(duration_s)
         passed_s = time.monotonic() - began_s
-        cost_s = _cost_s(psutil, before) - cost_s
+        cost_s = _cost_s(psutil) - cost_s
         delays: list[float] = page.evaluate("window.delays")
         browser.close()
     served.close()
@@ -284,14 +283,11 @@ def _browser(duration_s: float) -> dict[str, float]:
     }
 
 
-def _cost_s(psutil: Any, before: set[int]) -> float:
-    """Return the CPU time of Chromium's processes that have begun since."""
-    total_s = 0.0
-    for one in psutil.process_iter(["pid", "name", "cpu_times"]):
-        if one.info["pid"] not in before and "chrom" in (one.info["name"] or ""):
-            times = one.info["cpu_times"]
-            total_s += times.user + times.system
-    return total_s
+def _cost_s(psutil: Any) -> float:
+    """Return the CPU time of the Chromium processes below this one [s]."""
+    own = psutil.Process().children(recursive=True)
+    times = [one.cpu_times() for one in own if "chrom" in one.name()]
+    return sum(float(one.user + one.system) for one in times)
 
 
 def _wheel_mb() -> float:
