@@ -29,6 +29,13 @@ function current() {
       text: diagnosed ? row.message : row, since_s: began.get(key), revision: 0,
     });
   }
+  if ($("link").textContent.endsWith("LOST")) {
+    found.push({
+      id: "fault link", instance: 1, priority: "alarm", category: "B", state: "acknowledged",
+      title: state.connected ? "Twin lost" : "Console lost", since_s: null, revision: 0,
+      text: `${state.connected ? "the twin sends no top tension" : "the page has no connection to its server"}: what is shown is old`,
+    });
+  }
   found.sort((one, two) => one.priority.localeCompare(two.priority));
   return listed ? [...found, ...state.values.alerts] : found; // shelved ones are at the end
 }

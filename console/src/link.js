@@ -131,9 +131,9 @@ export function allowed() {
 }
 export const leastTension = () => stricter(true, [facts().limits?.min_tension_n, crewLimit("min_tension_n")]);
 
-// What a text such as "winch: speed 0 m/s; aft: brake" says of a winch.
+// What a text such as "winch: speed 0 m/s (a limit; another); aft: brake" says of a winch.
 export function said(text, name = winchName()) {
-  const part = (text ?? "").split("; ").find((one) => one.startsWith(`${name}: `));
+  const part = (text ?? "").split(/; (?![^(]*\))/).find((one) => one.startsWith(`${name}: `));
   return part ? part.slice(name.length + 2) : "";
 }
 

@@ -117,7 +117,9 @@ function freshness() {
   }
   const link = $("link"), lost = stale("ropes/tension_top"), recording = state.hello?.kind === "recording";
   const words = !state.connected ? "CONSOLE LOST" : state.timeS === null ? "NO TWIN" : recording ? "RECORDING" : lost ? "TWIN LOST" : "LIVE";
+  const changed = link.textContent !== words;
   write(link, words);
+  if (changed) alerts.draw();
   link.className = `chip ${words === "LIVE" || words === "RECORDING" ? "live" : "lost"}`;
   write($("utc"), `${new Date().toISOString().slice(11, 19)} UTC`);
   write($("twin-time"), state.timeS === null ? "–" : `twin ${state.timeS.toFixed(1)} s`);

@@ -27,8 +27,8 @@ export const force = (newton, signed = false) =>
 export const speed = (value, signed = false) =>
   known(value) ? fixed(value * units().perSecond, units().decimals, signed) : NONE;
 // Words of the twin, which are in m/s and N, in the units of the screen.
-export const inUnits = (words) => words.replace(/([+-]?\d[\d.e+-]*) m\/s(?!\S)/g, (_, one) => `${speed(Number(one))} ${units().speed}`)
-  .replace(/([+-]?\d[\d.e+-]*) N(?!\S)/g, (_, one) => `${force(Number(one))} ${units().force}`);
+export const inUnits = (words) => words.replace(/([+-]?\d[\d.e+-]*) m\/s(?![\w²])/g, (_, one) => `${speed(Number(one))} ${units().speed}`)
+  .replace(/([+-]?\d[\d.e+-]*) N(?![\w·])/g, (_, one) => `${force(Number(one))} ${units().force}`);
 export const metres = (value, digits = 1, signed = false) => fixed(value, digits, signed);
 export function duration(seconds) {
   if (!known(seconds)) return NONE;

@@ -18,6 +18,7 @@ from typing import Any, Protocol, TypeGuard
 
 from rope_twin.alerts.alert_list import SECOND, SHELVED_MOST_NS
 from rope_twin.console.pages import Page, Pages
+from rope_twin.console.readings import of_winch
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.twin.winch.commands import (
@@ -372,9 +373,7 @@ class Desk:
 
     def _mode(self, winch: str) -> str:
         """Return the twin's words on the mode of a winch; "": not known."""
-        words = str(self._pages.readings.values.get("winch_mode", ""))
-        parts = [part.strip() for part in words.split(";")]
-        return next((part for part in parts if part.startswith(f"{winch}: ")), "")
+        return of_winch(str(self._pages.readings.values.get("winch_mode", "")), winch)
 
     # -- feedback --------------------------------------------------------------------------------
 

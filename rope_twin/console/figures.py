@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeGuard
 
-from rope_twin.console.readings import Values, crew_limit
+from rope_twin.console.readings import Values, crew_limit, of_winch, of_winches
 
 G_M_PER_S2 = 9.80665  # a tonne-force is the weight of a tonne at standard gravity
 UNKNOWN, MINUS = "–", "−"
@@ -141,8 +141,7 @@ def of_rope(view: View, rope: int) -> View:
             values[name] = first + [row for row in values[name] if row["name"] != wanted]
     if winch := names["winches"]:
         for name in ("winch_mode", "seat"):
-            parts = str(values.get(name, "")).split("; ")
-            values[name] = next((one for one in parts if one.startswith(f"{winch}: ")), "")
+            values[name] = of_winch(str(values.get(name, "")), winch)
         facts["winches"] = {winch: (facts.get("winches") or {}).get(winch, {})}
     return View(values, facts, view.profile[rope : rope + 1])
 
@@ -237,7 +236,11 @@ def sea_figures(values: Values, facts: Values) -> list[Figure]:
 def winch_figures(values: Values, facts: Values) -> list[Figure]:
     """Return mode, brake, compensation, drum layer and seat of the first winch."""
     row, winch, topic = _at(values.get("winches")), first_winch(facts), "winch/state"
-    mode = str(values.get("winch_mode", "")).partition(";")[0].partition(": ")[2] or UNKNOWN
+    mode, seat = (
+        "".join(of_winches(str(values.get(name, "")))[:1]).partition(": ")[2]
+        for name in ("winch_mode", "seat")
+    )
+    mode = mode or UNKNOWN
     rows = [Figure("Mode", mode, "", "winch/mode", "", "(" in mode)]
     if "brake_holds" in row:
         rows.append(Figure("Brake", "set" if row["brake_holds"] else "released", "", topic))
@@ -250,7 +253,6 @@ def winch_figures(values: Values, facts: Values) -> list[Figure]:
     if known(radius) and known(core) and known(rise):
         layer = max(1, round((radius - core) / rise + 0.5))
         rows.append(Figure("Drum layer", str(layer), "", topic))
-    seat = str(values.get("seat", "")).partition(";")[0].partition(": ")[2]
     rows.append(Figure("Seat", seat or UNKNOWN, "", "winch/seat"))
     return rows
 

@@ -7,6 +7,7 @@ Values of ropes are lists with an entry for each rope, in the order of the topic
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -183,6 +184,19 @@ def stale_limits_s() -> dict[str, float]:
 def number(value: float) -> float | None:
     """Return a number with the digits that a page can show, or None if it is not finite."""
     return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+
+
+_BETWEEN_WINCHES = re.compile(r"; (?![^(]*\))")  # not within the limits in parentheses
+
+
+def of_winches(words: str) -> list[str]:
+    """Return what a text such as winch/mode says of each winch, with its name."""
+    return [part for part in _BETWEEN_WINCHES.split(words) if part]
+
+
+def of_winch(words: str, winch: str) -> str:
+    """Return what a text such as winch/mode says of a winch, with its name; "": nothing."""
+    return next((part for part in of_winches(words) if part.startswith(f"{winch}: ")), "")
 
 
 def crew_limit(values: Values, name: str) -> float | None:

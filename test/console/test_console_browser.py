@@ -219,6 +219,14 @@ def test_one_of_several_ropes_is_shown_as_chosen(
     assert page.locator("#lines button[aria-pressed=true]").inner_text().startswith("hoist")
 
 
+def test_limits_of_a_winch_are_its_own(open_page: Callable[..., Any], served: Served) -> None:
+    limits = "at its speed limit; 190 kN would take -2.5 m/s; renders"
+    served.source.mode = f"winch: tension 190 kN ({limits}); aft: speed 1 m/s"
+    page = open_page()
+    until_shown(page, "mode", "tension 190 kN")
+    until_shown(page, "winch-limit", limits.replace("-2.5 m/s", "−150.0 m/min"))
+
+
 def test_loss_of_the_twin_goes_grey_within_a_second(
     open_page: Callable[..., Any], served: Served
 ) -> None:
@@ -229,6 +237,7 @@ def test_loss_of_the_twin_goes_grey_within_a_second(
     until(page, f"!({fresh})")
     ages = [float(one) for one in re.findall(r"([\d.]+) s", text(page, "winch"))]
     assert text(page, "link") == "TWIN LOST"
+    until_shown(page, "alerts", "Twin lost")
     assert max(ages) >= 0.7
     assert page.evaluate("document.querySelectorAll('#winch .tile.stale').length") >= 6
     # the age at which a page greys out, whatever the load of this machine

@@ -22,6 +22,7 @@ from rope_twin.console.readings import (
     SLOW_EVERY,
     Readings,
     number,
+    of_winch,
     stale_limits_s,
 )
 from rope_twin.estimation.figures import REPORTED
@@ -254,3 +255,11 @@ def test_a_trend_has_a_row_for_each_rope() -> None:
     assert [row["depth_m"] for row in rows[1:]] == pytest.approx(depths)
     assert trend.ropes == 3
     assert trend.columns(1)["tension_n"] == [6e3]
+
+
+def test_each_winch_has_its_own_words() -> None:
+    """Limits in parentheses have the separator of winches too."""
+    words = "winch: tension 190 kN (a limit; another; a third); aft: speed 1 m/s"
+    assert of_winch(words, "winch") == words.partition("; aft")[0]
+    assert of_winch(words, "aft") == "aft: speed 1 m/s"
+    assert of_winch(words, "a") == ""
