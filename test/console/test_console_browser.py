@@ -239,6 +239,7 @@ def test_loss_of_the_twin_goes_grey_within_a_second(
     assert text(page, "link") == "TWIN LOST"
     until_shown(page, "alerts", "Twin lost")
     assert max(ages) >= 0.7
+    assert page.locator("#winch .big.stale").count() == 4
     assert page.evaluate("document.querySelectorAll('#winch .tile.stale').length") >= 6
     # the age at which a page greys out, whatever the load of this machine
     limits_s = stale_limits_s()
