@@ -33,6 +33,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import ndtri
 
 from rope_twin.core.state import Floats, Ints
 from rope_twin.errors import InputError, phrase
@@ -377,6 +378,22 @@ class FaultTests:
             size = float(self._product[onset, cause] / self._power[onset, cause])
             found.append(Suspicion(one.cause, float(ratio[onset, cause]), onset_s, size))
         return sorted(found, key=lambda one: -one.ratio)
+
+    def detectable(self, onset_s: float, threshold: float, share: float) -> Floats:
+        """Return the size that a cause must have to be found by now with a probability, (causes,).
+
+        In units of its signature, which begins at an onset [s]; inf: nothing is seen of it. A cause
+        of size a has ℓ = (a·√(sᵀS⁻¹s) + N(0, 1))², so that √ℓ reaches √threshold with the
+        probability `share` where a·√(sᵀS⁻¹s) = √threshold + Φ⁻¹(share) (the minimal detectable bias
+        of Baarda 1968).
+        """
+        seconds = self.interval_s * self._onset
+        onset = int(np.abs(self.begin_s + seconds - onset_s).argmin())
+        power = self._power[onset]
+        needed = math.sqrt(threshold) + float(ndtri(share))
+        size = np.full(len(power), np.inf)
+        np.divide(needed, np.sqrt(power), out=size, where=power > 0.0)
+        return size
 
     def fit(self, change_n: Floats) -> tuple[Floats, Floats]:
         """Return sᵀS⁻¹e and sᵀS⁻¹s of changes of the tension, (h,) each.

@@ -125,6 +125,16 @@ def test_power_is_that_of_the_noncentral_chi_square() -> None:
     assert found == pytest.approx(expected, abs=4.0 * np.sqrt(expected * (1 - expected) / 400))
 
 
+def test_a_cause_of_the_detectable_size_is_found_in_as_many_draws() -> None:
+    """At a threshold of 20 a bias of that size passes in 0.9 of 400 draws; what is unseen never."""
+    tests = in_steps(fresh(40, SIGNATURES[:1]), np.zeros(40), (40,))
+    size = float(tests.detectable(104.0, 20.0, 0.9)[0])
+    s = np.where(np.arange(40) >= 16, 1000.0 * size, 0.0)
+    found = np.mean([one_onset(e + s) > 20.0 for e in draws(40, 400, 17)])
+    assert found == pytest.approx(0.9, abs=4.0 * np.sqrt(0.9 * 0.1 / 400))
+    assert np.isinf(fresh(40).detectable(104.0, 20.0, 0.9)).all()
+
+
 def test_samples_before_the_onset_add_power() -> None:
     """An offset that the figures leave open is known from the time before a fault."""
     long, short = fresh(120, SIGNATURES[:1], 10.0), fresh(24, SIGNATURES[:1], 10.0)

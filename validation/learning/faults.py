@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core.state import Floats
-from rope_twin.estimation.alarms import NAMED_S, FaultWatch
+from rope_twin.estimation.alarms import NAMED_S, THRESHOLD, FaultWatch
 from rope_twin.estimation.causes import (
     HELD,
     PAYLOAD,
@@ -19,6 +19,7 @@ from rope_twin.estimation.causes import (
     PIN_OFFSET,
     SENSOR_DELAY,
     SENSOR_GAIN,
+    SIGNATURES,
     SLIP,
     SNAGGED,
     STUCK_ENCODER,
@@ -26,7 +27,7 @@ from rope_twin.estimation.causes import (
     STUCK_SENSOR,
 )
 from rope_twin.estimation.estimator import BURN_IN_S, Estimator
-from rope_twin.estimation.figures import Prior
+from rope_twin.estimation.figures import UNITS, Prior
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.scene.schema import Scene
 from validation.learning.truths import WARM_UP_S, Truth, make_changed_truths, make_truths
@@ -224,6 +225,36 @@ def _watch(estimator: Estimator, watch: FaultWatch, cost: Cost) -> Finding:
     if alarm.ratio == 0.0:
         causes |= dict.fromkeys((0.0, *NAMED_S), alarm.causes)
     return Finding(False, alarm.found_s - ONSET_S, alarm.begun_s - ONSET_S, causes)
+
+
+def detectable_sizes(
+    scene: Scene, prior: Prior, seeds: Sequence[int], sea: str, after_s: Sequence[float],
+    share: float,
+) -> list[tuple[str, str, Floats]]:  # fmt: skip
+    """Return each first-order cause, its unit, and the sizes found so long after the onset.
+
+    Medians over clean truths that were learned for about LEARNED_S. A cause of several figures is
+    listed by its first.
+    """
+    sizes = []
+    for truth in make_truths(scene, prior, seeds, sea, LEARNED_S + 2.0):
+        estimator = _begin(scene, prior, truth)
+        watch = FaultWatch(scene, estimator, np.inf)
+        follow(estimator, watch, 0.0, ONSET_S - 1.0, Cost())  # before another reference
+        tests = watch.tests
+        assert tests is not None
+        sizes.append([tests.detectable(tests.now_s - one, THRESHOLD, share) for one in after_s])
+    medians = np.median(sizes, axis=0).T
+    rows: list[tuple[str, str, Floats]] = []
+    for one, size in zip(SIGNATURES, medians, strict=True):
+        if one.direction:
+            name, value = next(iter(one.direction.items()))
+            unit = UNITS[name]
+            scale = (100.0 * value, "%") if unit == "-" else (value, unit)
+            rows.append((f"{one.cause}: {name}", scale[1], size * scale[0]))
+        else:
+            rows.append((one.cause, "N/min", size * 60.0 * one.ramp_n_per_s))
+    return rows
 
 
 def clean_maxima(
