@@ -63,7 +63,7 @@ from rope_twin.core.state import (
     VELOCITY,
     Floats,
 )
-from rope_twin.quantity import quantity, text
+from rope_twin.quantity import SparingRepr, quantity, text
 
 CARRIED = 1  # material coordinate of the node in the rope as it was built [m]
 PLACE, PLACE_NEXT = 0, CARRIED
@@ -73,9 +73,11 @@ OWN_ROWS = TOWARDS + 5 - 3 * CARRIED
 ALONE = -1.0  # in place of a neighbour's number
 
 
-@dataclass(frozen=True, kw_only=True)
-class NetCurtainParams:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class NetCurtainParams(SparingRepr):
     """Stretch of the rope, size and meshes of the net, and the heading of its far edge."""
+
+    _later = frozenset(("between",))
 
     to_m: float = quantity("upper end of the net, from the rope's lower end", "m", 0.1, 1.5e4)
     from_m: float = quantity(
