@@ -47,7 +47,7 @@ def quantity(
     """A dataclass field that carries its Quantity in `metadata['quantity']`.
 
     only_judges: nothing that is computed depends on it, so it is left out of the object's `repr`,
-    from which digests are made (scene/card.py).
+    from which digests are made (scene/convergence.py).
     """
     return dataclasses.field(
         default=default,

@@ -18,7 +18,7 @@ from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_tabl
 from rope_twin.cli.selection import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
-from rope_twin.scene.card import card_path, known_error, read_card, told_bound
+from rope_twin.scene.convergence import format_bound, known_error, read_study, study_path
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import Scene
 from rope_twin.studies import accuracy_page, accuracy_within
@@ -34,7 +34,7 @@ EXAMPLES = (
 )
 MORE = """Runs the scene with several meshes and time steps against a reference whose own
 uncertainty is reported (about a minute), and writes the study beside the scene: NAME.json, NAME.md
-and NAME.png in the folder `cards`. `rope_twin run --within` and `--budget` select from it."""
+and NAME.png in the folder `convergence`. `rope_twin run --within` and `--budget` select from it."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -49,7 +49,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )
     add = parser.add_argument
     add_duration(parser, "simulated time (default: 60s, or one cycle of the winch schedule)")
-    add_out(parser, "DIR", "write the study there (default: folder `cards` beside the scene)")
+    add_out(parser, "DIR", "write the study there (default: folder `convergence` beside the scene)")
     add("--no-write", action="store_true", help="write no files")
     add("--within", metavar="ERROR",
         help="verify the setting that `run --within ERROR` would select (as 1%% or 0.05m) against "
@@ -72,19 +72,19 @@ def run(args: argparse.Namespace) -> int:
         what = "a study has every quantity"
         raise InputError(phrase("--quantity", what, "give --within 1% too"))
     if not args.all:
-        card = _make(args, load_scene(args.scene))
+        content = _make(args, load_scene(args.scene))
         if args.json:
-            print_json(card)
+            print_json(content)
         return ExitCode.OK
-    cards, refused = [], []
+    studies, refused = [], []
     for name in scene_names():
         try:
-            cards.append(_make(args, load_scene(name)))
+            studies.append(_make(args, load_scene(name)))
         except RopeTwinError as error:  # the others still get theirs
             sys.stderr.write(f"{error}\n")
             refused.append(str(error))
     if args.json:
-        print_json({"studies": cards, "errors": refused})
+        print_json({"studies": studies, "errors": refused})
     return ExitCode.ERROR if refused else ExitCode.OK
 
 
@@ -104,7 +104,7 @@ def _check(args: argparse.Namespace) -> int:
         print_json({"rows": told})
     else:
         print(f"{quantity.name} within {within:g} {quantity.unit}\n")
-        print_table(accuracy_within.bought_table(rows, quantity.unit))
+        print_table(accuracy_within.selected_table(rows, quantity.unit))
     return ExitCode.OK if all(row.ok for row in rows) else ExitCode.NEGATIVE
 
 
@@ -115,17 +115,17 @@ def _make(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
         _check_place(path)
     plan = make_plan(scene, args.duration)
     study = accuracy.measure_accuracy(scene, plan, CaseProgress().show)
-    card = accuracy.as_card(study)
+    content = accuracy.as_content(study)
     if not args.json:
         _tell(study)
     if not args.no_write:
-        write_card(study, card, path)
+        write_study(study, content, path)
         if not args.json:
             print(f"study: {path.with_suffix('.md')}\n")
-    return card
+    return content
 
 
-def write_card(study: accuracy.Study, card: dict[str, Any], path: Path) -> None:
+def write_study(study: accuracy.Study, content: dict[str, Any], path: Path) -> None:
     """Write the three files of a study, the JSON at `path`; numbers to six digits.
 
     Raises:
@@ -135,15 +135,15 @@ def write_card(study: accuracy.Study, card: dict[str, Any], path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         draw_accuracy(study, picture)
-        path.write_text(_as_text(_short(card)), encoding="utf-8")
-        page = accuracy_page.as_markdown(study, card, picture.name)
+        path.write_text(_as_text(_short(content)), encoding="utf-8")
+        page = accuracy_page.as_markdown(study, content, picture.name)
         path.with_suffix(".md").write_text(page, encoding="utf-8")
     except OSError as error:
         raise _unwritable(path, error) from error
 
 
 def _place(args: argparse.Namespace, scene: Scene) -> Path:
-    own = card_path(scene)
+    own = study_path(scene)
     return own if args.out is None else Path(args.out) / own.name
 
 
@@ -163,10 +163,10 @@ def _unwritable(path: Path, error: OSError) -> InputError:
     return InputError(phrase(str(path), what, "choose a folder with --out, or give --no-write"))
 
 
-def _as_text(card: dict[str, Any]) -> str:
+def _as_text(content: dict[str, Any]) -> str:
     """Return JSON with a line for each entry, and for each setting."""
     lines = []
-    for key, value in card.items():
+    for key, value in content.items():
         told = json.dumps(value, ensure_ascii=False, allow_nan=False)
         if key == "rows":
             rows = [json.dumps(row, ensure_ascii=False, allow_nan=False) for row in value]
@@ -193,27 +193,27 @@ def _status(as_json: bool) -> int:
     for name in scene_names():
         scene = load_scene(name)
         try:
-            card = read_card(scene)
-            said = "none" if card is None else card.age(scene) or "current"
+            study = read_study(scene)
+            said = "none" if study is None else study.age(scene) or "current"
         except SceneError as error:
             said = str(error)
         fine = fine and said == "current"
         error_pct = known_error(scene).rms_pct
         known = error_pct == error_pct
-        rows.append({"scene": name, "card": said, "error_rms_pct": error_pct if known else None})
+        rows.append({"scene": name, "study": said, "error_rms_pct": error_pct if known else None})
     if as_json:
         print_json({"rows": rows})
     else:
         cells = [["scene", "rms error % at most", "study"]]
         cells += [
-            [str(row["scene"]), _percent(row["error_rms_pct"]), str(row["card"])] for row in rows
+            [str(row["scene"]), _percent(row["error_rms_pct"]), str(row["study"])] for row in rows
         ]
         print_table(cells, words_last=True)
     return ExitCode.OK if fine else ExitCode.NEGATIVE
 
 
 def _percent(value: object) -> str:
-    return told_bound(value) if isinstance(value, float) else "unknown"
+    return format_bound(value) if isinstance(value, float) else "unknown"
 
 
 def _short(value: Any) -> Any:

@@ -23,7 +23,7 @@ from rope_twin.cli.scene_raos import add_raos, run_raos
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
-from rope_twin.scene.card import known_error, told_bound
+from rope_twin.scene.convergence import format_bound, known_error
 from rope_twin.scene.lift import (
     LiftFigures,
     hung_together,
@@ -299,7 +299,7 @@ def _accuracy(scene: Scene) -> str:
     known = known_error(scene)
     if known.words.startswith("unknown"):
         return known.words
-    rms, peak = told_bound(known.rms_pct), told_bound(known.peak_pct)
+    rms, peak = format_bound(known.rms_pct), format_bound(known.peak_pct)
     return f"top tension {rms} % rms, {peak} % at its maximum, {known.words}"
 
 

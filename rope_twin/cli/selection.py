@@ -15,7 +15,14 @@ from rope_twin.cadence import due_topics, slot_of
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import Encoder
 from rope_twin.run.options import RunOptions
-from rope_twin.scene.card import OTHER_SEA, Card, Rung, Setting, read_card, told_bound
+from rope_twin.scene.convergence import (
+    OTHER_SEA,
+    ConvergenceStudy,
+    Setting,
+    StudyLevel,
+    format_bound,
+    read_study,
+)
 from rope_twin.scene.load import argument_for, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_run import BY_NAME, Quantity
@@ -32,7 +39,7 @@ from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.validity import CUT_REASON, beyond
 
-SLOTS, PAUSE_S = 20, 0.002  # of a rung: the pause cools the caches, as pacing does
+SLOTS, PAUSE_S = 20, 0.002  # of a setting: the pause cools the caches, as pacing does
 FEW, MANY = 1, 4  # steps in a slot
 SOLVES_AT_REST = 2.0  # per step
 WARM_UP, PACED_SLOTS = 4, 40  # of a setting: a whole number of rounds of all topics
@@ -50,22 +57,22 @@ class Cost(NamedTuple):
         return self.steps_pct + self.publishing_pct
 
 
-def measure_shares(scene: Scene, rungs: Sequence[Rung], speed: float) -> list[float]:
+def measure_shares(scene: Scene, levels: Sequence[StudyLevel], speed: float) -> list[float]:
     """Measure the share of one core [%] that the time steps of each setting need here.
 
     A rope at rest is stepped in slots with pauses between, as a paced run does: in each slot a few
     steps and then many, so that what a slot costs and what a step costs are told apart. The solves
-    that the card counted in each rung scale the latter. Takes about a second.
+    that the study counted in each level scale the latter. Takes about a second.
     """
     costs: dict[int, tuple[float, float]] = {}
     shares = []
-    for rung in rungs:
-        if rung.elements not in costs:
-            costs[rung.elements] = _slot_costs(Twin(variant(scene, rung.elements)))
-        slot_s, step_s = costs[rung.elements]
-        steps = steps_in_slot(rung.step_s)
-        busy_s = slot_s + steps * step_s * rung.solves_per_step / SOLVES_AT_REST
-        shares.append(100.0 * busy_s / (steps * rung.step_s) * speed)
+    for level in levels:
+        if level.elements not in costs:
+            costs[level.elements] = _slot_costs(Twin(variant(scene, level.elements)))
+        slot_s, step_s = costs[level.elements]
+        steps = steps_in_slot(level.step_s)
+        busy_s = slot_s + steps * step_s * level.solves_per_step / SOLVES_AT_REST
+        shares.append(100.0 * busy_s / (steps * level.step_s) * speed)
     return shares
 
 
@@ -90,7 +97,7 @@ def measure_setting(
 ) -> Cost:
     """Measure the cost of a run with these options at a setting, over most of a second.
 
-    solves_per_step: what the card counted where the rope moves; it scales the steps.
+    solves_per_step: what the study counted where the rope moves; it scales the steps.
     """
     twin = Twin(variant(scene, setting.elements, setting.step_s), options.monitors)
     steps = steps_in_slot(setting.step_s)
@@ -202,7 +209,7 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
 
     Raises:
         InputError: a value is impossible, or no setting of the study meets the target.
-        SceneError: the scene is wrong, or its card is damaged.
+        SceneError: the scene is wrong, or its study is damaged.
     """
     if args.within is None and args.budget is None:
         if args.quantity is not None:
@@ -221,14 +228,14 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
         what = "a saved state has its elements and its step already"
         raise InputError(phrase(option, what, "leave out --from-state, or this"))
     scene = load_scene(options.scene)
-    card = _current_card(scene, option)
-    rungs = _ladder(card, quantity, options.speed > 0.0, option)
+    study = _current_study(scene, option)
+    levels = _known_levels(study, quantity, options.speed > 0.0, option)
     if option == "--within":
-        _refuse_other_run(scene, card, options)
-        rung, said = _cheapest(rungs, quantity, wanted, _of_its_run(card, options))
-        return replace(options, elements=rung.elements, step_s=rung.step_s, chosen=said)
-    selection = _select(scene, rungs, quantity, wanted, options)
-    known = _bound_of(selection.setting, card, rungs, quantity, options)
+        _refuse_other_run(scene, study, options)
+        level, said = _cheapest(levels, quantity, wanted, _of_its_run(study, options))
+        return replace(options, elements=level.elements, step_s=level.step_s, chosen=said)
+    selection = _select(scene, levels, quantity, wanted, options)
+    known = _bound_of(selection.setting, study, levels, quantity, options)
     return replace(
         options,
         elements=selection.setting.elements,
@@ -268,27 +275,31 @@ def find_quantity(name: str | None) -> Quantity:
     return BY_NAME[name or "tension_rms"]
 
 
-def _current_card(scene: Scene, option: str) -> Card:
-    card = read_card(scene)
-    why = "it has no convergence study" if card is None else card.age(scene)
-    if card is None or why:
+def _current_study(scene: Scene, option: str) -> ConvergenceStudy:
+    study = read_study(scene)
+    why = "it has no convergence study" if study is None else study.age(scene)
+    if study is None or why:
         right = f"make it with `rope_twin accuracy {argument_for(scene)}`"
         raise InputError(phrase(f"{option}, scene {scene.name}", why, right))
-    return card
+    return study
 
 
-def _ladder(card: Card, quantity: Quantity, paced: bool, option: str) -> list[Rung]:
+def _known_levels(
+    study: ConvergenceStudy, quantity: Quantity, paced: bool, option: str
+) -> list[StudyLevel]:
     """Return the settings whose error is known; in real time no step exceeds a cycle."""
-    known = [rung for rung in card.ladder if not math.isnan(rung.bound(quantity.name))]
+    known = [level for level in study.own_levels if not math.isnan(level.bound(quantity.name))]
     if not known:
-        others = sorted(name for name in BY_NAME if not math.isnan(best_bound(card.ladder, name)))
-        where = f"{option}, scene {card.scene}"
+        others = sorted(
+            name for name in BY_NAME if not math.isnan(best_bound(study.own_levels, name))
+        )
+        where = f"{option}, scene {study.scene}"
         what = f"its convergence study has no error of {quantity.name}"
         raise InputError(phrase(where, what, f"give --quantity with one of {', '.join(others)}"))
-    return [rung for rung in known if not paced or rung.step_s <= SLOT_S]
+    return [level for level in known if not paced or level.step_s <= SLOT_S]
 
 
-def _refuse_other_run(scene: Scene, card: Card, options: RunOptions) -> None:
+def _refuse_other_run(scene: Scene, study: ConvergenceStudy, options: RunOptions) -> None:
     """Refuse a run that differs from the one that the study was made for. Raises InputError."""
     if options.other_sea:
         given = {"--bag": options.bag, "--poses": options.poses, "--topic": options.topic}
@@ -300,84 +311,92 @@ def _refuse_other_run(scene: Scene, card: Card, options: RunOptions) -> None:
         right = f"leave out {option}, or make the study of a scene that has that sea"
         raise InputError(phrase(f"--within, scene {scene.name}", what, right))
     needed_s = make_plan(scene).seconds
-    if card.seconds < needed_s and _goes_on(card, options):
+    if study.seconds < needed_s and _goes_on(study, options):
         what = (
-            f"its convergence study is for {card.seconds:g} s, but the events of the scene take "
+            f"its convergence study is for {study.seconds:g} s, but the events of the scene take "
             f"{needed_s:g} s"
         )
         right = (
             f"make it again with `rope_twin accuracy {argument_for(scene)}`, "
-            f"or give --duration {card.seconds:g}"
+            f"or give --duration {study.seconds:g}"
         )
         raise InputError(phrase(f"--within, scene {scene.name}", what, right))
 
 
-def _goes_on(card: Card, options: RunOptions) -> bool:
+def _goes_on(study: ConvergenceStudy, options: RunOptions) -> bool:
     """Return whether the run is longer than that of the study."""
-    return options.end_s is None or options.end_s > card.seconds
+    return options.end_s is None or options.end_s > study.seconds
 
 
-def _of_its_run(card: Card, options: RunOptions) -> str:
+def _of_its_run(study: ConvergenceStudy, options: RunOptions) -> str:
     """Return in words for which run the error holds."""
-    words = f"in the study's run of {card.seconds:g} s"
+    words = f"in the study's run of {study.seconds:g} s"
     if options.cut:
         return f"{words} (here only until {CUT_REASON})"
-    if _goes_on(card, options):
-        return f"{words} (the error is unknown after that: {beyond(card.seconds)})"
+    if _goes_on(study, options):
+        return f"{words} (the error is unknown after that: {beyond(study.seconds)})"
     return words
 
 
-def _cheapest(rungs: list[Rung], quantity: Quantity, target: float, run: str) -> tuple[Rung, str]:
-    rung = cheapest_within(rungs, quantity.name, target)
-    if rung is None:
-        best = best_bound(rungs, quantity.name)
+def _cheapest(
+    levels: list[StudyLevel], quantity: Quantity, target: float, run: str
+) -> tuple[StudyLevel, str]:
+    level = cheapest_within(levels, quantity.name, target)
+    if level is None:
+        best = best_bound(levels, quantity.name)
         what = f"no setting of the study is that accurate, the best is {_told(best, quantity)}"
         raise InputError(phrase(f"--within {target:g}{quantity.unit}", what, "give that or more"))
-    bound = sure_bound(rung, rungs, quantity.name)
+    bound = sure_bound(level, levels, quantity.name)
     said = (
-        f"--within {target:g} {quantity.unit}: {_setting(rung)}, the cheapest with "
+        f"--within {target:g} {quantity.unit}: {_setting(level)}, the cheapest with "
         f"an error of {quantity.name} within {_told(bound, quantity)} {run}; "
     )
-    better = next_better(rungs, quantity.name, bound, [1.0 / r.real_time_factor for r in rungs])
+    better = next_better(levels, quantity.name, bound, [1.0 / r.real_time_factor for r in levels])
     if better is None:
-        return rung, said + "the study has none better"
-    times = rung.real_time_factor / better.real_time_factor
+        return level, said + "the study has none better"
+    times = level.real_time_factor / better.real_time_factor
     much = f"{times:.2g} times as much" if times >= 1.05 else "little more"
-    return rung, said + f"{_better(better, rungs, quantity)} costs {much}"
+    return level, said + f"{_better(better, levels, quantity)} costs {much}"
 
 
 def _select(
-    scene: Scene, rungs: list[Rung], quantity: Quantity, budget: float, options: RunOptions
+    scene: Scene, levels: list[StudyLevel], quantity: Quantity, budget: float, options: RunOptions
 ) -> Selection:
     """Select the most accurate setting that fits, refined until the budget is used."""
-    costs = measure_shares(scene, rungs, options.speed)
+    costs = measure_shares(scene, levels, options.speed)
     own = [line.elements for line in scene.ropes]
     most = MOST_ELEMENTS * own[0] // max(own)
     least = min(costs)
-    while (rung := most_accurate(rungs, quantity.name, costs, budget)) is not None:
-        start = Setting(rung.elements, rung.step_s)
-        measure = partial(measure_setting, scene, options, solves_per_step=rung.solves_per_step)
+    while (level := most_accurate(levels, quantity.name, costs, budget)) is not None:
+        start = Setting(level.elements, level.step_s)
+        measure = partial(measure_setting, scene, options, solves_per_step=level.solves_per_step)
         selection = refine(start, budget, most, measure)
         if isinstance(selection, Selection):
             return selection
-        costs[rungs.index(rung)] = math.inf  # with its messages it does not fit
+        costs[levels.index(level)] = math.inf  # with its messages it does not fit
         least = selection.pct
     what = f"the cheapest setting of the study needs {least:.2g} % here"
     raise InputError(phrase(f"--budget {budget:g}%", what, "give more"))
 
 
 def _bound_of(
-    setting: Setting, card: Card, rungs: list[Rung], quantity: Quantity, options: RunOptions
+    setting: Setting,
+    study: ConvergenceStudy,
+    levels: list[StudyLevel],
+    quantity: Quantity,
+    options: RunOptions,
 ) -> str:
     """Return in words the error of a setting between those of the study or beyond them."""
     if options.other_sea:
         return f"its error is unknown: {OTHER_SEA}"
-    bounds = (sure_bound(rung, rungs, quantity.name) for rung in card.at(*setting) if rung in rungs)
-    finest = card.finest
+    bounds = (
+        sure_bound(level, levels, quantity.name) for level in study.at(*setting) if level in levels
+    )
+    finest = study.finest
     within = f"error of {quantity.name} {_told(max(bounds, default=math.nan), quantity)} at most"
     if setting.elements > finest.elements or setting.step_s < finest.step_s:
         within += ", the bound of the study's finest setting,"
-    return f"{within} {_of_its_run(card, options)}"
+    return f"{within} {_of_its_run(study, options)}"
 
 
 def _budget_words(selection: Selection, budget: float, known: str) -> str:
@@ -393,14 +412,14 @@ def _budget_words(selection: Selection, budget: float, known: str) -> str:
     )
 
 
-def _better(rung: Rung, rungs: list[Rung], quantity: Quantity) -> str:
-    bound = _told(sure_bound(rung, rungs, quantity.name), quantity)
-    return f"next better, {_setting(rung)} (within {bound}),"
+def _better(level: StudyLevel, levels: list[StudyLevel], quantity: Quantity) -> str:
+    bound = _told(sure_bound(level, levels, quantity.name), quantity)
+    return f"next better, {_setting(level)} (within {bound}),"
 
 
-def _setting(rung: Rung) -> str:
-    return str(Setting(rung.elements, rung.step_s))
+def _setting(level: StudyLevel) -> str:
+    return str(Setting(level.elements, level.step_s))
 
 
 def _told(bound: float, quantity: Quantity) -> str:
-    return f"{told_bound(bound)} {quantity.unit}"
+    return f"{format_bound(bound)} {quantity.unit}"

@@ -8,7 +8,7 @@ from typing import Any
 
 from rope_twin.core.loads.hooks import FACTORS
 from rope_twin.messages.status import Level, Status, counted, quality_status, residuals_status
-from rope_twin.scene.card import KnownError, told_bound
+from rope_twin.scene.convergence import KnownError, format_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
     BORDER,
@@ -201,7 +201,7 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     """
     parts: tuple[tuple[Any, Callable[[Any], Status]], ...] = (
         (snapshot, _solver),
-        (snapshot.card_error, _accuracy),
+        (snapshot.study_error, _accuracy),
         (snapshot, _winch),
         (snapshot.motion_ramp, _start_up),
         (snapshot.fluid_factors, _fluid_ramp),
@@ -261,13 +261,13 @@ def _solver(snapshot: Snapshot) -> Status:
 def _accuracy(error: KnownError) -> Status:
     """Return the error from the convergence study; an unknown error is not a fault of the run."""
     values = {
-        "RMS error bound [% of the standard deviation]": told_bound(error.rms_pct),
-        "peak error bound [%]": told_bound(error.peak_pct),
+        "RMS error bound [% of the standard deviation]": format_bound(error.rms_pct),
+        "peak error bound [%]": format_bound(error.peak_pct),
         "source": error.words,
     }
     if math.isnan(error.rms_pct):
         return Status("simulation: accuracy", Level.OK, f"top-tension error {error.words}", values)
-    words = f"RMS error of the top tension {told_bound(error.rms_pct)} % {error.words}"
+    words = f"RMS error of the top tension {format_bound(error.rms_pct)} % {error.words}"
     return Status("simulation: accuracy", Level.OK, words, values)
 
 

@@ -330,7 +330,7 @@ def _errors(snapshot: Snapshot) -> Rows:
     """Yield error bound and interval of each rope; NaN where unknown."""
     for number, rope in enumerate(ropes_of(snapshot)):
         interval = rope.error_interval if number else snapshot.error_interval
-        rms_pct = math.nan if number else snapshot.card_error.rms_pct
+        rms_pct = math.nan if number else snapshot.study_error.rms_pct
         ends = (interval.low_n, interval.high_n) if interval else (math.nan, math.nan)
         yield rope.name, rms_pct, *ends
 

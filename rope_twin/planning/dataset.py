@@ -22,7 +22,7 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.planning.judgement import QUANTITIES, Quantity
 from rope_twin.planning.results import daf
 from rope_twin.quantity import unit_of
-from rope_twin.scene.card import solver_version
+from rope_twin.scene.convergence import solver_version
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.planning.plan_file import LiftOff, Phase, Plan
 from rope_twin.planning.plan_reader import deck_of
 from rope_twin.planning.seas import DeckTransfer
-from rope_twin.scene.card import Setting
+from rope_twin.scene.convergence import Setting
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rigging import places

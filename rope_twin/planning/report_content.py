@@ -40,7 +40,7 @@ from rope_twin.planning.results import (
 )
 from rope_twin.planning.simplified import lift_of, resonance_period_s
 from rope_twin.planning.tables import further_tables
-from rope_twin.scene.card import solver_version
+from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.lift import lift_figures, listed_effects
 from rope_twin.scene.rigging import is_joined
 from rope_twin.sea.tables import Vector

@@ -13,7 +13,7 @@ import numpy as np
 from rope_twin import __version__
 from rope_twin.planning.judgement import Judgement
 from rope_twin.planning.tables import sling_loads
-from rope_twin.scene.card import solver_version
+from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.load_chart import FORMAT
 from rope_twin.whole_file import write_whole
 
@@ -118,7 +118,7 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
             f"in {finer} of {len(result.cells)} cells mesh or step were made finer, to bring the "
             f"error of the governing run to {100.0 * method.error_within:g} %"
         )
-    yield f"card of scene '{result.scene.name}': {_card_words(result)}"
+    yield f"study of scene '{result.scene.name}': {_study_words(result)}"
     whole = f"{result.runs:,} runs of {result.simulated_s / 3600.0:,.0f} h in all"
     if result.made:
         factor = result.made_s / result.elapsed_s
@@ -127,11 +127,11 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
     yield whole
 
 
-def _card_words(result: PlanResult) -> str:
-    card = result.card
-    if math.isnan(card.peak_pct):
-        return card.words
-    return f"maximum of the top tension within {card.peak_pct:.2g} %, {card.words}"
+def _study_words(result: PlanResult) -> str:
+    study = result.study
+    if math.isnan(study.peak_pct):
+        return study.words
+    return f"maximum of the top tension within {study.peak_pct:.2g} %, {study.words}"
 
 
 def result_object(result: PlanResult) -> dict[str, Any]:
@@ -148,8 +148,8 @@ def result_object(result: PlanResult) -> dict[str, Any]:
         "runs": result.runs,
         "simulated_s": result.simulated_s,
         "elapsed_s": result.elapsed_s,
-        "card_error_peak_pct": result.card.peak_pct,
-        "card_error_words": result.card.words,
+        "study_error_peak_pct": result.study.peak_pct,
+        "study_error_words": result.study.words,
         "phases": [
             {
                 "name": work.title,

@@ -32,7 +32,7 @@ from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import read_plan, spreading_of, tip_of, with_error
 from rope_twin.planning.runs import STATISTICS, Row, Ship
 from rope_twin.planning.settings import choose_setting, find_within
-from rope_twin.scene.card import KnownError, Setting, known_error, solver_version
+from rope_twin.scene.convergence import KnownError, Setting, known_error, solver_version
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.study_run import RowFolder, on_cluster
 from rope_twin.twin.ensemble.ensemble import cores
@@ -52,7 +52,7 @@ class PlanResult:
     scene: Scene
     works: tuple[PhaseWork, ...]
     cells: tuple[CellLimit, ...]
-    card: KnownError  # discretisation error of the scene at its own setting
+    study: KnownError  # discretisation error of the scene at its own setting
     runs: int  # of all cells
     simulated_s: float  # time of all runs
     made: int  # runs of this call, with those for errors and settings; the others were there
@@ -206,7 +206,7 @@ def run_plan(
         scene=scene,
         works=works,
         cells=ordered,
-        card=known_error(scene),
+        study=known_error(scene),
         runs=len(rows),
         simulated_s=math.fsum(row["seconds"] for row in rows),
         made=counted.made,

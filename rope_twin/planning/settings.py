@@ -15,7 +15,7 @@ from rope_twin.errors import RopeTwinError
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.plan_file import LEGS_MOST
 from rope_twin.planning.runs import SETTING, Row, Ship, run_row, run_seeds, sea_seed
-from rope_twin.scene.card import Setting
+from rope_twin.scene.convergence import Setting
 
 if TYPE_CHECKING:
     from rope_twin.planning.cells import Cell, CellLimit, RowStore
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rope_twin.planning.seas import SeaState
 
 # From coarse to fine; each is compared with twice its elements and half its step.
-LADDER = tuple(
+SETTINGS = tuple(
     Setting(elements, step_s)
     for elements, step_s in (
         (10, 0.1), (15, 0.1), (15, 0.05), (20, 0.05), (30, 0.05), (30, 0.025), (40, 0.025),
@@ -43,7 +43,7 @@ def finer(setting: Setting) -> Setting:
     return Setting(2 * setting.elements, 0.5 * setting.step_s)
 
 
-TRIED = tuple(dict.fromkeys([*LADDER, *map(finer, LADDER)]))  # their places number the trials
+TRIED = tuple(dict.fromkeys([*SETTINGS, *map(finer, SETTINGS)]))  # their places number the trials
 
 
 def choose_setting(
@@ -62,8 +62,8 @@ def choose_setting(
     if leg.by_twin:  # contact and ropes that meet ask for the scene's own mesh and step
         return Setting(leg.scene.ropes[0].elements, leg.scene.time.step_s), math.nan
     trials = Trials(plan, number, leg, ship, sea, store)
-    best = LADDER[-1], math.nan
-    for setting in LADDER:
+    best = SETTINGS[-1], math.nan
+    for setting in SETTINGS:
         if setting.elements > leg.scene.ropes[0].length_m / SHORTEST_M:
             break
         rows = trials.rows(setting)
@@ -186,7 +186,7 @@ def _refined(search: Cell, limit: CellLimit) -> Cell | None:
     leg = judged.governing_leg
     own, most = limit.settings[leg], search.work.legs[leg].scene.ropes[0].length_m / SHORTEST_M
     rest = [
-        one for one in LADDER
+        one for one in SETTINGS
         if one.elements >= own.elements and one.step_s <= own.step_s and one != own
         and one.elements <= most
     ]  # fmt: skip

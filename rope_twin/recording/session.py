@@ -31,7 +31,7 @@ from rope_twin.core.jit.decorators import source_digest
 from rope_twin.errors import BagError, InputError, RopeTwinError, StateError, phrase
 from rope_twin.recording.input_log import encode_json
 from rope_twin.recording.motion_source import open_sea
-from rope_twin.scene.card import OTHER_SEA, card_path
+from rope_twin.scene.convergence import OTHER_SEA, study_path
 from rope_twin.scene.load import at_setting, following_measured, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import RESPONSES_FOLDER
@@ -94,7 +94,7 @@ def expect_own_sea(twin: Twin) -> None:
     For a run with input from topics or a recording. If the scene's convergence study gives no
     error, there is nothing to invalidate, and the sea is not opened.
     """
-    if math.isnan(twin.card_error.rms_pct):
+    if math.isnan(twin.study_error.rms_pct):
         return
     try:
         twin.inputs.expect_motion(open_sea(twin.scene))
@@ -312,7 +312,7 @@ def _commit() -> str:
 def _root_and_files(scene: Scene) -> tuple[Path, list[Path]]:
     """Return the folder of the scene's own files, and all files with those of the package."""
     files = [scene.path.resolve(), *_tables(scene), share_dir() / "config" / "ropes.yaml"]
-    if (study := card_path(scene)).is_file():
+    if (study := study_path(scene)).is_file():
         files.append(study.resolve())
     shared = share_dir() / "config"
     own = [path.parent for path in files if not path.is_relative_to(shared)]

@@ -110,20 +110,22 @@ def saving_row(saving: SavingStatus) -> Status:
     return Status(name, Level.OK, f"state saved at {saved} s", values)
 
 
-def rung_row(ladder: TwinOverloadProtection, last: Snapshot) -> Status:
+def level_row(protection: TwinOverloadProtection, last: Snapshot) -> Status:
     """Return the row on the accuracy level: elements, time step, and why it was degraded."""
-    number, count = ladder.place
+    number, count = protection.place
     values = {
         "level": f"{number} of {count}",
         "elements": str(len(last.element_tension_n)),
-        "step [s]": f"{ladder.level.step_s:g}",
-        "changes": str(ladder.changes),
-        "load": f"{ladder.load:.2f}",
+        "step [s]": f"{protection.level.step_s:g}",
+        "changes": str(protection.changes),
+        "load": f"{protection.load:.2f}",
     }
     name = "simulation: accuracy level"
     if number == 1:
-        return Status(name, Level.OK, f"full accuracy level: {ladder.words()}", values)
-    message = f"degraded to accuracy level {number} of {count}, {ladder.words()}: {ladder.reason}"
+        return Status(name, Level.OK, f"full accuracy level: {protection.words()}", values)
+    message = (
+        f"degraded to accuracy level {number} of {count}, {protection.words()}: {protection.reason}"
+    )
     return Status(name, Level.WARN, message, values)
 
 
@@ -273,7 +275,7 @@ class PacedTwin:
         if params.save_state:
             every_s = params.save_every_s * params.speed
             self._keeper = AutoSave(self._recovery, Path(params.save_state).resolve(), every_s)
-        self.ladder = _ladder(self.twin, params)
+        self.protection = _protection_of(self.twin, params)
         self._described = describe_run(scene, setup, params.speed)
         self._log = InputLog(uuid4().hex)
         self._inputs = InputQueue(self.twin, self._keeper or self._recovery, self._log.take)
@@ -290,8 +292,8 @@ class PacedTwin:
             last_step=_steps_to_do(self.twin, params.stop_after_s),
             catch_up=math.inf if params.lockstep else CATCH_UP,
         )
-        if self.ladder is not None:
-            self.pacer.watch(self.ladder.judge)
+        if self.protection is not None:
+            self.pacer.watch(self.protection.judge)
         self.learning = _learning(scene, self._inputs) if params.learn else None
         watch = None if self.learning is None else self.learning.see
         self.alerts = AlertMonitor(scene)
@@ -397,7 +399,7 @@ class PacedTwin:
         """Return the run summary up to now."""
         kept = self._keeper.health() if self._keeper is not None else None
         state = str(kept.path) if kept is not None and kept.saved_s is not None else None
-        changes = self.ladder.changes if self.ladder is not None else 0
+        changes = self.protection.changes if self.protection is not None else 0
         health = self.pacer.health()
         summary = summarise(self.twin, self.last, health)
         share = None
@@ -425,8 +427,8 @@ class PacedTwin:
     def notices(self) -> Iterator[str]:
         """Return new changes of the accuracy level and newly violated limits, a sentence each."""
         yield from self._broken.of(self.last)
-        while self.ladder is not None and self.ladder.said:
-            yield self.ladder.said.popleft()
+        while self.protection is not None and self.protection.said:
+            yield self.protection.said.popleft()
         if self.learning is not None:
             yield from self._learned(self.learning)
             for words in self.learning.new_alarms():
@@ -458,8 +460,8 @@ class PacedTwin:
         """Return the diagnostics rows of solver, pacing, inputs, messages and clocks."""
         health = self.pacer.health()
         rows = [self.summary().row(), *statuses(self.last, health)]
-        if self.ladder is not None:
-            rows.append(rung_row(self.ladder, self.last))
+        if self.protection is not None:
+            rows.append(level_row(self.protection, self.last))
         rows += self.border.rows()
         rows.append(publishing_row(self._publisher.error, health.lost_snapshots))
         rows.append(self.alerts.row())
@@ -517,16 +519,16 @@ def _setup(params: SimulationParams) -> Setup:
     )
 
 
-def _ladder(twin: Twin, params: SimulationParams) -> TwinOverloadProtection | None:
+def _protection_of(twin: Twin, params: SimulationParams) -> TwinOverloadProtection | None:
     """Return the accuracy levels, at one that is real-time on this machine; None: disabled."""
-    if not params.ladder:
+    if not params.overload_protection:
         return None
-    ladder = TwinOverloadProtection(twin)
-    if ladder.place[1] == 1:
+    protection = TwinOverloadProtection(twin)
+    if protection.place[1] == 1:
         return None
     slot_s = steps_in_slot(twin.step_s) * twin.step_s
-    ladder.start_at(ladder.measure(slot_s, params.speed))
-    return ladder
+    protection.start_at(protection.measure(slot_s, params.speed))
+    return protection
 
 
 def _steps_to_do(twin: Twin, stop_after_s: float) -> int:

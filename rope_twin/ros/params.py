@@ -68,7 +68,7 @@ class SimulationParams:
     step_s: float = quantity("time step; 0: the scene's", "s", 0.0, 0.2,
                              default=0.0)  # fmt: skip
     energy: bool = text("report the energy balance in diagnostics; slower", False)
-    ladder: bool = text(
+    overload_protection: bool = text(
         "overload protection: longer time steps, then fewer elements, while the deadline is missed",
         True,
     )

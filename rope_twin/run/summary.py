@@ -19,7 +19,7 @@ from rope_twin.messages.diagnostics import (
 )
 from rope_twin.messages.reports import alarm_words, learned_words
 from rope_twin.messages.status import Level, Status, counted, lowest_words, residual_words
-from rope_twin.scene.card import told_bound
+from rope_twin.scene.convergence import format_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
     Bend,
@@ -275,7 +275,7 @@ class RunSummary:
         if self.tension_top_error_pct is None:
             return f"top-tension error {by}"
         rms, peak = (
-            "unknown" if one is None else f"{told_bound(one)} %"
+            "unknown" if one is None else f"{format_bound(one)} %"
             for one in (self.tension_top_error_pct, self.tension_top_peak_error_pct)
         )
         return f"top-tension error: {rms} RMS, {peak} peak, {by}"
@@ -283,7 +283,7 @@ class RunSummary:
     def as_progress(self) -> str:
         """Return a progress line; the most important values are within 80 columns."""
         known = self.tension_top_error_pct
-        error = "unknown" if known is None else f"≤ {told_bound(known)} %"
+        error = "unknown" if known is None else f"≤ {format_bound(known)} %"
         return (
             f"{self.time_s:8.1f} s  line out {self.line_out_m:7.1f} m  "
             f"top tension {_kn(self.tension_top_now_n)}, max. {_kn(self.tension_top_max_n)}  "
@@ -345,9 +345,9 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         tension_top_max_n=statistics.tension_top_max_n if stepped else now_n,
         tension_top_mean_n=statistics.tension_top_mean_n if stepped else now_n,
         tension_top_min_n=statistics.tension_top_min_n if stepped else now_n,
-        tension_top_error_pct=_or_none(snapshot.card_error.rms_pct),
-        tension_top_peak_error_pct=_or_none(snapshot.card_error.peak_pct),
-        tension_top_error_reason=snapshot.card_error.words,
+        tension_top_error_pct=_or_none(snapshot.study_error.rms_pct),
+        tension_top_peak_error_pct=_or_none(snapshot.study_error.peak_pct),
+        tension_top_error_reason=snapshot.study_error.words,
         line_out_m=snapshot.line_out_m,
         payload_depth_m=-float(snapshot.payload_position_m[2]),
         lower_end="payload" if twin.scene.payloads else "lower end",

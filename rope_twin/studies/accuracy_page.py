@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rope_twin.scene.card import PEAK, RMS, told_bound
+from rope_twin.scene.convergence import PEAK, RMS, format_bound
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.relations import model_beside
 from rope_twin.scene.rigging import is_joined
@@ -51,8 +51,8 @@ How to read this, and what it does not contain: docs/accuracy.md. Made by
 """
 
 
-def as_markdown(study: Study, card: dict[str, object], picture: str) -> str:
-    """Return the page; `card` is the study as in its JSON file."""
+def as_markdown(study: Study, content: dict[str, object], picture: str) -> str:
+    """Return the page; `content` is the study as in its JSON file."""
     still = " (here of its mean, since nothing moves)" if is_still(study) else ""
     return _PAGE.format(
         name=study.scene.name,
@@ -67,8 +67,8 @@ def as_markdown(study: Study, card: dict[str, object], picture: str) -> str:
         rows=page_table(row_table(study)),
         doubts=page_table(doubt_table(study)),
         notes="\n".join(f"- {line}" for line in notes(study)),
-        scene_digest=card["scene_digest"],
-        solver=card["solver"],
+        scene_digest=content["scene_digest"],
+        solver=content["solver"],
     )
 
 
@@ -104,7 +104,7 @@ def summary(study: Study) -> list[str]:
         if row is not None:
             bought.setdefault(row, []).append(f"{target:g} %")
         elif study.reference.doubts[RMS].uncertainty is not None:
-            lines.append(f"No setting of the ladder is within {target:g} % rms.")
+            lines.append(f"No setting is within {target:g} % rms.")
     for row, (*first, last) in bought.items():
         targets = f"{', '.join(first)} and {last}" if first else last
         lines.append(
@@ -184,7 +184,7 @@ def shown(row: Row, name: str) -> str:
     if at_most == 0.0:
         return "0"
     if abs(error) <= at_most - abs(error):
-        return f"≤ {told_bound(at_most)}"
+        return f"≤ {format_bound(at_most)}"
     sign = "" if name in (RMS, "payload_depth") else "+"
     return f"{error:{sign}.2g}"
 
@@ -193,7 +193,7 @@ def _bound(row: Row, name: str, study: Study) -> str:
     at_most = row.at_most[name]
     if at_most is None:
         return f"does not converge ({_spread(name, study.reference.doubts[name])})"
-    return f"within {told_bound(at_most)} %"
+    return f"within {format_bound(at_most)} %"
 
 
 def _spread(name: str, doubt: Doubt) -> str:
@@ -253,7 +253,7 @@ def _draw_panel(axes: Any, study: Study, name: str) -> None:
     doubt = study.reference.doubts[name].uncertainty
     rows = [row for row in study.rows if row.setting.tolerance_n is None]
     if doubt is None or is_still(study):
-        words = "does not converge:\nsee the spread in the card" if doubt is None else (
+        words = "does not converge:\nsee the spread in the study" if doubt is None else (
             "nothing moves:\nevery setting is right to round-off"
         )  # fmt: skip
         axes.text(0.5, 0.5, words, ha="center", va="center", transform=axes.transAxes)

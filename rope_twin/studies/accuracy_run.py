@@ -27,7 +27,7 @@ from rope_twin.core.step import advance, advance_joined
 from rope_twin.errors import SolverError, phrase
 from rope_twin.recording.heave import sample_of
 from rope_twin.recording.motion_source import FIRST_NS, open_sea, series_of
-from rope_twin.scene.card import PEAK, RMS
+from rope_twin.scene.convergence import PEAK, RMS
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.relations import coupled_settings, model_beside
 from rope_twin.scene.rigging import is_joined, places, winch_of

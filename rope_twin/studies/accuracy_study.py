@@ -1,7 +1,7 @@
 """Convergence study: a scene at several numbers of elements, time steps and tolerances.
 
 Each level has an error against a reference of known uncertainty, a real-time factor and a memory
-size; together they are the accuracy table (`rope_twin.scene.card` reads it).
+size; together they are the accuracy table (`rope_twin.scene.convergence` reads it).
 Its numbers name the machine that they were measured on.
 """
 
@@ -22,7 +22,7 @@ from rope_twin.core.jit.decorators import source_digest
 from rope_twin.core.jit.functions import chain
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.errors import InputError, RopeTwinError, phrase
-from rope_twin.scene.card import FORMAT, scene_digest, solver_version
+from rope_twin.scene.convergence import FORMAT, scene_digest, solver_version
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.relations import shedding_model
 from rope_twin.scene.rigging import is_joined
@@ -42,13 +42,13 @@ from rope_twin.studies.accuracy_run import (
 from rope_twin.studies.accuracy_witness import Witness, call_witness
 
 LONGEST_STEP_S = 0.2  # the longest that a scene may have
-FEWEST, MOST = 10, 1000  # elements of a ladder; at least half and twice the scene's own
+FEWEST, MOST = 10, 1000  # elements of settings; at least half and twice the scene's own
 TOLERANCES = (0.1, 10.0)  # times the scene's own, at its own elements and step
 REFERENCE_TOLERANCE = 0.1
 REFERENCE_WORK = 33e6  # nodes times steps of the finest run, about
-FINER_MOST = 4  # elements of the reference over those of the finest rung
+FINER_MOST = 4  # elements of the reference over those of the finest level
 MOST_WORK = 800e6  # nodes times steps of everything together: about a minute and a half
-DEAR = 2.0  # a scene whose nodes cost more than twice as much has a short ladder
+DEAR = 2.0  # a scene whose nodes cost more than twice as much has few settings
 COMPONENTS = 14.0  # so many waves cost a node as much as all else
 VORTICES = 1.4  # what a model of vortices costs a node beside all else, at most
 SHORTEST_WINDOW = 10  # looks
@@ -83,9 +83,9 @@ class Plan:
     @property
     def work(self) -> float:
         """Return nodes times steps, including the reference's coarser grids and repeated timing."""
-        ladder = math.fsum(one.elements / one.step_s for one in self.settings)
+        settings = math.fsum(one.elements / one.step_s for one in self.settings)
         fine = self.reference.elements / self.reference.step_s
-        return self.ropes * self.seconds * (2.5 * fine + 2.5 * ladder)
+        return self.ropes * self.seconds * (2.5 * fine + 2.5 * settings)
 
 
 def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
@@ -127,14 +127,14 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
     ropes = sum(line.elements for line in scene.ropes) / own.elements
     first = build_joined(scene).system.ropes[0] if is_joined(scene) else build(scene)
     tolerance = first.model.tolerance
-    ladder = [Setting(count, _whole(factor * h)) for count in counts for factor in factors]
+    grid = [Setting(count, _whole(factor * h)) for count in counts for factor in factors]
     others = [Setting(own.elements, h, min(part * tolerance, 1e4)) for part in TOLERANCES]
     finest_s = _whole(reach.reference_step * h)
     most = REFERENCE_WORK / ropes / dearness(scene) / (span / finest_s) / counts[-1]
     finer = 2 ** math.floor(math.log2(max(most, 1.0)))
     elements = counts[-1] * min(max(finer, 2), FINER_MOST)
     fine = Setting(elements, finest_s, REFERENCE_TOLERANCE * tolerance)
-    return Plan(span, own, look_s, (*ladder, *others), fine, ropes)
+    return Plan(span, own, look_s, (*grid, *others), fine, ropes)
 
 
 def _window_s(scene: Scene, reach: Reach) -> float:
@@ -344,7 +344,7 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
     return Study(scene, plan, machine, reference, witness, tuple(rows), tuple(failures))
 
 
-def as_card(study: Study) -> dict[str, Any]:
+def as_content(study: Study) -> dict[str, Any]:
     """Return the study as its JSON file and `--json` have it."""
     scene, reference = study.scene, study.reference
     witness = study.witness

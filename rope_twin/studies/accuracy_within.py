@@ -12,43 +12,45 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.card import Rung, read_card, told_bound
+from rope_twin.scene.convergence import StudyLevel, format_bound, read_study
 from rope_twin.scene.load import argument_for
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_run import Course, Quantity, Setting, Trial, differences
 from rope_twin.studies.accuracy_study import Row, make_plan
 
 NOTHING = 1e-6  # below, errors are round-off
-Priced = Rung | Row  # accuracy levels with a speed
-P = TypeVar("P", Rung, Row)
+Priced = StudyLevel | Row  # accuracy levels with a speed
+P = TypeVar("P", StudyLevel, Row)
 
 
-def sure_bound(rung: Priced, rungs: Iterable[Priced], name: str) -> float:
+def sure_bound(level: Priced, levels: Iterable[Priced], name: str) -> float:
     """Return the bound without coincidental cancellation; NaN if a finer level has none."""
-    elements, step_s, tolerance = rung.place()
+    elements, step_s, tolerance = level.place()
     finer = [
         other.bound(name)
-        for other in rungs
+        for other in levels
         if (place := other.place())[2] == tolerance and place[0] >= elements and place[1] <= step_s
     ]
     return math.nan if any(map(math.isnan, finer)) else max(finer)
 
 
-def cheapest_within(rungs: Sequence[P], name: str, target: float) -> P | None:
+def cheapest_within(levels: Sequence[P], name: str, target: float) -> P | None:
     """Return the fastest level with the scene's own tolerance whose bound is at most `target`."""
-    own = [rung for rung in rungs if rung.place()[2] is None]
-    good = [rung for rung in own if sure_bound(rung, own, name) <= target]
-    return max(good, key=lambda rung: rung.real_time_factor, default=None)
+    own = [level for level in levels if level.place()[2] is None]
+    good = [level for level in own if sure_bound(level, own, name) <= target]
+    return max(good, key=lambda level: level.real_time_factor, default=None)
 
 
-def most_accurate(rungs: Sequence[P], name: str, costs: Sequence[float], budget: float) -> P | None:
+def most_accurate(
+    levels: Sequence[P], name: str, costs: Sequence[float], budget: float
+) -> P | None:
     """Return the level with the smallest bound among those whose cost is within the budget.
 
     Of levels whose bounds differ by less than a tenth, the cheapest is returned.
     """
     fitting = [
-        (sure_bound(rung, rungs, name), cost, rung)
-        for rung, cost in zip(rungs, costs, strict=True)
+        (sure_bound(level, levels, name), cost, level)
+        for level, cost in zip(levels, costs, strict=True)
         if cost <= budget
     ]
     known = [entry for entry in fitting if not math.isnan(entry[0])]
@@ -59,19 +61,19 @@ def most_accurate(rungs: Sequence[P], name: str, costs: Sequence[float], budget:
     return min(alike, key=lambda entry: entry[1])[2]
 
 
-def next_better(rungs: Sequence[P], name: str, bound: float, costs: Sequence[float]) -> P | None:
+def next_better(levels: Sequence[P], name: str, bound: float, costs: Sequence[float]) -> P | None:
     """Return the cheapest level with a bound smaller by at least a tenth; None if there is none."""
     better = [
         (cost, number)
-        for number, (rung, cost) in enumerate(zip(rungs, costs, strict=True))
-        if sure_bound(rung, rungs, name) < max(0.9 * bound, NOTHING)
+        for number, (level, cost) in enumerate(zip(levels, costs, strict=True))
+        if sure_bound(level, levels, name) < max(0.9 * bound, NOTHING)
     ]
-    return rungs[min(better)[1]] if better and bound > NOTHING else None
+    return levels[min(better)[1]] if better and bound > NOTHING else None
 
 
-def best_bound(rungs: Sequence[Rung], name: str) -> float:
+def best_bound(levels: Sequence[StudyLevel], name: str) -> float:
     """Return the smallest error of all levels; NaN if none is known."""
-    bounds = [sure_bound(rung, rungs, name) for rung in rungs]
+    bounds = [sure_bound(level, levels, name) for level in levels]
     return min((one for one in bounds if not math.isnan(one)), default=math.nan)
 
 
@@ -85,24 +87,24 @@ class Wanted:
 
     quantity: Quantity
     within: float  # in the quantity's unit
-    seconds: float | None  # None: the card's
+    seconds: float | None  # None: the study's
 
 
 @dataclass(frozen=True)
-class Bought:
+class Selected:
     """Selected setting of one scene, and its measured error."""
 
     scene: str
     quantity: str
     within: float  # asked for, in the quantity's unit
-    seconds: float | None  # over which it was measured; None: nothing was bought
-    elements: int | None  # None: nothing was bought
+    seconds: float | None  # over which it was measured; None: nothing was selected
+    elements: int | None  # None: nothing was selected
     step_s: float | None
-    real_time_factor: float | None  # by the card
-    at_most: float | None  # by the card
+    real_time_factor: float | None  # by the study
+    at_most: float | None  # by the study
     error: float | None  # measured anew
     reference: str  # the run that it was measured against
-    refusal: str  # why nothing was bought; else empty
+    refusal: str  # why nothing was selected; else empty
 
     @property
     def ok(self) -> bool:
@@ -110,7 +112,7 @@ class Bought:
         return self.error is None or abs(self.error) <= self.within
 
 
-def check_scenes(scenes: Sequence[Scene], wanted: Wanted, report: Report) -> Iterator[Bought]:
+def check_scenes(scenes: Sequence[Scene], wanted: Wanted, report: Report) -> Iterator[Selected]:
     """Return a result per scene.
 
     Raises:
@@ -122,30 +124,30 @@ def check_scenes(scenes: Sequence[Scene], wanted: Wanted, report: Report) -> Ite
     report(len(scenes), len(scenes), "done")
 
 
-def check_scene(scene: Scene, wanted: Wanted) -> Bought:
+def check_scene(scene: Scene, wanted: Wanted) -> Selected:
     """Verify one scene.
 
     Raises:
         RopeTwinError: as for all.
     """
     quantity, within = wanted.quantity, wanted.within
-    card = read_card(scene)
-    why = "it has no accuracy card" if card is None else card.age(scene)
-    if card is None or why:
+    study = read_study(scene)
+    why = "it has no convergence study" if study is None else study.age(scene)
+    if study is None or why:
         right = f"make it with `rope_twin accuracy {argument_for(scene)}`"
         raise SceneError(phrase(f"scene {scene.name}", why, right))
-    known = [rung for rung in card.ladder if not math.isnan(rung.bound(quantity.name))]
-    rung = cheapest_within(known, quantity.name, within)
-    if rung is None:
+    known = [level for level in study.own_levels if not math.isnan(level.bound(quantity.name))]
+    level = cheapest_within(known, quantity.name, within)
+    if level is None:
         return _nothing(scene, quantity, within, known)
-    plan = make_plan(scene, wanted.seconds or card.seconds)
+    plan = make_plan(scene, wanted.seconds or study.seconds)
     course = Course(scene, plan.seconds, plan.look_s)
     finer = _finer(plan.reference)
-    seen = Trial(course, Setting(rung.elements, rung.step_s)).look()
+    seen = Trial(course, Setting(level.elements, level.step_s)).look()
     error = differences(seen, Trial(course, finer).look())[quantity.name]
-    return Bought(
-        scene.name, quantity.name, within, plan.seconds, rung.elements, rung.step_s,
-        rung.real_time_factor, rung.bound(quantity.name), error,
+    return Selected(
+        scene.name, quantity.name, within, plan.seconds, level.elements, level.step_s,
+        level.real_time_factor, level.bound(quantity.name), error,
         f"{finer.elements} at {1e3 * finer.step_s:g} ms", "",
     )  # fmt: skip
 
@@ -155,26 +157,28 @@ def _finer(reference: Setting) -> Setting:
     return Setting(times * reference.elements, 0.5 * reference.step_s, reference.tolerance_n)
 
 
-def _nothing(scene: Scene, quantity: Quantity, within: float, known: Sequence[Rung]) -> Bought:
+def _nothing(
+    scene: Scene, quantity: Quantity, within: float, known: Sequence[StudyLevel]
+) -> Selected:
     if known:
         best = best_bound(known, quantity.name)
-        refusal = f"the best of its card is {told_bound(best)} {quantity.unit}"
+        refusal = f"the best of its study is {format_bound(best)} {quantity.unit}"
     else:
-        refusal = f"its card knows no error of {quantity.name}"
+        refusal = f"its study knows no error of {quantity.name}"
     nothing = (None,) * 6
-    return Bought(scene.name, quantity.name, within, *nothing, "", refusal)
+    return Selected(scene.name, quantity.name, within, *nothing, "", refusal)
 
 
-def bought_table(rows: Sequence[Bought], unit: str) -> list[list[str]]:
+def selected_table(rows: Sequence[Selected], unit: str) -> list[list[str]]:
     """Return the results as rows of text, below a head."""
-    head = ["scene", "elements", "step ms", "× real time", f"card ≤ {unit}", f"measured {unit}",
+    head = ["scene", "elements", "step ms", "× real time", f"study ≤ {unit}", f"measured {unit}",
             "over s", "against", "holds"]  # fmt: skip
     return [head, *([row.scene, *_cells(row)] for row in rows)]
 
 
-def _cells(row: Bought) -> list[str]:
+def _cells(row: Selected) -> list[str]:
     if row.error is None or row.step_s is None:
-        return ["", "", "", "", "", "", "", f"nothing bought: {row.refusal}"]
+        return ["", "", "", "", "", "", "", f"nothing selected: {row.refusal}"]
     return [
         f"{row.elements}",
         f"{1e3 * row.step_s:g}",

@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
-from rope_twin.scene.card import KnownError, known_error, solver_version
+from rope_twin.scene.convergence import KnownError, known_error, solver_version
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
@@ -93,7 +93,7 @@ def run_batch(batch: Batch) -> list[Row]:
             "run": run.number,
             **dict(zip(batch.columns, run.values, strict=True)),
             **found,
-            **_card(error, bool(made.changes)),
+            **_study_row(error, bool(made.changes)),
             "took_s": took_s,
         }
         for run, made, found in zip(batch.runs, batch.made, results, strict=True)
@@ -162,12 +162,12 @@ def _figures(ensemble: Ensemble, number: int) -> Row:
     return {**whole, **told, "highest_over_breaking_load": share}
 
 
-def _card(known: KnownError, changed: bool) -> Row:
+def _study_row(known: KnownError, changed: bool) -> Row:
     """Return the error of the scene's convergence study; indicative for a run with other values."""
     return {
-        "card_error_rms_pct": None if math.isnan(known.rms_pct) else known.rms_pct,
-        "card_error_peak_pct": None if math.isnan(known.peak_pct) else known.peak_pct,
-        "card_error_words": known.words + (CHANGED if changed else ""),
+        "study_error_rms_pct": None if math.isnan(known.rms_pct) else known.rms_pct,
+        "study_error_peak_pct": None if math.isnan(known.peak_pct) else known.peak_pct,
+        "study_error_words": known.words + (CHANGED if changed else ""),
     }
 
 
@@ -184,7 +184,7 @@ def _damage(counted: RopeDamage) -> Row:
 
 WHOLE, MARK, LOCK = "runs.parquet", "study.json", "lock"
 _NUMBERS = ("run", "steps", "unconverged_substeps", "elements")
-_WORDS = ("card_error_words", "damage_worst_rope", "failure")
+_WORDS = ("study_error_words", "damage_worst_rope", "failure")
 _LISTS = ("damage", "damage_from_lower_end_m")  # after the name of a rope in multi-line scenes
 
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rope_twin.core.state import ELEMENTS, Floats, Model, Rope
 from rope_twin.errors import SolverError
-from rope_twin.scene.card import KnownError, known_error, told_bound
+from rope_twin.scene.convergence import KnownError, format_bound, known_error
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.regrid import Grid, UpperEnd, coarse_room, coarser, finer, marks_of
@@ -305,7 +305,7 @@ class TwinOverloadProtection(OverloadProtection):
 
     def error(self) -> KnownError:
         """Return the error of the present level that is known from the convergence study."""
-        return self._owner.card_error
+        return self._owner.study_error
 
     def _work(self, level: AccuracyLevel) -> float:
         """Return the steps of an element in a second of twin time."""
@@ -323,7 +323,7 @@ class TwinOverloadProtection(OverloadProtection):
     def words(self) -> str:
         """Return a description of the present level."""
         error = self.error()
-        known = error.words if isnan(error.rms_pct) else f"at most {told_bound(error.rms_pct)} %"
+        known = error.words if isnan(error.rms_pct) else f"at most {format_bound(error.rms_pct)} %"
         own, left = (sum(elements_at(self._owner.scene, n)) for n in (0, self.level.halvings))
         elements = f"{own} elements" if left == own else f"{left} elements in place of {own}"
         step_ms = 1e3 * self.level.step_s

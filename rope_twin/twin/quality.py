@@ -295,11 +295,11 @@ def discretisation_of(element: str, shot: Snapshot) -> Component:
     if shot.error_interval is not None and static_n > 0.0:
         error_pct, tolerance = 100.0 * shot.error_interval.bound_n / static_n, by_interval
         words = f"discretisation error ±{error_pct:.2g} % of the static tension"
-    elif not math.isnan(shot.card_error.rms_pct):
-        error_pct, tolerance = shot.card_error.rms_pct, by_study
+    elif not math.isnan(shot.study_error.rms_pct):
+        error_pct, tolerance = shot.study_error.rms_pct, by_study
         words = f"discretisation error {error_pct:.2g} % of the standard deviation"
     else:
-        return Component(None, f"discretisation error {shot.card_error.words}")
+        return Component(None, f"discretisation error {shot.study_error.words}")
     value = falling(error_pct, tolerance, TOO_LARGE * tolerance)
     return Component(value, f"{words}, tolerance {tolerance:g} %")
 

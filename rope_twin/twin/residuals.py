@@ -325,7 +325,7 @@ class MeasuredInputs:
             if r > 0 and number < len(shot.ropes):
                 interval = shot.ropes[number].error_interval
             twin = None if interval is None else interval.bound_n / COVERAGE
-            rms_pct = shot.card_error.rms_pct if r == 0 else math.nan
+            rms_pct = shot.study_error.rms_pct if r == 0 else math.nan
             one.look(self._history, twin, None if math.isnan(rms_pct) else 0.01 * rms_pct)
         for one in self._lengths:
             one.look(self._history, 0.0, None)  # prescribed to the rope: it has no error of its own

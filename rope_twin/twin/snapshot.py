@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.scene.card import KnownError
+from rope_twin.scene.convergence import KnownError
 from rope_twin.twin.residual_tests import ResidualTests
 from rope_twin.vortex.results import MaterialFatigue, RopeVibration
 
@@ -365,7 +365,7 @@ class Snapshot:
     doubtful: bool = False  # a step since the previous snapshot did not converge
     solver: SolverHealth = field(default_factory=SolverHealth)
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
-    card_error: KnownError = field(default_factory=KnownError)  # of the top tension, if known
+    study_error: KnownError = field(default_factory=KnownError)  # of the top tension, if known
     strength: tuple[RopeStrength, ...] = ()  # of each rope of the scene
     breaches: tuple[LimitBreach, ...] = ()  # limits of the scene exceeded since the start
     seabed: BedContact | None = None  # only of a scene with a seabed

@@ -16,7 +16,7 @@ from rope_twin.core.body.step import pose_of, pulls_of
 from rope_twin.core.loads.hooks import factors_at
 from rope_twin.core.state import Floats, Ints, Rope, State
 from rope_twin.effects.compensator import Compensator, forces
-from rope_twin.scene.card import KnownError
+from rope_twin.scene.convergence import KnownError
 from rope_twin.scene.schema import RopeLine, Ship
 from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.snapshot import (
@@ -97,7 +97,7 @@ class SnapshotInputs(NamedTuple):
     doubtful: bool
     computing_s: float
     inputs: dict[str, InputHealth]
-    card_error: KnownError
+    study_error: KnownError
     winches: tuple[WinchShot, ...] = ()
     cut: CutShot | None = None
 
@@ -140,7 +140,7 @@ def build_snapshot(state: State, work: Floats, seen: SnapshotInputs) -> Snapshot
         doubtful=seen.doubtful,
         solver=_solver_health(state.health, seen.computing_s),
         inputs=seen.inputs,
-        card_error=seen.card_error,
+        study_error=seen.study_error,
         winches=seen.winches,
         cut=seen.cut,
         strength=(strength_of(seen.line, max(seen.run.high, top), element_tension),),

@@ -20,7 +20,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.errors import InputError, SolverError, StateError, phrase
-from rope_twin.scene.card import KnownError, known_error
+from rope_twin.scene.convergence import KnownError, known_error
 from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.twin.cut_input import rope_number
@@ -96,7 +96,7 @@ class Twin:
         self._motion = BoundaryConditions(
             scene, rows.STEPS_PER_CALL, self.inputs.winch.line.length_m
         )
-        self._card_error = known_error(scene)  # by the scene's convergence study alone
+        self._study_error = known_error(scene)  # by the scene's convergence study alone
         end_n = float(self._system.tension[0])
         self._record = RunRecord(scene, self._system.ropes, self._system.upper_pulls, end_n)
         self.viv_drag = new_viv_drag(scene, self._system)  # None: the scene has no such model
@@ -214,9 +214,9 @@ class Twin:
         return self.inputs.cut.done
 
     @property
-    def card_error(self) -> KnownError:
+    def study_error(self) -> KnownError:
         """Error of the top tension that is known at present (twin/validity.py)."""
-        return self.inputs.validity.claim(self._card_error, self.time_ns)
+        return self.inputs.validity.claim(self._study_error, self.time_ns)
 
     @property
     def top_pull_n(self) -> float:
@@ -361,7 +361,7 @@ class Twin:
                 doubtful=record.is_doubtful(system.unconverged),
                 computing_s=self._clock.computing_s,
                 inputs=health,
-                card_error=self._card_error,
+                study_error=self._study_error,
                 winches=() if winch is None else (winch,),
                 cut=self.cut,
             ),
@@ -372,7 +372,7 @@ class Twin:
         if self.viv_drag is not None:
             taken = with_vibration(self.scene, taken, self.viv_drag.shots(self._all_ropes))
         inputs.validity.look(taken, inputs.motion_judged)
-        taken = amended(record.add_loads(taken, first, ropes), card_error=self.card_error)
+        taken = amended(record.add_loads(taken, first, ropes), study_error=self.study_error)
         for monitor in self._monitors:
             taken = monitor.amend(self.inspect(), taken)
         return record.judge(inputs.complete(taken), effects, inputs.factors)
@@ -396,7 +396,7 @@ class Twin:
         self.inputs.current.effects = self._system.regrid(self.rope, self._mesh, level, boundary)
         if self.viv_drag is not None:
             self.viv_drag.set_step(self.step_s, steps_in_slot(self.step_s))
-        self._card_error = error_at_level(self.scene, level)
+        self._study_error = error_at_level(self.scene, level)
         self._restart_monitors()
 
     def _restart_monitors(self) -> None:

@@ -17,7 +17,7 @@ from rope_twin.messages import Status, statuses
 from rope_twin.ros.paced_twin import clock_row, publishing_row, saving_row
 from rope_twin.run.seat import PRIORITY, CommandSeat
 from rope_twin.run.summary import CpuUsage, RunSummary
-from rope_twin.scene.card import KnownError
+from rope_twin.scene.convergence import KnownError
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
     BedContact,
@@ -77,7 +77,7 @@ def snapshots() -> dict[str, tuple[Snapshot, PacingHealth | None]]:
         ),
         "build-up, hauling in, error unknown": (
             replace(rope, motion_ramp=0.25, payout_speed_m_per_s=-0.5, strength=(),
-                    card_error=KnownError(words="unknown: no card")),
+                    study_error=KnownError(words="unknown: no study")),
             LATE._replace(late_ago_s=61.0),
         ),
         "overload": (
@@ -144,7 +144,7 @@ def summaries() -> dict[str, RunSummary]:
             SUMMARY, late_steps=3, worst_lateness_s=0.012, core_share=share, rung_changes=2,
             heave_refused=4, heave_refusal="heave: position 90 m.", recoveries=1,
             recovery="step 4: not finite", bag="run", not_recorded=250,
-            tension_top_error_pct=None, tension_top_error_reason="unknown: no card",
+            tension_top_error_pct=None, tension_top_error_reason="unknown: no study",
             limits_broken=[vars(BREACH)], touchdowns=[vars(TDP)], bends=[vars(BEND)],
         ),
         "summary of a run with all monitors": replace(

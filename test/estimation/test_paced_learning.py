@@ -59,7 +59,7 @@ def test_figures_come_out_and_are_taken_over(scene_file: str, tmp_path: Path) ->
 
     params = SimulationParams(
         scene=scene_file, speed=SPEED, learn=True, apply_learned=True,
-        failure_directory=str(tmp_path), sender_lead_s=5.0, ladder=False,
+        failure_directory=str(tmp_path), sender_lead_s=5.0, overload_protection=False,
     )  # fmt: skip
     paced = PacedTwin(load_scene(scene_file), params, publish)
     assert paced.learning is not None

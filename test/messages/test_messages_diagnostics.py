@@ -10,7 +10,7 @@ from sample_snapshot import QUALITY, hanging_rope
 
 from rope_twin import messages
 from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statuses
-from rope_twin.scene.card import KnownError
+from rope_twin.scene.convergence import KnownError
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.quality import CAUSES
 from rope_twin.twin.snapshot import (
@@ -54,14 +54,14 @@ def test_the_winch_says_why_it_is_held_back() -> None:
 
 
 def test_the_tension_never_goes_without_its_error() -> None:
-    """By the card, or the reason why there is none; that is no fault of the run's."""
+    """By the study, or the reason why there is none; that is no fault of the run's."""
     told = row("accuracy", hanging_rope())
     assert "0.5 % at most, in a run on paper" in told.message
     assert told.values["peak error bound [%]"] == "0.1"
-    nothing = KnownError(words="unknown: no card")
-    told = row("accuracy", replace(hanging_rope(), card_error=nothing))
+    nothing = KnownError(words="unknown: no study")
+    told = row("accuracy", replace(hanging_rope(), study_error=nothing))
     assert told.level is Level.OK
-    assert told.message.endswith("unknown: no card")
+    assert told.message.endswith("unknown: no study")
     assert told.values["RMS error bound [% of the standard deviation]"] == "unknown"
 
 

@@ -12,7 +12,7 @@ import pytest
 from scene_text import GOOD, assert_refused, written
 
 from rope_twin.effects.coupled_vibration import DecomposedForceParams, OwnTable
-from rope_twin.scene.card import scene_digest
+from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.relations import strouhal_number
 from rope_twin.scene.schema import Scene

@@ -110,16 +110,16 @@ def test_fewer_elements_keep_mass_marks_momentum_and_gain_no_energy(twin: Twin) 
 
 @settings(max_examples=25)
 @given(moving_twins(40, 90, (20e3,)), st.sampled_from([COARSE, TWICE]))
-def test_the_pull_on_the_hang_off_goes_on_where_it_was(twin: Twin, rung: AccuracyLevel) -> None:
+def test_the_pull_on_the_hang_off_goes_on_where_it_was(twin: Twin, level: AccuracyLevel) -> None:
     """The first step on other elements, down and up again, against that on the same ones.
 
-    A taut rope with 20 t: within 0.1 % where 20 elements or more are left, as on the ladder. (With
+    A taut rope with 20 t: within 0.1 % where 20 elements or more are left, as at every level. (With
     2 t on an undamped rope, near slack, 0.3 % was found.)
     """
     assume(float(twin.inspect().tension.min()) > 0.0)
     same, down, up = twin, twin.branch(), twin.branch()
-    down.set_level(rung)
-    up.set_level(rung)
+    down.set_level(level)
+    up.set_level(level)
     up.set_level(TOP)
     assert len(up.inspect().tension) == len(same.inspect().tension)
     assert np.allclose(parts(up)[1], parts(same)[1], rtol=0.0, atol=1e-9)

@@ -214,7 +214,7 @@ def test_levels_of_ropes_that_meet_halve_each_that_can_be() -> None:
     ]  # fmt: skip
     assert max(level.halvings for level in levels_of(scene)) == 2
     twin = Twin(scene)
-    ladder = TwinOverloadProtection(twin)
-    assert ladder.start_at(100.0)
+    protection = TwinOverloadProtection(twin)
+    assert protection.start_at(100.0)
     assert twin.level == levels_of(scene)[-1]
-    assert "35 elements in place of 128 and steps of 50 ms" in ladder.words()
+    assert "35 elements in place of 128 and steps of 50 ms" in protection.words()

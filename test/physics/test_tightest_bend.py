@@ -13,7 +13,7 @@ from rope_twin import Twin, load_scene
 from rope_twin.messages import Level
 from rope_twin.messages.diagnostics import statuses
 from rope_twin.run.summary import RunSummary, summarise
-from rope_twin.scene.card import scene_digest
+from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.schema import RopeSection, Scene
 from rope_twin.twin.run_record import curvatures, minimum_radii
 from rope_twin.twin.snapshot import Vector
@@ -134,7 +134,7 @@ def test_a_straight_rope_has_no_bend_and_says_so() -> None:
 
 
 def test_a_minimum_only_judges() -> None:
-    """No card and no study of a scene ages when it is given."""
+    """No study and no study of a scene ages when it is given."""
     scene = load_scene("still_water")
     assert scene_digest(limited(scene, 0.5)) == scene_digest(scene)
 

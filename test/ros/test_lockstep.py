@@ -73,7 +73,7 @@ class Master:
 def lockstepped(bench: Bench, **parameters: Any) -> Any:
     """Return a simulation node that waits for a master."""
     return bench.make("simulation", scene="shallow_lift", use_sim_time=True, lockstep=True,
-                      ladder=False, **parameters)  # fmt: skip
+                      overload_protection=False, **parameters)  # fmt: skip
 
 
 def test_twin_steps_to_the_time_of_the_master_alone(bench: Bench) -> None:
@@ -126,7 +126,7 @@ def test_lower_end_is_held_by_the_master(bench: Bench, tmp_path: Path) -> None:
         text = text.replace(old, new, 1)
     (tmp_path / "led.yaml").write_text(text)
     node = bench.make("simulation", scene=str(tmp_path / "led.yaml"), use_sim_time=True,
-                      lockstep=True, ladder=False)  # fmt: skip
+                      lockstep=True, overload_protection=False)  # fmt: skip
     master, motion = Master(bench), bench.publisher("lower_end/odometry")
     forces = bench.listen("lower_end/wrench")
     scene = load_scene(tmp_path / "led.yaml")

@@ -104,7 +104,7 @@ def test_a_run_with_every_input_a_pause_and_fewer_elements_is_replayed(
     sender.command(WinchCommand(SPEED, 0.4))
     sender.send("ship/heave", b"no message")
     sender.sail(1_200_000_000)
-    node.paced.pacer.watch(lambda slot: node.paced.ladder.start_at(3.0))  # as if overloaded
+    node.paced.pacer.watch(lambda slot: node.paced.protection.start_at(3.0))  # as if overloaded
     sender.sail(1_800_000_000)
     assert node.paced.twin.level.step_ns > 10_000_000
     sender.command(WinchCommand(LENGTH, 201.5), node.paced.epoch_ns + 2_000_000_000)

@@ -156,7 +156,7 @@ def test_twice_real_time_takes_the_same_steps(processes: Processes) -> None:
 
 @pytest.mark.ros
 def test_a_budget_is_spent_and_its_use_told(processes: Processes) -> None:
-    """Finer than the card's finest setting, 160 elements at 5 ms, in steps that fill slots."""
+    """Finer than the study's finest setting, 160 elements at 5 ms, in steps that fill slots."""
     process = processes.cli(
         "run", "shallow_lift", "--duration", "2", "--headless", "--json", "--no-record",
         "--budget", "20%",

@@ -77,7 +77,7 @@ def test_a_setting_that_was_bought_runs(bench: Bench) -> None:
 
 
 def test_in_another_sea_no_error_is_told(bench: Bench) -> None:
-    """The card's run had the scene's."""
+    """The study's run had the scene's."""
     from rope_twin.ros.params import node_parameters
     from rope_twin.run.options import RunOptions
 
@@ -85,7 +85,7 @@ def test_in_another_sea_no_error_is_told(bench: Bench) -> None:
         told = node_parameters(options)["simulation"]["other_sea"]
         node = simulation(bench, other_sea=told)
         node.trigger_configure()
-        error = node.paced.twin.snapshot().card_error
+        error = node.paced.twin.snapshot().study_error
         assert (error.rms_pct >= 0.0) is known
         assert error.words.endswith("the study's run has another sea") is not known
 

@@ -13,7 +13,7 @@ from rope_twin.cli import main
 from rope_twin.errors import SceneError
 from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statuses
 from rope_twin.messages.diagnostics import BreachWords
-from rope_twin.scene.card import scene_digest
+from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Limits, Scene
 from rope_twin.twin.snapshot import LimitBreach, Snapshot
@@ -95,7 +95,7 @@ def test_limits_are_read_strictly(tmp_path: Path, limits: str, words: str) -> No
     assert words in str(refused.value)
 
 
-def test_limits_leave_card_and_saved_states_valid(tmp_path: Path) -> None:
+def test_limits_leave_study_and_saved_states_valid(tmp_path: Path) -> None:
     scene = limited(tension_n=1e5)
     assert scene_digest(scene) == scene_digest(STILL)
     Twin(STILL).save(tmp_path / "state")

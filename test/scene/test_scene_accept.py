@@ -10,7 +10,7 @@ from scene_text import GOOD, assert_refused, spoilt, written
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
 from rope_twin.messages import Level, Status, statuses
-from rope_twin.scene.card import scene_digest
+from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import AcceptedWarning
@@ -203,7 +203,7 @@ def test_an_accepted_warning_is_shown_as_such(
 
 
 def test_what_is_accepted_is_no_part_of_the_lift(tmp_path: Path) -> None:
-    """Accuracy cards stay current, and saved states are taken."""
+    """Accuracy studies stay current, and saved states are taken."""
     entry = AcceptedWarning(key="time.step_s", says="coarse", reason="a test")
     scene = load_scene("still_water")
     accepting = dataclasses.replace(scene, accept=(entry,))

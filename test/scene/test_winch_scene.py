@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from scene_text import GOOD, assert_refused, spoilt, written
 
-from rope_twin.scene.card import scene_digest
+from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.winch import ScheduleRow
@@ -96,7 +96,7 @@ def test_one_sentence(row: Row, tmp_path: Path) -> None:
     assert_refused(text, place, words, tmp_path)
 
 
-def test_parts_are_read_and_a_card_knows_them(tmp_path: Path) -> None:
+def test_parts_are_read_and_a_study_knows_them(tmp_path: Path) -> None:
     plain = load_scene(written(tmp_path, GOOD))
     equipped = load_scene(written(tmp_path, with_parts(DRUM + DRIVE + BRAKE + HEAVE)))
     assert equipped.winch is not None
@@ -104,7 +104,7 @@ def test_parts_are_read_and_a_card_knows_them(tmp_path: Path) -> None:
     assert equipped.winch.brake.holding_torque_n_m == 400e3
     assert scene_digest(plain) != scene_digest(equipped)
     told_as_ever = "ScheduleRow(at_s=0.0, speed_m_per_s=0.5)"
-    assert repr(ScheduleRow(at_s=0.0, speed_m_per_s=0.5)) == told_as_ever, "cards know it so"
+    assert repr(ScheduleRow(at_s=0.0, speed_m_per_s=0.5)) == told_as_ever, "studies know it so"
     assert "brake" not in repr(plain.winch)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
-from rope_twin.scene.card import solver_version
+from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.load import scene_names
 
 FILE = Path(__file__).with_name("golden_states.json")

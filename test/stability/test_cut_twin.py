@@ -95,7 +95,7 @@ def test_both_parts_are_told(scene: Scene, run: list[Snapshot]) -> None:
     assert after.payload_position_m[2] < lower.node_position_m[0, 2] < -BELOW_M
     assert after.payloads[0].name == "tool"
     assert lower.node_tension_n[0] == lower.tension_top_n == 0.0
-    assert after.card_error.words == "unknown: the rope was cut"
+    assert after.study_error.words == "unknown: the rope was cut"
     assert not not_finite(after)
 
 
@@ -186,13 +186,13 @@ def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
 
 
 def test_the_ladder_stays_where_it_is(scene: Scene) -> None:
-    """However late the slots are; a rung taken before the cut is kept, and saved."""
+    """However late the slots are; a level taken before the cut is kept, and saved."""
     twin = told(Twin(scene))
     twin.set_level(AccuracyLevel(20_000_000))
-    ladder = TwinOverloadProtection(twin)
+    protection = TwinOverloadProtection(twin)
     twin.advance(150)
     slots = (SlotTimes(k * 20_000_000, 2e7, 60_000_000, True) for k in range(100))
-    assert not any(ladder.judge(slot) for slot in slots)
+    assert not any(protection.judge(slot) for slot in slots)
     with pytest.raises(StateError, match=r"other elements: the rope was cut"):
         twin.set_level(AccuracyLevel(10_000_000))
     branch = Twin.restore(twin.capture(), scene)

@@ -1,4 +1,4 @@
-"""`run --within` and `--budget`: what is bought from a card, what is said, what is refused."""
+"""`run --within` and `--budget`: what is bought from a study, what is said, what is refused."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from card_samples import (
+from study_samples import (
     ELEMENTS,
     STEPS_S,
     UNCERTAINTY_PCT,
-    carded_scene,
     error_pct,
-    sample_card,
-    write_card,
+    sample_study,
+    studied_scene,
+    write_study,
 )
 
 from rope_twin.cli import _parser, main, selection
@@ -33,21 +33,20 @@ from rope_twin.cli.selection import (
 )
 from rope_twin.errors import InputError
 from rope_twin.run.options import read_options
-from rope_twin.scene import card
-from rope_twin.scene.card import Rung, Setting, known_error, read_card
+from rope_twin.scene import convergence
+from rope_twin.scene.convergence import Setting, StudyLevel, known_error, read_study
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_within import cheapest_within, most_accurate, sure_bound
 from rope_twin.studies.driven_twin import variant
-from rope_twin.twin.level import AccuracyLevel as LadderRung
-from rope_twin.twin.level import TwinOverloadProtection
+from rope_twin.twin.level import AccuracyLevel, TwinOverloadProtection
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
 
 
-def rungs_of(scene: Scene) -> tuple[Rung, ...]:
-    found = read_card(scene)
+def levels_of_study(scene: Scene) -> tuple[StudyLevel, ...]:
+    found = read_study(scene)
     assert found is not None
-    return found.ladder
+    return found.own_levels
 
 
 def unpaced(scene: Scene, *words: str) -> list[str]:
@@ -58,61 +57,64 @@ def unpaced(scene: Scene, *words: str) -> list[str]:
 @pytest.mark.parametrize("target", [0.08, 0.15, 0.3, 0.6, 5.0])
 def test_the_cheapest_within_is_that_of_all_that_serve(tmp_path: Path, target: float) -> None:
     """By hand: of all pairs whose error is within the target the one with the least work."""
-    rung = cheapest_within(rungs_of(carded_scene(tmp_path)), card.RMS, target)
+    level = cheapest_within(levels_of_study(studied_scene(tmp_path)), convergence.RMS, target)
     pairs = [(n / h, n, h) for n in ELEMENTS for h in STEPS_S]
     good = [pair for pair in pairs if error_pct(*pair[1:]) + UNCERTAINTY_PCT <= target]
     if not good:
-        assert rung is None
+        assert level is None
     else:
-        assert rung is not None
-        assert (rung.elements, rung.step_s) == min(good)[1:]
+        assert level is not None
+        assert (level.elements, level.step_s) == min(good)[1:]
 
 
 def test_luck_is_not_bought(tmp_path: Path) -> None:
-    """A coarse rung that hits the reference counts with the error of the finer ones."""
-    scene = carded_scene(tmp_path)
-    content = sample_card(scene)
-    content["rows"][2]["figures"][card.RMS] = {"error": 0.0, "at_most": 1e-3}  # 10 at 20 ms
-    write_card(scene, content)
-    rungs = rungs_of(scene)
-    lucky = rungs[2]
+    """A coarse level that hits the reference counts with the error of the finer ones."""
+    scene = studied_scene(tmp_path)
+    content = sample_study(scene)
+    content["rows"][2]["figures"][convergence.RMS] = {"error": 0.0, "at_most": 1e-3}  # 10 at 20 ms
+    write_study(scene, content)
+    levels = levels_of_study(scene)
+    lucky = levels[2]
     assert lucky.error_rms_pct == 1e-3
-    assert sure_bound(lucky, rungs, card.RMS) == pytest.approx(
+    assert sure_bound(lucky, levels, convergence.RMS) == pytest.approx(
         error_pct(10, 0.01) + UNCERTAINTY_PCT
     )
-    assert cheapest_within(rungs, card.RMS, 0.04) is None
+    assert cheapest_within(levels, convergence.RMS, 0.04) is None
 
 
 def test_a_budget_buys_the_most_accurate_that_fits(tmp_path: Path) -> None:
-    rungs = rungs_of(carded_scene(tmp_path))
-    costs = [1.0 / rung.real_time_factor for rung in rungs]
-    dear = most_accurate(rungs, card.RMS, costs, math.inf)
+    levels = levels_of_study(studied_scene(tmp_path))
+    costs = [1.0 / level.real_time_factor for level in levels]
+    dear = most_accurate(levels, convergence.RMS, costs, math.inf)
     assert dear is not None
     assert (dear.elements, dear.step_s) == (40, 0.005)
-    cheap = most_accurate(rungs, card.RMS, costs, min(costs))
+    cheap = most_accurate(levels, convergence.RMS, costs, min(costs))
     assert cheap is not None
     assert (cheap.elements, cheap.step_s) == (10, 0.02)
-    assert most_accurate(rungs, card.RMS, costs, 0.5 * min(costs)) is None
+    assert most_accurate(levels, convergence.RMS, costs, 0.5 * min(costs)) is None
     for budget in sorted(costs):
-        rung = most_accurate(rungs, card.RMS, costs, budget)
-        assert rung is not None
-        assert costs[rungs.index(rung)] <= budget
+        level = most_accurate(levels, convergence.RMS, costs, budget)
+        assert level is not None
+        assert costs[levels.index(level)] <= budget
 
 
 def test_of_equals_the_cheapest_is_taken(tmp_path: Path) -> None:
     """Errors below what the reference can tell apart are no reason to pay."""
-    rungs = rungs_of(carded_scene(tmp_path))
-    alike = {name: card.Figure(0.0, UNCERTAINTY_PCT) for name in (card.RMS, card.PEAK)}
-    same = [replace(rung, figures=alike) for rung in rungs]
-    costs = [1.0 / rung.real_time_factor for rung in rungs]
-    rung = most_accurate(same, card.RMS, costs, math.inf)
-    assert rung is not None
-    assert (rung.elements, rung.step_s) == (10, 0.02)
+    levels = levels_of_study(studied_scene(tmp_path))
+    alike = {
+        name: convergence.Figure(0.0, UNCERTAINTY_PCT)
+        for name in (convergence.RMS, convergence.PEAK)
+    }
+    same = [replace(level, figures=alike) for level in levels]
+    costs = [1.0 / level.real_time_factor for level in levels]
+    level = most_accurate(same, convergence.RMS, costs, math.inf)
+    assert level is not None
+    assert (level.elements, level.step_s) == (10, 0.02)
 
 
 def test_a_run_within_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It runs what it says, and the last line has the error of the setting that ran."""
-    scene = carded_scene(tmp_path)
+    scene = studied_scene(tmp_path)
     assert main(unpaced(scene, "--within", "0.6%", "--json")) == 0
     out, said = capsys.readouterr()
     told: dict[str, Any] = json.loads(out)
@@ -133,7 +135,7 @@ def test_a_run_within_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str
 def test_a_run_says_its_error_or_that_it_is_unknown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scene = carded_scene(tmp_path)
+    scene = studied_scene(tmp_path)
     assert main(unpaced(scene)) == 0
     out, said = capsys.readouterr()
     assert "top-tension error: 0.21 % RMS, 0.11 % peak, at most, in the study's" in out
@@ -143,32 +145,32 @@ def test_a_run_says_its_error_or_that_it_is_unknown(
     assert told["tension_top_error_reason"] == "unknown: the study's run has another sea"
     assert main(unpaced(scene, "--bag", "sea_1p2m")) == 0
     assert "  error unknown  " in capsys.readouterr().err, "on the way as at the end"
-    card.card_path(scene).unlink()
+    convergence.study_path(scene).unlink()
     assert main(unpaced(scene)) == 0
     out, said = capsys.readouterr()
-    assert "top-tension error unknown: no card" in out
+    assert "top-tension error unknown: no study" in out
     assert "error unknown" in said
 
 
 def test_a_scene_is_shown_with_its_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scene = carded_scene(tmp_path)
+    scene = studied_scene(tmp_path)
     assert main(["scene", "show", str(scene.path)]) == 0
     assert "top tension 0.21 % rms, 0.11 % at its maximum, at most" in capsys.readouterr().out
-    card.card_path(scene).unlink()
+    convergence.study_path(scene).unlink()
     assert main(["scene", "show", str(scene.path)]) == 0
-    assert "accuracy             unknown: no card" in capsys.readouterr().out
+    assert "accuracy             unknown: no study" in capsys.readouterr().out
 
 
 def test_a_snapshot_has_its_error(tmp_path: Path) -> None:
-    scene = carded_scene(tmp_path)
-    assert Twin(scene).snapshot().card_error.rms_pct == pytest.approx(
+    scene = studied_scene(tmp_path)
+    assert Twin(scene).snapshot().study_error.rms_pct == pytest.approx(
         error_pct(20, 0.01) + UNCERTAINTY_PCT
     )
     coarser = Twin(variant(scene, 5))
-    assert math.isnan(coarser.snapshot().card_error.rms_pct)
-    assert math.isnan(coarser.branch().snapshot().card_error.rms_pct)
+    assert math.isnan(coarser.snapshot().study_error.rms_pct)
+    assert math.isnan(coarser.branch().snapshot().study_error.rms_pct)
 
 
 NO_AMOUNT = "tension_rms is in %; write a number above 0 and its unit, like 1%."
@@ -209,23 +211,23 @@ NO_AMOUNT = "tension_rms is in %; write a number above 0 and its unit, like 1%."
 def test_what_cannot_be_is_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
 ) -> None:
-    assert main(unpaced(carded_scene(tmp_path), *words)) == 1
+    assert main(unpaced(studied_scene(tmp_path), *words)) == 1
     said = capsys.readouterr().err
     assert sentence in said
     assert said.count("\n") == 1
 
 
-def test_without_a_valid_card_nothing_is_bought(
+def test_without_a_valid_study_nothing_is_selected(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scene = carded_scene(tmp_path)
-    write_card(scene, sample_card(scene) | {"solver": "old"})
+    scene = studied_scene(tmp_path)
+    write_study(scene, sample_study(scene) | {"solver": "old"})
     assert main(unpaced(scene, "--within", "1%")) == 1
     assert (
         "small: the convergence study is outdated: the solver was changed"
         in capsys.readouterr().err
     )
-    card.card_path(scene).unlink()
+    convergence.study_path(scene).unlink()
     assert main(unpaced(scene, "--within", "1%")) == 1
     said = capsys.readouterr().err
     right = f"make it with `rope_twin accuracy {scene.path}`."
@@ -236,11 +238,11 @@ def test_what_is_better_for_hardly_more_is_said_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Not "1 times as much"."""
-    scene = carded_scene(tmp_path)
-    content = sample_card(scene)
+    scene = studied_scene(tmp_path)
+    content = sample_study(scene)
     for row in content["rows"]:
         row["real_time_factor"] = 1000.0 - row["elements"] - 100.0 * row["step_s"]
-    write_card(scene, content)
+    write_study(scene, content)
     assert main(unpaced(scene, "--within", "5%")) == 0
     assert "costs little more" in capsys.readouterr().err
 
@@ -248,8 +250,8 @@ def test_what_is_better_for_hardly_more_is_said_so(
 def test_a_window_that_ends_before_the_run_is_told_or_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The scene asks for a minute: what a card of 30 s promises holds for 30 s."""
-    scene = carded_scene(tmp_path)
+    """The scene asks for a minute: what a study of 30 s promises holds for 30 s."""
+    scene = studied_scene(tmp_path)
     words = ["run", str(scene.path), "--speed", "0", "--no-record", "--within", "1%", "--duration"]
     assert main([*words, "30.02"]) == 1
     right = f"make it again with `rope_twin accuracy {scene.path}`, or give --duration 30."
@@ -257,7 +259,7 @@ def test_a_window_that_ends_before_the_run_is_told_or_refused(
     assert capsys.readouterr().err == f"--within, scene small: {said}"
     assert main([*words, "30"]) == 0
     assert "in the study's run of 30 s; next better" in capsys.readouterr().err
-    write_card(scene, sample_card(scene) | {"seconds": 60.0})
+    write_study(scene, sample_study(scene) | {"seconds": 60.0})
     assert main([*words, "30.02"]) == 0
     assert "in the study's run of 60 s; next better" in capsys.readouterr().err
     assert main([*words, "60.02"]) == 0
@@ -268,26 +270,26 @@ def test_a_window_that_ends_before_the_run_is_told_or_refused(
     assert longer in capsys.readouterr().err
 
 
-def test_a_doubted_card_says_nothing_on_any_rung(tmp_path: Path) -> None:
+def test_a_doubted_study_says_nothing_on_any_rung(tmp_path: Path) -> None:
     """Nor in what is branched off."""
-    twin = Twin(carded_scene(tmp_path, elements=40))
-    assert twin.snapshot().card_error.rms_pct > 0.0
+    twin = Twin(studied_scene(tmp_path, elements=40))
+    assert twin.snapshot().study_error.rms_pct > 0.0
     twin.invalidate_error("it was a drill")
     own, step_ns = twin.level, twin.step_ns
-    for rung in (own, LadderRung(2 * step_ns), LadderRung(2 * step_ns, 1), own):
-        twin.set_level(rung)
+    for level in (own, AccuracyLevel(2 * step_ns), AccuracyLevel(2 * step_ns, 1), own):
+        twin.set_level(level)
         assert "unknown: it was a drill" in TwinOverloadProtection(twin).words()
         for one in (twin, twin.branch()):
-            error = one.snapshot().card_error
+            error = one.snapshot().study_error
             assert math.isnan(error.rms_pct)
             assert math.isnan(error.peak_pct)
             assert error.words == "unknown: it was a drill"
 
 
 def test_shares_are_measured_on_this_machine(tmp_path: Path) -> None:
-    """Whatever speed the card's machine had."""
-    scene = carded_scene(tmp_path)
-    slow = [replace(rung, real_time_factor=1e-3) for rung in rungs_of(scene)]
+    """Whatever speed the study's machine had."""
+    scene = studied_scene(tmp_path)
+    slow = [replace(level, real_time_factor=1e-3) for level in levels_of_study(scene)]
     assert all(0.0 < share < 100.0 for share in measure_shares(scene, slow, 1.0))
 
 
@@ -295,12 +297,12 @@ def test_a_share_is_what_a_slot_and_its_steps_cost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A slot of 20 ms costs 100 µs and 10 µs for each step of two solves."""
-    scene = carded_scene(tmp_path)
+    scene = studied_scene(tmp_path)
     monkeypatch.setattr(selection, "_slot_costs", lambda twin: (100e-6, 10e-6))
-    rungs = rungs_of(scene)[:3]  # 5, 10 and 20 ms
-    assert measure_shares(scene, rungs, 1.0) == pytest.approx([0.7, 0.6, 0.55])
-    assert measure_shares(scene, rungs, 2.0) == pytest.approx([1.4, 1.2, 1.1])
-    busy = [replace(rung, solves_per_step=4.0) for rung in rungs]
+    levels = levels_of_study(scene)[:3]  # 5, 10 and 20 ms
+    assert measure_shares(scene, levels, 1.0) == pytest.approx([0.7, 0.6, 0.55])
+    assert measure_shares(scene, levels, 2.0) == pytest.approx([1.4, 1.2, 1.1])
+    busy = [replace(level, solves_per_step=4.0) for level in levels]
     assert measure_shares(scene, busy, 1.0) == pytest.approx([0.9, 0.7, 0.6])
 
 
@@ -348,7 +350,7 @@ def test_a_rope_has_no_more_elements_than_it_may_and_slots_keep_room() -> None:
 
 
 def test_finer_than_the_ladder_the_finest_bound_holds(tmp_path: Path) -> None:
-    scene = carded_scene(tmp_path)
+    scene = studied_scene(tmp_path)
     finest = known_error(variant(scene, 40, 0.005))
     for finer in (variant(scene, 500, 0.001), variant(scene, 500, 0.005)):
         found = known_error(finer)
@@ -363,9 +365,11 @@ def test_a_budget_in_another_sea_claims_no_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Settings are bought all the same: what costs more is finer in any sea."""
-    scene = carded_scene(tmp_path)
+    scene = studied_scene(tmp_path)
     cheap = Cost(1.0, 0.1)
-    monkeypatch.setattr(selection, "measure_shares", lambda scene, rungs, speed: [1.0] * len(rungs))
+    monkeypatch.setattr(
+        selection, "measure_shares", lambda scene, levels, speed: [1.0] * len(levels)
+    )
     monkeypatch.setattr(selection, "measure_setting", lambda *args, **more: cheap)
     words = ["run", str(scene.path), "--no-record", "--budget", "20%"]
     for more, said in (
@@ -382,7 +386,7 @@ def test_a_budget_in_another_sea_claims_no_error(
 @pytest.mark.parametrize("budget", ["20%", "0.0001%"])
 def test_a_budget_is_told_with_what_the_next_setting_costs(tmp_path: Path, budget: str) -> None:
     """Measured, so that no number is expected; too little is one sentence."""
-    scene = carded_scene(tmp_path)
+    scene = studied_scene(tmp_path)
     words = ["run", str(scene.path), "--no-record", "--budget", budget]
     args = _parser({"run": run_command}).parse_args(words)
     if budget == "0.0001%":

@@ -17,8 +17,8 @@ from rope_twin.effects import EFFECTS
 from rope_twin.errors import InputError
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
-from rope_twin.scene import card
-from rope_twin.scene.card import known_error, read_card
+from rope_twin.scene import convergence
+from rope_twin.scene.convergence import known_error, read_study
 from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.studies.accuracy_run import (
     Course,
@@ -152,7 +152,7 @@ def test_the_run_is_that_of_the_command(tmp_path: Path) -> None:
 def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> None:
     """The wake's memory, and what a model beside the step makes of the drag; also the second time.
 
-    The first look of the card is timed or told by runs after it, so each begins at rest.
+    The first look of the content is timed or told by runs after it, so each begins at rest.
     """
     scene = load_scene(name)
     elements, step_s = 20, 0.01
@@ -182,15 +182,15 @@ def test_the_run_of_ropes_that_meet_is_that_of_the_command() -> None:
 
 
 def test_elements_of_ropes_that_meet_go_together() -> None:
-    """The card holds at any of them; not when one rope's are changed alone."""
+    """The content holds at any of them; not when one rope's are changed alone."""
     scene = load_scene("bridle_lift")
     assert [line.elements for line in variant(scene, 50).ropes] == [50, 4, 4, 3, 3]
-    found = read_card(scene)
+    found = read_study(scene)
     assert found is not None
     assert found.rope_elements == (100, 8, 8, 6, 6)
     assert found.age(variant(scene, 25)) == found.age(scene)
     alone = change_scene(scene, [Change("ropes[1].elements", 16)])
-    assert found.age(alone) == "the scene's elements were changed since its card was made"
+    assert found.age(alone) == "the scene's elements were changed since its content was made"
 
 
 def test_the_ladder_holds_the_scene_and_its_neighbours() -> None:
@@ -203,7 +203,7 @@ def test_the_ladder_holds_the_scene_and_its_neighbours() -> None:
     assert plan.reference.elements == 800
     assert plan.reference.step_s == 0.0025
     assert all(round(plan.look_s / one.step_s, 6).is_integer() for one in plan.settings)
-    waves = make_plan(load_scene("wave_zone"))  # dear: a shorter ladder over a shorter window
+    waves = make_plan(load_scene("wave_zone"))  # dear: fewer settings over a shorter window
     assert waves.seconds == 30.0
     assert waves.own in waves.settings
     assert waves.reference.step_s == 0.5 * waves.own.step_s
@@ -242,7 +242,7 @@ def test_the_witness_can_object(snap_witness: Witness) -> None:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A scene of few elements with its card, made by the command."""
+    """A scene of few elements with its content, made by the command."""
     folder = tmp_path_factory.mktemp("scenes")
     text = load_scene("shallow_lift").path.read_text(encoding="utf-8")
     path = folder / "small.yaml"
@@ -251,9 +251,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_card_is_made_and_read(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_study_is_made_and_read(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """By the command, beside the scene, as text, picture and page; the run then knows its error."""
-    folder = made.parent / "cards"
+    folder = made.parent / "studies"
     assert sorted(path.name for path in folder.iterdir()) == ["small.json", "small.md", "small.png"]
     picture = (folder / "small.png").read_bytes()
     assert picture.startswith(b"\x89PNG")
@@ -274,7 +274,7 @@ def test_a_card_is_made_and_read(made: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_within_holds_when_measured_afterwards(made: Path) -> None:
-    """The rung that is bought, run again against a reference of its own, keeps its error."""
+    """The level that is bought, run again against a reference of its own, keeps its error."""
     scene = load_scene(made)
     options = [
         "run",
@@ -288,7 +288,7 @@ def test_within_holds_when_measured_afterwards(made: Path) -> None:
         "0.3%",
     ]
     assert main(options) == 0
-    content = json.loads(card.card_path(scene).read_text(encoding="utf-8"))
+    content = json.loads(convergence.study_path(scene).read_text(encoding="utf-8"))
     good = [row for row in content["rows"] if row["error_rms_pct"] <= 0.3]
     course = Course(scene, 6.0, 0.1)
     truth = Trial(course, Setting(400, 0.00125)).look()
@@ -299,66 +299,66 @@ def test_within_holds_when_measured_afterwards(made: Path) -> None:
         assert error < 0.3
 
 
-def recarded(made: Path, folder: Path, at_most: Callable[[float], float | None]) -> Path:
-    """The made scene, with a card that promises other bounds on the rms."""
+def with_bounds(made: Path, folder: Path, at_most: Callable[[float], float | None]) -> Path:
+    """The made scene, with a content that promises other bounds on the rms."""
     place = folder / "small.yaml"
     place.write_text(made.read_text(encoding="utf-8"), encoding="utf-8")
-    content = json.loads(card.card_path(load_scene(made)).read_text(encoding="utf-8"))
+    content = json.loads(convergence.study_path(load_scene(made)).read_text(encoding="utf-8"))
     for row in content["rows"]:
         figure = row["figures"]["tension_rms"]
         figure["at_most"] = at_most(figure["at_most"])
-    (folder / card.FOLDER).mkdir()
-    (folder / card.FOLDER / "small.json").write_text(json.dumps(content), encoding="utf-8")
+    (folder / convergence.FOLDER).mkdir()
+    (folder / convergence.FOLDER / "small.json").write_text(json.dumps(content), encoding="utf-8")
     return place
 
 
 def test_what_within_buys_is_measured_anew(
     made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It holds; a card that promises a hundred times too much sells what does not."""
+    """It holds; a content that promises a hundred times too much sells what does not."""
     words = ["--within", "0.3%", "--json"]
     assert main(["accuracy", str(made), *words]) == 0
     (row,) = json.loads(capsys.readouterr().out)["rows"]
     assert 0.0 < row["error"] <= row["at_most"] <= 0.3
-    assert row["seconds"] == 6.0, "the card's window"
+    assert row["seconds"] == 6.0, "the content's window"
     assert main(["accuracy", str(made), *words, "--duration", "9"]) == 0
     (longer,) = json.loads(capsys.readouterr().out)["rows"]
     assert longer["seconds"] == 9.0
     assert 0.0 < longer["error"] != row["error"], "another run"
-    place = recarded(made, tmp_path, lambda bound: 0.01 * bound)
+    place = with_bounds(made, tmp_path, lambda bound: 0.01 * bound)
     assert main(["accuracy", str(place), *words]) == 3
     (row,) = json.loads(capsys.readouterr().out)["rows"]
     assert row["error"] > 0.3 > row["at_most"]
     assert row["ok"] is False
 
 
-def test_what_a_card_does_not_sell_is_told(
+def test_what_a_study_does_not_sell_is_told(
     made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It breaks no word: an rms that does not converge, an error below the best."""
     assert main(["accuracy", str(made), "--within", "0.000001%"]) == 0
-    assert "nothing bought: the best of its card is 0." in capsys.readouterr().out
-    place = recarded(made, tmp_path, lambda bound: None)
+    assert "nothing selected: the best of its content is 0." in capsys.readouterr().out
+    place = with_bounds(made, tmp_path, lambda bound: None)
     assert main(["accuracy", str(place), "--within", "1%"]) == 0
-    assert "nothing bought: its card knows no error of tension_rms" in capsys.readouterr().out
+    assert "nothing selected: its content knows no error of tension_rms" in capsys.readouterr().out
     assert main(["accuracy", str(made), "--within", "1"]) == 1
     assert "write a number above 0 and its unit" in capsys.readouterr().err
 
 
 @pytest.mark.long
 def test_within_holds_in_every_scene() -> None:
-    """`pytest -m long -k within_holds_in_every_scene`, some eight minutes: 1 % of every card."""
+    """`pytest -m long -k within_holds_in_every_scene`, some eight minutes: 1 % of every content."""
     assert main(["accuracy", "--all", "--within", "1%"]) == 0
 
 
-def test_old_cards_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_old_studies_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     """One line a scene; exit code 0 only if all are current."""
     code = main(["accuracy", "--status", "--json"])
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert {row["scene"] for row in rows} >= {"deep_lift", "snap_2km"}
-    told = {row["card"] for row in rows}
+    told = {row["content"] for row in rows}
     assert code == (0 if told == {"current"} else 3)
-    assert all((row["error_rms_pct"] is None) or row["card"] == "current" for row in rows)
+    assert all((row["error_rms_pct"] is None) or row["content"] == "current" for row in rows)
 
 
 @pytest.mark.parametrize(

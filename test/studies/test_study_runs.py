@@ -74,13 +74,13 @@ def test_a_curve_of_wire_for_chain_is_told_of_before_anything_runs(
 
 
 def test_a_row_for_each_run(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Sorted, with figures, the card's error and damage; a second start has nothing to do."""
+    """Sorted, with figures, the study's error and damage; a second start has nothing to do."""
     rows = rows_of(whole)
     assert [row["run"] for row in rows] == list(range(12))
     for row in rows:
         assert row["failure"] == ""
         assert 0.0 < row["tension_top_min_n"] < row["tension_top_mean_n"] < row["tension_top_max_n"]
-        assert "the convergence study is of the scene before" in row["card_error_words"]
+        assert "the convergence study is of the scene before" in row["study_error_words"]
         assert len(row["damage"]) == len(row["damage_from_lower_end_m"]) > 2
         assert row["damage_worst"] == max(row["damage"]) > 0.0
     heavy, light = (

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rope_twin.scene.card import KnownError
+from rope_twin.scene.convergence import KnownError
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.snapshot import (
     BedContact,
@@ -78,7 +78,7 @@ def hanging_rope(
         motion_ramp=1.0,
         step_s=0.01,
         solver=SolverHealth(steps=250, solves=500),
-        card_error=KnownError(0.5, 0.1, "at most, in a run on paper"),
+        study_error=KnownError(0.5, 0.1, "at most, in a run on paper"),
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
         compensator=CompensatorShot(2.1, 4.0, -0.3, 1.7e5, 8.1e6, 1.72e5, -2e3, -500.0, 0.0, 500.0),
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),

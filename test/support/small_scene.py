@@ -55,7 +55,7 @@ def small_scene(folder: Path) -> Scene:
 
 # no plain numbers, or there only for who asks or where ropes meet
 NO_FIGURES = {
-    "solver", "inputs", "winch_at_limit", "card_error", "energy", "error_interval",
+    "solver", "inputs", "winch_at_limit", "study_error", "energy", "error_interval",
     "no_error_interval", "seabed", "ropes",
     "payloads", "struts", "sheaves", "winches", "cut", "vibration", "fatigue", "lines",
     "line_events", "body", "compensator", "fluid_factors", "strength", "breaches", "touchdowns",

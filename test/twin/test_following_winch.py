@@ -197,7 +197,7 @@ def test_commands_are_refused_and_the_study_is_not_claimed(at_rest: Twin) -> Non
     assert "follows its measured line out" in twin.offer_command(None, WinchCommand("speed", 0.5))
     shot = followed(twin, 1.0, swing)[-1]
     assert shot.winches[0].mode == "measured"
-    assert math.isnan(shot.card_error.rms_pct)
+    assert math.isnan(shot.study_error.rms_pct)
     lonely = at_rest.branch()
     lonely.advance(400)
     health = lonely.snapshot().inputs["line_following"]

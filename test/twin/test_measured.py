@@ -19,7 +19,7 @@ from rope_twin.messages.cdr import deserialise
 from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.status import residuals_status
 from rope_twin.run.summary import RunSummary, summarise
-from rope_twin.scene.card import KnownError
+from rope_twin.scene.convergence import KnownError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME, MEASURED_TOPICS
@@ -266,12 +266,12 @@ def test_line_out_and_line_speed_are_compared(
 
 def test_the_interval_has_the_twins_own_error_where_it_is_known(scene: Scene) -> None:
     """By the study: 2 % of the standard deviation of a sine of 1 kN; else by the error interval."""
-    shot = replace(Twin(scene).snapshot(), card_error=KnownError(2.0, 1.0, "by a study"))
+    shot = replace(Twin(scene).snapshot(), study_error=KnownError(2.0, 1.0, "by a study"))
     interval = TensionInterval(1e5 - 98.0, 1e5 + 98.0, 98.0, 10.0)
     for now, twin in (
         (shot, 0.02 * 1e3 / math.sqrt(2.0)),
         (replace(shot, error_interval=interval), 50.0),
-        (replace(shot, card_error=KnownError()), None),
+        (replace(shot, study_error=KnownError()), None),
     ):
         inputs = MeasuredInputs(scene)
         for k in range(1000):

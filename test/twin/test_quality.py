@@ -15,7 +15,7 @@ from sample_snapshot import RESIDUAL, hanging_rope
 from small_scene import small_scene
 
 from rope_twin.messages import Level, statuses
-from rope_twin.scene.card import KnownError
+from rope_twin.scene.convergence import KnownError
 from rope_twin.twin.quality import (
     CAUSES,
     DEPTH,
@@ -50,7 +50,7 @@ from rope_twin.twin.snapshot import (
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.validity import falling
 
-SOUND = replace(hanging_rope(), error_interval=None, card_error=KnownError(0.5, 0.1, "by a study"))
+SOUND = replace(hanging_rope(), error_interval=None, study_error=KnownError(0.5, 0.1, "by a study"))
 MEASURED = replace(RESIDUAL, at_s=2.4, mean=0.0, rms=RESIDUAL.half_width / 1.96, outside=0.05)
 UNMEASURED = replace(SOUND, residuals=())
 
@@ -82,7 +82,7 @@ def test_without_a_measurement_or_a_known_error_it_is_capped_and_says_why() -> N
     one = of(QualityIndex().judge(UNMEASURED))
     assert (one.index, one.cause) == (UNPROVEN, "residual")
     assert "no measured top tension" in one.reason
-    unknown = replace(SOUND, residuals=(MEASURED,), card_error=KnownError(words="unknown: why"))
+    unknown = replace(SOUND, residuals=(MEASURED,), study_error=KnownError(words="unknown: why"))
     one = of(QualityIndex().judge(unknown))
     assert (one.index, one.cause) == (UNPROVEN, "discretisation")
     assert "unknown: why" in one.reason
@@ -132,7 +132,7 @@ def test_a_refused_cut_leaves_the_twin_as_good_as_it_was() -> None:
 def test_discretisation_falls_from_its_tolerance_to_three_times_that(element: str) -> None:
     by_study, by_interval = TOLERANCES_PCT[element]
     for share, value in ((0.5, 1.0), (1.0, 1.0), (2.0, 0.5), (3.0, 0.0), (9.0, 0.0)):
-        shot = replace(SOUND, card_error=KnownError(share * by_study, 1.0, "by a study"))
+        shot = replace(SOUND, study_error=KnownError(share * by_study, 1.0, "by a study"))
         assert discretisation_of(element, shot).value == pytest.approx(value)
         bound_n = 0.01 * share * by_interval * 2e5
         rope = RopeStrength("main", 3e5, 1e6, static_n=2e5)
@@ -330,7 +330,7 @@ snapshots = st.builds(
                 accepted=100, stale=stale, warning=warned, recently_refused=refused, interval_s=0.05
             )
         },
-        card_error=KnownError(error, error, "by a study"),
+        study_error=KnownError(error, error, "by a study"),
         motion_ramp=ramp,
         solver=SolverHealth(unconverged_substeps=failed),
         residuals=(replace(MEASURED, mean=mean, rms=abs(mean)),) if measured else (),

@@ -315,7 +315,7 @@ def test_a_new_commander_s_plan_may_begin_before_the_end_of_the_former_one_s() -
 
 
 def test_what_a_winch_does_without_a_commander_is_no_figure_of_its_scene() -> None:
-    """Cards and saved states of the scene stay what they are."""
+    """Studies and saved states of the scene stay what they are."""
     other = replace(PLAIN, when_commander_lost="hold_speed")
     assert repr(other) == repr(PLAIN)
     assert scene_properties(other) == scene_properties(PLAIN)

@@ -1,7 +1,7 @@
-"""Convergence study of a scene (accuracy card): error bound of its tension over mesh and time step.
+"""Convergence study of a scene: error bound of its tension over mesh and time step.
 
-`rope_twin accuracy SCENE` writes it to the folder `cards` next to the scene's file; here it is
-read. A card stores the digest of the scene's properties and the version of the solver. If either
+`rope_twin accuracy SCENE` writes it to the folder `convergence` next to the scene's file; here it
+is read. It stores the digest of the scene's properties and the version of the solver. If either
 has changed it is outdated, and the error is unknown until the study is repeated.
 """
 
@@ -59,8 +59,8 @@ def _bare(rope: Rope) -> Rope:
 
 
 FORMAT = 2
-FOLDER = "cards"
-RMS, PEAK = "tension_rms", "tension_peak"  # quantities of every card
+FOLDER = "convergence"
+RMS, PEAK = "tension_rms", "tension_peak"  # quantities of every study
 OTHER_SEA = "the study's run has another sea"
 
 
@@ -88,13 +88,13 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Rung:
+class StudyLevel:
     """One setting of the convergence study; errors are those of the study's run."""
 
     elements: int
     step_s: float
     newton_tolerance_n: float | None  # None: the scene's own
-    real_time_factor: float  # solver only, on the card's machine
+    real_time_factor: float  # solver only, on the study's machine
     solves_per_step: float
     memory_mb: float  # of the rope's arrays
     figures: dict[str, Figure]  # by quantity
@@ -121,7 +121,7 @@ class Rung:
 
 
 @dataclass(frozen=True)
-class Card:
+class ConvergenceStudy:
     """A convergence study as stored in its file."""
 
     scene: str
@@ -129,41 +129,41 @@ class Card:
     scene_digest: str
     solver: str  # version of the solver and of the effects
     machine: str
-    rungs: tuple[Rung, ...]
+    levels: tuple[StudyLevel, ...]
     rope_elements: tuple[int, ...] = ()  # of every rope of a multi-line scene
 
     @property
-    def ladder(self) -> tuple[Rung, ...]:
+    def own_levels(self) -> tuple[StudyLevel, ...]:
         """Return the settings with the scene's own tolerance, by elements and then by step."""
-        own = (rung for rung in self.rungs if rung.newton_tolerance_n is None)
-        return tuple(sorted(own, key=lambda rung: (rung.elements, rung.step_s)))
+        own = (level for level in self.levels if level.newton_tolerance_n is None)
+        return tuple(sorted(own, key=lambda level: (level.elements, level.step_s)))
 
     @property
     def finest(self) -> Setting:
         """Return the most elements and the shortest step of the study."""
-        rungs = self.ladder
-        return Setting(max(one.elements for one in rungs), min(one.step_s for one in rungs))
+        levels = self.own_levels
+        return Setting(max(one.elements for one in levels), min(one.step_s for one in levels))
 
     def age(self, scene: Scene) -> str:
         """Return why the study does not apply to the scene any more; "" if it does."""
         now = [line.elements for line in scene.ropes]
         if self.rope_elements and elements_with(self.rope_elements, now[0]) != now:
-            return "the scene's elements were changed since its card was made"
+            return "the scene's elements were changed since its study was made"
         if self.scene_digest != scene_digest(scene):
-            return "the scene was changed since its card was made"
+            return "the scene was changed since its study was made"
         if self.solver != solver_version(scene):
             return "the convergence study is outdated: the solver was changed since it was made"
         return ""
 
-    def at(self, elements: int, step_s: float) -> tuple[Rung, ...]:
+    def at(self, elements: int, step_s: float) -> tuple[StudyLevel, ...]:
         """Return the entry of a setting, or those around it if it lies between entries.
 
         A finer setting counts as the finest; a coarser one than all has none.
         """
-        rungs, finest = self.ladder, self.finest
-        counts = _around(min(elements, finest.elements), sorted({one.elements for one in rungs}))
-        steps = _around(max(step_s, finest.step_s), sorted({one.step_s for one in rungs}))
-        return tuple(one for one in rungs if one.elements in counts and one.step_s in steps)
+        levels, finest = self.own_levels, self.finest
+        counts = _around(min(elements, finest.elements), sorted({one.elements for one in levels}))
+        steps = _around(max(step_s, finest.step_s), sorted({one.step_s for one in levels}))
+        return tuple(one for one in levels if one.elements in counts and one.step_s in steps)
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class KnownError:
     seconds: float = math.inf  # simulated time covered by the study; unknown beyond
 
 
-def told_bound(bound: float) -> str:
+def format_bound(bound: float) -> str:
     """Format a bound with two digits, rounded up."""
     if not 0.0 < bound < math.inf:
         return "0" if bound == 0.0 else "unknown"
@@ -185,18 +185,18 @@ def told_bound(bound: float) -> str:
     return f"{told:.0f}" if 100.0 <= told < 1e6 else f"{told:.2g}"
 
 
-def card_path(scene: Scene) -> Path:
-    """Return the path of the scene's card, whether it exists or not."""
+def study_path(scene: Scene) -> Path:
+    """Return the path of the scene's study, whether it exists or not."""
     return scene.path.parent / FOLDER / f"{scene.path.stem}.json"
 
 
-def read_card(scene: Scene) -> Card | None:
-    """Return the scene's card, which may be outdated; None if there is none.
+def read_study(scene: Scene) -> ConvergenceStudy | None:
+    """Return the scene's study, which may be outdated; None if there is none.
 
     Raises:
-        SceneError: the file is not a card; one sentence.
+        SceneError: the file is not a study; one sentence.
     """
-    path = card_path(scene)
+    path = study_path(scene)
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -206,43 +206,43 @@ def read_card(scene: Scene) -> Card | None:
     try:
         found = json.loads(text)
         if found["format"] != FORMAT:
-            what = f"a card of format {found['format']}, this version reads {FORMAT}"
+            what = f"a study of format {found['format']}, this version reads {FORMAT}"
             raise SceneError(phrase(str(path), what, _REMAKE))
-        return _card(found)
+        return _study_of(found)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SceneError(
-            phrase(str(path), f"it is not an accuracy card ({error!r})", _REMAKE)
+            phrase(str(path), f"it is not a convergence study ({error!r})", _REMAKE)
         ) from error
 
 
 def known_error(scene: Scene) -> KnownError:
-    """Return the error of the scene at its own mesh and step, from its card.
+    """Return the error of the scene at its own mesh and step, from its study.
 
     Between entries the largest error of the surrounding entries holds, for finer settings that of
     the finest: no better one is claimed than was measured. It is unknown for settings coarser than
-    the study, and with an outdated card.
+    the study, and with an outdated study.
     """
     try:
-        card = read_card(scene)
+        study = read_study(scene)
     except SceneError as error:
         return KnownError(words=f"unknown: {error}")
-    if card is None:
-        return KnownError(words="unknown: no card")
-    why = card.age(scene)
-    around = () if why else card.at(scene.ropes[0].elements, scene.time.step_s)
-    rms = max((rung.error_rms_pct for rung in around), default=math.nan)
-    peak = max((rung.error_peak_pct for rung in around), default=math.nan)
+    if study is None:
+        return KnownError(words="unknown: no study")
+    why = study.age(scene)
+    around = () if why else study.at(scene.ropes[0].elements, scene.time.step_s)
+    rms = max((level.error_rms_pct for level in around), default=math.nan)
+    peak = max((level.error_peak_pct for level in around), default=math.nan)
     if why or not around:
         return KnownError(
             words=f"unknown: {why or 'this setting is not one of the convergence study'}"
         )
-    if any(math.isnan(rung.error_rms_pct) for rung in around):
-        return KnownError(peak_pct=peak, words="unknown: the run does not converge (see its card)")
-    words = f"at most, in the study's run of {card.seconds:g} s"
-    finest = card.finest
+    if any(math.isnan(level.error_rms_pct) for level in around):
+        return KnownError(peak_pct=peak, words="unknown: the run does not converge (see its study)")
+    words = f"at most, in the study's run of {study.seconds:g} s"
+    finest = study.finest
     if scene.ropes[0].elements > finest.elements or scene.time.step_s < finest.step_s:
         words += ", which ends at a coarser setting"
-    return KnownError(rms, peak, words, card.seconds)
+    return KnownError(rms, peak, words, study.seconds)
 
 
 _REMAKE = "make it again with `rope_twin accuracy SCENE`"
@@ -259,19 +259,19 @@ def _around(value: float, sizes: list[Any]) -> list[Any]:
     return [below[-1], above[0]] if below and above else []
 
 
-def _card(found: dict[str, Any]) -> Card:
-    return Card(
+def _study_of(found: dict[str, Any]) -> ConvergenceStudy:
+    return ConvergenceStudy(
         scene=str(found["scene"]),
         seconds=float(found["seconds"]),
         scene_digest=str(found["scene_digest"]),
         solver=str(found["solver"]),
         machine=str(found["machine"]),
-        rungs=tuple(_rung(row) for row in found["rows"]),
+        levels=tuple(_level_of(row) for row in found["rows"]),
         rope_elements=tuple(int(count) for count in found.get("rope_elements", ())),
     )
 
 
-def _rung(row: dict[str, Any]) -> Rung:
+def _level_of(row: dict[str, Any]) -> StudyLevel:
     tolerance = row["newton_tolerance_n"]
     figures = {
         name: Figure(_number(figure["error"]), _number(figure["at_most"]))
@@ -279,7 +279,7 @@ def _rung(row: dict[str, Any]) -> Rung:
     }
     if not {RMS, PEAK} <= set(figures):
         raise KeyError(RMS)
-    return Rung(
+    return StudyLevel(
         elements=int(row["elements"]),
         step_s=float(row["step_s"]),
         newton_tolerance_n=_number(tolerance),

@@ -1,4 +1,4 @@
-"""A card for tests: errors that fall as the square of element length and step, speeds that cost."""
+"""A study for tests: errors fall as the square of element length and step, and speeds cost."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rope_twin.scene import card
+from rope_twin.scene import convergence
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 
@@ -15,16 +15,16 @@ UNCERTAINTY_PCT = 0.01
 
 
 def error_pct(elements: int, step_s: float) -> float:
-    """What the sample card says of a setting's rms, the reference's uncertainty left out."""
+    """What the sample study says of a setting's rms, the reference's uncertainty left out."""
     return 40.0 / elements**2 + 1000.0 * step_s**2
 
 
 def sample_row(elements: int, step_s: float) -> dict[str, Any]:
-    """A rung; 100 ns a node and step."""
+    """A level; 100 ns a node and step."""
     error = error_pct(elements, step_s)
     figures = {
         name: {"error": scale * error, "at_most": scale * error + UNCERTAINTY_PCT}
-        for name, scale in ((card.RMS, 1.0), (card.PEAK, 0.5))
+        for name, scale in ((convergence.RMS, 1.0), (convergence.PEAK, 0.5))
     }
     return {
         "elements": elements,
@@ -37,31 +37,31 @@ def sample_row(elements: int, step_s: float) -> dict[str, Any]:
     }
 
 
-def sample_card(scene: Scene) -> dict[str, Any]:
-    """A card of the scene, as its file has it."""
+def sample_study(scene: Scene) -> dict[str, Any]:
+    """A study of the scene, as its file has it."""
     return {
-        "format": card.FORMAT,
+        "format": convergence.FORMAT,
         "scene": scene.name,
         "seconds": 30.0,
-        "scene_digest": card.scene_digest(scene),
-        "solver": card.solver_version(scene),
+        "scene_digest": convergence.scene_digest(scene),
+        "solver": convergence.solver_version(scene),
         "machine": "a drawing board",
         "rows": [sample_row(elements, step_s) for elements in ELEMENTS for step_s in STEPS_S],
     }
 
 
-def carded_scene(folder: Path, elements: int = 20, name: str = "small") -> Scene:
-    """still_water with so many elements under a name of its own, with the sample card."""
+def studied_scene(folder: Path, elements: int = 20, name: str = "small") -> Scene:
+    """still_water with so many elements under a name of its own, with the sample study."""
     text = load_scene("still_water").path.read_text(encoding="utf-8")
     path = folder / f"{name}.yaml"
     path.write_text(text.replace("elements: 50", f"elements: {elements}"), encoding="utf-8")
     scene = load_scene(path)
-    write_card(scene, sample_card(scene))
+    write_study(scene, sample_study(scene))
     return scene
 
 
-def write_card(scene: Scene, content: dict[str, Any]) -> None:
-    """Put a card beside the scene."""
-    path = card.card_path(scene)
+def write_study(scene: Scene, content: dict[str, Any]) -> None:
+    """Put a study beside the scene."""
+    path = convergence.study_path(scene)
     path.parent.mkdir(exist_ok=True)
     path.write_text(json.dumps(content), encoding="utf-8")

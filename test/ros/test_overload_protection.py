@@ -1,4 +1,4 @@
-"""What an operator is told of the ladder: a row, a sentence, a count."""
+"""Overload protection as an operator sees it: a row, a sentence, a count."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def test_a_machine_with_room_is_on_the_scenes_own_rung() -> None:
 
 def test_a_lower_rung_is_told_once_in_a_sentence_and_stays_in_the_diagnostics() -> None:
     twin = paced()
-    assert twin.ladder is not None
-    assert twin.ladder.start_at(2.0)
+    assert twin.protection is not None
+    assert twin.protection.start_at(2.0)
     (sentence,) = twin.notices()
     assert sentence.startswith(
         "stepping down to accuracy level 3 of 4, 40 elements and steps of 50 ms, error"
@@ -52,8 +52,8 @@ def test_a_lower_rung_is_told_once_in_a_sentence_and_stays_in_the_diagnostics() 
 
 
 def test_without_a_ladder_nothing_is_said_of_one() -> None:
-    twin = paced(ladder=False)
-    assert twin.ladder is None
+    twin = paced(overload_protection=False)
+    assert twin.protection is None
     assert rung_rows(twin) == []
     assert twin.summary().rung_changes == 0
 
@@ -61,7 +61,7 @@ def test_without_a_ladder_nothing_is_said_of_one() -> None:
 @pytest.mark.parametrize("halvings", [0, 1])
 def test_the_words_say_how_many_elements_are_left(halvings: int) -> None:
     twin = paced()
-    assert twin.ladder is not None
-    twin.ladder.start_at(100.0 if halvings else 1.0)
+    assert twin.protection is not None
+    twin.protection.start_at(100.0 if halvings else 1.0)
     (sentence,) = twin.notices()
     assert ("20 elements in place of 40" in sentence) == bool(halvings)

@@ -1,4 +1,4 @@
-"""The ladder: when a twin steps down and up, what changes with it, and in a paced run."""
+"""The protection: when a twin steps down and up, what changes with it, and in a paced run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, offer, open_sea
-from rope_twin.scene.card import read_card
+from rope_twin.scene.convergence import read_study
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march, variant
 from rope_twin.twin.level import (
@@ -38,23 +38,25 @@ HEAVE = sine(1.0, 7.0)
 
 
 class Machine:
-    """A ladder on a machine that needs so much of each slot of 20 ms on the best rung."""
+    """A protection on a machine that needs so much of each slot of 20 ms on the best level."""
 
-    def __init__(self, rungs: tuple[AccuracyLevel, ...]) -> None:
-        self.rungs, self.now_ns = rungs, 0
-        self.ladder = OverloadProtection(self, rungs, rungs[0])
+    def __init__(self, levels: tuple[AccuracyLevel, ...]) -> None:
+        self.levels, self.now_ns = levels, 0
+        self.protection = OverloadProtection(self, levels, levels[0])
         self.taken: list[AccuracyLevel] = []
 
-    def set_level(self, rung: AccuracyLevel) -> None:
-        self.taken.append(rung)
+    def set_level(self, level: AccuracyLevel) -> None:
+        self.taken.append(level)
 
     def slot(self, load: float, late: bool | None = None) -> bool:
-        """A slot; `load` is that of the best rung."""
-        rung = self.ladder.level
-        load *= self.rungs[0].step_ns / (rung.step_ns * (1 << rung.halvings))
+        """A slot; `load` is that of the best level."""
+        level = self.protection.level
+        load *= self.levels[0].step_ns / (level.step_ns * (1 << level.halvings))
         self.now_ns += 20 * MS
         ended_late = load > 1.0 if late is None else late
-        return self.ladder.judge(SlotTimes(self.now_ns, 20 * MS, round(load * 20 * MS), ended_late))
+        return self.protection.judge(
+            SlotTimes(self.now_ns, 20 * MS, round(load * 20 * MS), ended_late)
+        )
 
     def run(self, load: float, seconds: float) -> int:
         """So long at this load; how many moves."""
@@ -67,8 +69,8 @@ def machine() -> Machine:
 
 
 def test_larger_steps_come_first_and_then_fewer_elements() -> None:
-    rungs = [(r.step_ns // MS, r.halvings) for r in levels_of(load_scene("deep_lift"))]
-    assert rungs == [(10, 0), (20, 0), (50, 0), (50, 1), (50, 2)]  # 100, 50 and 25 elements
+    levels = [(r.step_ns // MS, r.halvings) for r in levels_of(load_scene("deep_lift"))]
+    assert levels == [(10, 0), (20, 0), (50, 0), (50, 1), (50, 2)]  # 100, 50 and 25 elements
     fine = variant(load_scene("deep_lift"), 100, 0.001)
     assert [r.step_ns // MS for r in levels_of(fine)][:6] == [1, 2, 5, 10, 20, 50]
 
@@ -93,8 +95,8 @@ def test_too_much_work_goes_to_the_first_rung_that_fits(load: float) -> None:
         machine.slot(load)
         slots += 1
         assert slots <= MIN_CYCLES
-    work = [10.0 / (r.step_ns / MS * (1 << r.halvings)) for r in machine.rungs]
-    (at,) = (machine.rungs.index(rung) for rung in machine.taken)
+    work = [10.0 / (r.step_ns / MS * (1 << r.halvings)) for r in machine.levels]
+    (at,) = (machine.levels.index(level) for level in machine.taken)
     assert load * work[at] <= FIT + 1e-9 or at == len(work) - 1
     assert at == 1 or load * work[at - 1] > FIT - 1e-9
     assert machine.run(load, 12.0) == 0
@@ -108,12 +110,12 @@ def test_three_slots_in_turn_that_cannot_be_in_time_are_enough(machine: Machine)
 
 def test_it_comes_back_one_rung_at_a_time_when_there_is_room(machine: Machine) -> None:
     machine.run(3.0, 0.5)
-    low = machine.rungs.index(machine.taken[-1])
+    low = machine.levels.index(machine.taken[-1])
     assert low > 1
     machine.run(0.1, (low + 0.5) * WAIT_S)
-    climbed = [machine.rungs.index(rung) for rung in machine.taken[1:]]
+    climbed = [machine.levels.index(level) for level in machine.taken[1:]]
     assert climbed == list(range(low - 1, -1, -1))
-    assert machine.ladder.level == machine.rungs[0]
+    assert machine.protection.level == machine.levels[0]
 
 
 def test_a_rung_that_must_be_left_again_soon_is_waited_for_longer(machine: Machine) -> None:
@@ -134,28 +136,28 @@ def test_a_rung_that_must_be_left_again_soon_is_waited_for_longer(machine: Machi
 
 
 def test_a_setting_that_a_budget_bought_is_the_best_rung_of_its_ladder() -> None:
-    """Finer than the card's: down from 0.5 ms and 301 elements, and all of them come back."""
+    """Finer than the study's: down from 0.5 ms and 301 elements, and all of them come back."""
     scene = variant(load_scene("shallow_lift"), 301, 0.0005)
-    rungs = levels_of(scene)
-    work = [1.0 / (rung.step_ns << rung.halvings) for rung in rungs]
-    assert rungs[0] == AccuracyLevel(500_000)
+    levels = levels_of(scene)
+    work = [1.0 / (level.step_ns << level.halvings) for level in levels]
+    assert levels[0] == AccuracyLevel(500_000)
     assert work == sorted(work, reverse=True)
     twin = Twin(scene)
     twin.advance(40)
     before_n = twin.snapshot().tension_top_n
-    for rung, elements in ((rungs[-1], 301 >> rungs[-1].halvings), (rungs[0], 301)):
-        twin.set_level(rung)
-        twin.advance(steps_in_slot(rung.step_s))
+    for level, elements in ((levels[-1], 301 >> levels[-1].halvings), (levels[0], 301)):
+        twin.set_level(level)
+        twin.advance(steps_in_slot(level.step_s))
         found = twin.snapshot()
-        assert abs(len(found.element_tension_n) - elements) <= rungs[-1].halvings
+        assert abs(len(found.element_tension_n) - elements) <= levels[-1].halvings
         assert found.tension_top_n == pytest.approx(before_n, rel=1e-2)
 
 
 def test_before_the_start_it_takes_the_rung_that_fits_at_once(machine: Machine) -> None:
-    assert not machine.ladder.start_at(0.5)
-    assert machine.ladder.start_at(1.0)
-    assert machine.ladder.place[0] == 2
-    assert machine.taken == [machine.rungs[1]]
+    assert not machine.protection.start_at(0.5)
+    assert machine.protection.start_at(1.0)
+    assert machine.protection.place[0] == 2
+    assert machine.taken == [machine.levels[1]]
     assert machine.run(0.1, WAIT_S - 0.1) == 0, "the wait begins with the first slot"
     assert machine.run(0.1, 1.0) == 1
 
@@ -163,29 +165,29 @@ def test_before_the_start_it_takes_the_rung_that_fits_at_once(machine: Machine) 
 @pytest.mark.parametrize("energy", [False, True])
 @pytest.mark.parametrize("error_interval", [False, True])
 def test_time_line_and_payload_go_on_where_they_were(energy: bool, error_interval: bool) -> None:
-    """With a winch that pays out, down two rungs and back; each kind of twin."""
+    """With a winch that pays out, down two levels and back; each kind of twin."""
     twin = Twin(load_scene("deep_lift"), Monitors(energy, error_interval))
     twin.offer_speed(None, 0.5)
     twin.advance(200)
-    for rung in (
+    for level in (
         AccuracyLevel(20 * MS),
         AccuracyLevel(50 * MS, 1),
         AccuracyLevel(20 * MS),
         AccuracyLevel(10 * MS),
     ):
         before, same = twin.snapshot(), twin.branch()
-        twin.set_level(rung)
+        twin.set_level(level)
         after = twin.snapshot()
         assert (after.stamp_ns, after.line_out_m) == (before.stamp_ns, before.line_out_m)
         assert np.array_equal(after.payload_position_m, before.payload_position_m)
         assert after.tension_top_n == before.tension_top_n
         twin.advance(4)
         later = twin.snapshot()
-        assert later.stamp_ns - after.stamp_ns == 4 * rung.step_ns
+        assert later.stamp_ns - after.stamp_ns == 4 * level.step_ns
         V = later.payout_speed_m_per_s
-        assert later.line_out_m - after.line_out_m == pytest.approx(4 * rung.step_s * V, rel=0.05)
-        assert len(later.element_tension_n) == pytest.approx(100 / (1 << rung.halvings), abs=2)
-        same.advance(4 * rung.step_ns // same.step_ns)
+        assert later.line_out_m - after.line_out_m == pytest.approx(4 * level.step_s * V, rel=0.05)
+        assert len(later.element_tension_n) == pytest.approx(100 / (1 << level.halvings), abs=2)
+        same.advance(4 * level.step_ns // same.step_ns)
         there = same.snapshot()
         assert there.stamp_ns <= later.stamp_ns < there.stamp_ns + same.step_ns
         if there.stamp_ns == later.stamp_ns:
@@ -221,7 +223,7 @@ def going_on(twin: Twin, seconds: float, every: int) -> list[object]:
 
 
 def sailed(moves: Sequence[tuple[float, AccuracyLevel]], seconds: float) -> dict[int, Snapshot]:
-    """deep_lift with its own sea and winch, and a rung taken at each of these times; by stamp."""
+    """deep_lift with its own sea and winch, and a level taken at each of these times; by stamp."""
     scene, waiting, shots = load_scene("deep_lift"), list(moves), {}
     twin, sea, offered_ns = Twin(scene), open_sea(scene), FIRST_NS
     assert sea is not None
@@ -242,15 +244,15 @@ def sailed(moves: Sequence[tuple[float, AccuracyLevel]], seconds: float) -> dict
 def test_down_and_up_the_tension_stays_within_the_error_that_is_published() -> None:
     """deep_lift on half its elements at 50 ms from 15 to 30 s: rms there, and after the way back.
 
-    Against the run that never left its rung, whose own error counts as well. From one sample to the
-    next the difference changes by three times as much at most, at the moves too.
+    Against the run that never left its level, whose own error counts as well. From one sample to
+    the next the difference changes by three times as much at most, at the moves too.
     """
     alone = sailed((), 40.0)
     moved = sailed([(15.0, AccuracyLevel(50 * MS, 1)), (30.0, AccuracyLevel(10 * MS))], 40.0)
     scale = np.std([shot.tension_top_n for shot in alone.values()])
-    card = read_card(load_scene("deep_lift"))
-    assert card is not None
-    published = sum(card.at(*own)[0].error_rms_pct for own in ((50, 0.05), (100, 0.01)))
+    study = read_study(load_scene("deep_lift"))
+    assert study is not None
+    published = sum(study.at(*own)[0].error_rms_pct for own in ((50, 0.05), (100, 0.01)))
     for begin, end in ((15.0, 30.0), (30.0, 40.0)):
         stamps = [ns for ns in moved if begin < ns * 1e-9 <= end]
         apart = [moved[ns].tension_top_n - alone[ns].tension_top_n for ns in stamps]
@@ -323,21 +325,21 @@ def until(holds: Callable[[], bool], seconds: float = 300.0) -> None:
 
 
 def test_under_a_load_that_it_cannot_carry_it_steps_down_and_comes_back_after() -> None:
-    """14 ms for each step of 10 ms: impossible on the best rung. Nothing is skipped, and the
+    """14 ms for each step of 10 ms: impossible on the best level. Nothing is skipped, and the
     tension stays that of a run without a load."""
     scene, clock = variant(RIG.scene(), 40), Spent()
     twin = Throttled(scene, clock)
     for k in range(400):
         at_ns = k * 25 * MS
         twin.offer_heave(at_ns, *HEAVE(at_ns * 1e-9))
-    ladder = TwinOverloadProtection(twin, wait_s=0.3)
+    protection = TwinOverloadProtection(twin, wait_s=0.3)
     handover = SnapshotQueue(10_000)
     pacer = Pacer(twin, handover, steps_in_slot(twin.step_s), clock=clock, last_step=300)
     taken: list[AccuracyLevel] = []
 
     def watch(slot: SlotTimes) -> bool:
-        moved = ladder.judge(slot)
-        taken.extend([ladder.level] if moved else [])
+        moved = protection.judge(slot)
+        taken.extend([protection.level] if moved else [])
         return moved
 
     pacer.watch(watch)
@@ -348,8 +350,8 @@ def test_under_a_load_that_it_cannot_carry_it_steps_down_and_comes_back_after() 
     assert taken[0].step_ns >= 20 * MS
     assert taken[-1] == AccuracyLevel(10 * MS)
     assert pacer.health().behind_s == 0.0
-    assert any(words.startswith("stepping down to accuracy level") for words in ladder.said)
-    assert ladder.said[-1].startswith("stepping up to accuracy level 1 of ")
+    assert any(words.startswith("stepping down to accuracy level") for words in protection.said)
+    assert protection.said[-1].startswith("stepping up to accuracy level 1 of ")
     shots = []
     while (shot := handover.take(0.0)) is not None:
         shots.append(shot)
@@ -372,11 +374,11 @@ def huge() -> Scene:
 def test_a_scene_that_is_too_much_for_any_machine_begins_lower() -> None:
     """Five times real time with 7,000 elements and 1 ms: five million nodes a second and more."""
     twin = Twin(huge())
-    ladder = TwinOverloadProtection(twin)
-    load = ladder.measure(0.02, 50.0)
+    protection = TwinOverloadProtection(twin)
+    load = protection.measure(0.02, 50.0)
     assert load > 1.0
-    assert ladder.start_at(load)
+    assert protection.start_at(load)
     assert twin.level != AccuracyLevel(MS)
-    assert "it would take" in ladder.reason
+    assert "it would take" in protection.reason
     assert twin.snapshot().stamp_ns == 0
     assert TwinOverloadProtection(RIG.twin()).measure(0.02, 0.01) < 0.6

@@ -1,4 +1,4 @@
-"""Reading an accuracy card: what it says of a setting, and when it says nothing."""
+"""Reading a convergence study: what it says of a setting, and when it says nothing."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import math
 from pathlib import Path
 
 import pytest
-from card_samples import UNCERTAINTY_PCT, carded_scene, error_pct, sample_card, write_card
+from study_samples import UNCERTAINTY_PCT, error_pct, sample_study, studied_scene, write_study
 
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError
-from rope_twin.scene import card
-from rope_twin.scene.card import known_error, read_card, solver_version
+from rope_twin.scene import convergence
+from rope_twin.scene.convergence import known_error, read_study, solver_version
 from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.studies.driven_twin import variant
 
 
 def test_a_rung_has_the_error_of_its_row(tmp_path: Path) -> None:
-    scene = carded_scene(tmp_path)
+    scene = studied_scene(tmp_path)
     found = known_error(scene)
     assert found.rms_pct == pytest.approx(error_pct(20, 0.01) + UNCERTAINTY_PCT)
     assert found.peak_pct == pytest.approx(0.5 * error_pct(20, 0.01) + UNCERTAINTY_PCT)
@@ -32,8 +32,8 @@ def test_a_rung_has_the_error_of_its_row(tmp_path: Path) -> None:
 def test_between_rungs_the_worst_around_holds(
     tmp_path: Path, elements: int, step_s: float, worst: tuple[int, float]
 ) -> None:
-    """Of a card whose errors fall as squares, the true error lies below."""
-    scene = variant(carded_scene(tmp_path), elements, step_s)
+    """Of a study whose errors fall as squares, the true error lies below."""
+    scene = variant(studied_scene(tmp_path), elements, step_s)
     found = known_error(scene).rms_pct
     assert found == pytest.approx(error_pct(*worst) + UNCERTAINTY_PCT)
     assert found > error_pct(elements, step_s)
@@ -43,22 +43,22 @@ def test_between_rungs_the_worst_around_holds(
 def test_of_what_is_coarser_than_the_ladder_nothing_is_known(
     tmp_path: Path, elements: int, step_s: float
 ) -> None:
-    found = known_error(variant(carded_scene(tmp_path), elements, step_s))
+    found = known_error(variant(studied_scene(tmp_path), elements, step_s))
     assert math.isnan(found.rms_pct)
     assert found.words == "unknown: this setting is not one of the convergence study"
 
 
-def test_without_a_card_nothing_is_known(tmp_path: Path) -> None:
-    scene = carded_scene(tmp_path)
-    card.card_path(scene).unlink()
-    assert read_card(scene) is None
-    assert known_error(scene).words == "unknown: no card"
+def test_without_a_study_nothing_is_known(tmp_path: Path) -> None:
+    scene = studied_scene(tmp_path)
+    convergence.study_path(scene).unlink()
+    assert read_study(scene) is None
+    assert known_error(scene).words == "unknown: no study"
     assert math.isnan(known_error(scene).rms_pct)
 
 
 def test_a_changed_scene_has_no_error(tmp_path: Path) -> None:
     """Neither in its file nor by a change in memory; words, elements and step do not count."""
-    scene = carded_scene(tmp_path)
+    scene = studied_scene(tmp_path)
     heavier = change_scene(scene, [Change("payloads[0].mass_kg", 1.01, multiply=True)])
     assert known_error(heavier).words.startswith("unknown: the scene was changed")
     text = scene.path.read_text(encoding="utf-8")
@@ -70,9 +70,9 @@ def test_a_changed_scene_has_no_error(tmp_path: Path) -> None:
 
 
 def test_a_changed_solver_makes_it_old(tmp_path: Path) -> None:
-    scene = carded_scene(tmp_path)
-    write_card(scene, sample_card(scene) | {"solver": "0"})
-    found = read_card(scene)
+    scene = studied_scene(tmp_path)
+    write_study(scene, sample_study(scene) | {"solver": "0"})
+    found = read_study(scene)
     assert found is not None
     assert (
         found.age(scene)
@@ -81,20 +81,20 @@ def test_a_changed_solver_makes_it_old(tmp_path: Path) -> None:
     assert known_error(scene).words.startswith("unknown: the convergence study is outdated")
 
 
-def test_only_what_a_scene_lists_ages_its_card(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bending is no effect of still_water's: another version of it leaves that card current."""
+def test_only_what_a_scene_lists_ages_its_study(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bending is no effect of still_water's: another version of it leaves that study current."""
     assert solver_version(load_scene("still_water")) == "1"
     changed = tuple(
         dataclasses.replace(one, version=3) if one.name == "bending" else one for one in EFFECTS
     )
-    monkeypatch.setattr(card, "EFFECTS", changed)
+    monkeypatch.setattr(convergence, "EFFECTS", changed)
     assert solver_version(load_scene("still_water")) == "1"
     assert solver_version(load_scene("riser_300m")) == "1, bending 3"
 
 
 def test_connections_have_a_version_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A change of how ropes meet leaves the cards of single ropes current."""
-    monkeypatch.setattr(card, "CONNECTIONS_VERSION", 2)
+    """A change of how ropes meet leaves the studies of single ropes current."""
+    monkeypatch.setattr(convergence, "CONNECTIONS_VERSION", 2)
     assert solver_version(load_scene("two_line_lift")) == "1, connections 2"
     assert solver_version(load_scene("still_water")) == "1"
 
@@ -107,15 +107,15 @@ def test_connections_have_a_version_of_their_own(monkeypatch: pytest.MonkeyPatch
     ],
 )  # fmt: skip
 def test_a_bound_is_rounded_up(bound: float, told: str) -> None:
-    assert card.told_bound(bound) == told
+    assert convergence.format_bound(bound) == told
 
 
 def test_what_does_not_converge_is_unknown(tmp_path: Path) -> None:
-    scene = carded_scene(tmp_path)
-    content = sample_card(scene)
+    scene = studied_scene(tmp_path)
+    content = sample_study(scene)
     for row in content["rows"]:
-        row["figures"][card.RMS]["at_most"] = None
-    write_card(scene, content)
+        row["figures"][convergence.RMS]["at_most"] = None
+    write_study(scene, content)
     found = known_error(scene)
     assert math.isnan(found.rms_pct)
     assert found.peak_pct > 0.0
@@ -125,9 +125,9 @@ def test_what_does_not_converge_is_unknown(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "{", "[1, 2]", '{"format": 1}', '{"format": 99}', "\udcff"], ids=range(6)
 )
-def test_a_damaged_card_is_one_sentence(tmp_path: Path, text: str) -> None:
-    scene = carded_scene(tmp_path)
-    card.card_path(scene).write_bytes(text.encode("utf-8", "surrogateescape"))
+def test_a_damaged_study_is_one_sentence(tmp_path: Path, text: str) -> None:
+    scene = studied_scene(tmp_path)
+    convergence.study_path(scene).write_bytes(text.encode("utf-8", "surrogateescape"))
     with pytest.raises(SceneError, match=r"small\.json: .*; make it again with `rope_twin acc"):
-        read_card(scene)
+        read_study(scene)
     assert known_error(scene).words.startswith("unknown: ")

@@ -1,4 +1,4 @@
-"""The error of an accuracy card is claimed only for the run that the card describes."""
+"""The error of a convergence study is claimed only for the run that the study describes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
-from card_samples import carded_scene, sample_card, write_card
+from study_samples import sample_study, studied_scene, write_study
 
 from rope_twin.cli import main
 from rope_twin.messages import Encoder, decode, read_cloud, statuses
@@ -33,17 +33,17 @@ SEA = "sea_state: {heave: {amplitude_m: 1.0, period_s: 8.0}}\n"
 
 
 def variant_scene(folder: Path, old: str, new: str) -> Scene:
-    """The sample scene with other words in its file, and a card of its own."""
-    scene = carded_scene(folder)
+    """The sample scene with other words in its file, and a study of its own."""
+    scene = studied_scene(folder)
     scene.path.write_text(scene.path.read_text("utf-8").replace(old, new), encoding="utf-8")
     scene = load_scene(scene.path)
-    write_card(scene, sample_card(scene))
+    write_study(scene, sample_study(scene))
     return scene
 
 
 def reason(twin: Twin) -> str:
     """What a snapshot says of the error, which is known only where nothing speaks against it."""
-    error = twin.snapshot().card_error
+    error = twin.snapshot().study_error
     assert math.isnan(error.rms_pct) == error.words.startswith("unknown")
     return error.words if math.isnan(error.rms_pct) else ""
 
@@ -71,7 +71,7 @@ def test_a_speed_that_is_not_in_the_schedule_ends_the_claim() -> None:
     twin.offer_speed(None, 0.0)
     twin.advance(500)
     taken = twin.snapshot()
-    assert math.isnan(taken.card_error.rms_pct), "the state is another one from then on"
+    assert math.isnan(taken.study_error.rms_pct), "the state is another one from then on"
     topic = "ropes/tension_top_error"
     (error,) = read_cloud(decode(topic, Encoder(0).encode(topic, taken)))
     assert math.isnan(error["rms_pct"])
@@ -86,11 +86,11 @@ def test_an_order_that_the_schedule_has_changes_nothing() -> None:
     assert reason(twin) == ""
 
 
-def test_the_claim_ends_with_the_seconds_of_the_card(
+def test_the_claim_ends_with_the_seconds_of_the_study(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scene = carded_scene(tmp_path)
-    write_card(scene, sample_card(scene) | {"seconds": 0.2})
+    scene = studied_scene(tmp_path)
+    write_study(scene, sample_study(scene) | {"seconds": 0.2})
     words = ["run", str(scene.path), "--speed", "0", "--no-record", "--json", "--duration"]
     assert main([*words, "0.2"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -105,8 +105,8 @@ def test_the_claim_ends_with_the_seconds_of_the_card(
     assert "top-tension error unknown: the study's run ended at 0.2 s" in text
 
 
-def test_a_shipped_scene_beyond_its_card(capsys: pytest.CaptureFixture[str]) -> None:
-    """manifold_lift has a card of 30 s."""
+def test_a_shipped_scene_beyond_its_study(capsys: pytest.CaptureFixture[str]) -> None:
+    """manifold_lift has a study of 30 s."""
     words = ["run", "manifold_lift", "--speed", "0", "--no-record", "--json", "--duration"]
     assert main([*words, "1"]) == 0
     assert json.loads(capsys.readouterr().out)["tension_top_error_pct"] > 0.0
@@ -167,7 +167,7 @@ def test_a_ship_that_lies_still_may_say_so_and_no_more(tmp_path: Path, posed: bo
             return twin.offer_pose(ShipPose(stamp_ns, (0.0, 0.0, up), (0.0, 0.0, 0.0)))
         return twin.offer_heave(stamp_ns, up, 0.0)
 
-    twin = Twin(carded_scene(tmp_path))
+    twin = Twin(studied_scene(tmp_path))
     for number in range(10):
         assert tell(twin, number * 50_000_000, 0.0) == ""
     twin.advance(40)
@@ -194,7 +194,7 @@ def test_a_current_and_a_cut_end_the_claim(tmp_path: Path) -> None:
 
 def test_doubt_survives_a_restart(tmp_path: Path) -> None:
     """And a run that goes on undoubted is as before; another schedule makes another run."""
-    scene = carded_scene(tmp_path)
+    scene = studied_scene(tmp_path)
     sound, driven = Twin(scene), Twin(scene)
     driven.offer_speed(None, 0.3)
     for twin in (sound, driven):
