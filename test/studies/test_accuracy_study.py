@@ -152,7 +152,7 @@ def test_the_run_is_that_of_the_command(tmp_path: Path) -> None:
 def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> None:
     """The wake's memory, and what a model beside the step makes of the drag; also the second time.
 
-    The first look of the content is timed or told by runs after it, so each begins at rest.
+    The first look of the study is timed or told by runs after it, so each begins at rest.
     """
     scene = load_scene(name)
     elements, step_s = 20, 0.01
@@ -182,7 +182,7 @@ def test_the_run_of_ropes_that_meet_is_that_of_the_command() -> None:
 
 
 def test_elements_of_ropes_that_meet_go_together() -> None:
-    """The content holds at any of them; not when one rope's are changed alone."""
+    """The study holds at any of them; not when one rope's are changed alone."""
     scene = load_scene("bridle_lift")
     assert [line.elements for line in variant(scene, 50).ropes] == [50, 4, 4, 3, 3]
     found = read_study(scene)
@@ -190,7 +190,7 @@ def test_elements_of_ropes_that_meet_go_together() -> None:
     assert found.rope_elements == (100, 8, 8, 6, 6)
     assert found.age(variant(scene, 25)) == found.age(scene)
     alone = change_scene(scene, [Change("ropes[1].elements", 16)])
-    assert found.age(alone) == "the scene's elements were changed since its content was made"
+    assert found.age(alone) == "the scene's elements were changed since its study was made"
 
 
 def test_the_ladder_holds_the_scene_and_its_neighbours() -> None:
@@ -242,7 +242,7 @@ def test_the_witness_can_object(snap_witness: Witness) -> None:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A scene of few elements with its content, made by the command."""
+    """A scene of few elements with its study, made by the command."""
     folder = tmp_path_factory.mktemp("scenes")
     text = load_scene("shallow_lift").path.read_text(encoding="utf-8")
     path = folder / "small.yaml"
@@ -253,7 +253,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_study_is_made_and_read(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """By the command, beside the scene, as text, picture and page; the run then knows its error."""
-    folder = made.parent / "studies"
+    folder = made.parent / convergence.FOLDER
     assert sorted(path.name for path in folder.iterdir()) == ["small.json", "small.md", "small.png"]
     picture = (folder / "small.png").read_bytes()
     assert picture.startswith(b"\x89PNG")
@@ -300,7 +300,7 @@ def test_within_holds_when_measured_afterwards(made: Path) -> None:
 
 
 def with_bounds(made: Path, folder: Path, at_most: Callable[[float], float | None]) -> Path:
-    """The made scene, with a content that promises other bounds on the rms."""
+    """The made scene, with a study that promises other bounds on the rms."""
     place = folder / "small.yaml"
     place.write_text(made.read_text(encoding="utf-8"), encoding="utf-8")
     content = json.loads(convergence.study_path(load_scene(made)).read_text(encoding="utf-8"))
@@ -315,12 +315,12 @@ def with_bounds(made: Path, folder: Path, at_most: Callable[[float], float | Non
 def test_what_within_buys_is_measured_anew(
     made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It holds; a content that promises a hundred times too much sells what does not."""
+    """It holds; a study that promises a hundred times too much sells what does not."""
     words = ["--within", "0.3%", "--json"]
     assert main(["accuracy", str(made), *words]) == 0
     (row,) = json.loads(capsys.readouterr().out)["rows"]
     assert 0.0 < row["error"] <= row["at_most"] <= 0.3
-    assert row["seconds"] == 6.0, "the content's window"
+    assert row["seconds"] == 6.0, "the study's window"
     assert main(["accuracy", str(made), *words, "--duration", "9"]) == 0
     (longer,) = json.loads(capsys.readouterr().out)["rows"]
     assert longer["seconds"] == 9.0
@@ -337,17 +337,17 @@ def test_what_a_study_does_not_sell_is_told(
 ) -> None:
     """It breaks no word: an rms that does not converge, an error below the best."""
     assert main(["accuracy", str(made), "--within", "0.000001%"]) == 0
-    assert "nothing selected: the best of its content is 0." in capsys.readouterr().out
+    assert "nothing selected: the best of its study is 0." in capsys.readouterr().out
     place = with_bounds(made, tmp_path, lambda bound: None)
     assert main(["accuracy", str(place), "--within", "1%"]) == 0
-    assert "nothing selected: its content knows no error of tension_rms" in capsys.readouterr().out
+    assert "nothing selected: its study knows no error of tension_rms" in capsys.readouterr().out
     assert main(["accuracy", str(made), "--within", "1"]) == 1
     assert "write a number above 0 and its unit" in capsys.readouterr().err
 
 
 @pytest.mark.long
 def test_within_holds_in_every_scene() -> None:
-    """`pytest -m long -k within_holds_in_every_scene`, some eight minutes: 1 % of every content."""
+    """`pytest -m long -k within_holds_in_every_scene`, some eight minutes: 1 % of every study."""
     assert main(["accuracy", "--all", "--within", "1%"]) == 0
 
 
@@ -356,9 +356,9 @@ def test_old_studies_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     code = main(["accuracy", "--status", "--json"])
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert {row["scene"] for row in rows} >= {"deep_lift", "snap_2km"}
-    told = {row["content"] for row in rows}
+    told = {row["study"] for row in rows}
     assert code == (0 if told == {"current"} else 3)
-    assert all((row["error_rms_pct"] is None) or row["content"] == "current" for row in rows)
+    assert all((row["error_rms_pct"] is None) or row["study"] == "current" for row in rows)
 
 
 @pytest.mark.parametrize(
