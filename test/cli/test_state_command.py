@@ -30,7 +30,7 @@ EPOCH_NS = 10**18
 OF_ONE_BAG = ("diagnostics", "alerts", "twin/epoch", "winch/seat", "twin/session", "twin/inputs")
 # by a scene of heave and speeds only, with no bed, no topic of current and no error interval
 NOT_TOLD = {
-    "current", "ship/odometry", "seabed/contact", "ropes/vibration",
+    "current", "ship/odometry", "lower_end/odometry", "seabed/contact", "ropes/vibration",
     "ropes/fatigue", "ropes/cut", *WINCH_TOPICS, *MEASURED_TOPICS, MEASURED_ELEVATION,
     "estimate/figures", "estimate/alarms", "alerts/command",
     "forecast/tension", "forecast/risk", "forecast/quiet", "forecast/what_if", "forecast/orders",
