@@ -55,6 +55,7 @@ from rope_twin.core.joined.sheaves import (
 )
 from rope_twin.core.loads.balance import lower_end_force, set_flow
 from rope_twin.core.loads.hooks import grown
+from rope_twin.core.moved_end import has_moved_end
 from rope_twin.core.state import (
     ACCELERATION,
     EA,
@@ -289,8 +290,9 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
     )
     per_metre = elements.stored[-1] / elements.rest[-1]
     per_metre += _motion(rope.effects, sheave) + account_sum("potential", rope.effects, sheave)
-    led = place.velocity[:, 0] if rope.model.first_free else np.zeros(3)
-    pulled = float(lower_end_force(rope, rope.effects, time) @ led) if led.any() else 0.0
+    pulled = 0.0
+    if rope.model.first_free and has_moved_end(rope.effects):
+        pulled = float(lower_end_force(rope, rope.effects, time) @ place.velocity[:, 0])
     power = Power(
         hang_off=-float(pull @ place.velocity[:, -1]) - pulled,
         passing=float(V * per_metre),

@@ -58,6 +58,11 @@ def led_of(effects: Sequence[Any]) -> LedEnd | None:
     return next((one for one in effects if isinstance(one, LedEnd)), None)
 
 
+def has_moved_end(effects: Sequence[Any]) -> bool:
+    """Return whether a rope's lower end is moved."""
+    return any(isinstance(one, HarmonicEnd | LedEnd) for one in effects)
+
+
 def without_motion(effects: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return the effects of a rope whose lower end stays where it is."""
     return tuple(one for one in effects if not isinstance(one, HarmonicEnd | LedEnd))
