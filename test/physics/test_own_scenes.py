@@ -17,7 +17,8 @@ from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Rope
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "own_scenes.md"
-BUOY, CRANES, CABLE, TOW = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+WHOLE = r"```yaml\n(about:.*?)```"  # not a part of a scene
+BUOY, CRANES, CABLE, TOW = re.findall(WHOLE, PAGE.read_text(), re.DOTALL)
 G, RHO = 9.80665, 1025.0
 
 

@@ -79,7 +79,7 @@ def differences(found: Snapshot, expected: Snapshot, relative: float) -> list[st
         name
         for name in b
         if a[name].shape != b[name].shape
-        or np.abs(a[name] - b[name]).max() > relative * np.abs(b[name]).max()
+        or np.abs(a[name] - b[name]).max(initial=0.0) > relative * np.abs(b[name]).max(initial=0.0)
     ]
 
 

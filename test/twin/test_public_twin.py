@@ -33,6 +33,10 @@ REFUSED: dict[str, tuple[Callable[[Twin], str], str]] = {
         lambda twin: twin.offer_forecast_score(coverage=1.5, judged=5, factor=1.0, age_s=0.1),
         "a coverage of 1.5",
     ),
+    "offer_lower_end": (
+        lambda twin: twin.offer_lower_end(0, (0.0, 0.0, -9.0), (0.0, 0.0, 0.0)),
+        "does not let another simulator move it",
+    ),
     "offer_cut": (lambda twin: twin.offer_cut(None, 0.1), "of rope stay there"),
 }
 
