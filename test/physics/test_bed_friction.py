@@ -61,7 +61,7 @@ def expected(mu: float, pull_m: float) -> float:
     return sqrt(2.0 * mu * CHAIN.weight * CHAIN.EA * pull_m)
 
 
-@pytest.mark.parametrize("bed", [FLAT, GRID])
+@pytest.mark.parametrize("bed", [FLAT, pytest.param(GRID, marks=pytest.mark.long)])
 def test_a_chain_that_is_pulled_along_the_bed(bed: SeabedParams) -> None:
     """Tension √(2·μ·w·EA·δ) at the end, falling by μ·w a metre; what lies beyond feels nothing."""
     before = tensions(Twin(scene_of(bed, BedFrictionParams(slip_m=0.002))))

@@ -205,6 +205,7 @@ def test_a_body_sheds_with_its_projected_area() -> None:
     assert np.linalg.norm(force) > 10.0
 
 
+@pytest.mark.long
 def test_a_body_is_pushed_at_the_strouhal_frequency() -> None:
     """Its swing across the current has that frequency, 0.1 %, and its account closes, 0.1 %."""
     twin = Twin(with_body(), ENERGY)

@@ -166,6 +166,7 @@ def lone(rising: str, length_m: float) -> str:
     )
 
 
+@pytest.mark.long
 def test_payloads_side_by_side_rise_as_each_alone(tmp_path: Path) -> None:
     """One that differs in ascent, and one that does not, in one scene."""
     both = hauled(

@@ -166,6 +166,7 @@ class TabledRig(Rig):
         return tabled(Rig(**{one.name: getattr(self, one.name) for one in fields(self)}), HMPE)
 
 
+@pytest.mark.long
 def test_cut_in_three_it_keeps_its_table() -> None:
     """A multi-line system takes the table of each rope: the load bounces as on the whole rope."""
     rig = TabledRig(

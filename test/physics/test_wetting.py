@@ -171,7 +171,7 @@ def test_the_payload_keeps_its_water_and_a_dry_rope_has_none() -> None:
     assert found[1].tolist() == [found[0][0], 0.0, 0.0]
 
 
-@pytest.mark.parametrize("wind", [False, True])
+@pytest.mark.parametrize("wind", [pytest.param(False, marks=pytest.mark.long), True])
 def test_energy_of_a_rope_through_the_surface_of_waves(wind: bool) -> None:
     """The balance closes to 1e-6 of what is exchanged."""
     rig = replace(
