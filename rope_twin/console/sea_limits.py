@@ -1,4 +1,4 @@
-"""What the load chart of a plan allows in a sea: entered by a page, shown on all of them.
+"""Limits by the load chart of a plan in a sea: entered by a page, shown on all of them.
 
 The chart has limits by phase, peak period and heading; the phase that lifts the payload past its
 present depth is marked. Nothing measures the sea here: whoever enters it is asked to keep it true.

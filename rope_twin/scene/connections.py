@@ -1,4 +1,4 @@
-"""What joins the ropes of a multi-line scene: joints, sheaves with their tethers, spreader bars."""
+"""Connections of ropes in a multi-line scene: joints, sheaves with tethers, spreader bars."""
 
 from __future__ import annotations
 

@@ -186,7 +186,7 @@ KERNELS = "rope_twin.core.joined.payload_contact"
 
 @jit_entry
 def gather(system: Any, stage: Any) -> None:
-    """What is added between ropes and connections."""
+    """Gather the forces between ropes and connections."""
     gather_connections(system, stage)
 
 

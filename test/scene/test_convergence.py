@@ -32,7 +32,7 @@ def test_a_rung_has_the_error_of_its_row(tmp_path: Path) -> None:
 def test_between_rungs_the_worst_around_holds(
     tmp_path: Path, elements: int, step_s: float, worst: tuple[int, float]
 ) -> None:
-    """Of a study whose errors fall as squares, the true error lies below."""
+    """The true error lies below where the errors of a study fall as squares."""
     scene = variant(studied_scene(tmp_path), elements, step_s)
     found = known_error(scene).rms_pct
     assert found == pytest.approx(error_pct(*worst) + UNCERTAINTY_PCT)

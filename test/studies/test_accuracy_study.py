@@ -152,7 +152,7 @@ def test_the_run_is_that_of_the_command(tmp_path: Path) -> None:
 def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> None:
     """The wake's memory, and what a model beside the step makes of the drag; also the second time.
 
-    The first look of the study is timed or told by runs after it, so each begins at rest.
+    The first look of the study is timed or judged by runs after it, so each begins at rest.
     """
     scene = load_scene(name)
     elements, step_s = 20, 0.01
@@ -356,8 +356,8 @@ def test_old_studies_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     code = main(["accuracy", "--status", "--json"])
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert {row["scene"] for row in rows} >= {"deep_lift", "snap_2km"}
-    told = {row["study"] for row in rows}
-    assert code == (0 if told == {"current"} else 3)
+    shown = {row["study"] for row in rows}
+    assert code == (0 if shown == {"current"} else 3)
     assert all((row["error_rms_pct"] is None) or row["study"] == "current" for row in rows)
 
 

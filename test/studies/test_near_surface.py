@@ -77,7 +77,7 @@ def test_the_surface_raises_the_added_mass_of_slow_heave() -> None:
 
 
 def test_the_command_prints_a_table_and_json(capsys: pytest.CaptureFixture[str]) -> None:
-    """Of the scene's payload, beside its own added mass."""
+    """The command takes the scene's payload and shows its own added mass beside."""
     pytest.importorskip("capytaine")
     words = ["scene", "coefficients", "splash_zone", "--depth", "3", "--period", "8"]
     assert main([*words, "--json"]) == 0

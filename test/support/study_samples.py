@@ -15,7 +15,7 @@ UNCERTAINTY_PCT = 0.01
 
 
 def error_pct(elements: int, step_s: float) -> float:
-    """What the sample study says of a setting's rms, the reference's uncertainty left out."""
+    """Error of a setting's rms in the sample study, without the reference's uncertainty."""
     return 40.0 / elements**2 + 1000.0 * step_s**2
 
 

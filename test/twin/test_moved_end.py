@@ -81,7 +81,7 @@ def test_force_follows_the_stretch() -> None:
 
 
 def test_samples_move_it_as_a_scene_does() -> None:
-    """The same force on both ends within 1e-8, at every step of 8 s."""
+    """Forces on both ends agree within 1e-8 at every step of 8 s."""
     twins = Twin(tether(HARMONICS)), Twin(tether(LED))
     lead(twins[1], 0.02)
     for step in range(800):
@@ -130,7 +130,7 @@ def test_energy_of_a_moved_end_is_accounted() -> None:
 
 
 def test_an_end_without_samples_stays() -> None:
-    """As a fixed one does; the input says so."""
+    """It rests like a fixed one, and the input says so."""
     led, fixed = Twin(tether(LED)), Twin(tether(None))
     for twin in (led, fixed):
         twin.advance(100)
