@@ -82,7 +82,7 @@ def distinct_sets(scenes: Sequence[str] = ()) -> list[list[str]]:
     """Group the scenes (by default all that come with the package) by set."""
     sets: dict[str, list[str]] = {}
     for name in scenes or scene_names():
-        sets.setdefault(_kind(load_scene(name)), []).append(name)
+        sets.setdefault(step_types(load_scene(name)), []).append(name)
     return list(sets.values())
 
 
@@ -98,7 +98,7 @@ def compile_table(rows: Sequence[CompileRow]) -> list[tuple[str, ...]]:
     return table
 
 
-def _kind(scene: Scene) -> str:
+def step_types(scene: Scene) -> str:
     """Return the types that a scene's step is compiled for."""
     if not is_joined(scene):
         return kind_of([build(scene)])

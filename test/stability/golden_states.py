@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,13 @@ import llvmlite.binding
 import numba
 import numpy as np
 
+from benchmarks.compile_time import step_types
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.scene.convergence import solver_version
+from rope_twin.scene.lift import listed_effects
 from rope_twin.scene.load import scene_names
+from rope_twin.scene.schema import Scene
 
 FILE = Path(__file__).with_name("golden_states.json")
 EVERY_S, UNTIL_S = 5, 30
@@ -37,11 +41,11 @@ def machine() -> str:
     return f"{cpu}, features {digest}, numba {numba.__version__}, numpy {np.__version__}"
 
 
-def golden(name: str) -> dict[str, Any]:
+def golden(name: str, until_s: float = UNTIL_S) -> dict[str, Any]:
     """Run a scene with its own sea and winch schedule; states and tension every 5 s."""
     run = UnpacedRun(RunOptions(scene=name, speed=0.0))
     digests, tensions, every = [], [], []
-    while run.twin.time_ns < UNTIL_S * 1_000_000_000:
+    while run.twin.time_ns < until_s * 1_000_000_000:
         shot = run.advance_slot()
         every.append(shot.tension_top_n)
         if shot.time_s >= EVERY_S * (len(tensions) + 1) - 1e-9:
@@ -50,10 +54,28 @@ def golden(name: str) -> dict[str, Any]:
     return {
         "machine": machine(),
         "solver": solver_version(run.twin.scene),
+        "parts": parts_of(run.twin.scene),
         "std_n": float(f"{np.std(every):.6g}"),
         "tension_top_n": tensions,
         "state": digests,
     }
+
+
+def parts_of(scene: Scene) -> list[str]:
+    """Return the records that the scene's step is compiled for, and the effects that it lists."""
+    records = re.findall(r"[A-Z]\w+", step_types(scene))
+    return sorted({*records, *listed_effects(scene)})
+
+
+def covering() -> list[str]:
+    """Return scenes that between them have every part: first those that add most of their own."""
+    parts = {name: set(row["parts"]) for name, row in sorted(rows().items())}
+    missing, chosen = set().union(*parts.values()), []
+    while missing:
+        best = max(parts, key=lambda name: len(parts[name] & missing) / len(parts[name]))
+        chosen.append(best)
+        missing -= parts[best]
+    return sorted(chosen)
 
 
 def _digest(run: UnpacedRun) -> str:
@@ -66,14 +88,20 @@ def _digest(run: UnpacedRun) -> str:
     return digest.hexdigest()[:16]
 
 
+def rows() -> dict[str, Any]:
+    """Read the file: a row for each scene."""
+    found: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))
+    return found
+
+
 def write(names: list[str]) -> None:
     """Write the file again for these scenes; the others' rows stay."""
-    found: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+    found = rows() if FILE.exists() else {}
     for name in names:
         found[name] = golden(name)
         sys.stderr.write(f"{name}\n")
-    rows = (f' "{name}": {json.dumps(row)}' for name, row in sorted(found.items()))
-    FILE.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")
+    lines = (f' "{name}": {json.dumps(row)}' for name, row in sorted(found.items()))
+    FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
 """Every scene that comes with the package runs, under heave and its own winch schedule.
 
-A minute of each: `pytest -m long test/stability/test_scenes_run.py`.
+Always 20 s of those that between them have every part of a step; a minute of each of all:
+`pytest -m long test/stability/test_scenes_run.py`.
 """
 
 from __future__ import annotations
 
 import math
 
+import golden_states
 import numpy as np
 import pytest
 from small_scene import not_finite
@@ -20,8 +22,11 @@ SAMPLE_NS = 50_000_000
 AMPLITUDE_M, PERIOD_S = 2.0, 9.0
 
 
-@pytest.mark.parametrize("name", scene_names())
-@pytest.mark.parametrize("seconds", [SOME_S, pytest.param(LONG_S, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [(name, SOME_S) for name in golden_states.covering()]
+    + [pytest.param(name, LONG_S, marks=pytest.mark.long) for name in scene_names()],
+)
 def test_a_scene_runs(name: str, seconds: int) -> None:
     """Finite, every step converged, the pull between nothing and the rope's breaking load."""
     scene = load_scene(name)
