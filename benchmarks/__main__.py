@@ -311,12 +311,14 @@ def _foresight(args: argparse.Namespace, progress: CaseProgress) -> int:
     ]
     settings = ForecastSettings(members=args.members, burn_in_s=args.burn_in)
     cases = [
-        replace(case, motion_error_m=0.0) if args.perfect_sensor else case
+        replace(case, motion_error_m=0.0) if args.perfect_sensor or args.limit else case
         for case in tension_ahead.CASES[: 1 if args.quick else None]
         if not args.scenes or case.scene in args.scenes
     ]
     tension = [
-        tension_ahead.judge_tension(case, tension_origins, progress.show, settings, args.seed)
+        tension_ahead.judge_tension(
+            case, tension_origins, progress.show, settings, args.seed, args.limit
+        )
         for case in cases
         if tension_origins
     ]
@@ -353,6 +355,10 @@ def _foresight_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--perfect-sensor", action="store_true", help="a motion sensor without coloured error"
     )
+    parser.add_argument(
+        "--limit", action="store_true",
+        help="what past heave can tell of tension at all: perfect sensor, known spectrum and rope",
+    )  # fmt: skip
 
 
 def _peers(args: argparse.Namespace, progress: CaseProgress) -> int:

@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 
 from benchmarks.foresight.heave import WHITE_M, assumed_error
 from benchmarks.foresight.seas import DrawnSea, motion_error, recorded_spectrum
-from rope_twin.forecast.heave_process import AHEAD_S, RECORD_S, SAMPLE_S
+from rope_twin.forecast.heave_process import (
+    AHEAD_S,
+    HIGHEST_HZ,
+    LINE_HZ,
+    LOWEST_HZ,
+    RECORD_S,
+    SAMPLE_S,
+    HeaveProcess,
+    HeaveSpectrum,
+)
 from rope_twin.forecast.recorded_lift import RAMP_S, nominal_states
 from rope_twin.forecast.risk import KeptForecasts
 from rope_twin.forecast.score import BAND, LeadScore, brier, score_lead
@@ -30,6 +39,8 @@ from rope_twin.forecast.tension_forecast import (
     TensionForecaster,
 )
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.sea.ship_motion import BoxHull, heave_response
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 
 Floats = NDArray[np.float64]
@@ -98,14 +109,38 @@ class _Hidden:
     least_n: Floats
 
 
+def sea_process(sea: str) -> HeaveProcess:
+    """Return the process that drawn seas are samples of, seen by a sensor with white noise only."""
+    frequency = LOWEST_HZ + LINE_HZ * np.arange(round((HIGHEST_HZ - LOWEST_HZ) / LINE_HZ))
+    gain = np.abs(heave_response(BoxHull(), frequency)) ** 2
+    true = HeaveSpectrum(frequency, recorded_spectrum(sea).density_at(frequency) * gain)
+    return HeaveProcess(true, HeaveSpectrum(frequency, 0.0 * frequency), WHITE_M)
+
+
+class InformedForecaster(TensionForecaster):
+    """Forecasts with the spectrum that the sea is drawn from, in place of that of a record."""
+
+    def __init__(self, scene: Scene, settings: ForecastSettings, sea: str) -> None:
+        super().__init__(scene, settings)
+        self._process = sea_process(sea)
+
+    def heave_process(self, heave_m: Floats) -> HeaveProcess:
+        """Return the process of the sea, whatever the record."""
+        return self._process
+
+
 def judge_tension(
     case: TensionCase,
     origins: int,
     progress: Progress,
     settings: ForecastSettings | None = None,
     seed: int = SEED,
+    limit: bool = False,
 ) -> TensionResult:
     """Forecast the tension at `origins` instants of drawn seas and score the forecasts.
+
+    limit: of what past heave can tell at all: the forecast knows the spectrum of the sea and the
+    figures of the rope, and a case should have a perfect sensor.
 
     The spread's factor follows the kept forecasts of the origins before.
     """
@@ -115,7 +150,11 @@ def judge_tension(
         own, motion_error=assumed_error(case.motion_error_m), load_pin_deviation_n=float(deviation)
     )
     scene = load_scene(case.scene)
-    forecaster = TensionForecaster(scene, own)
+    if limit:
+        own = dataclasses.replace(own, spread={})
+    forecaster = (
+        InformedForecaster(scene, own, case.sea) if limit else TensionForecaster(scene, own)
+    )
     kept, shift_s, cpu_s = KeptForecasts(forecaster.leads), 0.0, 0.0
     scored: list[tuple[TensionForecast, Floats, Floats, Floats]] = []
     group = 0

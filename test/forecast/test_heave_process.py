@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.foresight.seas import DrawnSea, motion_error, recorded_spectrum
+from benchmarks.foresight.tension import sea_process
 from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import (
     AHEAD_S,
@@ -238,3 +239,13 @@ def test_refusals_of_paths() -> None:
     response = np.ones(len(process.spectrum.frequency_hz), complex)
     with pytest.raises(InputError, match="from the origin"):
         process.paths(record, waves=far, response=response)
+
+
+@pytest.mark.parametrize("sea", ["sea_2p5m", "sea_6p5m"])
+def test_drawn_seas_have_the_spectrum_that_the_limit_of_a_forecast_knows(sea: str) -> None:
+    """Their mean variance is the process's: 200 seas of some 30 independent lines each."""
+    random = np.random.default_rng(7)
+    drawn = [DrawnSea.draw(recorded_spectrum(sea), random).heave_deviation_m for _ in range(200)]
+    assert np.mean(np.square(drawn)) == pytest.approx(
+        sea_process(sea).spectrum.variance_m2, rel=0.02
+    )
