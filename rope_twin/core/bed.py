@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.jit.decorators import jit_entry, jit_within
-from rope_twin.core.joined.stack import differs
+from rope_twin.core.loads.hooks import differs
 from rope_twin.core.state import Floats
 
 

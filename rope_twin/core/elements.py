@@ -36,6 +36,7 @@ from rope_twin.core.state import (
     PER_METRE,
     POSITION,
     REST,
+    SAME_PLACE,
     SECTION,
     STIFFNESS,
     STRETCH2_MIN,
@@ -46,8 +47,6 @@ from rope_twin.core.state import (
     Rope,
     Stage,
 )
-
-SAME_PLACE = 1e-6  # m: material coordinates closer than this are one
 
 
 @jit_within

@@ -26,7 +26,6 @@ from typing import Any
 
 from rope_twin.core.axial_law import law_of
 from rope_twin.core.elements import (
-    SAME_PLACE,
     section_above,
     set_element,
     set_growth,
@@ -40,15 +39,19 @@ from rope_twin.core.jit.rows import copy
 from rope_twin.core.loads.balance import add_load, add_pull, set_flow
 from rope_twin.core.state import (
     ACCELERATION,
+    AFTER,
     DIRECTION,
     ELEMENTS,
     END,
     GROWTH,
+    HIGH,
     LENGTH,
     LINE_COLUMN,
+    LOW,
     LOWEST_OFFSET,
     MASS,
     MERGES,
+    MIDDLE,
     NODE_ROWS,
     PER_METRE,
     POSITION,
@@ -58,6 +61,7 @@ from rope_twin.core.state import (
     PULL_Z,
     RESIDUAL,
     REST,
+    SAME_PLACE,
     SPLITS,
     STIFFNESS,
     STRETCH2_MIN,
@@ -73,7 +77,6 @@ from rope_twin.core.state import (
     State,
 )
 
-LOW, MIDDLE, HIGH, AFTER = -4, -3, -2, -1  # from the end of the arrays
 TRIALS = 4
 FORCED_SPLIT = 4.0  # times split_above: an element this long splits even when slack
 SAG_LIMIT = 0.05  # of the chord: a new node farther off it is placed on the chord

@@ -78,6 +78,13 @@ LINK = WORK_ROWS  # c of the blocks c·I added between nodes i and i + 1, and i 
 FACTOR = LINK + 2  # of the factorisation: 6 entries of a symmetric matrix
 COUPLED_ROWS = FACTOR + 6
 
+# or in a rope between two connections of a dense system (core/joined/chains):
+FAR = WORK_ROWS  # 9 rows: H of the nodes
+CHAIN_ROWS = FAR + 9
+COUPLED_FAR = LINK + 2  # 9 rows: F of a node, by columns
+COUPLED_CHAIN_ROWS = COUPLED_FAR + 9
+
+
 LINE_DOUBLES = 8  # per cache line
 
 # Rows of `sections`; one column per section of the rope, from the lower end up:
@@ -104,6 +111,10 @@ X, Y, Z, LINE, MOTIONS = range(5)
 STEPS_PER_CALL = 256  # number of steps for which a twin prescribes motion at most
 # For kernel arguments: numba compiles a kernel again for every literal that it is called with.
 ZERO, KEPT_ROWS, LINE_COLUMN = np.int64(0), np.int64(KEPT), np.int64(LINE)
+
+SAME_PLACE = 1e-6  # m: material coordinates closer than this are one
+# Columns of what a split or merge needs, from the end of the arrays (core/payout):
+LOW, MIDDLE, HIGH, AFTER = -4, -3, -2, -1
 
 
 class Model(NamedTuple):

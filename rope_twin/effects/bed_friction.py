@@ -26,10 +26,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.bed import Grid, Plane, beds_at, grid_bed, plane_bed
-from rope_twin.core.energy import account
 from rope_twin.core.integrator import TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import (

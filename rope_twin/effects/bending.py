@@ -25,11 +25,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.joined.stack import differs
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.accounts import account
+from rope_twin.core.loads.hooks import differs, kernel
 from rope_twin.core.state import BLOCK, LINK, POSITION, RESIDUAL, REST
 from rope_twin.quantity import quantity
 

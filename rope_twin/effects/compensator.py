@@ -50,9 +50,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import lowest_account
 from rope_twin.core.integrator import GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.loads.accounts import lowest_account
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import DIVISOR_MIN, POSITION, VELOCITY, Floats

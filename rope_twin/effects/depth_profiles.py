@@ -28,12 +28,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account, account_soaked, wets
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows, span
-from rope_twin.core.joined.stack import differs
+from rope_twin.core.loads.accounts import account, account_soaked, wets
 from rope_twin.core.loads.balance import Node, end_relative
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.hooks import differs, kernel
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.functions import interpolate
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import Load
 from rope_twin.core.loads.hooks import grows, kernel
 from rope_twin.core.state import DIVISOR_MIN, SPEED2_MIN, Floats

@@ -38,10 +38,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account
 from rope_twin.core.integrator import GAMMA, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_entry, jit_within
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import (

@@ -34,9 +34,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import Load, add_to_node
 from rope_twin.core.loads.hooks import grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering

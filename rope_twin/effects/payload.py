@@ -30,13 +30,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.joined.stack import differs
 from rope_twin.core.lanes.effects import by_lane
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import end_relative
-from rope_twin.core.loads.hooks import grows, kernel, switching
+from rope_twin.core.loads.hooks import differs, grows, kernel, switching
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

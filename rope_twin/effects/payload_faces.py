@@ -24,12 +24,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account
 from rope_twin.core.jit.rows import rows, span
-from rope_twin.core.joined.stack import differs
 from rope_twin.core.lanes.effects import by_lane
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node, end_relative
-from rope_twin.core.loads.hooks import FAIRINGS, grows, kernel
+from rope_twin.core.loads.hooks import FAIRINGS, differs, grows, kernel
 from rope_twin.core.loads.panel import (
     SOLIDITY_MOST,
     mesh_fault,

@@ -24,10 +24,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.functions import interpolate
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import end_relative
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering

@@ -29,10 +29,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account
 from rope_twin.core.integrator import K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import VORTICES, grows, kernel
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, SPEED2_MIN, TANGENT, VELOCITY, Floats

@@ -31,10 +31,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account, account_soaked, wets
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import choose
+from rope_twin.core.loads.accounts import account, account_soaked, wets
 from rope_twin.core.loads.balance import Load, Node
 from rope_twin.core.loads.hooks import grows, kernel, wide_kernel
 from rope_twin.core.state import (

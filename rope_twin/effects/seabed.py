@@ -25,10 +25,10 @@ from rope_twin.core.bed import (
     grid_bed,
     plane_bed,
 )
-from rope_twin.core.energy import account
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import ALL, bits, choose
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import Load, add_to_node
 from rope_twin.core.loads.hooks import kernel, switching, wide_kernel
 from rope_twin.core.state import CORRECTION, POSITION, VELOCITY, Floats

@@ -27,11 +27,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.energy import account
 from rope_twin.core.integrator import BDF2, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.functions import cosine
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import VORTICES, grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials

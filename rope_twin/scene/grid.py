@@ -9,8 +9,7 @@ from math import cos, inf, isinf, pi, sin, sqrt
 
 import numpy as np
 
-from rope_twin.core.elements import SAME_PLACE
-from rope_twin.core.state import Floats
+from rope_twin.core.state import SAME_PLACE, Floats
 from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.scene.schema import Damping, Environment, Grading, Rope, RopeLine, Scene
 from rope_twin.scene.shapes import PayloadFigures

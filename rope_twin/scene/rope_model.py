@@ -14,7 +14,6 @@ from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.body.components import Shedding
 from rope_twin.core.body.state import Afloat, GridBed, PlaneBed, RigidBody
 from rope_twin.core.body.step import with_parts
-from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.fibre import new_fibre
 from rope_twin.core.loads.hooks import hooks_of, work_rows
 from rope_twin.core.moved_end import HarmonicEnd, LedEnd, led_end
@@ -22,6 +21,7 @@ from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     ELEMENTS,
     POSITION,
+    SAME_PLACE,
     STEPS_PER_CALL,
     Floats,
     Model,

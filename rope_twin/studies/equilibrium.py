@@ -23,7 +23,7 @@ from rope_twin.core.body.state import LENGTH, Deck, GridBed, PlaneBed, RigidBody
 from rope_twin.core.body.step import Pose, pose_of
 from rope_twin.core.joined import joints as ties
 from rope_twin.core.joined.joints import LOOSE, System
-from rope_twin.core.joined.sheaves import FROM, INTO, POINT, SHEAVE_MASS, WHEEL, Sheaves
+from rope_twin.core.joined.stack import FROM, INTO, POINT, SHEAVE_MASS, WHEEL, Sheaves
 from rope_twin.core.joined.statics import solve_reeved_statics, weigh
 from rope_twin.core.state import (
     BLOCK,

@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Power, SystemBorder, accounts_of, lost
+from rope_twin.core.energy import Power, SystemBorder, lost
 from rope_twin.core.joined.joints import System
+from rope_twin.core.loads.accounts import accounts_of
 from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.core.state import STEPS_PER_CALL, Boundary, Floats, Rope
 from rope_twin.errors import SceneError, phrase

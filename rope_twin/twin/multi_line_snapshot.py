@@ -19,7 +19,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.joined.joints import FIRST, PULL, SECOND, System
-from rope_twin.core.joined.sheaves import FLOW_COLUMN, POINT
+from rope_twin.core.joined.stack import FLOW_COLUMN, POINT
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase

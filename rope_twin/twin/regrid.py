@@ -29,14 +29,14 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.axial_law import FibreLaw, held_strain, held_tension, hold, sections_law
 from rope_twin.core.body.state import RigidBody
-from rope_twin.core.elements import SAME_PLACE
-from rope_twin.core.energy import law_of_lowest
 from rope_twin.core.joined.joints import System, loaded_ends, new_system, with_flows
-from rope_twin.core.joined.sheaves import FLOW_COLUMN
+from rope_twin.core.joined.stack import FLOW_COLUMN
+from rope_twin.core.loads.accounts import law_of_lowest
 from rope_twin.core.loads.hooks import work_rows
 from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
+    SAME_PLACE,
     Floats,
     Ints,
     Model,

@@ -28,10 +28,10 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.body.state import RigidBody
-from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.loads.hooks import hooks_of, work_rows
 from rope_twin.core.payout import SMALLEST_REST
 from rope_twin.core.state import (
+    SAME_PLACE,
     Boundary,
     Floats,
     Rope,

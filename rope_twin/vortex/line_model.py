@@ -25,7 +25,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.joined.joints import FIRST, LOOSE, SECOND, System
-from rope_twin.core.joined.sheaves import POINT
+from rope_twin.core.joined.stack import POINT
 from rope_twin.core.state import ELEMENTS, FLOW, POSITION, VELOCITY, Boundary, Floats, Rope, State
 from rope_twin.effects.bending import Bending
 from rope_twin.effects.payload import Payload, TwoWayPayload

@@ -13,9 +13,8 @@ from scipy.spatial.transform import Rotation
 from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
 from rope_twin.core.body.components import HAT, WEIGHT
-from rope_twin.core.body.motion import vector
 from rope_twin.core.body.solution import balance
-from rope_twin.core.body.state import PlaneBed, RigidBody
+from rope_twin.core.body.state import PlaneBed, RigidBody, vector
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import is_calm
 from rope_twin.effects.payload import SplashZoneParams

@@ -13,7 +13,7 @@ from test_effects import BLOCKS, R, jacobian, matrix
 from test_energy_accounts import seen, three
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import account_sum
+from rope_twin.core.loads.accounts import account_sum
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth, set_growth

@@ -9,7 +9,7 @@ import pytest
 from effect_cases import CURTAINS, NODES, acting, apply, data_of, loads, some_stage, some_work
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Place, account, account_sum, accounts_of, wetted
+from rope_twin.core.loads.accounts import Place, account, account_sum, accounts_of, wetted
 from rope_twin.core.loads.hooks import grown, hooks_of
 from rope_twin.core.state import Floats
 from rope_twin.effects import EFFECTS
@@ -118,7 +118,7 @@ def test_an_effect_that_loads_the_rope_says_its_energy(name: str) -> None:
     )
     assert loading == bool(accounts_of(kind)), (
         f"effect '{name}' loads the rope: say what it stores or brings by functions beside its"
-        " kernels, @account(kind, Type) of rope_twin.core.energy"
+        " kernels, @account(kind, Type) of rope_twin.core.loads.accounts"
     )
 
 

@@ -18,10 +18,10 @@ from test_joined_energy import balance, fine
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import assembly, jit_entry
 from rope_twin.core.joined import chains as coupled_chains
-from rope_twin.core.joined.chains import COUPLED_CHAIN_ROWS
 from rope_twin.core.joined.joints import Joined
 from rope_twin.core.joined.linear_solver import solve_system
 from rope_twin.core.joined.stack import stacked_effects
+from rope_twin.core.state import COUPLED_CHAIN_ROWS
 from rope_twin.effects.bending import Bending, BendingParams
 from rope_twin.effects.rope_mass import Weight
 from rope_twin.scene.joined_model import build_joined

@@ -14,7 +14,7 @@ from test_energy_accounts import DT, seen, stored, three
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.core.energy import account_sum
+from rope_twin.core.loads.accounts import account_sum
 from rope_twin.core.state import Floats
 from rope_twin.effects import Surroundings
 from rope_twin.effects.net_curtain import SHARE, NetCurtain, NetCurtainParams, build

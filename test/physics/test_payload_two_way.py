@@ -14,8 +14,8 @@ from rigs import Rig, Vector, march, still
 
 from rope_twin import load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Place, account_sum
 from rope_twin.core.jit.wide import LANES
+from rope_twin.core.loads.accounts import Place, account_sum
 from rope_twin.core.loads.hooks import all_wide
 from rope_twin.effects import Surroundings
 from rope_twin.effects.payload import Payload, PayloadParams, TwoWayPayload, build

@@ -14,8 +14,8 @@ from test_effects import BLOCKS, R, jacobian, matrix
 from test_energy_accounts import seen, three
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import account_sum
 from rope_twin.core.jit.decorators import jit_entry
+from rope_twin.core.loads.accounts import account_sum
 from rope_twin.effects import strouhal_forcing as strouhal
 from rope_twin.effects.strouhal_forcing import StrouhalForcing, StrouhalForcingParams
 

@@ -17,7 +17,7 @@ from test_energy_accounts import seen, three
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.core.energy import account_sum
+from rope_twin.core.loads.accounts import account_sum
 from rope_twin.effects import travelling_waves as tw
 from rope_twin.effects.travelling_waves import TravellingWaves, TravellingWavesParams
 from validation.published_ropes import LCD_CABLE

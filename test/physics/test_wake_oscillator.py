@@ -19,7 +19,7 @@ from test_energy_accounts import seen, three
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.core.energy import account_sum
+from rope_twin.core.loads.accounts import account_sum
 from rope_twin.effects import wake_oscillator as wake
 from rope_twin.effects.wake_oscillator import WakeOscillator, WakeOscillatorParams
 from rope_twin.vortex.wake import _shed

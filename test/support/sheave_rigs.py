@@ -9,7 +9,7 @@ from joint_rigs import JointBench, Line, Vector, rest
 from rigs import Rig
 
 from rope_twin.core import state as rows
-from rope_twin.core.joined.sheaves import FLOW_COLUMN, WHEEL
+from rope_twin.core.joined.stack import FLOW_COLUMN, WHEEL
 from rope_twin.core.joined.statics import Wheel, reeve
 from rope_twin.scene.schema import Winch
 

@@ -45,8 +45,14 @@ import numpy as np
 from rope_twin.core.bed import Plane, beds_at, grid_bed, plane_bed
 from rope_twin.core.body import state as at
 from rope_twin.core.body.loads import part
-from rope_twin.core.body.motion import (
+from rope_twin.core.body.state import (
+    CREEP,
     NONE,
+    Afloat,
+    Deck,
+    GridBed,
+    PlaneBed,
+    RigidBody,
     add_change,
     add_steady,
     along,
@@ -59,14 +65,10 @@ from rope_twin.core.body.motion import (
     put,
     vector,
 )
-from rope_twin.core.body.state import Afloat, Deck, GridBed, PlaneBed, RigidBody
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.functions import by_type
 from rope_twin.core.loads.balance import set_flow
-from rope_twin.core.payout import LOW
-from rope_twin.core.state import ELEMENTS, POSITION, SPEED2_MIN, SURFACE, VELOCITY, Floats
-
-CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]
+from rope_twin.core.state import ELEMENTS, LOW, POSITION, SPEED2_MIN, SURFACE, VELOCITY, Floats
 
 
 @jit

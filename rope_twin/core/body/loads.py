@@ -4,7 +4,7 @@
 is a NamedTuple among a body's `parts`; its file registers kernels by `@part(hook, Type)`:
 
 - `act(part, body, q, pose)`: force and moment about G in body axes and the sum of the magnitudes;
-  it subtracts q times their derivatives from the matrix (core/body/motion.py). pose: position, R,
+  it subtracts q times their derivatives from the matrix (core/body/state.py). pose: position, R,
   velocity, angular velocity.
 - `foresee(part, body, rope, stage, pose)`: called before a stage is solved, at its predicted pose.
 - `keep(part, body, record)`: called with the record that a converged substep is written to.
@@ -32,7 +32,7 @@ coefficients blend from descent to ascent as in effects/payload; the momentum is
 
 The tension of a sling is max(0, k·(l - L) + c·dl/dt), the force of a pin k·d + c·dd/dt in all
 directions; other loads are components. Newton's matrix is the derivative of all this
-(core/body/motion.py), including arms and directions that turn with the body.
+(core/body/state.py), including arms and directions that turn with the body.
 """
 
 from __future__ import annotations
@@ -43,8 +43,26 @@ from typing import Any
 
 from numba.extending import overload
 
-from rope_twin.core.body.motion import (
+from rope_twin.core.body.state import (
+    ARM_HELD,
+    D_SPEED,
+    D_SPIN,
+    D_TURN,
+    DAMPING,
+    FLOW_GROWS,
+    FLOW_NOW,
+    FORCES,
+    FROZEN,
+    HELD,
+    LENGTH,
     NONE,
+    ON_HOOK,
+    SHARE,
+    STIFFNESS,
+    WET,
+    WET_ARM,
+    WET_HELD,
+    Immersed,
     add_change,
     add_moment_change,
     add_steady,
@@ -59,26 +77,6 @@ from rope_twin.core.body.motion import (
     set_changes,
     unit,
     vector,
-)
-from rope_twin.core.body.state import (
-    ARM_HELD,
-    D_SPEED,
-    D_SPIN,
-    D_TURN,
-    DAMPING,
-    FLOW_GROWS,
-    FLOW_NOW,
-    FORCES,
-    FROZEN,
-    HELD,
-    LENGTH,
-    ON_HOOK,
-    SHARE,
-    STIFFNESS,
-    WET,
-    WET_ARM,
-    WET_HELD,
-    Immersed,
 )
 from rope_twin.core.jit.decorators import LINKED, jit, jit_within
 from rope_twin.core.loads.hooks import written_out

@@ -26,25 +26,11 @@ from __future__ import annotations
 from math import atan, cos, nan, sin, sqrt
 from typing import Any
 
-from rope_twin.core.body.components import CREEP
 from rope_twin.core.body.loads import highest_floor, loads, momenta, pull_of
-from rope_twin.core.body.motion import (
-    NONE,
-    along,
-    angular_velocity,
-    dot,
-    inward,
-    matrix_of,
-    outward,
-    put,
-    quaternion,
-    turned,
-    unit,
-    vector,
-)
 from rope_twin.core.body.state import (
     ARM_HELD,
     ATTITUDE,
+    CREEP,
     FLOW_GROWS,
     FLOW_NOW,
     FORCES,
@@ -55,6 +41,7 @@ from rope_twin.core.body.state import (
     L_NOW,
     LENGTH,
     MISS,
+    NONE,
     P_HAT,
     P_NOW,
     PLACE,
@@ -78,6 +65,17 @@ from rope_twin.core.body.state import (
     Q,
     V,
     X,
+    along,
+    angular_velocity,
+    dot,
+    inward,
+    matrix_of,
+    outward,
+    put,
+    quaternion,
+    turned,
+    unit,
+    vector,
 )
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.state import DIVISOR_MIN

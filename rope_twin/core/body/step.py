@@ -25,8 +25,18 @@ import numpy as np
 from rope_twin.core.body import state as at
 from rope_twin.core.body.components import OWN_COLUMNS, OWN_ENTRIES, Shedding
 from rope_twin.core.body.loads import TURN2, foresee_all, keep_all, momenta, power_of
-from rope_twin.core.body.motion import (
+from rope_twin.core.body.solution import left_on_hook, solve, solve_body_statics
+from rope_twin.core.body.state import (
+    DAMPING,
+    LENGTH,
     NONE,
+    STIFFNESS,
+    Afloat,
+    Deck,
+    GridBed,
+    Immersed,
+    PlaneBed,
+    RigidBody,
     along,
     dot,
     matrix_of,
@@ -36,26 +46,13 @@ from rope_twin.core.body.motion import (
     turned,
     vector,
 )
-from rope_twin.core.body.solution import left_on_hook, solve, solve_body_statics
-from rope_twin.core.body.state import (
-    DAMPING,
-    LENGTH,
-    STIFFNESS,
-    Afloat,
-    Deck,
-    GridBed,
-    Immersed,
-    PlaneBed,
-    RigidBody,
-)
-from rope_twin.core.energy import account
 from rope_twin.core.integrator import GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import set_flow
 from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.loads.memory import remembering
-from rope_twin.core.payout import LOW
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -63,6 +60,7 @@ from rope_twin.core.state import (
     ELEMENTS,
     FLOW,
     FLOW_RATE,
+    LOW,
     POSITION,
     RESIDUAL,
     SLING2_MIN,

@@ -51,10 +51,17 @@ from rope_twin.core.jit.rows import column, lane, load, pair, row, rows
 from rope_twin.core.loads import balance
 from rope_twin.core.loads.hooks import chosen_by, couples
 from rope_twin.core.pentadiagonal import SECOND, keep_node, kept_of, set_column
-from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, LINK, RESIDUAL, WORK_ROWS, ZERO
+from rope_twin.core.state import (
+    BLOCK,
+    CORRECTION,
+    COUPLED_FAR,
+    ELIMINATED,
+    FAR,
+    LINK,
+    RESIDUAL,
+    ZERO,
+)
 
-FAR = WORK_ROWS  # 9 rows: H of the nodes
-CHAIN_ROWS = FAR + 9
 _FAR_RECORD = 18  # numbers: pairs of H by rows
 # The record of the middle node: y, H of either end by columns, and its matrix.
 _OWN, _LOW, _HIGH, _MATRIX = 0, 3, 12, 21
@@ -263,8 +270,6 @@ def substitute_between(work: Any, n: int) -> None:
 
 
 INVERSE = ELIMINATED + 12  # after own and G: 6 rows, S⁻¹ of a node
-COUPLED_FAR = LINK + 2  # 9 rows: F of a node, by columns
-COUPLED_CHAIN_ROWS = COUPLED_FAR + 9
 _NOTHING = (0.0, 0.0, 0.0)
 _NIL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _NONE = (_NOTHING, _NOTHING, _NOTHING)
@@ -381,11 +386,6 @@ def substitute_coupled_between(work: Any, n: int) -> None:
             own = add(own, scaled(share, column(work, COUPLED_FAR + 3 * k, i)))
         near, far = own, near
         set_column(work, CORRECTION, i, near)
-
-
-def chain_rows(effects: tuple[Any, ...]) -> int:
-    """Return the rows of scratch of a chain between connections with these effects."""
-    return COUPLED_CHAIN_ROWS if couples(map(type, effects)) else CHAIN_ROWS
 
 
 @jit

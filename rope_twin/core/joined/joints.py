@@ -27,8 +27,7 @@ from rope_twin.core.elimination import RECORD
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.plan import DENSE, Plan, Topology, new_plan, write_plan
-from rope_twin.core.joined.sheaves import FLOW_COLUMN, POINT, Sheaves
-from rope_twin.core.joined.stack import Stack, load, new_stack, view_of
+from rope_twin.core.joined.stack import FLOW_COLUMN, POINT, Sheaves, Stack, load, new_stack, view_of
 from rope_twin.core.loads.hooks import couples
 from rope_twin.core.state import (
     BLOCK,

@@ -21,12 +21,24 @@ and of the elements' mass to u, which are V·q/l and p·load/EA relative to the 
 from __future__ import annotations
 
 from math import acos, nan, sqrt, tanh
-from typing import Any, NamedTuple
+from typing import Any
 
 from rope_twin.core.elements import set_top_length
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
-from rope_twin.core.joined.stack import rope_of
+from rope_twin.core.joined.stack import (
+    CREEP,
+    FLOW_COLUMN,
+    FRICTION,
+    FROM,
+    INTO,
+    NOWHERE,
+    POINT,
+    SHEAVE_MASS,
+    SHEAVE_WEIGHT,
+    WHEEL,
+    rope_of,
+)
 from rope_twin.core.payout import finish
 from rope_twin.core.state import (
     ACCELERATION,
@@ -43,30 +55,7 @@ from rope_twin.core.state import (
     VELOCITY,
     ZERO,
     Boundary,
-    Floats,
-    Ints,
 )
-
-NOWHERE = -1  # sheave of a rope without one at its upper end
-# Rows of `figures`, one column per sheave:
-POINT, FLOW_COLUMN = 0, 1  # columns of `joints`: of the sheave and of its flow
-INTO, FROM = 2, 3  # the rope that a positive flow lengthens, and the other
-SHEAVE_MASS, SHEAVE_WEIGHT = 4, 5  # [kg], in water [N]
-WHEEL = 6  # inertia of the turning wheel over its radius squared [kg]
-FRICTION = 7  # of the rope on the wheel: F/F' = exp(FRICTION·angle of wrap)
-SHEAVE_ROWS = 8
-CREEP = 0.01  # m/s: speed at which friction is 76 % of its limit
-
-
-class Sheaves(NamedTuple):
-    """The sheaves of a multi-line system."""
-
-    figures: Floats  # (SHEAVE_ROWS, sheaves)
-    of: Ints  # sheave at each rope's upper end, or NOWHERE
-    side: Floats  # of each rope: 1 if a positive flow lengthens it, -1 if it shortens it
-    base: Floats  # length of each rope at zero flow [m]
-    way: Floats  # scratch: B of each rope's last node, (3, ropes)
-    borders: Boundary  # scratch: the last node's motion as of a hang-off, (ropes, 2, MOTIONS)
 
 
 @jit_within

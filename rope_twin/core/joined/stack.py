@@ -10,22 +10,31 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
 from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit
-from rope_twin.core.joined.chains import chain_rows
-from rope_twin.core.loads.hooks import kernels_by_place, members, struct_text, written_out
+from rope_twin.core.loads.hooks import (
+    DIFFERING,
+    couples,
+    kernels_by_place,
+    members,
+    struct_text,
+    written_out,
+)
 from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.state import (
+    CHAIN_ROWS,
     COUNTS,
+    COUPLED_CHAIN_ROWS,
     END,
     HEALTH,
     NODE_ROWS,
     SECTION_ROWS,
+    Boundary,
     Floats,
     Ints,
     Model,
@@ -52,10 +61,6 @@ class Numbers(NamedTuple):
     figures: Floats  # the numbers of each, also those of its parts, (ropes, numbers)
 
 
-# the places of the fields that are real numbers, of each type whose numbers may differ
-_DIFFERS: dict[type, list[int]] = {}
-
-
 class Stack(NamedTuple):
     """Arrays of all ropes, stacked along the first axis; other axes are those of a Rope."""
 
@@ -71,17 +76,10 @@ class Stack(NamedTuple):
     law: Table | None
 
 
-def differs(*kinds: type) -> None:
-    """Declare that the numbers of these types of effects may differ from rope to rope."""
-    for kind in kinds:
-        hints = get_type_hints(kind).values()
-        _DIFFERS[kind] = [k for k, hint in enumerate(hints) if hint is float]
-
-
 def _real(effect: Any) -> Any:
     """Return an effect whose fields that are meant to be real numbers are."""
     parts = list(effect)
-    for k in _DIFFERS[type(effect)]:
+    for k in DIFFERING[type(effect)]:
         parts[k] = float(parts[k])
     return type(effect)(*parts)
 
@@ -110,7 +108,7 @@ def stacked_effects(ropes: Sequence[Rope], room: int) -> tuple[Any, ...]:
     for own in zip(*(rope.effects for rope in ropes), strict=True):
         if numbers_carried(type(own[0])):
             made.append(_stacked_memories(own, room))
-        elif type(own[0]) in _DIFFERS:
+        elif type(own[0]) in DIFFERING:
             real = [_real(one) for one in own]
             made.append(Numbers(real[0], np.array([_flat(one) for one in real])))
         else:
@@ -146,6 +144,11 @@ def store_memories(stacked: tuple[Any, ...], ropes: Sequence[Rope]) -> None:
         if isinstance(effect, Memories):
             for rope, memory in zip(ropes, effect.memory, strict=True):
                 _copy_columns(memory, rope.effects[place].memory)
+
+
+def chain_rows(effects: tuple[Any, ...]) -> int:
+    """Return the rows of scratch of a chain between connections with these effects."""
+    return COUPLED_CHAIN_ROWS if couples(map(type, effects)) else CHAIN_ROWS
 
 
 def _with_columns(rope: Rope, room: int) -> Rope:
@@ -328,3 +331,25 @@ def rope_of(stack: Any, r: int) -> Any:
         effects_at(stack.effects, r),
         _law_at(stack.law, r),
     )
+
+
+NOWHERE = -1  # sheave of a rope without one at its upper end
+# Rows of `figures`, one column per sheave:
+POINT, FLOW_COLUMN = 0, 1  # columns of `joints`: of the sheave and of its flow
+INTO, FROM = 2, 3  # the rope that a positive flow lengthens, and the other
+SHEAVE_MASS, SHEAVE_WEIGHT = 4, 5  # [kg], in water [N]
+WHEEL = 6  # inertia of the turning wheel over its radius squared [kg]
+FRICTION = 7  # of the rope on the wheel: F/F' = exp(FRICTION·angle of wrap)
+SHEAVE_ROWS = 8
+CREEP = 0.01  # m/s: speed at which friction is 76 % of its limit
+
+
+class Sheaves(NamedTuple):
+    """The sheaves of a multi-line system."""
+
+    figures: Floats  # (SHEAVE_ROWS, sheaves)
+    of: Ints  # sheave at each rope's upper end, or NOWHERE
+    side: Floats  # of each rope: 1 if a positive flow lengthens it, -1 if it shortens it
+    base: Floats  # length of each rope at zero flow [m]
+    way: Floats  # scratch: B of each rope's last node, (3, ropes)
+    borders: Boundary  # scratch: the last node's motion as of a hang-off, (ropes, 2, MOTIONS)

@@ -27,7 +27,7 @@ from rope_twin.core.body.state import RigidBody
 from rope_twin.core.body.step import start
 from rope_twin.core.joined.initial_guess import coarsen, interpolate_from, set_initial_guess
 from rope_twin.core.joined.joints import LOOSE, System, with_flows
-from rope_twin.core.joined.sheaves import FRICTION, FROM, INTO, NOWHERE, SHEAVE_ROWS, WHEEL, Sheaves
+from rope_twin.core.joined.stack import FRICTION, FROM, INTO, NOWHERE, SHEAVE_ROWS, WHEEL, Sheaves
 from rope_twin.core.loads.memory import forget_memories
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (

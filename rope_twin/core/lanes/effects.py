@@ -42,13 +42,13 @@ from rope_twin.core.loads.hooks import (
     written_out,
 )
 from rope_twin.core.loads.memory import numbers_carried
-from rope_twin.core.payout import LOW
 from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,
     FLOW,
     FLOW_RATE,
     KEPT,
+    LOW,
     POSITION,
     RESIDUAL,
     SURFACE,

@@ -8,7 +8,6 @@ import numpy as np
 from numba import config
 
 from rope_twin.core.axial_law import Fibre
-from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.jit.decorators import compiled
 from rope_twin.core.jit.wide import ALL, LANES
 from rope_twin.core.lanes.effects import (
@@ -35,6 +34,7 @@ from rope_twin.core.state import (
     MOTIONS,
     NODE_ROWS,
     PULL_COLUMNS,
+    SAME_PLACE,
     SECTION_ROWS,
     SOLVES,
     SOLVES_MAX,

@@ -17,14 +17,7 @@ from math import exp, sqrt
 from typing import Any, NamedTuple
 
 from rope_twin.core.axial_law import law_of
-from rope_twin.core.elements import (
-    SAME_PLACE,
-    count_unexpected,
-    set_element,
-    set_top_of,
-    stretch,
-    stretch_all,
-)
+from rope_twin.core.elements import count_unexpected, set_element, set_top_of, stretch, stretch_all
 from rope_twin.core.integrator import (
     BDF2,
     GAMMA,
@@ -80,6 +73,7 @@ from rope_twin.core.state import (
     POSITION,
     RESIDUAL,
     REST,
+    SAME_PLACE,
     TANGENT2_MIN,
     TENSION,
     VELOCITY,

@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_sum, jit_within
 from rope_twin.core.jit.functions import renewed
 from rope_twin.core.jit.rows import row, rows, span
@@ -52,6 +51,7 @@ from rope_twin.core.state import (
     PULL,
     PULL_X,
     RESIDUAL,
+    SAME_PLACE,
     SURFACE,
     TANGENT,
     TANGENT2_MIN,

@@ -53,7 +53,7 @@ the effects as they are.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, get_type_hints
 
 from numba import types
 from numba.extending import overload
@@ -69,6 +69,8 @@ WITHIN = ("soak", "load", "share", "axial")  # put into the loop that calls them
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 _SWITCHING: set[type] = set()
 _WIDE: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
+# the places of the fields that are real numbers, of each type whose numbers may differ
+DIFFERING: dict[type, list[int]] = {}
 
 
 def kernel(hook: str, effect: type, *, wide: bool = False) -> Callable[[Any], Any]:
@@ -107,6 +109,13 @@ def switches(kinds: Iterable[type]) -> bool:
 def may_be_calm(kinds: Iterable[type]) -> bool:
     """Return whether all effects of these types with an active set can report it unchanged."""
     return all(kind in _KERNELS["calm"] for kind in kinds if kind in _SWITCHING)
+
+
+def differs(*kinds: type) -> None:
+    """Declare that the numbers of these types of effects may differ from rope to rope."""
+    for kind in kinds:
+        hints = get_type_hints(kind).values()
+        DIFFERING[kind] = [k for k, hint in enumerate(hints) if hint is float]
 
 
 def wide_kernel(hook: str, effect: type) -> Callable[[Any], Any]:

@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.elements import SAME_PLACE
 from rope_twin.core.payout import SMALLEST_REST, TRIALS
-from rope_twin.core.state import Floats, Ints, Model, Rope, State, new_state
+from rope_twin.core.state import SAME_PLACE, Floats, Ints, Model, Rope, State, new_state
 from rope_twin.effects.current import profile_of, with_profile
 from rope_twin.errors import InputError, StateError, phrase
 from rope_twin.scene.rigging import is_joined
