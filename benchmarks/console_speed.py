@@ -29,8 +29,7 @@ from rope_twin.console.requests import Log
 from rope_twin.console.server import FOLDER
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status
-from rope_twin.twin.quality import CAUSES
-from rope_twin.twin.snapshot import Quality, RopeStrength, Snapshot, WinchShot
+from rope_twin.twin.snapshot import CAUSES, Quality, RopeStrength, Snapshot, WinchShot
 
 CHROMIUM = Path("/usr/bin/chromium")
 PUBLISHED_HZ = 50.0

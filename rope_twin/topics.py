@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from rope_twin.scene.schema import WINCH
 from rope_twin.scene.winch import SWITCHES
-from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION
+from rope_twin.twin.snapshot import DEPTH, LENGTH, SPEED, TENSION
 
 
 class Qos(Enum):

@@ -31,8 +31,7 @@ from rope_twin.alerts.limits import (
 )
 from rope_twin.messages.status import Level, Status
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.quality import disagrees
-from rope_twin.twin.snapshot import BORDER, Snapshot
+from rope_twin.twin.snapshot import BORDER, Snapshot, disagrees
 from rope_twin.twin.winch.commands import EMERGENCY_STOP
 
 SLACK_MARGIN = 0.1  # of the static submerged weight, as DNV-RP-N103 4.4 is quoted

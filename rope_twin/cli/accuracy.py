@@ -18,7 +18,8 @@ from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_tabl
 from rope_twin.cli.selection import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
-from rope_twin.scene.convergence import format_bound, known_error, read_study, study_path
+from rope_twin.scene.convergence import known_error, read_study, study_path
+from rope_twin.scene.error_bound import format_bound
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import Scene
 from rope_twin.studies import accuracy_page, accuracy_within

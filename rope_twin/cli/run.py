@@ -129,9 +129,8 @@ def _vortex_words(scene: Scene) -> str:
     A warning reports too little of them by itself (rope_twin.scene.rope_warnings).
     """
     from rope_twin.scene.lift import lift_figures
-    from rope_twin.scene.relations import shedding_model
     from rope_twin.scene.rigging import is_joined
-    from rope_twin.scene.vortex_warnings import check_vortex_resolution, vortex_words
+    from rope_twin.scene.vortex import check_vortex_resolution, shedding_model, vortex_words
 
     if not shedding_model(scene) or is_joined(scene):
         return ""

@@ -23,7 +23,8 @@ from rope_twin.cli.scene_raos import add_raos, run_raos
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
-from rope_twin.scene.convergence import format_bound, known_error
+from rope_twin.scene.convergence import known_error
+from rope_twin.scene.error_bound import format_bound
 from rope_twin.scene.lift import (
     LiftFigures,
     hung_together,
@@ -38,8 +39,9 @@ from rope_twin.scene.rope_warnings import accepted_warnings, sense_checks
 from rope_twin.scene.schema import RopeLine, Scene, ScheduleRow, SeaState, Winch
 from rope_twin.studies.effect_cost import effect_table, measure_effects
 from rope_twin.twin.ensemble.ensemble import whole_steps
+from rope_twin.twin.snapshot import CONTROL_MODES
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import CONTROL_MODES, WinchCommand, motion_of
+from rope_twin.twin.winch.commands import WinchCommand, motion_of
 
 FILES = {
     "raos": run_raos,

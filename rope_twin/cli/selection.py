@@ -15,14 +15,8 @@ from rope_twin.cadence import due_topics, slot_of
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import Encoder
 from rope_twin.run.options import RunOptions
-from rope_twin.scene.convergence import (
-    OTHER_SEA,
-    ConvergenceStudy,
-    Setting,
-    StudyLevel,
-    format_bound,
-    read_study,
-)
+from rope_twin.scene.convergence import OTHER_SEA, ConvergenceStudy, read_study
+from rope_twin.scene.error_bound import Setting, StudyLevel, format_bound
 from rope_twin.scene.load import argument_for, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_run import BY_NAME, Quantity

@@ -23,10 +23,9 @@ from rope_twin.run.arguments import (
 )
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.relations import model_beside, shedding_model
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.vortex_warnings import vortex_words
+from rope_twin.scene.vortex import model_beside, shedding_model, vortex_words
 from rope_twin.studies.viv_frequency_domain import (
     Fatigue,
     FrequencyDomainRun,

@@ -21,13 +21,8 @@ from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import of_winch
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.winch import SWITCHES
-from rope_twin.twin.winch.commands import (
-    COMPENSATE,
-    CONTROL_MODES,
-    EMERGENCY_STOP,
-    SPEED,
-    WinchCommand,
-)
+from rope_twin.twin.snapshot import CONTROL_MODES, SPEED
+from rope_twin.twin.winch.commands import COMPENSATE, EMERGENCY_STOP, WinchCommand
 
 LOST_S = 3.0  # after the page with the seat has disconnected until the seat is given up
 ALIVE_S = 2.0  # without a message of the page with the seat until it counts as disconnected

@@ -29,7 +29,7 @@ from rope_twin.messages.reports import (
 from rope_twin.messages.reports import TENSION_TOPIC as FORECAST
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.topics import ALARM_TOPIC, ALERTS, BY_NAME, ESTIMATE_TOPIC, WHAT_IF_ORDERS
-from rope_twin.twin.quality import CAUSES
+from rope_twin.twin.snapshot import CAUSES
 
 Values = dict[str, Any]
 Triple = tuple[float, float, float]

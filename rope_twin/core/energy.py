@@ -1,8 +1,8 @@
 """Energy balance of one rope, or of a multi-line system, from the state at a step boundary.
 
 It is computed in numpy, apart from the step, so it costs nothing unless requested. An effect
-registers its stored energy and its power by functions beside its kernels, `@account(kind, Type)`;
-nothing here refers to an effect by name.
+registers its stored energy and its power by functions beside its kernels, `@account(kind, Type)`
+(core/loads/accounts); nothing here refers to an effect by name.
 
 The sums are those of the lumped-mass rope itself, so that only the time-stepping error remains:
 with w the material velocity at the hang-off and F the force there, M·a = T_i·t_i - T_{i-1}·t_{i-1}

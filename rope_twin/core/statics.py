@@ -45,9 +45,13 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.step import advance
 from rope_twin.core.still_rope import (
+    FORCE_TOL_N,
+    MAX_RATIO,
     MIN_FRACTION,
     PERTURBATION,
+    ROUND_OFF,
     SYMMETRIC,
+    TENSION_TOL,
     Elastic,
     Equilibrium,
     Forces,
@@ -65,12 +69,8 @@ from rope_twin.core.still_rope import (
 )
 
 ROUNDS = 60  # of either iteration; observed: 1 to 4 under weight, up to 9 in strong currents
-TENSION_TOL = 1e-7  # of the largest tension: tolerance of the residual force at a node
-FORCE_TOL_N = 1e-6  # absolute tolerance, where tensions are tiny
-ROUND_OFF = 4.0 * float(np.finfo(float).eps)  # of the positions, in an element's length
 MIN_REFRESHES = 2  # rounds that always refresh the tangent, for accuracy
 BALANCE_TOL = 1e-11  # of the largest tension: residual at the end; round-off leaves 1e-14
-MAX_RATIO = 0.3  # fixed-point iteration continues while each round leaves less than this fraction
 RELAXATIONS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 30, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS = 5  # of relaxation and Newton's method, alternating
 

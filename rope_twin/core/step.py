@@ -30,8 +30,15 @@ from rope_twin.core.jit.decorators import compiled, jit, jit_entry, jit_sum
 from rope_twin.core.jit.functions import flush, restore
 from rope_twin.core.jit.rows import copy, hold
 from rope_twin.core.joined.joints import LOOSE, Joined, System, renew_plan
-from rope_twin.core.joined.sheaves import finish_at_sheave, is_at_sheave
-from rope_twin.core.joined.stack import load, stacked_effects, store, store_memories
+from rope_twin.core.joined.sheaves import border_of, is_at_sheave
+from rope_twin.core.joined.stack import (
+    POINT,
+    load,
+    rope_of,
+    stacked_effects,
+    store,
+    store_memories,
+)
 from rope_twin.core.joined.stage import (
     BACK,
     OUT,
@@ -278,6 +285,18 @@ def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
 
 
 # One rope goes by value, as all of this is inlined here; `held` is the same system by its address.
+@jit
+def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) -> None:
+    """Complete a step at a sheave, like `finish` at a hang-off; pull: (1, PULL_COLUMNS)."""
+    if sheaves is None:
+        return
+    rope, joints = rope_of(system.stack, r), system.joints
+    nodes, n = rope.state.nodes, rope.state.counts[ELEMENTS]
+    for k in range(NODE_ROWS):
+        nodes[k, n] = joints.nodes[k, int(sheaves.figures[POINT, sheaves.of[r]])]
+    finish(rope, border_of(sheaves, joints, rope, r), pull, ZERO, time)
+
+
 @by_kind(lambda system, held, boundary, pull, row, time: finish(system, boundary, pull, row, time))
 def _finish(system: Any, held: Any, boundary: Any, pull: Any, row: Any, time: Any) -> Any:
     """Complete a step, which ends at `time`: report tensions, split or merge elements."""

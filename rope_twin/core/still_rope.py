@@ -182,6 +182,10 @@ class StillRope:
 CLOSING, BLUNTER = 50, 10
 CLOSURE_TOL = 4.0 * float(np.finfo(float).eps)
 MIN_FRACTION = 1e-3  # fraction of a correction below which the line search fails
+TENSION_TOL = 1e-7  # of the largest tension: tolerance of the residual force at a node
+FORCE_TOL_N = 1e-6  # absolute tolerance, where tensions are tiny
+ROUND_OFF = 4.0 * float(np.finfo(float).eps)  # of the positions, in an element's length
+MAX_RATIO = 0.3  # fixed-point iteration continues while each round leaves less than this fraction
 PERTURBATION = 1e-7  # of an element's length: displacement of a finite difference of the loads
 TANGENT_TOL = 1e-6  # of the largest tension: deviation from the tangent at which it is refreshed
 SMALL_PULL_N = 1e-6

@@ -22,8 +22,7 @@ import numpy as np
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.functions import interpolate
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.balance import Load
-from rope_twin.core.loads.hooks import grows, kernel
+from rope_twin.core.loads.hooks import Load, grows, kernel
 from rope_twin.core.state import DIVISOR_MIN, SPEED2_MIN, Floats
 from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.vortex.drag_amplification import OscillatingDrag, oscillating_drag

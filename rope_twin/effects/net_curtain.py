@@ -37,8 +37,8 @@ import numpy as np
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.balance import Load, add_to_node
-from rope_twin.core.loads.hooks import grows, kernel
+from rope_twin.core.loads.balance import add_to_node
+from rope_twin.core.loads.hooks import Load, grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.loads.panel import (
     SOLIDITY_MOST,

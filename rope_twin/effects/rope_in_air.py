@@ -35,8 +35,8 @@ from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account, account_soaked, wets
-from rope_twin.core.loads.balance import Load, Node
-from rope_twin.core.loads.hooks import grows, kernel, wide_kernel
+from rope_twin.core.loads.balance import Node
+from rope_twin.core.loads.hooks import Load, grows, kernel, wide_kernel
 from rope_twin.core.state import (
     DIVISOR_MIN,
     FLOW,

@@ -20,8 +20,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.balance import Load
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.hooks import Load, kernel
 from rope_twin.quantity import SparingRepr, quantity
 
 

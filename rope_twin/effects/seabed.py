@@ -29,8 +29,8 @@ from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import ALL, bits, choose
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.balance import Load, add_to_node
-from rope_twin.core.loads.hooks import kernel, switching, wide_kernel
+from rope_twin.core.loads.balance import add_to_node
+from rope_twin.core.loads.hooks import Load, kernel, switching, wide_kernel
 from rope_twin.core.state import CORRECTION, POSITION, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 

@@ -37,8 +37,7 @@ from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.lanes.effects import by_lane
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.balance import Load
-from rope_twin.core.loads.hooks import differs, grows, kernel
+from rope_twin.core.loads.hooks import Load, differs, grows, kernel
 from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
 from rope_twin.core.waves import (
     ASIDE,

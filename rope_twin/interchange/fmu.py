@@ -22,9 +22,9 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.motion.ship_motion import ShipPose, Vector3
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot import SPEED, Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.commands import WinchCommand
 
 AXES = "xyz"  # east, north, up
 MOTIONS = {"tip_{}_m": "displacement", "tip_v{}_m_per_s": "velocity",

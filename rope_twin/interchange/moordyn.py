@@ -33,10 +33,9 @@ from rope_twin.interchange.moordyn_deck import (
     Point,
 )
 from rope_twin.interchange.scene_file import STEP_S, Imported, Keys
-from rope_twin.scene.joined_model import alone, point_figures
-from rope_twin.scene.lift import listed_effects
+from rope_twin.scene.grid import find_payload, section_damping
+from rope_twin.scene.lift import alone, listed_effects, point_figures
 from rope_twin.scene.rigging import is_joined, places
-from rope_twin.scene.rope_model import find_payload, section_damping
 from rope_twin.scene.schema import WINCH, RopeLine, Scene
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
 from rope_twin.twin.twin import Twin

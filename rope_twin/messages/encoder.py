@@ -21,13 +21,13 @@ from rope_twin.messages.cdr import Template, Templates, new, serialise
 from rope_twin.messages.status import QUALITY_COLUMNS, quality_rows
 from rope_twin.messages.templates import RopeMarkers
 from rope_twin.twin.snapshot import (
+    CONTROL_MODES,
     BodyShot,
     RopeShot,
     Snapshot,
     WinchShot,
     first_rope,
 )
-from rope_twin.twin.winch.commands import CONTROL_MODES
 from rope_twin.vortex.fatigue import BendResult
 from rope_twin.vortex.results import RopeVibration
 

@@ -30,15 +30,8 @@ from rope_twin.topics import (
 )
 from rope_twin.twin.motion.ship_motion import ShipPose, Vector3
 from rope_twin.twin.readings import MOTOR, PAYLOAD, WINCH_SENSORS, Measurement
-from rope_twin.twin.winch.commands import (
-    COMMANDER_EVENTS,
-    DEPTH,
-    EMERGENCY_STOP,
-    LENGTH,
-    SPEED,
-    TENSION,
-    WinchCommand,
-)
+from rope_twin.twin.snapshot import DEPTH, LENGTH, SPEED, TENSION
+from rope_twin.twin.winch.commands import COMMANDER_EVENTS, EMERGENCY_STOP, WinchCommand
 
 RECORD_FRAME = "sea"  # frame of the sea records in bags/, which readers ignore
 ORDER_FIELDS = {SPEED: "velocity", LENGTH: "position", DEPTH: "position", TENSION: "effort"}

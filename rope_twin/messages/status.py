@@ -13,8 +13,16 @@ from typing import Any
 
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import new, serialise
-from rope_twin.twin.quality import CAUSES, DISCRETISATION, RESIDUAL, UNPROVEN, disagrees
-from rope_twin.twin.snapshot import Quality, Residual, Snapshot
+from rope_twin.twin.snapshot import (
+    CAUSES,
+    DISCRETISATION,
+    RESIDUAL,
+    UNPROVEN,
+    Quality,
+    Residual,
+    Snapshot,
+    disagrees,
+)
 
 HARDWARE_ID = "rope_twin"
 _QUANTITIES = {  # name, scale, unit and number format of what is measured

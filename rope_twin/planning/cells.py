@@ -22,7 +22,7 @@ from rope_twin.planning.plan_file import LEGS_MOST, SEEDS_MOST, Plan
 from rope_twin.planning.runs import ERROR, STATISTICS, Row, Ship, run_row, run_seeds, sea_seed
 from rope_twin.planning.seas import SeaState
 from rope_twin.planning.simplified import Simplified, simplified
-from rope_twin.scene.convergence import Setting
+from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.schema import Scene
 
 ERROR_RUNS = 100  # refinements from here on are those of the runs that give an error

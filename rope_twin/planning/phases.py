@@ -19,7 +19,7 @@ from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.planning.plan_file import LiftOff, Phase, Plan
 from rope_twin.planning.plan_reader import deck_of
 from rope_twin.planning.seas import DeckTransfer
-from rope_twin.scene.convergence import Setting
+from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rigging import places
@@ -27,9 +27,10 @@ from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.contact import seabed_of
+from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.statics import solve_scene_statics
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
+from rope_twin.twin.winch.commands import CommandSample, WinchCommand
 
 TRIALS, NEAR_M = 8, 1e-3  # of the length at which the payload hangs at a depth
 LANDED_M = 2.0  # line paid out after touchdown

@@ -27,12 +27,12 @@ from rope_twin.planning.plan_file import (
 from rope_twin.planning.seas import DeckTransfer, HullTip, ResponsesTip, TipTransfer
 from rope_twin.planning.uncertainties import with_values
 from rope_twin.scene.environment import vessel_raos
+from rope_twin.scene.grid import find_payload
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_part, load_scene
 from rope_twin.scene.reader import Item, Place, read_document, read_object
 from rope_twin.scene.relations import faults as scene_faults
 from rope_twin.scene.rigging import is_joined
-from rope_twin.scene.rope_model import find_payload
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import Responses

@@ -32,7 +32,8 @@ from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import read_plan, spreading_of, tip_of, with_error
 from rope_twin.planning.runs import STATISTICS, Row, Ship
 from rope_twin.planning.settings import choose_setting, find_within
-from rope_twin.scene.convergence import KnownError, Setting, known_error, solver_version
+from rope_twin.scene.convergence import known_error, solver_version
+from rope_twin.scene.error_bound import KnownError, Setting
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.study_run import RowFolder, on_cluster
 from rope_twin.twin.ensemble.ensemble import cores

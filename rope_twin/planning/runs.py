@@ -15,7 +15,7 @@ from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import SeaState, TipTransfer, tip_on_waves, tip_record
 from rope_twin.planning.twin_runs import reference_m, sea_changes, twin_rows, watch_twin
-from rope_twin.scene.convergence import Setting
+from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.load import change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector

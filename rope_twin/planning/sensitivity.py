@@ -28,7 +28,7 @@ from rope_twin.planning.plan_reader import faults, spreading_of, tip_of
 from rope_twin.planning.run import cell_of, plan_stamp, prepare
 from rope_twin.planning.runs import Row, Ship
 from rope_twin.planning.uncertainties import with_values
-from rope_twin.scene.convergence import Setting
+from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
 from rope_twin.studies.picture import Line, Panel

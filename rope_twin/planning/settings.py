@@ -15,7 +15,7 @@ from rope_twin.errors import RopeTwinError
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.plan_file import LEGS_MOST
 from rope_twin.planning.runs import SETTING, Row, Ship, run_row, run_seeds, sea_seed
-from rope_twin.scene.convergence import Setting
+from rope_twin.scene.error_bound import Setting
 
 if TYPE_CHECKING:
     from rope_twin.planning.cells import Cell, CellLimit, RowStore

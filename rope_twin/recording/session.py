@@ -32,6 +32,7 @@ from rope_twin.errors import BagError, InputError, RopeTwinError, StateError, ph
 from rope_twin.recording.input_log import encode_json
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.convergence import OTHER_SEA, study_path
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.load import at_setting, following_measured, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import RESPONSES_FOLDER
@@ -40,7 +41,6 @@ from rope_twin.sea.tables import find_table
 from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
 from rope_twin.twin.health import SENDER_LEAD_S
-from rope_twin.twin.level import AccuracyLevel
 from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.state import SavedState, decode_state, scene_properties
 from rope_twin.twin.twin import Twin

@@ -22,7 +22,8 @@ from rope_twin.scene.schema import Winch
 from rope_twin.scene.winch import FOLLOWS_COMMANDS
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
 from rope_twin.twin.cut_input import PlannedCut, plan_for
-from rope_twin.twin.winch.commands import SPEED, motion_of, schedule_samples
+from rope_twin.twin.snapshot import SPEED
+from rope_twin.twin.winch.commands import motion_of, schedule_samples
 
 
 class WinchScheduleNode(InputNode):

@@ -23,12 +23,11 @@ from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.topics import RELEASE, TAKE, service_name
+from rope_twin.twin.snapshot import CONTROL_MODES, SPEED
 from rope_twin.twin.winch.commands import (
     COMMANDER_LOST,
-    CONTROL_MODES,
     EMERGENCY_STOP,
     NEW_COMMANDER,
-    SPEED,
     WinchCommand,
 )
 

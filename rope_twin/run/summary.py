@@ -19,7 +19,7 @@ from rope_twin.messages.diagnostics import (
 )
 from rope_twin.messages.reports import alarm_words, learned_words
 from rope_twin.messages.status import Level, Status, counted, lowest_words, residual_words
-from rope_twin.scene.convergence import format_bound
+from rope_twin.scene.error_bound import format_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
     Bend,

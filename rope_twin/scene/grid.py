@@ -11,7 +11,16 @@ import numpy as np
 
 from rope_twin.core.state import SAME_PLACE, Floats
 from rope_twin.effects.compensator import CompensatorParams
-from rope_twin.scene.schema import Damping, Environment, Grading, Rope, RopeLine, Scene
+from rope_twin.effects.rope_mass import AddedMassParams
+from rope_twin.scene.schema import (
+    Damping,
+    Environment,
+    Grading,
+    Payload,
+    Rope,
+    RopeLine,
+    Scene,
+)
 from rope_twin.scene.shapes import PayloadFigures
 
 FEWEST_ELEMENTS = 3  # minimum per rope
@@ -287,3 +296,30 @@ def ends_m(line: RopeLine) -> list[float]:
     """Return the upper ends of the sections, from the lower end up [m]; the last: infinite."""
     known = list(accumulate(section.length_m or 0.0 for section in line.made_of))
     return [*known[:-1], inf]
+
+
+TOLERANCE_SHARE, TOLERANCE_LEAST_N, TOLERANCE_MOST_N = 0.003, 1.0, 500.0
+
+
+def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
+    """Return the payload at the line's lower end, or None if that end is fixed."""
+    return next((payload for payload in scene.payloads if payload.name == line.to), None)
+
+
+def section_damping(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> list[float]:
+    """Return c of T = E(strain) + c·strain rate [N·s] of each section, independent of the mesh."""
+    bars = hanging_bars(scene, line, figures, line.length_m)
+    return damping_newton_seconds(line.damping, bars, end_mass_kg(figures), line.elements)
+
+
+def hanging_bars(
+    scene: Scene, line: RopeLine, figures: PayloadFigures | None, line_out_m: float
+) -> list[Bar]:
+    """Return the sections of the rope hanging in still water at this paid-out length."""
+    water = scene.environment
+    load = 0.0
+    if figures is not None:
+        submerged = figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3
+        load = submerged * water.gravity_m_per_s2
+    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
+    return bars_of(line, line_out_m, load, water, along)

@@ -16,9 +16,8 @@ import numpy as np
 
 from rope_twin.core.joined import joints as ties
 from rope_twin.core.joined.initial_guess import Link, guess_positions, initial_shape
-from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.joints import LOOSE, System, Wheel, new_system, reeve
 from rope_twin.core.joined.payload_contact import PayloadContact
-from rope_twin.core.joined.statics import Wheel, reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.net_curtain import NetCurtain, NetCurtainParams, facing
@@ -28,9 +27,13 @@ from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.scene.grid import weight_n_per_m
-from rope_twin.scene.rigging import body_payload, meeting_points, places, winch_of
+from rope_twin.scene.lift import (
+    alone,
+    point_figures,
+)
+from rope_twin.scene.rigging import body_payload, meeting_points, places, runs_over_sheave
 from rope_twin.scene.rope_model import build, build_effects, tables_of
-from rope_twin.scene.schema import STEEL_KG_PER_M3, WINCH, Payload, RopeLine, Scene, Winch
+from rope_twin.scene.schema import STEEL_KG_PER_M3, Payload, RopeLine, Scene
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
 
 
@@ -50,14 +53,6 @@ def first_places(scene: Scene) -> dict[str, Floats]:
     return {str(name): place for name, place in found.items()}
 
 
-LEAST_ELEMENTS = 2.0  # minimum remaining length of a stretch, in elements
-
-
-def runs_over_sheave(scene: Scene, line: RopeLine) -> bool:
-    """Return whether the rope ends at a sheave."""
-    return any(line.to == sheave.name for sheave in scene.sheaves)
-
-
 def ends_of(scene: Scene, line: RopeLine) -> tuple[str, str]:
     """Return the names of the points at the rope's first node and its last."""
     names = (line.to, line.from_)
@@ -72,17 +67,6 @@ def with_both_stretches(scene: Scene, number: int) -> Scene:
     ropes = list(scene.ropes)
     ropes[number] = replace(line, length_m=length, elements=elements)
     return replace(scene, ropes=tuple(ropes))
-
-
-def room_for(scene: Scene, line: RopeLine) -> Winch:
-    """Return the range of a stretch's length, as limits of a winch at its end."""
-    both = sum(other.length_m for other in scene.ropes if other.to == line.to)
-    return Winch(
-        speed_limit_m_per_s=1.0,
-        acceleration_limit_m_per_s2=1.0,
-        least_line_out_m=max(1.0, LEAST_ELEMENTS * line.length_m / line.elements),
-        most_line_out_m=both,
-    )
 
 
 def over_sheaves(scene: Scene) -> list[tuple[int, int]]:
@@ -136,53 +120,6 @@ class BuiltSystem:
     system: System
     owners: dict[str, int]  # rope with this payload or joint at its lower end
     hang_off_m: Floats  # of each rope, (ropes, 3); NaN where the upper end is connected
-
-
-def alone(scene: Scene, number: int) -> Scene:
-    """Return a scene of one rope, with all payloads and connections at its lower end."""
-    line = scene.ropes[number]
-    winch = winch_of(scene, line)
-    if runs_over_sheave(scene, line):
-        winch = room_for(scene, line)
-    total = NOTHING
-    for figures in point_figures(scene).values():
-        total = _sum(total, figures)
-    load = Payload(
-        name="load",
-        mass_kg=total.mass_kg,
-        displaced_volume_m3=total.volume_m3,
-        added_mass_kg=total.added_mass_kg,
-        drag_area_m2=total.drag_area_m2,
-    )
-    top = places(scene).get(line.from_, scene.ship.hang_off_m)
-    return replace(
-        scene,
-        ropes=(replace(line, from_=WINCH, to="load", fixed_at_m=None),),
-        payloads=(load,),
-        joints=(),
-        struts=(),
-        sheaves=(),
-        hang_offs=(),
-        winch=winch,
-        ship=replace(scene.ship, hang_off_m=top),
-    )
-
-
-def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
-    """Return the properties of each payload and connection, with half the mass of its bars.
-
-    Those of a rigid body include its hook.
-    """
-    density = scene.environment.water_density_kg_per_m3
-    found = {one.name: payload_figures(one, density) for one in scene.payloads}
-    found |= {one.name: _steel(one.mass_kg) for one in scene.joints}
-    for strut in scene.struts:
-        for name in strut.between:
-            found[name] = _sum(found[name], _steel(0.5 * strut.mass_kg))
-    body, carried = scene.listed(RigidBodyParams), body_payload(scene)
-    if body is not None and carried is not None:
-        found[carried] = _sum(found[carried], _steel(body.hook_mass_kg))
-    return found
 
 
 def _hook_mass_kg(scene: Scene, params: RigidBodyParams) -> float:
@@ -331,20 +268,3 @@ def _ties(scene: Scene, joint_of: dict[str, int]) -> Floats:
         column[ties.DAMPING] = strut.damping_newton_seconds_per_m
         column[ties.LEAST] = -np.inf
     return made
-
-
-def _steel(mass_kg: float) -> PayloadFigures:
-    return replace(NOTHING, mass_kg=mass_kg, volume_m3=mass_kg / STEEL_KG_PER_M3)
-
-
-def _sum(one: PayloadFigures, other: PayloadFigures) -> PayloadFigures:
-    x, y, z = (a + b for a, b in zip(one.added_mass_kg, other.added_mass_kg, strict=True))
-    u, v, w = (a + b for a, b in zip(one.drag_area_m2, other.drag_area_m2, strict=True))
-    return PayloadFigures(
-        mass_kg=one.mass_kg + other.mass_kg,
-        volume_m3=one.volume_m3 + other.volume_m3,
-        added_mass_kg=(x, y, z),
-        drag_area_m2=(u, v, w),
-        added_mass_rising_kg=one.rising_added_mass_kg + other.rising_added_mass_kg,
-        drag_area_rising_m2=one.rising_drag_area_m2 + other.rising_drag_area_m2,
-    )

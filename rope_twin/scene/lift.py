@@ -6,7 +6,7 @@ hangs straight down; effects that a scene does not list are included nevertheles
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, dist, inf, pi, sqrt
 from typing import Any
 
@@ -19,17 +19,38 @@ from rope_twin.scene.grid import (
     Bar,
     damping_fraction,
     end_mass_kg,
+    find_payload,
     first_axial_frequency,
+    hanging_bars,
     is_compensated,
     least_line_out_m,
     node_coordinates,
+    section_damping,
     weight_n_per_m,
 )
-from rope_twin.scene.joined_model import alone, point_figures
-from rope_twin.scene.rigging import is_joined, places
-from rope_twin.scene.rope_model import find_payload, hanging_bars, section_damping
-from rope_twin.scene.schema import Rope, RopeLine, Scene, Winch
-from rope_twin.scene.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.rigging import (
+    body_payload,
+    is_joined,
+    places,
+    runs_over_sheave,
+    winch_of,
+)
+from rope_twin.scene.schema import (
+    STEEL_KG_PER_M3,
+    WINCH,
+    Payload,
+    Rope,
+    RopeLine,
+    Scene,
+    Winch,
+)
+from rope_twin.scene.shapes import (
+    NOTHING,
+    PayloadFigures,
+    payload_figures,
+)
+
+LEAST_ELEMENTS = 2.0  # minimum remaining length of a stretch, in elements
 
 
 @dataclass(frozen=True)
@@ -250,3 +271,78 @@ def schedule_meets_limit(winch: Winch, length_m: float) -> tuple[float, float] |
                 return start + (limit - line_out) / speed, limit
             line_out = after
     return None
+
+
+def room_for(scene: Scene, line: RopeLine) -> Winch:
+    """Return the range of a stretch's length, as limits of a winch at its end."""
+    both = sum(other.length_m for other in scene.ropes if other.to == line.to)
+    return Winch(
+        speed_limit_m_per_s=1.0,
+        acceleration_limit_m_per_s2=1.0,
+        least_line_out_m=max(1.0, LEAST_ELEMENTS * line.length_m / line.elements),
+        most_line_out_m=both,
+    )
+
+
+def alone(scene: Scene, number: int) -> Scene:
+    """Return a scene of one rope, with all payloads and connections at its lower end."""
+    line = scene.ropes[number]
+    winch = winch_of(scene, line)
+    if runs_over_sheave(scene, line):
+        winch = room_for(scene, line)
+    total = NOTHING
+    for figures in point_figures(scene).values():
+        total = _sum(total, figures)
+    load = Payload(
+        name="load",
+        mass_kg=total.mass_kg,
+        displaced_volume_m3=total.volume_m3,
+        added_mass_kg=total.added_mass_kg,
+        drag_area_m2=total.drag_area_m2,
+    )
+    top = places(scene).get(line.from_, scene.ship.hang_off_m)
+    return replace(
+        scene,
+        ropes=(replace(line, from_=WINCH, to="load", fixed_at_m=None),),
+        payloads=(load,),
+        joints=(),
+        struts=(),
+        sheaves=(),
+        hang_offs=(),
+        winch=winch,
+        ship=replace(scene.ship, hang_off_m=top),
+    )
+
+
+def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
+    """Return the properties of each payload and connection, with half the mass of its bars.
+
+    Those of a rigid body include its hook.
+    """
+    density = scene.environment.water_density_kg_per_m3
+    found = {one.name: payload_figures(one, density) for one in scene.payloads}
+    found |= {one.name: _steel(one.mass_kg) for one in scene.joints}
+    for strut in scene.struts:
+        for name in strut.between:
+            found[name] = _sum(found[name], _steel(0.5 * strut.mass_kg))
+    body, carried = scene.listed(RigidBodyParams), body_payload(scene)
+    if body is not None and carried is not None:
+        found[carried] = _sum(found[carried], _steel(body.hook_mass_kg))
+    return found
+
+
+def _steel(mass_kg: float) -> PayloadFigures:
+    return replace(NOTHING, mass_kg=mass_kg, volume_m3=mass_kg / STEEL_KG_PER_M3)
+
+
+def _sum(one: PayloadFigures, other: PayloadFigures) -> PayloadFigures:
+    x, y, z = (a + b for a, b in zip(one.added_mass_kg, other.added_mass_kg, strict=True))
+    u, v, w = (a + b for a, b in zip(one.drag_area_m2, other.drag_area_m2, strict=True))
+    return PayloadFigures(
+        mass_kg=one.mass_kg + other.mass_kg,
+        volume_m3=one.volume_m3 + other.volume_m3,
+        added_mass_kg=(x, y, z),
+        drag_area_m2=(u, v, w),
+        added_mass_rising_kg=one.rising_added_mass_kg + other.rising_added_mass_kg,
+        drag_area_rising_m2=one.rising_drag_area_m2 + other.rising_drag_area_m2,
+    )

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any
 
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.compensator import CompensatorParams
@@ -39,15 +38,17 @@ from rope_twin.scene.rigging import (
 )
 from rope_twin.scene.schema import Fault, Rule, Scene, TwoWayShape
 from rope_twin.scene.shapes import payload_figures
+from rope_twin.scene.vortex import (
+    model_beside,
+    shedding_model,
+)
 from rope_twin.scene.winch_rules import WINCH_RULES
-from rope_twin.vortex.results import CoupledSettings
 
 # Exceptions of a rule that depends on a violated one:
 _CONSEQUENCES = (
     ArithmeticError, AssertionError, AttributeError, LookupError, RopeTwinError, TypeError,
     ValueError,
 )  # fmt: skip
-STROUHAL = 0.17  # default, where the model has none
 
 
 def faults(scene: Scene) -> Iterator[Fault]:
@@ -466,34 +467,3 @@ RULES: tuple[Rule, ...] = (
     *ENVIRONMENT_RULES,
     _limits,
 )
-
-
-def shedding_model(scene: Scene) -> str:
-    """Return the name of the scene's VIV model, or ""."""
-    for effect in EFFECTS:
-        if effect.sheds and any(type(params) is effect.params for params in scene.effects):
-            return effect.name
-    return ""
-
-
-def model_beside(scene: Scene) -> Any:
-    """Return the parameters of the scene's decoupled VIV model, or None."""
-    kinds = tuple(effect.params for effect in EFFECTS if effect.beside)
-    return next((own for own in scene.effects if isinstance(own, kinds)), None)
-
-
-def coupled_settings(scene: Scene) -> CoupledSettings:
-    """Return the scene's VIV model with its water; params of a decoupled one, else None."""
-    return CoupledSettings(
-        name=shedding_model(scene),
-        params=model_beside(scene),
-        strouhal=strouhal_number(scene),
-        density=scene.environment.water_density_kg_per_m3,
-        step_s=scene.time.step_s,
-    )
-
-
-def strouhal_number(scene: Scene) -> float:
-    """Return the Strouhal number of the scene's VIV model, or the default."""
-    numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
-    return next((number for number in numbers if number is not None), STROUHAL)

@@ -393,3 +393,8 @@ def _curtain_between(pairs: tuple[tuple[str, str], ...], names: list[str]) -> It
         yield path, "a pair of ropes is listed twice", "list each pair once"
     if any(one == other for one, other in pairs):
         yield path, "a rope is paired with itself", "give two different ropes"
+
+
+def runs_over_sheave(scene: Scene, line: RopeLine) -> bool:
+    """Return whether the rope ends at a sheave."""
+    return any(line.to == sheave.name for sheave in scene.sheaves)

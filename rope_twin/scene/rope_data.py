@@ -25,6 +25,7 @@ from rope_twin.vortex.fatigue import CURVES, OWN, Endurance, TensionCurve
 if TYPE_CHECKING:
     from rope_twin.scene.schema import RopeLine
 
+SAFETY_FACTOR = 3.0  # MBL over static load, common for lifting wire
 MOST_STRAIN = 1.0
 MOST_STIFFNESS_N = 1e12
 STRAIN_TOL = 1e-12  # relative tolerance of the inverse, in strain

@@ -45,18 +45,19 @@ from rope_twin.effects.rope_mass import AddedMassParams, Weight
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.grid import (
-    Bar,
-    bars_of,
-    damping_newton_seconds,
-    end_mass_kg,
+    TOLERANCE_LEAST_N,
+    TOLERANCE_MOST_N,
+    TOLERANCE_SHARE,
     ends_m,
+    find_payload,
     is_compensated,
     least_line_out_m,
     node_coordinates,
+    section_damping,
 )
 from rope_twin.scene.rigging import refuse_joined
 from rope_twin.scene.rope_data import StiffnessTable, cubics
-from rope_twin.scene.schema import EndMotion, Payload, RopeLine, Scene
+from rope_twin.scene.schema import EndMotion, RopeLine, Scene
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
 
 COLUMNS = 3  # along each side of a partially submerged body
@@ -125,7 +126,6 @@ def _below_hook(own: Any, params: SeabedParams, body: RigidBody) -> Any:
 SPLIT_ABOVE, MERGE_BELOW = 1.5, 0.4  # times the element length; leaves a hysteresis of 0.1
 ABSORB_S = 1.0
 SPARE_NODES = 4  # the hang-off, a top element not yet merged, and one to spare
-TOLERANCE_SHARE, TOLERANCE_LEAST_N, TOLERANCE_MOST_N = 0.003, 1.0, 500.0
 # of the friction that holds an element: mismatches near all of it would push elements on, and a
 # rope that sticks would never come to rest
 TOLERANCE_STUCK_SHARE = 0.01
@@ -170,11 +170,6 @@ def _room(scene: Scene, line: RopeLine, s: Floats) -> int:
     most = scene.winch.most_line_out_m if scene.winch else line.length_m
     to_come = ceil((most - line.length_m) / float(s[-1] - s[-2])) + len(line.made_of)
     return len(s) - 1 + to_come + SPARE_NODES + TRIALS
-
-
-def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
-    """Return the payload at the line's lower end, or None if that end is fixed."""
-    return next((payload for payload in scene.payloads if payload.name == line.to), None)
 
 
 def build_effects(
@@ -238,25 +233,6 @@ def _moved_end(line: RopeLine, motion: EndMotion) -> HarmonicEnd | LedEnd:
     waves = [(*one.amplitude_m, 2.0 * pi / one.period_s, radians(one.phase_deg))
              for one in motion.harmonics]  # fmt: skip
     return HarmonicEnd(np.array(line.fixed_at_m), np.array(waves, dtype=float), motion.ramp_s)
-
-
-def section_damping(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> list[float]:
-    """Return c of T = E(strain) + c·strain rate [N·s] of each section, independent of the mesh."""
-    bars = hanging_bars(scene, line, figures, line.length_m)
-    return damping_newton_seconds(line.damping, bars, end_mass_kg(figures), line.elements)
-
-
-def hanging_bars(
-    scene: Scene, line: RopeLine, figures: PayloadFigures | None, line_out_m: float
-) -> list[Bar]:
-    """Return the sections of the rope hanging in still water at this paid-out length."""
-    water = scene.environment
-    load = 0.0
-    if figures is not None:
-        submerged = figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3
-        load = submerged * water.gravity_m_per_s2
-    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
-    return bars_of(line, line_out_m, load, water, along)
 
 
 def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> Floats:

@@ -16,20 +16,25 @@ from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.errors import phrase
 from rope_twin.scene.grid import Bar, tension_at_length
-from rope_twin.scene.joined_model import alone
 from rope_twin.scene.lift import (
     LiftFigures,
+    alone,
     hung_together,
     lift_figures,
     listed_effects,
     schedule_meets_limit,
 )
 from rope_twin.scene.net_grid import NetPart
-from rope_twin.scene.relations import model_beside, shedding_model
 from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_data import SAFETY_FACTOR
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes import Box
-from rope_twin.scene.vortex_warnings import check_vortex_inputs, check_vortex_resolution
+from rope_twin.scene.vortex import (
+    check_vortex_inputs,
+    check_vortex_resolution,
+    model_beside,
+    shedding_model,
+)
 from rope_twin.scene.water_warnings import (
     check_compensator,
     check_current,
@@ -40,8 +45,6 @@ from rope_twin.scene.water_warnings import (
     is_air,
     moored_up,
 )
-
-SAFETY_FACTOR = 3.0  # MBL over static load, common for lifting wire
 
 
 def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:

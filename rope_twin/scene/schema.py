@@ -16,13 +16,13 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.payload_faces import FairingFace, NetPanels
 from rope_twin.quantity import SparingRepr, quantity, text
-from rope_twin.scene.connections import Joint as Joint
-from rope_twin.scene.connections import Sheave as Sheave
-from rope_twin.scene.connections import Strut as Strut
-from rope_twin.scene.connections import Triple as Triple
 from rope_twin.scene.instruments import Learning, Measured
 from rope_twin.scene.rope_data import FatigueData, StiffnessTable
+from rope_twin.scene.winch import Joint as Joint
 from rope_twin.scene.winch import ScheduleRow as ScheduleRow
+from rope_twin.scene.winch import Sheave as Sheave
+from rope_twin.scene.winch import Strut as Strut
+from rope_twin.scene.winch import Triple as Triple
 from rope_twin.scene.winch import Winch as Winch
 from rope_twin.sea.raos import NO_CONVENTIONS, RaoConventions
 from rope_twin.sea.ship_motion import BoxHull

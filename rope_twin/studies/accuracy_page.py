@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rope_twin.scene.convergence import PEAK, RMS, format_bound
+from rope_twin.scene.error_bound import PEAK, RMS, format_bound
 from rope_twin.scene.lift import lift_figures
-from rope_twin.scene.relations import model_beside
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.vortex_warnings import vortex_words
+from rope_twin.scene.vortex import model_beside, vortex_words
 from rope_twin.studies.accuracy_run import QUANTITIES, STILL
 from rope_twin.studies.accuracy_study import FORMAL_ORDER, Doubt, Row, Study, page_table
 from rope_twin.studies.accuracy_within import cheapest_within

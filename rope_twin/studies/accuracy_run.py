@@ -27,12 +27,12 @@ from rope_twin.core.step import advance, advance_joined
 from rope_twin.errors import SolverError, phrase
 from rope_twin.recording.heave import sample_of
 from rope_twin.recording.motion_source import FIRST_NS, open_sea, series_of
-from rope_twin.scene.convergence import PEAK, RMS
+from rope_twin.scene.error_bound import PEAK, RMS
 from rope_twin.scene.joined_model import build_joined
-from rope_twin.scene.relations import coupled_settings, model_beside
 from rope_twin.scene.rigging import is_joined, places, winch_of
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import RopeLine, Scene, Triple
+from rope_twin.scene.vortex import coupled_settings, model_beside
 from rope_twin.studies.driven_twin import fed, variant
 from rope_twin.twin.motion.boundary_conditions import (
     SharedBoundary,

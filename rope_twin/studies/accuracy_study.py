@@ -24,10 +24,10 @@ from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.convergence import FORMAT, scene_digest, solver_version
 from rope_twin.scene.joined_model import build_joined
-from rope_twin.scene.relations import shedding_model
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.vortex import shedding_model
 from rope_twin.studies.accuracy_run import (
     BY_NAME,
     QUANTITIES,

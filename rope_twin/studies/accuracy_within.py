@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.convergence import StudyLevel, format_bound, read_study
+from rope_twin.scene.convergence import read_study
+from rope_twin.scene.error_bound import StudyLevel, format_bound
 from rope_twin.scene.load import argument_for
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_run import Course, Quantity, Setting, Trial, differences

@@ -56,9 +56,9 @@ from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.recovery import Recovery
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot import SPEED, Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.commands import WinchCommand
 
 LATENCY_NS = 10_000_000  # from a stamp to the arrival of its message
 PITCH_RAD, PITCH_PERIOD_S = math.radians(2.0), 8.0  # of a ship whose sea is known by heave alone

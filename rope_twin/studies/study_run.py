@@ -18,7 +18,8 @@ from typing import IO, TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
-from rope_twin.scene.convergence import KnownError, known_error, solver_version
+from rope_twin.scene.convergence import known_error, solver_version
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene

@@ -15,7 +15,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError, phrase
-from rope_twin.scene.joined_model import runs_over_sheave
+from rope_twin.scene.rigging import runs_over_sheave
 from rope_twin.studies.driven_twin import Motion, Speeds, march
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin

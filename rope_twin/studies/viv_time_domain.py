@@ -31,12 +31,11 @@ from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.grid import ends_m
-from rope_twin.scene.joined_model import alone, first_places
-from rope_twin.scene.lift import lift_figures
-from rope_twin.scene.relations import shedding_model
+from rope_twin.scene.joined_model import first_places
+from rope_twin.scene.lift import alone, lift_figures
 from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.schema import RopeLine, Scene
-from rope_twin.scene.vortex_warnings import expected_pace
+from rope_twin.scene.vortex import expected_pace, shedding_model
 from rope_twin.studies.driven_twin import Motion, Speeds, still, with_effect
 from rope_twin.studies.viv_frequency_domain import YEAR_S
 from rope_twin.studies.viv_samplers import (

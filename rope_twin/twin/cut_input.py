@@ -14,9 +14,9 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.scene.relations import model_beside, shedding_model
 from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.vortex import model_beside, shedding_model
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_late
 from rope_twin.twin.snapshot import CutShot, InputHealth
 

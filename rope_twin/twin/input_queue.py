@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.twin.level import AccuracyLevel
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.pacing import Steppable
 from rope_twin.twin.readings import Measurement

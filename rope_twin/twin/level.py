@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rope_twin.core.state import ELEMENTS, Floats, Model, Rope
 from rope_twin.errors import SolverError
-from rope_twin.scene.convergence import KnownError, format_bound, known_error
+from rope_twin.scene.convergence import known_error
+from rope_twin.scene.error_bound import AccuracyLevel, KnownError, format_bound
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.regrid import Grid, UpperEnd, coarse_room, coarser, finer, marks_of
@@ -36,19 +37,6 @@ WAIT_S, LONGEST_WAIT_S = 5.0, 80.0
 SOON_S = 30.0  # a level left again within this time was taken too early
 MAX_MESSAGES = 20
 TRIALS = 5  # number of cycles timed before the start
-
-
-@dataclass(frozen=True)
-class AccuracyLevel:
-    """Time step and mesh coarseness of a twin."""
-
-    step_ns: int
-    halvings: int = 0  # number of times the scene's element count was halved
-
-    @property
-    def step_s(self) -> float:
-        """Time step [s]."""
-        return self.step_ns / 1e9
 
 
 STEPS_NS = (2_000_000, 5_000_000, 10_000_000, 20_000_000, 50_000_000)

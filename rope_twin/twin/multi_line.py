@@ -19,8 +19,8 @@ from rope_twin.core.joined.joints import LOOSE, PULL, System
 from rope_twin.core.joined.statics import solve_reeved_statics
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance_joined
-from rope_twin.scene.joined_model import build_joined, runs_over_sheave
-from rope_twin.scene.rigging import winch_of
+from rope_twin.scene.joined_model import build_joined
+from rope_twin.scene.rigging import runs_over_sheave, winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import system_contacts
 from rope_twin.twin.motion.hang_off import Moves

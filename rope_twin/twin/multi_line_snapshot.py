@@ -23,8 +23,7 @@ from rope_twin.core.joined.stack import FLOW_COLUMN, POINT
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
-from rope_twin.scene.joined_model import runs_over_sheave
-from rope_twin.scene.rigging import places
+from rope_twin.scene.rigging import places, runs_over_sheave
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import seabed_contact
 from rope_twin.twin.snapshot import (

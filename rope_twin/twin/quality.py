@@ -26,25 +26,27 @@ from rope_twin.twin.readings import MOTOR_TENSION, PAYLOAD_DEPTH, WINCH_MEASURED
 from rope_twin.twin.residuals import COVERAGE
 from rope_twin.twin.snapshot import (
     BORDER,
+    CAUSES,
+    DISCRETISATION,
+    RESIDUAL,
+    UNPROVEN,
+    VALIDITY,
     ForecastScore,
     InputHealth,
     Quality,
     Residual,
     Snapshot,
     amended,
+    disagrees,
 )
 from rope_twin.twin.validity import LINE_FOLLOWING, Finding, falling
 
-INPUT, NUMERICS, DISCRETISATION, VALIDITY, RESIDUAL, HISTORY = CAUSES = (
-    "input", "numerics", "discretisation", "validity", "residual", "history",
-)  # fmt: skip
 TENSION, DEPTH, SLACK, FATIGUE, FORECAST = ELEMENTS = (
     "top_tension", "payload_depth", "slack", "fatigue", "forecast",
 )  # fmt: skip
 
 RISE_S = 60.0  # from 0 to 1
 EVALUATED_NS = 200_000_000  # of twin time between two evaluations
-UNPROVEN = 0.7  # at most, without a measurement or with an unknown discretisation error
 WARNED = 0.6  # at most, while an input or a measurement has a warning
 REFUSED_ALL = 0.5  # share of refused samples in 60 s at which an input is worth nothing
 RECENT_S = 60.0  # period of the counts of refused samples
@@ -56,7 +58,6 @@ TOO_LARGE = 3.0  # a discretisation error of so many tolerances makes 0
 TOLERANCES_PCT = {TENSION: (5.0, 2.0), DEPTH: (10.0, 4.0), SLACK: (5.0, 2.0), FATIGUE: (3.0, 1.0)}
 RMS_GOOD, BIAS_GOOD, WORTHLESS = 1.5, 1.96, 5.0  # residual over its standard uncertainty
 COMPARED_LEAST, COMPARED_S = 10, 10.0  # readings compared, and the newest one's age at most
-OUTSIDE_SHARE, OUTSIDE_SPAN_S = 0.25, 10.0  # of readings; 5 % are expected outside
 DISAGREED = 0.5  # at most, while it does
 VARIANCE_GOOD, VARIANCE_BAD = 4.0, 8.0  # normal deviate of the variance of 5 min: from 1 to that
 TOO_GOOD = 0.2  # scatter over the instrument's own uncertainty: less proves nothing
@@ -348,12 +349,6 @@ def _compares(one: Residual, shot: Snapshot) -> bool:
     """Return whether a comparison has readings enough, and a fresh one."""
     wait_s = max(COMPARED_S, 3.0 * one.span_s / one.readings)
     return one.readings >= COMPARED_LEAST and shot.time_s - one.at_s <= wait_s
-
-
-def disagrees(one: Residual) -> bool:
-    """Return whether so many readings lie outside that `simulation: residuals` warns."""
-    outside = one.outside is not None and one.outside > OUTSIDE_SHARE
-    return outside and one.span_s >= OUTSIDE_SPAN_S
 
 
 def _residual(one: Residual) -> Component:

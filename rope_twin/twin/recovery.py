@@ -27,7 +27,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.step import HALVINGS
 from rope_twin.errors import InputError, SolverError, phrase
-from rope_twin.twin.level import AccuracyLevel
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.twin.snapshot import CutShot, Snapshot, amended
 from rope_twin.twin.snapshot_builder import Extremes
 from rope_twin.twin.state import SavedState

@@ -53,8 +53,7 @@ from rope_twin.effects.payload_shedding import PayloadShedding
 from rope_twin.effects.rope_mass import Weight
 from rope_twin.effects.waves import Waves
 from rope_twin.errors import SolverError, phrase
-from rope_twin.scene.grid import ROOM, halvings
-from rope_twin.scene.rope_model import TOLERANCE_LEAST_N, TOLERANCE_SHARE
+from rope_twin.scene.grid import ROOM, TOLERANCE_LEAST_N, TOLERANCE_SHARE, halvings
 from rope_twin.twin.regrid import elements_of, has_state, on_nodes, own_copies, tensions
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth, OscillatingDrag
 

@@ -30,11 +30,12 @@ from rope_twin.core.state import (
     Rope,
 )
 from rope_twin.core.step import advance
-from rope_twin.scene.relations import coupled_settings, model_beside
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.level import AccuracyLevel, Mesh
+from rope_twin.scene.vortex import coupled_settings, model_beside
+from rope_twin.twin.level import Mesh
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.parted import CutRope, SingleWinch

@@ -37,8 +37,7 @@ from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.bending import Bending, BendingParams
 from rope_twin.effects.hull_contact import HullContactParams
 from rope_twin.scene.grid import is_compensated
-from rope_twin.scene.joined_model import alone
-from rope_twin.scene.lift import LiftFigures, lift_figures
+from rope_twin.scene.lift import LiftFigures, alone, lift_figures
 from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.contact import hull_contacts, seabed_contact, seabed_of, touchdown_of

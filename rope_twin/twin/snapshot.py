@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.scene.convergence import KnownError
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.twin.residual_tests import ResidualTests
 from rope_twin.vortex.results import MaterialFatigue, RopeVibration
 
@@ -140,6 +140,15 @@ class CompensatorShot:
         return "retracted" if self.stroke_m <= 0.0 else "extended"
 
 
+SPEED, LENGTH, DEPTH, TENSION = "speed", "length", "depth", "tension"
+CONTROL_MODES = {  # unit of each control mode
+    SPEED: "m/s",  # + pays out
+    LENGTH: "m",  # payout to stop at
+    DEPTH: "m",  # of the payload below the mean water level, to stop at
+    TENSION: "N",  # to maintain at the hang-off
+}
+
+
 @dataclass(frozen=True)
 class WinchShot:
     """Command in force and component states of a winch."""
@@ -217,6 +226,15 @@ class Residual:
         return self.measured - self.computed
 
 
+OUTSIDE_SHARE, OUTSIDE_SPAN_S = 0.25, 10.0  # of readings; 5 % are expected outside
+
+
+def disagrees(one: Residual) -> bool:
+    """Return whether so many readings lie outside that `simulation: residuals` warns."""
+    outside = one.outside is not None and one.outside > OUTSIDE_SHARE
+    return outside and one.span_s >= OUTSIDE_SPAN_S
+
+
 class ForecastScore(NamedTuple):
     """How the last forecasts of the top tension turned out (twin/inputs.py)."""
 
@@ -225,6 +243,12 @@ class ForecastScore(NamedTuple):
     coverage: float  # share of the measured tensions inside their 90 % bands; NaN: unknown
     judged: int  # number of forecasts that it is of
     factor: float  # on the spread of the members, mean over the lead
+
+
+INPUT, NUMERICS, DISCRETISATION, VALIDITY, RESIDUAL, HISTORY = CAUSES = (
+    "input", "numerics", "discretisation", "validity", "residual", "history",
+)  # fmt: skip
+UNPROVEN = 0.7  # at most, without a measurement or with an unknown discretisation error
 
 
 @dataclass(frozen=True)

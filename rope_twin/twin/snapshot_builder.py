@@ -16,7 +16,7 @@ from rope_twin.core.body.step import pose_of, pulls_of
 from rope_twin.core.loads.hooks import factors_at
 from rope_twin.core.state import Floats, Ints, Rope, State
 from rope_twin.effects.compensator import Compensator, forces
-from rope_twin.scene.convergence import KnownError
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.schema import RopeLine, Ship
 from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.snapshot import (

@@ -26,8 +26,8 @@ import numpy as np
 
 from rope_twin import __version__
 from rope_twin.errors import StateError, phrase
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.level import AccuracyLevel
 from rope_twin.twin.state_file import (
     Arrays,
     decode,

@@ -19,7 +19,7 @@ from rope_twin.core.still_rope import Equilibrium
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.lift import hung_together
 from rope_twin.scene.rigging import places
-from rope_twin.scene.rope_warnings import SAFETY_FACTOR
+from rope_twin.scene.rope_data import SAFETY_FACTOR
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.snapshot_builder import body_of
 

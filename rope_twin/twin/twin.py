@@ -20,12 +20,13 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.errors import InputError, SolverError, StateError, phrase
-from rope_twin.scene.convergence import KnownError, known_error
+from rope_twin.scene.convergence import known_error
+from rope_twin.scene.error_bound import AccuracyLevel, KnownError
 from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.twin.cut_input import rope_number
 from rope_twin.twin.inputs import TwinInputs
-from rope_twin.twin.level import AccuracyLevel, Mesh, error_at_level
+from rope_twin.twin.level import Mesh, error_at_level
 from rope_twin.twin.monitors import (
     NO_MONITORS,
     Chunk,
@@ -43,7 +44,7 @@ from rope_twin.twin.recovery import Checkpoint, step_failure
 from rope_twin.twin.rope_cut import CutPosition
 from rope_twin.twin.ropes import RopeSystem, new_viv_drag
 from rope_twin.twin.run_record import RunRecord
-from rope_twin.twin.snapshot import CutShot, Snapshot, amended
+from rope_twin.twin.snapshot import SPEED, CutShot, Snapshot, amended
 from rope_twin.twin.snapshot_builder import RunStatistics, SnapshotInputs, build_snapshot
 from rope_twin.twin.state import (
     Clock,
@@ -56,7 +57,7 @@ from rope_twin.twin.state import (
     run_stamp,
 )
 from rope_twin.twin.validity import CUT_REASON
-from rope_twin.twin.winch.commands import SPEED, Payout, WinchCommand
+from rope_twin.twin.winch.commands import Payout, WinchCommand
 
 AnyMonitor = TypeVar("AnyMonitor", bound=Monitor)
 Arguments = ParamSpec("Arguments")

@@ -30,7 +30,8 @@ from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
-from rope_twin.scene.convergence import KnownError, scene_digest
+from rope_twin.scene.convergence import scene_digest
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_warnings import validity_warnings
 from rope_twin.scene.schema import Scene

@@ -20,11 +20,11 @@ from rope_twin.core.state import Rope
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import StateError, phrase
 from rope_twin.scene.grid import ends_m
-from rope_twin.scene.joined_model import over_sheaves, runs_over_sheave
-from rope_twin.scene.relations import coupled_settings, model_beside, shedding_model
-from rope_twin.scene.rigging import is_joined, winch_of
+from rope_twin.scene.joined_model import over_sheaves
+from rope_twin.scene.rigging import is_joined, runs_over_sheave, winch_of
 from rope_twin.scene.rope_data import endurance, own_curve
 from rope_twin.scene.schema import RopeLine, Scene
+from rope_twin.scene.vortex import coupled_settings, model_beside, shedding_model
 from rope_twin.scene.winch import BendingSheave
 from rope_twin.twin.monitors import Chunk, Monitor, TwinView
 from rope_twin.twin.pacing import steps_in_slot

@@ -17,7 +17,7 @@ from rope_twin.messages import Status, statuses
 from rope_twin.ros.paced_twin import clock_row, publishing_row, saving_row
 from rope_twin.run.seat import PRIORITY, CommandSeat
 from rope_twin.run.summary import CpuUsage, RunSummary
-from rope_twin.scene.convergence import KnownError
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
     BedContact,

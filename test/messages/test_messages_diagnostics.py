@@ -10,10 +10,10 @@ from sample_snapshot import QUALITY, hanging_rope
 
 from rope_twin import messages
 from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statuses
-from rope_twin.scene.convergence import KnownError
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.quality import CAUSES
 from rope_twin.twin.snapshot import (
+    CAUSES,
     BedContact,
     EnergyBalance,
     InputHealth,

@@ -25,8 +25,8 @@ from rigs import Bench, frequency, march, sine, still
 
 from rope_twin import Twin
 from rope_twin.effects.compensator import ActiveCylinder, CompensatorParams, forces, of
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.schema import Scene, Winch
-from rope_twin.twin.level import AccuracyLevel
 from rope_twin.twin.monitors import ENERGY
 
 STOP = STOP_N / UNIT_M

@@ -19,8 +19,8 @@ from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.effects.rope_mass import AddedMassParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams
+from rope_twin.scene.grid import section_damping
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rope_model import section_damping
 from rope_twin.scene.schema import Damping, Rising, Scene
 from rope_twin.scene.shapes import payload_figures
 from rope_twin.studies.modes import find_modes

@@ -12,11 +12,11 @@ from small_scene import not_finite
 
 from rope_twin import Snapshot, Twin, load_scene, messages
 from rope_twin.errors import SceneError
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.lift import hung_together
 from rope_twin.scene.schema import Damping, Joint, Scene
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.modes import find_modes, find_system_modes
-from rope_twin.twin.level import AccuracyLevel
 from rope_twin.twin.monitors import ENERGY, ERROR_INTERVAL, NO_MONITORS
 from rope_twin.twin.twin import Twin as CoreTwin
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.studies.viv_time_domain import run_time_domain
-from rope_twin.twin.level import AccuracyLevel
 from rope_twin.twin.monitors import NO_MONITORS, Monitors
 from rope_twin.twin.twin import Twin as CoreTwin
 from rope_twin.vortex.results import RopeVibration

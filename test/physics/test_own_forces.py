@@ -14,8 +14,8 @@ from scene_text import GOOD, assert_refused, written
 from rope_twin.effects.coupled_vibration import DecomposedForceParams, OwnTable
 from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.relations import strouhal_number
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.vortex import strouhal_number
 from rope_twin.vortex.coupled import decomposed_of
 from rope_twin.vortex.decomposed_response import DecomposedResponse
 from rope_twin.vortex.line_model import Span

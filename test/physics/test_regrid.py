@@ -12,8 +12,8 @@ from rope_twin import Twin, load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.energy import measure
 from rope_twin.core.state import Floats, Rope
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.schema import Winch
-from rope_twin.twin.level import AccuracyLevel
 
 COARSE, TWICE, TOP = (
     AccuracyLevel(10_000_000, 1),

@@ -19,15 +19,10 @@ from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.recording.motion_source import FIRST_NS, offer, open_sea
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.studies.driven_twin import with_effect
-from rope_twin.twin.level import (
-    AccuracyLevel,
-    TwinOverloadProtection,
-    elements_at,
-    levels_of,
-    scene_level,
-)
+from rope_twin.twin.level import TwinOverloadProtection, elements_at, levels_of, scene_level
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
 

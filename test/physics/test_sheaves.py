@@ -15,9 +15,9 @@ from sheave_rigs import DRUM, G, atwood, circulate, flow, laid_loop, let_run, li
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import OPTIONS
 from rope_twin.core.joined import sheaves, statics
-from rope_twin.core.joined.joints import System
-from rope_twin.core.joined.statics import Wheel, reeve, solve_joined_statics
-from rope_twin.core.step import advance_joined
+from rope_twin.core.joined.joints import System, Wheel, reeve
+from rope_twin.core.joined.statics import solve_joined_statics
+from rope_twin.core.step import advance_joined, finish_at_sheave
 
 PULL = rows.PULL
 
@@ -244,7 +244,7 @@ def test_no_sheave_leaves_no_code() -> None:
     hooks = (
         (sheaves.pass_end, 6), (sheaves.add_sheaves, 3), (sheaves.condense_flow, 4),
         (sheaves.couple_flow, 4), (sheaves.substitute_flow, 5), (sheaves.is_at_sheave, 2),
-        (sheaves.finish_at_sheave, 5),
+        (finish_at_sheave, 5),
     )  # fmt: skip
     for hook, arguments in hooks:
         plain = getattr(hook, "py_func", hook)

@@ -35,7 +35,7 @@ from rope_twin.planning.simplified import (
     vertical_stiffness_n_per_m,
 )
 from rope_twin.planning.tables import further_tables
-from rope_twin.scene.convergence import Setting
+from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.schema import Damping, Scene
 
 COARSE = Setting(6, 0.0025)

@@ -15,7 +15,7 @@ from rope_twin.planning.plan_reader import read_plan, with_error
 from rope_twin.planning.run import cell_of, prepare
 from rope_twin.planning.runs import run_seeds, sea_seed
 from rope_twin.planning.settings import find_within
-from rope_twin.scene.convergence import Setting
+from rope_twin.scene.error_bound import Setting
 
 PLAN = """about: one depth near resonance
 scene: deep_lift

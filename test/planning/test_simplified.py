@@ -21,7 +21,7 @@ from rope_twin.planning.simplified import (
     snap_speed,
     splash_force,
 )
-from rope_twin.scene.convergence import Setting
+from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.modes import find_modes
 

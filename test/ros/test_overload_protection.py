@@ -8,8 +8,8 @@ from ros_bench import clocks
 from rope_twin.messages import Level, Status
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.level import AccuracyLevel
 
 
 def paced(**parameters: object) -> PacedTwin:

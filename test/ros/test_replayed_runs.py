@@ -21,7 +21,8 @@ from rope_twin.recording.exact_replay import Outcome, Verification, verify
 from rope_twin.recording.recorded_run import read_content
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.input_queue import SET_LEVEL
-from rope_twin.twin.winch.commands import LENGTH, SPEED, WinchCommand
+from rope_twin.twin.snapshot import LENGTH, SPEED
+from rope_twin.twin.winch.commands import WinchCommand
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"

@@ -15,8 +15,9 @@ from rope_twin.scene.load import load_scene
 from rope_twin.topics import FORECAST_RISK
 from rope_twin.twin.input_queue import InputQueue, LogEntry
 from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.commands import WinchCommand
 
 EPOCH_NS = 1_700_000_000_000_000_000
 

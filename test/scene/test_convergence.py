@@ -13,6 +13,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError
 from rope_twin.scene import convergence
 from rope_twin.scene.convergence import known_error, read_study, solver_version
+from rope_twin.scene.error_bound import RMS, format_bound
 from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.studies.driven_twin import variant
 
@@ -107,14 +108,14 @@ def test_connections_have_a_version_of_their_own(monkeypatch: pytest.MonkeyPatch
     ],
 )  # fmt: skip
 def test_a_bound_is_rounded_up(bound: float, told: str) -> None:
-    assert convergence.format_bound(bound) == told
+    assert format_bound(bound) == told
 
 
 def test_what_does_not_converge_is_unknown(tmp_path: Path) -> None:
     scene = studied_scene(tmp_path)
     content = sample_study(scene)
     for row in content["rows"]:
-        row["figures"][convergence.RMS]["at_most"] = None
+        row["figures"][RMS]["at_most"] = None
     write_study(scene, content)
     found = known_error(scene)
     assert math.isnan(found.rms_pct)

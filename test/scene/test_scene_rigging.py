@@ -15,7 +15,8 @@ from rope_twin.core.joined.initial_guess import initial_shape
 from rope_twin.core.joined.joints import LOOSE
 from rope_twin.core.joined.stack import effects_at
 from rope_twin.core.state import Floats
-from rope_twin.scene.joined_model import alone, build_joined, first_places
+from rope_twin.scene.joined_model import build_joined, first_places
+from rope_twin.scene.lift import alone
 from rope_twin.scene.rope_warnings import sense_checks
 
 Place = tuple[float, float, float]

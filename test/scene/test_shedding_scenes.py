@@ -18,7 +18,7 @@ from rope_twin.errors import SceneError
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.vortex_warnings import expected_pace, vortex_words
+from rope_twin.scene.vortex import expected_pace, vortex_words
 from validation.rigs import Rig
 
 CABLE = Rig(

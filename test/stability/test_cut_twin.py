@@ -19,14 +19,16 @@ from rope_twin.messages import Level, statuses
 from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cut_input import CutInput, PlannedCut, plan_for, read_plan
-from rope_twin.twin.level import AccuracyLevel, TwinOverloadProtection
+from rope_twin.twin.level import TwinOverloadProtection
 from rope_twin.twin.monitors import ENERGY, ERROR_INTERVAL
 from rope_twin.twin.pacing import SlotTimes
+from rope_twin.twin.snapshot import LENGTH
 from rope_twin.twin.state import load_state
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import LENGTH, WinchCommand
+from rope_twin.twin.winch.commands import WinchCommand
 
 Kind = TypeVar("Kind", bound=Twin)
 AT_S, BELOW_M = 2.505, 80.0  # between two borders of steps

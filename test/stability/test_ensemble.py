@@ -23,7 +23,8 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.ensemble.member import Scratch
 from rope_twin.twin.motion.heave_track import HeaveSeries
-from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
+from rope_twin.twin.snapshot import SPEED
+from rope_twin.twin.winch.commands import CommandSample, WinchCommand
 
 
 @settings(max_examples=8, deadline=None)

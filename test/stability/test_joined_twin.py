@@ -15,7 +15,8 @@ from rope_twin.core import state as rows
 from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError
-from rope_twin.scene.joined_model import build_joined, point_figures
+from rope_twin.scene.joined_model import build_joined
+from rope_twin.scene.lift import point_figures
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant

@@ -41,7 +41,8 @@ from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.motion.heave_track import HeaveSeries
-from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand
+from rope_twin.twin.snapshot import SPEED
+from rope_twin.twin.winch.commands import CommandSample, WinchCommand
 
 TWO_SECTIONS = """\
     sections:

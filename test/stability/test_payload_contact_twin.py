@@ -11,7 +11,7 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload_contact import PayloadContactParams, TouchingBody
-from rope_twin.scene.joined_model import point_figures
+from rope_twin.scene.lift import point_figures
 from rope_twin.scene.relations import faults
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.monitors import ENERGY

@@ -17,8 +17,8 @@ from rope_twin.core.step import advance
 from rope_twin.effects.current import from_rows
 from rope_twin.errors import SolverError
 from rope_twin.messages import Level, Status, statuses
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.twin.inputs import CurrentInput
-from rope_twin.twin.level import AccuracyLevel
 from rope_twin.twin.monitors import NO_MONITORS, Monitors
 from rope_twin.twin.recovery import (
     CHECKPOINT_NS,

@@ -34,11 +34,12 @@ from rope_twin.cli.selection import (
 from rope_twin.errors import InputError
 from rope_twin.run.options import read_options
 from rope_twin.scene import convergence
-from rope_twin.scene.convergence import Setting, StudyLevel, known_error, read_study
+from rope_twin.scene.convergence import known_error, read_study
+from rope_twin.scene.error_bound import AccuracyLevel, Setting, StudyLevel
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_within import cheapest_within, most_accurate, sure_bound
 from rope_twin.studies.driven_twin import variant
-from rope_twin.twin.level import AccuracyLevel, TwinOverloadProtection
+from rope_twin.twin.level import TwinOverloadProtection
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
 

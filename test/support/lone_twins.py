@@ -13,7 +13,8 @@ from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.twin.ensemble.ensemble import Variation
 from rope_twin.twin.motion.heave_track import HeaveSeries
-from rope_twin.twin.winch.commands import SPEED, CommandSample, WinchCommand, schedule_samples
+from rope_twin.twin.snapshot import SPEED
+from rope_twin.twin.winch.commands import CommandSample, WinchCommand, schedule_samples
 
 SAMPLE_NS = 50_000_000
 SECOND_NS = 1_000_000_000

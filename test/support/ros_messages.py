@@ -9,7 +9,8 @@ import numpy as np
 
 from rope_twin.messages import encode_heave, encode_order
 from rope_twin.messages.cdr import new, serialise
-from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.snapshot import SPEED
+from rope_twin.twin.winch.commands import WinchCommand
 
 NAN, INF = math.nan, math.inf
 S = 1_000_000_000

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rope_twin.scene.convergence import KnownError
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.snapshot import (
     BedContact,

@@ -9,8 +9,8 @@ from joint_rigs import JointBench, Line, Vector, rest
 from rigs import Rig
 
 from rope_twin.core import state as rows
+from rope_twin.core.joined.joints import Wheel, reeve
 from rope_twin.core.joined.stack import FLOW_COLUMN, WHEEL
-from rope_twin.core.joined.statics import Wheel, reeve
 from rope_twin.scene.schema import Winch
 
 G = 9.80665

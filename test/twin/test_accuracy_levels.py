@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, offer, open_sea
 from rope_twin.scene.convergence import read_study
+from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march, variant
 from rope_twin.twin.level import (
     FIT,
     MIN_CYCLES,
     WAIT_S,
-    AccuracyLevel,
     OverloadProtection,
     TwinOverloadProtection,
     levels_of,

@@ -19,7 +19,7 @@ from rope_twin.messages.cdr import deserialise
 from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.status import residuals_status
 from rope_twin.run.summary import RunSummary, summarise
-from rope_twin.scene.convergence import KnownError
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME, MEASURED_TOPICS

@@ -15,9 +15,8 @@ from sample_snapshot import RESIDUAL, hanging_rope
 from small_scene import small_scene
 
 from rope_twin.messages import Level, statuses
-from rope_twin.scene.convergence import KnownError
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.twin.quality import (
-    CAUSES,
     DEPTH,
     DISAGREED,
     ELEMENTS,
@@ -27,7 +26,6 @@ from rope_twin.twin.quality import (
     RISE_S,
     TENSION,
     TOLERANCES_PCT,
-    UNPROVEN,
     WARNED,
     QualityIndex,
     calibration_of,
@@ -39,6 +37,8 @@ from rope_twin.twin.quality import (
 )
 from rope_twin.twin.residual_tests import ResidualTests
 from rope_twin.twin.snapshot import (
+    CAUSES,
+    UNPROVEN,
     ForecastScore,
     InputHealth,
     Quality,

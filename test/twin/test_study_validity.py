@@ -17,11 +17,11 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import ScheduleRow, Winch
 from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import (
     EMERGENCY_STOP,
     RESET,
-    SPEED,
     ScheduleMonitor,
     WinchCommand,
     schedule_samples,

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.scene.schema import ScheduleRow, Winch
+from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.winch.commands import (
     COMMAND_PERIOD_NS,
-    SPEED,
     CommandSample,
     WinchCommand,
     schedule_samples,

@@ -18,6 +18,7 @@ part: it would be negative, p·T/l, which is negligible relative to the mass at 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -27,19 +28,31 @@ from rope_twin.core.elimination import RECORD
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.plan import DENSE, Plan, Topology, new_plan, write_plan
-from rope_twin.core.joined.stack import FLOW_COLUMN, POINT, Sheaves, Stack, load, new_stack, view_of
+from rope_twin.core.joined.stack import (
+    FLOW_COLUMN,
+    NOWHERE,
+    POINT,
+    SHEAVE_ROWS,
+    Sheaves,
+    Stack,
+    load,
+    new_stack,
+    view_of,
+)
 from rope_twin.core.loads.hooks import couples
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
     ELEMENTS,
     LINK2_MIN,
+    MOTIONS,
     NODE_ROWS,
     POSITION,
     RESIDUAL,
     VELOCITY,
     WORK_ROWS,
     ZERO,
+    Boundary,
     Floats,
     Ints,
     Model,
@@ -324,3 +337,49 @@ def joint_slope(joints: Any) -> float:
         R, d = column(joints.work, RESIDUAL, j), column(joints.work, CORRECTION, j)
         total += R[0] * d[0] + R[1] * d[1] + R[2] * d[2]
     return total
+
+
+class Wheel(NamedTuple):
+    """A sheave and the two ropes that run as one over it; both have it at their upper end."""
+
+    point: int  # joint at its axis
+    into: int  # the rope that a positive flow lengthens
+    out: int  # the rope that it shortens
+    mass: float = 0.0  # [kg]
+    weight: float = 0.0  # in water [N]
+    inertia: float = 0.0  # moment of inertia over radius squared [kg]
+    friction: float = 0.0  # F/F' = exp(friction·angle of wrap)
+
+
+def reeve(system: System, wheels: Sequence[Wheel]) -> System:
+    """Return the system with its ropes running over these sheaves, the flow over each being 0.
+
+    The ropes of one sheave have the same properties at their upper ends and one section each.
+
+    Raises:
+        ValueError: a wheel's ropes do not end there, or differ in their properties.
+    """
+    joints, first = system.joints, system.joints.nodes.shape[1]
+    if not wheels:
+        return system
+    figures = np.zeros((SHEAVE_ROWS, len(wheels)))
+    of = np.full(len(system.ropes), NOWHERE)
+    side, base = np.zeros(len(of)), np.zeros(len(of))
+    for k, wheel in enumerate(wheels):
+        figures[:, k] = (
+            wheel.point, first + k, wheel.into, wheel.out, wheel.mass, wheel.weight,
+            wheel.inertia, wheel.friction,
+        )  # fmt: skip
+        one, other = (system.ropes[r].sections for r in (wheel.into, wheel.out))
+        if one.shape != other.shape or one.shape[1] != 1 or (one != other).any():
+            raise ValueError(f"reeve: ropes {wheel.into} and {wheel.out} are of different material")
+        for r, sign in ((wheel.into, 1.0), (wheel.out, -1.0)):
+            if joints.upper[r] != wheel.point or of[r] != NOWHERE:
+                raise ValueError(f"reeve: rope {r} does not end at joint {wheel.point} alone")
+            state = system.ropes[r].state
+            of[r], side[r], base[r] = k, sign, state.s[state.counts[ELEMENTS]]
+    size = (len(of), 2, MOTIONS)
+    sheaves = Sheaves(
+        figures, of, side, base, np.zeros((3, len(of))), Boundary(np.zeros(size), np.zeros(size))
+    )
+    return system._replace(joints=with_flows(joints, len(wheels)), sheaves=sheaves)

@@ -39,7 +39,6 @@ from rope_twin.core.joined.stack import (
     WHEEL,
     rope_of,
 )
-from rope_twin.core.payout import finish
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -48,7 +47,6 @@ from rope_twin.core.state import (
     ELEMENTS,
     LINE,
     MASS,
-    NODE_ROWS,
     POSITION,
     RESIDUAL,
     REST,
@@ -225,7 +223,7 @@ def is_at_sheave(sheaves: Any, r: int) -> bool:
 
 
 @jit
-def _border(sheaves: Any, joints: Any, rope: Any, r: int) -> Any:
+def border_of(sheaves: Any, joints: Any, rope: Any, r: int) -> Any:
     """Return the sheave as a hang-off of rope r, over a step that ends with the present state.
 
     Value and rate of the length at the step's start are those that give its acceleration at the
@@ -241,15 +239,3 @@ def _border(sheaves: Any, joints: Any, rope: Any, r: int) -> Any:
         value[row, LINE], rate[row, LINE] = L, V
     value[0, LINE], rate[0, LINE] = L - h * (V - 0.5 * h * A), V - h * A
     return Boundary(value, rate)
-
-
-@jit
-def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) -> None:
-    """Complete a step at a sheave, like `finish` at a hang-off; pull: (1, PULL_COLUMNS)."""
-    if sheaves is None:
-        return
-    rope, joints = rope_of(system.stack, r), system.joints
-    nodes, n = rope.state.nodes, rope.state.counts[ELEMENTS]
-    for k in range(NODE_ROWS):
-        nodes[k, n] = joints.nodes[k, int(sheaves.figures[POINT, sheaves.of[r]])]
-    finish(rope, _border(sheaves, joints, rope, r), pull, ZERO, time)

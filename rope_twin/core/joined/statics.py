@@ -18,16 +18,13 @@ released.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.body.step import start
 from rope_twin.core.joined.initial_guess import coarsen, interpolate_from, set_initial_guess
-from rope_twin.core.joined.joints import LOOSE, System, with_flows
-from rope_twin.core.joined.stack import FRICTION, FROM, INTO, NOWHERE, SHEAVE_ROWS, WHEEL, Sheaves
+from rope_twin.core.joined.joints import LOOSE, System
+from rope_twin.core.joined.stack import FRICTION, FROM, INTO, WHEEL, Sheaves
 from rope_twin.core.loads.memory import forget_memories
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
@@ -36,7 +33,6 @@ from rope_twin.core.state import (
     EA,
     ELEMENTS,
     LINE,
-    MOTIONS,
     NODE_ROWS,
     POSITION,
     PULL_COLUMNS,
@@ -49,9 +45,17 @@ from rope_twin.core.state import (
     Floats,
     Rope,
 )
-from rope_twin.core.statics import FORCE_TOL_N, MAX_RATIO, ROUND_OFF, TENSION_TOL
 from rope_twin.core.step import advance_joined
-from rope_twin.core.still_rope import INSTANT, SYMMETRIC, Equilibrium, largest
+from rope_twin.core.still_rope import (
+    FORCE_TOL_N,
+    INSTANT,
+    MAX_RATIO,
+    ROUND_OFF,
+    SYMMETRIC,
+    TENSION_TOL,
+    Equilibrium,
+    largest,
+)
 
 ROUNDS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 40, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS, FALL_STEPS, FALL_STEP = 8, 300, 0.05
@@ -297,52 +301,6 @@ REEVING_ROUNDS = 12
 COORDINATE_ROUND_OFF = 1e-15  # of the largest coordinate
 ALIKE = 1e-3  # of a tension: largest difference at which the wheel is released
 SHORTEST, LONGEST = 0.5, 1.5  # of the element length: the last element of a stretch
-
-
-class Wheel(NamedTuple):
-    """A sheave and the two ropes that run as one over it; both have it at their upper end."""
-
-    point: int  # joint at its axis
-    into: int  # the rope that a positive flow lengthens
-    out: int  # the rope that it shortens
-    mass: float = 0.0  # [kg]
-    weight: float = 0.0  # in water [N]
-    inertia: float = 0.0  # moment of inertia over radius squared [kg]
-    friction: float = 0.0  # F/F' = exp(friction·angle of wrap)
-
-
-def reeve(system: System, wheels: Sequence[Wheel]) -> System:
-    """Return the system with its ropes running over these sheaves, the flow over each being 0.
-
-    The ropes of one sheave have the same properties at their upper ends and one section each.
-
-    Raises:
-        ValueError: a wheel's ropes do not end there, or differ in their properties.
-    """
-    joints, first = system.joints, system.joints.nodes.shape[1]
-    if not wheels:
-        return system
-    figures = np.zeros((SHEAVE_ROWS, len(wheels)))
-    of = np.full(len(system.ropes), NOWHERE)
-    side, base = np.zeros(len(of)), np.zeros(len(of))
-    for k, wheel in enumerate(wheels):
-        figures[:, k] = (
-            wheel.point, first + k, wheel.into, wheel.out, wheel.mass, wheel.weight,
-            wheel.inertia, wheel.friction,
-        )  # fmt: skip
-        one, other = (system.ropes[r].sections for r in (wheel.into, wheel.out))
-        if one.shape != other.shape or one.shape[1] != 1 or (one != other).any():
-            raise ValueError(f"reeve: ropes {wheel.into} and {wheel.out} are of different material")
-        for r, sign in ((wheel.into, 1.0), (wheel.out, -1.0)):
-            if joints.upper[r] != wheel.point or of[r] != NOWHERE:
-                raise ValueError(f"reeve: rope {r} does not end at joint {wheel.point} alone")
-            state = system.ropes[r].state
-            of[r], side[r], base[r] = k, sign, state.s[state.counts[ELEMENTS]]
-    size = (len(of), 2, MOTIONS)
-    sheaves = Sheaves(
-        figures, of, side, base, np.zeros((3, len(of))), Boundary(np.zeros(size), np.zeros(size))
-    )
-    return system._replace(joints=with_flows(joints, len(wheels)), sheaves=sheaves)
 
 
 def solve_reeved_statics(system: System, place: Floats) -> Equilibrium:

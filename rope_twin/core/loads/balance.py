@@ -24,6 +24,7 @@ from rope_twin.core.jit.functions import renewed
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import (
     Growth,
+    Load,
     calls_of,
     couples,
     grown,
@@ -94,23 +95,6 @@ class Node(NamedTuple):
     surface: float  # elevation of the water surface above it [m], set only by some effects
     bare: float  # projected area out of the water [m²], set only by some effects
     touching: float  # reference area of the seabed's contact, that of normal drag on all of it [m²]
-
-
-class Load(NamedTuple):
-    """Load on a node: force less inertia, and minus its derivative to the acceleration.
-
-    The derivative is q·d/dv + p·d/dx + d/da, as a symmetric block.
-    """
-
-    x: float  # [N]
-    y: float
-    z: float
-    xx: float  # [kg]
-    xy: float
-    xz: float
-    yy: float
-    yz: float
-    zz: float
 
 
 @jit_within

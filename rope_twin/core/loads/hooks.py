@@ -53,13 +53,31 @@ the effects as they are.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 from numba import types
 from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_within
 from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
+
+
+class Load(NamedTuple):
+    """Load on a node: force less inertia, and minus its derivative to the acceleration.
+
+    The derivative is q·d/dv + p·d/dx + d/da, as a symmetric block.
+    """
+
+    x: float  # [N]
+    y: float
+    z: float
+    xx: float  # [kg]
+    xy: float
+    xz: float
+    yy: float
+    yz: float
+    zz: float
+
 
 HOOKS = (
     "flow", "soak", "load", "load_end", "couple", "pull", "calm", "share", "start", "predict",

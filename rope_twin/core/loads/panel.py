@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.jit.decorators import jit_within
-from rope_twin.core.loads.balance import Load
+from rope_twin.core.loads.hooks import Load
 from rope_twin.core.state import SPEED2_MIN, Floats
 
 # Coefficients of Sn, Sn², Sn³ in the cos α term of C_D and in the sin 2α term of C_L.

@@ -30,10 +30,10 @@ from rope_twin.core.lanes.step import FOLDS, LEAST, Run
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.load import Change, change_scene
-from rope_twin.scene.relations import coupled_settings, model_beside
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.vortex import coupled_settings, model_beside
 from rope_twin.twin.ensemble.member import (
     WATCHED,
     Batch,

@@ -25,10 +25,10 @@ from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
 from rope_twin.core.state import Floats, State
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import at_setting, load_scene
-from rope_twin.scene.relations import model_beside
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.vortex import model_beside
 from rope_twin.twin.ensemble.fleet_stretch import (
     STRETCH_STEPS,
     Course,

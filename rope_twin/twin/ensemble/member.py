@@ -22,7 +22,7 @@ from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError, phrase
-from rope_twin.scene.convergence import KnownError
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.twin.motion.boundary_conditions import SharedBoundary, check_commands

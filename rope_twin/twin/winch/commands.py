@@ -36,17 +36,17 @@ from rope_twin.scene.schema import RopeLine, ScheduleRow, Winch
 from rope_twin.scene.winch import FOLLOWS_MEASURED, SWITCHES
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
+from rope_twin.twin.snapshot import (
+    CONTROL_MODES,
+    DEPTH,
+    LENGTH,
+    SPEED,
+    TENSION,
+)
 
 MAX_SPEED_M_PER_S = 10.0
 MAX_DEPTH_M = 12_000.0
 MAX_TENSION_N = 1e9
-SPEED, LENGTH, DEPTH, TENSION = "speed", "length", "depth", "tension"
-CONTROL_MODES = {  # unit of each control mode
-    SPEED: "m/s",  # + pays out
-    LENGTH: "m",  # payout to stop at
-    DEPTH: "m",  # of the payload below the mean water level, to stop at
-    TENSION: "N",  # to maintain at the hang-off
-}
 FEEDBACK_MODES = (DEPTH, TENSION)  # control modes that need tension feedback
 EMERGENCY_STOP, RESET = "emergency_stop", "reset"
 SET_BRAKE, RELEASE_BRAKE = "set_brake", "release_brake"

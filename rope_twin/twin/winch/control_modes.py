@@ -12,15 +12,8 @@ from typing import NamedTuple
 
 from rope_twin.scene.winch import ConstantTension
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.twin.winch.commands import (
-    DEPTH,
-    LENGTH,
-    SPEED,
-    TENSION,
-    LineTarget,
-    Payout,
-    TensionFeedback,
-)
+from rope_twin.twin.snapshot import DEPTH, LENGTH, SPEED, TENSION
+from rope_twin.twin.winch.commands import LineTarget, Payout, TensionFeedback
 
 Pieces = tuple[tuple[float, float], ...]  # jerk [m/s³] and duration [s]
 

@@ -22,19 +22,15 @@ from rope_twin.scene.winch import (
     SWITCHES,
 )
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.twin.snapshot import InputHealth, WinchShot
+from rope_twin.twin.snapshot import CONTROL_MODES, DEPTH, LENGTH, SPEED, InputHealth, WinchShot
 from rope_twin.twin.winch.commands import (
     COMMANDER_EVENTS,
     COMPENSATE,
-    CONTROL_MODES,
-    DEPTH,
     EMERGENCY_STOP,
     FEEDBACK_MODES,
-    LENGTH,
     NEW_COMMANDER,
     RESET,
     SET_BRAKE,
-    SPEED,
     UNKNOWN_ROPE,
     CommandQueue,
     Payout,

@@ -1,4 +1,4 @@
-"""Mesh and time step that a VIV model requires, and warnings where a scene gives less.
+"""VIV model of a scene, the mesh and time step that it requires, and warnings.
 
 The highest shedding frequency along the rope is decisive: a wave of that frequency on the hanging
 rope must be resolved in space and time.
@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import floor, hypot, inf, log10, pi, sqrt
+from typing import Any
 
 import numpy as np
 
+from rope_twin.effects import EFFECTS
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
@@ -21,13 +23,16 @@ from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import phrase
 from rope_twin.scene.grid import Bar, tension_at_length
 from rope_twin.scene.lift import LiftFigures
-from rope_twin.scene.relations import model_beside, shedding_model, strouhal_number
 from rope_twin.scene.schema import Scene
+from rope_twin.vortex.results import CoupledSettings
 
 # Linear elements shorten a wave by (π/n)²/6: 0.4 % at 20. At 200 steps TR-BDF2 has a period error
 # of 0.01 % and negligible damping; the wake, with a damping of 5 %, needs no more than that.
 ELEMENTS_PER_WAVE, STEPS_PER_PERIOD = 20.0, 200.0
 PLACES = 64  # sampling points along the rope
+
+
+STROUHAL = 0.17  # default, where the model has none
 
 
 @dataclass(frozen=True)
@@ -171,3 +176,34 @@ def _rounded(value: float) -> float:
     """Round down to two digits."""
     place = 10.0 ** (floor(log10(value)) - 1)
     return floor(value / place) * place
+
+
+def shedding_model(scene: Scene) -> str:
+    """Return the name of the scene's VIV model, or ""."""
+    for effect in EFFECTS:
+        if effect.sheds and any(type(params) is effect.params for params in scene.effects):
+            return effect.name
+    return ""
+
+
+def model_beside(scene: Scene) -> Any:
+    """Return the parameters of the scene's decoupled VIV model, or None."""
+    kinds = tuple(effect.params for effect in EFFECTS if effect.beside)
+    return next((own for own in scene.effects if isinstance(own, kinds)), None)
+
+
+def coupled_settings(scene: Scene) -> CoupledSettings:
+    """Return the scene's VIV model with its water; params of a decoupled one, else None."""
+    return CoupledSettings(
+        name=shedding_model(scene),
+        params=model_beside(scene),
+        strouhal=strouhal_number(scene),
+        density=scene.environment.water_density_kg_per_m3,
+        step_s=scene.time.step_s,
+    )
+
+
+def strouhal_number(scene: Scene) -> float:
+    """Return the Strouhal number of the scene's VIV model, or the default."""
+    numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
+    return next((number for number in numbers if number is not None), STROUHAL)
