@@ -11,7 +11,6 @@ from functools import partial
 from statistics import mean, median
 from typing import NamedTuple
 
-from rope_twin.cadence import due_topics, slot_of
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import Encoder
 from rope_twin.run.options import RunOptions
@@ -29,6 +28,7 @@ from rope_twin.studies.accuracy_within import (
     sure_bound,
 )
 from rope_twin.studies.driven_twin import variant
+from rope_twin.topics import due_topics, slot_of
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.validity import CUT_REASON, beyond

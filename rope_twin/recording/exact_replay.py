@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.cadence import EXTRA_TOPICS, SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.errors import BagError, InputError, SolverError, phrase
 from rope_twin.messages import Encoder, decode
 from rope_twin.recording.recorded_run import BagContent, Recorded, RecordedSession, read_content
 from rope_twin.recording.session import Session
+from rope_twin.topics import EXTRA_TOPICS, SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.twin.input_queue import apply
 from rope_twin.twin.pacing import Steppable, steps_in_slot
 from rope_twin.twin.recovery import Recovery

@@ -19,14 +19,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from rope_twin.cadence import slot_of
 from rope_twin.errors import BagError, InputError, phrase
 from rope_twin.messages import decode, encode_measurement
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.status import counted
 from rope_twin.recording.bag import BagReader, find_bag
-from rope_twin.topics import INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC
+from rope_twin.topics import INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC, slot_of
 from rope_twin.twin.input_queue import Call, LogEntry, calls_of, plain_calls
 from rope_twin.twin.readings import (
     MOTOR,

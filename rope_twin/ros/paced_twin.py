@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from uuid import uuid4
 
 from rope_twin.alerts.monitor import AlertMonitor
-from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Encoder, Level, Status, statuses
 from rope_twin.messages.diagnostics import BreachWords
@@ -31,7 +30,16 @@ from rope_twin.ros.params import SimulationParams
 from rope_twin.run.border import InputBorder
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import ALARM_TOPIC, ALERTS, ESTIMATE_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC
+from rope_twin.topics import (
+    ALARM_TOPIC,
+    ALERTS,
+    ESTIMATE_TOPIC,
+    INPUT_LOG_TOPIC,
+    SESSION_TOPIC,
+    SNAPSHOT_TOPICS,
+    due_topics,
+    slot_of,
+)
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.level import TwinOverloadProtection
 from rope_twin.twin.pacing import (

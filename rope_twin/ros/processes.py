@@ -18,7 +18,6 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
 from rope_twin.recording.bag import free_path
@@ -32,7 +31,7 @@ from rope_twin.run.progress import FigureProgress, StopSignal
 from rope_twin.run.summary import RUN_ROW, RunSummary
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import winches_by_name
-from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC
+from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC, SNAPSHOT_TOPICS
 
 STANDBY = "recorder_standby"  # takes over immediately if the recorder fails
 _WAIT_S = 0.1

@@ -13,7 +13,6 @@ from dataclasses import replace
 from statistics import median
 
 from rope_twin.alerts.monitor import AlertMonitor
-from rope_twin.cadence import DIAGNOSTICS_PERIOD_NS, due_topics, slot_of
 from rope_twin.errors import BagError, SolverError, StateError
 from rope_twin.messages import (
     Encoder,
@@ -42,7 +41,14 @@ from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.load import at_setting, following_measured, load_scene
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.winch import FOLLOWS_MEASURED
-from rope_twin.topics import ALERTS, SESSION_TOPIC, TOPICS
+from rope_twin.topics import (
+    ALERTS,
+    DIAGNOSTICS_PERIOD_NS,
+    SESSION_TOPIC,
+    TOPICS,
+    due_topics,
+    slot_of,
+)
 from rope_twin.twin.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot

@@ -9,7 +9,7 @@ import numpy as np
 from sample_snapshot import hanging_rope, lifted
 
 from rope_twin import messages
-from rope_twin.cadence import due_topics
+from rope_twin.topics import due_topics
 from rope_twin.twin.snapshot import Snapshot
 
 

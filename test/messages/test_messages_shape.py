@@ -11,8 +11,8 @@ from sample_snapshot import hanging_rope
 from view_session import EPOCH_NS, Session
 
 from rope_twin import messages
-from rope_twin.cadence import due_topics
 from rope_twin.messages import Level, Status, statuses
+from rope_twin.topics import due_topics
 from rope_twin.twin.snapshot import Bend, RopeBend, Snapshot, Touchdown
 
 CABLE = Touchdown("cable", (120.0, -3.0, -299.0), 362.2, 162.2, 12340.0, 0.5)

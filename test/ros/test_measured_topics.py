@@ -10,12 +10,17 @@ import pytest
 from ros_bench import Bench, clocks
 from small_scene import SMALL_SCENE
 
-from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.messages import Level, encode_measurement, read_cloud
 from rope_twin.messages.reports import encode_forecast
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.exact_replay import Outcome, verify
-from rope_twin.topics import FORECAST_RISK, INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC
+from rope_twin.topics import (
+    FORECAST_RISK,
+    INPUT_LOG_TOPIC,
+    MEASURED_TOPICS,
+    SESSION_TOPIC,
+    SNAPSHOT_TOPICS,
+)
 from rope_twin.twin.readings import Measurement
 
 pytestmark = pytest.mark.ros

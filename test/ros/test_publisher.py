@@ -9,10 +9,10 @@ from collections import defaultdict
 import pytest
 from ros_bench import PATIENCE_S
 
-from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.messages import Encoder
 from rope_twin.ros.paced_twin import Publisher
 from rope_twin.scene.load import load_scene
+from rope_twin.topics import SNAPSHOT_TOPICS
 from rope_twin.twin.pacing import SnapshotQueue
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin

@@ -13,13 +13,12 @@ from ros_bench import Bench
 from ros_messages import multi_array
 from ros_process import Processes
 
-from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.cli import main
 from rope_twin.messages import encode_cut, encode_heave, encode_order
 from rope_twin.recording import bag_writer as recorder_module
 from rope_twin.recording.exact_replay import Outcome, Verification, verify
 from rope_twin.recording.recorded_run import read_content
-from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
+from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC, SNAPSHOT_TOPICS
 from rope_twin.twin.input_queue import SET_LEVEL
 from rope_twin.twin.snapshot import LENGTH, SPEED
 from rope_twin.twin.winch.commands import WinchCommand

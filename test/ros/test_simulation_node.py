@@ -10,11 +10,10 @@ from typing import Any
 import pytest
 from ros_bench import Bench, clocks
 
-from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.errors import InputError, SolverError
 from rope_twin.messages import Level, encode_heave
 from rope_twin.ros.paced_twin import CLOCK_STEP_S
-from rope_twin.topics import BY_NAME, Qos
+from rope_twin.topics import BY_NAME, SNAPSHOT_TOPICS, Qos
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"

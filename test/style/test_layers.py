@@ -21,7 +21,7 @@ FLOORS = (
     ("effects", "vortex"),
     ("scene",),
     ("twin",),
-    ("topics", "cadence", "messages", "recording", "view", "feeds", "alerts", "console"),
+    ("topics", "messages", "recording", "view", "feeds", "alerts", "console"),
     ("estimation",),
     ("forecast",),
     ("run",),

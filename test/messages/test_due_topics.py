@@ -8,9 +8,8 @@ from typing import Any
 
 import pytest
 
-from rope_twin.cadence import EXTRA_TOPICS, SNAPSHOT_TOPICS, due_topics
 from rope_twin.messages import Encoder
-from rope_twin.topics import BY_NAME
+from rope_twin.topics import BY_NAME, EXTRA_TOPICS, SNAPSHOT_TOPICS, due_topics
 
 
 def test_the_topics_made_from_snapshots_are_those_that_the_encoder_knows() -> None:
