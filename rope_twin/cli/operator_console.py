@@ -142,11 +142,10 @@ def _terminal(args: argparse.Namespace) -> int:
 
 def _recorded(args: argparse.Namespace) -> int:
     from rope_twin.console.control import Desk
-    from rope_twin.console.facts import session_facts
+    from rope_twin.console.facts import SeaLimits, session_facts
     from rope_twin.console.pages import Pages
     from rope_twin.console.playback import Recording, connect_playback
     from rope_twin.console.requests import Log
-    from rope_twin.console.sea_limits import SeaLimits
     from rope_twin.console.server import Server, read_address
     from rope_twin.scene.load_chart import read_load_chart
 

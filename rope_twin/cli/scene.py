@@ -18,8 +18,7 @@ from typing import Any
 
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json
 from rope_twin.cli.interchange import add_export, add_import, run_export, run_import
-from rope_twin.cli.scene_coefficients import add_coefficients, run_coefficients
-from rope_twin.cli.scene_raos import add_raos, run_raos
+from rope_twin.cli.scene_hydrodynamics import add_coefficients, add_raos, run_coefficients, run_raos
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
