@@ -111,7 +111,8 @@ RAO_EXAMPLES = (
     "scene raos vessel.4 --scale-length 1m --origin 0 0 0 --phase-origin 0 0 0 --symmetry xz_plane",
     "scene raos ship_6dof --json",
 )
-RAO_MORE = """Reads a CSV, OrcaFlex YAML, WAMIT .4 or Capytaine netCDF file, or the file that a scene
+RAO_MORE = """\
+Reads a CSV, OrcaFlex YAML, WAMIT .4 or Capytaine netCDF file, or the file that a scene
 names, and prints modulus and phase in the conventions of rope_twin: x to the bow, y to port, z up,
 pitch positive bow down, heading 0 for following seas, positive phases ahead of the crest. What the
 file does not state is given by options; nothing is assumed."""
