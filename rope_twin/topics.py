@@ -354,6 +354,11 @@ def service_name(winch: str, what: str) -> str:
 BY_NAME: dict[str, Topic] = {topic.name: topic for topic in TOPICS}
 
 
+def recorded_name(name: str) -> str:
+    """Return the name under which a topic of the (relative) table is recorded in a bag."""
+    return name if name.startswith("/") else f"/{name}"
+
+
 SNAPSHOT_TOPICS = tuple(one for one in TOPICS if one.of_snapshot and not one.only_with)
 EXTRA_TOPICS = tuple(one for one in TOPICS if one.of_snapshot and one.only_with)
 DIAGNOSTICS_PERIOD_NS = 1_000_000_000

@@ -15,9 +15,9 @@ from rope_twin.alerts.monitor import CHATTER, FLOOD, STEADY, AlertRates, rates
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import BagError, InputError, phrase
 from rope_twin.messages.reports import PublishedAlerts, decode_alerts
-from rope_twin.recording.bag import BagReader, recorded_name
+from rope_twin.recording.bag import BagReader
 from rope_twin.run.arguments import add_command, add_json
-from rope_twin.topics import ALERTS
+from rope_twin.topics import ALERTS, recorded_name
 
 EXAMPLES = (
     "alerts bags/lift",

@@ -21,7 +21,7 @@ from rosbags.rosbag2 import Reader
 from rope_twin.errors import BagError, did_you_mean, phrase
 from rope_twin.messages.cdr import typestore
 from rope_twin.share import share_dir
-from rope_twin.topics import QOS_ROWS, Qos, Topic
+from rope_twin.topics import QOS_ROWS, Qos, Topic, recorded_name
 
 METADATA_VERSION = 9
 ROS_DISTRO = "kilted"
@@ -51,11 +51,6 @@ class RecordedTopic:
             "offered_qos_profiles": self.qos_profiles,
             "topic_type_hash": self.type_hash,
         }
-
-
-def recorded_name(name: str) -> str:
-    """Return the name under which a topic of the (relative) table is recorded."""
-    return name if name.startswith("/") else f"/{name}"
 
 
 def describe_topic(topic: Topic) -> RecordedTopic:

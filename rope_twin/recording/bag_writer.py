@@ -25,9 +25,8 @@ from rope_twin.recording.bag import (
     FileSummary,
     RecordedTopic,
     describe_topic,
-    recorded_name,
 )
-from rope_twin.topics import Topic
+from rope_twin.topics import Topic, recorded_name
 from rope_twin.whole_file import write_whole
 
 WAITING_LIMIT_BYTES = 64 * 2**20

@@ -18,11 +18,10 @@ from rope_twin.recording.bag import (
     ROSBAG_RECORD,
     RecordedTopic,
     describe_topic,
-    recorded_name,
 )
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
-from rope_twin.topics import BY_NAME
+from rope_twin.topics import BY_NAME, recorded_name
 
 
 class Outcome(IntEnum):
