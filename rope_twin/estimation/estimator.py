@@ -23,9 +23,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from rope_twin.core.state import Floats
+from rope_twin.core.state import Floats, Ints
 from rope_twin.errors import InputError, phrase
+from rope_twin.estimation.counter_error import CounterErrors, ErrorMemory
 from rope_twin.estimation.figures import (
+    COUNT,
     HEAVE_DELAY,
     HEAVE_ERRORS,
     INDEX,
@@ -39,11 +41,14 @@ from rope_twin.estimation.figures import (
 from rope_twin.estimation.lift_model import ExpectedMotion, LiftModel, Prediction
 from rope_twin.estimation.measured_lift import MEAN_S, MeasuredLift
 from rope_twin.estimation.noise import (
+    FREQUENCY_HZ,
+    Complexes,
     ExpectedHeave,
     ResidualNoise,
     heave_spectra,
     heave_spectrum,
     tension_error_autocovariance,
+    top_impedance,
 )
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene
@@ -178,7 +183,7 @@ def misfit(theta: Floats, prior: Gaussian, whitened: Floats, temper: float = TEM
 
 def gate(residual: Floats, covariance: Floats, jacobian: Floats, prior: Gaussian) -> Floats:
     """Return which samples are used, (k,) bool: finite, and within GATE_SDS of R + J·P·Jᵀ."""
-    open_variance = np.einsum("ij,jk,ik->i", jacobian, prior.covariance, jacobian)
+    open_variance = ((jacobian @ prior.covariance) * jacobian).sum(axis=1)
     limit = GATE_SDS * np.sqrt(np.diag(covariance) + open_variance)
     finite = np.isfinite(residual)
     return np.asarray(finite & (np.abs(np.where(finite, residual, 0.0)) < limit))
@@ -186,11 +191,11 @@ def gate(residual: Floats, covariance: Floats, jacobian: Floats, prior: Gaussian
 
 @dataclass(frozen=True)
 class _Linear:
-    """Prediction of a block to first order about θ."""
+    """Prediction of a block to first order about θ and n errors of the line counter."""
 
-    theta: Floats  # (COUNT,)
+    theta: Floats  # (COUNT + n,)
     residual: Floats  # (k,) measured less predicted [N]; NaN: missing, or the rope is slack
-    jacobian: Floats  # (k, COUNT)
+    jacobian: Floats  # (k, COUNT + n)
     covariance: Floats  # R, (k, k) [N²]
     autocovariances: Floats  # of its octaves, (BANDS, k) [N²]
 
@@ -207,6 +212,9 @@ SPEEDS = 30  # of the line in a block, for the same
 SPARE_HEAVE_S = 0.25  # beyond the delay, so that its lane has heave at the end of a block
 SAME_LENGTH_M = 0.01  # a measured line out that is the scene's
 SEGMENT_S = 15.0  # the members are stepped so far at a time
+RINGING_S = 40.0  # before a block, in which an error of the line still rings in it
+MOST_KNOTS = 200  # a line that is hardly ever steady has errors that are noise
+LEAST_ERROR = 0.3  # of the white noise that errors of the line must be, or they are left out
 
 
 @dataclass(frozen=True)
@@ -234,6 +242,9 @@ class Estimator:
         self.model = model
         self.state, self.state_s = state, begin_s
         self._running: Prediction | None = None
+        self._memory = ErrorMemory()
+        self._errors: CounterErrors | None = None  # of the line counter in the present block
+        self._places: Ints = np.empty(0, np.int64)  # of its knots in the memory
 
     @property
     def block_begin_s(self) -> float:
@@ -256,6 +267,7 @@ class Estimator:
         self.prior = self.prior.tared()
         bias = self.prior.gaussian.sd[INDEX["tension_bias"]]
         self.belief = self.belief.with_figure("tension_bias", 0.0, float(bias))
+        self._memory = ErrorMemory()
         self.theta = self.belief.mean.copy()
         self._running = None
 
@@ -314,15 +326,49 @@ class Estimator:
         heave; False: by the measured one.
         """
         theta = self.theta if theta is None else theta
-        lift, error_m = self.model.lift, self.prior.learning.heave_error_m
+        measured = self._measured_psd(end_s)
+        impedance = self._impedance(theta, end_s, measured)
+        return self._autocovariances(impedance, theta, end_s, measured, count, estimated)
+
+    def _autocovariances(
+        self, impedance: Complexes, theta: Floats, end_s: float, measured: Floats, count: int,
+        estimated: bool,
+    ) -> Floats:  # fmt: skip
         levels = theta[[INDEX[name] for name in HEAVE_ERRORS]]
-        spectra = heave_spectra(self._measured_psd(end_s), error_m, levels)
-        line, speed = lift.line_motion(end_s - BLOCK_S + np.arange(SPEEDS) * BLOCK_S / SPEEDS)
+        spectra = heave_spectra(measured, self.prior.learning.heave_error_m, levels)
+        error = spectra.left if estimated else spectra.error
+        if not estimated or self._errors is None:
+            error = error + self.model.lift.line_error_psd(end_s - BLOCK_S, end_s)
+        return tension_error_autocovariance(impedance, error, count, MEAN_S)
+
+    def _impedance(self, theta: Floats, end_s: float, measured: Floats) -> Complexes:
+        """Return the top impedance of the rope with figures θ in the block that ends then.
+
+        measured: spectrum of the heave [m²/Hz].
+        """
+        times = end_s - BLOCK_S + np.arange(SPEEDS) * BLOCK_S / SPEEDS
+        line, speed = self.model.lift.line_motion(times)
         factors = {name: float(value) for name, value in factors_of(theta).items()}
         bar = self.model.bar.at_length(float(line[SPEEDS // 2])).with_factors(factors)
-        error = spectra.left if estimated else spectra.error
-        error = error + lift.line_error_psd(end_s - BLOCK_S, end_s)
-        return tension_error_autocovariance(bar, spectra.measured, error, count, MEAN_S, speed)
+        return top_impedance(bar, FREQUENCY_HZ, measured, speed)
+
+    def _take_counts(self, count: int) -> None:
+        """Take the errors of the line counter over the present block, if they matter."""
+        assert self.noise is not None
+        begin_s = self.block_begin_s - RINGING_S
+        errors = CounterErrors.of(self.model.lift.passages(begin_s, self.block_end_s))
+        self._errors, self._places = None, np.empty(0, np.int64)
+        if 0 < len(errors.keys) <= MOST_KNOTS:
+            psd = self._measured_psd(self.block_end_s)
+            impedance = self._impedance(self.theta, self.block_end_s, psd)
+            columns = errors.columns(impedance, self.block_begin_s, count)
+            size = np.linalg.norm(columns, axis=0)
+            if (size * errors.sd_m).max() > LEAST_ERROR * self.noise.white_n:
+                self._errors = errors
+        if self._errors is None:
+            self._memory = ErrorMemory()
+        else:
+            self._places = self._memory.take(errors)
 
     def _assimilate(self, prediction: Prediction) -> None:
         """Learn from the block whose end a prediction with the present figures has reached."""
@@ -330,11 +376,15 @@ class Estimator:
         measured, samples = self.model.lift.tension_means(begin_s, end_s)
         if self.noise is None:
             self.noise = ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
-        first = self._linearise(prediction, measured)
-        self.innovation = self._innovation(first)
-        posterior, used, nis = self.belief, np.isfinite(first.residual), np.nan
+        self._take_counts(len(measured))
+        joint = self._memory.with_errors(self.belief)
+        first = self._linearise(prediction, measured, joint.mean[COUNT:])
+        self.innovation = self._innovation(first, joint)
+        posterior, used, nis = joint, np.isfinite(first.residual), np.nan
         if used.mean() >= LEAST_USED:
-            posterior, used, nis = self._learn(first, measured, prediction.motion)
+            posterior, used, nis = self._learn(first, joint, measured, prediction.motion)
+        self._memory.learn(posterior)
+        posterior = Gaussian(posterior.mean[:COUNT], posterior.covariance[:COUNT, :COUNT])
         held = self.prior.held(self.theta)
         self.results.append(BlockResult(end_s, posterior, float(used.mean()), nis, held))
         growth = np.diag((DRIFT * self.prior.sd) ** 2) * BLOCK_S / 60.0
@@ -343,53 +393,66 @@ class Estimator:
         self.state = self.model.state_at(self.theta, self.state, self.state_s, begin_s, motion)
         self.state_s = begin_s
 
-    def _linearise(self, prediction: Prediction, measured: Floats) -> _Linear:
-        """Return what a prediction of the present block leaves of the measured means."""
+    def _linearise(self, prediction: Prediction, measured: Floats, errors_m: Floats) -> _Linear:
+        """Return what a prediction of the present block leaves of the measured means.
+
+        errors_m: of the line counter, (n,).
+        """
         assert self.noise is not None
-        begin_s, theta = self.block_begin_s, prediction.theta
+        begin_s, end_s, theta = self.block_begin_s, self.block_end_s, prediction.theta
+        count, psd = len(measured), self._measured_psd(end_s)
         whole = self.model.without_slack(prediction, begin_s, measured)
         predicted, J = self.model.linearised(prediction, begin_s)
-        colours = self.autocovariances(len(measured), self.block_end_s, theta=theta)
+        impedance = self._impedance(theta, end_s, psd)
+        colours = self._autocovariances(impedance, theta, end_s, psd, count, estimated=True)
         R = self.noise.covariance(colours)
-        return _Linear(theta, whole - predicted, J, R, colours)
+        A = np.zeros((count, len(errors_m)))
+        if self._errors is not None:
+            of_knots = self._errors.columns(impedance, begin_s, count)
+            np.add.at(A.T, self._places, of_knots.T)
+            predicted = predicted + A @ errors_m
+        return _Linear(np.append(theta, errors_m), whole - predicted, np.hstack([J, A]), R, colours)
 
     def _learn(
-        self, at: _Linear, measured: Floats, motion: ExpectedMotion | None
+        self, at: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None
     ) -> tuple[Gaussian, Floats, float]:
         """Move θ to its posterior mean; return the posterior, the used samples and the NIS.
+
+        joint: θ and the errors of the line counter before the block.
 
         Steps are taken from new linearisations until one promises no more than ENOUGH. One that
         makes the posterior density smaller is halved. Where the gate leaves less than LEAST_USED,
         nothing is learned.
         """
         assert self.noise is not None
+        free = np.full(len(joint.mean) - COUNT, np.inf)  # errors of the line have no limits
         for iteration in range(MOST_ITERATIONS):
             middle = np.nanmedian(at.residual) if iteration == 0 else 0.0
-            used = gate(at.residual - middle, at.covariance, at.jacobian, self.belief)
+            used = gate(at.residual - middle, at.covariance, at.jacobian, joint)
             if used.mean() < LEAST_USED:
                 self.theta = self.belief.mean.copy()
-                return self.belief, used, np.nan
+                return joint, used, np.nan
             whiten = Whitening(at.covariance, used)
-            reach = MOST_STEP_SDS * self.prior.sd
+            reach, theta = MOST_STEP_SDS * self.prior.sd, at.theta[:COUNT]
             step = gauss_newton_step(
-                at.theta, self.belief, at.residual, at.jacobian, whiten, robust=iteration > 0,
-                least=self.prior.within(at.theta - reach), most=self.prior.within(at.theta + reach),
+                at.theta, joint, at.residual, at.jacobian, whiten, robust=iteration > 0,
+                least=np.append(self.prior.within(theta - reach), -free),
+                most=np.append(self.prior.within(theta + reach), free),
             )  # fmt: skip
             if iteration > 0 and step.gain < ENOUGH:
                 break
-            better = self._better(at, step.theta - at.theta, used, measured, motion)
+            better = self._better(at, step.theta - at.theta, joint, used, measured, motion)
             if better is None:
                 break
             at = better
-        self.theta = step.theta
+        self.theta = step.theta[:COUNT].copy()
         left = at.residual - at.jacobian @ (step.theta - at.theta)
         whitened = whiten(left)
         self.noise.learn(left, used, at.autocovariances)
-        posterior = Gaussian(self.theta.copy(), step.posterior.covariance)
-        return posterior, used, float(whitened @ whitened) / max(int(used.sum()), 1)
+        return step.posterior, used, float(whitened @ whitened) / max(int(used.sum()), 1)
 
     def _better(
-        self, at: _Linear, change: Floats, used: Floats, measured: Floats,
+        self, at: _Linear, change: Floats, joint: Gaussian, used: Floats, measured: Floats,
         motion: ExpectedMotion | None,
     ) -> _Linear | None:  # fmt: skip
         """Return the linearisation after a change, or as small a part of it as is an improvement.
@@ -399,27 +462,25 @@ class Estimator:
         for halved in range(1 + MOST_HALVINGS):
             theta = at.theta + 0.5**halved * change
             prediction = self.model.predict(
-                theta, self.state, self.state_s, self.block_end_s, motion
+                theta[:COUNT], self.state, self.state_s, self.block_end_s, motion
             )
-            new = self._linearise(prediction, measured)
+            new = self._linearise(prediction, measured, theta[COUNT:])
             both = used & np.isfinite(new.residual)  # neither is slack
             if both.mean() < LEAST_USED:
                 continue
             whiten = Whitening(at.covariance, both)
-            before, after = (
-                misfit(one.theta, self.belief, whiten(one.residual)) for one in (at, new)
-            )
+            before, after = (misfit(one.theta, joint, whiten(one.residual)) for one in (at, new))
             if after < before:
                 return new
         return None
 
-    def _innovation(self, at: _Linear) -> Innovation:
+    def _innovation(self, at: _Linear, joint: Gaussian) -> Innovation:
         """Return the residual before learning, with its covariance and signatures."""
         J, middles = at.jacobian, MEAN_S * (np.arange(len(at.residual)) + 0.5)
         return Innovation(
             time_s=np.asarray(self.block_begin_s + middles, float),
             residual_n=at.residual,
-            covariance=at.covariance + J @ self.belief.covariance @ J.T,
+            covariance=at.covariance + J @ joint.covariance @ J.T,
             columns={name: J[:, k] for k, name in enumerate(NAMES)},
             prior_sd={name: float(self.prior.sd[k]) for k, name in enumerate(NAMES)},
         )

@@ -12,17 +12,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import savgol_coeffs
 
 from rope_twin.core.state import Floats
 
+Bools = NDArray[np.bool_]
 MEAN_S = 0.25  # interval of the means that are compared
 NEIGHBOURS = 9  # samples of the median
 SPIKE_SDS = 5.0  # of the pin's noise, from that median
 LEAST_GOOD = 0.6  # share of a mean's samples that must be good
 SMOOTHED_SAMPLES, SMOOTHED_ORDER = 15, 3
 _SMOOTHING = savgol_coeffs(SMOOTHED_SAMPLES, SMOOTHED_ORDER)
+SMOOTHING_LEAVES = float(_SMOOTHING @ _SMOOTHING)  # of the variance of independent errors
 SAME_COUNT_M = 1e-6  # counts that differ by less are equal
 EDGE_S = 0.25  # of standing counts beside a change, which say less than the change
 LINE_HZ = 20.0  # grid of the line out
@@ -140,8 +143,10 @@ def without_stairs(time_s: Floats, counts: Floats) -> tuple[Floats, Floats]:
     return times[order], positions[order]
 
 
-def straightened(positions: Floats, resolution_m: float) -> Floats:
+def straightened(positions: Floats, resolution_m: float) -> tuple[Floats, Bools]:
     """Return positions on an even grid, (k,), with the line itself where its speed is constant.
+
+    Second result: where that is, (k,).
 
     The rounding of a counter is no noise while a line runs steadily: it is a slow saw tooth, which
     no short mean removes and which shakes the rope at its own period. Stretches are set to a
@@ -149,8 +154,9 @@ def straightened(positions: Floats, resolution_m: float) -> Floats:
     resolutions over STRAIGHT_SAMPLES, STRAIGHT_RMS of the whole stretch.
     """
     half = STRAIGHT_SAMPLES // 2
+    straight = np.zeros(len(positions), bool)
     if len(positions) <= STRAIGHT_SAMPLES:
-        return positions
+        return positions, straight
     near = np.lib.stride_tricks.sliding_window_view(positions, STRAIGHT_SAMPLES)
     along = np.arange(STRAIGHT_SAMPLES) - float(half)
     middle, slope = near.mean(axis=1), near @ along / (along @ along)
@@ -165,7 +171,27 @@ def straightened(positions: Floats, resolution_m: float) -> Floats:
             line = own.mean() + at * (at @ own) / (at @ at)
             if np.sqrt(np.mean((own - line) ** 2)) <= STRAIGHT_RMS * resolution_m:
                 made[begin:end] = line
-    return made
+                straight[begin:end] = True
+    return made, straight
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Stretch of a moving line whose speed is not constant, by a counter of coarse resolution."""
+
+    begin_s: float
+    end_s: float
+    counts: bytes  # of the counter, in resolutions; unlike all others where the stretch is cut
+    resolution_m: float
+    standing: tuple[tuple[float, float], ...]  # begin and end of counts that repeat [s]
+
+    def sd_at(self, times_s: Floats) -> Floats:
+        """Return the standard deviation of the smoothed rounding error [m], (k,)."""
+        stands = np.zeros(len(times_s), bool)
+        for begin, end in self.standing:
+            stands |= (times_s >= begin) & (times_s <= end)
+        left = np.where(stands, 1.0, SMOOTHING_LEAVES)
+        return np.asarray(self.resolution_m * np.sqrt(left / 12.0))
 
 
 @dataclass(frozen=True)
@@ -291,6 +317,41 @@ class MeasuredLift:
 
         straight: where the line runs steadily it is a straight line first.
         """
+        grid, raw, table = self._line_samples(begin_s, end_s)
+        if straight and (resolution_m := _resolution(table[:, 1])) > 0.0:
+            raw, _ = straightened(raw, resolution_m)
+        half = SMOOTHED_SAMPLES // 2
+        around = np.pad(raw, half, mode="reflect", reflect_type="odd")
+        smooth = np.convolve(around, _SMOOTHING, "valid")
+        return LineTrack(grid, smooth, np.gradient(smooth, 1.0 / LINE_HZ))
+
+    def passages(self, begin_s: float, end_s: float) -> list[Passage]:
+        """Return the stretches between two times [s] in which a line moves, but not steadily."""
+        grid, raw, table = self._line_samples(begin_s, end_s)
+        resolution_m = _resolution(table[:, 1])
+        if resolution_m == 0.0:
+            return []
+        _, steady = straightened(raw, resolution_m)
+        borders = np.flatnonzero(np.diff(np.concatenate([[True], steady, [True]]).astype(int)))
+        found = []
+        for begin, end in borders.reshape(-1, 2):
+            own = slice(*np.searchsorted(table[:, 0], (grid[begin] - 1e-6, grid[end - 1] + 1e-6)))
+            times, counts = table[own].T
+            if len(counts) < 2 or np.ptp(counts) < SAME_COUNT_M:
+                continue
+            cut = begin == 0 or end == len(grid)
+            key = np.round(counts / resolution_m).astype(np.int64)
+            name = np.array([grid[begin], grid[end - 1]]) if cut else key
+            changes = np.flatnonzero(np.diff(key))
+            edges = np.concatenate([[times[0]], times[changes + 1], [times[-1]]])
+            wide = np.flatnonzero(np.diff(edges) > SMOOTHED_SAMPLES / LINE_HZ)
+            standing = tuple((float(edges[k]), float(edges[k + 1])) for k in wide)
+            found.append(Passage(float(grid[begin]), float(grid[end - 1]), name.tobytes(),
+                                 resolution_m, standing))  # fmt: skip
+        return found
+
+    def _line_samples(self, begin_s: float, end_s: float) -> tuple[Floats, Floats, Floats]:
+        """Return an even grid [s], the line out there without stairs, and the samples near."""
         table = self.line_out.table
         margin = SMOOTHED_SAMPLES / LINE_HZ
         begin = max(begin_s - margin, table[0, 0])
@@ -298,10 +359,5 @@ class MeasuredLift:
         count = max(SMOOTHED_SAMPLES, round((end - begin) * LINE_HZ)) + 1
         grid = begin + np.arange(count) / LINE_HZ
         near = slice(*np.searchsorted(table[:, 0], (begin - LINE_HOLE_S, end + LINE_HOLE_S)))
-        raw = np.interp(grid, *without_stairs(*table[near].T))
-        if straight and (resolution_m := _resolution(table[near, 1])) > 0.0:
-            raw = straightened(raw, resolution_m)
-        half = SMOOTHED_SAMPLES // 2
-        around = np.pad(raw, half, mode="reflect", reflect_type="odd")
-        smooth = np.convolve(around, _SMOOTHING, "valid")
-        return LineTrack(grid, smooth, np.gradient(smooth, 1.0 / LINE_HZ))
+        some = table[near]
+        return grid, np.interp(grid, *without_stairs(*some.T)), some

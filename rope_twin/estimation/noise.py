@@ -280,19 +280,13 @@ class ExpectedHeave:
 
 
 def tension_error_autocovariance(
-    bar: Bar,
-    heave_psd: Floats,
-    error_psd: Floats,
-    count: int,
-    interval_s: float,
-    speeds: Floats = STANDING,
+    impedance: Complexes, error_psd: Floats, count: int, interval_s: float
 ) -> Floats:
     """Return r_j of each octave at the lags k·interval_s, (BANDS, count) [N²].
 
-    Their sum at lag 0 is the variance. heave_psd, error_psd: spectra of the heave and of its error
-    at FREQUENCY_HZ [m²/Hz]. speeds: of the line, for which drag is linearised too, (n,) [m/s].
+    Their sum at lag 0 is the variance. impedance, error_psd: top impedance [N/m] and spectrum of
+    the heave's error [m²/Hz] at FREQUENCY_HZ.
     """
-    impedance = top_impedance(bar, FREQUENCY_HZ, heave_psd, speeds)
     spectrum = np.abs(impedance) ** 2 * error_psd
     octave = np.searchsorted(OCTAVES_HZ, FREQUENCY_HZ, side="right")
     parts = np.where(octave == np.arange(BANDS)[:, None], spectrum, 0.0)

@@ -263,7 +263,7 @@ def test_error_spectrum_has_its_variance_and_its_band() -> None:
     at = [S[np.argmin(np.abs(FREQUENCY_HZ - f))] for f in (0.45, 0.9)]
     assert at[0] / at[1] == pytest.approx(16.0, rel=0.05)
     bar = uniform(EA_n=np.array([1e15]), damping_newton_seconds=np.array([0.0]))
-    octaves = tension_error_autocovariance(bar, np.zeros_like(S), S, 40, 0.25)
+    octaves = tension_error_autocovariance(top_impedance(bar, FREQUENCY_HZ), S, 40, 0.25)
     r = octaves.sum(axis=0)
     w = 2.0 * np.pi * FREQUENCY_HZ
     force = (48648.0 + 3000.0 * 6.384) ** 2 * (w**4 * S).sum() * FREQUENCY_STEP_HZ

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rope_twin.estimation.measured_lift import (
     FORGETTING_S,
     MEAN_S,
+    SMOOTHING_LEAVES,
     MeasuredLift,
     Series,
     interval_means,
@@ -181,7 +182,10 @@ def test_a_steady_line_is_straight_and_its_start_is_kept() -> None:
     ran = np.clip(t - 20.0, 0.0, None)
     true = np.where(ran < 2.0, 0.125 * ran**2, 0.5 * (ran - 1.0)) * 1.0006
     counts = np.round(true / 0.01) * 0.01
-    made = straightened(counts, 0.01)
+    made, straight = straightened(counts, 0.01)
+    assert straight[(t > 2.0) & (t < 18.0)].all()
+    assert straight[(t > 24.0) & (t < 58.0)].all()
+    assert not straight[(t > 20.6) & (t < 21.8)].any()
     steady = (t > 24.0) & (t < 58.0)
     assert np.abs(counts - true)[steady].max() > 0.004
     assert np.abs(made - true)[steady].max() < 0.01 / 6.0
@@ -194,4 +198,49 @@ def test_a_line_that_swings_is_not_straightened() -> None:
     """The swing of a compensator, ten counts of its counter, stays as it was counted."""
     t = np.arange(0.0, 60.0, 0.05)
     swing = np.round(0.1 * np.sin(2.0 * np.pi * t / 12.0) / 0.01) * 0.01
-    assert np.array_equal(straightened(swing, 0.01), swing)
+    made, straight = straightened(swing, 0.01)
+    assert np.array_equal(made, swing)
+    assert not straight.any()
+
+
+def test_passages_that_return_have_the_counts_of_before() -> None:
+    """Starts and stops are found, and known again; not where the counter is 3 mm further on."""
+    t = np.arange(0.0, 120.0, 0.05)
+    second = t % 60.0
+
+    def there(since: np.ndarray) -> np.ndarray:
+        ran = np.clip(since, 0.0, 18.0)
+        end = np.clip(since - 16.0, 0.0, 2.0)
+        return (
+            0.125 * np.minimum(ran, 2.0) ** 2
+            + 0.5 * np.clip(ran - 2.0, 0.0, None)
+            - (0.125 * end**2)
+        )
+
+    line = 300.0 + there(second - 8.0) - there(second - 33.0)
+    line[t >= 60.0] += np.where(t[t >= 60.0] >= 93.0, 0.003, 0.0)  # the second way back
+    made = MeasuredLift(1000.0)
+    made.line_out.extend(t, np.round(line / 0.01) * 0.01)
+    first, second_minute = made.passages(2.0, 58.0), made.passages(62.0, 118.0)
+    assert len(first) == len(second_minute) == 4
+    for one, at in zip(first, (8.0, 24.0, 33.0, 49.0), strict=True):
+        assert at - 1.5 < one.begin_s < at
+        assert at + 2.0 < one.end_s < at + 3.5
+        assert one.resolution_m == pytest.approx(0.01)
+    same = [a.counts == b.counts for a, b in zip(first, second_minute, strict=True)]
+    assert same == [True, True, False, False]
+    assert len({one.counts for one in first}) == 4
+
+
+def test_error_of_a_count_that_repeats_is_a_whole_one() -> None:
+    """Smoothing leaves 167/1105 of the variance of rounding; all of it where the line stands."""
+    t = np.arange(0.0, 30.0, 0.05)
+    ran = np.clip(t - 10.0, 0.0, None)
+    line = np.where(ran < 2.0, 0.125 * ran**2, 0.5 * (ran - 1.0))
+    made = MeasuredLift(1000.0)
+    made.line_out.extend(t, np.round(line / 0.01) * 0.01)
+    (start,) = [one for one in made.passages(2.0, 28.0) if one.begin_s < 10.0 < one.end_s]
+    stands, moves = start.sd_at(np.array([start.begin_s, 11.8]))
+    assert stands == pytest.approx(0.01 / np.sqrt(12.0))
+    assert moves == pytest.approx(stands * np.sqrt(SMOOTHING_LEAVES))
+    assert pytest.approx(167.0 / 1105.0) == SMOOTHING_LEAVES
