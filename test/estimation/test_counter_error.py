@@ -30,7 +30,11 @@ def test_columns_are_the_response_of_a_mass_on_a_spring() -> None:
     Paying out moves the top down, u = -e.
     """
     mass, EA, C, length = 30e3, 1e8, 4e6, 200.0
-    bar = Bar(*(np.array([one]) for one in (length, EA, C, 1e-3, 0.0)), mass, 0.0)  # type: ignore[arg-type]
+    bar = Bar(
+        length_m=np.array([length]), EA_n=np.array([EA]), damping_newton_seconds=np.array([C]),
+        mass_kg_per_m=np.array([1e-3]), drag_kg_per_m2=np.array([0.0]), end_mass_kg=mass,
+        end_drag_kg_per_m=0.0,
+    )  # fmt: skip
     errors = CounterErrors.of([passage(10.0, b"start"), passage(30.0, b"stop")])
     begin_s, count = 12.0, 160
     found = errors.columns(top_impedance(bar, FREQUENCY_HZ), begin_s, count)
@@ -92,9 +96,9 @@ def test_repeats_of_an_error_tell_no_more_than_their_batch() -> None:
         sd = errors.sd_m[0]
         J, y = np.vstack(whole_J), np.concatenate(whole_y)
         A = np.vstack(whole_A)
-        of_errors = sd**2 * A @ A.T
+        of_errors = np.asarray(sd**2 * A @ A.T, float)
         if not repeats:
-            of_errors *= np.kron(np.eye(blocks), np.ones((rows, rows)))
+            of_errors = of_errors * np.kron(np.eye(blocks), np.ones((rows, rows)))
         R = of_errors + white**2 * np.eye(len(y))
         precision = np.linalg.inv(covariance) + J.T @ np.linalg.solve(R, J)
         P = np.linalg.inv(precision)
