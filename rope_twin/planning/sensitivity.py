@@ -36,7 +36,6 @@ from rope_twin.studies.study_run import RowFolder, on_cluster
 from rope_twin.twin.ensemble.ensemble import cores
 
 Method = Literal["morris", "sobol"]
-METHODS: tuple[Method, ...] = ("morris", "sobol")
 LEVELS = 4  # of the grid of Morris
 RESAMPLES = 200  # of the bootstrap behind the intervals
 CONFIDENCE = 0.9
