@@ -111,7 +111,8 @@ class _Hidden:
 
 def sea_process(sea: str) -> HeaveProcess:
     """Return the process that drawn seas are samples of, seen by a sensor with white noise only."""
-    frequency = LOWEST_HZ + LINE_HZ * np.arange(round((HIGHEST_HZ - LOWEST_HZ) / LINE_HZ))
+    lines_hz = LINE_HZ * np.arange(round((HIGHEST_HZ - LOWEST_HZ) / LINE_HZ), dtype=np.float64)
+    frequency: Floats = np.asarray(LOWEST_HZ + lines_hz)
     gain = np.abs(heave_response(BoxHull(), frequency)) ** 2
     true = HeaveSpectrum(frequency, recorded_spectrum(sea).density_at(frequency) * gain)
     return HeaveProcess(true, HeaveSpectrum(frequency, 0.0 * frequency), WHITE_M)
