@@ -278,8 +278,9 @@ def clean_maxima(
         follow(estimator, watch, 0.0, WARM_UP_S + 60.0 * minutes, cost, look)
         others += watch.alarm is not None
         table = np.array(seen)
-        for minute in np.unique(table[:, 0] // 60.0):
-            some = table[table[:, 0] // 60.0 == minute]
+        minutes_of = np.ceil(table[:, 0] / 60.0)  # a look at the end of a minute is in it
+        for minute in np.unique(minutes_of):
+            some = table[minutes_of == minute]
             ratios.append(float(some[:, 1].max()))
             nis.append(float(some[:, 2].max()))
         report(number + 1, len(seeds), "truths without a fault")
