@@ -31,7 +31,13 @@ from rope_twin.scene.lift import (
     alone,
     point_figures,
 )
-from rope_twin.scene.rigging import body_payload, meeting_points, places, runs_over_sheave
+from rope_twin.scene.rigging import (
+    body_payload,
+    meeting_points,
+    panels_beside,
+    places,
+    runs_over_sheave,
+)
 from rope_twin.scene.rope_model import build, build_effects, tables_of
 from rope_twin.scene.schema import STEEL_KG_PER_M3, Payload, RopeLine, Scene
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
@@ -217,6 +223,7 @@ def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> 
         net = carried.net if carried else None
         return _of_payload(params, net, carried) or replace(params, panels=0)
     if isinstance(params, NetCurtainParams):
+        params = panels_beside(line, params)
         return params if params.rope in ("", line.name) else replace(params, panels=0)
     if isinstance(params, FairingParams):
         fairing = carried.fairing if carried else None

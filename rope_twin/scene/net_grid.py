@@ -9,11 +9,15 @@ and shear turns meshes without resistance.
 
 Forces, weight and inertia of the panels are those of `net_curtain` between the level borders, which
 carry all of them to the ropes; the borders themselves have next to no mass and no drag.
+
+Several nets share ropes side by side or above each other: a rope is divided at the levels of all of
+them, and nets that have a level at the same height meet there. A rope that comes from a winch does
+so above its highest net; its line out counts from there, and the winch's limits with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -24,23 +28,36 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.errors import did_you_mean
 from rope_twin.scene.rigging import winch_of
-from rope_twin.scene.schema import Fault, FlexibleNet, Joint, Rope, RopeLine, Scene
+from rope_twin.scene.schema import (
+    WINCH,
+    Fault,
+    FlexibleNet,
+    Joint,
+    NetPart,
+    Rope,
+    RopeLine,
+    Scene,
+    ScheduleRow,
+    Winch,
+)
+from rope_twin.scene.winch import FOLLOWS_MEASURED
+from rope_twin.scene.winch_rules import line_out_faults
 
 THIN_M, LIGHT_KG_PER_M = 1e-3, 1e-3  # of a border: the panels have the twine's own
 ELEMENTS = 3  # of a border
 
 
-class NetPart(RopeLine):
-    """A border of panels, or the part of a rope beside or below the net.
-
-    What is plausible for a rope of the scene need not be for it.
-    """
+SAME_M = 1e-6  # levels at this distance on a rope are one
+APART_M = 0.5  # least distance of others: the shortest part of a rope between nets
+LEFT_M = 1.0  # of a rope above its highest net, with the winch's least line out
 
 
 def net_faults(scene: Scene) -> Iterator[Fault]:
     """Check that the ropes of each net can hold it."""
-    if len(scene.nets) > 1:
-        yield "nets[1]", "a second net", "keep one; it may hang between any number of ropes"
+    names = [net.name for net in scene.nets]
+    for number, name in enumerate(names):
+        if names.index(name) < number:
+            yield f"nets[{number}].name", f"'{name}' is the name of another net", "rename one"
     if scene.nets and scene.listed(NetCurtainParams) is not None:
         yield "effects.net_curtain", "`nets` brings its own panels", "remove one of them"
     for number, net in enumerate(scene.nets):
@@ -56,9 +73,16 @@ def net_faults(scene: Scene) -> Iterator[Fault]:
         for name in net.between:
             for key, what, right in _rope_faults(scene, net, name):
                 yield f"{path}.{key}", what, right
+        for key, what, right in _meeting_faults(net, scene.nets[:number]):
+            yield f"{path}.{key}", what, right
+    if scene.nets:
+        yield from line_out_faults(scene)
 
 
-def _rope_faults(scene: Scene, net: FlexibleNet, name: str) -> Iterator[tuple[str, str, str]]:
+_Reason = tuple[str, str, str]  # key of the net, what, and what would be right
+
+
+def _rope_faults(scene: Scene, net: FlexibleNet, name: str) -> Iterator[_Reason]:
     names = [line.name for line in scene.ropes]
     if name not in names:
         yield "between", f"there is no rope '{name}'", did_you_mean(name, names)
@@ -73,12 +97,39 @@ def _rope_faults(scene: Scene, net: FlexibleNet, name: str) -> Iterator[tuple[st
             f"'{name}' has sections or a grading",
             "give it one `rope`, without grading",
         )
-    if winch_of(scene, line) is not None:
-        yield "between", f"'{name}' comes from a winch", "let it come from a hang-off without one"
+    winch = winch_of(scene, line)
+    if winch is not None and winch.follows == FOLLOWS_MEASURED:
+        what = f"the winch of '{name}' follows a measured line out, which no net divides"
+        yield "between", what, "let it follow commands, or name another rope"
+    elif winch is not None and winch.least_line_out_m < net.to_m + LEFT_M:
+        what = (
+            f"the net reaches {net.to_m:g} m up '{name}', of which its winch may leave no more "
+            f"than {winch.least_line_out_m:g} m out"
+        )
+        yield "to_m", what, f"raise least_line_out_m to {net.to_m + LEFT_M:g} m at least"
     if any(line.to == sheave.name for sheave in scene.sheaves):
         yield "between", f"'{name}' runs over a sheave, which no net passes", "name another rope"
     if line.fixed_at_m is not None and net.from_m == 0.0:
         yield "from_m", f"the lower end of '{name}' is fixed", "begin the net above it"
+
+
+def _meeting_faults(net: FlexibleNet, before: Sequence[FlexibleNet]) -> Iterator[_Reason]:
+    """Check a net against those before it: on shared ropes they meet or keep apart."""
+    for other in before:
+        shared = [name for name in net.between if name in other.between]
+        beside = {frozenset(pair) for pair in pairwise(net.between)}
+        over = net.from_m < other.to_m - SAME_M and other.from_m < net.to_m - SAME_M
+        if over and beside & {frozenset(pair) for pair in pairwise(other.between)}:
+            what = f"it and '{other.name}' hang between the same ropes at the same height"
+            yield "between", what, "give them different heights, or one net"
+            continue
+        for at in _heights(net) if shared else ():
+            off = min((abs(at - own), own) for own in _heights(other))
+            if SAME_M < off[0] < APART_M:
+                what = f"on '{shared[0]}' a level at {at:g} m is close to one of '{other.name}' at "
+                right = f"let them meet there, or keep {APART_M:g} m apart"
+                yield "from_m", f"{what}{off[1]:g} m", right
+                break
 
 
 class _Made(NamedTuple):
@@ -89,52 +140,119 @@ class _Made(NamedTuple):
     pairs: list[tuple[str, str]]  # level borders above each other
 
 
+class _Level(NamedTuple):
+    """A place at which a rope is divided."""
+
+    height_m: float  # above its lower end
+    joint: str
+
+
+class _Grid(NamedTuple):
+    """A scene whose nets are being made."""
+
+    scene: Scene
+    tops: dict[str, RopeLine]  # what is left of the ropes above their nets
+    levels: dict[str, list[_Level]]  # by rope, from the lowest up
+    made: _Made
+
+
 def with_nets(scene: Scene) -> Scene:
     """Return the scene with ropes, connections and panels in place of its nets."""
+    grid, all_panels = _Grid(scene, {}, {}, _Made([], [], [])), list[NetCurtainParams]()
     for net in scene.nets:
-        tops, made = _grid(scene, net)
-        panels = NetCurtainParams(
-            to_m=net.width_m / net.columns, width_m=(net.to_m - net.from_m) / net.rows,
-            twine_m=net.twine_m, bar_m=net.bar_m, twine_kg_per_m3=net.twine_kg_per_m3,
-            law=net.law, between=tuple(made.pairs),
-        )  # fmt: skip
-        order = [effect.params for effect in EFFECTS]
-        effects = sorted((*scene.effects, panels), key=lambda own: order.index(type(own)))
-        ropes = (*(tops.get(line.name, line) for line in scene.ropes), *made.ropes)
-        joints = (*scene.joints, *made.joints)
-        scene = replace(scene, ropes=ropes, joints=joints, effects=tuple(effects))
-    return replace(scene, nets=())
+        all_panels.append(_panels(net))
+        usual = all_panels[-1] == all_panels[0]
+        _hang(grid, net, None if usual else all_panels[-1])
+    ropes = (*(grid.tops.get(line.name, line) for line in scene.ropes), *grid.made.ropes)
+    panels = replace(all_panels[0], between=tuple(grid.made.pairs))
+    order = [effect.params for effect in EFFECTS]
+    effects = sorted((*scene.effects, panels), key=lambda own: order.index(type(own)))
+    wound = _shortened(scene)
+    joints = (*scene.joints, *grid.made.joints)
+    return replace(wound, ropes=ropes, joints=joints, effects=tuple(effects), nets=())
 
 
-def _grid(scene: Scene, net: FlexibleNet) -> tuple[dict[str, RopeLine], _Made]:
-    """Return what is left of the ropes above the net, by name, and all else."""
-    made, tops = _Made([], [], []), {}
+def _panels(net: FlexibleNet) -> NetCurtainParams:
+    """Return the panels of a net, between borders that are not known yet."""
+    return NetCurtainParams(
+        to_m=net.width_m / net.columns, width_m=(net.to_m - net.from_m) / net.rows,
+        twine_m=net.twine_m, bar_m=net.bar_m, twine_kg_per_m3=net.twine_kg_per_m3, law=net.law,
+    )  # fmt: skip
+
+
+def _shortened(scene: Scene) -> Scene:
+    """Return the scene with the limits of its winches for the rope above the highest net."""
+
+    def above(name: str, winch: Winch | None) -> Winch | None:
+        held = [line.name for line in scene.ropes if line.from_ == name]
+        reach_m = max((n.to_m for n in scene.nets if {*held} & {*n.between}), default=0.0)
+        if winch is None or not reach_m:
+            return winch
+        return replace(
+            winch,
+            least_line_out_m=winch.least_line_out_m - reach_m,
+            most_line_out_m=winch.most_line_out_m - reach_m,
+            schedule=tuple(_less(row, reach_m) for row in winch.schedule),
+        )
+
+    hang_offs = tuple(replace(one, winch=above(one.name, one.winch)) for one in scene.hang_offs)
+    return replace(scene, winch=above(WINCH, scene.winch), hang_offs=hang_offs)
+
+
+def _less(row: ScheduleRow, reach_m: float) -> ScheduleRow:
+    """Return a row of a schedule with its line out less the reach of the nets."""
+    return row if row.line_out_m is None else replace(row, line_out_m=row.line_out_m - reach_m)
+
+
+def _heights(net: FlexibleNet) -> list[float]:
+    """Return the heights of a net's levels above the lower ends of its ropes, from its edge up."""
+    height = (net.to_m - net.from_m) / net.rows
+    return [*(net.from_m + row * height for row in range(net.rows)), net.to_m]
+
+
+def _hang(grid: _Grid, net: FlexibleNet, panels: NetCurtainParams | None) -> None:
+    """Add a net to a scene; panels: None if those of the first net."""
+    scene, made = grid.scene, grid.made
     lines = {line.name: line for line in scene.ropes}
     posts = []  # of each upright border: connections from the net's lower edge up
     for number, name in enumerate(net.between):
         if number > 0:
             for column in range(1, net.columns):
                 posts.append(_inner(scene, net, f"{net.name}_{number}_{column}", made))
-        tops[name], places = _divided(lines[name], net, made)
-        posts.append(places)
+        if name not in grid.tops:
+            nets = [one for one in scene.nets if name in one.between]
+            grid.tops[name], grid.levels[name] = _divided(lines[name], nets, made)
+        levels = grid.levels[name]
+        posts.append([joint for at in _heights(net) for joint in [_joint_at(levels, at)] if joint])
     for at, (left, right) in enumerate(pairwise(posts)):
         names = [f"{net.name}_level_{row}_{at}" for row in range(net.rows + 1)]
-        made.pairs.extend(pairwise(names))
+        pairs = list(pairwise(names))
+        own = None if panels is None else replace(panels, between=tuple(pairs))
+        made.pairs.extend(pairs)
         for row, name in enumerate(names):
             share = 1.0 if 0 < row < net.rows else 0.5
             twines = share * (net.to_m - net.from_m) / net.rows / net.bar_m
             border = _border(scene, net, name, net.width_m / net.columns, twines)
-            made.ropes.append(replace(border, from_=left[row], to=right[row]))
-    return tops, made
+            made.ropes.append(replace(border, from_=left[row], to=right[row], panels=own))
 
 
-def _divided(line: RopeLine, net: FlexibleNet, made: _Made) -> tuple[RopeLine, list[str]]:
-    """Divide a rope that holds the net; return its part above, and the connections beside it."""
-    height = (net.to_m - net.from_m) / net.rows
-    places = [f"{net.name}_{line.name}_{level}" for level in range(net.rows + 1)]
-    if net.from_m == 0.0:
-        places[0] = line.to
-    made.joints.extend(Joint(name=name) for name in places if name != line.to)
+def _joint_at(levels: Sequence[_Level], height_m: float) -> str:
+    """Return the connection of a rope at this height; empty if it has none."""
+    return next((one.joint for one in levels if abs(one.height_m - height_m) < SAME_M), "")
+
+
+def _divided(
+    line: RopeLine, nets: Sequence[FlexibleNet], made: _Made
+) -> tuple[RopeLine, list[_Level]]:
+    """Divide a rope that holds nets; return its part above, and its levels from the lowest up."""
+    levels: list[_Level] = []
+    for net in nets:
+        for row, at in enumerate(_heights(net)):
+            if not _joint_at(levels, at):
+                low_end = at == 0.0 and line.to
+                levels.append(_Level(at, line.to if low_end else f"{net.name}_{line.name}_{row}"))
+    levels.sort()
+    made.joints.extend(Joint(name=joint) for _, joint in levels if joint != line.to)
 
     def part(name: str, length_m: float, from_: str, to: str) -> NetPart:
         return NetPart(
@@ -145,16 +263,18 @@ def _divided(line: RopeLine, net: FlexibleNet, made: _Made) -> tuple[RopeLine, l
     def elements(length_m: float) -> int:
         return max(2, round(line.elements * length_m / line.length_m))
 
-    for row, (low, high) in enumerate(pairwise(places)):
-        made.ropes.append(part(f"{line.name}_{row}", height, high, low))
-    if net.from_m > 0.0:
-        below = part(f"{line.name}_below", net.from_m, places[0], line.to)
+    for row, (low, high) in enumerate(pairwise(levels)):
+        length_m = high.height_m - low.height_m
+        made.ropes.append(part(f"{line.name}_{row}", length_m, high.joint, low.joint))
+    lowest, highest = levels[0], levels[-1]
+    if lowest.height_m > 0.0:
+        below = part(f"{line.name}_below", lowest.height_m, lowest.joint, line.to)
         made.ropes.append(replace(below, fixed_at_m=line.fixed_at_m))
-    left_m = line.length_m - net.to_m
+    left_m = line.length_m - highest.height_m
     above = replace(
-        line, length_m=left_m, elements=elements(left_m), to=places[-1], fixed_at_m=None
+        line, length_m=left_m, elements=elements(left_m), to=highest.joint, fixed_at_m=None
     )
-    return above, places
+    return above, levels
 
 
 def _inner(scene: Scene, net: FlexibleNet, name: str, made: _Made) -> list[str]:

@@ -12,7 +12,7 @@ from rope_twin.effects.payload import PayloadParams, SplashZoneParams
 from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
-from rope_twin.scene.schema import WINCH, Fault, RopeLine, Rule, Scene, Triple, Winch
+from rope_twin.scene.schema import WINCH, Fault, NetPart, RopeLine, Rule, Scene, Triple, Winch
 
 
 def is_joined(scene: Scene) -> bool:
@@ -349,6 +349,12 @@ def _only_body(scene: Scene, own: RigidBodyParams, name: str) -> Iterator[Fault]
         yield "effects.rigid_body.deck.with_ship", what, "let the deck rest, or heave by itself"
 
 
+def panels_beside(line: RopeLine, usual: NetCurtainParams) -> NetCurtainParams:
+    """Return the panels beside a rope: those of its own net, or the effect's."""
+    own = line.panels if isinstance(line, NetPart) else None
+    return own or usual
+
+
 def curtain_hangs(scene: Scene) -> Iterator[Fault]:
     """Check that each rope with a net along it is long enough, at the least line out too."""
     own = scene.listed(NetCurtainParams)
@@ -369,8 +375,9 @@ def curtain_hangs(scene: Scene) -> Iterator[Fault]:
             yield "effects.net_curtain.rope", what, "name another rope"
         winch = winch_of(scene, line)
         least_m = winch.least_line_out_m if winch is not None else line.length_m
-        if own.to_m > least_m:
-            what = f"the net would reach {own.to_m:g} m up '{line.name}', of which {least_m:g} m"
+        to_m = panels_beside(line, own).to_m
+        if to_m > least_m:
+            what = f"the net would reach {to_m:g} m up '{line.name}', of which {least_m:g} m"
             right = "give a smaller one, or raise the winch's least_line_out_m"
             yield "effects.net_curtain.to_m", f"{what} may be all that is out", right
     unit_m = scene.ropes[0].made_of[0].length_m or 0.0

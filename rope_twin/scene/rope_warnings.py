@@ -25,9 +25,10 @@ from rope_twin.scene.lift import (
     schedule_meets_limit,
 )
 from rope_twin.scene.net_grid import NetPart
+from rope_twin.scene.relations import model_beside, shedding_model
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_data import SAFETY_FACTOR
-from rope_twin.scene.schema import Rope, Scene
+from rope_twin.scene.schema import NetPart, Rope, Scene
 from rope_twin.scene.shapes import Box
 from rope_twin.scene.vortex import (
     check_vortex_inputs,

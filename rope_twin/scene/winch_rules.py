@@ -21,7 +21,8 @@ from rope_twin.scene.winch import (
 )
 
 
-def _line_out(scene: Scene) -> Iterator[Fault]:
+def line_out_faults(scene: Scene) -> Iterator[Fault]:
+    """Check the limits of each winch, and that its line is between them."""
     for path, winch in winches(scene):
         least, most = winch.least_line_out_m, winch.most_line_out_m
         if least >= most:
@@ -177,7 +178,7 @@ def _depth(scene: Scene) -> Iterator[Fault]:
 
 
 WINCH_RULES: tuple[Rule, ...] = (
-    _line_out,
+    line_out_faults,
     _schedule,
     _parts,
     _passive,

@@ -9,6 +9,7 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.errors import SceneError
+from rope_twin.scene.rigging import panels_beside
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Scene
 
@@ -16,6 +17,9 @@ NET = (
     "{name: wall, between: [left, right], from_m: 2.0, to_m: 8.0, width_m: 6.0, columns: 3, "
     "rows: 2, twine_m: 0.003, bar_m: 0.03, twine_kg_per_m3: 950.0, twine_stiffness_n: 4.0e+3, "
     "twine_breaking_load_n: 400.0, damping: {newton_seconds: 2.0e+3}}"
+)
+UPPER = NET.replace("name: wall", "name: hem").replace(
+    "from_m: 2.0, to_m: 8.0", "from_m: 8.0, to_m: 10.0"
 )
 LINE = "rope: steel_wire_40mm, damping: {newton_seconds: 2.0e+5}, length_m: 12.0, elements: 12"
 TEXT = f"""about: a net between two lines
@@ -73,6 +77,54 @@ def test_a_net_is_a_grid_of_ropes_with_the_stiffness_of_its_twines(tmp_path: Pat
     assert area == pytest.approx(6.0 * 6.0)
 
 
+BESIDE = (
+    UPPER.replace("[left, right]", "[right, far]")
+    .replace("from_m: 8.0", "from_m: 5.0")
+    .replace("bar_m: 0.03", "bar_m: 0.05")
+)
+
+
+def test_nets_beside_each_other_share_the_rope_between_them(tmp_path: Path) -> None:
+    """It is divided at 2, 5, 7.5, 8 and 10 m: at 5 m both have a level, and one connection."""
+    third = (
+        f"  - {{name: far, {LINE}, from: top_far, to: sinker_far}}\n",
+        "  - {name: sinker_far, mass_kg: 2000.0, shape: {sphere: {diameter_m: 0.8}}}\n",
+        "hang_offs: [{name: top_far, at_m: [0.0, 12.0, -5.0]}, ",
+    )
+    text = TEXT.replace(f"  - {NET}\n", f"  - {NET}\n  - {BESIDE}\n")
+    text = text.replace("nets:\n", f"{third[0]}nets:\n").replace("hang_offs: [", third[2])
+    scene = scene_of(text.replace("payloads:\n", f"payloads:\n{third[1]}"), tmp_path)
+    parts = {line.name: line for line in scene.ropes}
+    shared = [parts[f"right_{k}"] for k in range(4)]
+    assert [part.length_m for part in shared] == pytest.approx([3.0, 2.5, 0.5, 2.0])
+    assert parts["right"].length_m + parts["right_below"].length_m == pytest.approx(4.0)
+    meeting = "wall_right_1"
+    assert (shared[0].from_, shared[1].to) == (meeting, meeting)
+    assert parts["wall_level_1_2"].to == meeting
+    assert parts["hem_level_0_0"].from_ == meeting
+    assert len(scene.joints) == 3 + 2 * 3 + 5 + 2 * 3 + 3  # left, inner, right, inner, far
+    panels = scene.listed(NetCurtainParams)
+    assert panels is not None
+    assert panels_beside(parts["wall_level_0_0"], panels) == panels
+    own = panels_beside(parts["hem_level_0_0"], panels)
+    assert (own.to_m, own.width_m, own.bar_m) == (2.0, 2.5, 0.05)
+    assert len(panels.between) == 2 * 3 * 2
+    assert [pair for pair in panels.between if pair in own.between] == list(own.between)
+
+
+def test_the_winch_of_a_rope_with_a_net_counts_from_its_upper_edge(tmp_path: Path) -> None:
+    winch = (
+        "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, least_line_out_m: 9.5,"
+        " most_line_out_m: 20.0, schedule: [{at_s: 1.0, line_out_m: 14.0}]}\n"
+    )
+    scene = scene_of(TEXT.replace("time: {", f"{winch}time: {{"), tmp_path)
+    own = scene.winch
+    assert own is not None
+    assert (own.least_line_out_m, own.most_line_out_m) == (1.5, 12.0)
+    assert [row.line_out_m for row in own.schedule] == [6.0]
+    assert scene.ropes[0].length_m == 4.0
+
+
 def test_borders_of_panels_are_no_ropes_to_be_warned_of(tmp_path: Path) -> None:
     """They are light, stiff and without drag by design; the lines that hold the net stay judged."""
     scene = scene_of(TEXT, tmp_path)
@@ -93,11 +145,22 @@ def test_borders_of_panels_are_no_ropes_to_be_warned_of(tmp_path: Path) -> None:
         ("bar_m: 0.03", "bar_m: 0.003", "leaves no mesh between knots"),
         ("  - payload: {}\n", "  - payload: {}\n  - net_curtain: {to_m: 3.0, width_m: 1.0, "
          "twine_m: 0.003, bar_m: 0.03}\n", "`nets` brings its own panels"),
-        (f"  - {NET}\n", f"  - {NET}\n  - {NET}\n", "a second net; keep one"),
+        (f"  - {NET}\n", f"  - {NET}\n  - {NET}\n", "'wall' is the name of another net"),
+        (f"  - {NET}\n", f"  - {NET}\n  - {UPPER.replace('from_m: 8.0', 'from_m: 7.0')}\n",
+         "nets[1].between: it and 'wall' hang between the same ropes at the same height"),
+        (f"  - {NET}\n", f"  - {NET}\n  - {UPPER.replace('from_m: 8.0', 'from_m: 8.3')}\n",
+         "on 'left' a level at 8.3 m is close to one of 'wall' at 8 m"),
         ("name: left, rope: steel_wire_40mm",
          "name: left, sections: [{rope: steel_wire_40mm}]", "'left' has sections or a grading"),
         ("time: {", "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, "
-         "least_line_out_m: 9.0, most_line_out_m: 20.0}\ntime: {", "'left' comes from a winch"),
+         "least_line_out_m: 8.5, most_line_out_m: 20.0}\ntime: {",
+         "of which its winch may leave no more than 8.5 m out; raise least_line_out_m to 9 m"),
+        ("time: {", "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, "
+         "least_line_out_m: 9.0, most_line_out_m: 20.0, follows: measured}\ntime: {",
+         "the winch of 'left' follows a measured line out, which no net divides"),
+        ("time: {", "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, "
+         "least_line_out_m: 13.0, most_line_out_m: 20.0}\ntime: {",
+         "ropes[0].length_m: 12 m is outside the winch's 13 to 20 m"),
         ("from_m: 2.0, ", "", None),
         ("from_m: 2.0, to_m: 8.0", "to_m: 8.0", None),
     ],
