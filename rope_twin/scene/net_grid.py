@@ -27,6 +27,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.errors import did_you_mean
+from rope_twin.scene.grid import FEWEST_ELEMENTS
 from rope_twin.scene.rigging import winch_of
 from rope_twin.scene.schema import (
     WINCH,
@@ -261,7 +262,7 @@ def _divided(
         )  # fmt: skip
 
     def elements(length_m: float) -> int:
-        return max(2, round(line.elements * length_m / line.length_m))
+        return max(FEWEST_ELEMENTS, round(line.elements * length_m / line.length_m))
 
     for row, (low, high) in enumerate(pairwise(levels)):
         length_m = high.height_m - low.height_m

@@ -24,8 +24,6 @@ from rope_twin.scene.lift import (
     listed_effects,
     schedule_meets_limit,
 )
-from rope_twin.scene.net_grid import NetPart
-from rope_twin.scene.relations import model_beside, shedding_model
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_data import SAFETY_FACTOR
 from rope_twin.scene.schema import NetPart, Rope, Scene

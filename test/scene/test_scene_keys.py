@@ -34,9 +34,9 @@ def paths_in(value: object, path: str = "") -> set[str]:
 def test_every_key_of_a_scene_is_told(name: str) -> None:
     document = yaml.safe_load(load_scene(name).path.read_text(encoding="utf-8"))
     paths = {
-        re.sub(r"^hang_offs\[\]\.winch\.", "winch.", path).replace(
-            "ropes[].sections[].rope.", "ropes[].rope."
-        )
+        re.sub(r"^hang_offs\[\]\.winch\.", "winch.", path)
+        .replace("ropes[].sections[].rope.", "ropes[].rope.")
+        .replace("nets[].damping.", "ropes[].damping.")
         for path in paths_in(document)
     }
     assert paths <= set(KNOWN)

@@ -25,6 +25,8 @@ ACCEPTED = {  # warnings that a shipped scene accepts, each with its reason
     "lift_off": ("bring no accuracy",),  # 21 m in blows: 0.5 m is too coarse for what they leave
     "manifold_lift": ("rope's own axial wave",),
     "net_wall": ("rope's own axial wave",),
+    "net_screen": ("rope's own axial wave", "first axial period"),
+    "cage_and_clump": ("rope's own axial wave",),
     "two_line_ascent": ("rope's own axial wave", "first axial period", "coarse for vortices"),
 }
 
