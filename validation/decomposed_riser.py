@@ -70,7 +70,7 @@ WHY = (
     "A true frequency (eq 7) of each element's own, with the elements of a mode in the same cell "
     "of the table sharing theirs (validation/cell_frequencies), lowers the amplitude where C_a "
     "varies, the more the heavier the riser: the parts of a zone drive their mode at two to six "
-    "frequencies, all of them 2 to 15 % below its own, since C_a is above its mean there. Where "
+    "frequencies, nearly all of them below its own, since C_a is above its mean there. Where "
     "the cell and the lock-in follow the running frequency at each step, elements leave the band "
     "as soon as they read a sum of several modes, and are damped there: a quarter of the "
     "printed amplitudes or less at mass ratio 1.5, mostly in mode 1.",
