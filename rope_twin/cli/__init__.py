@@ -36,6 +36,7 @@ COMMANDS = (
 )  # fmt: skip
 MODULES = {"console": "operator_console"}  # of commands whose module has another name
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in the nodes; read when numpy is loaded
 
 _CHOICE = re.compile(r"argument (.+): invalid choice: (\S+) \(choose from (.*)\)")
 _NUMBER = re.compile(r"argument (\S+): invalid (int|float) value: (.*)")

@@ -237,3 +237,30 @@ def test_what_was_wrong_with_a_sea_is_told_where_no_node_tells_it(
     words = f"run still_water --speed 0 --duration 1 --no-record --bag {bag}"
     assert main(words.split()) == 0
     assert "skipped 1 of 400 samples (1 not finite)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("entry", ["rope_twin.cli", "rope_twin.ros.simulation_node"])
+def test_matrices_take_one_thread_unless_the_user_asks_for_more(entry: str) -> None:
+    """A node or command is one thread of numpy's after a product; OpenBLAS would start others."""
+    script = (
+        "import os\n"
+        f"import {entry}\n"
+        "import numpy as np\n"
+        "before = len(os.listdir('/proc/self/task'))\n"
+        "square = np.ones((600, 600)) @ np.ones((600, 600))\n"
+        "print(os.environ['OPENBLAS_NUM_THREADS'], len(os.listdir('/proc/self/task')) - before)\n"
+    )
+    for chosen, expected in ((None, "1"), ("2", "2")):
+        environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+        if chosen:
+            environment["OPENBLAS_NUM_THREADS"] = chosen
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        threads, more = done.stdout.split()
+        assert threads == expected
+        assert chosen or int(more) == 0
