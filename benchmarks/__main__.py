@@ -233,8 +233,8 @@ def _compile(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Run the JIT compile benchmark; exit code 1 if a start takes longer than its limit."""
     scenes = args.scenes or (compile_time.QUICK if args.quick else scene_names())
     rows = list(compile_time.compile_rows(scenes, progress.show))
-    told = [{**asdict(row), "ok": row.ok} for row in rows]
-    _tell(args, told, compile_time.compile_table(rows))
+    content = [{**asdict(row), "ok": row.ok} for row in rows]
+    _tell(args, content, compile_time.compile_table(rows))
     return 0 if all(row.ok for row in rows) else 1
 
 
@@ -438,8 +438,8 @@ ACTIONS = {
         _vortices,
         "cost of the vortex models at steps of 1 ms, how fast those beside the step and [LCD]'s "
         "run, and MoorDyn's model on the curved pipe",
-        "MoorDyn is no part of rope_twin; where it is missing it is told how to get it, and the "
-        "rest runs without.",
+        "MoorDyn is no part of rope_twin; where it is missing the command says how to get it, and "
+        "the rest runs without.",
         (_json_option,),
     ),
     "error_interval": Action(
@@ -460,7 +460,7 @@ ACTIONS = {
         _peers,
         "MoorDyn and CableDyn on the same scenes, and rope_twin at the same error",
         "Searches each peer's best setting and races it (some eight minutes). The peers are no "
-        "part of rope_twin; where they are missing it is told how to get them.",
+        "part of rope_twin; where they are missing the command says how to get them.",
         (_picture_option, _json_option),
     ),
     "report": Action(

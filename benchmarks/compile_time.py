@@ -91,8 +91,8 @@ def compile_table(rows: Sequence[CompileRow]) -> list[tuple[str, ...]]:
     head = ("scene", "ropes", "effects", "cold s", "clock s", "warm s", "clock s", "")
     table: list[tuple[str, ...]] = [head]
     for row in rows:
-        told = (row.cold_s, row.cold_clock_s, row.warm_s, row.warm_clock_s)
-        cells = (f"{told[0]:.1f}", f"{told[1]:.1f}", f"{told[2]:.2f}", f"{told[3]:.2f}")
+        times = (row.cold_s, row.cold_clock_s, row.warm_s, row.warm_clock_s)
+        cells = (f"{times[0]:.1f}", f"{times[1]:.1f}", f"{times[2]:.2f}", f"{times[3]:.2f}")
         over = "" if row.ok else f"over {row.limit_s:g} or {row.warm_limit_s:g} s"
         table.append((row.scene, f"{row.ropes}", f"{len(row.effects)}", *cells, over))
     return table
@@ -108,16 +108,16 @@ def step_types(scene: Scene) -> str:
 
 def _start(scene: Scene, cache: str) -> tuple[float, float]:
     """Return CPU time and wall-clock time of a start in a fresh process [s]."""
-    told = subprocess.run(
+    finished = subprocess.run(
         [sys.executable, "-c", _START, str(scene.path)],
         env={**os.environ, "ROPE_TWIN_CACHE": cache},
         capture_output=True,
         text=True,
         check=False,
     )
-    if told.returncode:
-        reason = told.stderr.strip().rpartition("\n")[2]
+    if finished.returncode:
+        reason = finished.stderr.strip().rpartition("\n")[2]
         right = f"`rope_twin scene check {scene.path}` may say why"
         raise RopeTwinError(phrase(f"scene {scene.name}", f"it did not start: {reason}", right))
-    cpu_s, clock_s = json.loads(told.stdout)
+    cpu_s, clock_s = json.loads(finished.stdout)
     return float(cpu_s), float(clock_s)

@@ -58,11 +58,11 @@ def read_rows(folder: Path) -> list[EffectSpeed]:
     return read_stored(folder / STORED, _row, "python -m benchmarks effects")
 
 
-def _row(told: dict[str, Any]) -> EffectSpeed:
-    del told["off_is_base"]
+def _row(stored: dict[str, Any]) -> EffectSpeed:
+    del stored["off_is_base"]
     for name in ("off_over_base", "on_over_base"):
-        told[name] = Ratio(**told[name])
-    return EffectSpeed(**told)
+        stored[name] = Ratio(**stored[name])
+    return EffectSpeed(**stored)
 
 
 def keep_rows(rows: Sequence[EffectSpeed], folder: Path) -> Path:

@@ -124,13 +124,13 @@ def measure_speed(plan: Plan, report: Listener) -> Speed:
     references: dict[str, Reference] = {}
     bases = []
     for case in plan.references:
-        report(done, total, f"reference of {told(case)}")
+        report(done, total, f"reference of {described(case)}")
         references[case[0]] = find_reference(*case, plan.seconds)
         bases.append(_basis(references[case[0]], plan.seconds))
         done += 1
     rows = []
     for case in (*smooth, *plan.snaps):
-        report(done, total, told(case))
+        report(done, total, described(case))
         rows.append(_row(case, references[case[0]], plan, stepwise=case in plan.snaps))
         done += 1
     report(total, total, "done")
@@ -139,7 +139,7 @@ def measure_speed(plan: Plan, report: Listener) -> Speed:
     return Speed(machine, plan.seconds, tuple(bases), main, tuple(rows[len(smooth) :]), exponents)
 
 
-def told(case: Case) -> str:
+def described(case: Case) -> str:
     """Return a case in words."""
     scene, nodes, step_s = case
     return f"{scene}, {nodes} nodes at {1e3 * step_s:g} ms"

@@ -113,8 +113,8 @@ def _validate(args: argparse.Namespace) -> int:
             draw_case(row, args.into)
     if args.json:
         results = [as_json(row) for row in rows]
-        told = {"rows": flat_rows(results), "cases": results}
-        print(json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False))
+        figures = {"rows": flat_rows(results), "cases": results}
+        print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
     elif args.markdown:
         print(markdown_table(as_json(row) for row in rows))
     else:

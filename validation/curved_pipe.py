@@ -146,9 +146,9 @@ def _judge(seen: Watched, elements: int, starts: tuple[Watched, ...]) -> Found:
         between("largest amplitude", peak, (0.7, 1.3), "about 1 D", "D"),
         *(shown(f"largest rms, start {start:g} 1/s", float(own.rms.max()), "independent", "D")
           for start, own in zip(STARTS_PER_S, starts, strict=True)),
-        shown("largest rms", float(seen.rms.max()), "not told", "D"),
+        shown("largest rms", float(seen.rms.max()), "not printed", "D"),
         shown("frequency in the lower third", main, STROUHAL_WORDS, "Hz"),
-        shown("centre of the power, from the lower end", centre, "not told", "m"),
+        shown("centre of the power, from the lower end", centre, "not printed", "m"),
     )  # fmt: skip
     some = seen.y[-250:].T
     panels = (

@@ -217,9 +217,9 @@ def _amplitudes(duration: float) -> tuple[list[Finding], dict[bool, list[_Run]]]
             _respond(_shear(0.54, ratio * WATER), decomposed(varying), duration, _Way())
             for ratio, _ in RATIOS
         ]
-        for (ratio, _), run, told in zip(RATIOS, runs[varying], RMS[varying], strict=True):
+        for (ratio, _), run, paper in zip(RATIOS, runs[varying], RMS[varying], strict=True):
             quantity = f"mass ratio {ratio:g}, {name}: mean rms/D"
-            findings.append(between(quantity, run.mean, (told / 1.5, told * 1.5), f"{told:g}"))
+            findings.append(between(quantity, run.mean, (paper / 1.5, paper * 1.5), f"{paper:g}"))
         means = [run.mean for run in runs[varying]]
         falls = min(a / b for a, b in itertools.pairwise(means))
         findings.append(between(f"{name}: it falls with the mass ratio", falls, (1.0, 9.0), "> 1"))
@@ -296,7 +296,9 @@ def riser(duration: float = 40.0) -> Found:
     for ratio, _ in RATIOS:
         found = analyse(_shear(0.54, ratio * WATER), decomposed())
         mean = float(found.added_mass[found.dominant - 1])
-        findings.append(shown(f"mass ratio {ratio:g}: C_a, mean over the mode", mean, "not told"))
+        findings.append(
+            shown(f"mass ratio {ratio:g}: C_a, mean over the mode", mean, "not printed")
+        )
     findings.append(shown("speed on one core", runs[True][1].factor, "not printed", "× real time"))
     return Found(
         tuple(findings),

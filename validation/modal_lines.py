@@ -188,8 +188,8 @@ def modes_of_riser(duration: float = 120.0, variants: bool = True) -> Found:
     panels = _panels(run, LCD_RISER)
     if not variants:
         return Found(findings, panels)
-    waves, panel, told = waves_of_riser()
-    notes = (SCATTER, _variants(LCD_RISER, 60.0), told)
+    waves, panel, waves_note = waves_of_riser()
+    notes = (SCATTER, _variants(LCD_RISER, 60.0), waves_note)
     return Found((*findings, *waves), (*panels, panel), notes)
 
 
@@ -210,8 +210,8 @@ def modes_of_cable(duration: float = 40.0, variants: bool = True) -> Found:
     panels = _panels(run, LCD_CABLE)
     if not variants:
         return Found(findings, panels)
-    waves, panel, told = waves_of_cable()
-    notes = (SCATTER, _variants(LCD_CABLE, 16.0), told)
+    waves, panel, waves_note = waves_of_cable()
+    notes = (SCATTER, _variants(LCD_CABLE, 16.0), waves_note)
     return Found((*findings, *waves), (*panels, panel), notes)
 
 

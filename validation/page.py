@@ -64,8 +64,8 @@ def flat_rows(results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
             empty = {"ours": None, "unit": "", "published": "", "tolerance": "", "met": False}
             found = [{"quantity": result["refusal"], **empty}]
         for row in found:
-            told = {key: value for key, value in row.items() if key != "met"}
-            rows.append({**ends, **told, "pass": row["met"]})
+            columns = {key: value for key, value in row.items() if key != "met"}
+            rows.append({**ends, **columns, "pass": row["met"]})
     return rows
 
 

@@ -127,7 +127,7 @@ def waves_of_riser(duration: float = 200.0) -> tuple[list[Finding], Panel, str]:
         shown("waves: largest rms/d", float(run.rms.max()), "0.401"),
         shown("waves: speed on one core", run.factor, "100 or more", "× real time"),
     ]
-    return findings, _panel(run, LCD_RISER, 12.0), _told(own, duration)
+    return findings, _panel(run, LCD_RISER, 12.0), _note(own, duration)
 
 
 def waves_of_cable(duration: float = 48.0) -> tuple[list[Finding], Panel, str]:
@@ -152,7 +152,7 @@ def waves_of_cable(duration: float = 48.0) -> tuple[list[Finding], Panel, str]:
         shown("waves: largest rms/d", float(run.rms.max()), "0.166"),
         shown("waves: speed on one core", run.factor, "100 or more", "× real time"),
     ]
-    return findings, _panel(run, LCD_CABLE, 1.0), f"{_told(own, 0.5 * duration)} {SLOW}"
+    return findings, _panel(run, LCD_CABLE, 1.0), f"{_note(own, 0.5 * duration)} {SLOW}"
 
 
 def complex_waves(duration: float, step: float = 0.002, nodes: int = 301) -> WaveRun:
@@ -206,7 +206,7 @@ def _half_waves(pace: Vector, span: Span) -> tuple[Vector, Vector]:
     return omega, phase
 
 
-def _told(own: Rig, duration: float) -> str:
+def _note(own: Rig, duration: float) -> str:
     words = []
     for name, params in VARIANTS:
         run = wave_run(own, params, duration)

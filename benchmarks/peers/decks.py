@@ -92,7 +92,7 @@ def figures(scene: Scene) -> Figures:
         raise InputError(phrase(f"scene {scene.name}", "its current has a vertical part", _RIGHT))
     if strange or rope is None or rope.axial_stiffness_n is None or line.damping is None:
         what = f"its {', '.join(strange)} cannot" if strange else "its rope cannot"
-        raise InputError(phrase(f"scene {scene.name}", f"{what} be told in a deck", _RIGHT))
+        raise InputError(phrase(f"scene {scene.name}", f"{what} be written in a deck", _RIGHT))
     area, mass = _load_figures(scene.name, load)
     displaced = water.water_density_kg_per_m3 * float(load.displaced_volume_m3 or 0.0)
     return Figures(

@@ -178,11 +178,15 @@ def read_race(path: Path) -> PeerRace:
         InputError: the file has no such results.
     """
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        stored = json.loads(path.read_text(encoding="utf-8"))
         names = {field.name for field in fields(PeerRow)}
-        rows = tuple(PeerRow(**{name: row[name] for name in names}) for row in told["rows"])
+        rows = tuple(PeerRow(**{name: row[name] for name in names}) for row in stored["rows"])
         return PeerRace(
-            Machine(**told["machine"]), told["peers"], told["limit_pct"], rows, told["refused"]
+            Machine(**stored["machine"]),
+            stored["peers"],
+            stored["limit_pct"],
+            rows,
+            stored["refused"],
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         what = f"it is no race of the peers ({error})"

@@ -248,7 +248,7 @@ def _search_moordyn(ours: Ours, carried: list[Setting]) -> Iterator[Found]:
     given, segments = figures(ours.scene), ours.case.segments
     omega, ratio = given.frequency(segments), given.damping_ratio(segments)
     if segments > SEARCHED and carried:
-        for was in carried:  # its step is told as a share of the element's
+        for was in carried:  # its step is stated as a share of the element's
             start = Setting(was.scheme, was.step_s / omega, was.damping)
             yield _largest_step(ours, "moordyn", start, TRIES_LONG)
         return

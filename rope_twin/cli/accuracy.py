@@ -101,8 +101,8 @@ def _check(args: argparse.Namespace) -> int:
     wanted = accuracy_within.Wanted(quantity, within, args.duration)
     rows = list(accuracy_within.check_scenes(scenes, wanted, progress.show))
     if args.json:
-        told = [{**asdict(row), "ok": row.ok} for row in rows]
-        print_json({"rows": told})
+        figures = [{**asdict(row), "ok": row.ok} for row in rows]
+        print_json({"rows": figures})
     else:
         print(f"{quantity.name} within {within:g} {quantity.unit}\n")
         print_table(accuracy_within.selected_table(rows, quantity.unit))
@@ -168,11 +168,11 @@ def _as_text(content: dict[str, Any]) -> str:
     """Return JSON with a line for each entry, and for each setting."""
     lines = []
     for key, value in content.items():
-        told = json.dumps(value, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(value, ensure_ascii=False, allow_nan=False)
         if key == "rows":
             rows = [json.dumps(row, ensure_ascii=False, allow_nan=False) for row in value]
-            told = "[\n  " + ",\n  ".join(rows) + "\n ]"
-        lines.append(f" {json.dumps(key)}: {told}")
+            text = "[\n  " + ",\n  ".join(rows) + "\n ]"
+        lines.append(f" {json.dumps(key)}: {text}")
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 

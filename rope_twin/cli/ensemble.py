@@ -177,9 +177,9 @@ def _rows(result: StudyResult) -> list[dict[str, Any]]:
     for number, (values, figures) in enumerate(zip(result.plan.rows, result.figures, strict=True)):
         own = {_column(str(axis.path), axis.multiply): value
                for axis, value in zip(result.plan.axes, values, strict=True)}  # fmt: skip
-        told = {key: None if isinstance(value, float) and not math.isfinite(value) else value
+        finite = {key: None if isinstance(value, float) and not math.isfinite(value) else value
                 for key, value in asdict(figures).items()}  # fmt: skip
-        rows.append({"member": number, **own, **told})
+        rows.append({"member": number, **own, **finite})
     return rows
 
 

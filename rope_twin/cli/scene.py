@@ -393,12 +393,12 @@ def _winch(winch: Winch | None) -> str:
     words += f"{winch.speed_limit_m_per_s:g} m/s, {winch.acceleration_limit_m_per_s2:g} m/s²"
     if not winch.schedule:
         return f"{words}; no schedule"
-    steps = ", ".join(f"{_told(row)} from {row.at_s:g} s" for row in winch.schedule)
+    steps = ", ".join(f"{_order_words(row)} from {row.at_s:g} s" for row in winch.schedule)
     repeat = winch.schedule_repeats_every_s
     return f"{words}; {steps}" + (f", repeated every {repeat:g} s" if repeat else "")
 
 
-def _told(row: ScheduleRow) -> str:
+def _order_words(row: ScheduleRow) -> str:
     """Return the command of a row of the schedule in words."""
     match motion_of(row):
         case None:

@@ -55,7 +55,7 @@ def measure_shares(scene: Scene, levels: Sequence[StudyLevel], speed: float) -> 
     """Measure the share of one core [%] that the time steps of each setting need here.
 
     A rope at rest is stepped in slots with pauses between, as a paced run does: in each slot a few
-    steps and then many, so that what a slot costs and what a step costs are told apart. The solves
+    steps and then many, so that what a slot costs and what a step costs are separated. The solves
     that the study counted in each level scale the latter. Takes about a second.
     """
     costs: dict[int, tuple[float, float]] = {}
@@ -338,12 +338,14 @@ def _cheapest(
     level = cheapest_within(levels, quantity.name, target)
     if level is None:
         best = best_bound(levels, quantity.name)
-        what = f"no setting of the study is that accurate, the best is {_told(best, quantity)}"
+        what = (
+            f"no setting of the study is that accurate, the best is {_bound_words(best, quantity)}"
+        )
         raise InputError(phrase(f"--within {target:g}{quantity.unit}", what, "give that or more"))
     bound = sure_bound(level, levels, quantity.name)
     said = (
         f"--within {target:g} {quantity.unit}: {_setting(level)}, the cheapest with "
-        f"an error of {quantity.name} within {_told(bound, quantity)} {run}; "
+        f"an error of {quantity.name} within {_bound_words(bound, quantity)} {run}; "
     )
     better = next_better(levels, quantity.name, bound, [1.0 / r.real_time_factor for r in levels])
     if better is None:
@@ -387,7 +389,9 @@ def _bound_of(
         sure_bound(level, levels, quantity.name) for level in study.at(*setting) if level in levels
     )
     finest = study.finest
-    within = f"error of {quantity.name} {_told(max(bounds, default=math.nan), quantity)} at most"
+    within = (
+        f"error of {quantity.name} {_bound_words(max(bounds, default=math.nan), quantity)} at most"
+    )
     if setting.elements > finest.elements or setting.step_s < finest.step_s:
         within += ", the bound of the study's finest setting,"
     return f"{within} {_of_its_run(study, options)}"
@@ -407,7 +411,7 @@ def _budget_words(selection: Selection, budget: float, known: str) -> str:
 
 
 def _better(level: StudyLevel, levels: list[StudyLevel], quantity: Quantity) -> str:
-    bound = _told(sure_bound(level, levels, quantity.name), quantity)
+    bound = _bound_words(sure_bound(level, levels, quantity.name), quantity)
     return f"next better, {_setting(level)} (within {bound}),"
 
 
@@ -415,5 +419,5 @@ def _setting(level: StudyLevel) -> str:
     return str(Setting(level.elements, level.step_s))
 
 
-def _told(bound: float, quantity: Quantity) -> str:
+def _bound_words(bound: float, quantity: Quantity) -> str:
     return f"{format_bound(bound)} {quantity.unit}"

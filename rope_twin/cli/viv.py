@@ -110,8 +110,8 @@ def run(args: argparse.Namespace) -> int:
             files += _write(args.out, scene, name, found, fatigue)
     if args.json:
         rows = [{"line": name, **_summary(found, fatigue)} for name, found, fatigue in lines]
-        told = {"lines": rows} if is_joined(scene) else _summary(*lines[0][1:])
-        print_json({"scene": scene.name, **told, "files": [str(path) for path in files]})
+        figures = {"lines": rows} if is_joined(scene) else _summary(*lines[0][1:])
+        print_json({"scene": scene.name, **figures, "files": [str(path) for path in files]})
         return ExitCode.OK
     for name, found, fatigue in lines:
         if is_joined(scene):
@@ -177,8 +177,8 @@ def _time_domain(args: argparse.Namespace, scene: Scene) -> int:
         files += write_time_domain(found, _folder_of(args.out, scene, found.line))
     if args.json:
         rows = [{"line": found.line, **time_domain_figures(found)} for found in lines]
-        told = {"lines": rows} if is_joined(scene) else time_domain_figures(lines[0])
-        print_json({"scene": scene.name, **told, "files": [str(path) for path in files]})
+        figures = {"lines": rows} if is_joined(scene) else time_domain_figures(lines[0])
+        print_json({"scene": scene.name, **figures, "files": [str(path) for path in files]})
         return ExitCode.OK
     for found in lines:
         if is_joined(scene):
@@ -225,30 +225,30 @@ def _rows(found: FrequencyDomainRun) -> list[dict[str, Any]]:
 
 
 def _show(found: FrequencyDomainRun, fatigue: Fatigue) -> None:
-    told = _summary(found, fatigue)
+    sums = _summary(found, fatigue)
     cells = [
         (str(row["mode"]), f"{row['frequency_hz']:.4g}", f"{row['driven_m']:.4g}",
          f"{row['rms_diameters']:.3g}")
-        for row in told["modes"]
+        for row in sums["modes"]
     ]  # fmt: skip
     if cells:
         print_table([HEAD, *cells])
     else:
         print("no mode is excited")
     print(
-        f"\n{told['modes_known']} modes in the lock-in or damping range; shedding frequency up to "
-        f"{told['strouhal_max_hz']:.3g} Hz\n"
-        f"maximum rms A/D {told['rms_max_diameters']:.3g} at {told['rms_max_at_m']:.4g} m below "
-        f"the upper end, {told['frequency_there_hz']:.3g} Hz\n"
+        f"\n{sums['modes_known']} modes in the lock-in or damping range; shedding frequency up to "
+        f"{sums['strouhal_max_hz']:.3g} Hz\n"
+        f"maximum rms A/D {sums['rms_max_diameters']:.3g} at {sums['rms_max_at_m']:.4g} m below "
+        f"the upper end, {sums['frequency_there_hz']:.3g} Hz\n"
         f"(published VIV codes differ from each other by a factor of 1.7)\n"
-        f"drag amplification at most {told['drag_amplification_max']:.3g}\n"
-        f"{strain_words(told['strain_rms_max'])}"
+        f"drag amplification at most {sums['drag_amplification_max']:.3g}\n"
+        f"{strain_words(sums['strain_rms_max'])}"
     )
-    if told["damage_per_year_max"] is None:
+    if sums["damage_per_year_max"] is None:
         print("no bending stress: that needs steel rope or a pipe, with `bending` in the scene")
     else:
         print(
-            f"bending stress at most {1e-6 * told['stress_rms_max_pa']:.3g} MPa rms, Miner damage "
-            f"{told['damage_per_year_max']:.3g} per year; a stranded rope counts as solid: an "
+            f"bending stress at most {1e-6 * sums['stress_rms_max_pa']:.3g} MPa rms, Miner damage "
+            f"{sums['damage_per_year_max']:.3g} per year; a stranded rope counts as solid: an "
             "upper bound"
         )

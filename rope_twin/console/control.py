@@ -388,8 +388,8 @@ class Desk:
         command, seen = one.command, False
         if command.kind in CONTROL_MODES:
             unit = CONTROL_MODES[command.kind]
-            told = f"{one.winch}: {command.kind} {command.value:g} {unit}"
-            seen = own == told or own.startswith(f"{told} (")
+            order_text = f"{one.winch}: {command.kind} {command.value:g} {unit}"
+            seen = own == order_text or own.startswith(f"{order_text} (")
         elif command.kind == EMERGENCY_STOP:
             seen = own.startswith(f"{one.winch}: emergency stop")
         elif command.kind == "reset":

@@ -131,8 +131,8 @@ class OwnTable:
             content = sha256(find_table(self.path, FORCES_FOLDER).read_bytes()).hexdigest()[:16]
         except (InputError, OSError):
             content = "unreadable"
-        told = f"band={self.band}, centre={self.centre}, power_amplitude={self.power_amplitude}"
-        return f"OwnTable(content={content}, {told})"
+        figures = f"band={self.band}, centre={self.centre}, power_amplitude={self.power_amplitude}"
+        return f"OwnTable(content={content}, {figures})"
 
     def figures(self) -> OwnFigures:
         """Return the table, its band, centre and amplitude.

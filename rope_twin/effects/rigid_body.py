@@ -169,7 +169,7 @@ def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
         matrix=np.zeros((6, at.COLUMNS)),
         hold=np.zeros((3, at.MISS)),
         changes=np.zeros((6, at.CHANGES)),
-        told=np.zeros(at.TOLD),
+        tangent=np.zeros(at.TANGENT),
         W=float((m - displaced) * g + hook_weight),
         hook=float(hook),
         hook_weight=float(hook_weight),

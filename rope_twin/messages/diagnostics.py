@@ -302,8 +302,8 @@ def _fluid_ramp(factors: tuple[float, ...]) -> Status:
     scaled = [f"{factor:.0%} of {name}" for name, factor in zip(FORCES, factors, strict=True)
               if factor != 1.0]  # fmt: skip
     if scaled:
-        told = f"{', '.join(scaled)} applied; tension and motion not representative"
-        return Status("simulation: fluid ramp", Level.WARN, told, values)
+        message = f"{', '.join(scaled)} applied; tension and motion not representative"
+        return Status("simulation: fluid ramp", Level.WARN, message, values)
     return Status("simulation: fluid ramp", Level.OK, "full forces of the water applied", values)
 
 

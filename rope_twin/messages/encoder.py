@@ -296,8 +296,8 @@ def winch_mode(snapshot: Snapshot) -> bytes:
 def mode_words(winch: WinchShot) -> str:
     """Return the control mode in words, such as `winch: length 350 m (limit)`."""
     unit = CONTROL_MODES.get(winch.mode, "")
-    told = f"{winch.mode} {winch.target:g} {unit}" if unit else winch.mode.replace("_", " ")
-    return f"{winch.name}: {told}" + (f" ({winch.at_limit})" if winch.at_limit else "")
+    set_point = f"{winch.mode} {winch.target:g} {unit}" if unit else winch.mode.replace("_", " ")
+    return f"{winch.name}: {set_point}" + (f" ({winch.at_limit})" if winch.at_limit else "")
 
 
 def line_events(snapshot: Snapshot) -> bytes:

@@ -263,7 +263,7 @@ class BagReader(ClosableBag):
         try:
             self._reader = Reader(self.path)
             self._reader.open()
-        except Exception as error:  # the parser meets damage in any form; all of it is told
+        except Exception as error:  # the parser meets damage in any form; all of it is reported
             raise _unreadable(self.path, error) from error
 
     @property

@@ -57,7 +57,7 @@ _ODOMETRY_FIELDS = (
     *(f"twist.twist.{part}.{k}" for part in ("linear", "angular") for k in "xyz"),
 )
 _PLACE, _TURN, _VELOCITY, _RATE = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
-_NEAR_M, _NEAR_DEG = 20.0, 20.0  # farther from rest at the start is told
+_NEAR_M, _NEAR_DEG = 20.0, 20.0  # farther from rest at the start is reported
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,10 +82,10 @@ def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
         name = choose_topic(bag, topic, _HEAVE.name, (_HEAVE.type_name,))
         rows = StampedRows(bag, name, "heave", _HEAVE_FIELDS)
         stamp_ns, values = rows.usable(_impossible)
-        elevation_ns, elevation_m, told = read_elevation(bag)
+        elevation_ns, elevation_m, more = read_elevation(bag)
         source = bag.custom_data.get("source", "")
     velocity, note = _check_velocity(rows.where, stamp_ns, values)
-    notes = [*rows.notes, note, *_odd(rows.where, stamp_ns, values[:, 0]), *told]
+    notes = [*rows.notes, note, *_odd(rows.where, stamp_ns, values[:, 0]), *more]
     return HeaveRecord(
         time_ns=stamp_ns - stamp_ns[0],
         began_ns=int(stamp_ns[0]),
@@ -337,11 +337,11 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
         twisted = bag.topics[name].type_name == _ODOMETRY
         rows = StampedRows(bag, name, "odometry", _ODOMETRY_FIELDS if twisted else _POSE_FIELDS)
         stamp_ns, values = rows.usable(_judge)
-        elevation_ns, elevation_m, told = read_elevation(bag)
+        elevation_ns, elevation_m, more = read_elevation(bag)
         source = bag.custom_data.get("source", "")
     values[:, _TURN] = _without_jumps(values[:, _TURN])
     time_ns = stamp_ns - stamp_ns[0]
-    notes = [*rows.notes, *told]
+    notes = [*rows.notes, *more]
     values, derived = _with_rates(rows.where, time_ns, values)
     notes += derived
     place, turn, velocity, rate = _from_rest(values, recorded)
@@ -423,22 +423,22 @@ def _with_rates(where: str, time_ns: Stamps, values: Table) -> tuple[Table, list
         return np.concatenate([values, *seen], axis=1), [note]
     notes = []
     for part, found, name in ((_VELOCITY, seen[0], "linear"), (_RATE, seen[1], "angular")):
-        told = values[:, part]
-        if not told.any() and found.any():
+        recorded = values[:, part]
+        if not recorded.any() and found.any():
             values[:, part] = found
             notes.append(f"{where}: twist.{name} is zero throughout, it is derived.")
         elif np.abs(found).max() > 1e-9:
-            notes.append(_agreement(where, name, told, found))
+            notes.append(_agreement(where, name, recorded, found))
     return values, notes
 
 
-def _agreement(where: str, name: str, told: Table, found: Table) -> str:
+def _agreement(where: str, name: str, recorded: Table, found: Table) -> str:
     """Return a note on the agreement of a recorded twist with the derivative of the pose, or "".
 
     Raises:
         BagError: the twist contradicts the pose.
     """
-    close = float((told * found).sum() / np.sqrt((told**2).sum() * (found**2).sum()))
+    close = float((recorded * found).sum() / np.sqrt((recorded**2).sum() * (found**2).sum()))
     if close < 0.0:
         what = f"twist.{name} runs against the pose (correlation {close:.2f})"
         right = "it must be the pose's rate of change in the ship's axes, x to the bow, z up"

@@ -126,13 +126,13 @@ class StampedRows:
 
     def _tell_skipped(self, faults: dict[str, int], total: int, kept: int) -> None:
         skipped = sum(faults.values())
-        told = ", ".join(f"{count} {fault}" for fault, count in faults.items() if count)
+        reasons = ", ".join(f"{count} {fault}" for fault, count in faults.items() if count)
         if kept < 2 or skipped > _TOLERATED_SHARE * total:
-            what = f"{skipped} of {total} samples cannot be used ({told or 'too few'})"
+            what = f"{skipped} of {total} samples cannot be used ({reasons or 'too few'})"
             right = f"right are 2 or more, at most {_TOLERATED_SHARE:.0%} bad"
             raise BagError(phrase(self.where, what, right))
         if skipped:
-            self.notes.append(f"{self.where}: skipped {skipped} of {total} samples ({told}).")
+            self.notes.append(f"{self.where}: skipped {skipped} of {total} samples ({reasons}).")
         promised = self._content.messages
         if total < promised:
             self.notes.append(f"{self.where}: of {promised} messages promised {total} are there.")
@@ -144,11 +144,11 @@ class StampedRows:
             return ""
         longest = int(np.argmax(steps))
         at_s = float(stamp_ns[longest] - stamp_ns[0]) * 1e-9
-        told = f"the longest {steps[longest] * 1e-9:.4g} s at {at_s:.3f} s"
+        gap = f"the longest {steps[longest] * 1e-9:.4g} s at {at_s:.3f} s"
         if steps[longest] > _LONGEST_GAP_S * 1e9:
             right = f"right is one recording without a gap above {_LONGEST_GAP_S:g} s"
-            raise BagError(phrase(self.where, f"gaps in time, {told}", right))
-        return f"{self.where}: gaps in time: {int(gaps.sum())}, {told}."
+            raise BagError(phrase(self.where, f"gaps in time, {gap}", right))
+        return f"{self.where}: gaps in time: {int(gaps.sum())}, {gap}."
 
 
 def _judge(

@@ -161,8 +161,8 @@ class SimulationNode(LifecycleNode):
             self._offer_services(self.paced)
             if self._params.from_state:
                 self.get_logger().info(self.paced.begun)
-            if self.paced.twin.told:
-                self.get_logger().info(self.paced.twin.told)
+            if self.paced.twin.notice:
+                self.get_logger().info(self.paced.twin.notice)
         except RopeTwinError as error:
             return self._fail(str(error))
         except Exception as error:

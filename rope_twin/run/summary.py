@@ -468,8 +468,8 @@ def watch_words(vibration: Figures | None, fatigue: Figures | None) -> list[str]
         )
         others = {k.removeprefix(_OF_ROPE): v for k, v in vibration.items() if _OF_ROPE in k}
         if others:
-            told = ", ".join(f"{name} {value:.3g}" for name, value in others.items())
-            lines.append(f"VIV of the other ropes: maximum cross-flow A/D {told}")
+            largest = ", ".join(f"{name} {value:.3g}" for name, value in others.items())
+            lines.append(f"VIV of the other ropes: maximum cross-flow A/D {largest}")
     if fatigue is not None:
         end = f"the lower end of '{fatigue['rope']}'" if "rope" in fatigue else "the lower end"
         lines.append(

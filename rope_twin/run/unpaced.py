@@ -104,7 +104,7 @@ class UnpacedRun:
         # A saved state already has inputs that its bag does not have: they are recorded again.
         self._known_ns = {} if start is None else self.twin.inputs.newest_ns()
         self._offered_ns = FIRST_NS if self.twin.steps == 0 else self.twin.time_ns
-        self._told_ns = self.twin.time_ns
+        self._reported_ns = self.twin.time_ns
         self._saved = False
         self.last: Snapshot = self.twin.snapshot()
         self._record(self.twin.time_ns, "twin/epoch", encode_epoch(self.epoch_ns))
@@ -140,7 +140,7 @@ class UnpacedRun:
             if self._alerts.look(snapshot):
                 data = encode_alerts(self.epoch_ns + snapshot.stamp_ns, *self._alerts.listed())
                 self._record(snapshot.stamp_ns, ALERTS, data)
-        if snapshot.stamp_ns - self._told_ns >= DIAGNOSTICS_PERIOD_NS:
+        if snapshot.stamp_ns - self._reported_ns >= DIAGNOSTICS_PERIOD_NS:
             self._tell(snapshot)
         return snapshot
 
@@ -212,7 +212,7 @@ class UnpacedRun:
         self._offered_ns = until_ns
 
     def _tell(self, snapshot: Snapshot) -> None:
-        self._told_ns = snapshot.stamp_ns
+        self._reported_ns = snapshot.stamp_ns
         stamp_ns = self.epoch_ns + snapshot.stamp_ns
         rows = statuses(snapshot, None)
         self._alerts.take_rows(rows)
@@ -279,7 +279,7 @@ def run_unpaced(
         RopeTwinError: scene, bag, state or directory are invalid; one sentence.
     """
     run = UnpacedRun(options, epoch_ns)
-    for words in filter(None, (run.sea_note, run.twin.told)):
+    for words in filter(None, (run.sea_note, run.twin.notice)):
         if say is not None:
             say(words)
     error = not_kept = ""

@@ -37,8 +37,8 @@ def scene_digest(scene: Scene) -> str:
         sea = replace(sea, poses=replace(sea.poses, bag=Path(sea.poses.bag).name))
     parts = (ropes, scene.payloads, scene.winch, scene.ship, sea, scene.environment, scene.effects)
     met = (scene.hang_offs, scene.joints, scene.struts, scene.sheaves)
-    told = repr((*parts, *met, scene.time.newton_tolerance_n))
-    return hashlib.sha256(told.encode()).hexdigest()[:16]
+    key = repr((*parts, *met, scene.time.newton_tolerance_n))
+    return hashlib.sha256(key.encode()).hexdigest()[:16]
 
 
 def solver_version(scene: Scene) -> str:

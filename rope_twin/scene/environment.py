@@ -34,9 +34,13 @@ DEEPEST_ROW_M = -12e3
 
 def bed_at(bed: SeabedParams, x: float, y: float) -> float:
     """Return the elevation of the seabed [m]; for soundings as in effects/seabed.py."""
-    told = bed.soundings
-    if told is not None:
-        return -float(np.interp(y, told.y_m, [np.interp(x, told.x_m, row) for row in told.depth_m]))
+    soundings = bed.soundings
+    if soundings is not None:
+        return -float(
+            np.interp(
+                y, soundings.y_m, [np.interp(x, soundings.x_m, row) for row in soundings.depth_m]
+            )
+        )
     assert bed.depth_m is not None, "checked when the scene was read"
     return -bed.depth_m + bed.slope[0] * x + bed.slope[1] * y
 

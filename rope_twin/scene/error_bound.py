@@ -80,8 +80,8 @@ def format_bound(bound: float) -> str:
     if not 0.0 < bound < math.inf:
         return "0" if bound == 0.0 else "unknown"
     place = 10.0 ** (math.floor(math.log10(bound)) - 1)
-    told = math.ceil(bound / place - 1e-9) * place
-    return f"{told:.0f}" if 100.0 <= told < 1e6 else f"{told:.2g}"
+    shown = math.ceil(bound / place - 1e-9) * place
+    return f"{shown:.0f}" if 100.0 <= shown < 1e6 else f"{shown:.2g}"
 
 
 @dataclass(frozen=True)

@@ -263,11 +263,11 @@ def _find_tables(effect: Item, scene_file: Path) -> None:
     systems = [keys, *(_mapping(one) for one in (also if isinstance(also, list) else ()))]
     named = [(one, "measured", "file") for one in systems] + [(keys, "table", "path")]
     for one, part, key in named:
-        told = _mapping(one[part]) if part in one else {}
-        item = told.get(key)
+        section = _mapping(one[part]) if part in one else {}
+        item = section.get(key)
         if item is not None and isinstance(item.value, str) and is_path(item.value):
             found = str((scene_file.parent / item.value).resolve())
-            told[key] = dataclasses.replace(item, value=found)
+            section[key] = dataclasses.replace(item, value=found)
 
 
 def _mapping(item: Item) -> dict[str, Item]:
@@ -316,8 +316,8 @@ def change_scene(scene: Scene, changes: Sequence[Change]) -> Scene:
     scene = change_part(scene, changes, scene.path)
     for where, what, right in faults(scene):
         raise Place(scene.path, where).refuse(what, right)
-    told = "\n".join([scene.digest, *(repr(change) for change in changes)])
-    return dataclasses.replace(scene, digest=hashlib.sha256(told.encode()).hexdigest())
+    content = "\n".join([scene.digest, *(repr(change) for change in changes)])
+    return dataclasses.replace(scene, digest=hashlib.sha256(content.encode()).hexdigest())
 
 
 Part = TypeVar("Part")

@@ -40,10 +40,10 @@ def scene_keys() -> list[Key]:
     return list(_keys_of(Scene, "", {Winch: "winch"}))
 
 
-def _keys_of(cls: type, path: str, told: dict[type, str]) -> Iterator[Key]:
-    """Yield the keys of a class at a path that ends with a dot; told: classes already described."""
+def _keys_of(cls: type, path: str, places: dict[type, str]) -> Iterator[Key]:
+    """Yield the keys of a class at a path that ends with a dot; places: of classes met before."""
     for field, hint in _fields_of(cls):
-        yield from _keys_at(field, hint, path + key_of(field), told)
+        yield from _keys_at(field, hint, path + key_of(field), places)
 
 
 def _fields_of(cls: type) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
@@ -59,37 +59,37 @@ def _fields_of(cls: type) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
 
 
 def _keys_at(
-    field: dataclasses.Field[Any], hint: Any, path: str, told: dict[type, str]
+    field: dataclasses.Field[Any], hint: Any, path: str, places: dict[type, str]
 ) -> Iterator[Key]:
     """Yield a key, and those within it."""
     inner, place = _inner(hint, path)
-    if told.get(inner, place) != place:
-        yield _key(field, f"{_wanted(hint)} as {told[inner]}", path)
+    if places.get(inner, place) != place:
+        yield _key(field, f"{_wanted(hint)} as {places[inner]}", path)
         return
     yield _key(field, _wanted(hint), path)
     if path == "effects":
         for effect in EFFECTS:
-            yield from _named(effect.name, effect.params, f"{path}[]", told)
+            yield from _named(effect.name, effect.params, f"{path}[]", places)
     elif inner is Shape:
         for name, shape in SHAPES.items():
-            yield from _named(name, shape, path, told)
+            yield from _named(name, shape, path, places)
     elif isinstance(inner, type) and dataclasses.is_dataclass(inner):
-        told[inner] = place
-        yield from _keys_of(inner, f"{place}.", told)
+        places[inner] = place
+        yield from _keys_of(inner, f"{place}.", places)
 
 
-def _named(name: str, cls: type, path: str, told: dict[type, str]) -> Iterator[Key]:
+def _named(name: str, cls: type, path: str, places: dict[type, str]) -> Iterator[Key]:
     """Yield one of several mappings by name."""
     yield Key(f"{path}.{name}", "mapping", _sentence(cls).rstrip("."), "", "absent")
-    yield from _keys_of(cls, f"{path}.{name}.", told)
+    yield from _keys_of(cls, f"{path}.{name}.", places)
 
 
 def _key(field: dataclasses.Field[Any], wants: str, path: str) -> Key:
     quantity: Quantity | None = field.metadata.get("quantity")
     meaning = quantity.about if quantity else str(field.metadata.get("about", ""))
     bounded = quantity is not None and math.isfinite(quantity.high - quantity.low)
-    told = quantity.range_text() if quantity and (bounded or quantity.unit) else ""
-    return Key(path, wants, meaning, told, _default(field))
+    range_text = quantity.range_text() if quantity and (bounded or quantity.unit) else ""
+    return Key(path, wants, meaning, range_text, _default(field))
 
 
 def _default(field: dataclasses.Field[Any]) -> str | None:

@@ -110,11 +110,11 @@ def check_body(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if body is None:
         return
     yield from _size(scene, body)
-    told: dict[str, list[str]] = {}
+    numbers_of: dict[str, list[str]] = {}
     for number, sling in enumerate(body.slings):
         for warning in _sling(body, sling, figures.payload_weight_n):
-            told.setdefault(warning, []).append(str(number))
-    for warning, numbers in told.items():
+            numbers_of.setdefault(warning, []).append(str(number))
+    for warning, numbers in numbers_of.items():
         yield f"effects.rigid_body.slings[{', '.join(numbers)}]{warning}"
 
 

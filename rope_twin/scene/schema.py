@@ -125,8 +125,8 @@ class SeaState:
     @property
     def posed(self) -> bool:
         """Return whether it gives the ship's pose and not only its heave."""
-        told = bool(self.path or self.poses)
-        return told or (self.on_waves is not None and bool(self.on_waves.responses))
+        prescribed = bool(self.path or self.poses)
+        return prescribed or (self.on_waves is not None and bool(self.on_waves.responses))
 
     @property
     def moves(self) -> bool:

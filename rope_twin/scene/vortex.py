@@ -113,13 +113,13 @@ def vortex_words(scene: Scene, figures: LiftFigures) -> str:
             f"{shedding_model(scene)}: lock-in at {pace.frequency_hz:.3g} Hz is computed "
             "decoupled from the step, on its own mesh; this scene's need not resolve it."
         )
-    told = (
+    text = (
         f"{shedding_model(scene)}: {_wanted(pace)}; this scene gives "
         f"{figures.longest_element_m:.3g} m and {1e3 * scene.time.step_s:.3g} ms"
     )
     if cost <= 1.0:
-        return f"{told}."
-    return f"{told}, too coarse; fine ones are {cost:.2g} times slower than this scene without it."
+        return f"{text}."
+    return f"{text}, too coarse; fine ones are {cost:.2g} times slower than this scene without it."
 
 
 def _wanted(pace: Pace) -> str:

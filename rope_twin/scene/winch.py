@@ -208,11 +208,11 @@ class ScheduleRow(SparingRepr):
 
     def check(self) -> str | None:
         """Return a fault unless exactly one command is given, or None."""
-        told = [name for name in ("speed_m_per_s", *sorted(self._spared))
+        commands = [name for name in ("speed_m_per_s", *sorted(self._spared))
                 if getattr(self, name) is not None]  # fmt: skip
-        if len(told) == 1:
+        if len(commands) == 1:
             return None
-        what = "no command is given" if not told else f"{' and '.join(told)} at once"
+        what = "no command is given" if not commands else f"{' and '.join(commands)} at once"
         names = "speed_m_per_s, line_out_m, payload_depth_m, tension_n, switch"
         return f"{what}; give exactly one of {names}"
 

@@ -61,14 +61,16 @@ def read_table(path: Path) -> Table:
     except (OSError, UnicodeDecodeError) as error:
         what = f"it cannot be read ({error})"
         raise InputError(phrase(str(path), what, "give a text file")) from None
-    told = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line.strip()[0] != "#"]
-    head = [name.strip() for name in next(csv.reader([told[0][1]]))] if told else []
-    rows = [_numbers(f"{path}, line {k}", line, len(head)) for k, line in told[1:]]
+    filled = [
+        (k, line) for k, line in enumerate(lines, 1) if line.strip() and line.strip()[0] != "#"
+    ]
+    head = [name.strip() for name in next(csv.reader([filled[0][1]]))] if filled else []
+    rows = [_numbers(f"{path}, line {k}", line, len(head)) for k, line in filled[1:]]
     if not rows:
         what = "it has a header and no rows" if head else "it is empty"
         raise InputError(phrase(str(path), what, "give a header and rows of numbers"))
     columns = dict(zip(head, np.array(rows).T.copy(), strict=True))
-    return Table(columns, tuple(k for k, _ in told[1:]))
+    return Table(columns, tuple(k for k, _ in filled[1:]))
 
 
 def read_columns(path: Path, names: Sequence[str]) -> dict[str, Vector]:

@@ -166,11 +166,10 @@ def doubt_table(study: Study) -> Table:
         doubt = study.reference.doubts[quantity.name]
         if quantity.name == "snap_peak" and study.reference.values["snap_peak_n"] is None:
             continue
-        told = f"± {doubt.uncertainty:.2g} {quantity.unit}" if doubt.uncertainty is not None else (
-            "does not converge"
-        )  # fmt: skip
+        known = doubt.uncertainty is not None
+        bounds = f"± {doubt.uncertainty:.2g} {quantity.unit}" if known else "does not converge"
         orders = [_order(doubt.element_order), _order(doubt.step_order)]
-        table.append([quantity.words, *orders, told])
+        table.append([quantity.words, *orders, bounds])
     return table
 
 

@@ -251,7 +251,7 @@ class Quantity:
     name: str
     unit: str  # of the error
     words: str
-    of: str  # what the error is told in parts of
+    of: str  # what the error is stated in parts of
 
 
 QUANTITIES = (

@@ -73,8 +73,8 @@ def call_witness(scene: Scene, step_s: float, most_s: float = math.inf) -> Witne
     count = scene.ropes[0].elements
     tension = Trial(course, Setting(count, step_s)).look().tension_n
     inner = math.ceil(step_s / (SHARE * rope.largest_step()))
-    told = rope.run(course.motion(step_s / inner), step_s / inner)[inner - 1 :: inner]
-    apart, scale = tension - told[: len(tension)], float(tension.std())
+    exact = rope.run(course.motion(step_s / inner), step_s / inner)[inner - 1 :: inner]
+    apart, scale = tension - exact[: len(tension)], float(tension.std())
     if scale < 1e-4 * tension.mean():
         scale = float(tension.mean())
     return Witness(
@@ -82,7 +82,7 @@ def call_witness(scene: Scene, step_s: float, most_s: float = math.inf) -> Witne
         seconds,
         step_s / inner,
         100.0 * float(np.sqrt(np.mean(apart**2))) / scale,
-        100.0 * float(tension.max() / told.max() - 1.0),
+        100.0 * float(tension.max() / exact.max() - 1.0),
     )
 
 

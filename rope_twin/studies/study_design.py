@@ -329,8 +329,8 @@ def _named(scene: Scene, path: str, name: str) -> Scene:
         raise InputError(phrase(path, "it takes no name", right))
     for where, what, right in faults(made):
         raise InputError(phrase(where, what, right))
-    told = f"{scene.digest}\n{path}={name}"
-    return dataclasses.replace(made, digest=hashlib.sha256(told.encode()).hexdigest())
+    key = f"{scene.digest}\n{path}={name}"
+    return dataclasses.replace(made, digest=hashlib.sha256(key.encode()).hexdigest())
 
 
 def new_counts(scene: Scene, wish: FatigueWish) -> Counts:

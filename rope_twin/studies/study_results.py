@@ -24,7 +24,7 @@ FIGURES = (  # column of the rows, words, scale
     ("damage_worst", "damage of the worst piece [1e-9]", 1e9),
 )
 PARTS = 4  # of a variable's range, where every run has a number of its own
-MANY = 8  # different numbers; more are told by parts of the range
+MANY = 8  # different numbers; more are stated by parts of the range
 
 
 def whole_runs(rows: Sequence[Row]) -> list[Row]:

@@ -155,12 +155,12 @@ def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeDamage]:
 def _figures(ensemble: Ensemble, number: int) -> Row:
     scene, figures = ensemble.scene_of(number), ensemble.figures()[number]
     least = min(bar.rope.breaking_load_n for bar in lift_figures(scene).bars)
-    told = {key: known(value) for key, value in asdict(figures).items()}
-    most = told["tension_top_max_n"]
+    values = {key: known(value) for key, value in asdict(figures).items()}
+    most = values["tension_top_max_n"]
     share = None if most is None else most / least
     whole = {"seconds": figures.steps * scene.time.step_s, "elements": scene.ropes[0].elements,
              "step_s": scene.time.step_s}  # fmt: skip
-    return {**whole, **told, "highest_over_breaking_load": share}
+    return {**whole, **values, "highest_over_breaking_load": share}
 
 
 def _study_row(known: KnownError, changed: bool) -> Row:
@@ -339,8 +339,8 @@ RETRIES = 2  # of a batch whose worker died
 
 def study_stamp(study: Study, scene: Scene) -> str:
     """Return a digest of study, scene and solver, on which all rows depend."""
-    told = repr((study.digest, scene.digest, solver_version(scene)))
-    return hashlib.sha256(told.encode()).hexdigest()[:16]
+    text = repr((study.digest, scene.digest, solver_version(scene)))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def run_parameter_study(

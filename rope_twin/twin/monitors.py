@@ -110,7 +110,7 @@ class Monitor:
     and `invalidate` are called in the stepping thread.
     """
 
-    told = ""  # message for the user before the run
+    notice = ""  # message for the user before the run
 
     def start(self, now: TwinView, present: Chunk) -> None:
         """Start with a twin in static equilibrium."""

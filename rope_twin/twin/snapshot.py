@@ -521,9 +521,9 @@ class LineEvent:
 
     def words(self) -> str:
         """Return a message like `the lines cross at 836 m, 0.08 degrees, 0.02 m apart`."""
-        told = "the lines cross" if self.what == "cross" else "the lines part again"
+        event = "the lines cross" if self.what == "cross" else "the lines part again"
         where = f"at {self.depth_m:.0f} m, {self.angle_deg:.2f} degrees"
-        return f"{told} {where}, {self.gap_m:.2f} m apart"
+        return f"{event} {where}, {self.gap_m:.2f} m apart"
 
 
 @dataclass(frozen=True)

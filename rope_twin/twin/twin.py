@@ -104,7 +104,7 @@ class Twin:
         for monitor in self._monitors:
             monitor.start(self.inspect(), self._present())
         tellers = self.viv_drag, *self._monitors  # for the user before the run
-        self.told = "\n".join(one.told for one in tellers if one is not None and one.told)
+        self.notice = "\n".join(one.notice for one in tellers if one is not None and one.notice)
 
     # Inputs, accepted from any thread
 

@@ -76,14 +76,14 @@ class VortexMonitor(Monitor):
             line = self._new_monitor(now, numbers, self._asked)
             line.counting_from_ns = now.time_ns
             self.lines[numbers] = line
-        texts = [one.told if now.viv_drag is None else "" for one in self.lines.values()]
+        texts = [one.notice if now.viv_drag is None else "" for one in self.lines.values()]
         if self._asked.fatigue:
             curve = self._asked.fatigue
             texts += [
                 wire_curve_warning(line, curve, bending_stiffness_of(scene, line))
                 for line in scene.ropes
             ]
-        self.told = "\n".join(text for text in texts if text)
+        self.notice = "\n".join(text for text in texts if text)
 
     def restart(self, now: TwinView, present: Chunk) -> None:
         """Adapt the sampling to the step; counts and averages continue."""

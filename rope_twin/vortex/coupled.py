@@ -94,7 +94,7 @@ class CoupledModel:
         still = response.kept()
         response.advance(COMPILE_STEP_S)  # compile now, not at the first sampling
         response.take_back(still)
-        self.told = self.words(span)
+        self.notice = self.words(span)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -315,9 +315,9 @@ class VivDragAmplification:
         return self.trackers[0]
 
     @property
-    def told(self) -> str:
+    def notice(self) -> str:
         """Description of the models with the cost of a mode search, a line for each rope."""
-        return "\n".join(tracker.told for tracker in self.trackers)
+        return "\n".join(tracker.notice for tracker in self.trackers)
 
     @property
     def every(self) -> int:

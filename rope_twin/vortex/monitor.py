@@ -300,9 +300,9 @@ class RopeMonitor:
         self._observing_s = self._observed_s = 0.0  # CPU time of the monitors, and time covered
 
     @property
-    def told(self) -> str:
+    def notice(self) -> str:
         """Description of the vibration model and its cost; "" for none."""
-        return self._tracker.told if isinstance(self._tracker, CoupledModel) else ""
+        return self._tracker.notice if isinstance(self._tracker, CoupledModel) else ""
 
     @property
     def every(self) -> int:

@@ -104,11 +104,11 @@ def test_speed_and_error_belong_together(measured: speed.Speed) -> None:
     assert set(measured.exponents) == {"0.01", "0.02"}
 
 
-def test_progress_is_told_of_every_case(measured: speed.Speed) -> None:
-    told = SAID[: len(measured.references) + len(measured.rows) + len(measured.snaps) + 1]
-    assert [done for done, _, _ in told] == list(range(len(told)))
-    assert "smooth_2km, 200 nodes at 20 ms" in [what for _, _, what in told]
-    assert told[-1][2] == "done"
+def test_progress_is_reported_of_every_case(measured: speed.Speed) -> None:
+    reported = SAID[: len(measured.references) + len(measured.rows) + len(measured.snaps) + 1]
+    assert [done for done, _, _ in reported] == list(range(len(reported)))
+    assert "smooth_2km, 200 nodes at 20 ms" in [what for _, _, what in reported]
+    assert reported[-1][2] == "done"
 
 
 def test_the_exponent_is_the_slope(measured: speed.Speed) -> None:

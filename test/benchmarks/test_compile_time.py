@@ -24,7 +24,7 @@ def test_scenes_whose_code_is_the_same_are_one_set() -> None:
     ]  # fmt: skip
 
 
-def test_a_start_over_its_limit_is_told() -> None:
+def test_a_start_over_its_limit_is_reported() -> None:
     rows = [CompileRow("one", (), ("drag",), 1, 25.0, 26.0, 0.5, 0.6)]
     rows.append(CompileRow("two", (), ("drag",), 1, 15.0, 16.0, 0.5, 0.6))
     assert [row.ok for row in rows] == [False, True]

@@ -14,8 +14,8 @@ from benchmarks.ensemble_speed import QUICK, Case, ensemble_rows, ensemble_table
 
 def test_a_row_is_consistent() -> None:
     """Real-time factor and nanoseconds are two ways of saying one time."""
-    told: list[tuple[int, int]] = []
-    (row,) = ensemble_rows(QUICK, lambda done, total, what: told.append((done, total)))
+    reported: list[tuple[int, int]] = []
+    (row,) = ensemble_rows(QUICK, lambda done, total, what: reported.append((done, total)))
     case = QUICK[0]
     assert (row.members, row.elements, row.step_s) == (case.members, case.elements, case.step_s)
     node_steps_per_s = row.members * row.elements / row.step_s
@@ -27,7 +27,7 @@ def test_a_row_is_consistent() -> None:
     assert row.in_lanes == case.members
     assert 0.0 < row.threads_only_ns_per_node_step_best <= row.threads_only_ns_per_node_step
     assert (row.checked, row.unequal, row.failed) == (3, 0, 0)
-    assert told == [(0, 1), (1, 1)]
+    assert reported == [(0, 1), (1, 1)]
     heads, cells = ensemble_table([row])
     shown = dict(zip(heads, cells, strict=False))
     assert shown["members"] == str(case.members)

@@ -37,7 +37,7 @@ ROW = PeerRow(
 MACHINE = Machine("a processor", 2, 0.5, 1.0, "3.11", "0.68")
 
 
-def test_a_missing_peer_is_told_with_the_way_to_get_it(
+def test_a_missing_peer_is_reported_with_the_way_to_get_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "cabledyn", None)  # an import of it fails from now on
@@ -107,7 +107,9 @@ def test_decks_say_the_figures() -> None:
 
 @pytest.mark.parametrize("name", ["riser_300m", "wave_zone"])
 def test_what_a_deck_cannot_say_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match=rf"scene {name}: its .* be told in a deck; take one of"):
+    with pytest.raises(
+        InputError, match=rf"scene {name}: its .* be reported in a deck; take one of"
+    ):
         figures(load_scene(name))
 
 

@@ -43,29 +43,29 @@ def test_a_race_of_equal_elements_and_step(capfd: pytest.CaptureFixture[str]) ->
     """
     assert main(["vortices", "--quick", "--json"]) == 0
     shown, said = capfd.readouterr()
-    told = json.loads(shown)
-    assert [row["model"] for row in told["rows"]] == ["none", "wake_oscillator"]
-    for row in told["rows"]:
+    reported = json.loads(shown)
+    assert [row["model"] for row in reported["rows"]] == ["none", "wake_oscillator"]
+    for row in reported["rows"]:
         assert row["best_factor"] >= row["real_time_factor"] > 0.0
         per_step_s = 1e-9 * row["ns_per_node_step"] * row["nodes"]
         assert row["real_time_factor"] == pytest.approx(1e-3 / per_step_s)
-    assert [(row["rope"], row["model"]) for row in told["pace"]] == [
+    assert [(row["rope"], row["model"]) for row in reported["pace"]] == [
         ("[LCD] riser", "modal_vibration"), ("[LCD] riser", "decomposed_force"),
     ]  # fmt: skip
-    for row in told["pace"]:
+    for row in reported["pace"]:
         assert row["best_factor"] >= row["real_time_factor"] > 0.0
         assert row["modes"] >= 7 < row["places"]
     if not HERE:
-        assert told["peer"] is None
+        assert reported["peer"] is None
         assert "get it with `pip install moordyn==2.7.2`" in said
         return
-    assert [row["scheme"] for row in told["peer"]] == ["RK2", "Midpoint5"]
-    for row in told["peer"]:
+    assert [row["scheme"] for row in reported["peer"]] == ["RK2", "Midpoint5"]
+    for row in reported["peer"]:
         assert (row["elements"], row["step_s"]) == (20, 1e-3)
         assert row["ratio"] == pytest.approx(row["real_time_factor"] / row["peer_real_time_factor"])
         assert 0.0 < row["peer_rms_diameters"] < math.inf
         assert 0.0 < row["rms_diameters"] < 2.0
-    assert vortex_peer.race_table(told["peer"])[1][1] == "RK2"
+    assert vortex_peer.race_table(reported["peer"])[1][1] == "RK2"
 
 
 def test_where_it_is_missing_the_rest_runs(
@@ -75,12 +75,12 @@ def test_where_it_is_missing_the_rest_runs(
     monkeypatch.setitem(sys.modules, "moordyn", None)  # an import of it fails from now on
     monkeypatch.setattr(vortex_speed, "vortex_rows", lambda cases, listen: iter(()))
     assert main(["vortices", "--quick"]) == 0
-    told = capsys.readouterr()
-    assert "ns/node/step" in told.out
-    assert told.err.count("get it with `pip install moordyn==2.7.2`") == 1
+    reported = capsys.readouterr()
+    assert "ns/node/step" in reported.out
+    assert reported.err.count("get it with `pip install moordyn==2.7.2`") == 1
 
 
-def test_a_scheme_that_is_lost_is_told_so() -> None:
+def test_a_scheme_that_is_lost_is_reported_so() -> None:
     """No speed, no ratio."""
     row = {
         "peer": "MoorDyn", "scheme": "RK2", "elements": 200, "step_s": 1e-3,

@@ -22,7 +22,7 @@ from rope_twin.scene.load import load_scene
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reported"),
     [
         ("", "rope_twin: the following arguments are required: COMMAND"),
         ("rnu", "rope_twin: there is no 'rnu'; did you mean 'run'"),
@@ -48,14 +48,14 @@ from rope_twin.scene.load import load_scene
         ("run --budget 1% --within 1%", "rope_twin run: --within: not allowed with argument"),
     ],
 )
-def test_a_wrong_command_line_is_told_of_in_one_line(
-    words: str, told: str, capsys: pytest.CaptureFixture[str]
+def test_a_wrong_command_line_is_reported_of_in_one_line(
+    words: str, reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
         main(words.split())
     said = capsys.readouterr()
     assert ended.value.code == 2
-    assert said.err.startswith(told)
+    assert said.err.startswith(reported)
     assert said.err.count("\n") == 1
     assert not said.out
     assert "?" not in said.err
@@ -70,7 +70,7 @@ def test_a_value_that_begins_with_minus_stands_behind_an_equals_sign(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reported"),
     [
         ("view sea_1p2m --out {folder}", "--out {folder}: unknown file type; end it in .rrd or"),
         ("view sea_1p2m --out a.jpg", "--out a.jpg: unknown file type; end it in .rrd or .png"),
@@ -100,12 +100,12 @@ def test_a_value_that_begins_with_minus_stands_behind_an_equals_sign(
         ),
     ],
 )
-def test_what_cannot_be_is_told_before_anything_runs(
-    words: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_cannot_be_is_reported_before_anything_runs(
+    words: str, reported: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([word.format(folder=tmp_path) for word in words.split()]) == 1
     said = capsys.readouterr()
-    assert told.format(folder=tmp_path) in said.err
+    assert reported.format(folder=tmp_path) in said.err
     assert said.err.count("\n") == 1
     assert not said.out
     assert not list(tmp_path.iterdir())
@@ -207,15 +207,17 @@ def refused(tmp_path: Path, *words: str, output: str) -> str:
 
 
 @pytest.mark.parametrize("words", ["scene keys", "scene list"])
-def test_an_output_that_takes_nothing_is_told_in_one_sentence(words: str, tmp_path: Path) -> None:
-    told = refused(tmp_path, *words.split(), output="/dev/full")
-    assert told == "output: No space left on device; free space there, or name another place."
+def test_an_output_that_takes_nothing_is_reported_in_one_sentence(
+    words: str, tmp_path: Path
+) -> None:
+    reported = refused(tmp_path, *words.split(), output="/dev/full")
+    assert reported == "output: No space left on device; free space there, or name another place."
 
 
-def test_a_picture_of_a_bag_that_finds_no_room_is_told_in_one_sentence(tmp_path: Path) -> None:
+def test_a_picture_of_a_bag_that_finds_no_room_is_reported_in_one_sentence(tmp_path: Path) -> None:
     pytest.importorskip("rerun")
-    told = refused(tmp_path, "view", "sea_1p2m", "--out", "view.rrd", output="/dev/null")
-    assert "file view.rrd: it cannot be written (" in told
+    reported = refused(tmp_path, "view", "sea_1p2m", "--out", "view.rrd", output="/dev/null")
+    assert "file view.rrd: it cannot be written (" in reported
 
 
 @pytest.mark.parametrize("kept", ["out", "save-state"])
@@ -224,12 +226,12 @@ def test_a_run_whose_bag_or_state_finds_no_room_does_not_end_as_if_it_had(
 ) -> None:
     words = ["run", "still_water", "--speed", "0", "--duration", "20", f"--{kept}", "kept"]
     words += ["--no-record"] if kept == "save-state" else []
-    told = refused(tmp_path, *words, output="/dev/null")
-    assert "kept" in told
-    assert "(File too large)" in told
+    reported = refused(tmp_path, *words, output="/dev/null")
+    assert "kept" in reported
+    assert "(File too large)" in reported
 
 
-def test_what_was_wrong_with_a_sea_is_told_where_no_node_tells_it(
+def test_what_was_wrong_with_a_sea_is_reported_where_no_node_tells_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows = [(at, nan if number == 9 else z, v) for number, (at, z, v) in enumerate(swell())]

@@ -14,13 +14,13 @@ from rope_twin.cli import main
 def test_a_recorded_winch_is_printed_in_si(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["feed", str(DATA / "cwnc.txt"), "--settings", "lci90i_pounds", "--speed", "0"]
     assert main(words) == 0
-    told = capsys.readouterr()
-    lines = told.out.splitlines()
+    reported = capsys.readouterr()
+    lines = reported.out.splitlines()
     assert len(lines) == 300
     assert lines[0] == (
         "20:04:03.313000  winch  line out 0.00 m  speed +0.000 m/s  tension -10369 N"
     )
-    assert told.err.splitlines()[-1] == (
+    assert reported.err.splitlines()[-1] == (
         "winch: 300 lines, 300 accepted, 0 refused; 1 hole, the longest of 19.0 s"
     )
 
@@ -40,7 +40,7 @@ def test_lines_of_another_instrument_are_an_error(capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reported"),
     [
         (["x.log", "--settings", "seapath"], "x.log"),
         (["--settings", "seapth"], "did you mean 'seapath'?"),
@@ -49,11 +49,11 @@ def test_lines_of_another_instrument_are_an_error(capsys: pytest.CaptureFixture[
         (["http://x:1", "--settings", "seapath"], "it is no address"),
     ],
 )
-def test_what_cannot_be_read_is_told_in_one_sentence(
-    words: list[str], told: str, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+def test_what_cannot_be_read_is_reported_in_one_sentence(
+    words: list[str], reported: str, capsys: pytest.CaptureFixture[str], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     assert main(["feed", *words]) == 1
     (sentence,) = capsys.readouterr().err.splitlines()
-    assert told in sentence
+    assert reported in sentence

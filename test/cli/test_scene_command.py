@@ -160,7 +160,7 @@ def test_check_lists_all_errors_between_values_by_line(
         assert sentence.startswith(start)
 
 
-def test_a_slope_is_told_in_figures(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_slope_is_reported_in_figures(capsys: pytest.CaptureFixture[str]) -> None:
     """Not as a table of two rows."""
     assert command("show", "landing") == 0
     assert "seabed depth_m 400, slope (0.02, 0)," in " ".join(capsys.readouterr().out.split())

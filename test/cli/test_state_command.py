@@ -29,7 +29,7 @@ EPOCH_NS = 10**18
 # which is numbered by session.
 OF_ONE_BAG = ("diagnostics", "alerts", "twin/epoch", "winch/seat", "twin/session", "twin/inputs")
 # by a scene of heave and speeds only, with no bed, no topic of current and no error interval
-NOT_TOLD = {
+NOT_REPORTED = {
     "current", "ship/odometry", "lower_end/odometry", "seabed/contact", "ropes/vibration",
     "ropes/fatigue", "ropes/cut", *WINCH_TOPICS, *MEASURED_TOPICS, MEASURED_ELEVATION,
     "estimate/figures", "estimate/alarms", "alerts/command",
@@ -83,7 +83,7 @@ def test_two_bags_are_the_one_of_a_run_without_interruption(runs: Runs) -> None:
     )
     for topic in COMPARED:
         assert first[topic] + second[topic] == whole[topic]
-        assert (first[topic] and second[topic]) or topic in NOT_TOLD
+        assert (first[topic] and second[topic]) or topic in NOT_REPORTED
 
 
 def test_another_process_goes_on(runs: Runs) -> None:
@@ -121,9 +121,9 @@ def test_ctrl_c_saves_a_whole_state(tmp_path: Path) -> None:
 
 def test_info_tells(runs: Runs, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["state", "info", str(runs.saved)]) == 0
-    told = capsys.readouterr().out
+    reported = capsys.readouterr().out
     for words in ("shallow_lift", "1.500 s, 150 time steps of 0.01 s", "checksum correct", "nodes"):
-        assert words in told
+        assert words in reported
     assert main(["state", "info", str(runs.saved), "--json"]) == 0
     about = json.loads(capsys.readouterr().out)
     assert about["time_s"] == 1.5
@@ -150,15 +150,15 @@ def test_info_tells(runs: Runs, capsys: pytest.CaptureFixture[str]) -> None:
         (["--save-state", ".", "--duration", "9"], "--save-state .: it cannot be written"),
     ],
 )
-def test_faults_are_told_in_one_sentence(
+def test_faults_are_reported_in_one_sentence(
     runs: Runs, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = [str(runs.saved) if word == "FILE" else word for word in words]
     assert main(["run", "--speed", "0", *given]) == 1
-    told = capsys.readouterr()
-    assert sentence in told.err
-    assert told.err.count("\n") == 1
-    assert not told.out
+    reported = capsys.readouterr()
+    assert sentence in reported.err
+    assert reported.err.count("\n") == 1
+    assert not reported.out
 
 
 def test_info_of_no_state_is_one_sentence(
@@ -216,6 +216,6 @@ def test_a_state_whose_scene_was_moved_says_where_it_was(
         "--no-record",
     ]
     assert main(["run", *go_on]) == 1
-    told = f"--from-state: its scene {here} does not exist; give the path of the scene too."
-    assert told in capsys.readouterr().err
+    reported = f"--from-state: its scene {here} does not exist; give the path of the scene too."
+    assert reported in capsys.readouterr().err
     assert main(["run", str(there), *go_on]) == 0

@@ -56,7 +56,7 @@ def _flip_a_bit(path: Path) -> None:
     path.write_bytes(content)
 
 
-def test_damaged_code_is_told_and_compiled_again(tmp_path: Path) -> None:
+def test_damaged_code_is_reported_and_compiled_again(tmp_path: Path) -> None:
     """Empty, cut short, another file, a bit: one after the other, each time from whole code."""
     damages: list[Callable[[Path], object]] = [
         lambda path: path.write_bytes(b""),
@@ -75,7 +75,7 @@ def test_damaged_code_is_told_and_compiled_again(tmp_path: Path) -> None:
     assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "1"], "")
 
 
-def test_code_that_cannot_be_kept_is_told_and_runs(tmp_path: Path) -> None:
+def test_code_that_cannot_be_kept_is_reported_and_runs(tmp_path: Path) -> None:
     """A folder in the place of the file: nothing can be read from it or written to it."""
     _said(_start(tmp_path, CHAIN))
     (kept,) = tmp_path.rglob("*.nbc")

@@ -119,7 +119,7 @@ def test_innovation_of_a_block() -> None:
 
 
 def test_strength_and_shape_of_the_current_have_one_column() -> None:
-    """They are not told apart: together they are known, each only as far as the other's prior."""
+    """Not distinguished: together they are known, each only as far as the other's prior."""
     whole = learned().innovation
     assert whole is not None
     assert np.array_equal(whole.columns["current"], whole.columns[CURRENT_SHAPE])

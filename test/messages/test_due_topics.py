@@ -39,5 +39,7 @@ def test_fatigue_is_published_only_where_there_is_any() -> None:
     nothing: dict[str, Any] = {topic.only_with: None for topic in EXTRA_TOPICS}
     assert due_topics(1, 20_000_000, SimpleNamespace(**nothing)) == due_topics(1, 20_000_000)
     worn = SimpleNamespace(**nothing | {"fatigue": object()})
-    told = [slot for slot in range(1, 201) if "ropes/fatigue" in due_topics(slot, 20_000_000, worn)]
-    assert told == [50, 100, 150, 200]
+    reported = [
+        slot for slot in range(1, 201) if "ropes/fatigue" in due_topics(slot, 20_000_000, worn)
+    ]
+    assert reported == [50, 100, 150, 200]

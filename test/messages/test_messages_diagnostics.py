@@ -1,4 +1,4 @@
-"""What operators are told."""
+"""What operators are reported."""
 
 from __future__ import annotations
 
@@ -55,17 +55,17 @@ def test_the_winch_says_why_it_is_held_back() -> None:
 
 def test_the_tension_never_goes_without_its_error() -> None:
     """By the study, or the reason why there is none; that is no fault of the run's."""
-    told = row("accuracy", hanging_rope())
-    assert "0.5 % at most, in a run on paper" in told.message
-    assert told.values["peak error bound [%]"] == "0.1"
+    reported = row("accuracy", hanging_rope())
+    assert "0.5 % at most, in a run on paper" in reported.message
+    assert reported.values["peak error bound [%]"] == "0.1"
     nothing = KnownError(words="unknown: no study")
-    told = row("accuracy", replace(hanging_rope(), study_error=nothing))
-    assert told.level is Level.OK
-    assert told.message.endswith("unknown: no study")
-    assert told.values["RMS error bound [% of the standard deviation]"] == "unknown"
+    reported = row("accuracy", replace(hanging_rope(), study_error=nothing))
+    assert reported.level is Level.OK
+    assert reported.message.endswith("unknown: no study")
+    assert reported.values["RMS error bound [% of the standard deviation]"] == "unknown"
 
 
-def test_start_up_is_told_until_the_motion_is_all_there() -> None:
+def test_start_up_is_reported_until_the_motion_is_all_there() -> None:
     ramp = row("start-up", replace(hanging_rope(), motion_ramp=0.25))
     assert ramp.level is Level.WARN
     assert "25%" in ramp.message
@@ -90,9 +90,9 @@ def test_start_up_is_told_until_the_motion_is_all_there() -> None:
     ],
 )
 def test_pacing(health: PacingHealth, level: Level, words: str) -> None:
-    told = row("pacing", hanging_rope(), health)
-    assert told.level is level
-    assert words in told.message
+    reported = row("pacing", hanging_rope(), health)
+    assert reported.level is level
+    assert words in reported.message
 
 
 def test_an_unpaced_run_has_no_pacing_row() -> None:
@@ -102,25 +102,25 @@ def test_an_unpaced_run_has_no_pacing_row() -> None:
 def test_the_error_interval_is_reported_where_there_is_one() -> None:
     without = replace(hanging_rope(), error_interval=None)
     assert not [r for r in statuses(without, GOOD) if "interval" in r.name]
-    told = row("error interval", hanging_rope())
-    assert told.level is Level.OK
-    assert "within 40 N of the converged" in told.message
-    assert told.values["extra CPU time [%]"] == "25"
+    reported = row("error interval", hanging_rope())
+    assert reported.level is Level.OK
+    assert "within 40 N of the converged" in reported.message
+    assert reported.values["extra CPU time [%]"] == "25"
 
 
-def test_the_energy_balance_is_told_where_there_is_one() -> None:
+def test_the_energy_balance_is_reported_where_there_is_one() -> None:
     """Each term in joules, the residual in per cent; energy from nothing is a warning."""
     assert not [r for r in statuses(hanging_rope(), GOOD) if "energy" in r.name]
     balance = EnergyBalance(
         since_s=1.0, kinetic_j=2e4, elastic_j=3e5, potential_j=-4e6, change_j=-9e4, hang_off_j=-8e4,
         passing_j=1e3, water_j=-9e3, damped_j=1.5e3, residual_j=500.0, exchanged_j=1e6,
     )  # fmt: skip
-    told = row("energy", replace(hanging_rope(), energy=balance))
-    assert told.level is Level.OK
-    assert "0.05 % of the energy exchanged" in told.message
-    assert told.values["work of the water [J]"] == "-9000"
-    assert told.values["residual [% of exchanged]"] == "0.05"
-    assert len(told.values) == 12
+    reported = row("energy", replace(hanging_rope(), energy=balance))
+    assert reported.level is Level.OK
+    assert "0.05 % of the energy exchanged" in reported.message
+    assert reported.values["work of the water [J]"] == "-9000"
+    assert reported.values["residual [% of exchanged]"] == "0.05"
+    assert len(reported.values) == 12
     gained = row("energy", replace(hanging_rope(), energy=replace(balance, residual_j=-2e3)))
     assert gained.level is Level.WARN
     assert "gain of 0.2 % of the energy exchanged" in gained.message
@@ -206,10 +206,10 @@ def test_a_residual_beside_nothing_is_round_off() -> None:
     ],
 )
 def test_inputs(health: InputHealth, level: Level, words: str) -> None:
-    told = row("input heave", replace(hanging_rope(), inputs={"heave": health}))
-    assert told.level is level
-    assert words in told.message
-    assert told.values["refused"] == str(health.refused)
+    reported = row("input heave", replace(hanging_rope(), inputs={"heave": health}))
+    assert reported.level is level
+    assert words in reported.message
+    assert reported.values["refused"] == str(health.refused)
 
 
 @pytest.mark.parametrize(
@@ -220,12 +220,12 @@ def test_inputs(health: InputHealth, level: Level, words: str) -> None:
         (1420.0, Level.ERROR, "MBL exceeded (utilisation 1.42): rope failure expected"),
     ],
 )
-def test_a_rope_beyond_its_breaking_load_is_told(
+def test_a_rope_beyond_its_breaking_load_is_reported(
     highest_kn: float, level: Level, words: str
 ) -> None:
     strength = (RopeStrength("hoist", highest_kn * 1e3, 1e6),)
-    told = row("strength", replace(hanging_rope(), strength=strength))
-    assert (told.level, words in told.message) == (level, True)
+    reported = row("strength", replace(hanging_rope(), strength=strength))
+    assert (reported.level, words in reported.message) == (level, True)
     slack = (*strength, RopeStrength("aft", 0.0, 1e6))
     both = row("strength", replace(hanging_rope(), strength=slack))
     assert "of 'hoist' " in both.message
@@ -261,7 +261,7 @@ def test_the_compensator_warns_at_its_stops() -> None:
     assert not [r for r in statuses(replace(shot, compensator=None), GOOD) if "compens" in r.name]
 
 
-def test_the_seabed_is_told_of() -> None:
+def test_the_seabed_is_reported_of() -> None:
     """Landed and lying; and hanging above it."""
     row = next(r for r in statuses(hanging_rope(), GOOD) if "seabed" in r.name)
     assert all(words in row.message for words in ("landed", "95.0 kN", "12.0 m of rope"))

@@ -1,4 +1,4 @@
-"""What RViz and Foxglove are told to draw."""
+"""What RViz and Foxglove are reported to draw."""
 
 from __future__ import annotations
 

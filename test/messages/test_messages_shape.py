@@ -29,9 +29,12 @@ def row(name: str, shot: Snapshot) -> Status:
 
 
 def figures(topic: str, shot: Snapshot) -> dict[str, float]:
-    told = messages.decode(topic, messages.Encoder(EPOCH_NS).encode(topic, shot))
-    assert told.header.stamp.sec * 10**9 + told.header.stamp.nanosec == EPOCH_NS + shot.stamp_ns
-    rows = messages.read_cloud(told)
+    reported = messages.decode(topic, messages.Encoder(EPOCH_NS).encode(topic, shot))
+    assert (
+        reported.header.stamp.sec * 10**9 + reported.header.stamp.nanosec
+        == EPOCH_NS + shot.stamp_ns
+    )
+    rows = messages.read_cloud(reported)
     return {
         f"{row['name'].decode()}/{name}": float(row[name])
         for row in rows

@@ -45,12 +45,12 @@ def period_of(series: Vector, step: float) -> float:
     return float(2.0 * step * (at_zero[-1] - at_zero[0]) / (len(at_zero) - 1))
 
 
-def swing(hung: Adrift, seconds: float, told: Any) -> Vector:
-    """What is told of the pose after each step."""
+def swing(hung: Adrift, seconds: float, reported: Any) -> Vector:
+    """What is reported of the pose after each step."""
     seen = []
     for _ in range(round(seconds / hung.twin.step_s)):
         hung.twin.advance(1)
-        seen.append(told(hung.pose()))
+        seen.append(reported(hung.pose()))
     return np.array(seen)
 
 

@@ -121,13 +121,13 @@ def test_it_is_calm_where_the_pull_is_as_foretold(seed: int, size: float) -> Non
     A = np.array([[b[XX], b[XY], b[XZ]], [b[XY], b[YY], b[YZ]], [b[XZ], b[YZ], b[ZZ]]])
     miss = float(np.linalg.norm(after[:3] - before[:3] + A @ change))
     assert miss > 1e-6 * np.abs(A @ change).max(), "slings are not linear"
-    told = []
+    reported = []
     for share in (1.01, 0.99):
         hooked(effects, work)
         work[rows.CORRECTION : rows.CORRECTION + 3, 0] = change
-        body.told[at.ALLOWED] = share * miss
-        told.append(_is_calm(body, work, stage))
-    assert told == [True, False]
+        body.tangent[at.ALLOWED] = share * miss
+        reported.append(_is_calm(body, work, stage))
+    assert reported == [True, False]
 
 
 def test_a_body_without_balance_is_never_taken_for_balanced() -> None:
@@ -136,7 +136,7 @@ def test_a_body_without_balance_is_never_taken_for_balanced() -> None:
     body = next(own for own in effects if isinstance(own, RigidBody))
     body.stage[at.P_HAT] = np.nan
     assert np.all(np.isinf(hooked(effects, work)[:3]))
-    body.told[at.ALLOWED] = np.inf
+    body.tangent[at.ALLOWED] = np.inf
     assert not _is_calm(body, work, some_stage())
 
 

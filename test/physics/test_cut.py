@@ -108,7 +108,7 @@ def test_what_is_at_the_lower_end_comes_off() -> None:
 
 
 def test_every_effect_of_the_house_that_loads_the_lower_end_can_come_off() -> None:
-    """One that is not known there is told by its name, not left on in silence."""
+    """One that is not known there is reported by its name, not left on in silence."""
     for effect in EFFECTS:
         (before,) = data_of(effect.name)
         (after,) = without_load((before,))

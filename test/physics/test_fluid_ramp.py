@@ -205,9 +205,9 @@ def test_a_factor_that_does_not_end_at_one_is_warned_of(tmp_path: Path) -> None:
     path = tmp_path / "ramp.yaml"
     own = "{water: {over_time: [[0.0, 0.0], [20.0, 0.5]]}}"
     path.write_text(SMALL_SCENE.replace("time: {step", f"  - fluid_ramp: {own}\ntime: {{step"))
-    told = [line for line in sense_checks(load_scene(path)) if "fluid_ramp" in line]
-    assert len(told) == 1
-    assert "the forces stay at 0.5 times their own from 20 s on" in told[0]
+    reported = [line for line in sense_checks(load_scene(path)) if "fluid_ramp" in line]
+    assert len(reported) == 1
+    assert "the forces stay at 0.5 times their own from 20 s on" in reported[0]
 
 
 def test_without_a_ramp_nothing_is_written_out() -> None:

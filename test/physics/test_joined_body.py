@@ -166,10 +166,10 @@ def test_ropes_side_by_side_move_as_each_alone(tmp_path: Path) -> None:
     assert both.body.quaternion == pytest.approx(alone.body.quaternion, abs=1e-6)
     assert both.ropes[1].tension_top_n == pytest.approx(alone.tension_top_n, rel=1e-5)
     assert (tool.position_m == both.ropes[0].node_position_m[-1]).all()
-    told = messages.decode("payloads/state", messages.Encoder(0).encode("payloads/state", both))
-    q = told.transforms[1].rotation
+    reported = messages.decode("payloads/state", messages.Encoder(0).encode("payloads/state", both))
+    q = reported.transforms[1].rotation
     assert [q.x, q.y, q.z, q.w] == both.body.quaternion.tolist()
-    assert told.transforms[0].rotation.w == 1.0
+    assert reported.transforms[0].rotation.w == 1.0
 
 
 def test_a_body_on_two_cranes_hangs_in_balance(tmp_path: Path) -> None:
@@ -186,9 +186,9 @@ def test_a_body_on_two_cranes_hangs_in_balance(tmp_path: Path) -> None:
     wet = wire.mass_kg_per_m - RHO * 0.25 * math.pi * wire.hydrodynamic_diameter_m**2
     weight = (MASS - RHO * VOLUME) * G + 300.0 * (1.0 - RHO / 7850.0) * G + 145.0 * wet * G
     assert -pulls[:, 2].sum() == pytest.approx(weight, rel=1e-6)
-    told = hung_together(scene)
-    assert told is not None
-    assert told.weight_n == pytest.approx(weight, rel=1e-9)
+    reported = hung_together(scene)
+    assert reported is not None
+    assert reported.weight_n == pytest.approx(weight, rel=1e-9)
     assert pulls[:, 0].sum() == pytest.approx(0.0, abs=1e-3 * weight)
     assert shot.body is not None
     hook = shot.ropes[0].node_position_m[-1]
@@ -323,7 +323,7 @@ SENTENCES = {
 
 
 @pytest.mark.parametrize("case", SENTENCES)
-def test_what_cannot_be_is_told_in_a_sentence(case: str, tmp_path: Path) -> None:
+def test_what_cannot_be_is_reported_in_a_sentence(case: str, tmp_path: Path) -> None:
     text, point, old, new, words = SENTENCES[case]
     with pytest.raises(SceneError, match=words):
         scene_of((text + effects(point)).replace(old, new), tmp_path)

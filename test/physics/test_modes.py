@@ -130,7 +130,7 @@ def test_current_and_waves_stand_beside() -> None:
         assert mode.wave_ratio == pytest.approx(ratio)
 
 
-def test_what_has_no_modes_is_told() -> None:
+def test_what_has_no_modes_is_reported() -> None:
     """A slack rope, and more modes than there can be."""
     slack = replace(STRING, length=600.0)
     with pytest.raises(SceneError, match=r"slack at rest, so it has no natural frequency"):

@@ -213,10 +213,10 @@ def test_what_a_curtain_may_not_be(changed: dict[str, object], said: str) -> Non
 
 def test_where_a_curtain_may_not_be() -> None:
     """Longer than the least line out; on a rope that is not there."""
-    told = [(where, what) for where, what, _ in faults(hung(replace(NET, to_m=80.0)))]
-    assert told == [
+    reported = [(where, what) for where, what, _ in faults(hung(replace(NET, to_m=80.0)))]
+    assert reported == [
         ("effects.net_curtain.to_m",
          "the net would reach 80 m up 'rope', of which 70 m may be all that is out"),
     ]  # fmt: skip
-    told = [(where, what) for where, what, _ in faults(hung(replace(NET, rope="warp")))]
-    assert told == [("effects.net_curtain.rope", "there is no rope 'warp'")]
+    reported = [(where, what) for where, what, _ in faults(hung(replace(NET, rope="warp")))]
+    assert reported == [("effects.net_curtain.rope", "there is no rope 'warp'")]

@@ -149,8 +149,8 @@ def test_what_a_fairing_may_not_be() -> None:
     scene = Rig(length=50.0, elements=5, load=100.0, volume=0.0).scene()
     line = replace(scene.ropes[0], to="", fixed_at_m=(0.0, 0.0, -50.0))
     bare = replace(scene, payloads=(), effects=(PANEL, FACE), ropes=(line,))
-    told = [what for where, what, _ in faults(bare) if where == "effects"]
-    assert told == [
+    reported = [what for where, what, _ in faults(bare) if where == "effects"]
+    assert reported == [
         "`net` is at the payload, and there is none",
         "`fairing` is at the payload, and there is none",
     ]

@@ -212,8 +212,8 @@ def test_a_grab_by_hoerners_hemispheres() -> None:
     found = payload_figures(PayloadScene(name="grab", mass_kg=6e3, shape=open_one), 1025.0)
     assert found.differs_rising
     assert found.rising_added_mass_kg == found.added_mass_kg[2]
-    told = PayloadScene(name="grab", mass_kg=6e3, shape=open_one, drag_area_m2=(1.0, 1.0, 2.0))
-    assert not payload_figures(told, 1025.0).differs_rising
+    reported = PayloadScene(name="grab", mass_kg=6e3, shape=open_one, drag_area_m2=(1.0, 1.0, 2.0))
+    assert not payload_figures(reported, 1025.0).differs_rising
 
 
 def test_what_rising_may_not_be() -> None:

@@ -151,13 +151,13 @@ def test_landing_and_lift_off() -> None:
     shots = list(march(twin, still, 60.0, every=10, speeds=speeds))
     seen = [(s.tension_payload_n, s.payload_position_m[2], s.tension_top_n) for s in shots]
     tension, height, top = np.array(seen).T
-    told = [shot.seabed for shot in shots]
-    assert all(told[k] is not None for k in (0, 215, -1))
-    assert told[0].payload_height_m == pytest.approx(100.0 + height[0])
-    assert not told[0].payload_landed
-    assert told[215].payload_landed
-    assert told[215].payload_push_n == pytest.approx(rig.load_weight, rel=0.01)
-    assert told[-1].payload_push_n == told[-1].rope_on_bed_m == 0.0
+    reported = [shot.seabed for shot in shots]
+    assert all(reported[k] is not None for k in (0, 215, -1))
+    assert reported[0].payload_height_m == pytest.approx(100.0 + height[0])
+    assert not reported[0].payload_landed
+    assert reported[215].payload_landed
+    assert reported[215].payload_push_n == pytest.approx(rig.load_weight, rel=0.01)
+    assert reported[-1].payload_push_n == reported[-1].rope_on_bed_m == 0.0
     assert tension[0] == pytest.approx(rig.load_weight, rel=0.05)
     rest = slice(190, 240)  # set down, before the winch hauls
     assert np.abs(tension[rest]).max() < 1e-2 * rig.load_weight

@@ -119,14 +119,14 @@ def test_the_growth_of_coarse_nodes_is_that_of_the_rope_between_them() -> None:
     scene = shaken(model, replace(CABLE, elements=5).scene())
     shot, twin = settled(scene)
     assert twin.viv_drag is not None
-    told = shaking(shot).drag_amplification[::-1]
+    reported = shaking(shot).drag_amplification[::-1]
     steps = np.sqrt((np.diff(shot.node_position_m[::-1], axis=0) ** 2).sum(axis=1))
     shares = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     s, amplitude, _ = twin.viv_drag.tracker.at_model_nodes()
     all_along = 1.0 + 1.043 * (np.sqrt(2.0) * amplitude) ** 0.65
-    assert len(s) > 15 * len(told)
+    assert len(s) > 15 * len(reported)
     integral = 0.5 * ((all_along[1:] + all_along[:-1]) * np.diff(s)).sum()
-    assert (told * shares).sum() == pytest.approx(integral, rel=1e-3)
+    assert (reported * shares).sum() == pytest.approx(integral, rel=1e-3)
     pointwise = np.interp(np.append(np.cumsum(steps)[::-1], 0.0) * -1.0, s, all_along)
     assert abs((pointwise * shares).sum() / integral - 1.0) > 2e-3
 

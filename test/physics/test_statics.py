@@ -215,7 +215,7 @@ def test_what_rests_is_left_alone() -> None:
     assert (end.found, end.rounds, end.tension_n) == (True, 0, 0.0)
 
 
-def test_no_equilibrium_is_told() -> None:
+def test_no_equilibrium_is_reported() -> None:
     """Forces that are not finite leave no shape at rest: one sentence, and no start."""
     scene = replace(DEEP, elements=10).scene()
     rope = build(scene)

@@ -57,7 +57,7 @@ def test_a_catenary_is_bent_tightest_where_it_is_level() -> None:
     assert radius == pytest.approx((70.0 + s * s / 70.0)[1:-1], rel=1e-4)
 
 
-def test_no_radius_below_half_an_element_is_told() -> None:
+def test_no_radius_below_half_an_element_is_reported() -> None:
     """Of a rope folded back on itself; one that has shrunk to a point is no division by zero."""
     arc = np.array([0.0, 3.0, 6.0])
     there_and_back = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0]])

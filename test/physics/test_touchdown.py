@@ -120,15 +120,17 @@ def hung(nodes: Vector, arc: Vector) -> RopeShape:
     return RopeShape("leg", scene.ropes[0], None, nodes, arc, tension)  # type: ignore[arg-type]
 
 
-def test_what_is_told_of_it() -> None:
+def test_what_is_reported_of_it() -> None:
     arc = np.arange(0.0, 231.0, 3.0)
     nodes, _ = catenary(arc)
-    told = touchdown_of(hung(nodes, arc), LEVEL)
-    assert told is not None
-    assert told.line_out_m == pytest.approx(HANGS, abs=0.3)
-    assert told.layback_m == pytest.approx(A * math.asinh(HANGS / A), abs=0.3)
-    assert told.position_m[2] == pytest.approx(0.0, abs=0.03)
-    assert told.tension_n == pytest.approx(2e4 - 1e4 * (HANGS - 1.5) / (arc[-1] - 3.0), rel=2e-3)
+    reported = touchdown_of(hung(nodes, arc), LEVEL)
+    assert reported is not None
+    assert reported.line_out_m == pytest.approx(HANGS, abs=0.3)
+    assert reported.layback_m == pytest.approx(A * math.asinh(HANGS / A), abs=0.3)
+    assert reported.position_m[2] == pytest.approx(0.0, abs=0.03)
+    assert reported.tension_n == pytest.approx(
+        2e4 - 1e4 * (HANGS - 1.5) / (arc[-1] - 3.0), rel=2e-3
+    )
 
 
 def test_a_rope_from_its_anchor_up_is_the_same_rope() -> None:

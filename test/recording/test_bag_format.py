@@ -254,21 +254,21 @@ def _misuse_after_end(writer):
 
 
 @pytest.mark.parametrize(
-    ("misuse", "told"),
+    ("misuse", "reported"),
     [
         (_misuse_unknown_topic, "no topic /ship/heaves; did you mean '/ship/heave'"),
         (_misuse_stamp, "the stamp -1 ns"),
         (_misuse_after_end, "came after its end"),
     ],
 )
-def test_misuse_is_told(tmp_path, misuse, told):
+def test_misuse_is_reported(tmp_path, misuse, reported):
     writer = BagWriter(tmp_path / "bag", [BY_NAME["ship/heave"]])
-    with pytest.raises(BagError, match=re.escape(told)):
+    with pytest.raises(BagError, match=re.escape(reported)):
         misuse(writer)
     writer.close()
 
 
-def test_a_place_that_cannot_be_used_is_told(tmp_path):
+def test_a_place_that_cannot_be_used_is_reported(tmp_path):
     (tmp_path / "file").write_text("x")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "data").write_text("x")

@@ -90,7 +90,7 @@ def test_messages_reach_the_file_without_a_close(tmp_path):
     recorder.close()
 
 
-def test_what_cannot_be_recorded_is_counted_and_told(tmp_path):
+def test_what_cannot_be_recorded_is_counted_and_reported(tmp_path):
     with BagRecorder(tmp_path / "bag", HEAVE) as recorder:
         recorder.write("ship/heave", START_NS, encode_heave(START_NS, 0.5, 0.0))
         recorder.write("ropes/nodes", START_NS, b"")
@@ -167,7 +167,7 @@ def test_a_disk_that_fills_up_at_the_end_of_a_file_costs_nothing(tmp_path, small
 
 @pytest.fixture
 def small_files():
-    """The operating system refuses files beyond 20 kB, as a full disk would, until told."""
+    """The operating system refuses files beyond 20 kB, as a full disk would, until reported."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
     yield lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -202,7 +202,7 @@ def test_a_disk_that_was_full_for_a_moment_costs_nothing(tmp_path, small_files):
     assert len(stamps_in(tmp_path / "bag")) == count
 
 
-def test_a_disk_that_stays_full_is_told_and_what_it_took_is_saved(tmp_path, small_files):
+def test_a_disk_that_stays_full_is_reported_and_what_it_took_is_saved(tmp_path, small_files):
     bag = BagWriter(tmp_path / "bag", HEAVE, chunk_bytes=8000)
     count = write_until_trouble(bag)
     with pytest.raises(BagError, match=r"the disk did not take its last .* `rope_twin recover"):

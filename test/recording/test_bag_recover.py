@@ -115,7 +115,7 @@ def test_a_file_cut_anywhere_gives_its_beginning_or_nothing(whole, data):
 
 @settings(max_examples=80, deadline=None)
 @given(st.data())
-def test_damage_anywhere_is_told_and_never_handed_on(whole, data):
+def test_damage_anywhere_is_reported_and_never_handed_on(whole, data):
     content, written = whole
     damaged = bytearray(content)
     for _ in range(data.draw(st.integers(1, 3))):
@@ -147,9 +147,9 @@ def test_a_whole_bag_stays_whole(tmp_path, capsys):
     written = write_bag(tmp_path / "bag")
     assert run(str(tmp_path / "bag")) == 0
     assert read_back(tmp_path / "bag_recovered") == written
-    told = capsys.readouterr().out
-    assert "301 messages recovered" in told
-    assert "lost" not in told
+    reported = capsys.readouterr().out
+    assert "301 messages recovered" in reported
+    assert "lost" not in reported
     with (tmp_path / "bag_recovered" / "bag_recovered_0.mcap").open("rb") as stream:
         sequences = [m.sequence for _, c, m in make_reader(stream).iter_messages(["/ship/heave"])]
     assert sequences == list(range(300))
@@ -172,15 +172,15 @@ def test_a_killed_bag_comes_back_with_types_qualities_and_notes(tmp_path, capsys
     ]
     assert new["custom_data"]["seed"] == "7"
     assert "breaks off at byte" in new["custom_data"]["recovered"]
-    told = capsys.readouterr().out
-    assert f"{len(found)} messages recovered into {tmp_path / 'new'}" in told
-    assert f"/ship/heave {len(found) - 1:>21}" in told
-    assert f"over {(len(found) - 2) * 0.05:.3f} s" in told
-    assert "lost: bag_0.mcap breaks off at byte" in told
-    assert "note: metadata.yaml was missing" in told
+    reported = capsys.readouterr().out
+    assert f"{len(found)} messages recovered into {tmp_path / 'new'}" in reported
+    assert f"/ship/heave {len(found) - 1:>21}" in reported
+    assert f"over {(len(found) - 2) * 0.05:.3f} s" in reported
+    assert "lost: bag_0.mcap breaks off at byte" in reported
+    assert "note: metadata.yaml was missing" in reported
 
 
-def test_what_metadata_promised_and_is_missing_is_told(tmp_path, capsys):
+def test_what_metadata_promised_and_is_missing_is_reported(tmp_path, capsys):
     write_bag(tmp_path / "bag")
     file = tmp_path / "bag" / "bag_0.mcap"
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
@@ -189,7 +189,7 @@ def test_what_metadata_promised_and_is_missing_is_told(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("prepare", "told"),
+    ("prepare", "reported"),
     [
         (lambda path: path.mkdir(), "holds no .mcap file"),
         (lambda path: path.write_bytes(b""), "bag is empty"),
@@ -197,11 +197,11 @@ def test_what_metadata_promised_and_is_missing_is_told(tmp_path, capsys):
         (lambda path: None, "it does not exist"),
     ],
 )
-def test_where_nothing_is_to_be_had_the_code_is_1(tmp_path, capsys, prepare, told):
+def test_where_nothing_is_to_be_had_the_code_is_1(tmp_path, capsys, prepare, reported):
     prepare(tmp_path / "bag")
     assert run(str(tmp_path / "bag")) == 1
     captured = capsys.readouterr()
-    assert told in captured.out + captured.err
+    assert reported in captured.out + captured.err
     assert not (tmp_path / "bag_recovered").exists()
 
 

@@ -179,27 +179,27 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_bag_gets_one_sentence(tmp_path, name):
-    make, told = BAD[name]
+    make, reported = BAD[name]
     path = make(tmp_path / "bad")
     with pytest.raises(BagError) as caught:
         open_heave(path)
     text = str(caught.value)
-    assert told in text
+    assert reported in text
     assert text.startswith(f"bag {path}")
     assert text.endswith(".")
     assert "\n" not in text
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "reported"),
     [
         ("sea_2p5", "did you mean 'sea_2p5m'"),
         ("/no/such/bag", "there is no such file or name in bags/"),
         ("", "there is no such file or name in bags/"),
     ],
 )
-def test_a_name_that_is_none_is_answered(name, told):
-    with pytest.raises(BagError, match=re.escape(told)):
+def test_a_name_that_is_none_is_answered(name, reported):
+    with pytest.raises(BagError, match=re.escape(reported)):
         open_heave(name)
 
 

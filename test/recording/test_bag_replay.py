@@ -108,7 +108,7 @@ def test_without_loop_the_samples_end():
     assert len(once.between(-1190 * SECOND, 0)) == 23_800
 
 
-def test_a_seam_is_faded_and_told(faded):
+def test_a_seam_is_faded_and_reported(faded):
     assert faded.loop_ns == pytest.approx(51.3 * SECOND)
     assert "its end does not join its beginning, the last 10 s of each pass fade" in faded.note
     samples = faded.between(0, 300 * SECOND)
@@ -190,7 +190,7 @@ def test_headers_without_stamps_take_the_times_of_the_log(tmp_path):
     assert [s.stamp_ns for s in replay.between(0, SECOND)] == list(range(0, SECOND, STEP_NS))
 
 
-def test_a_missing_rate_is_derived_and_told(tmp_path):
+def test_a_missing_rate_is_derived_and_reported(tmp_path):
     rows = [(t, z, 0.0) for t, z, _ in swell(1280)]
     replay = open_heave(write_heave(tmp_path / "bare", rows))
     assert "twist.linear.z is zero throughout, the rate is derived" in replay.note
@@ -214,7 +214,7 @@ def test_heave_in_centimetres_or_above_a_datum_is_refused(tmp_path, scale, off):
         open_heave(write_heave(tmp_path / "far", rows))
 
 
-def test_heave_off_its_rest_and_scarce_samples_are_told(tmp_path):
+def test_heave_off_its_rest_and_scarce_samples_are_reported(tmp_path):
     rows = [(t, z + 12.0, v) for t, z, v in swell(480)]  # three whole waves
     note = open_heave(write_heave(tmp_path / "off", rows)).note
     assert "its mean is 12.00 m; heave counts from the rest" in note
@@ -225,7 +225,7 @@ def test_heave_off_its_rest_and_scarce_samples_are_told(tmp_path):
     assert "assumed" not in usual
 
 
-def test_few_bad_samples_are_skipped_counted_and_told(tmp_path):
+def test_few_bad_samples_are_skipped_counted_and_reported(tmp_path):
     rows = swell(1280)
     rows[100] = (rows[100][0], float("nan"), 0.0)
     rows[101] = (rows[101][0], 0.0, float("inf"))
@@ -233,14 +233,16 @@ def test_few_bad_samples_are_skipped_counted_and_told(tmp_path):
     rows[300] = (rows[290][0], 5.0, 0.0)
     rows[50] = (-START_NS, 5.0, 0.0)
     replay = open_heave(write_heave(tmp_path / "few", rows))
-    told = "2 not finite, 1 without a stamp, 1 with a repeated stamp, 1 with a stamp that goes back"
-    assert f"skipped 5 of 1280 samples ({told})" in replay.note
+    reported = (
+        "2 not finite, 1 without a stamp, 1 with a repeated stamp, 1 with a stamp that goes back"
+    )
+    assert f"skipped 5 of 1280 samples ({reported})" in replay.note
     samples = replay.between(0, 64 * SECOND)
     assert len(samples) == 1275
     assert max(abs(s.position_m) for s in samples) <= 1.0
 
 
-def test_gaps_are_told(tmp_path):
+def test_gaps_are_reported(tmp_path):
     rows = swell(1280)
     del rows[400:460]
     replay = open_heave(write_heave(tmp_path / "gap", rows))

@@ -97,15 +97,15 @@ def test_bag_holds_the_sea_of_its_spectrum_and_seed(name):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_info_prints_the_figures_of_the_readme(name, capsys):
     assert run("sea-state", "info", name) == 0
-    told = capsys.readouterr().out
+    reported = capsys.readouterr().out
     wave, heave, largest, rate = ROWS[name][2:]
-    assert "1200 s of heave at 20 Hz" in told
-    assert re.search(rf"wave +Hs {wave.replace(', ', ', Tp ')}", told)
-    assert re.search(rf"heave +Hs {heave.replace(', ', ', Tp ')}, max {largest}", told)
-    assert re.search(rf"heave_rate +max {rate}", told)
-    assert re.search(rf"seed +{ROWS[name][1]}\n", told)
-    assert "Jensen, Mansour, Olsen 2004" in told
-    assert "note" not in told
+    assert "1200 s of heave at 20 Hz" in reported
+    assert re.search(rf"wave +Hs {wave.replace(', ', ', Tp ')}", reported)
+    assert re.search(rf"heave +Hs {heave.replace(', ', ', Tp ')}, max {largest}", reported)
+    assert re.search(rf"heave_rate +max {rate}", reported)
+    assert re.search(rf"seed +{ROWS[name][1]}\n", reported)
+    assert "Jensen, Mansour, Olsen 2004" in reported
+    assert "note" not in reported
 
 
 def test_jonswap_makes_a_bag_too(tmp_path, capsys):
@@ -116,7 +116,7 @@ def test_jonswap_makes_a_bag_too(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reported"),
     [
         ("--spectrum ndbc_46042_1996 --seed 1", "--column: it is missing"),
         ("--jonswap 3 --seed 1", "--jonswap: 1 numbers"),
@@ -126,7 +126,7 @@ def test_jonswap_makes_a_bag_too(tmp_path, capsys):
         ("--jonswap 3 8 --seed 1 --hull 120 23 7 1.4", "hull block_coefficient: it is 1.4"),
     ],
 )
-def test_wrong_options_get_a_sentence_and_leave_nothing(tmp_path, words, told):
-    with pytest.raises(InputError, match=re.escape(told)):
+def test_wrong_options_get_a_sentence_and_leave_nothing(tmp_path, words, reported):
+    with pytest.raises(InputError, match=re.escape(reported)):
         run("sea-state", "make", *words.split(), "--out", str(tmp_path / "sea"))
     assert not (tmp_path / "sea").exists()

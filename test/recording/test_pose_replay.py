@@ -139,15 +139,15 @@ def test_a_run_with_its_own_recorded_poses_is_the_same_run(tmp_path: Path) -> No
         open_heave(bag)
 
 
-def test_rates_that_are_not_recorded_are_derived_and_told(tmp_path: Path) -> None:
+def test_rates_that_are_not_recorded_are_derived_and_reported(tmp_path: Path) -> None:
     """A PoseStamped has none; central differences are off by ω³·dt²/6 of the amplitude."""
     poses = rolling()
     sea = replay(write_poses(tmp_path / "bare", poses, stamped=True))
     assert "it has no twist, velocity and rate of turn are derived" in sea.note
     found = [one.pose for one in sea.between(SECOND, 60 * SECOND)]
     for part, most in (("velocity_m_per_s", 3e-4), ("rate_rad_per_s", 5e-5)):
-        told = [getattr(pose, part) for pose in poses[20 : 20 + len(found)]]
-        assert np.abs(np.array([getattr(p, part) for p in found]) - told).max() < most
+        reported = [getattr(pose, part) for pose in poses[20 : 20 + len(found)]]
+        assert np.abs(np.array([getattr(p, part) for p in found]) - reported).max() < most
     still = (0.0, 0.0, 0.0)
     half = [replace(own, rate_rad_per_s=still) for own in poses]
     sea = replay(write_poses(tmp_path / "half", half))
@@ -182,7 +182,7 @@ def test_a_record_in_a_map_is_taken_from_its_rest(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("yaw_deg_per_s", [0.0, 7.0])
-def test_a_seam_is_blended_and_told(tmp_path: Path, yaw_deg_per_s: float) -> None:
+def test_a_seam_is_blended_and_reported(tmp_path: Path, yaw_deg_per_s: float) -> None:
     """61.3 s: place and turn go on smoothly, and their rates are theirs; also after a circle."""
     sea = replay(write_poses(tmp_path / "cut", rolling(1226, yaw_deg_per_s)))
     assert "its end does not join its beginning, the last 10 s of each pass fade" in sea.note
@@ -199,7 +199,7 @@ def test_a_seam_is_blended_and_told(tmp_path: Path, yaw_deg_per_s: float) -> Non
     assert np.linalg.norm([own.orientation for own in poses], axis=1) == pytest.approx(1.0)
 
 
-def test_few_bad_poses_are_skipped_counted_and_told(tmp_path: Path) -> None:
+def test_few_bad_poses_are_skipped_counted_and_reported(tmp_path: Path) -> None:
     """Not finite, no unit quaternion, on its side, a stamp again and one that goes back; a gap."""
     poses = rolling()
     poses[100] = replace(poses[100], orientation=(float("nan"), 0.0, 0.0, 1.0))
@@ -211,11 +211,11 @@ def test_few_bad_poses_are_skipped_counted_and_told(tmp_path: Path) -> None:
     poses[600] = replace(poses[600], orientation=tuple(-q for q in poses[600].orientation))
     del poses[400:460]
     sea = replay(write_poses(tmp_path / "few", poses))
-    told = (
+    reported = (
         "2 not finite, 1 with an orientation that is no unit quaternion, 1 that heel by more than "
         "60°, 1 with a repeated stamp, 1 with a stamp that goes back"
     )
-    assert f"skipped 6 of 1220 samples ({told})" in sea.note
+    assert f"skipped 6 of 1220 samples ({reported})" in sea.note
     assert "gaps in time: 1, the longest 3.05 s at 19.950 s" in sea.note
     assert len(sea.between(0, 64 * SECOND)) == 1214
 

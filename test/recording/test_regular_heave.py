@@ -38,7 +38,7 @@ def test_it_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "place", "told"),
+    ("words", "place", "reported"),
     [
         (f"bag: sea_2p5m, {SINE}", "sea_state", ("both `bag`", "keep the record or the sine")),
         (f"{SINE}, loop: false", "sea_state.loop", ("has no end", "remove `loop`")),
@@ -51,9 +51,9 @@ def test_it_is_read(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_a_bad_one_gets_its_sentence(
-    words: str, place: str, told: tuple[str, ...], tmp_path: Path
+    words: str, place: str, reported: tuple[str, ...], tmp_path: Path
 ) -> None:
-    assert_refused(with_sea(words), place, told, tmp_path)
+    assert_refused(with_sea(words), place, reported, tmp_path)
 
 
 def test_a_start_without_a_ramp_is_warned_of(tmp_path: Path) -> None:

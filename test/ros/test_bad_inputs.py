@@ -1,4 +1,4 @@
-"""Bad messages on the input topics: refused, counted, told, and the twin keeps running."""
+"""Bad messages on the input topics: refused, counted, reported, and the twin keeps running."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def running(module_bench: Bench) -> Running:
 
 
 @pytest.mark.parametrize(("topic", "kind"), CASES, ids=[f"{t}-{k}" for t, k in CASES])
-def test_it_is_refused_counted_and_told_while_the_twin_runs_on(
+def test_it_is_refused_counted_and_reported_while_the_twin_runs_on(
     running: Running, topic: str, kind: str
 ) -> None:
     refused, accepted, steps = running.refused(topic), running.accepted(topic), running.steps
@@ -127,7 +127,7 @@ def test_good_inputs_are_still_taken_after_all_that(running: Running) -> None:
     running.bench.until(lambda: speed() == pytest.approx(0.2), "the winch pays out")
 
 
-def test_somebody_else_on_an_input_is_told(running: Running) -> None:
+def test_somebody_else_on_an_input_is_reported(running: Running) -> None:
     second = running.bench.publisher("ship/heave")
     heard = running.bench.listen("diagnostics")
     running.bench.until(

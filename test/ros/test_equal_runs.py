@@ -29,8 +29,8 @@ def messages(
         return {topic: [data for _, data in reader.messages(f"/{topic}")] for topic in topics}
 
 
-def epoch_ns(told: dict[str, list[bytes]]) -> int:
-    epoch = decode("twin/epoch", told["twin/epoch"][0])
+def epoch_ns(reported: dict[str, list[bytes]]) -> int:
+    epoch = decode("twin/epoch", reported["twin/epoch"][0])
     return int(epoch.sec) * 1_000_000_000 + int(epoch.nanosec)
 
 
@@ -49,14 +49,14 @@ def test_paced_and_unpaced_bags_hold_the_same_bytes(processes: Processes, tmp_pa
     heard = messages(tmp_path / "paced")
     unpaced = run_unpaced(options, lambda run: None, epoch_ns(heard))
     assert unpaced.steps == paced["steps"] == 500
-    told = messages(tmp_path / "unpaced")
+    reported = messages(tmp_path / "unpaced")
     for topic in COMPARED:
-        assert told[topic] == heard[topic], topic
+        assert reported[topic] == heard[topic], topic
     for key in ("tension_top_max_n", "tension_top_mean_n", "tension_top_min_n", "line_out_m",
                 "payload_depth_m"):  # fmt: skip
         assert getattr(unpaced, key) == paced[key], key
     assert paced["tension_top_error_pct"] == unpaced.tension_top_error_pct > 0.0
-    inputs = told["ship/heave"]
+    inputs = reported["ship/heave"]
     assert heard["ship/heave"][: len(inputs)] == inputs
 
 
@@ -86,10 +86,10 @@ def test_so_do_they_where_the_rope_is_cut_above_a_body(
     )
     unpaced = run_unpaced(options, lambda run: None, epoch_ns(heard))
     assert unpaced.payload_depth_m == paced["payload_depth_m"] > 2.0
-    told = messages(tmp_path / "unpaced", names)
+    reported = messages(tmp_path / "unpaced", names)
     for topic in names[:-1]:
-        assert len(told[topic]) > 40
-        assert told[topic] == heard[topic], topic
+        assert len(reported[topic]) > 40
+        assert reported[topic] == heard[topic], topic
 
 
 def test_the_comparison_can_fail(tmp_path: Path) -> None:

@@ -54,8 +54,8 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
     bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
     sent_ns = 0
 
-    def send(stamp_ns: int, *told: Measurement) -> None:
-        for one in told:
+    def send(stamp_ns: int, *reported: Measurement) -> None:
+        for one in reported:
             topic, data = encode_measurement(node.paced.epoch_ns + stamp_ns, one)
             publishers[topic].publish(data)
 

@@ -47,7 +47,7 @@ def test_what_waits_at_the_end_is_recorded(bench: Bench, tmp_path: Path) -> None
     assert node.lost == 0
 
 
-def test_what_ran_over_is_counted_and_told(bench: Bench, tmp_path: Path) -> None:
+def test_what_ran_over_is_counted_and_reported(bench: Bench, tmp_path: Path) -> None:
     sent = 1 + ROOM + 250
     node = held_up_recorder(bench, tmp_path / "bag", sent)
     bench.until(lambda: node.received > ROOM, "what is left of them")

@@ -25,7 +25,7 @@ def heave_row(node: Any) -> Status:
     return row
 
 
-def told(heard: list[Any], name: str) -> Any:
+def reported(heard: list[Any], name: str) -> Any:
     """The newest row of that name in the diagnostics."""
     rows = [row for message in heard for row in message.status if row.name == name]
     return rows[-1] if rows else None
@@ -47,7 +47,7 @@ def test_motion_that_never_comes_is_an_error_with_topic_domain_and_qos(bench: Be
     node.begin()
 
     def message() -> str:
-        row = told(heard, "simulation: input heave")
+        row = reported(heard, "simulation: input heave")
         return row.message if row is not None and Level(row.level) is Level.ERROR else ""
 
     bench.until(lambda: "stranger" in message(), "an error", timeout_s=20.0)
@@ -71,7 +71,7 @@ def test_a_best_effort_commander_is_named(bench: Bench) -> None:
     node.begin()
 
     def named() -> bool:
-        row = told(heard, "simulation: sources")
+        row = reported(heard, "simulation: sources")
         words = "winch/speed_command: node"
         return row is not None and words in row.message and "best effort" in row.message
 
@@ -114,7 +114,7 @@ def test_the_epoch_waits_for_the_first_clock(bench: Bench) -> None:
     assert node.get_parameter("use_sim_time").value is True
 
     def waits() -> bool:
-        row = told(heard, "simulation: state")
+        row = reported(heard, "simulation: state")
         return row is not None and "first message on /clock" in row.message
 
     bench.until(waits, "it says what it waits for")

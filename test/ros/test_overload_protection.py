@@ -32,7 +32,7 @@ def test_a_machine_with_room_is_on_the_scenes_own_rung() -> None:
     assert twin.summary().rung_changes == 0
 
 
-def test_a_lower_rung_is_told_once_in_a_sentence_and_stays_in_the_diagnostics() -> None:
+def test_a_lower_rung_is_reported_once_in_a_sentence_and_stays_in_the_diagnostics() -> None:
     twin = paced()
     assert twin.protection is not None
     assert twin.protection.start_at(2.0)

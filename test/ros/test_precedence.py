@@ -71,8 +71,8 @@ def test_every_thread_goes_ahead_and_falls_back(waiting: threading.Thread) -> No
 
 def test_a_program_that_is_started_beside_the_steps_is_ordinary(waiting: threading.Thread) -> None:
     raise_other_threads()
-    told = subprocess.run([sys.executable, "-c", _POLICY], capture_output=True, check=True)
-    assert tuple(map(int, told.stdout.split())) == ORDINARY
+    reported = subprocess.run([sys.executable, "-c", _POLICY], capture_output=True, check=True)
+    assert tuple(map(int, reported.stdout.split())) == ORDINARY
 
 
 def test_a_paced_twin_steps_ahead_of_all_that_is_beside_it(waiting: threading.Thread) -> None:

@@ -58,7 +58,7 @@ def test_it_is_waited_for_until_it_ends(stop: StopSignal) -> None:
     compiling.end()
 
 
-def test_who_is_told_to_stop_does_not_wait(
+def test_who_is_reported_to_stop_does_not_wait(
     stop: StopSignal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(startup, "_build", lambda options: time.sleep(600.0))
@@ -85,7 +85,7 @@ def test_what_is_wrong_is_left_for_the_twin_itself_to_tell(
 def test_nothing_is_compiled_where_the_twin_is_built(tmp_path: Path) -> None:
     """With an empty cache, in a fresh process."""
     there = {**os.environ, "ROPE_TWIN_CACHE": str(tmp_path)}
-    told = subprocess.run(
+    reported = subprocess.run(
         [sys.executable, "-c", FROM_THE_CACHE], env=there, capture_output=True, text=True
     )
-    assert told.stdout.split() == ["1", "0"], told.stderr
+    assert reported.stdout.split() == ["1", "0"], reported.stderr

@@ -178,7 +178,7 @@ def test_bad_messages_from_another_process_do_not_end_it(
                    or (name == "simulation: messages" and key in BAD)]  # fmt: skip
         return sum(counted)
 
-    bench.until(lambda: bool(diagnostics) and refused() == sent, f"all {sent} are told")
+    bench.until(lambda: bool(diagnostics) and refused() == sent, f"all {sent} are reported")
     simulation.send(signal.SIGINT)
     assert simulation.wait() == 0
     assert "Traceback" not in simulation.text
@@ -242,7 +242,7 @@ def test_each_entry_ends_cleanly_on_ctrl_c(
     assert "Traceback" not in process.text
 
 
-def test_all_entries_end_cleanly_when_told(
+def test_all_entries_end_cleanly_when_reported(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:
     """Together, each while the others are there."""

@@ -47,7 +47,7 @@ def test_what_was_computed_before_the_stop_is_published_in_order(
     publisher.stop()  # harmless
 
 
-def test_a_topic_that_fails_is_told_and_harms_no_other(snapshots: list[Snapshot]) -> None:
+def test_a_topic_that_fails_is_reported_and_harms_no_other(snapshots: list[Snapshot]) -> None:
     heard: dict[str, int] = defaultdict(int)
 
     def publish(name: str, data: bytes) -> None:

@@ -84,7 +84,7 @@ def test_a_paced_run_ends_by_itself_with_summary_bag_and_view(
 def test_ctrl_c_ends_it_with_a_whole_bag_and_a_summary(
     number: int, processes: Processes, tmp_path: Path
 ) -> None:
-    """And so does being told to end, and a terminal that closes."""
+    """And so does being reported to end, and a terminal that closes."""
     bag = tmp_path / "bag"
     process = processes.cli("run", "shallow_lift", "--headless", "--out", str(bag))
     process.until_says("late")  # the progress line
@@ -155,7 +155,7 @@ def test_twice_real_time_takes_the_same_steps(processes: Processes) -> None:
 
 
 @pytest.mark.ros
-def test_a_budget_is_spent_and_its_use_told(processes: Processes) -> None:
+def test_a_budget_is_spent_and_its_use_reported(processes: Processes) -> None:
     """Finer than the study's finest setting, 160 elements at 5 ms, in steps that fill slots."""
     process = processes.cli(
         "run", "shallow_lift", "--duration", "2", "--headless", "--json", "--no-record",
@@ -191,7 +191,7 @@ def test_what_ends_a_run_as_fast_as_possible_leaves_a_whole_bag(
 
 @pytest.mark.ros
 @pytest.mark.parametrize("processes_too", [False, True])
-def test_a_bag_and_a_state_that_find_no_room_are_told_at_the_end(
+def test_a_bag_and_a_state_that_find_no_room_are_reported_at_the_end(
     processes_too: bool, processes: Processes, tmp_path: Path
 ) -> None:
     bag, state = tmp_path / "bag", tmp_path / "state"

@@ -30,7 +30,7 @@ def test_a_way_is_fed_over_the_topic(bench: Bench) -> None:
 
 
 def test_a_pose_from_outside_moves_it_and_a_bad_one_does_not(bench: Bench) -> None:
-    """Poses 1 m north; one that is not finite, one torn off and a heave are refused, and told."""
+    """Poses 1 m north; one not finite, one torn off and a heave are refused and reported."""
     node, publisher = bench.make("simulation", scene=SCENE), bench.publisher("ship/odometry")
     heave = bench.publisher("ship/heave")
     node.begin()

@@ -75,14 +75,14 @@ def test_a_setting_that_was_bought_runs(bench: Bench) -> None:
         simulation(bench, elements=2).begin()
 
 
-def test_in_another_sea_no_error_is_told(bench: Bench) -> None:
+def test_in_another_sea_no_error_is_reported(bench: Bench) -> None:
     """The study's run had the scene's."""
     from rope_twin.ros.params import node_parameters
     from rope_twin.run.options import RunOptions
 
     for options, known in ((RunOptions(), True), (RunOptions(bag="sea_1p2m"), False)):
-        told = node_parameters(options)["simulation"]["other_sea"]
-        node = simulation(bench, other_sea=told)
+        reported = node_parameters(options)["simulation"]["other_sea"]
+        node = simulation(bench, other_sea=reported)
         node.trigger_configure()
         error = node.paced.twin.snapshot().study_error
         assert (error.rms_pct >= 0.0) is known
@@ -147,7 +147,7 @@ def test_it_waits_for_inputs_but_not_for_ever(bench: Bench) -> None:
     bench.until(lambda: not impatient.waiting, "it starts without")
 
 
-def test_a_solver_that_gives_up_is_told_and_the_node_lives(bench: Bench, running: Any) -> None:
+def test_a_solver_that_gives_up_is_reported_and_the_node_lives(bench: Bench, running: Any) -> None:
     paced = running.paced
     bench.until(lambda: paced.pacer.health().steps >= 10, "it runs")
     diagnostics = bench.listen("diagnostics")
@@ -165,8 +165,8 @@ def test_a_solver_that_gives_up_is_told_and_the_node_lives(bench: Bench, running
         "an ERROR with the solver's sentence",
     )
     assert paced.last.step >= 10  # the last good state is still there
-    told = len(diagnostics)
-    bench.until(lambda: len(diagnostics) > told, "the node still tells")
+    reported = len(diagnostics)
+    bench.until(lambda: len(diagnostics) > reported, "the node still tells")
     assert not running.finished
 
 
@@ -232,23 +232,23 @@ def test_a_heave_that_stops_is_stale_and_the_twin_goes_on(bench: Bench, running:
     assert paced.pacer.health().steps > steps
 
 
-def test_a_listener_that_gets_nothing_is_told(bench: Bench, running: Any) -> None:
+def test_a_listener_that_gets_nothing_is_reported(bench: Bench, running: Any) -> None:
     """It asks for reliable numbers, and streams are best effort."""
     from rope_twin.ros.qos import message_type, profile
 
-    told = bench.listen("diagnostics")
+    reported = bench.listen("diagnostics")
     asked = profile(Qos.COMMAND)
     bench.own.create_subscription(message_type(BY_NAME["ropes/nodes"]), "ropes/nodes", print, asked)
     bench.until(
         lambda: any(
             "QoS: a subscriber of ropes/nodes" in rows_of(one)["simulation: sources"].message
-            for one in told
+            for one in reported
         ),
         "a word on the listener",
     )
 
 
-def test_a_step_of_the_system_clock_is_told(running: Any) -> None:
+def test_a_step_of_the_system_clock_is_reported(running: Any) -> None:
     now = clocks()
     row = {row.name: row for row in running.paced.rows(now)}["simulation: clocks"]
     assert row.level == Level.OK
@@ -256,9 +256,9 @@ def test_a_step_of_the_system_clock_is_told(running: Any) -> None:
     row = {row.name: row for row in running.paced.rows(back)}[row.name]
     assert row.level == Level.WARN
     # two clocks cannot be read at one instant: what lies between them is not a step
-    told_s = float(row.values["ROS time against steady time [s]"])
-    assert told_s == pytest.approx(-3.0, abs=CLOCK_STEP_S)
-    assert f"{told_s:+.3f} s" in row.message
+    reported_s = float(row.values["ROS time against steady time [s]"])
+    assert reported_s == pytest.approx(-3.0, abs=CLOCK_STEP_S)
+    assert f"{reported_s:+.3f} s" in row.message
 
 
 def test_scene_files_may_be_named_by_path(bench: Bench, tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ class Operators:
 
     @property
     def target(self) -> tuple[str, float]:
-        """What the winch was told."""
+        """What the winch was reported."""
         (winch,) = self.simulation.paced.last.winches
         return winch.mode, winch.target
 

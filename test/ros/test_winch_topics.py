@@ -42,7 +42,7 @@ def test_a_winch_is_commanded_stopped_and_refuses_over_its_topics(
         return {f"{row['name'].decode()}/{name}": float(row[name]) for name in row.dtype.names[1:]}
 
     tell(WinchCommand("length", 1003.0))
-    bench.until(lambda: mode[-1].data == "winch: length 1003 m", "the order is told")
+    bench.until(lambda: mode[-1].data == "winch: length 1003 m", "the order is reported")
     bench.until(lambda: abs(state[-1].position[0] - 1003.0) < 1e-5, "it is there")
     assert max(message.position[0] for message in state) < 1003.0 + 1e-6
     assert figures()["winch/target"] == 1003.0

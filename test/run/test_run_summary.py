@@ -58,7 +58,7 @@ def test_where_ropes_meet_it_is_every_rope_and_payload() -> None:
     assert ", 1 element, " in end
 
 
-def test_refused_heave_is_told_with_the_newest_reason() -> None:
+def test_refused_heave_is_reported_with_the_newest_reason() -> None:
     twin = Rig(length=100.0, elements=10).twin()
     twin.offer_heave(10_000_000, 0.1, 0.0)
     assert "rejected" not in summarise(twin, twin.snapshot(), None).as_text()

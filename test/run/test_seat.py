@@ -27,7 +27,7 @@ def seat(when_lost: str = "ramp_to_zero") -> CommandSeat:
     return CommandSeat("winch", PRIORITY, when_lost)
 
 
-def test_the_first_that_commands_takes_it_and_an_equal_one_is_told_who_has_it() -> None:
+def test_the_first_that_commands_takes_it_and_an_equal_one_is_reported_who_has_it() -> None:
     own = seat()
     assert own.judge("bench", SPEED, 0.0).refusal == ""
     verdict = own.judge("other", SPEED, 1.0)

@@ -101,14 +101,14 @@ def test_connections_have_a_version_of_their_own(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize(
-    ("bound", "told"),
+    ("bound", "reported"),
     [
         (0.0, "0"), (0.01, "0.01"), (0.0101, "0.011"), (9.99, "10"), (0.123, "0.13"), (5.0, "5"),
         (math.nan, "unknown"), (2.5e-7, "2.5e-07"), (121.0, "130"), (99.5, "100"),
     ],
 )  # fmt: skip
-def test_a_bound_is_rounded_up(bound: float, told: str) -> None:
-    assert format_bound(bound) == told
+def test_a_bound_is_rounded_up(bound: float, reported: str) -> None:
+    assert format_bound(bound) == reported
 
 
 def test_what_does_not_converge_is_unknown(tmp_path: Path) -> None:

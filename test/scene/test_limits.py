@@ -53,10 +53,10 @@ def test_a_broken_limit_is_exit_code_4_unless_it_is_allowed(
     path = written(tmp_path, "{tension_n: 200000.0}")
     assert run(path, "--json") == 4
     out, said = capsys.readouterr()
-    told = json.loads(out)
-    (broken,) = told["limits_broken"]
+    reported = json.loads(out)
+    (broken,) = reported["limits_broken"]
     assert (broken["limit"], broken["where"], broken["first_s"]) == ("tension_n", "hoist", 0.0)
-    assert told["steps"] == 100, "the run is not ended early"
+    assert reported["steps"] == 100, "the run is not ended early"
     words = "limit violated: tension of 'hoist' 210.4 kN, above the limit of 200.0 kN"
     assert said.count(words) == 1
     assert run(path, "--allow-overload") == 0
@@ -259,8 +259,8 @@ def test_amplification_is_of_the_static_tension_at_the_same_line_out() -> None:
     assert 1.0 < expected < 1.1
     shot = twin.snapshot()
     message = decode("ropes/utilisation", Encoder(0).encode("ropes/utilisation", shot))
-    (told,) = read_cloud(message)
-    assert told["name"] == b"hoist"
-    assert told["utilisation"] == now.utilisation == now.highest_n / 1013440.0
-    assert told["dynamic_amplification"] == now.dynamic_amplification
-    assert told["static_tension_n"] == now.static_n
+    (reported,) = read_cloud(message)
+    assert reported["name"] == b"hoist"
+    assert reported["utilisation"] == now.utilisation == now.highest_n / 1013440.0
+    assert reported["dynamic_amplification"] == now.dynamic_amplification
+    assert reported["static_tension_n"] == now.static_n

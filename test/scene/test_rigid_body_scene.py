@@ -1,4 +1,4 @@
-"""What a scene may say of a rigid payload, and what is told of one."""
+"""What a scene may say of a rigid payload, and what is reported of one."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def four_slings(length_m: float, stiffness_n_per_m: float = 5e6) -> str:
          "kN, stretches it by 1.5 m"),
     ],
 )  # fmt: skip
-def test_an_odd_size_or_sling_is_told(text: str, words: str, tmp_path: Path) -> None:
+def test_an_odd_size_or_sling_is_reported(text: str, words: str, tmp_path: Path) -> None:
     """20 t that displace 9 m³ weigh 105.7 kN; a sling of 4 m carries 26.4 kN / cos 26.8°."""
     (warning,) = sense_checks(load_scene(written(tmp_path, text)))
     assert warning.startswith(f"effects.rigid_body.{words}")
@@ -174,8 +174,8 @@ def turned() -> Snapshot:
 def test_the_state_of_a_body_has_its_attitude_and_a_twist_in_its_own_axes() -> None:
     """Pose in the frame of the header, twist in that of the body."""
     shot = turned()
-    told = messages.decode("payloads/state", messages.Encoder(0).encode("payloads/state", shot))
-    q, twist = told.transforms[0].rotation, told.twist[0]
+    reported = messages.decode("payloads/state", messages.Encoder(0).encode("payloads/state", shot))
+    q, twist = reported.transforms[0].rotation, reported.twist[0]
     turn = Rotation.from_quat([q.x, q.y, q.z, q.w])
     linear = [twist.linear.x, twist.linear.y, twist.linear.z]
     assert turn.apply(linear) == pytest.approx(shot.payload_velocity_m_per_s)
@@ -185,7 +185,7 @@ def test_the_state_of_a_body_has_its_attitude_and_a_twist_in_its_own_axes() -> N
     assert shot.body.turn == pytest.approx(turn.as_matrix())
 
 
-def test_rigging_and_deck_are_told() -> None:
+def test_rigging_and_deck_are_reported() -> None:
     encoder, shot = messages.Encoder(0), turned()
 
     def table(topic: str, shot: Snapshot) -> list[tuple[object, ...]]:
@@ -209,8 +209,10 @@ def test_a_body_is_drawn_as_a_turned_box_on_its_slings() -> None:
     """No smaller than the symbol of a point, with the body's own proportions."""
     for length, longest in ((200.0, 4.0), (3000.0, 30.0)):
         shot = replace(turned(), line_out_m=length)
-        told = messages.decode("ropes/markers", messages.Encoder(0).encode("ropes/markers", shot))
-        drawn = {marker.ns: marker for marker in told.markers}
+        reported = messages.decode(
+            "ropes/markers", messages.Encoder(0).encode("ropes/markers", shot)
+        )
+        drawn = {marker.ns: marker for marker in reported.markers}
         box, slings = drawn["payload"], drawn["slings"]
         assert shot.body is not None
         q = box.pose.orientation

@@ -91,7 +91,7 @@ def test_changes_add_up_and_show_in_the_digest() -> None:
         ("ropes[0] .length_m", 1.0, "'ropes[0] .length_m' is not a path"),
     ],
 )
-def test_what_cannot_be_is_told_in_one_sentence(path: str, value: float, words: str) -> None:
+def test_what_cannot_be_is_reported_in_one_sentence(path: str, value: float, words: str) -> None:
     with pytest.raises(SceneError) as refused:
         with_change(path, value)
     said = str(refused.value)

@@ -348,16 +348,16 @@ def test_two_ropes_carry_a_load_together(tmp_path: Path) -> None:
     assert held.weight_n == pytest.approx(load + 2.0 * line)
     assert held.breaking_load_n == pytest.approx(2.0 * 6.334e8 * 0.04**2)
 
-    def told(mass_kg: float) -> list[str]:
+    def reported(mass_kg: float) -> list[str]:
         payload = dataclasses.replace(scene.payloads[0], mass_kg=mass_kg)
         heavier = sense_checks(dataclasses.replace(scene, payloads=(payload,)))
         return [words for words in heavier if "breaking load" in words]
 
-    assert told(60000.0) == []  # 604 kN: 302 kN a rope, not 604
-    (warning,) = told(80000.0)
+    assert reported(60000.0) == []  # 604 kN: 302 kN a rope, not 604
+    (warning,) = reported(80000.0)
     assert warning.startswith("ropes: 2 ropes from the ship together carry 800 kN against a ")
     assert ", a safety factor of 2.53" in warning
-    assert "breaks" in told(300000.0)[0]
+    assert "breaks" in reported(300000.0)[0]
 
 
 def test_what_hangs_below_a_hook_weighs_on_the_rope_from_the_winch() -> None:

@@ -1,4 +1,4 @@
-"""The keys of a scene's file, as told: those that are read, with what they mean."""
+"""The keys of a scene's file, as reported: those that are read, with what they mean."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def paths_in(value: object, path: str = "") -> set[str]:
 
 
 @pytest.mark.parametrize("name", scene_names())
-def test_every_key_of_a_scene_is_told(name: str) -> None:
+def test_every_key_of_a_scene_is_reported(name: str) -> None:
     document = yaml.safe_load(load_scene(name).path.read_text(encoding="utf-8"))
     paths = {
         re.sub(r"^hang_offs\[\]\.winch\.", "winch.", path)
@@ -76,14 +76,14 @@ def test_a_part_of_them_is_shown(
     assert len(lines) == 4
 
 
-def test_a_part_that_is_not_there_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_part_that_is_not_there_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scene", "keys", "drumm"]) == 1
     assert capsys.readouterr().err.strip().endswith("did you mean 'drum'?")
 
 
 def test_the_package_is_a_command_too() -> None:
-    told = subprocess.run(
+    reported = subprocess.run(
         [sys.executable, "-m", "rope_twin", "scene", "keys", "time.step_s"],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert told.stdout == "time.step_s: time step (number, 1e-05 to 0.2 s, needed)\n"
+    assert reported.stdout == "time.step_s: time step (number, 1e-05 to 0.2 s, needed)\n"

@@ -174,7 +174,7 @@ def test_paths_that_are_no_scene(tmp_path: Path) -> None:
         load_scene("nowhere.yaml")
 
 
-def test_unknown_name_is_told_the_nearest() -> None:
+def test_unknown_name_is_reported_the_nearest() -> None:
     with pytest.raises(SceneError, match=r"'deep_lft'.* did you mean 'deep_lift'\?"):
         load_scene("deep_lft")
     with pytest.raises(SceneError, match="no such scene"):

@@ -193,7 +193,7 @@ def test_a_template_lets_water_through() -> None:
         Template(length_m=1.0, width_m=1.0, height_m=1.0, open_percent=10.0, steel_m3=2.0),
     ],
 )
-def test_what_does_not_fit_is_told(shape: SuctionAnchor | Skip | Template) -> None:
+def test_what_does_not_fit_is_reported(shape: SuctionAnchor | Skip | Template) -> None:
     assert "give less" in (shape.check() or "")
 
 

@@ -232,6 +232,6 @@ def test_an_unpaced_run_tells_what_is_odd(
     text = text.replace("  - weight: {}\n", "  - weight: {}\n  - added_mass: {normal: 1.0}\n")
     path = written(tmp_path, text)
     assert main(["run", str(path), "--duration", "1", "--speed", "0", "--no-record"]) == 1
-    told = capsys.readouterr().err
-    assert "payloads[0]: it floats: 0.0 kN in air displaces 9.00 m³" in told
-    assert "at rest it floats up to z = " in told
+    reported = capsys.readouterr().err
+    assert "payloads[0]: it floats: 0.0 kN in air displaces 9.00 m³" in reported
+    assert "at rest it floats up to z = " in reported

@@ -45,7 +45,7 @@ def test_the_pace_of_a_cable_that_locks_in_at_13_hz() -> None:
     assert pace.step_s == pytest.approx(1.0 / (200.0 * pace.frequency_hz))
 
 
-def test_a_scene_too_coarse_is_told_what_it_costs() -> None:
+def test_a_scene_too_coarse_is_reported_what_it_costs() -> None:
     (words,) = [words for words in sense_checks(shedding(CABLE)) if "vortices" in words]
     assert "lock-in at 12.8 Hz requires elements below 0.86 m and steps below 0.39 ms" in words
     assert "26 times slower than this scene without it" in words
@@ -62,12 +62,12 @@ def test_a_run_tells_once_what_its_vortices_want(
     """Fine or too coarse; it said both in two forms."""
     scene = load_scene("viv_calm").path.read_text(encoding="utf-8")
     path = tmp_path / "calm.yaml"
-    for elements, told in (("180", "this scene gives 1.11 m"), ("20", "elements of 10 m and")):
+    for elements, reported in (("180", "this scene gives 1.11 m"), ("20", "elements of 10 m and")):
         path.write_text(scene.replace("elements: 180", f"elements: {elements}"), encoding="utf-8")
         assert main(["run", str(path), "--speed", "0", "--duration", "0.1", "--no-record"]) == 0
         said = capsys.readouterr().err
         assert said.count("lock-in at 2.65 Hz requires elements below 1.3 m") == 1
-        assert told in said
+        assert reported in said
 
 
 def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:
@@ -86,14 +86,14 @@ def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:
 
 
 def test_a_model_beside_the_step_wants_nothing_of_the_grid_and_one_drag(tmp_path: Path) -> None:
-    """Its lock-in is told, no scene is too coarse for it, and it is a model like the others."""
+    """Its lock-in is reported, no scene is too coarse for it, and it is a model like the others."""
     scene = CABLE.scene()
     scene = replace(scene, effects=(*scene.effects, ModalVibrationParams()))
     words = vortex_words(scene, lift_figures(scene))
     assert words.startswith(
         "modal_vibration: lock-in at 12.8 Hz is computed decoupled from the step"
     )
-    assert not [told for told in sense_checks(scene) if "vortices" in told]
+    assert not [reported for reported in sense_checks(scene) if "vortices" in reported]
     path = tmp_path / "beside.yaml"
     for more, words in (
         ("  - decomposed_force: {}\n  - wake_oscillator: {}", "keep one of them"),

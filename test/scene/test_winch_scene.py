@@ -26,7 +26,7 @@ def with_parts(parts: str) -> str:
     return spoilt(LEAST, LEAST + parts)
 
 
-def told(row: str) -> str:
+def reported(row: str) -> str:
     return spoilt(SECOND_ROW, row)
 
 
@@ -68,23 +68,23 @@ BAD: list[Row] = [
      "winch.when_commander_lost", ("'ramp' is unknown", "did you mean 'ramp_to_zero'?")),
     ("no brake to set without a commander", with_parts("  when_commander_lost: brake\n"),
      "winch.when_commander_lost", ("this winch has no brake", "or use ramp_to_zero")),
-    ("a row that tells nothing", told("{at_s: 20.0}"), "winch.schedule[1]",
+    ("a row that tells nothing", reported("{at_s: 20.0}"), "winch.schedule[1]",
      ("no command is given", "give exactly one")),
-    ("a row that tells two things", told("{at_s: 20.0, speed_m_per_s: 0.1, line_out_m: 600.0}"),
+    ("a row that tells two things", reported("{at_s: 20.0, speed_m_per_s: 0.1, line_out_m: 600.0}"),
      "winch.schedule[1]", ("at once", "give exactly one")),
-    ("a length that is not there", told("{at_s: 20.0, line_out_m: 900.0}"),
+    ("a length that is not there", reported("{at_s: 20.0, line_out_m: 900.0}"),
      "winch.schedule[1].line_out_m", ("900 m is outside the winch's 50 to 800 m",)),
-    ("a tension that nothing keeps", told("{at_s: 20.0, tension_n: 1.0e+5}"),
+    ("a tension that nothing keeps", reported("{at_s: 20.0, tension_n: 1.0e+5}"),
      "winch.schedule[1].tension_n", ("no constant-tension mode", "add `constant_tension:")),
-    ("a switch that is none", told("{at_s: 20.0, switch: set_break}"),
+    ("a switch that is none", reported("{at_s: 20.0, switch: set_break}"),
      "winch.schedule[1].switch", ("'set_break' is unknown", "did you mean 'set_brake'?")),
-    ("a switch of nothing", told("{at_s: 20.0, switch: compensate}"),
+    ("a switch of nothing", reported("{at_s: 20.0, switch: compensate}"),
      "winch.schedule[1].switch", ("no heave compensation", "add `heave_compensation`")),
     ("a depth of what is held",
-     told("{at_s: 20.0, payload_depth_m: 400.0}")
+     reported("{at_s: 20.0, payload_depth_m: 400.0}")
      .replace("    to: tool\n", "    fixed_at_m: [0.0, 0.0, -480.0]\n")
      .replace("payloads:\n", "x:\n").partition("x:\n")[0]
-     + told("{at_s: 20.0, payload_depth_m: 400.0}").partition("shape:")[2].partition("\n")[2]
+     + reported("{at_s: 20.0, payload_depth_m: 400.0}").partition("shape:")[2].partition("\n")[2]
      .replace("  - payload: {}\n", ""),
      "ropes[0].fixed_at_m", ("lower end is fixed", "give line_out_m instead")),
 ]  # fmt: skip
@@ -103,8 +103,8 @@ def test_parts_are_read_and_a_study_knows_them(tmp_path: Path) -> None:
     assert equipped.winch.brake is not None
     assert equipped.winch.brake.holding_torque_n_m == 400e3
     assert scene_digest(plain) != scene_digest(equipped)
-    told_as_ever = "ScheduleRow(at_s=0.0, speed_m_per_s=0.5)"
-    assert repr(ScheduleRow(at_s=0.0, speed_m_per_s=0.5)) == told_as_ever, "studies know it so"
+    reported_as_ever = "ScheduleRow(at_s=0.0, speed_m_per_s=0.5)"
+    assert repr(ScheduleRow(at_s=0.0, speed_m_per_s=0.5)) == reported_as_ever, "studies know it so"
     assert "brake" not in repr(plain.winch)
 
 
@@ -124,11 +124,11 @@ def test_what_a_winch_can_hardly_mean_is_warned_about(
     parts: str, step: str, words: str, tmp_path: Path
 ) -> None:
     text = with_parts(parts).replace("step_s: 0.01", f"step_s: {step}")
-    told = [w for w in sense_checks(load_scene(written(tmp_path, text))) if "winch." in w]
+    reported = [w for w in sense_checks(load_scene(written(tmp_path, text))) if "winch." in w]
     if words:
-        assert any(words in one for one in told), told
+        assert any(words in one for one in reported), reported
     else:
-        assert not [one for one in told if "winch.drive" in one]
+        assert not [one for one in reported if "winch.drive" in one]
 
 
 @pytest.mark.parametrize(
@@ -139,15 +139,17 @@ def test_what_a_winch_can_hardly_mean_is_warned_about(
         ("{at_s: 20.0, switch: stop_compensating}", False),
     ],
 )
-def test_who_switches_compensation_on_later_is_told_that_it_is_on(
+def test_who_switches_compensation_on_later_is_reported_that_it_is_on(
     row: str, warned: bool, tmp_path: Path
 ) -> None:
     first = "{at_s: 0.0, speed_m_per_s: 0.5}"
     text = with_parts(HEAVE).replace(first, f"{first}\n    - {row}", 1)
-    told = [w for w in sense_checks(load_scene(written(tmp_path, text))) if "from the start" in w]
-    assert bool(told) == warned
+    reported = [
+        w for w in sense_checks(load_scene(written(tmp_path, text))) if "from the start" in w
+    ]
+    assert bool(reported) == warned
     if warned:
-        assert told[0].startswith(
+        assert reported[0].startswith(
             "winch.heave_compensation: it is on from the start, and switched on at 20 s; "
             "begin with {at_s: 0.0, switch: stop_compensating}"
         )

@@ -111,13 +111,13 @@ BAD_FILES = {
 
 @pytest.mark.parametrize("name", BAD_FILES)
 def test_wrong_file_gets_one_sentence_with_its_line(tmp_path, name):
-    content, told = BAD_FILES[name]
+    content, reported = BAD_FILES[name]
     path = tmp_path / "sea.csv"
     path.write_bytes(content)
     with pytest.raises(InputError) as caught:
         read_spectrum(path, "a")
     text = str(caught.value)
-    assert told in text
+    assert reported in text
     assert text.startswith(str(path))
     assert text.endswith(".")
     assert "\n" not in text

@@ -56,7 +56,7 @@ def test_a_wrong_way_is_refused(tmp_path: Path, fault: str) -> None:
 
 
 def test_a_scene_tells_where_its_table_is_wrong(tmp_path: Path) -> None:
-    """The fault of a table beside the scene is told at the key that names it."""
+    """The fault of a table beside the scene is reported at the key that names it."""
     text = (share_dir() / "config" / "scenes" / "deep_tow_turn.yaml").read_text()
     scene = tmp_path / "tow.yaml"
     scene.write_text(text.replace("{path: deep_tow_turn}", "{path: ./way.csv}"))

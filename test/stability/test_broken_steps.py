@@ -1,4 +1,4 @@
-"""A step that cannot be made: told, nothing lost, and the run goes on once the cause is gone."""
+"""A step that cannot be made is reported, nothing is lost, the run goes on without the cause."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def differences(found: Snapshot, expected: Snapshot, relative: float) -> list[st
     ]
 
 
-def test_it_is_told_in_one_sentence(tmp_path: Path, core: BrokenCore) -> None:
+def test_it_is_reported_in_one_sentence(tmp_path: Path, core: BrokenCore) -> None:
     """With the step, and that the last good state is kept."""
     twin = started(tmp_path)
     with pytest.raises(SolverError) as caught:
@@ -137,7 +137,7 @@ def test_the_state_that_it_cannot_leave_is_kept_in_a_file(tmp_path: Path, core: 
     assert not differences(again.snapshot(), unbroken(tmp_path, 900), 0.0)
 
 
-def test_a_folder_that_takes_no_file_is_told_too(tmp_path: Path, core: BrokenCore) -> None:
+def test_a_folder_that_takes_no_file_is_reported_too(tmp_path: Path, core: BrokenCore) -> None:
     """Both troubles in one sentence, and the twin still holds its last good state."""
     twin = started(tmp_path)
     twin.failure_folder = tmp_path / "none"

@@ -76,8 +76,8 @@ OWN = "[[0.0, [0.5, 0.1]], [-150.0, [0.1, 0.3]], [-500.0, [0.0, 0.0]]]"
 def test_a_vertical_component_is_refused_where_the_scene_has_none(tmp_path: Path) -> None:
     """Other code would have to be compiled, in the middle of the run; zeros need none."""
     twin = Twin(small_scene(tmp_path))
-    told = twin.offer_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.2]])
-    assert "current: it has a vertical component, which this scene's current has not" in told
+    reported = twin.offer_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.2]])
+    assert "current: it has a vertical component, which this scene's current has not" in reported
     assert twin.snapshot().inputs["current"].impossible == 1
     assert twin.offer_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.0]]) == ""
 

@@ -1,4 +1,4 @@
-"""A twin whose rope is cut above a rigid body: told, published, seen, saved, or refused."""
+"""A twin whose rope is cut above a rigid body: reported, published, seen, saved, or refused."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def scene() -> Scene:
     return load_scene("manifold_lift")
 
 
-def told(twin: Twin) -> Twin:
+def reported(twin: Twin) -> Twin:
     assert not twin.offer_speed(500_000_000, 0.25)
     assert not twin.offer_cut(round(AT_S * 1e9), BELOW_M)
     return twin
@@ -52,10 +52,10 @@ def every_bit(shots: list[Snapshot]) -> str:
 
 @pytest.fixture(scope="module")
 def run(scene: Scene) -> list[Snapshot]:
-    return ends(told(Twin(scene)))
+    return ends(reported(Twin(scene)))
 
 
-def test_the_body_is_told_where_it_falls(run: list[Snapshot]) -> None:
+def test_the_body_is_reported_where_it_falls(run: list[Snapshot]) -> None:
     """Place, attitude and slings are those of the part below; the one above has no payload."""
     before, after = run[3], run[-1]
     assert before.cut is None
@@ -82,7 +82,7 @@ def test_a_run_goes_on_from_a_file_and_on_a_branch(
     scene: Scene, run: list[Snapshot], tmp_path: Path, moment: int
 ) -> None:
     """With the cut to come, in the step after it and on the way down; to the bit."""
-    twin = told(Twin(scene))
+    twin = reported(Twin(scene))
     ends(twin, moment)
     twin.save(tmp_path / "cut.state")
     rest = [shot for shot in run if shot.step > moment]
@@ -107,7 +107,7 @@ def test_cut_at_once_at_either_end(scene: Scene, below_m: float) -> None:
 
 def test_a_step_that_fails_leaves_body_and_ropes_as_they_were(scene: Scene) -> None:
     """The part above cannot go on: the part below, which was stepped before, goes back."""
-    twin = told(Twin(scene))
+    twin = reported(Twin(scene))
     twin.advance(500)
     other = twin.branch()
     n = int(twin.rope.state.counts[0])

@@ -1,4 +1,4 @@
-"""A twin whose rope is cut on the way: told, seen, saved, accounted for, or refused."""
+"""A twin whose rope is cut on the way: reported, seen, saved, accounted for, or refused."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     return small_scene(tmp_path_factory.mktemp("scene"))
 
 
-def told(twin: Kind) -> Kind:
+def reported(twin: Kind) -> Kind:
     """Heave, a speed, a cut and a new current, all ahead of time."""
     for k in range(-1, 90):
         at_ns = 100_000_000 * k
@@ -72,10 +72,10 @@ def every_bit(shots: list[Snapshot]) -> str:
 
 @pytest.fixture(scope="module")
 def run(scene: Scene) -> list[Snapshot]:
-    return ends(told(Twin(scene)), 1)
+    return ends(reported(Twin(scene)), 1)
 
 
-def test_both_parts_are_told(scene: Scene, run: list[Snapshot]) -> None:
+def test_both_parts_are_reported(scene: Scene, run: list[Snapshot]) -> None:
     """Whole before; then a rope of less line out and another one, with the payload at its end."""
     before, after = run[1], run[-1]
     assert not before.ropes
@@ -102,7 +102,7 @@ def test_both_parts_are_told(scene: Scene, run: list[Snapshot]) -> None:
 
 
 def test_how_the_time_is_cut_up_changes_no_bit(scene: Scene, run: list[Snapshot]) -> None:
-    assert every_bit(ends(told(Twin(scene)), 64)) == every_bit(run)
+    assert every_bit(ends(reported(Twin(scene)), 64)) == every_bit(run)
 
 
 @pytest.mark.parametrize("moment", [200, 251, 300, 700])
@@ -110,7 +110,7 @@ def test_a_run_goes_on_from_a_file_and_on_a_branch(
     scene: Scene, run: list[Snapshot], tmp_path: Path, moment: int
 ) -> None:
     """With a cut to come, right after it, before another current and after it; to the bit."""
-    twin = told(Twin(scene))
+    twin = reported(Twin(scene))
     ends(twin, 50, moment)
     twin.save(tmp_path / "cut.state")
     other = Twin.restore(tmp_path / "cut.state", scene)
@@ -178,7 +178,7 @@ def test_rope_and_payload_come_to_rest_on_the_bed(tmp_path: Path) -> None:
 
 def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
     """Over the cut and the fall; what is left is what the steps dissipate."""
-    twin = told(Twin(scene, ENERGY))
+    twin = reported(Twin(scene, ENERGY))
     twin.advance(2000)
     balance = twin.snapshot().energy
     assert balance is not None
@@ -189,7 +189,7 @@ def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
 
 def test_the_ladder_stays_where_it_is(scene: Scene) -> None:
     """However late the slots are; a level taken before the cut is kept, and saved."""
-    twin = told(Twin(scene))
+    twin = reported(Twin(scene))
     twin.set_level(AccuracyLevel(20_000_000))
     protection = TwinOverloadProtection(twin)
     twin.advance(150)
@@ -263,7 +263,7 @@ def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> N
 
 def test_an_error_interval_is_unknown_from_the_cut_on_and_says_so(scene: Scene) -> None:
     """The run goes on to the bit as without one, from a saved state as well."""
-    twin, alone = told(Twin(scene, ERROR_INTERVAL)), told(Twin(scene))
+    twin, alone = reported(Twin(scene, ERROR_INTERVAL)), reported(Twin(scene))
     twin.advance(200)
     assert twin.snapshot().error_interval is not None
     assert ends(twin, 100, 600)[-1].tension_top_n == ends(alone, 100, 600)[-1].tension_top_n
@@ -277,7 +277,7 @@ def test_an_error_interval_is_unknown_from_the_cut_on_and_says_so(scene: Scene) 
         assert (row.level, row.message) == (Level.WARN, shot.no_error_interval)
 
 
-def test_a_run_with_an_interval_is_cut_and_told_at_the_end(scene: Scene) -> None:
+def test_a_run_with_an_interval_is_cut_and_reported_at_the_end(scene: Scene) -> None:
     options = RunOptions(
         scene=str(scene.path), end_s=2.0, speed=0.0, error_interval=True, cut="80@1.5"
     )
@@ -287,7 +287,7 @@ def test_a_run_with_an_interval_is_cut_and_told_at_the_end(scene: Scene) -> None
 
 
 def test_a_run_records_the_order_and_both_ropes(scene: Scene, tmp_path: Path) -> None:
-    """Without ROS, the topics that a paced run has; told at the end and in the diagnostics."""
+    """Without ROS, the topics that a paced run has; reported at the end and in the diagnostics."""
     options = RunOptions(
         scene=str(scene.path), end_s=3.0, speed=0.0, record=tmp_path / "bag", cut=f"{BELOW_M}@1.5"
     )
@@ -299,9 +299,9 @@ def test_a_run_records_the_order_and_both_ropes(scene: Scene, tmp_path: Path) ->
     assert counts["ropes/length"] == counts["payloads/state"] == 150
     assert counts["ropes/nodes"] == pytest.approx(75, abs=1)
     rows = statuses(run_to_its_end(scene), None)
-    told = next(row for row in rows if row.name == "simulation: rope")
-    assert told.level == Level.WARN
-    assert told.values["rope below the cut [m]"] == "120.00"
+    reported = next(row for row in rows if row.name == "simulation: rope")
+    assert reported.level == Level.WARN
+    assert reported.values["rope below the cut [m]"] == "120.00"
 
 
 def run_to_its_end(scene: Scene) -> Snapshot:

@@ -128,14 +128,14 @@ def test_a_run_tells_it_where_it_is_asked_for(
     assert abs(energy["residual_pct"]) < 0.1
     assert energy["potential_j"] < 0.0 < energy["elastic_j"]
     with BagReader(bag) as reader:
-        told = [
+        reported = [
             {value.key: value.value for value in status.values}
             for _, data in reader.messages("/diagnostics")
             for status in decode("diagnostics", data).status
             if status.name == "simulation: energy"
         ]
-    assert len(told) == 3
-    assert float(told[-1]["potential [J]"]) == pytest.approx(energy["potential_j"], rel=1e-5)
+    assert len(reported) == 3
+    assert float(reported[-1]["potential [J]"]) == pytest.approx(energy["potential_j"], rel=1e-5)
 
 
 def test_an_effect_without_an_account_is_refused(

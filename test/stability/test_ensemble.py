@@ -55,7 +55,7 @@ def lively(scene: Scene) -> list[Variation]:
     ]
 
 
-def test_splits_merges_slack_and_rest_are_told_apart(tmp_path: Path) -> None:
+def test_splits_merges_slack_and_rest_are_reported_apart(tmp_path: Path) -> None:
     scene = small_scene(tmp_path)
     own = lively(scene)
     ensemble = Ensemble(scene, own)
@@ -68,9 +68,9 @@ def test_splits_merges_slack_and_rest_are_told_apart(tmp_path: Path) -> None:
     assert shares[0] == shares[2] == 0.0
     for number, found in enumerate((paying, slack, resting)):
         assert not differing(found, alone(scene, own[number], 28))
-    told = ensemble.figures()[2]
-    assert told.steps == 2800
-    assert told.tension_top_max_n == pytest.approx(told.tension_top_min_n, rel=1e-9)
+    reported = ensemble.figures()[2]
+    assert reported.steps == 2800
+    assert reported.tension_top_max_n == pytest.approx(reported.tension_top_min_n, rel=1e-9)
 
 
 BODY = """rigid_body:
@@ -209,9 +209,9 @@ def test_one_that_fails_does_not_stop_the_others(
 
     monkeypatch.setattr(member_module, "advance", breaking)
     ensemble.advance(3)
-    told = [figures.failure for figures in ensemble.figures()]
-    assert told[0] == told[2] == ""
-    assert told[1].startswith("step 138 at 1.37 s: the rope's next state is not finite")
+    reported = [figures.failure for figures in ensemble.figures()]
+    assert reported[0] == reported[2] == ""
+    assert reported[1].startswith("step 138 at 1.37 s: the rope's next state is not finite")
     assert ensemble.snapshot(1).step == 137
     for number in (0, 2):
         assert not differing(ensemble.snapshot(number), alone(scene, own[number], 3))

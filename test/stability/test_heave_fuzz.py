@@ -54,7 +54,7 @@ def scene() -> Scene:
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(samples=st.lists(st.one_of(plausible, plausible, wild), max_size=40))
 def test_no_sample_brings_a_number_that_is_not_finite(scene: Scene, samples: list[Sample]) -> None:
-    """Missing, repeated, late, far ahead, not finite, absurd: counted, told, kept out."""
+    """Missing, repeated, late, far ahead, not finite, absurd: counted, reported, kept out."""
     twin = Twin(scene)
     refused = 0
     for sample in samples:

@@ -124,8 +124,8 @@ def test_each_winch_is_commanded_by_its_name(two_lines: Scene) -> None:
     assert twin.snapshot().inputs["winch_command"].refusal == refusal, "nobody else tells of it"
     stop = WinchCommand("emergency_stop")
     refusal = twin.offer_command(None, stop, "hook")
-    told = twin.snapshot().inputs["winch_switch"]
-    assert (told.impossible, told.refusal) == (1, refusal)
+    reported = twin.snapshot().inputs["winch_switch"]
+    assert (reported.impossible, reported.refusal) == (1, refusal)
     assert twin.offer_speed(None, 0.1, "aft_sheave") == ""
     for _ in range(20):
         twin.advance(100)
@@ -163,7 +163,9 @@ def test_what_builds_one_rope_says_so(bridle: Scene) -> None:
         build(bridle)
 
 
-def test_a_sling_that_is_too_weak_is_told(bridle: Scene, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_sling_that_is_too_weak_is_reported(
+    bridle: Scene, caplog: pytest.LogCaptureFixture
+) -> None:
     """A flat bridle loads its legs far more than their share of the weight."""
     Twin(bridle)
     assert not caplog.messages

@@ -48,7 +48,7 @@ def test_a_run_that_never_began_leaves_the_file_alone(twin: Twin, tmp_path: Path
     assert (tmp_path / "run.state").stat().st_mtime_ns == before
 
 
-def test_a_disk_that_refuses_is_told_and_the_twin_goes_on(
+def test_a_disk_that_refuses_is_reported_and_the_twin_goes_on(
     twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "states"
@@ -75,7 +75,7 @@ def test_a_disk_that_refuses_is_told_and_the_twin_goes_on(
     assert twin.steps == 60
 
 
-def test_a_place_that_cannot_be_is_told_at_the_start(twin: Twin, tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_is_reported_at_the_start(twin: Twin, tmp_path: Path) -> None:
     with pytest.raises(StateError, match="cannot be written; name a file"):
         AutoSave(twin, tmp_path / "none" / "run.state", 1.0)
 

@@ -234,11 +234,11 @@ def test_one_that_fails_leaves_its_neighbours_alone(tmp_path: Path) -> None:
     ensemble.advance(1)
     ensemble._members[3].rope.state.nodes[VELOCITY, 5] = np.inf
     ensemble.advance(2)
-    told = [figures.failure for figures in ensemble.figures()]
-    assert told[3].startswith("step 101 at 1.00 s: the rope's next state is not finite")
+    reported = [figures.failure for figures in ensemble.figures()]
+    assert reported[3].startswith("step 101 at 1.00 s: the rope's next state is not finite")
     assert ensemble.snapshot(3).step == 100
     for number in set(range(LANES)) - {3}:
-        assert not told[number]
+        assert not reported[number]
         found, expected = ensemble.snapshot(number), alone(scene, own[number], 3)
         assert not differing(found, expected)
 
@@ -278,14 +278,14 @@ def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
     assert (kind_of(rope) is None) == bool(reason)
 
 
-def test_members_of_two_sizes_are_told_apart(tmp_path: Path) -> None:
+def test_members_of_two_sizes_are_reported_apart(tmp_path: Path) -> None:
     """One group is full; too few of either kind are left for another one."""
     few = lanes_module.MIN_GROUP - 1
     small = (Change("ropes[0].elements", 10),)
     own = [Variation()] * (LANES + few) + [Variation(small)] * few
-    told = Ensemble(small_scene(tmp_path), own).lanes()
-    assert told.members == LANES
-    assert told.alone == {"": 2 * few}
+    reported = Ensemble(small_scene(tmp_path), own).lanes()
+    assert reported.members == LANES
+    assert reported.alone == {"": 2 * few}
     with pytest.raises(InputError, match=f"{LANES + 1} ropes abreast; give 1 to {LANES}"):
         Ensemble(small_scene(tmp_path), own, abreast=LANES + 1)
 

@@ -204,7 +204,7 @@ def test_a_ship_at_rest_is_stuck_only_where_the_sea_moves_it(tmp_path: Path, mov
 
 
 def test_a_slow_sender_is_warned_of_with_the_rate_that_it_needs(tmp_path: Path) -> None:
-    """1 Hz where a sine of 8 s needs 0.0705·8 s; the delay that the present rate needs is told."""
+    """1 Hz where a sine of 8 s needs 0.0705·8 s; the delay that this rate needs is reported."""
     found = run(Twin(usual(tmp_path)), as_it_is, 12.0, rate_hz=1.0)
     assert found.flagged_after_s(0.0) <= 2.0
     message = found.rows[-1].message
@@ -213,7 +213,7 @@ def test_a_slow_sender_is_warned_of_with_the_rate_that_it_needs(tmp_path: Path) 
     assert found.level(2.0, 12.0) is not Level.OK
 
 
-def test_a_delay_that_is_too_short_is_told(tmp_path: Path) -> None:
+def test_a_delay_that_is_too_short_is_reported(tmp_path: Path) -> None:
     """4 Hz is often enough for this sea, but the twin runs only 0.15 s behind."""
     found = run(Twin(usual(tmp_path)), as_it_is, 12.0, rate_hz=4.0)
     assert "with one every 0.250 s set input_delay_s to 0.27 s or more" in found.rows[-1].message
@@ -352,7 +352,7 @@ def test_the_senders_clock_is_measured(
         assert found.flagged_after_s(0.0) <= 2.0
 
 
-def test_a_clock_ahead_is_told_soon_however_slowly_its_samples_come(tmp_path: Path) -> None:
+def test_a_clock_ahead_is_reported_soon_however_slowly_its_samples_come(tmp_path: Path) -> None:
     """At 2 Hz: three early samples are enough, as no link delivers before the stamp."""
 
     def fault(one: Sample) -> Sample | None:

@@ -134,7 +134,7 @@ def test_words_sea_and_schedule_may_change(good: Path, tmp_path: Path) -> None:
     assert Twin.restore(good, scene).steps == 5
 
 
-def test_another_solver_is_told(
+def test_another_solver_is_reported(
     good: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """It goes on, but whoever relies on the bits learns that they are others."""

@@ -26,7 +26,7 @@ def test_at_rest_it_is_the_weight_of_all_that_hangs() -> None:
     assert strength.breaking_load_n == pytest.approx(6.334e8 * 0.04**2)
 
 
-def test_a_peak_between_two_looks_counts_and_is_told_and_saved(tmp_path: Path) -> None:
+def test_a_peak_between_two_looks_counts_and_is_reported_and_saved(tmp_path: Path) -> None:
     """A jerk of the winch: the rope is looked at once, when the tension is down again."""
     scene = load_scene("still_water")
     scene = replace(scene, ropes=(weaker(scene.ropes[0], 215e3),))

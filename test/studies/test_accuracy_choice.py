@@ -118,14 +118,14 @@ def test_a_run_within_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str
     scene = studied_scene(tmp_path)
     assert main(unpaced(scene, "--within", "0.6%", "--json")) == 0
     out, said = capsys.readouterr()
-    told: dict[str, Any] = json.loads(out)
-    assert told["step_s"] == 0.01
-    assert told["tension_top_error_pct"] == pytest.approx(error_pct(10, 0.01) + UNCERTAINTY_PCT)
-    assert told["tension_top_peak_error_pct"] == pytest.approx(
+    reported: dict[str, Any] = json.loads(out)
+    assert reported["step_s"] == 0.01
+    assert reported["tension_top_error_pct"] == pytest.approx(error_pct(10, 0.01) + UNCERTAINTY_PCT)
+    assert reported["tension_top_peak_error_pct"] == pytest.approx(
         0.5 * error_pct(10, 0.01) + UNCERTAINTY_PCT
     )
-    assert told["chosen"] in said
-    assert told["chosen"].startswith(
+    assert reported["chosen"] in said
+    assert reported["chosen"].startswith(
         "--within 0.6 %: 10 elements at 10 ms, the cheapest with an error of tension_rms "
         "within 0.51 % in the study's run of 30 s; next better, 10 elements at 5 ms (within "
         "0.44 %), costs 2 "
@@ -141,9 +141,9 @@ def test_a_run_says_its_error_or_that_it_is_unknown(
     out, said = capsys.readouterr()
     assert "top-tension error: 0.21 % RMS, 0.11 % peak, at most, in the study's" in out
     assert main(unpaced(scene, "--json", "--bag", "sea_1p2m")) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["tension_top_error_pct"] is told["tension_top_peak_error_pct"] is None
-    assert told["tension_top_error_reason"] == "unknown: the study's run has another sea"
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["tension_top_error_pct"] is reported["tension_top_peak_error_pct"] is None
+    assert reported["tension_top_error_reason"] == "unknown: the study's run has another sea"
     assert main(unpaced(scene, "--bag", "sea_1p2m")) == 0
     assert "  error unknown  " in capsys.readouterr().err, "on the way as at the end"
     convergence.study_path(scene).unlink()
@@ -248,7 +248,7 @@ def test_what_is_better_for_hardly_more_is_said_so(
     assert "costs little more" in capsys.readouterr().err
 
 
-def test_a_window_that_ends_before_the_run_is_told_or_refused(
+def test_a_window_that_ends_before_the_run_is_reported_or_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The scene asks for a minute: what a study of 30 s promises holds for 30 s."""
@@ -385,7 +385,7 @@ def test_a_budget_in_another_sea_claims_no_error(
 
 
 @pytest.mark.parametrize("budget", ["20%", "0.0001%"])
-def test_a_budget_is_told_with_what_the_next_setting_costs(tmp_path: Path, budget: str) -> None:
+def test_a_budget_is_reported_with_what_the_next_setting_costs(tmp_path: Path, budget: str) -> None:
     """Measured, so that no number is expected; too little is one sentence."""
     scene = studied_scene(tmp_path)
     words = ["run", str(scene.path), "--no-record", "--budget", budget]

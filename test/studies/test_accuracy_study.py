@@ -78,7 +78,7 @@ def test_differences_in_closed_form() -> None:
     assert all(not value for value in same.values())
 
 
-def test_a_still_tension_is_told_beside_its_mean() -> None:
+def test_a_still_tension_is_reported_beside_its_mean() -> None:
     still = series(np.full(1000, 1e5))
     higher = series(np.full(1000, 1e5 + 50.0))
     assert differences(higher, still)["tension_rms"] == pytest.approx(0.05)
@@ -98,7 +98,7 @@ def test_snaps_are_the_taut_spells_after_slack() -> None:
 
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
 def test_the_uncertainty_is_that_of_a_power(order: float) -> None:
-    """Errors C·lᵖ on l = 4, 2, 1: the finest has C, and 1.25·C is told."""
+    """Errors C·lᵖ on l = 4, 2, 1: the finest has C, and 1.25·C is reported."""
     C = 0.7
     errors = [C * length**order for length in (4.0, 2.0, 1.0)]
     bound, found = uncertainty(errors[0] - errors[1], errors[1] - errors[2], "%")
@@ -332,7 +332,7 @@ def test_what_within_buys_is_measured_anew(
     assert row["ok"] is False
 
 
-def test_what_a_study_does_not_sell_is_told(
+def test_what_a_study_does_not_sell_is_reported(
     made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It breaks no word: an rms that does not converge, an error below the best."""
@@ -351,7 +351,7 @@ def test_within_holds_in_every_scene() -> None:
     assert main(["accuracy", "--all", "--within", "1%"]) == 0
 
 
-def test_old_studies_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_old_studies_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
     """One line a scene; exit code 0 only if all are current."""
     code = main(["accuracy", "--status", "--json"])
     rows = json.loads(capsys.readouterr().out)["rows"]

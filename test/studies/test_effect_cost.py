@@ -1,4 +1,4 @@
-"""What an effect costs and changes: a payload's weight, what lacks data, and how it is told."""
+"""What an effect costs and changes: a payload's weight, what lacks data, and how it is reported."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_the_command_tells_it_as_json(
     )
     monkeypatch.setattr(command, "measure_effects", lambda *given: study)
     assert command._measure(load_scene("still_water"), 2.0, True) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["as_it_is"] == {"us_per_step": 9.0, "mean_n": 2e5, "max_n": 3e5}
-    assert told["rows"][0]["why_not"] == "no data"
-    assert told["rows"][0]["us_per_step"] is None
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["as_it_is"] == {"us_per_step": 9.0, "mean_n": 2e5, "max_n": 3e5}
+    assert reported["rows"][0]["why_not"] == "no data"
+    assert reported["rows"][0]["us_per_step"] is None

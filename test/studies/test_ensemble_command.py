@@ -43,18 +43,18 @@ def regular(tmp_path_factory: pytest.TempPathFactory) -> str:
 def run_json(capsys: Printed, *words: str) -> dict[str, Any]:
     """The JSON of a run that came to its end."""
     assert main([*words, "--json"]) == 0
-    told: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return told
+    reported: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return reported
 
 
 def test_each_member_equals_a_run_of_its_own(tmp_path: Path, capsys: Printed) -> None:
     """Same scene with the member's numbers in its file, through `rope_twin run --speed 0`."""
-    told = run_json(
+    reported = run_json(
         capsys, "ensemble", SHALLOW, "--vary", "payloads[0].mass_kg=15000,30000",
         "--sea-offset", "0..400s", "--members", "2", "--duration", "12", "--seed", "5",
     )  # fmt: skip
-    assert told["members"] == 4
-    for row in told["rows"]:
+    assert reported["members"] == 4
+    for row in reported["rows"]:
         scene = written()
         scene["payloads"][0]["mass_kg"] = row["payloads[0].mass_kg"]
         sea = {**scene["sea_state"], "start_s": row["sea_offset_s"]}
@@ -78,11 +78,11 @@ def test_each_member_equals_a_run_of_its_own(tmp_path: Path, capsys: Printed) ->
 
 def test_regular_seas_can_be_varied(regular: str, capsys: Printed) -> None:
     """Twice a small heave, twice the motion of the tension."""
-    told = run_json(
+    reported = run_json(
         capsys, "ensemble", regular, "--vary", "sea_state.heave.amplitude_m=0.01,0.02",
         "--duration", "20",
     )  # fmt: skip
-    ranges = [row["tension_top_max_n"] - row["tension_top_min_n"] for row in told["rows"]]
+    ranges = [row["tension_top_max_n"] - row["tension_top_min_n"] for row in reported["rows"]]
     assert ranges[0] > 100.0
     assert ranges[1] / ranges[0] == pytest.approx(2.0, rel=0.02)
 
@@ -90,28 +90,28 @@ def test_regular_seas_can_be_varied(regular: str, capsys: Printed) -> None:
 def test_quantiles_and_csv_tell_the_same(regular: str, tmp_path: Path, capsys: Printed) -> None:
     out = tmp_path / "members.csv"
     words = ["ensemble", regular, "--sea-offset", "0..8", "--members", "7", "--duration", "5"]
-    told = run_json(capsys, *words, "--out", str(out))
+    reported = run_json(capsys, *words, "--out", str(out))
     with out.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["member"]) for row in rows] == list(range(7))
     tops = [float(row["tension_top_max_n"]) for row in rows]
-    assert tops == [row["tension_top_max_n"] for row in told["rows"]]
-    assert told["tension_top_max_n"] == pytest.approx(np.quantile(tops, told["quantiles"]))
-    assert told["tension_top_max_n"][0] == min(tops)
-    assert run_json(capsys, *words)["rows"] == told["rows"]
+    assert tops == [row["tension_top_max_n"] for row in reported["rows"]]
+    assert reported["tension_top_max_n"] == pytest.approx(np.quantile(tops, reported["quantiles"]))
+    assert reported["tension_top_max_n"][0] == min(tops)
+    assert run_json(capsys, *words)["rows"] == reported["rows"]
 
 
 def test_the_text_has_a_line_for_each_figure_and_point(regular: str, capsys: Printed) -> None:
     words = ["--vary", "effects.drag.normal=1.0..2.0:2", "--sea-offset", "0..8"]
     assert main(["ensemble", regular, *words, "--members", "2", "--duration", "2"]) == 0
-    told = capsys.readouterr()
-    assert "changed: 4 members, 2 s each" in told.out
-    assert "maximum top tension [kN]" in told.out
-    points = [line.split()[0] for line in told.out.split("(median")[1].splitlines()[1:3]]
+    reported = capsys.readouterr()
+    assert "changed: 4 members, 2 s each" in reported.out
+    assert "maximum top tension [kN]" in reported.out
+    points = [line.split()[0] for line in reported.out.split("(median")[1].splitlines()[1:3]]
     assert points == ["1", "2"]
-    assert "0 stopped early" in told.out
-    assert "0 of 4 members stepped in SIMD batches of 8; 4 one by one (too few" in told.out
-    assert "4 members are in static equilibrium" in told.err
+    assert "0 stopped early" in reported.out
+    assert "0 of 4 members stepped in SIMD batches of 8; 4 one by one (too few" in reported.out
+    assert "4 members are in static equilibrium" in reported.err
 
 
 def test_members_that_stop_are_named(regular: str, capsys: Printed, tmp_path: Path) -> None:
@@ -119,10 +119,10 @@ def test_members_that_stop_are_named(regular: str, capsys: Printed, tmp_path: Pa
     mass = "payloads[0].mass_kg"
     words = ["ensemble", regular, "--duration", "0.5", "--out", str(tmp_path / "rows.csv")]
     assert main([*words, "--vary", f"{mass}=0,20000"]) == 3
-    told = capsys.readouterr()
-    assert "1 stopped early" in told.out
-    assert "member 0: " in told.err
-    assert "at rest it floats" in told.err
+    reported = capsys.readouterr()
+    assert "1 stopped early" in reported.out
+    assert "member 0: " in reported.err
+    assert "at rest it floats" in reported.err
     with (tmp_path / "rows.csv").open(encoding="utf-8") as file:
         first, second = csv.DictReader(file)
     assert first["steps"] == "0"
@@ -133,8 +133,10 @@ def test_members_that_stop_are_named(regular: str, capsys: Printed, tmp_path: Pa
 
 def test_a_rope_that_would_break_is_counted(regular: str, capsys: Printed) -> None:
     share = "ropes[0].rope.breaking_load_n"
-    told = run_json(capsys, "ensemble", regular, "--vary", f"{share}=1e5,1e6", "--duration", "0.5")
-    assert told["overloaded"] == 1
+    reported = run_json(
+        capsys, "ensemble", regular, "--vary", f"{share}=1e5,1e6", "--duration", "0.5"
+    )
+    assert reported["overloaded"] == 1
 
 
 @pytest.mark.parametrize(
@@ -154,14 +156,14 @@ def test_a_rope_that_would_break_is_counted(regular: str, capsys: Printed) -> No
         (["--sea-offset", "0..9", "--out", "/nowhere/x.csv"], "--out: there is no folder"),
     ],
 )
-def test_what_cannot_be_is_told_in_one_sentence(
+def test_what_cannot_be_is_reported_in_one_sentence(
     regular: str, words: list[str], said: str, capsys: Printed
 ) -> None:
     assert main(["ensemble", regular, "--members", "2", *words]) == 1
-    told = capsys.readouterr()
-    assert said in told.err
-    assert told.err.strip().count("\n") == 0
-    assert told.out == ""
+    reported = capsys.readouterr()
+    assert said in reported.err
+    assert reported.err.strip().count("\n") == 0
+    assert reported.out == ""
 
 
 def test_a_sea_that_ends_too_early(tmp_path: Path, capsys: Printed) -> None:

@@ -61,7 +61,7 @@ def rows_of(folder: Path) -> list[Row]:
     return [{key: value for key, value in row.items() if key != "took_s"} for row in rows]
 
 
-def test_a_curve_of_wire_for_chain_is_told_of_before_anything_runs(
+def test_a_curve_of_wire_for_chain_is_reported_of_before_anything_runs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = written(tmp_path, "about: a\nscene: chain_on_bottom\nseconds: 1.0\nvary:\n"
@@ -157,8 +157,8 @@ def test_no_scheduler_there(
     words = ["study", str(written(tmp_path)), "--out", str(tmp_path / "rows")]
     assert main([*words, "--scheduler", address]) == 1
     gc.collect()
-    told = capsys.readouterr().err.splitlines()
-    assert told[-1].startswith(f"--scheduler {address}: {what}")
+    reported = capsys.readouterr().err.splitlines()
+    assert reported[-1].startswith(f"--scheduler {address}: {what}")
 
 
 def test_a_folder_is_of_one_study_and_one_process(whole: Path, tmp_path: Path) -> None:

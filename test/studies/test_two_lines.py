@@ -65,7 +65,7 @@ def test_each_line_goes_from_its_winch_to_the_sheave(scene: Scene) -> None:
     assert lines_of(scene) == ([0, 1], [2, 3])
 
 
-def test_lines_that_cross_are_told_where_and_at_which_angle(scene: Scene) -> None:
+def test_lines_that_cross_are_reported_where_and_at_which_angle(scene: Scene) -> None:
     """The upper halves meet where x = -8 + (lean + 8)·s and 8 - 4·s agree: s = 16/(lean + 12)."""
     watch = ClearanceMonitor(scene)
     near, happened = watch.look(seen(0.0, -4.0))
@@ -120,7 +120,7 @@ def at(shot: Snapshot, step: int, time_s: float) -> Snapshot:
 
 
 def test_a_running_twin_reports_once_a_second_and_goes_on_after_a_restart(scene: Scene) -> None:
-    """The first look is after the first step; what was told is not told again."""
+    """The first look is after the first step; what was reported is not reported again."""
     report = report_on(scene)
     assert report is not None
     assert report_on(load_scene("two_line_lift")) is None
@@ -146,7 +146,7 @@ def test_a_running_twin_reports_once_a_second_and_goes_on_after_a_restart(scene:
         assert gone.words().startswith("the lines part again at ")
 
 
-def test_crossings_are_told_in_topics() -> None:
+def test_crossings_are_reported_in_topics() -> None:
     """Depth, angle and gap by name; events in words when there are any, and only then."""
     near = Nearest(2.0, 900.0, 0.5)
     crossing = Crossing(depth_m=836.0, angle_deg=0.08, gap_m=0.02, position_m=(3.0, 4.0, -836.0))
@@ -155,8 +155,8 @@ def test_crossings_are_told_in_topics() -> None:
     assert {"lines/crossings", "lines/events"} <= set(due_topics(10, 20_000_000, shot))
     assert "lines/events" not in due_topics(10, 20_000_000, replace(shot, line_events=()))
     encoder = messages.Encoder(0)
-    told = messages.decode("lines/crossings", encoder.encode("lines/crossings", shot))
-    rows = messages.read_cloud(told)
+    reported = messages.decode("lines/crossings", encoder.encode("lines/crossings", shot))
+    rows = messages.read_cloud(reported)
     assert rows[0][["name", "z", "distance_m"]].tolist() == (b"nearest", -900.0, 0.5)
     assert rows[1].tolist() == (b"crossing_1", 3.0, 4.0, -836.0, 0.02, 0.08)
     words = messages.decode("lines/events", encoder.encode("lines/events", shot)).data
@@ -187,11 +187,11 @@ def test_a_recorded_run_of_the_loop_has_its_crossings(tmp_path: Path) -> None:
 def test_a_loop_runs_calm_and_in_a_sea(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Forty seconds each: smooth when calm, tensions swing in the sea, crossings with depths."""
     assert main(["lines", "two_line_loop", "--duration", "40", "--out", str(tmp_path)]) == 0
-    told = capsys.readouterr()
+    reported = capsys.readouterr()
     found = json.loads((tmp_path / "two_lines.json").read_text())
     assert (tmp_path / "two_lines.png").stat().st_size > 10_000
-    assert "main" in told.out
-    assert "the lines cross at" in told.err
+    assert "main" in reported.out
+    assert "the lines cross at" in reported.err
     calm, rough = found["calm"], found["in_sea_state"]
     assert max(noise["jump_pct"] for noise in calm["noise"]) < 0.01
     assert min(noise["events"] for noise in calm["noise"]) > 0

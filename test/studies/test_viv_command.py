@@ -33,17 +33,17 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     """Summary, pictures and tables agree with each other."""
     folder = tmp_path / "viv"
     assert main(["viv", "deep_lift", "--duration", "40", "--out", str(folder), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    reported = json.loads(capsys.readouterr().out)
     assert {path.name for path in folder.iterdir()} == PICTURES | TABLES
     along = pyarrow.parquet.read_table(folder / "along.parquet").to_pydict()
     modes = pyarrow.parquet.read_table(folder / "modes.parquet").to_pydict()
     motion = pyarrow.parquet.read_table(folder / "motion.parquet").to_pydict()
-    assert max(along["rms_diameters"]) == pytest.approx(told["rms_max_diameters"])
-    assert max(along["strain_rms"]) == pytest.approx(told["strain_rms_max"], rel=1e-3)
-    assert max(along["strouhal_hz"]) == pytest.approx(told["strouhal_max_hz"])
-    assert told["modes_known"] == len(modes["mode"])
-    by_rms = [modes["rms_diameters"][row["mode"] - 1] for row in told["modes"]]
-    assert by_rms == [row["rms_diameters"] for row in told["modes"]]
+    assert max(along["rms_diameters"]) == pytest.approx(reported["rms_max_diameters"])
+    assert max(along["strain_rms"]) == pytest.approx(reported["strain_rms_max"], rel=1e-3)
+    assert max(along["strouhal_hz"]) == pytest.approx(reported["strouhal_max_hz"])
+    assert reported["modes_known"] == len(modes["mode"])
+    by_rms = [modes["rms_diameters"][row["mode"] - 1] for row in reported["modes"]]
+    assert by_rms == [row["rms_diameters"] for row in reported["modes"]]
     names = [name for name in motion if name != "time_s"]
     assert np.all(np.array([motion[name] for name in names]).std(axis=1) <= max(
         along["rms_diameters"]) * 1.0001)  # fmt: skip
@@ -51,9 +51,9 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     # those that move, from the lowest up, and no other
     moved = np.array(modes["rms_diameters"])
     assert min(by_rms) > 0.01 * moved.max()
-    assert {row["mode"] - 1 for row in told["modes"]} == set(np.argsort(-moved)[: len(by_rms)])
+    assert {row["mode"] - 1 for row in reported["modes"]} == set(np.argsort(-moved)[: len(by_rms)])
     # a rope in at most 0.5 m/s: the top of the current's Strouhal frequency
-    assert told["strouhal_max_hz"] == pytest.approx(0.17 * 0.5 / 0.032, rel=0.01)
+    assert reported["strouhal_max_hz"] == pytest.approx(0.17 * 0.5 / 0.032, rel=0.01)
 
 
 def test_statistics_of_a_run() -> None:
@@ -111,7 +111,9 @@ def test_bad_options_are_one_sentence(words: list[str], capsys: pytest.CaptureFi
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_the_curves_that_are_told_are_those_of_stress(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_curves_that_are_reported_are_those_of_stress(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """In the help, and where one is named that there is not."""
     names = "spiral_wire, stranded_wire"
     with pytest.raises(SystemExit):

@@ -179,30 +179,32 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert main(words) == 0
     printed = capsys.readouterr()
     assert "lock-in at 1.7 Hz requires elements below" in printed.err
-    told = json.loads(printed.out)
-    assert {Path(path).name for path in told["files"]} == {
+    reported = json.loads(printed.out)
+    assert {Path(path).name for path in reported["files"]} == {
         "time_along.png", "time_motion.png", "time_along.parquet", "time_motion.parquet",
     }  # fmt: skip
-    assert told["model"] == "travelling_waves"
-    assert told["frequency_there_hz"] == pytest.approx(1.7, rel=0.02), "Strouhal's"
-    assert 0.02 < told["rms_max_diameters"] < 0.72
-    assert told["steady_s"] == pytest.approx(12.0, abs=0.1)
+    assert reported["model"] == "travelling_waves"
+    assert reported["frequency_there_hz"] == pytest.approx(1.7, rel=0.02), "Strouhal's"
+    assert 0.02 < reported["rms_max_diameters"] < 0.72
+    assert reported["steady_s"] == pytest.approx(12.0, abs=0.1)
     along = pyarrow.parquet.read_table(tmp_path / "time_along.parquet").to_pydict()
     motion = pyarrow.parquet.read_table(tmp_path / "time_motion.parquet").to_pydict()
-    assert max(along["rms_diameters"]) == pytest.approx(told["rms_max_diameters"])
+    assert max(along["rms_diameters"]) == pytest.approx(reported["rms_max_diameters"])
     some = [np.std(motion[name]) for name in motion if name.startswith("y_over_d")]
-    assert max(some) == pytest.approx(told["rms_max_diameters"], rel=0.05)
+    assert max(some) == pytest.approx(reported["rms_max_diameters"], rel=0.05)
     # a motion that small at 1.7 Hz: 2π·1.7·A against 0.2 m/s, across the flow
     rate = 2.0 * math.pi * 1.7 * 0.02 * max(along["rms_diameters"]) / 0.2
-    assert 1.0 < told["drag_amplification_max"] < math.sqrt(1.0 + rate**2) + 0.01
-    assert told["stress_rms_max_pa"] is told["damage_per_year_max"] is None, "5500 kg/m³: not steel"
+    assert 1.0 < reported["drag_amplification_max"] < math.sqrt(1.0 + rate**2) + 0.01
+    assert reported["stress_rms_max_pa"] is reported["damage_per_year_max"] is None, (
+        "5500 kg/m³: not steel"
+    )
     assert np.isnan(along["damage_per_year"]).all()
     # strain needs no steel: d/2·k²·A of waves with k = 2π·f·√(m/T), m with the water, T at the top
-    assert max(along["strain_rms"]) == pytest.approx(told["strain_rms_max"])
+    assert max(along["strain_rms"]) == pytest.approx(reported["strain_rms_max"])
     moved = 1.728 + 1025.0 * math.pi * 0.01**2
-    square = (2.0 * math.pi * 1.7) ** 2 * moved / told["tension_top_mean_n"]
-    strain = 0.01 * square * 0.02 * told["rms_max_diameters"]
-    assert told["strain_rms_max"] == pytest.approx(strain, rel=0.2)
+    square = (2.0 * math.pi * 1.7) ** 2 * moved / reported["tension_top_mean_n"]
+    strain = 0.01 * square * 0.02 * reported["rms_max_diameters"]
+    assert reported["strain_rms_max"] == pytest.approx(strain, rel=0.2)
 
 
 def test_what_it_tells_does_not_hang_on_where_a_run_ends() -> None:
@@ -223,7 +225,7 @@ def test_what_it_tells_does_not_hang_on_where_a_run_ends() -> None:
 def test_a_scene_beside_the_step_and_its_files(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In line its model has no motion: nothing is told of one.
+    """In line its model has no motion: nothing is reported of one.
 
     `pytest -n 0 -m long test/studies/test_viv_time_domain.py`
     """

@@ -65,27 +65,27 @@ NO_FIGURES = {
 
 def figures(shot: Snapshot) -> dict[str, np.ndarray]:
     """Every number of a snapshot that physics decides, by name; a rigid body's among them."""
-    told = {
+    reported = {
         field.name: getattr(shot, field.name)
         for field in dataclasses.fields(shot)
         if field.name not in NO_FIGURES
     }
-    told["strength"] = [one.highest_n for one in shot.strength]
+    reported["strength"] = [one.highest_n for one in shot.strength]
     for one in shot.touchdowns:
         place = (*one.position_m, one.line_out_m, one.layback_m)
-        told[f"touchdown of {one.name}"] = (*place, one.tension_n, one.angle_deg)
+        reported[f"touchdown of {one.name}"] = (*place, one.tension_n, one.angle_deg)
     for bend in shot.bends:  # not the tightest so far: that is of all looks
         place = (bend.now.line_out_m, *bend.position_m)
-        told[f"bend of {bend.now.name}"] = (1.0 / bend.now.radius_m, *place)
+        reported[f"bend of {bend.now.name}"] = (1.0 / bend.now.radius_m, *place)
     if shot.body is not None:
         of_body = {
             field.name: getattr(shot.body, field.name) for field in dataclasses.fields(shot.body)
         }
-        told |= {f"body.{name}": value for name, value in of_body.items() if value is not None}
+        reported |= {f"body.{name}": value for name, value in of_body.items() if value is not None}
     if shot.compensator is not None:
         of_unit = dataclasses.asdict(shot.compensator)
-        told |= {f"compensator.{name}": value for name, value in of_unit.items()}
-    return {name: np.asarray(value, dtype=float) for name, value in told.items()}
+        reported |= {f"compensator.{name}": value for name, value in of_unit.items()}
+    return {name: np.asarray(value, dtype=float) for name, value in reported.items()}
 
 
 def not_finite(shot: Snapshot) -> list[str]:

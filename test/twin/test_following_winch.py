@@ -68,8 +68,8 @@ def followed(
             t = next_ns * 1e-9
             if not hole_s[0] < t < hole_s[1]:
                 length, speed = motion(t)
-                told = Measurement.of_winch(next_ns, length, speed if with_speed else None)
-                assert twin.offer_measurement(told) == ""
+                reported = Measurement.of_winch(next_ns, length, speed if with_speed else None)
+                assert twin.offer_measurement(reported) == ""
             next_ns += every_ns
         twin.advance(1)
         shots.append(twin.snapshot())
@@ -93,8 +93,8 @@ def test_a_swinging_line_is_followed_as_well_as_its_readings_say(at_rest: Twin) 
     next_ns = 2_000_000_000
     while twin.time_ns < 40_000_000_000:
         while next_ns <= twin.time_ns + 1_300 * MS:
-            told = Measurement.of_winch(next_ns, *swing(next_ns * 1e-9))
-            assert twin.offer_measurement(told) == ""
+            reported = Measurement.of_winch(next_ns, *swing(next_ns * 1e-9))
+            assert twin.offer_measurement(reported) == ""
             next_ns += round(h * 1e9)
         twin.advance(1)
         shots.append(twin.snapshot())
@@ -181,7 +181,7 @@ def test_a_wrong_length_at_the_start_is_led_over_within_the_limits(at_rest: Twin
 
 
 def test_limits_of_the_winch_do_not_clip_in_silence(at_rest: Twin) -> None:
-    """A speed above the winch's limit is followed and told; a length that cannot be is held."""
+    """A speed above the winch's limit is followed and reported; a length that cannot be is held."""
     twin = at_rest.branch()
     fast = followed(twin, 30.0, lambda t: (MEAN_M + 1.7 * t, 1.7))[-1]
     assert fast.line_out_m == pytest.approx(MEAN_M + 51.0, abs=1e-6)
@@ -204,7 +204,7 @@ def test_commands_are_refused_and_the_study_is_not_claimed(at_rest: Twin) -> Non
     assert health.fault == "no line out was measured yet; the line stands"
 
 
-def test_an_input_delay_that_is_too_short_is_told(at_rest: Twin) -> None:
+def test_an_input_delay_that_is_too_short_is_reported(at_rest: Twin) -> None:
     """One reading a second, each 0.2 s before it is needed: in between the line is extrapolated."""
     twin = at_rest.branch()
     shots = followed(twin, 30.0, swing, 1000 * MS)
@@ -233,8 +233,8 @@ def test_readings_that_come_too_late_are_followed_by_extrapolation(at_rest: Twin
         twin.advance(10)
         if k >= 3:
             late_ns = twin.time_ns - 300 * MS
-            told = Measurement.of_winch(late_ns, *slow(late_ns * 1e-9))
-            assert twin.offer_measurement(told) == ""
+            reported = Measurement.of_winch(late_ns, *slow(late_ns * 1e-9))
+            assert twin.offer_measurement(reported) == ""
         shots.append(twin.snapshot())
     errors = np.abs(off(shots[100:], slow))
     low, high = (t**2 / 2.0 + 0.5**2 / 6.0 + 2.0 * 0.5 * t / 3.0 for t in (0.3, 0.4))

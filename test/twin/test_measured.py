@@ -82,12 +82,12 @@ def test_a_biased_cell_that_comes_late_shows_its_bias(at_rest: Twin) -> None:
         twin.offer_heave(twin.time_ns + SLOT_NS, math.sin(omega * t), omega * math.cos(omega * t))
         if k >= delay:
             then = shots[k - delay]
-            told = Measurement.of_winch(
+            reported = Measurement.of_winch(
                 then.stamp_ns, then.line_out_m, then.payout_speed_m_per_s,
                 then.tension_top_n + 1300.0,
             )  # fmt: skip
             depth = Measurement.of_depth(then.stamp_ns, -float(then.payload_position_m[2]) + 3.0)
-            assert twin.offer_measurement(told) == ""
+            assert twin.offer_measurement(reported) == ""
             assert twin.offer_measurement(depth) == ""
         twin.advance(STEPS)
         last = twin.snapshot()
@@ -122,8 +122,8 @@ def test_a_reading_between_two_samples_is_interpolated(scene: Scene) -> None:
         t_ns = k * SAMPLE_NS + 13_000_000
         t = t_ns * 1e-9
         tension = 1e5 + 100.0 * t * t + 500.0
-        told = Measurement.of_winch(t_ns, 200.0 + 0.5 * t, 0.5, tension)
-        assert inputs.offer(told, t_ns) == ""
+        reported = Measurement.of_winch(t_ns, 200.0 + 0.5 * t, 0.5, tension)
+        assert inputs.offer(reported, t_ns) == ""
     found = {one.quantity: one for one in inputs.residuals(shot)}
     assert 0.0 < found[TENSION].rms <= 0.02**2 / 8.0 * 200.0
     assert found[LINE_OUT].rms < 1e-9
@@ -258,8 +258,8 @@ def test_line_out_and_line_speed_are_compared(
     """The speed of a counter that stands or counts the other way is not used to follow."""
     inputs, given = MeasuredInputs(scene), []
     for k in range(200):
-        told = Measurement.of_winch(k * 50_000_000, 200.0 + share * speed * 0.05 * k, speed)
-        assert inputs.offer(told, k * 50_000_000, lambda *one: given.append(one)) == ""
+        reported = Measurement.of_winch(k * 50_000_000, 200.0 + share * speed * 0.05 * k, speed)
+        assert inputs.offer(reported, k * 50_000_000, lambda *one: given.append(one)) == ""
     assert (given[-1][3] is None) == doubted
     assert ("another unit or sign" in inputs.health(10**10)["winch_measured"].warning) == doubted
 
@@ -292,8 +292,10 @@ def test_a_run_repeats_from_its_log_and_from_a_saved_state(at_rest: Twin) -> Non
     twin, repeated = at_rest.branch(), at_rest.branch()
     queue = InputQueue(twin, twin, log.append)
     for k in range(60):
-        told = Measurement.of_winch(twin.time_ns, 200.0 + 0.01 * (k % 3), None, 7.5e4 + 10.0 * k)
-        queue.offer_measurement(told)
+        reported = Measurement.of_winch(
+            twin.time_ns, 200.0 + 0.01 * (k % 3), None, 7.5e4 + 10.0 * k
+        )
+        queue.offer_measurement(reported)
         queue.advance(STEPS)
         last = twin.snapshot()
     calls = {entry.time_ns: calls_of(plain_calls(entry.calls)) for entry in log}
@@ -339,8 +341,8 @@ def test_messages_carry_what_was_measured_and_the_residuals(at_rest: Twin) -> No
     assert math.isnan(tension["twin"])
     assert any(row.name == "simulation: residuals" for row in statuses(shot, None))
     summary = summarise(twin, shot, None)
-    (told, _) = json.loads(summary.as_json())["residuals"]
-    assert (told["residual"], told["twin"]) == (shot.residuals[0].residual, None)
+    (reported, _) = json.loads(summary.as_json())["residuals"]
+    assert (reported["residual"], reported["twin"]) == (shot.residuals[0].residual, None)
     assert "top tension of 'winch': measured 79.50 kN" in summary.as_text()
     assert RunSummary.from_values(summary.row().values) == summary
 

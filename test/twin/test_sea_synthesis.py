@@ -72,7 +72,7 @@ PHASES_OF_25 = [1.0098412911951349, 0.0019605748017733657, 1.360928289470431]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         ({"seed": -1}, "seed: it is -1"),
         ({"duration_s": 5.0}, "duration: it is 5 s"),
@@ -82,6 +82,6 @@ PHASES_OF_25 = [1.0098412911951349, 0.0019605748017733657, 1.360928289470431]
         ({"duration_s": 100.03, "rate_hz": 10.0}, "no whole number of samples"),
     ],
 )
-def test_impossible_record_is_refused(arguments, told):
-    with pytest.raises(InputError, match=told):
+def test_impossible_record_is_refused(arguments, reported):
+    with pytest.raises(InputError, match=reported):
         synthesise(MEASURED, HULL, **({"seed": 1} | arguments))

@@ -93,13 +93,13 @@ def test_the_claim_ends_with_the_seconds_of_the_study(
     write_study(scene, sample_study(scene) | {"seconds": 0.2})
     words = ["run", str(scene.path), "--speed", "0", "--no-record", "--json", "--duration"]
     assert main([*words, "0.2"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["tension_top_error_pct"] > 0.0
-    assert told["tension_top_error_reason"] == "at most, in the study's run of 0.2 s"
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["tension_top_error_pct"] > 0.0
+    assert reported["tension_top_error_reason"] == "at most, in the study's run of 0.2 s"
     assert main([*words, "0.22"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["tension_top_error_pct"] is told["tension_top_peak_error_pct"] is None
-    assert told["tension_top_error_reason"] == "unknown: the study's run ended at 0.2 s"
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["tension_top_error_pct"] is reported["tension_top_peak_error_pct"] is None
+    assert reported["tension_top_error_reason"] == "unknown: the study's run ended at 0.2 s"
     assert main([*(one for one in words if one != "--json"), "0.22"]) == 0
     text = capsys.readouterr().out
     assert "top-tension error unknown: the study's run ended at 0.2 s" in text
@@ -111,9 +111,9 @@ def test_a_shipped_scene_beyond_its_study(capsys: pytest.CaptureFixture[str]) ->
     assert main([*words, "1"]) == 0
     assert json.loads(capsys.readouterr().out)["tension_top_error_pct"] > 0.0
     assert main([*words, "31"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["tension_top_error_pct"] is None
-    assert told["tension_top_error_reason"] == "unknown: the study's run ended at 30 s"
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["tension_top_error_pct"] is None
+    assert reported["tension_top_error_reason"] == "unknown: the study's run ended at 30 s"
 
 
 def test_a_schedule_must_be_heard(tmp_path: Path) -> None:
@@ -223,8 +223,8 @@ def winch_scene(*rows: tuple[float, float | str], repeat_s: float | None = None)
         for at_s, what in rows
     )
     parts = {"schedule": schedule, "schedule_repeats_every_s": repeat_s, "drive": None}
-    told = {name: getattr(base, name) for name in vars(base)}
-    return Winch(**told | parts | {"brake": None, "drum": None})
+    reported = {name: getattr(base, name) for name in vars(base)}
+    return Winch(**reported | parts | {"brake": None, "drum": None})
 
 
 def differs_s(winch: Winch, kept: list[tuple[int, WinchCommand]], seconds: float) -> float | None:

@@ -1,4 +1,4 @@
-"""What is told of a rope besides its tension: fatigue used of its metres, and how it shakes."""
+"""What is reported of a rope besides its tension: fatigue used of its metres, and how it shakes."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def test_below_a_cut_nothing_more_is_used_and_metres_keep_their_names() -> None:
     assert after.fatigue.from_hang_off_m[~below][0] == pytest.approx(after.line_out_m, abs=1.0)
 
 
-def test_what_cannot_be_told_is_refused() -> None:
+def test_what_cannot_be_reported_is_refused() -> None:
     with pytest.raises(InputError, match=r"fatigue: no curve 'wire'; did you mean 'spiral_wire'"):
         MonitorSettings(fatigue="wire")
     words = r"vibration: no model 'time_domain'; did you mean 'time-domain'"
@@ -201,16 +201,16 @@ def test_what_cannot_be_told_is_refused() -> None:
     assert STEEL.twin().snapshot().vibration is None
 
 
-def test_a_section_that_is_no_wire_is_told_of() -> None:
+def test_a_section_that_is_no_wire_is_reported_of() -> None:
     """Links of chain displace more than a bar of their diameter."""
     scene = STEEL.scene()
-    assert watched(scene).told == ""
+    assert watched(scene).notice == ""
     link = replace(scene.ropes[0].rope, diameter_m=0.032 / 1.8)
     sections = (RopeSection(rope=link, length_m=40.0),
                 RopeSection(rope=scene.ropes[0].rope, length_m=60.0))  # fmt: skip
     chained = replace(scene, ropes=(replace(scene.ropes[0], rope=None, sections=sections),))
     words = "stranded_wire is a curve of wire rope, and of rope 'rope' section 1 is chain; "
-    assert watched(chained).told.startswith(f"fatigue: {words}")
+    assert watched(chained).notice.startswith(f"fatigue: {words}")
     riser, cable = (load_scene(name).ropes[0] for name in ("riser_300m", "deep_tow_turn"))
     assert "section 1 is a pipe" in wire_curve_warning(riser, "stranded_wire", 8.6e6)
     assert "section 1 is not all of steel" in wire_curve_warning(cable, "six_strand_tension", 0.0)
@@ -294,7 +294,7 @@ def shaken(
 
 
 @pytest.mark.parametrize("hz", [1.7, 2.5])
-def test_shaking_of_known_amplitude_and_frequency_is_told(hz: float) -> None:
+def test_shaking_of_known_amplitude_and_frequency_is_reported(hz: float) -> None:
     """Also beside a drift, payout and a sway of three diameters, of which 1/600 is left."""
     extra = {"drift_m_per_s": 0.2, "payout_m_per_s": 1.0, "sway_m": 0.1}
     tracker, shape = shaken(40.0, hz, extra)
@@ -315,7 +315,7 @@ def test_shaking_of_known_amplitude_and_frequency_is_told(hz: float) -> None:
     assert tracker.drag_amplification() == pytest.approx(expected, rel=0.01)
 
 
-def test_nothing_is_told_before_the_filter_has_settled() -> None:
+def test_nothing_is_reported_before_the_filter_has_settled() -> None:
     extra = {"drift_m_per_s": 0.0, "payout_m_per_s": 0.0, "sway_m": 0.0}
     assert not shaken(4.0, 2.5, extra)[0].known
     assert shaken(5.0, 2.5, extra)[0].known
@@ -361,9 +361,9 @@ def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> N
     for name in ("cross_flow", "cross_flow_hz", "in_line", "in_line_hz"):
         assert np.array_equal(getattr(shaking, name), getattr(same, name)), name
     assert np.array_equal(used(shot), used(other))
-    rows_told = {row.name: row for row in statuses(shot, None)}
-    assert "cross-flow A/D" in rows_told["simulation: vibration"].message
-    assert "accumulated damage" in rows_told["simulation: fatigue"].message
+    rows_reported = {row.name: row for row in statuses(shot, None)}
+    assert "cross-flow A/D" in rows_reported["simulation: vibration"].message
+    assert "accumulated damage" in rows_reported["simulation: fatigue"].message
 
 
 def test_a_run_records_and_sums_up(tmp_path: Path) -> None:
@@ -375,10 +375,10 @@ def test_a_run_records_and_sums_up(tmp_path: Path) -> None:
     assert summary.fatigue is not None
     assert "fatigue (stranded_wire): " in summary.as_text()
     with BagReader(tmp_path / "bag") as bag:
-        told = [decode("ropes/fatigue", data) for _, data in bag.messages("/ropes/fatigue")]
+        reported = [decode("ropes/fatigue", data) for _, data in bag.messages("/ropes/fatigue")]
         assert "/ropes/vibration" not in {n for n, c in bag.topics.items() if c.messages}
-    assert len(told) == 3
-    table = read_cloud(told[-1])
+    assert len(reported) == 3
+    table = read_cloud(reported[-1])
     assert table["damage"].max() == summary.fatigue["used"] > 0.0
     line_out = table["from_lower_end_m"] + table["from_hang_off_m"]
     assert line_out == pytest.approx(line_out[0])

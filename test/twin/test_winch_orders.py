@@ -1,4 +1,4 @@
-"""What a winch can be told, in a schedule and over time, and what it says to what it cannot do."""
+"""Orders that a winch takes, in a schedule and over time, and its answers to impossible ones."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ def test_what_cannot_be_gets_one_sentence(
     winch = Winch(scene, 100.0)
     sentence = winch.take(None, order, 0)
     assert words in sentence
-    told = [one for one in winch.health(0).values() if one.refusal == sentence]
-    assert len(told) == 1, "diagnostics tell of it, also where there is nothing to switch"
+    reported = [one for one in winch.health(0).values() if one.refusal == sentence]
+    assert len(reported) == 1, "diagnostics tell of it, also where there is nothing to switch"
     assert sentence.startswith("winch command: ")
     assert sum(getattr(health, kind) for health in winch.health(0).values()) == 1
     stepped(winch, 1.0)
@@ -142,7 +142,7 @@ def test_a_brake_takes_its_delay() -> None:
     assert winch.line.speed_m_per_s == 0.0
 
 
-def test_a_depth_out_of_the_line_s_reach_is_told() -> None:
+def test_a_depth_out_of_the_line_s_reach_is_reported() -> None:
     winch = Winch(PLAIN, 100.0)
     assert winch.take(None, WinchCommand("depth", 400.0), 0) == ""
     stepped(winch, 1.0)
@@ -171,7 +171,7 @@ def test_a_depth_that_no_rope_of_the_winch_reaches_is_refused(name: str, winch_n
     )
 
 
-def test_a_tension_beyond_the_winch_s_speed_is_told() -> None:
+def test_a_tension_beyond_the_winch_s_speed_is_reported() -> None:
     winch = Winch(EQUIPPED, 100.0)
     assert winch.take(None, WinchCommand("tension", 10e3), 0) == ""
     stepped(winch, 1.0)
@@ -187,9 +187,9 @@ def test_a_schedule_tells_more_than_speeds() -> None:
         ScheduleRow(at_s=0.5, speed_m_per_s=-0.5),
     )
     winch = WinchScene(**{**vars(EQUIPPED), "schedule": rows})
-    told = schedule_samples(winch, 0, round(0.55 * S))
+    reported = schedule_samples(winch, 0, round(0.55 * S))
     length, tension = WinchCommand("length", 120.0), WinchCommand("tension", 5e4)
-    assert told == [
+    assert reported == [
         CommandSample(0, length),
         CommandSample(S // 10, length),
         CommandSample(S // 5, length),

@@ -1,4 +1,4 @@
-"""How a line follows what it is told: within its limits, and never past where it is to stop."""
+"""How a line follows what it is reported: within its limits, and never past where it is to stop."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def test_from_rest_a_length_is_reached_and_never_passed(
              max_size=8),
     st.floats(0.1, 2.0), st.floats(0.1, 2.0), JERKS, STEPS,
 )  # fmt: skip
-def test_no_limit_is_ever_broken_whatever_is_told(
-    told: list[tuple[str, float]],
+def test_no_limit_is_ever_broken_whatever_is_reported(
+    reported: list[tuple[str, float]],
     speed: float,
     acceleration: float,
     jerk: float | None,
@@ -75,7 +75,7 @@ def test_no_limit_is_ever_broken_whatever_is_told(
 ) -> None:
     winch = winch_of(speed, acceleration, jerk, 50.0)
     lines = [winch.line]
-    for number, (kind, value) in enumerate(told):
+    for number, (kind, value) in enumerate(reported):
         middle, half = 0.5 * (LEAST_M + MOST_M), 0.5 * (MOST_M - LEAST_M)
         value = middle + half * value if kind == "length" else 2.0 * speed * value
         assert winch.take(None, WinchCommand(kind, value), 0) == ""

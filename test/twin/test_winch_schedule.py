@@ -30,28 +30,28 @@ def winch(rows: list[tuple[float, float]], repeat_s: float | None = None) -> Win
     )
 
 
-def told(stamp_ns: int, speed_m_per_s: float) -> CommandSample:
-    """A speed that the winch is told."""
+def reported(stamp_ns: int, speed_m_per_s: float) -> CommandSample:
+    """A speed that the winch is reported."""
     return CommandSample(stamp_ns, WinchCommand(SPEED, speed_m_per_s))
 
 
 def test_commands_stand_on_the_grid_and_at_each_change() -> None:
     samples = schedule_samples(winch([(0.0, 0.5), (0.25, -0.2)]), 0, round(0.45 * S))
     assert samples == [
-        told(0, 0.5),
-        told(S // 10, 0.5),
-        told(2 * S // 10, 0.5),
-        told(S // 4, -0.2),
-        told(3 * S // 10, -0.2),
-        told(4 * S // 10, -0.2),
+        reported(0, 0.5),
+        reported(S // 10, 0.5),
+        reported(2 * S // 10, 0.5),
+        reported(S // 4, -0.2),
+        reported(3 * S // 10, -0.2),
+        reported(4 * S // 10, -0.2),
     ]
 
 
 def test_before_the_first_row_the_winch_stands() -> None:
     samples = schedule_samples(winch([(1.0, 0.5)]), -S, S + 1)
-    assert samples[0] == told(0, 0.0)
+    assert samples[0] == reported(0, 0.0)
     assert [s.command.value for s in samples[:-1]] == [0.0] * 10
-    assert samples[-1] == told(S, 0.5)
+    assert samples[-1] == reported(S, 0.5)
 
 
 def test_a_repeating_schedule_begins_again() -> None:

@@ -93,7 +93,7 @@ def test_a_case_that_does_not_hold_is_an_error(
         assert row["figure"] in (2.0, None)
 
 
-def test_a_wrong_id_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_id_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     """In one sentence with the nearest one."""
     assert main(["--hard-cases", "emergency_stp"]) == 1
     assert "did you mean 'emergency_stop'?" in capsys.readouterr().err

@@ -30,8 +30,8 @@ def test_case_in_short(case: Case) -> None:
     """Every judged figure of the daily form is met, unless the page tells that it is not."""
     found = (case.short or case.run)()
     assert any(finding.judged for finding in found.findings)
-    (told,) = (result for result in read_results(DOCS) if result["id"] == case.id)
-    known = {row["quantity"] for row in told["rows"] if row["met"] is False}
+    (reported,) = (result for result in read_results(DOCS) if result["id"] == case.id)
+    known = {row["quantity"] for row in reported["rows"] if row["met"] is False}
     assert not [words for words in missed(found) if words.split(" is ")[0] not in known]
 
 
@@ -45,10 +45,10 @@ def test_case_whole(case: Case) -> None:
 
     A case that the page tells as not met may not be met.
     """
-    told = {result["id"]: result for result in read_results(DOCS)}
+    reported = {result["id"]: result for result in read_results(DOCS)}
     row = run_case(case)
     assert not row.refusal
-    assert row.ok == told[case.id]["met"], missed(row.found)
+    assert row.ok == reported[case.id]["met"], missed(row.found)
 
 
 def test_the_page_tells_of_every_case() -> None:
@@ -99,14 +99,14 @@ def test_an_unknown_case_is_refused() -> None:
 def test_the_command_tells_ours_beside_theirs(capsys: pytest.CaptureFixture[str]) -> None:
     """S2 as JSON: every row has both numbers, as in its case."""
     assert main(["S2", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    (result,) = told["cases"]
+    reported = json.loads(capsys.readouterr().out)
+    (result,) = reported["cases"]
     assert result["id"] == "S2"
     assert result["met"]
-    assert len(told["rows"]) == len(result["rows"])
-    assert all(row["ours"] is not None and row["published"] for row in told["rows"])
-    assert {row["id"] for row in told["rows"]} == {"S2"}
-    assert all(row["pass"] is not False and row["source"] for row in told["rows"])
+    assert len(reported["rows"]) == len(result["rows"])
+    assert all(row["ours"] is not None and row["published"] for row in reported["rows"])
+    assert {row["id"] for row in reported["rows"]} == {"S2"}
+    assert all(row["pass"] is not False and row["source"] for row in reported["rows"])
 
 
 @pytest.mark.parametrize(

@@ -87,13 +87,13 @@ def test_the_mcap_file_alone_will_do(bag: Path) -> None:
     assert play(file, Watcher()).shown == ALL
 
 
-def test_it_ends_where_it_is_told_to(bag: Path) -> None:
+def test_it_ends_where_it_is_reported_to(bag: Path) -> None:
     watcher = Watcher()
     assert play(bag, watcher, until_s=5.0).duration_s == pytest.approx(5.0)
     assert watcher.counts["ropes/nodes"] == 51
 
 
-def test_a_time_after_the_end_is_told(bag: Path) -> None:
+def test_a_time_after_the_end_is_reported(bag: Path) -> None:
     with pytest.raises(InputError, match=r"60 s is after its end; it lasts 19\.9 s"):
         play(bag, Watcher(), until_s=60.0)
 
@@ -141,7 +141,7 @@ def test_a_namespace_in_front_is_passed_over(tmp_path: Path) -> None:
     assert watcher.counts == {"ship/heave": 1}
 
 
-def test_messages_that_do_not_decode_are_counted_and_told(tmp_path: Path) -> None:
+def test_messages_that_do_not_decode_are_counted_and_reported(tmp_path: Path) -> None:
     good = messages.encode_heave(EPOCH_NS, 1.0, 0.0)
     file = write_mcap(tmp_path / "a.mcap", "/ship/heave", [good, b"\0\1\0\0x", good, b"\0\1\0\0x"])
     watcher = Watcher()
@@ -152,13 +152,13 @@ def test_messages_that_do_not_decode_are_counted_and_told(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("datas", [[], [b"\0\1\0\0"]])
-def test_a_bag_with_nothing_to_show_is_told(tmp_path: Path, datas: list[bytes]) -> None:
+def test_a_bag_with_nothing_to_show_is_reported(tmp_path: Path, datas: list[bytes]) -> None:
     file = write_mcap(tmp_path / "a.mcap", "/camera/image", datas)
     with pytest.raises(BagError, match="no topic to show"):
         play(file, Watcher())
 
 
-def test_what_is_no_bag_is_told(tmp_path: Path) -> None:
+def test_what_is_no_bag_is_reported(tmp_path: Path) -> None:
     with pytest.raises(BagError, match="no such file or name in bags/"):
         play(tmp_path / "nowhere", Watcher())
     (tmp_path / "notes.txt").write_text("no bag")

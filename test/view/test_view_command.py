@@ -93,7 +93,7 @@ def test_random_bytes_are_no_bag(tmp_path: Path, name: str) -> None:
     assert time.monotonic() - began < 5.0
 
 
-def test_a_cut_bag_is_shown_and_its_loss_told(
+def test_a_cut_bag_is_shown_and_its_loss_reported(
     bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (file,) = bag.glob("*.mcap")
@@ -103,7 +103,7 @@ def test_a_cut_bag_is_shown_and_its_loss_told(
     assert file.name in capsys.readouterr().err
 
 
-def test_no_screen_is_told(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_screen_is_reported(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(InputError, match=r"no display; use --out FILE\.rrd or --out"):
@@ -131,7 +131,7 @@ def test_nothing_is_written_for_a_bag_that_is_not_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("at", ["0", "-3"])
-def test_a_time_before_the_start_is_told(bag: Path, tmp_path: Path, at: str) -> None:
+def test_a_time_before_the_start_is_reported(bag: Path, tmp_path: Path, at: str) -> None:
     with pytest.raises(InputError, match=r"--at: .* is not a time in the bag"):
         command(str(bag), "--out", str(tmp_path / "a.rrd"), f"--at={at}")
 

@@ -128,7 +128,7 @@ def test_the_depth_scale_begins_at_a_crane_above_the_water(
     assert depths_over(highest_m, deepest_m).tolist() == depths
 
 
-def test_heights_are_told_with_a_plus() -> None:
+def test_heights_are_reported_with_a_plus() -> None:
     assert [depth_words(depth) for depth in (-20.0, 0.0, 20.0)] == ["+20", "0", "20"]
     assert depth_in_words(2.44) == "2.4 m depth"
     assert depth_in_words(-7.0) == "7.0 m above the water"

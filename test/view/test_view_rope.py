@@ -32,7 +32,7 @@ from rope_twin.view.sinks import FileSink
 
 @pytest.fixture(autouse=True)
 def strict_rerun() -> Iterator[None]:
-    """rerun swallows errors unless told otherwise."""
+    """rerun swallows errors unless reported otherwise."""
     rr.set_strict_mode(True)
     yield
     rr.set_strict_mode(False)
@@ -363,7 +363,7 @@ def test_the_range_outlives_a_change_of_nodes(session: Session) -> None:
     assert widths[1] > 50.0  # 40 of 400 to 500 kN on 1250 chart units
 
 
-def test_diagnostics_are_told_when_they_change(session: Session) -> None:
+def test_diagnostics_are_reported_when_they_change(session: Session) -> None:
     session.epoch()
     for second, words in enumerate(("fine", "fine", "late", "late", "fine")):
         level = Level.WARN if words == "late" else Level.OK

@@ -72,9 +72,9 @@ STAGE = 114
 # Cached linearisation last given to the rope's equations: force on the hook, and minus its
 # derivative, as xx, xy, xz, yy, yz, zz. Motion of the hook of the last solution; allowed difference
 # between predicted and actual force [N].
-TOLD_PULL, TOLD_SLOPE, TOLD_ELSE, SOLVED_PLACE, SOLVED_SPEED = _places(0, 15)
+TANGENT_PULL, TANGENT_SLOPE, TANGENT_ELSE, SOLVED_PLACE, SOLVED_SPEED = _places(0, 15)
 ALLOWED = 15
-TOLD = 16
+TANGENT = 16
 
 # Columns of the matrix: A; derivatives to the hook's acceleration, without q; residual.
 HELD, MISS, COLUMNS = 6, 9, 10
@@ -147,7 +147,7 @@ class RigidBody(NamedTuple):
     hold: Floats  # scratch: derivatives of the slings' force to the unknowns and to the
     # acceleration of the hook, (3, 9)
     changes: Floats  # scratch, (6, CHANGES)
-    told: Floats  # scratch, (TOLD,)
+    tangent: Floats  # scratch, (TANGENT,)
     W: float  # weight in water, including the hook [N]
     hook: float  # mass of the hook [kg]
     hook_weight: float  # weight of the hook in water [N]

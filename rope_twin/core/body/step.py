@@ -158,8 +158,8 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     if low > 0 or body.here == 0.0:
         return
     s, work, q = body.stage, rope.work, stage.q
-    body.told[at.ALLOWED] = rope.model.tolerance
-    body.told[at.SOLVED_PLACE] = nan  # not solved for any motion of the hook yet
+    body.tangent[at.ALLOWED] = rope.model.tolerance
+    body.tangent[at.SOLVED_PLACE] = nan  # not solved for any motion of the hook yet
     if s[at.FRESH] > 0.0:
         hook = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
         _foresee(body, rope, stage, (hook, matrix_of((0.0, 0.0, 0.0, 1.0)), NONE, NONE))
@@ -187,8 +187,8 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
 def _solve(body: Any, q: float, hook: Any) -> bool:
     """Solve the equations of motion for this motion of the hook, and store it; return success."""
     found = solve(body, q, hook)
-    put(body.told, at.SOLVED_PLACE, hook[0] if found else (nan, nan, nan))
-    put(body.told, at.SOLVED_SPEED, hook[1])
+    put(body.tangent, at.SOLVED_PLACE, hook[0] if found else (nan, nan, nan))
+    put(body.tangent, at.SOLVED_SPEED, hook[1])
     return bool(found)
 
 
@@ -196,7 +196,7 @@ def _solve(body: Any, q: float, hook: Any) -> bool:
 def _is_solved(body: Any, q: float, hook: Any) -> bool:
     """Solve for this motion of the hook, if it has changed; return success."""
     x, v = hook
-    x0, v0 = vector(body.told, at.SOLVED_PLACE), vector(body.told, at.SOLVED_SPEED)
+    x0, v0 = vector(body.tangent, at.SOLVED_PLACE), vector(body.tangent, at.SOLVED_SPEED)
     there = x[0] == x0[0] and x[1] == x0[1] and x[2] == x0[2]
     if there and v[0] == v0[0] and v[1] == v0[1] and v[2] == v0[2]:
         return True
@@ -225,9 +225,9 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     solved = _solve(body, stage.q, hook)
     f = vector(s, at.ON_HOOK) if solved else (inf, inf, inf)
     Z = left_on_hook(body, stage.q)
-    put(body.told, at.TOLD_PULL, f)
-    put(body.told, at.TOLD_SLOPE, (Z[0], Z[1], Z[2]))
-    put(body.told, at.TOLD_ELSE, (Z[3], Z[4], Z[5]))
+    put(body.tangent, at.TANGENT_PULL, f)
+    put(body.tangent, at.TANGENT_SLOPE, (Z[0], Z[1], Z[2]))
+    put(body.tangent, at.TANGENT_ELSE, (Z[3], Z[4], Z[5]))
     m = body.hook
     Rx[0] += f[0] - m * ax[0]
     Ry[0] += f[1] - m * ay[0]
@@ -251,16 +251,16 @@ def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     x, y, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
     dx, dy, dz = rows(work, CORRECTION, 0)
-    told, p, q = body.told, share * stage.p, share * stage.q
+    tangent, p, q = body.tangent, share * stage.p, share * stage.q
     d = dx[0], dy[0], dz[0]
     place, speed = (x[0], y[0], z[0]), (vx[0], vy[0], vz[0])
     if not _is_solved(body, stage.q, (along(place, p, d), along(speed, q, d))):
         return False
-    (xx, xy, xz), (yy, yz, zz) = vector(told, at.TOLD_SLOPE), vector(told, at.TOLD_ELSE)
+    (xx, xy, xz), (yy, yz, zz) = vector(tangent, at.TANGENT_SLOPE), vector(tangent, at.TANGENT_ELSE)
     change = outward(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), d)
-    miss = along(vector(body.stage, at.ON_HOOK), -1.0, vector(told, at.TOLD_PULL))
+    miss = along(vector(body.stage, at.ON_HOOK), -1.0, vector(tangent, at.TANGENT_PULL))
     miss = along(miss, share, change)
-    return bool(dot(miss, miss) <= told[at.ALLOWED] * told[at.ALLOWED])
+    return bool(dot(miss, miss) <= tangent[at.ALLOWED] * tangent[at.ALLOWED])
 
 
 def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
@@ -411,11 +411,11 @@ def _matrix(Q: Floats) -> Floats:
     return np.asarray(np.eye(3) + 2.0 * Q[3] * skew + 2.0 * skew @ skew)
 
 
-def _where_here(told: Any) -> Any:
+def _where_here(part: Any) -> Any:
     """Return an account that is zero where the rope does not carry the body."""
 
     def account_of(body: Any, place: Any) -> Any:
-        return told(body, place) if body.here else np.zeros(place.velocity.shape[1])
+        return part(body, place) if body.here else np.zeros(place.velocity.shape[1])
 
     return account_of
 
@@ -426,8 +426,8 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
     kind = type(name, (RigidBody,), {"__slots__": (), "__module__": __name__})
     for own in (start, predict, load_end, calm, settle):
         kernel(own.__name__, kind)(own)
-    for told in (kinetic, potential, power):
-        account(f"{told.__name__}_end", kind)(_where_here(told))
+    for part in (kinetic, potential, power):
+        account(f"{part.__name__}_end", kind)(_where_here(part))
     remembering(kind, 1)
     switching(kind)
     globals()[name] = kind

@@ -365,7 +365,7 @@ class _Typing:
 
     A question comes back whenever another of the kernel's types is known. The answer may depend on
     the options that the kernel is compiled with; where the callee is compiled for it, its function
-    is told to numba again, who keeps but the last one.
+    is given to numba again, who keeps but the last one.
     """
 
     def __init__(self, context: Any, options: str) -> None:
@@ -448,14 +448,14 @@ def _in_one_go() -> Iterator[None]:
     """
     collects, calls, target = gc.isenabled(), llvm.ffi.lib._lock, cpu_target.target_context
     target.refresh()
-    told, calls._cblist = calls._cblist, []
+    callbacks, calls._cblist = calls._cblist, []
     gc.disable()
     target.load_additional_registries = _take_in_news
     try:
         yield
     finally:
         target.__dict__.pop("load_additional_registries", None)
-        calls._cblist = told
+        calls._cblist = callbacks
         if collects:
             gc.enable()
 

@@ -3,7 +3,7 @@
 **Rows** of a matrix, for loops over nodes or elements. `rows(work, POSITION, low)` gives the x, y
 and z rows from column `low` on, `row(work, MASS, low)` one of them, `span` several,
 `node_rows(nodes, POSITION, low)` rows of the state. The row's number is part of its compiled type:
-a row never overlaps another, and LLVM is told so (scoped no-alias metadata). Without that it
+a row never overlaps another, and LLVM knows it (scoped no-alias metadata). Without that it
 compares every row that a loop writes with every one that it touches before it dares to vectorise,
 at each entry of the loop: for the loads of the effects some three hundred comparisons, more work
 than the 64 nodes of a chunk.

@@ -299,12 +299,12 @@ class HangOffTrack(HeaveTrack):
         turn = turn_between(self._orientation, pose.orientation)
         self._orientation = pose.orientation
         self._turned = _sum(self._turned, turn)
-        told = sea_velocity(pose)
-        moving = self._rates.rates(pose.stamp_ns, pose.position_m, told)
+        given = sea_velocity(pose)
+        moving = self._rates.rates(pose.stamp_ns, pose.position_m, given)
         turning = self._turns.rates(pose.stamp_ns, self._turned, pose.rate_rad_per_s)
         if moving is None or turning is None:
             return None
-        if moving is told and turning is pose.rate_rad_per_s:
+        if moving is given and turning is pose.rate_rad_per_s:
             return pose
         return with_rates(pose, _vector(moving), _vector(turning))
 

@@ -183,11 +183,11 @@ class Winch:
 
     def health(self, now_ns: int) -> dict[str, InputHealth]:
         """Return the health of the inputs by name; of switches if the winch has any."""
-        told = {self.counter.name: self.counter.health(now_ns, self.stale(now_ns))}
+        by_name = {self.counter.name: self.counter.health(now_ns, self.stale(now_ns))}
         own = self._switches.counter
         if self._has_switches or own.refused:
-            told[own.name] = own.health(now_ns, False)
-        return told
+            by_name[own.name] = own.health(now_ns, False)
+        return by_name
 
     def stale(self, now_ns: int) -> bool:
         """Return whether it runs on a speed command that has not been repeated for STALE_NS.
