@@ -90,7 +90,7 @@ def _response_to_ramp(impedance: Complexes) -> tuple[Floats, Floats]:
 
 
 class ErrorMemory:
-    """What is known of the errors of passages, with their correlation with θ."""
+    """Errors of passages as far as they are known, with their correlation with θ."""
 
     def __init__(self) -> None:
         self.keys: list[Hashable] = []

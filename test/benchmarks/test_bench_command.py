@@ -104,7 +104,7 @@ def test_speed_and_error_belong_together(measured: speed.Speed) -> None:
     assert set(measured.exponents) == {"0.01", "0.02"}
 
 
-def test_progress_is_reported_of_every_case(measured: speed.Speed) -> None:
+def test_progress_is_reported_every_case(measured: speed.Speed) -> None:
     reported = SAID[: len(measured.references) + len(measured.rows) + len(measured.snaps) + 1]
     assert [done for done, _, _ in reported] == list(range(len(reported)))
     assert "smooth_2km, 200 nodes at 20 ms" in [what for _, _, what in reported]

@@ -108,7 +108,7 @@ def test_decks_say_the_figures() -> None:
 @pytest.mark.parametrize("name", ["riser_300m", "wave_zone"])
 def test_what_a_deck_cannot_say_is_refused(name: str) -> None:
     with pytest.raises(
-        InputError, match=rf"scene {name}: its .* be reported in a deck; take one of"
+        InputError, match=rf"scene {name}: its .* be written in a deck; take one of"
     ):
         figures(load_scene(name))
 

@@ -48,7 +48,7 @@ from rope_twin.scene.load import load_scene
         ("run --budget 1% --within 1%", "rope_twin run: --within: not allowed with argument"),
     ],
 )
-def test_a_wrong_command_line_is_reported_of_in_one_line(
+def test_a_wrong_command_line_is_reported_in_one_line(
     words: str, reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:

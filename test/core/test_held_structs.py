@@ -31,7 +31,7 @@ class Outer(NamedTuple):
 
 @jit
 def _sum_up(held: Any) -> Any:
-    """Of every field, distinguished by powers of ten; an array's content changes."""
+    """A change of each field shows, by powers of ten; an array's content changes."""
     inner, boundary = held.inner, held.boundary
     inner.rows[0, 0] += 1.0
     total = inner.rows[0, 0] + 10.0 * inner.rows[1, 2] + 100.0 * inner.number

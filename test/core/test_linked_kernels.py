@@ -51,7 +51,7 @@ def test_what_a_call_that_is_dropped_shares_with_others_is_there() -> None:
     assert numba.njit(**OPTIONS)(_entry)(5.0) == 12.0
 
 
-def test_types_that_are_remembered_are_reported_apart() -> None:
+def test_types_that_are_remembered_are_distinguished() -> None:
     """The same operators of other types, in kernels of other options."""
     assert numba.njit(**OPTIONS)(_both)(1.5, 2) == 4.0 + 4.0 + 5.0 + 4.0
 

@@ -1,4 +1,4 @@
-"""What operators are reported."""
+"""Diagnostics: texts and levels that operators read."""
 
 from __future__ import annotations
 
@@ -261,7 +261,7 @@ def test_the_compensator_warns_at_its_stops() -> None:
     assert not [r for r in statuses(replace(shot, compensator=None), GOOD) if "compens" in r.name]
 
 
-def test_the_seabed_is_reported_of() -> None:
+def test_the_seabed_is_reported() -> None:
     """Landed and lying; and hanging above it."""
     row = next(r for r in statuses(hanging_rope(), GOOD) if "seabed" in r.name)
     assert all(words in row.message for words in ("landed", "95.0 kN", "12.0 m of rope"))

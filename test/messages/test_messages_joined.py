@@ -1,4 +1,4 @@
-"""The topics of ropes that meet, and what RViz and Foxglove are reported of them."""
+"""The topics of ropes that meet, and what RViz and Foxglove draw of them."""
 
 from __future__ import annotations
 

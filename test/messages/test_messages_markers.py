@@ -1,4 +1,4 @@
-"""What RViz and Foxglove are reported to draw."""
+"""Markers that RViz and Foxglove draw."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def period_of(series: Vector, step: float) -> float:
 
 
 def swing(hung: Adrift, seconds: float, reported: Any) -> Vector:
-    """What is reported of the pose after each step."""
+    """The pose after each step, as the twin reports it."""
     seen = []
     for _ in range(round(seconds / hung.twin.step_s)):
         hung.twin.advance(1)

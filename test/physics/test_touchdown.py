@@ -120,7 +120,7 @@ def hung(nodes: Vector, arc: Vector) -> RopeShape:
     return RopeShape("leg", scene.ropes[0], None, nodes, arc, tension)  # type: ignore[arg-type]
 
 
-def test_what_is_reported_of_it() -> None:
+def test_what_is_reported_it() -> None:
     arc = np.arange(0.0, 231.0, 3.0)
     nodes, _ = catenary(arc)
     reported = touchdown_of(hung(nodes, arc), LEVEL)

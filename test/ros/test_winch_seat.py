@@ -73,7 +73,7 @@ class Operators:
 
     @property
     def target(self) -> tuple[str, float]:
-        """What the winch was reported."""
+        """Commands that the winch got."""
         (winch,) = self.simulation.paced.last.winches
         return winch.mode, winch.target
 

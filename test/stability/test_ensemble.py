@@ -55,7 +55,7 @@ def lively(scene: Scene) -> list[Variation]:
     ]
 
 
-def test_splits_merges_slack_and_rest_are_reported_apart(tmp_path: Path) -> None:
+def test_splits_merges_slack_and_rest_are_distinguished(tmp_path: Path) -> None:
     scene = small_scene(tmp_path)
     own = lively(scene)
     ensemble = Ensemble(scene, own)

@@ -278,7 +278,7 @@ def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
     assert (kind_of(rope) is None) == bool(reason)
 
 
-def test_members_of_two_sizes_are_reported_apart(tmp_path: Path) -> None:
+def test_members_of_two_sizes_are_distinguished(tmp_path: Path) -> None:
     """One group is full; too few of either kind are left for another one."""
     few = lanes_module.MIN_GROUP - 1
     small = (Change("ropes[0].elements", 10),)

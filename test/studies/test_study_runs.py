@@ -61,7 +61,7 @@ def rows_of(folder: Path) -> list[Row]:
     return [{key: value for key, value in row.items() if key != "took_s"} for row in rows]
 
 
-def test_a_curve_of_wire_for_chain_is_reported_of_before_anything_runs(
+def test_a_curve_of_wire_for_chain_is_reported_before_anything_runs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = written(tmp_path, "about: a\nscene: chain_on_bottom\nseconds: 1.0\nvary:\n"

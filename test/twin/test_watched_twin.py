@@ -201,7 +201,7 @@ def test_what_cannot_be_reported_is_refused() -> None:
     assert STEEL.twin().snapshot().vibration is None
 
 
-def test_a_section_that_is_no_wire_is_reported_of() -> None:
+def test_a_section_that_is_no_wire_is_reported() -> None:
     """Links of chain displace more than a bar of their diameter."""
     scene = STEEL.scene()
     assert watched(scene).notice == ""
