@@ -28,13 +28,12 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.errors import did_you_mean
 from rope_twin.scene.grid import FEWEST_ELEMENTS
-from rope_twin.scene.rigging import winch_of
+from rope_twin.scene.rigging import NetPart, winch_of
 from rope_twin.scene.schema import (
     WINCH,
     Fault,
     FlexibleNet,
     Joint,
-    NetPart,
     Rope,
     RopeLine,
     Scene,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.compensator import CompensatorParams
@@ -12,7 +13,20 @@ from rope_twin.effects.payload import PayloadParams, SplashZoneParams
 from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
-from rope_twin.scene.schema import WINCH, Fault, NetPart, RopeLine, Rule, Scene, Triple, Winch
+from rope_twin.quantity import text
+from rope_twin.scene.schema import WINCH, Fault, RopeLine, Rule, Scene, Triple, Winch
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class NetPart(RopeLine):
+    """A border of a net's panels, or the part of a rope beside or below the net.
+
+    What is plausible for a rope of the scene need not be for it.
+    """
+
+    _later = frozenset(("end_motion", "panels"))
+
+    panels: NetCurtainParams | None = text("panels beside it; default: of the effect", None)
 
 
 def is_joined(scene: Scene) -> bool:

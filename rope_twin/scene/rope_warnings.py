@@ -24,9 +24,9 @@ from rope_twin.scene.lift import (
     listed_effects,
     schedule_meets_limit,
 )
-from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rigging import NetPart, is_joined
 from rope_twin.scene.rope_data import SAFETY_FACTOR
-from rope_twin.scene.schema import NetPart, Rope, Scene
+from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes import Box
 from rope_twin.scene.vortex import (
     check_vortex_inputs,

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from rope_twin.effects.bending import BendingParams
-from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.payload_faces import FairingFace, NetPanels
 from rope_twin.quantity import SparingRepr, quantity, text
@@ -364,18 +363,6 @@ class RopeLine(SparingRepr):
             lengths.append(left if last else min(section.length_m or 0.0, left))
             left -= lengths[-1]
         return lengths
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class NetPart(RopeLine):
-    """A border of a net's panels, or the part of a rope beside or below the net.
-
-    What is plausible for a rope of the scene need not be for it.
-    """
-
-    _later = frozenset(("end_motion", "panels"))
-
-    panels: NetCurtainParams | None = text("panels beside it; default: of the effect", None)
 
 
 @dataclass(frozen=True, kw_only=True)
