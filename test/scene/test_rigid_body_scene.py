@@ -1,4 +1,4 @@
-"""What a scene may say of a rigid payload, and what is reported of one."""
+"""Scenes with a rigid payload: keys, faults and figures."""
 
 from __future__ import annotations
 

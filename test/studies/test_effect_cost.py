@@ -1,4 +1,4 @@
-"""What an effect costs and changes: a payload's weight, what lacks data, and how it is reported."""
+"""Costs and changes of effects: a payload's weight, missing data, and the report."""
 
 from __future__ import annotations
 

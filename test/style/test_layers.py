@@ -260,7 +260,7 @@ def is_silent(handler: ast.ExceptHandler) -> bool:
 
 
 def test_no_exception_is_swallowed() -> None:
-    """What went wrong is reported to someone."""
+    """Every error is reported to someone."""
     assert not [
         f"{relative(path)}:{node.lineno}"
         for path in (*SOURCES, *LABORATORY)

@@ -1,4 +1,4 @@
-"""What is reported of a rope besides its tension: fatigue used of its metres, and how it shakes."""
+"""Monitors beside the tension: fatigue used of each metre of rope, and vibration."""
 
 from __future__ import annotations
 
