@@ -120,8 +120,8 @@ setup(
         "console_scripts": [
             "rope_twin = rope_twin.cli:main",
             "simulation_node = rope_twin.ros.simulation_node:main",
-            "sea_state_node = rope_twin.ros.input_nodes:run_sea_state",
-            "winch_schedule_node = rope_twin.ros.input_nodes:run_winch_schedule",
+            "sea_state_node = rope_twin.ros.sea_state_node:main",
+            "winch_schedule_node = rope_twin.ros.winch_schedule_node:main",
             "feed_node = rope_twin.ros.feed_node:main",
             "recorder_node = rope_twin.ros.recorder_node:main",
             "viewer_node = rope_twin.ros.viewer_node:main",

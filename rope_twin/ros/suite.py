@@ -14,12 +14,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rope_twin.errors import InputError
 from rope_twin.ros.entry import InstanceLock, initialise, lock_instance
 from rope_twin.ros.executor import make_executor
-from rope_twin.ros.input_nodes import SeaStateNode, WinchScheduleNode
 from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.params import END_ORDER, node_parameters, overrides
 from rope_twin.ros.recorder_node import RecorderNode
+from rope_twin.ros.sea_state_node import SeaStateNode
 from rope_twin.ros.simulation_node import SimulationNode
 from rope_twin.ros.startup import Precompilation
+from rope_twin.ros.winch_schedule_node import WinchScheduleNode
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress, StopSignal
 from rope_twin.run.summary import RunSummary

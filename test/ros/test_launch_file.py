@@ -150,9 +150,8 @@ def test_the_parameter_file_is_understood_by_ros(processes: Any, tmp_path: Path)
     changed = tmp_path / "mine.yaml"
     text = SUITE.read_text(encoding="utf-8").replace("scene: deep_lift", "scene: deep_lfit")
     changed.write_text(text, encoding="utf-8")
-    run = "import sys; from rope_twin.ros.input_nodes import run_winch_schedule as run"
     process = processes.start(
-        ["-c", f"{run}; sys.exit(run())", "--ros-args", "--params-file", str(changed)]
+        ["-m", "rope_twin.ros.winch_schedule_node", "--ros-args", "--params-file", str(changed)]
     )
     assert process.wait() == 1
     assert "deep_lfit" in process.text

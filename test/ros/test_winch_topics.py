@@ -68,7 +68,7 @@ def _refused(node: Any, name: str) -> int:
 
 
 def test_a_schedule_publishes_where_its_rows_need_it() -> None:
-    from rope_twin.ros.input_nodes import topics_of
+    from rope_twin.ros.winch_schedule_node import topics_of
 
     def topics(scene: str) -> tuple[str, ...]:
         winch = load_scene(scene).winch

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rope_twin.ros.input_nodes import PIECE_NS, InputClock
+from rope_twin.ros.input_streamer import PIECE_NS, InputClock
 
 S = 1_000_000_000
 MS = 1_000_000
