@@ -108,9 +108,39 @@ def test_energy_never_appears_from_nothing(
 ) -> None:
     """Thrown into any shape at any speed, ship and water at rest: from look to look energy falls.
 
-    With the drag of water and elements of 5 m; docs/stability.md says what shorter ones can gain.
+    With the drag of water and elements of 5 m or more. docs/stability.md says what a step gains
+    in which an element snaps taut as a whole, common in shorter ones and rare in these.
     """
     assume(is_resolved(rig))
-    outcome = throw(replace(rig, drag=drag), np.random.default_rng(seed), size)
+    rig = replace(rig, drag=drag)
+    outcome = throw(rig, np.random.default_rng(seed), size)
+    assert outcome.rise <= 1e-3
+    if outcome.rise > 1e-9:
+        outcome = throw(rig, np.random.default_rng(seed), size, parts=4)
     assert outcome.rise <= 1e-9
     assert outcome.unconverged == 0
+
+
+def test_what_a_snap_within_one_step_gains_is_gone_at_half_the_step() -> None:
+    """A weightless rope of 22 m elements in steps of 20 ms: of 200 throws, 44 and 131 gain."""
+    size = 0.7573555616481563
+    rig = Rig(
+        length=976.709856383432,
+        elements=44,
+        mass=math.exp(3.1),
+        EA=1457516796.0514243,
+        diameter=0.16605325842835894,
+        damping=1800805.984652014,
+        load=71.65942304843838,
+        volume=0.013887167311552564,
+        added=(17.47391810946437,) * 3,
+        area=(0.18186284823158372,) * 3,
+        density=WATER,
+        drag=(1.3407275236119012, 0.03139111815392801),
+        step=0.02,
+    )
+    rises = [throw(rig, np.random.default_rng(seed), size).rise for seed in range(200)]
+    gained = [seed for seed, rise in enumerate(rises) if rise > 1e-9]
+    assert max(rises) <= 1e-3
+    for seed in gained:
+        assert throw(rig, np.random.default_rng(seed), size, parts=2).rise <= 1e-9

@@ -41,10 +41,7 @@ class Bench:
         """A node of the suite by its name, not yet begun."""
         from rope_twin.ros.params import overrides
 
-        ahead = name in ("sea_state", "winch_schedule")
-        module = importlib.import_module(
-            f"rope_twin.ros.{'input_nodes' if ahead else name + '_node'}"
-        )
+        module = importlib.import_module(f"rope_twin.ros.{name}_node")
         kind = getattr(module, f"{name.title().replace('_', '')}Node")
         return self.add(kind(parameter_overrides=overrides(parameters)))
 
