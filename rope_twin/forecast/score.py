@@ -180,12 +180,3 @@ def score_lead(lead_s: float, members: Floats, truth: Floats, climate: Floats) -
         skill(members.mean(axis=1), truth, float(np.var(climate))),
         own, 1.0 - own / known, float(np.mean(high - low)) / band,
     )  # fmt: skip
-
-
-def pit(members: Floats, truth: Floats) -> Floats:
-    """Return the probability integral transform of each truth: the share of members below it.
-
-    members: (n, ...); truth and result: (...). Uniform for a calibrated forecast (Gneiting,
-    Balabdaoui and Raftery 2007).
-    """
-    return np.asarray((members < truth).mean(axis=0))

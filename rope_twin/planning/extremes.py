@@ -132,18 +132,6 @@ def characteristic_maximum(
     return Extreme(value, value - scale * float(most), value - scale * float(least), len(sample))
 
 
-def characteristic_minimum(
-    minima: Sequence[float] | Floats, percentile: float, confidence: float = 0.9
-) -> Extreme:
-    """Return the value that the minimum of a record does not fall below, as for maxima.
-
-    Raises:
-        InputError: see `characteristic_maximum`.
-    """
-    turned = characteristic_maximum(-np.asarray(minima, dtype=float), percentile, confidence)
-    return Extreme(-turned.value, -turned.high, -turned.low, turned.seeds)
-
-
 def rayleigh_factor(cycles: float, percentile: float) -> float:
     """Return the percentile of the maximum of a narrow-banded Gaussian record over its σ.
 

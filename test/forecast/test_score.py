@@ -16,7 +16,6 @@ from rope_twin.forecast.score import (
     crps_members,
     crps_normal,
     normal_below,
-    pit,
     score_lead,
     skill,
 )
@@ -104,8 +103,6 @@ def test_scores_of_a_calibrated_forecast() -> None:
     assert found.skill == pytest.approx(0.5, abs=0.05)
     assert found.crps_gain == pytest.approx(1.0 - 1.0 / math.sqrt(2.0), abs=0.03)
     assert found.width == pytest.approx(1.0 / math.sqrt(2.0), abs=0.03)
-    ranks = pit(np.moveaxis(members, 1, 0), truth)
-    assert np.histogram(ranks, 5, (0.0, 1.0))[0] == pytest.approx(400, abs=100)
 
 
 def test_a_narrow_band_is_seen() -> None:

@@ -6,12 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import gumbel_l, gumbel_r
+from scipy.stats import gumbel_r
 
 from rope_twin.errors import InputError
 from rope_twin.planning.extremes import (
     characteristic_maximum,
-    characteristic_minimum,
     fit_gumbel,
     rayleigh_factor,
 )
@@ -46,14 +45,6 @@ def test_quantile_by_hand() -> None:
     found = characteristic_maximum(sample, 90.0)
     assert found.value == pytest.approx(location - scale * math.log(-math.log(0.9)), rel=1e-5)
     assert found.low < found.value < found.high
-
-
-def test_minima_mirror_maxima() -> None:
-    """A minimum is the maximum of the negative sample, with the interval turned."""
-    sample = gumbel_l.rvs(1.2e5, 7e3, size=20, random_state=1)
-    low, high = characteristic_minimum(sample, 90.0), characteristic_maximum(-sample, 90.0)
-    assert (low.value, low.low, low.high) == (-high.value, -high.high, -high.low)
-    assert low.value == pytest.approx(gumbel_l.ppf(0.1, *gumbel_l.fit(sample)), rel=1e-5)
 
 
 def test_shift_and_scale_pass_through() -> None:
