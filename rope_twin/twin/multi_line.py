@@ -76,6 +76,7 @@ class MultiLineRopes:
         self._lines = report_on(scene)
         self.first = built.system.ropes[0]
         self._winches = tuple(winch_of_rope(scene, line) for line in scene.ropes)
+        self._hung = self._find_hung()
         size = (len(scene.ropes), steps + 1, rows.MOTIONS)
         self._boundary = Boundary(np.zeros(size), np.zeros(size))
         self._boundary.value[:, :, : rows.LINE] = np.nan_to_num(self._hang_offs)[:, None]
@@ -133,12 +134,13 @@ class MultiLineRopes:
 
     def needs_feedback(self, time_ns: int) -> bool:
         """Return whether a winch but the first needs tension feedback for the step from then on."""
-        return bool(self.needing_feedback(time_ns))
+        winches = self._winches
+        return bool(self._hung) and any(winches[r].needs_feedback(time_ns) for r in self._hung)
 
     def needing_feedback(self, time_ns: int) -> dict[int, Winch]:
         """Return those winches by the number of their rope."""
-        rest = enumerate(self._winches[1:], start=1)
-        return {r: winch for r, winch in rest if winch.needs_feedback(time_ns)}
+        hung = {r: self._winches[r] for r in self._hung}
+        return {r: winch for r, winch in hung.items() if winch.needs_feedback(time_ns)}
 
     def prescribe(
         self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
@@ -148,17 +150,14 @@ class MultiLineRopes:
         heave: ship heave [m] and its rate [m/s]; moves: motion of the hang-offs moved by poses.
         """
         value, rate = self._boundary
-        for r in self._numbers[1:]:
-            if self._joints.upper[r] == LOOSE:
-                still = (0.0, 0.0)
-                moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
-                value[r, row, : rows.LINE] = self._hang_offs[r] + np.array(moved)
-                rate[r, row, : rows.LINE] = moving
-                feedback = (
-                    self._feedback_of(r, row) if self._winches[r].needs_feedback(from_ns) else None
-                )
-                line = self._winches[r].step(from_ns, step_s, moving[2], feedback)
-                value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
+        for r in self._hung:
+            winch, still = self._winches[r], (0.0, 0.0)
+            moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
+            value[r, row, : rows.LINE] = self._hang_offs[r] + np.array(moved)
+            rate[r, row, : rows.LINE] = moving
+            feedback = self._feedback_of(r, row) if winch.needs_feedback(from_ns) else None
+            line = winch.step(from_ns, step_s, moving[2], feedback)
+            value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
 
     def _feedback_of(self, r: int, row: int) -> TensionFeedback:
         """Return the tension feedback of a rope before the step that ends at boundary `row`."""
@@ -226,6 +225,7 @@ class MultiLineRopes:
         self._owners |= {name: len(self._ropes) for name, own in self._owners.items() if own == r}
         self._hang_offs = np.vstack([self._hang_offs, np.full(3, np.nan)])
         self._winches += (winch_of_rope(self._scene, self._scene.ropes[-1]),)
+        self._hung = self._find_hung()
         self._boundary = Boundary(*(np.vstack([one, one[-1:]]) for one in self._boundary))
         self._boundary.value[-1], self._boundary.rate[-1] = 0.0, 0.0
         self._boundary.value[-1, :, rows.LINE] = lost_m
@@ -257,10 +257,9 @@ class MultiLineRopes:
     def discard_prescribed(self) -> None:
         """Let the winches of other ropes continue from the payout of the last step."""
         value, rate = self._boundary
-        for r in self._numbers[1:]:
-            if self._joints.upper[r] == LOOSE:
-                length, speed = float(value[r, 0, rows.LINE]), float(rate[r, 0, rows.LINE])
-                self._winches[r].continue_from(Payout(length, speed))
+        for r in self._hung:
+            length, speed = float(value[r, 0, rows.LINE]), float(rate[r, 0, rows.LINE])
+            self._winches[r].continue_from(Payout(length, speed))
 
     def border(self, first: Boundary) -> Boundary:
         """Return hang-offs and payouts now, (ropes, MOTIONS); first: those of the first rope."""
@@ -371,6 +370,10 @@ class MultiLineRopes:
         self._ropes = tuple(ropes)
         for r in self._numbers:  # a cut moves the ends of sections
             self._stack.sections[r, :, : self._rope(r).sections.shape[1]] = self._rope(r).sections
+
+    def _find_hung(self) -> tuple[int, ...]:
+        """Return the ropes but the first whose upper end is a hang-off."""
+        return tuple(r for r in self._numbers[1:] if self._joints.upper[r] == LOOSE)
 
     @property
     def _numbers(self) -> range:
