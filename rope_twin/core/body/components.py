@@ -42,7 +42,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.bed import Plane, beds_at, grid_bed, plane_bed
+from rope_twin.core.bed import Plane, beds_at, grid_bed
 from rope_twin.core.body import state as at
 from rope_twin.core.body.loads import part
 from rope_twin.core.body.state import (
@@ -57,6 +57,7 @@ from rope_twin.core.body.state import (
     add_steady,
     along,
     change_of,
+    chosen,
     cross,
     dot,
     inward,
@@ -65,13 +66,14 @@ from rope_twin.core.body.state import (
     put,
     vector,
 )
-from rope_twin.core.jit.decorators import jit, jit_within
-from rope_twin.core.jit.functions import by_type
+from rope_twin.core.jit.decorators import jit_exact, jit_exact_within
+from rope_twin.core.jit.functions import anywhere, by_type, fused
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.balance import set_flow
 from rope_twin.core.state import ELEMENTS, LOW, POSITION, SPEED2_MIN, SURFACE, VELOCITY, Floats
 
 
-@jit
+@jit_exact
 def push_of(soil: Any, d: float, n: Any, v: Any) -> Any:
     """Return the contact force for depth d > 0, normal n and velocity v, and (N, gain, sliding).
 
@@ -79,47 +81,49 @@ def push_of(soil: Any, d: float, n: Any, v: Any) -> Any:
     """
     k, chi, mu = soil
     away = dot(v, n)
-    gain = max(1.0 - chi * away, 0.0)
+    gain = max(fused(-chi, away, 1.0), 0.0)
     N, slide = k * d * gain, along(v, -away, n)
     rub = mu * N / sqrt(dot(slide, slide) + CREEP * CREEP)
     return along(along(NONE, N, n), -rub, slide), (N, gain, slide)
 
 
-@jit
+@jit_exact
 def push_change(soil: Any, d: float, n: Any, found: Any, moved: Any) -> Any:
     """Return the change of the contact force for a change of position and velocity."""
     k, chi, mu = soil
     N, gain, slide = found
     place, speed = moved
-    if not gain > 0.0:
+    if not anywhere(gain > 0.0):
         return NONE
     off = dot(speed, n)
-    dN = -k * (gain * dot(place, n) + d * chi * off)
+    dN = -k * fused(gain, dot(place, n), d * chi * off)
     across = along(speed, -off, n)
-    root = sqrt(dot(slide, slide) + CREEP * CREEP)
-    out = along(along(NONE, dN, n), -mu * dN / root, slide)
-    out = along(out, -mu * N / root, across)
-    return along(out, mu * N * dot(slide, across) / (root * root * root), slide)
+    inverse = 1.0 / sqrt(dot(slide, slide) + CREEP * CREEP)
+    out = along(along(NONE, dN, n), -mu * dN * inverse, slide)
+    out = along(out, -mu * N * inverse, across)
+    rub = mu * N * inverse * inverse * inverse
+    out = along(out, rub * dot(slide, across), slide)
+    return chosen(gain > 0.0, out, NONE)
 
 
-@jit
+@jit_exact
 def add_push(body: Any, q: float, pose: Any, r: Any, touch: Any) -> Any:
     """Return force and moment in body axes at a point r in contact, and N; add their derivatives.
 
-    touch: soil, depth > 0, normal, velocity of the surface touched.
+    touch: soil, depth (> 0, in one lane at least), normal, velocity of the surface touched.
     """
     _, R, v, spin = pose
     soil, d, n, under = touch
     turning = cross(spin, r)
     speed = along(along(v, 1.0, outward(R, turning)), -1.0, under)
     push, found = push_of(soil, d, n, speed)
-    f = inward(R, push)
+    f = chosen(d > 0.0, inward(R, push), NONE)
     for k in range(6):
         place, rate, arm = change_of(body, k, r, turning)
         w = push_change(soil, d, n, found, (outward(R, place), outward(R, rate)))
-        w = inward(R, w)
+        w = chosen(d > 0.0, inward(R, w), NONE)
         add_change(body, k, -q, w, moment_change(r, w, arm, f))
-    return f, cross(r, f), found[0]
+    return f, cross(r, f), choose(d > 0.0, found[0], 0.0)
 
 
 @part("act", Deck)
@@ -131,7 +135,7 @@ def act_deck(deck: Any, body: Any, q: float, pose: Any) -> Any:
     for j in range(body.corners.shape[0]):
         r = vector(body.corners[j], 0)
         d = body.stage[at.DECK_Z] - x[2] - dot(R[2], r)
-        if d > 0.0:
+        if anywhere(d > 0.0):
             touch = (deck.k, deck.chi, deck.mu), d, up, under
             more, twist, N = add_push(body, q, pose, r, touch)
             f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + N
@@ -147,10 +151,10 @@ def foresee_deck(deck: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None
     speed = deck.with_ship * rope.work[VELOCITY + 2, n]
     for j in range(deck.heaves.shape[0]):
         share, rate, ramp = 1.0, 0.0, deck.heaves[j, 3]
-        if time < ramp:
+        if anywhere(time < ramp):
             u = max(time, 0.0) / ramp
-            share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
-            rate = 30.0 * u * u * (u - 1.0) * (u - 1.0) / ramp
+            share = choose(time < ramp, u * u * u * (10.0 + u * (6.0 * u - 15.0)), 1.0)
+            rate = choose(time < ramp, 30.0 * u * u * (u - 1.0) * (u - 1.0) / ramp, 0.0)
         amplitude, omega = deck.heaves[j, 0], deck.heaves[j, 1]
         angle = omega * time + deck.heaves[j, 2]
         z, w = amplitude * sin(angle), amplitude * omega * cos(angle)
@@ -180,22 +184,26 @@ def power_deck(deck: Deck, body: RigidBody, pose: Any) -> float:
     return float((deck_pushes(deck, body, pose) * pose.speed(body.corners)).sum())
 
 
-@jit
+@jit_exact
 def _push(bed: Any, body: Any, q: float, pose: Any, r: Any, ground: Any) -> Any:
     """Return the contact force at one corner r; ground: height and slopes of the seabed below."""
     z, east, north = ground
     nz = 1.0 / sqrt(1.0 + east * east + north * north)
     d = (z - pose[0][2] - dot(pose[1][2], r)) * nz
-    if not d > 0.0:
+    if not anywhere(d > 0.0):
         return NONE, NONE, 0.0
     touch = (bed.k, bed.chi, bed.mu), d, (-east * nz, -north * nz, nz), NONE
     return add_push(body, q, pose, r, touch)
 
 
+@jit_exact
+def _plane(bed: Any, x: float, y: float) -> Any:
+    """Return the height of a plane seabed and its slopes, with the rounding of `plane_bed`."""
+    return fused(bed.north, y, fused(bed.east, x, bed.height)), bed.east, bed.north
+
+
 # The height of the seabed below a position and its slopes to the east and the north.
-_ground = by_type(
-    Plane, lambda bed, x, y: plane_bed(bed, x, y), lambda bed, x, y: grid_bed(bed, x, y)
-)
+_ground = by_type(Plane, lambda bed, x, y: _plane(bed, x, y), lambda bed, x, y: grid_bed(bed, x, y))
 
 
 @part("act", PlaneBed, GridBed)
@@ -247,12 +255,12 @@ def power_bed(bed: Any, body: RigidBody, pose: Any) -> float:
 DRY_TOL = 1e-12  # submerged fraction below which a body counts as dry
 
 
-@jit_within
+@jit_exact_within
 def _sixth(x: float) -> float:
     return x * x * x * x * x * x
 
 
-@jit
+@jit_exact
 def _extent(part: Any, n: Any) -> Any:
     """Return the vertical extent e of a column and ∂e/∂n."""
     a, b, H = part.side_x * n[0], part.side_y * n[1], part.height * n[2]
@@ -262,7 +270,7 @@ def _extent(part: Any, n: Any) -> Any:
     return e, (s * A * a * part.side_x, s * B * b * part.side_y, s * C * H * part.height)
 
 
-@jit
+@jit_exact
 def _extent_change(part: Any, n: Any, found: Any, dn: Any) -> Any:
     """Return the changes of e and ∂e/∂n for a change dn of the vertical in body axes."""
     e, g = found
@@ -276,7 +284,7 @@ def _extent_change(part: Any, n: Any, found: Any, dn: Any) -> Any:
     return de, along(bent, -7.0 * de / e, g)
 
 
-@jit
+@jit_exact
 def _share(body: Any, j: int, part: Any, pose: Any, e: float) -> Any:
     """Return the middle of column j and its submerged fraction s before clamping to [0, 1]."""
     r, s = vector(part.columns[j], 0), body.stage
@@ -298,12 +306,13 @@ def act_afloat(part: Any, body: Any, q: float, pose: Any) -> Any:
     t, size = cross(b, f), body.displaced * body.g
     for j in range(part.columns.shape[0]):
         r, share = _share(body, j, part, pose, found[0])
-        if not share > 0.0:
+        if not anywhere(share > 0.0):
             continue
-        wet, weight = min(share, 1.0), part.columns[j, 3]
+        wet, weight = choose(share > 0.0, min(share, 1.0), 0.0), part.columns[j, 3]
         arm = along(along(r, 1.0, vector(part.aside, 0)), -0.5 * (1.0 - wet), found[1])
         lift = along(NONE, weight * wet * body.displaced * body.g, n)
-        enters = max(-drift - dot(n, cross(spin, r)), 0.0) if share < 1.0 else 0.0
+        enters = choose(share < 1.0, max(-drift - dot(n, cross(spin, r)), 0.0), 0.0)
+        enters = choose(share > 0.0, enters, 0.0)
         slam = along(NONE, weight * part.slam * enters * enters, n)
         low = along(r, -0.5, found[1])
         f, t = along(f, 1.0, lift), along(t, 1.0, cross(arm, lift))
@@ -313,38 +322,39 @@ def act_afloat(part: Any, body: Any, q: float, pose: Any) -> Any:
     return f, t, size
 
 
-@jit
+@jit_exact
 def _add_column(part: Any, body: Any, at_n: Any, floats: Any, slams: Any, spin: Any) -> None:
     """Add the derivatives of one column's buoyancy and slamming to the matrix."""
     q, n, found, share = at_n
     r, arm, lift = floats
     low, slam, enters = slams
     e, g = found
-    turning, partly = cross(spin, r), 1.0 if share < 1.0 else 0.0
+    turning, partly = cross(spin, r), choose(share < 1.0, 1.0, 0.0)
     wet = min(share, 1.0)
     for k in range(6):
         place, speed, _ = change_of(body, k, r, turning)
         psi = vector(body.changes[k], at.D_TURN)
         de, dg = _extent_change(part, n, found, cross(n, psi))
         ds = -partly * (dot(n, place) + (share - 0.5) * de) / e
-        w = along(NONE, ds / wet, lift)
+        w = chosen(share > 0.0, along(NONE, ds / wet, lift), NONE)
         darm = along(cross(psi, arm), 0.5 * ds, g)
         darm = along(darm, -0.5 * (1.0 - wet), dg)
         add_change(body, k, -q, w, moment_change(arm, w, darm, lift))
-        if enters > 0.0:
+        if anywhere(enters > 0.0):
             w = along(NONE, -2.0 / enters * dot(n, speed), slam)
+            w = chosen(enters > 0.0, w, NONE)
             darm = along(cross(psi, low), -0.5, dg)
             add_change(body, k, -q, w, moment_change(low, w, darm, slam))
 
 
-@jit
-def _surface_at(body: Any, rope: Any, stage: Any, place: Any) -> float:
+@jit_exact
+def _surface_at(body: Any, rope: Any, stage: Any, place: Any) -> Any:
     """Return the water surface elevation at a position, using a ghost node's column."""
     work, slot = rope.work, rope.state.s.shape[0] + LOW
     for k in range(3):
         work[POSITION + k, slot] = place[k]
     set_flow(rope.effects, work, stage, slot, slot + 1)
-    return float(work[SURFACE, slot])
+    return work[SURFACE, slot]
 
 
 @part("foresee", Afloat)
@@ -447,7 +457,7 @@ def foresee_shedding(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> 
     s[HAT] = record[PHASE] + (0.5 * passed * record[RATE] if known else 0.0)
 
 
-@jit_within
+@jit_exact_within
 def _sign(x: float) -> float:
     return 1.0 if x > 0.0 else -1.0
 

@@ -68,6 +68,8 @@ from rope_twin.core.body.state import (
     add_steady,
     along,
     change_of,
+    chosen,
+    clear,
     cross,
     dot,
     inward,
@@ -78,7 +80,9 @@ from rope_twin.core.body.state import (
     unit,
     vector,
 )
-from rope_twin.core.jit.decorators import LINKED, jit, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit_exact, jit_exact_within
+from rope_twin.core.jit.functions import anywhere, fused
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.hooks import written_out
 from rope_twin.core.state import SLING2_MIN, SPEED2_MIN
 
@@ -97,7 +101,7 @@ def part(hook: str, *kinds: type) -> Callable[[Any], Any]:
         raise ValueError(f"unknown hook '{hook}' of a body component; known: {', '.join(_KERNELS)}")
 
     def register(function: Any) -> Any:
-        made = function if hook == "power" else jit(function)
+        made = function if hook == "power" else jit_exact(function)
         _KERNELS[hook].update(dict.fromkeys(kinds, made))
         return made
 
@@ -174,7 +178,7 @@ def _compose_floor(parts: Any, body: Any, place: Any, least: Any) -> Any:
     return written_out("parts, body, place, least", [*lines, "return least"], calls)
 
 
-@jit
+@jit_exact
 def _sum(a: Any, b: Any) -> Any:
     return along(a[0], 1.0, b[0]), along(a[1], 1.0, b[1]), a[2] + b[2]
 
@@ -182,33 +186,33 @@ def _sum(a: Any, b: Any) -> Any:
 TURN2 = 0.05**2  # δ² of the blend from descent to ascent [m²/s²]
 
 
-@jit_within
+@jit_exact_within
 def _scaled(a: Any, b: Any) -> Any:
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
-@jit_within
+@jit_exact_within
 def water_momentum(body: Any, wet: float, c: Any) -> Any:
     """Return M_A·c in body axes and M along the axes, scaled by the submergence ratio."""
-    root = sqrt(c[2] * c[2] + TURN2)
-    lift = wet * (body.added[2] * c[2] + body.rising * (root - sqrt(TURN2)))
+    root = sqrt(fused(c[2], c[2], TURN2))
+    lift = wet * fused(body.added[2], c[2], body.rising * (root - sqrt(TURN2)))
     slope = wet * (body.added[2] + body.rising * c[2] / root)
     M = (wet * body.added[0], wet * body.added[1], slope)
     return (M[0] * c[0], M[1] * c[1], lift), M
 
 
-@jit_within
+@jit_exact_within
 def _own(body: Any, spin: Any) -> Any:
     """Return (I + I_A)·Ω."""
     wet = body.stage[WET_HELD]
     return (
-        dot(body.inertia[0], spin) + wet * body.added[3] * spin[0],
-        dot(body.inertia[1], spin) + wet * body.added[4] * spin[1],
-        dot(body.inertia[2], spin) + wet * body.added[5] * spin[2],
+        fused(wet * body.added[3], spin[0], dot(body.inertia[0], spin)),
+        fused(wet * body.added[4], spin[1], dot(body.inertia[1], spin)),
+        fused(wet * body.added[5], spin[2], dot(body.inertia[2], spin)),
     )
 
 
-@jit_within
+@jit_exact_within
 def _held(body: Any, pose: Any) -> Any:
     """Return h, relative velocity in body axes, and p and M, as held over a substep."""
     _, R, v, spin = pose
@@ -220,7 +224,7 @@ def _held(body: Any, pose: Any) -> Any:
     return h, against, p, M
 
 
-@jit
+@jit_exact
 def momenta(body: Any, R: Any, v: Any, spin: Any) -> Any:
     """Return P and L, with water velocity and submergence ratio held over the substep."""
     h, _, p, _ = _held(body, (v, R, v, spin))
@@ -228,7 +232,7 @@ def momenta(body: Any, R: Any, v: Any, spin: Any) -> Any:
     return P, outward(R, along(_own(body, spin), 1.0, cross(h, p)))
 
 
-@jit
+@jit_exact
 def _add_momenta(body: Any, q: float, pose: Any) -> Any:
     """Add the derivatives of P and L to the matrix; return the moment -(v - u) × p in body axes."""
     h, against, p, M = _held(body, pose)
@@ -245,7 +249,7 @@ def _add_momenta(body: Any, q: float, pose: Any) -> Any:
     return cross(p, against)
 
 
-@jit
+@jit_exact
 def _add_drag(body: Any, q: float, pose: Any) -> Any:
     """Return drag force and moment in body axes, without terms in the momenta; add derivatives."""
     _, R, v, spin = pose
@@ -255,14 +259,17 @@ def _add_drag(body: Any, q: float, pose: Any) -> Any:
     grows = inward(R, vector(s, FLOW_GROWS))
     c = along(against, 1.0, cross(spin, h))
     _, M = water_momentum(body, wet, c)
-    speed, root = sqrt(dot(c, c) + SPEED2_MIN), sqrt(c[2] * c[2] + TURN2)
+    speed, root = sqrt(dot(c, c) + SPEED2_MIN), sqrt(fused(c[2], c[2], TURN2))
     k = (wet * body.k[0], wet * body.k[1], wet * (body.k[2] + body.rising_k * c[2] / root))
     f = along(_scaled(M, grows), -speed, _scaled(k, c))
     e = _scaled(vector(body.k, 3), (abs(spin[0]), abs(spin[1]), abs(spin[2])))
     e = along(NONE, wet, e)
-    slows = _scaled(e, spin)
+    slows, slower = _scaled(e, spin), 1.0 / speed
     bend = (
-        wet * TURN2 / (root * root * root) * (body.rising * grows[2] - body.rising_k * speed * c[2])
+        wet
+        * TURN2
+        / (root * root * root)
+        * fused(body.rising, grows[2], -(body.rising_k * speed * c[2]))
     )
     for i in range(6):
         row = body.changes[i]
@@ -270,7 +277,7 @@ def _add_drag(body: Any, q: float, pose: Any) -> Any:
         dc = along(vector(row, D_SPEED), -1.0, cross(psi, against))
         dc = along(dc, 1.0, cross(dspin, h))
         w = _scaled(M, cross(grows, psi))
-        w = along(along(w, -speed, _scaled(k, dc)), -dot(c, dc) / speed, _scaled(k, c))
+        w = along(along(w, -speed, _scaled(k, dc)), -dot(c, dc) * slower, _scaled(k, c))
         w = along((w[0], w[1], w[2] + bend * dc[2]), 1.0, cross(psi, f))
         turn = moment_change(h, w, cross(psi, h), f)
         turn = along(along(turn, -1.0, cross(psi, slows)), -2.0, _scaled(e, dspin))
@@ -289,42 +296,42 @@ def act_immersed(part: Any, body: Any, q: float, pose: Any) -> Any:
     return f, cross(b, f), lift
 
 
-@jit
+@jit_exact
 def pull_of(leg: Any, share: float, d: Any, e: Any) -> Any:
     """Return the force of a leg on the body along d, its length and magnitude.
 
     share: factor on its stiffness; d: vector from the body to the hook; e: its rate. The magnitude
-    is 0 where the sling is slack.
+    is 0 where the sling is slack. Lanes have pins or slings alike.
     """
     k, c, L = share * leg[STIFFNESS], leg[DAMPING], leg[LENGTH]
-    if L == 0.0:
+    if anywhere(L == 0.0):
         pull = along(along(NONE, k, d), c, e)
-        return pull, 1.0, sqrt(dot(pull, pull))
+        return pull, 1.0 + L, sqrt(dot(pull, pull))
     length = sqrt(dot(d, d) + SLING2_MIN)
     n = along(NONE, 1.0 / length, d)
-    T = k * (length - L) + c * dot(n, e)
-    if not T > 0.0:
-        return NONE, length, 0.0
-    return along(NONE, T, n), length, T
+    T = fused(k, length - L, c * dot(n, e))
+    return chosen(T > 0.0, along(NONE, T, n), NONE), length, choose(T > 0.0, T, 0.0)
 
 
-@jit
+@jit_exact
 def _pull_change(leg: Any, share: float, reach: Any, found: Any, moved: Any) -> Any:
     """Return the change of a leg's force for changes of d and e; zero for a slack sling."""
     k, c, L = share * leg[STIFFNESS], leg[DAMPING], leg[LENGTH]
     d, e = reach
     dd, de = moved
-    if L == 0.0:
+    if anywhere(L == 0.0):
         return along(along(NONE, k, dd), c, de)
     _, length, T = found
-    n = along(NONE, 1.0 / length, d)
+    k, c = choose(T > 0.0, k, 0.0), choose(T > 0.0, c, 0.0)  # nothing changes in a slack sling
+    inverse = 1.0 / length
+    n = along(NONE, inverse, d)
     off = dot(n, dd)
-    dn = along(along(NONE, 1.0 / length, dd), -off / length, n)
-    dT = k * off + c * (dot(dn, e) + dot(n, de))
+    dn = along(along(NONE, inverse, dd), -off * inverse, n)
+    dT = fused(k, off, c * (dot(dn, e) + dot(n, de)))
     return along(along(NONE, dT, n), T, dn)
 
 
-@jit
+@jit_exact
 def _add_leg(body: Any, q: float, leg: Any, reach: Any, found: Any, spin: Any) -> None:
     """Add the derivatives of a leg's force to the unknowns and to the acceleration of the hook."""
     r, share, f = vector(leg, 0), body.stage[SHARE], found[0]
@@ -343,7 +350,7 @@ def _add_leg(body: Any, q: float, leg: Any, reach: Any, found: Any, spin: Any) -
             body.hold[i, HELD + k] += w[i]
 
 
-@jit
+@jit_exact
 def _add_slings(body: Any, q: float, pose: Any, hook: Any) -> Any:
     """Return force and moment of all slings in body axes, and the sum of their magnitudes."""
     x, R, v, spin = pose
@@ -354,7 +361,7 @@ def _add_slings(body: Any, q: float, pose: Any, hook: Any) -> Any:
         d = along(inward(R, along(hook[0], -1.0, x)), -1.0, r)
         e = along(inward(R, along(hook[1], -1.0, v)), -1.0, cross(spin, r))
         found = pull_of(leg, body.stage[SHARE], d, e)
-        if found[2] > 0.0:
+        if anywhere(found[2] > 0.0):
             f, t = along(f, 1.0, found[0]), along(t, 1.0, cross(r, found[0]))
             size += found[2]
             _add_leg(body, q, leg, (d, e), found, spin)
@@ -362,15 +369,15 @@ def _add_slings(body: Any, q: float, pose: Any, hook: Any) -> Any:
     return f, t, size
 
 
-@jit
+@jit_exact
 def loads(body: Any, q: float, pose: Any, hook: Any, turn: Any) -> Any:
     """Return force and moment about G in body axes, and assemble Newton's matrix.
 
     pose: position, R, velocity, angular velocity; hook: position and velocity; turn: θ and its
     rate.
     """
-    body.matrix[:, :] = 0.0
-    body.hold[:, :] = 0.0
+    clear(body.matrix)
+    clear(body.hold)
     set_changes(body, q, turn[0], turn[1])
     lost = _add_momenta(body, q, pose)
     f, t, size = act_all(body.parts, body, q, pose, _add_drag(body, q, pose))

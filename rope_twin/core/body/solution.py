@@ -67,6 +67,7 @@ from rope_twin.core.body.state import (
     X,
     along,
     angular_velocity,
+    chosen,
     dot,
     inward,
     matrix_of,
@@ -77,7 +78,9 @@ from rope_twin.core.body.state import (
     unit,
     vector,
 )
-from rope_twin.core.jit.decorators import jit
+from rope_twin.core.jit.decorators import jit_exact
+from rope_twin.core.jit.functions import anywhere, by_width, fused
+from rope_twin.core.jit.wide import choose, widened
 from rope_twin.core.state import DIVISOR_MIN
 
 MAX_ITERATIONS, HALVINGS = 60, 8
@@ -86,8 +89,8 @@ NO_LOAD = 1e-200  # N·s: absolute tolerance for a body without loads
 ROUND_OFF = 1e-15  # relative round-off of a position, amplified by stiff slings
 
 
-@jit
-def balance(body: Any, q: float, hook: Any) -> float:
+@jit_exact
+def balance(body: Any, q: float, hook: Any) -> Any:
     """Return the residual of the momenta at the current iterate, relative to its tolerance."""
     s = body.stage
     v, rate = vector(s, SPEED), vector(s, TURN_RATE)
@@ -117,12 +120,33 @@ def balance(body: Any, q: float, hook: Any) -> float:
     blur = ROUND_OFF * (sqrt(dot(x, x)) + body.reach) * body.stiffness
     allowed = q * (FORCE_TOL * s[FORCES] + blur) + MOMENTUM_TOL * kept + NO_LOAD
     turns = sqrt(dot(turn_lost, turn_lost)) / body.reach
-    return float((sqrt(dot(lost, lost)) + turns) / allowed)
+    return (sqrt(dot(lost, lost)) + turns) / allowed
 
 
-@jit
-def eliminate(A: Any) -> None:
-    """Solve six equations in place, with row pivoting, for the columns from HELD on."""
+@jit_exact
+def _reduce_below(A: Any, j: int) -> None:
+    """Subtract row j from those below it, so that their column j vanishes."""
+    inverse = 1.0 / A[j, j]
+    for i in range(j + 1, 6):
+        part = A[i, j] * inverse
+        for c in range(j, A.shape[1]):
+            A[i, c] = fused(-part, A[j, c], A[i, c])
+
+
+@jit_exact
+def _substitute(A: Any) -> None:
+    """Solve the triangular equations for the columns from HELD on."""
+    for j in range(5, -1, -1):
+        inverse = 1.0 / A[j, j]
+        for c in range(HELD, A.shape[1]):
+            value = A[j, c]
+            for k in range(j + 1, 6):
+                value = fused(-A[j, k], A[k, c], value)
+            A[j, c] = value * inverse
+
+
+@jit_exact
+def _eliminate_one(A: Any) -> None:
     for j in range(6):
         best = j
         for i in range(j + 1, 6):
@@ -130,31 +154,47 @@ def eliminate(A: Any) -> None:
                 best = i
         for c in range(A.shape[1]):
             A[j, c], A[best, c] = A[best, c], A[j, c]
+        _reduce_below(A, j)
+    _substitute(A)
+
+
+@jit_exact
+def _eliminate_lanes(A: Any) -> None:
+    for j in range(6):
+        best, pivot = widened(float(j)), abs(A[j, j])
         for i in range(j + 1, 6):
-            part = A[i, j] / A[j, j]
-            for c in range(j, A.shape[1]):
-                A[i, c] -= part * A[j, c]
-    for c in range(HELD, A.shape[1]):
-        for j in range(5, -1, -1):
-            for k in range(j + 1, 6):
-                A[j, c] -= A[j, k] * A[k, c]
-            A[j, c] /= A[j, j]
+            larger = abs(A[i, j]) > pivot
+            best, pivot = choose(larger, float(i), best), choose(larger, abs(A[i, j]), pivot)
+        for i in range(j + 1, 6):
+            swapped = best == float(i)
+            if anywhere(swapped):
+                for c in range(A.shape[1]):
+                    above, below = A[j, c], A[i, c]
+                    A[j, c], A[i, c] = choose(swapped, below, above), choose(swapped, above, below)
+        _reduce_below(A, j)
+    _substitute(A)
 
 
-@jit
-def _correct(body: Any) -> None:
-    """Apply Newton's correction of velocity and rotation rate."""
+# Solves six equations in place, with row pivoting, for the columns from HELD on.
+eliminate = by_width(_eliminate_one, _eliminate_lanes)
+
+
+@jit_exact
+def correct(body: Any, left: Any) -> None:
+    """Apply Newton's correction of velocity and rotation rate where the residual is `left`."""
     A, s = body.matrix, body.stage
     eliminate(A)
     R = matrix_of(quaternion(s, ATTITUDE))
     moved = outward(R, (A[0, MISS], A[1, MISS], A[2, MISS]))
     put(s, SPEED_BEFORE, vector(s, SPEED))
     put(s, RATE_BEFORE, vector(s, TURN_RATE))
-    put(s, SPEED, along(vector(s, SPEED), 1.0, moved))
-    put(s, TURN_RATE, along(vector(s, TURN_RATE), 1.0, (A[3, MISS], A[4, MISS], A[5, MISS])))
+    v, rate = vector(s, SPEED), vector(s, TURN_RATE)
+    put(s, SPEED, chosen(left, along(v, 1.0, moved), v))
+    turned_by = A[3, MISS], A[4, MISS], A[5, MISS]
+    put(s, TURN_RATE, chosen(left, along(rate, 1.0, turned_by), rate))
 
 
-@jit
+@jit_exact
 def solve(body: Any, q: float, hook: Any) -> bool:
     """Solve for velocity and rotation rate at this motion of the hook; return whether it converged.
 
@@ -165,7 +205,7 @@ def solve(body: Any, q: float, hook: Any) -> bool:
     for _ in range(MAX_ITERATIONS):
         if miss <= 1.0:
             return True
-        _correct(body)
+        correct(body, True)
         last, miss = miss, balance(body, q, hook)
         for _ in range(HALVINGS):
             if miss < last:
@@ -177,7 +217,7 @@ def solve(body: Any, q: float, hook: Any) -> bool:
     return bool(miss <= 1.0)
 
 
-@jit
+@jit_exact
 def left_on_hook(body: Any, q: float) -> Any:
     """Return minus the derivative of the force on the hook to its acceleration, in world axes.
 
@@ -190,7 +230,7 @@ def left_on_hook(body: Any, q: float) -> Any:
     for j in range(HELD, MISS):
         for i in range(3):
             for k in range(6):
-                H[i, j] += q * H[i, k] * A[k, j]
+                H[i, j] = fused(q * H[i, k], A[k, j], H[i, j])
     xy, xz = 0.5 * (H[0, 7] + H[1, 6]), 0.5 * (H[0, 8] + H[2, 6])
     yz = 0.5 * (H[1, 8] + H[2, 7])
     rows = ((H[0, 6], xy, xz), (xy, H[1, 7], yz), (xz, yz, H[2, 8]))
@@ -215,7 +255,7 @@ FRICTION_MIN = 1e-9  # of the weight: smallest friction force considered
 FAR_DOWN = -1e300
 
 
-@jit
+@jit_exact
 def _lift(body: Any, drop: float) -> float:
     """Return the vertical sling force on an upright body with G `drop` below the hook [N]."""
     total = 0.0
@@ -226,7 +266,7 @@ def _lift(body: Any, drop: float) -> float:
     return total
 
 
-@jit
+@jit_exact
 def _drop(body: Any) -> float:
     """Return the approximate depth of G below the hook where the slings carry the body."""
     low, high = 0.0, 1.0
@@ -244,7 +284,7 @@ def _drop(body: Any) -> float:
     return high
 
 
-@jit
+@jit_exact
 def creep_of(body: Any, place: Any, held: Any) -> Any:
     """Return the creep velocity along the ground of a body displaced from where friction held it.
 
@@ -258,7 +298,7 @@ def creep_of(body: Any, place: Any, held: Any) -> Any:
     return x, y, east * x + north * y
 
 
-@jit
+@jit_exact
 def _forces_at(body: Any, place: Any, attitude: Any, creep: Any) -> Any:
     """Return force and moment in body axes of a body that creeps together with water and hook."""
     s, flow, frozen = body.stage, vector(body.stage, FLOW_NOW), vector(body.stage, FROZEN)
@@ -271,19 +311,19 @@ def _forces_at(body: Any, place: Any, attitude: Any, creep: Any) -> Any:
     return found
 
 
-@jit
+@jit_exact
 def _forces(body: Any, place: Any, attitude: Any, held: Any) -> Any:
     """Return force and moment in body axes."""
     return _forces_at(body, place, attitude, creep_of(body, place, held))
 
 
-@jit
+@jit_exact
 def _moved(place: Any, attitude: Any, change: Any, turn: Any) -> Any:
     """Return position and attitude after a change given in body axes."""
     return along(place, 1.0, outward(matrix_of(attitude), change)), turned(attitude, turn)
 
 
-@jit
+@jit_exact
 def _take_slopes(body: Any, place: Any, attitude: Any, found: Any, held: Any) -> None:
     """Put -dF/d(position, rotation) into the matrix and the forces into its last column."""
     # `loads` clears the matrix, so the columns are buffered in a record that is still unused
@@ -305,7 +345,7 @@ def _take_slopes(body: Any, place: Any, attitude: Any, found: Any, held: Any) ->
         body.matrix[3 + i, MISS] = t[i]
 
 
-@jit
+@jit_exact
 def _step(body: Any, drag: float) -> Any:
     """Return the change of position and attitude in one iteration, limited to MAX_CHANGE."""
     A = body.matrix
@@ -319,14 +359,14 @@ def _step(body: Any, drag: float) -> Any:
     return along(NONE, share, change), along(NONE, share, turn)
 
 
-@jit
+@jit_exact
 def _miss(body: Any, found: Any) -> float:
     """Return the norm of force and moment [N]."""
     f, t = found
     return float(sqrt(dot(f, f)) + sqrt(dot(t, t)) / body.reach)
 
 
-@jit
+@jit_exact
 def _is_near(place: Any, held: Any) -> bool:
     """Return whether a body is close enough to its starting position."""
     start, _, far = held
@@ -334,7 +374,7 @@ def _is_near(place: Any, held: Any) -> bool:
     return bool(sqrt(x * x + y * y) <= far)
 
 
-@jit
+@jit_exact
 def _relax(body: Any, start: Any, weight: float, held: Any) -> Any:
     """Iterate position and attitude towards equilibrium; return them and whether they converged.
 
@@ -361,7 +401,7 @@ def _relax(body: Any, start: Any, weight: float, held: Any) -> Any:
     return place, attitude, miss <= enough and _is_near(place, held)
 
 
-@jit
+@jit_exact
 def _ground(body: Any, place: Any) -> Any:
     """Return the height of the support below a position, and its slopes (east, north)."""
     low = highest_floor(body.parts, body, place, FAR_DOWN)
@@ -370,7 +410,7 @@ def _ground(body: Any, place: Any) -> Any:
     return low, (east - low) / SLOPE_STEP, (north - low) / SLOPE_STEP
 
 
-@jit
+@jit_exact
 def _start(body: Any, hook: Any) -> Any:
     """Return the initial guess: upright below the hook, or flat on a higher support."""
     place, lowest = along(hook, -_drop(body), (0.0, 0.0, 1.0)), 0.0
@@ -388,7 +428,7 @@ def _start(body: Any, hook: Any) -> Any:
     return (hook[0], hook[1], low - lowest * sqrt(1.0 + steep * steep)), attitude
 
 
-@jit
+@jit_exact
 def _softest(body: Any, weight: float) -> float:
     """Return the initial factor on the slings' stiffness."""
     long = body.reach
@@ -397,7 +437,7 @@ def _softest(body: Any, weight: float) -> float:
     return float(min(1.0, weight / (SOFT_STRAIN * long * body.stiffness)))
 
 
-@jit
+@jit_exact
 def _settle(body: Any, start: Any, weight: float, held: Any) -> Any:
     """Solve for position and attitude of equilibrium; return them and whether it converged.
 
@@ -414,7 +454,7 @@ def _settle(body: Any, start: Any, weight: float, held: Any) -> Any:
     return found
 
 
-@jit
+@jit_exact
 def _rest_of(body: Any, start: Any, weight: float) -> Any:
     """Return position, attitude and creep velocity of equilibrium, and whether it converged."""
     below, forever = start[0], -FAR_DOWN
@@ -431,7 +471,7 @@ def _rest_of(body: Any, start: Any, weight: float) -> Any:
     return place, attitude, NONE, rests
 
 
-@jit
+@jit_exact
 def solve_body_statics(body: Any, hook: Any) -> None:
     """Set record 0 to the static equilibrium below the hook; it is not finite if none was found.
 

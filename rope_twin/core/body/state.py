@@ -30,7 +30,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.bed import Grid, Plane
-from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.decorators import jit_exact, jit_exact_within
+from rope_twin.core.jit.functions import by_width, fused
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.state import ANGLE2_MIN, Floats
 
 
@@ -174,19 +176,19 @@ class RigidBody(NamedTuple):
     here: float = 1.0  # 0: another rope of the system carries it, or it hangs below a cut
 
 
-@jit_within
+@jit_exact_within
 def vector(table: Any, i: int) -> Any:
     """Return three entries of a table from index i on."""
     return table[i], table[i + 1], table[i + 2]
 
 
-@jit_within
+@jit_exact_within
 def quaternion(table: Any, i: int) -> Any:
     """Return four entries of a table from index i on."""
     return table[i], table[i + 1], table[i + 2], table[i + 3]
 
 
-@jit_within
+@jit_exact_within
 def put(table: Any, i: int, a: Any) -> None:
     """Write a vector into a table from index i on."""
     table[i] = a[0]
@@ -194,48 +196,74 @@ def put(table: Any, i: int, a: Any) -> None:
     table[i + 2] = a[2]
 
 
-@jit_within
+@jit_exact_within
 def along(a: Any, s: float, b: Any) -> Any:
     """Return a + s·b."""
-    return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
+    return fused(s, b[0], a[0]), fused(s, b[1], a[1]), fused(s, b[2], a[2])
 
 
-@jit_within
-def dot(a: Any, b: Any) -> float:
+@jit_exact_within
+def dot(a: Any, b: Any) -> Any:
     """Return the scalar product a·b."""
-    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+    return fused(a[2], b[2], fused(a[1], b[1], a[0] * b[0]))
 
 
-@jit_within
+@jit_exact_within
+def chosen(which: Any, a: Any, b: Any) -> Any:
+    """Return vector a where a condition holds, else b."""
+    return choose(which, a[0], b[0]), choose(which, a[1], b[1]), choose(which, a[2], b[2])
+
+
+@jit_exact_within
+def _clear_array(table: Any) -> None:
+    table[:, :] = 0.0
+
+
+@jit_exact_within
+def _clear_lanes(table: Any) -> None:
+    for i in range(table.shape[0]):
+        for k in range(table.shape[1]):
+            table[i, k] = 0.0
+
+
+clear = by_width(_clear_array, _clear_lanes)  # sets a matrix to zero
+
+
+@jit_exact_within
 def cross(a: Any, b: Any) -> Any:
     """Return the vector product a × b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@jit
-def matrix_of(Q: Any) -> Any:
-    """Return the rotation matrix R(Q) as three rows."""
-    x, y, z, w = Q
     return (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
-        (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
-        (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)),
+        fused(a[1], b[2], -(a[2] * b[1])),
+        fused(a[2], b[0], -(a[0] * b[2])),
+        fused(a[0], b[1], -(a[1] * b[0])),
     )
 
 
-@jit_within
+@jit_exact
+def matrix_of(Q: Any) -> Any:
+    """Return the rotation matrix R(Q) as three rows."""
+    x, y, z, w = Q
+    xx, yy, xw, yw, zw = x * x, y * y, x * w, y * w, z * w
+    return (
+        (1.0 - 2.0 * fused(z, z, yy), 2.0 * fused(x, y, -zw), 2.0 * fused(x, z, yw)),
+        (2.0 * fused(x, y, zw), 1.0 - 2.0 * fused(z, z, xx), 2.0 * fused(y, z, -xw)),
+        (2.0 * fused(x, z, -yw), 2.0 * fused(y, z, xw), 1.0 - 2.0 * fused(y, y, xx)),
+    )
+
+
+@jit_exact_within
 def outward(R: Any, a: Any) -> Any:
     """Return R·a: a vector given in body axes, in world axes."""
     return dot(R[0], a), dot(R[1], a), dot(R[2], a)
 
 
-@jit_within
+@jit_exact_within
 def inward(R: Any, a: Any) -> Any:
     """Return Rᵀ·a: a vector given in world axes, in body axes."""
     return along(along(along((0.0, 0.0, 0.0), a[0], R[0]), a[1], R[1]), a[2], R[2])
 
 
-@jit
+@jit_exact
 def turned(Q: Any, theta: Any) -> Any:
     """Return Q·exp(θ), normalised."""
     x, y, z, w = Q
@@ -244,22 +272,22 @@ def turned(Q: Any, theta: Any) -> Any:
     a, b, d = size * theta[0], size * theta[1], size * theta[2]
     return normalised(
         (
-            w * a + x * c + y * d - z * b,
-            w * b - x * d + y * c + z * a,
-            w * d + x * b - y * a + z * c,
-            w * c - x * a - y * b - z * d,
+            fused(w, a, fused(x, c, fused(y, d, -(z * b)))),
+            fused(w, b, fused(y, c, fused(z, a, -(x * d)))),
+            fused(w, d, fused(x, b, fused(z, c, -(y * a)))),
+            fused(w, c, -fused(x, a, fused(y, b, z * d))),
         )
     )
 
 
-@jit
+@jit_exact
 def normalised(Q: Any) -> Any:
     """Return Q divided by its norm."""
-    s = 1.0 / sqrt(Q[0] * Q[0] + Q[1] * Q[1] + Q[2] * Q[2] + Q[3] * Q[3])
+    s = 1.0 / sqrt(fused(Q[3], Q[3], dot(Q, Q)))  # the scalar product is that of three
     return s * Q[0], s * Q[1], s * Q[2], s * Q[3]
 
 
-@jit
+@jit_exact
 def angular_velocity(theta: Any, rate: Any) -> Any:
     """Return Ω = J(θ)·dθ/dt, in body axes."""
     angle = sqrt(dot(theta, theta) + ANGLE2_MIN)
@@ -272,7 +300,7 @@ def angular_velocity(theta: Any, rate: Any) -> Any:
 NONE = (0.0, 0.0, 0.0)
 
 
-@jit_within
+@jit_exact_within
 def unit(k: int, size: float) -> Any:
     """Return a vector of length `size` along axis k; zero for any other k."""
     return (
@@ -280,7 +308,13 @@ def unit(k: int, size: float) -> Any:
     )  # fmt: skip
 
 
-@jit
+@jit_exact_within
+def _series(f: Any, a: float, b: float, c: float, d: float) -> Any:
+    """Return a + b·f + c·f² + d·f³."""
+    return fused(f, fused(f, fused(f, d, c), b), a)
+
+
+@jit_exact
 def turn_slope(theta: Any, a: Any, b: Any) -> Any:
     """Return (DJ(θ)[a])·b.
 
@@ -288,10 +322,10 @@ def turn_slope(theta: Any, a: Any, b: Any) -> Any:
     over φ by their series, to 1e-8 up to a rotation of 0.3 rad in a substep.
     """
     f = dot(theta, theta)
-    alpha = 1.0 / 2.0 - f * (1.0 / 24.0 - f * (1.0 / 720.0 - f / 40320.0))
-    beta = 1.0 / 6.0 - f * (1.0 / 120.0 - f * (1.0 / 5040.0 - f / 362880.0))
-    alpha_slope = -1.0 / 12.0 + f * (1.0 / 180.0 - f * (1.0 / 6720.0 - f / 453600.0))
-    beta_slope = -1.0 / 60.0 + f * (1.0 / 1260.0 - f * (1.0 / 60480.0 - f / 4989600.0))
+    alpha = _series(f, 1.0 / 2.0, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40320.0)
+    beta = _series(f, 1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0, -1.0 / 362880.0)
+    alpha_slope = _series(f, -1.0 / 12.0, 1.0 / 180.0, -1.0 / 6720.0, 1.0 / 453600.0)
+    beta_slope = _series(f, -1.0 / 60.0, 1.0 / 1260.0, -1.0 / 60480.0, 1.0 / 4989600.0)
     once = cross(theta, b)
     out = along(NONE, -alpha, cross(a, b))
     out = along(out, beta, along(cross(a, once), 1.0, cross(theta, cross(a, b))))
@@ -299,7 +333,7 @@ def turn_slope(theta: Any, a: Any, b: Any) -> Any:
     return along(along(out, -toward * alpha_slope, once), toward * beta_slope, cross(theta, once))
 
 
-@jit
+@jit_exact
 def set_changes(body: Any, q: float, theta: Any, rate: Any) -> None:
     """Set the derivatives of the motion to each of the six unknowns."""
     for k in range(3):
@@ -315,7 +349,7 @@ def set_changes(body: Any, q: float, theta: Any, rate: Any) -> None:
         put(row, D_SPIN, along(turn, q, turn_slope(theta, axis, rate)))
 
 
-@jit_within
+@jit_exact_within
 def change_of(body: Any, k: int, r: Any, turning: Any) -> Any:
     """Return changes of position, velocity and arm of a point r; turning: Ω × r."""
     row = body.changes[k]
@@ -325,28 +359,28 @@ def change_of(body: Any, k: int, r: Any, turning: Any) -> Any:
     return along(vector(row, D_PLACE), 1.0, arm), along(speed, 1.0, cross(psi, turning)), arm
 
 
-@jit_within
+@jit_exact_within
 def add_moment_change(body: Any, k: int, s: float, turn: Any) -> None:
     """Add s times a change of moment to column k of the matrix."""
     for i in range(3):
-        body.matrix[3 + i, k] += s * turn[i]
+        body.matrix[3 + i, k] = fused(s, turn[i], body.matrix[3 + i, k])
 
 
-@jit_within
+@jit_exact_within
 def add_change(body: Any, k: int, s: float, w: Any, turn: Any) -> None:
     """Add s times changes of force and moment to column k of the matrix."""
     for i in range(3):
-        body.matrix[i, k] += s * w[i]
-        body.matrix[3 + i, k] += s * turn[i]
+        body.matrix[i, k] = fused(s, w[i], body.matrix[i, k])
+        body.matrix[3 + i, k] = fused(s, turn[i], body.matrix[3 + i, k])
 
 
-@jit_within
+@jit_exact_within
 def moment_change(r: Any, w: Any, arm: Any, f: Any) -> Any:
     """Return the change of moment of a force f at r that changes by w, its arm by `arm`."""
     return along(cross(r, w), 1.0, cross(arm, f))
 
 
-@jit
+@jit_exact
 def add_steady(body: Any, q: float, r: Any, f: Any) -> None:
     """Add the derivatives of a force at a point r of the body that is constant in world axes."""
     for k in range(3, 6):

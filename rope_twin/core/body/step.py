@@ -47,7 +47,7 @@ from rope_twin.core.body.state import (
     vector,
 )
 from rope_twin.core.integrator import GAMMA, K1, K2, TRAPEZOID
-from rope_twin.core.jit.decorators import jit
+from rope_twin.core.jit.decorators import jit_exact
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import set_flow
@@ -79,7 +79,7 @@ def start(body: Any, rope: Any, upto: int) -> None:
     body.stage[at.SHIP_Z] = rope.state.nodes[POSITION + 2, rope.state.counts[ELEMENTS]]
 
 
-@jit
+@jit_exact
 def _ask_water(body: Any, rope: Any, stage: Any, place: Any) -> None:
     """Set velocity and acceleration of the water at a position, using a ghost node's column."""
     work, slot = rope.work, rope.state.s.shape[0] + LOW
@@ -91,7 +91,7 @@ def _ask_water(body: Any, rope: Any, stage: Any, place: Any) -> None:
         body.stage[at.FLOW_GROWS + k] = work[FLOW_RATE + k, slot]
 
 
-@jit
+@jit_exact
 def _begin(body: Any, hook: Any) -> None:
     """Initialise the body in static equilibrium below the hook."""
     solve_body_statics(body, hook)
@@ -101,10 +101,10 @@ def _begin(body: Any, hook: Any) -> None:
     body.stage[at.FRESH] = 0.0
 
 
-@jit
-def _predict_first(body: Any, q: float) -> None:
-    """Predict the trapezoidal stage from the valid record."""
-    s, now = body.stage, body.records[int(body.memory[0, 0])]
+@jit_exact
+def _predict_first(body: Any, now: Any, q: float) -> None:
+    """Predict the trapezoidal stage from the valid record `now`."""
+    s = body.stage
     v, spin, before = vector(now, at.V), vector(now, at.SPIN), vector(now, at.WATER)
     grown = along(vector(s, at.FLOW_NOW), -1.0, before)
     put(s, at.FROZEN, along(before, 0.5 / GAMMA, grown))  # velocity at the middle of the substep
@@ -128,15 +128,15 @@ def _predict_first(body: Any, q: float) -> None:
     put(s, at.TURN_RATE, spin)
 
 
-@jit
+@jit_exact
 def _put_second(s: Any, hat: int, middle: int, first: Any) -> None:
     put(s, hat, along(along((0.0, 0.0, 0.0), K1, vector(s, middle)), -K2, first))
 
 
-@jit
-def _predict_second(body: Any) -> None:
+@jit_exact
+def _predict_second(body: Any, now: Any) -> None:
     """Predict the BDF2 stage from the start of the substep and the first stage."""
-    s, now = body.stage, body.records[int(body.memory[0, 0])]
+    s = body.stage
     _put_second(s, at.X_HAT, at.X_MIDDLE, vector(now, at.X))
     _put_second(s, at.TURN_HAT, at.TURN_MIDDLE, (0.0, 0.0, 0.0))
     _put_second(s, at.P_HAT, at.P_MIDDLE, vector(s, at.P_START))
@@ -145,7 +145,7 @@ def _predict_second(body: Any) -> None:
     put(s, at.TURN_RATE, vector(s, at.RATE_MIDDLE))
 
 
-@jit
+@jit_exact
 def _foresee(body: Any, rope: Any, stage: Any, pose: Any) -> None:
     """Evaluate components and water at the pose predicted for the stage."""
     foresee_all(body.parts, body, rope, stage, pose)
@@ -157,7 +157,7 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     """Set the explicit part of the stage, and water and deck at its time."""
     if low > 0 or body.here == 0.0:
         return
-    s, work, q = body.stage, rope.work, stage.q
+    s, work = body.stage, rope.work
     body.tangent[at.ALLOWED] = rope.model.tolerance
     body.tangent[at.SOLVED_PLACE] = nan  # not solved for any motion of the hook yet
     if s[at.FRESH] > 0.0:
@@ -169,21 +169,27 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
         pose = vector(rest, at.X), matrix_of(quaternion(rest, at.Q)), NONE, NONE
         _foresee(body, rope, stage, pose)
         _begin(body, hook)
-    now = body.records[int(body.memory[0, 0])]
+    _predict_stage(body, rope, stage, kind, body.records[int(body.memory[0, 0])])
+
+
+@jit_exact
+def _predict_stage(body: Any, rope: Any, stage: Any, kind: int, now: Any) -> None:
+    """Set the explicit part of the stage from the valid record `now`, and water and deck."""
+    s, q = body.stage, stage.q
     if kind == TRAPEZOID:
         v, spin = vector(now, at.V), vector(now, at.SPIN)
         place = along(vector(now, at.X), 2.0 * q, v)
         then = turned(quaternion(now, at.Q), along(NONE, 2.0 * q, spin))
         _foresee(body, rope, stage, (place, matrix_of(then), v, spin))
-        _predict_first(body, q)
+        _predict_first(body, now, q)
     else:
-        _predict_second(body)
+        _predict_second(body, now)
         v, spin = vector(s, at.SPEED), vector(s, at.SPIN_NOW)
         place = along(vector(s, at.X_HAT), q, v)
         _foresee(body, rope, stage, (place, matrix_of(quaternion(s, at.ATTITUDE)), v, spin))
 
 
-@jit
+@jit_exact
 def _solve(body: Any, q: float, hook: Any) -> bool:
     """Solve the equations of motion for this motion of the hook, and store it; return success."""
     found = solve(body, q, hook)
@@ -192,7 +198,7 @@ def _solve(body: Any, q: float, hook: Any) -> bool:
     return bool(found)
 
 
-@jit
+@jit_exact
 def _is_solved(body: Any, q: float, hook: Any) -> bool:
     """Solve for this motion of the hook, if it has changed; return success."""
     x, v = hook
@@ -221,7 +227,7 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     if s[at.FRESH] > 0.0:  # no prediction was made
         put(s, at.FLOW_NOW, (ux[0], uy[0], uz[0]))
         _begin(body, hook[0])
-        _predict_first(body, stage.q)
+        _predict_first(body, body.records[int(body.memory[0, 0])], stage.q)
     solved = _solve(body, stage.q, hook)
     f = vector(s, at.ON_HOOK) if solved else (inf, inf, inf)
     Z = left_on_hook(body, stage.q)
@@ -425,7 +431,7 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
     name = "RigidBody" + "".join(part.__name__ for part in parts)
     kind = type(name, (RigidBody,), {"__slots__": (), "__module__": __name__})
     for own in (start, predict, load_end, calm, settle):
-        kernel(own.__name__, kind)(own)
+        kernel(own.__name__, kind, exact=True)(own)
     for part in (kinetic, potential, power):
         account(f"{part.__name__}_end", kind)(_where_here(part))
     remembering(kind, 1)

@@ -245,6 +245,10 @@ if FOLDER is not None:
 _FAST = {"contract", "nsz", "arcp", "afn"}
 # The elimination keeps the order of its sums: it stays exact for stiffness over mass up to 1e6.
 _ORDERED = {"contract", "nsz"}
+# Which products LLVM fuses with sums ("contract") depends on the code around them, which for a
+# branching kernel differs between one rope and lanes. Here each operation rounds by itself, and
+# `fused` (core/jit/wide) says where a product and a sum are one.
+_EXACT = {"nsz"}
 
 # Without numba's run-time a kernel cannot allocate: an allocation in the loop does not compile.
 # Passing arrays then costs no reference counts either (they were a third of a short step).
@@ -286,6 +290,11 @@ def jit_ordered(function: Any) -> Any:
     return numba.njit(**{**LINKED, "fastmath": _ORDERED})(function)
 
 
+def jit_exact(function: Any) -> Any:
+    """Compile a kernel that rounds alike for one rope and in lanes, whatever stands around it."""
+    return numba.njit(**{**LINKED, "fastmath": _EXACT})(function)
+
+
 def jit_entry(function: Any) -> Any:
     """Compile a kernel that Python calls, and keep its code on disk."""
     return _entry(function, OPTIONS)
@@ -315,6 +324,11 @@ def jit_apart(function: Any) -> Any:
 def jit_within(function: Any) -> Any:
     """Compile a small function of numbers that LLVM puts into its callers' loops."""
     return numba.njit(forceinline=True, **LINKED)(function)
+
+
+def jit_exact_within(function: Any) -> Any:
+    """Compile a small function of numbers as `jit_exact` does, for LLVM to put into its callers."""
+    return numba.njit(forceinline=True, **{**LINKED, "fastmath": _EXACT})(function)
 
 
 def jit_ordered_within(function: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Functions of numbers in kernels: subnormal numbers as zero, cosine, exp, log, powers.
+"""Functions of numbers in kernels: subnormal numbers as zero, cosine, exp, log, powers, fused sums.
 
 **Subnormals.** Numbers below 2.2e-308 count as zero while a kernel steps. What moves a rope
 sideways fades along it to such numbers while a sea rises, and a processor takes a hundred cycles
@@ -12,8 +12,13 @@ processors that have no such register, keep them.
 (Cody and Waite 1980); cos r is its series to r²⁰, whose rest is below 2e-17. The error is below
 5e-16 for |x| < 1e6.
 
-**Wide numbers** (core/jit/wide). `exp`, `log` and powers are called for each lane in turn, so that
-a lane has the bits of the same call with one number.
+**Wide numbers** (core/jit/wide). `exp`, `log`, sine and powers are called for each lane in turn, so
+that a lane has the bits of the same call with one number.
+
+**Fused sums.** LLVM, where it may, fuses a product with a sum; which ones depends on the code
+around them: on the sign of a sum, on the block that negates, on a loop being unrolled. Kernels that
+branch for one rope and have masks in lanes then differ in the last bit. They are compiled to round
+after each operation (`jit_exact`), and say with `fused` where a product and a sum are one.
 
 **CPU reference benchmark** (`chain`): multiply-adds, each of which depends on the one before. The
 solver's speed divided by this figure is comparable between machines.
@@ -35,9 +40,24 @@ from numba.core.typing.templates import signature
 from numba.extending import intrinsic, overload
 
 from rope_twin.core.jit.decorators import LINKED, jit_entry, jit_within
-from rope_twin.core.jit.wide import LANES, WIDE, TableType, choose, mask_of, register
+from rope_twin.core.jit.wide import (
+    LANES,
+    REGISTER,
+    WIDE,
+    MaskType,
+    TableType,
+    WideType,
+    bits,
+    choose,
+    cpu_features,
+    mask_of,
+    register,
+    spread,
+)
 
 HAS_REGISTER = platform.machine() in ("x86_64", "AMD64")
+# the processor multiplies and adds in one instruction
+FUSES = "+fma" in cpu_features() or platform.machine() in ("aarch64", "arm64")
 FLUSHED = 1 << 15 | 1 << 6
 _WORD = ir.IntType(32)
 
@@ -126,8 +146,47 @@ def _each_lane(function: Any, count: int) -> None:
 
 
 _each_lane(math.exp, 1)
+_each_lane(math.sin, 1)
+_each_lane(math.cos, 1)
 _each_lane(math.log, 1)
 _each_lane(operator.pow, 2)
+
+
+def fused(a: Any, b: Any, c: Any) -> Any:
+    """Return a·b + c, rounded once if the processor has an instruction for it (Python: twice)."""
+    return a * b + c
+
+
+def _fused(context: Any, builder: Any, a: Any, b: Any, c: Any) -> Any:
+    if not FUSES:
+        return builder.fadd(builder.fmul(a, b), c)
+    name = f"llvm.fma.v{LANES}f64" if a.type == REGISTER else "llvm.fma.f64"
+    kind = ir.FunctionType(a.type, [a.type] * 3)
+    called = cgutils.get_or_insert_function(builder.module, kind, name)
+    return builder.call(called, [a, b, c], fastmath=("nsz",))
+
+
+@intrinsic
+def _fused_one(context: Any, a: Any, b: Any, c: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return _fused(context, builder, *arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
+
+
+@intrinsic
+def _fused_lanes(context: Any, a: Any, b: Any, c: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return _fused(context, builder, *(spread(builder, value) for value in arguments))
+
+    return WIDE(a, b, c), generate
+
+
+@overload(fused, jit_options={**LINKED, "forceinline": True, "fastmath": False}, strict=False)
+def _compose_fused(a: Any, b: Any, c: Any) -> Any:
+    if any(isinstance(kind, WideType) for kind in (a, b, c)):
+        return lambda a, b, c: _fused_lanes(a, b, c)
+    return lambda a, b, c: _fused_one(a, b, c)
 
 
 @jit_within
@@ -177,6 +236,35 @@ def _compose_renewed(stage: Any, new: Any, old: Any) -> Any:
     if "lanes" in getattr(stage, "fields", ()):
         return lambda stage, new, old: choose(mask_of(stage.lanes), new, old)
     return lambda stage, new, old: new
+
+
+def anywhere(which: Any) -> Any:
+    """Return whether a condition holds, for wide numbers in one lane at least."""
+    return which
+
+
+@overload(anywhere, jit_options={**LINKED, "forceinline": True}, strict=False)
+def _compose_anywhere(which: Any) -> Any:
+    if isinstance(which, MaskType):
+        return lambda which: bits(which) != 0
+    return lambda which: which
+
+
+def by_width(lone: Any, lanes: Any) -> Any:
+    """Return the function `lone(first, ...)`, or `lanes(first, ...)` for a table of wide numbers.
+
+    Both are kernels; plain Python calls the first.
+    """
+
+    def call(first: Any, *rest: Any) -> Any:
+        return lone(first, *rest)
+
+    @overload(call, jit_options={**LINKED, "forceinline": True}, strict=False)
+    def compose(first: Any, *rest: Any) -> Any:
+        chosen = lanes if isinstance(first, TableType) else lone
+        return lambda first, *rest: chosen(first, *rest)
+
+    return call
 
 
 def by_type(kind: type, yes: Any, no: Any) -> Any:

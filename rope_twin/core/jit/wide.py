@@ -24,6 +24,7 @@ from llvmlite import ir
 from llvmlite.binding import get_host_cpu_features
 from numba import config, types
 from numba.core import cgutils
+from numba.core.typeconv import Conversion
 from numba.core.typing.templates import (
     AbstractTemplate,
     AttributeTemplate,
@@ -45,16 +46,21 @@ from rope_twin.core.jit.decorators import LINKED
 from rope_twin.core.jit.rows import tell_apart
 
 
+def cpu_features() -> list[str]:
+    """Return the features of the compiler's target, as LLVM names them."""
+    features = config.CPU_FEATURES  # NUMBA_CPU_FEATURES: compile for another processor
+    if features is None:
+        features = get_host_cpu_features().flatten()
+    return str(features).split(",")
+
+
 def register_doubles() -> int:
     """Return how many doubles the widest SIMD register of the compiler's target holds.
 
     Wider numbers would be split in two, and LLVM then fuses other multiplications and additions
     than in a single rope's code, so that a member would differ from its lone twin in the last bit.
     """
-    features = config.CPU_FEATURES  # NUMBA_CPU_FEATURES: compile for another processor
-    if features is None:
-        features = get_host_cpu_features().flatten()
-    return 8 if "+avx512f" in features.split(",") else 4
+    return 8 if "+avx512f" in cpu_features() else 4
 
 
 LANES = register_doubles()
@@ -71,6 +77,14 @@ class WideType(types.Type):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__(name="Wide")
+
+    def can_convert_from(self, context: Any, other: Any) -> Any:
+        """Return that a double becomes a wide number without loss."""
+        return Conversion.promote if isinstance(other, types.Float) else None
+
+    def unify(self, context: Any, other: Any) -> Any:
+        """Return the type of a variable that is a double here and a wide number there."""
+        return self if isinstance(other, types.Float) else None
 
 
 class MaskType(types.Type):  # type: ignore[misc]
@@ -172,6 +186,7 @@ for _function, _sign in (
     (operator.le, "<="),
     (operator.gt, ">"),
     (operator.ge, ">="),
+    (operator.eq, "=="),
 ):
     register(_function, 2, MASK, _comparison(_sign))
 register(min, 2, WIDE, _extreme("<"))
@@ -241,6 +256,16 @@ def mask_of(context: Any, number: Any) -> Any:
 @lower_cast(types.Float, WideType)
 def _widen(context: Any, builder: Any, source: Any, target: Any, value: Any) -> Any:
     return spread(builder, value)
+
+
+@intrinsic
+def widened(context: Any, number: Any) -> Any:
+    """A double in all lanes."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return spread(builder, arguments[0])
+
+    return WIDE(types.float64), generate
 
 
 @intrinsic

@@ -58,7 +58,7 @@ from typing import Any, NamedTuple, get_type_hints
 from numba import types
 from numba.extending import overload
 
-from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_exact, jit_within
 from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 
@@ -91,8 +91,12 @@ _WIDE: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 DIFFERING: dict[type, list[int]] = {}
 
 
-def kernel(hook: str, effect: type, *, wide: bool = False) -> Callable[[Any], Any]:
+def kernel(
+    hook: str, effect: type, *, wide: bool = False, exact: bool = False
+) -> Callable[[Any], Any]:
     """Register a kernel of an effect's type for a hook; `wide`: it also works on SIMD vectors.
+
+    exact: LLVM fuses no product with a sum, as `jit_exact`.
 
     Raises:
         ValueError: unknown hook, or a second kernel of this type for it.
@@ -103,7 +107,8 @@ def kernel(hook: str, effect: type, *, wide: bool = False) -> Callable[[Any], An
         raise ValueError(f"{effect.__name__} already has a kernel for '{hook}'")
 
     def register(function: Any) -> Any:
-        compiled = jit_within(function) if hook in WITHIN else jit(function)
+        plain = jit_exact if exact else jit
+        compiled = jit_within(function) if hook in WITHIN else plain(function)
         _KERNELS[hook][effect] = compiled
         if wide:
             _WIDE[hook][effect] = compiled
@@ -136,11 +141,11 @@ def differs(*kinds: type) -> None:
         DIFFERING[kind] = [k for k, hint in enumerate(hints) if hint is float]
 
 
-def wide_kernel(hook: str, effect: type) -> Callable[[Any], Any]:
+def wide_kernel(hook: str, effect: type, *, exact: bool = False) -> Callable[[Any], Any]:
     """Register the SIMD variant of an effect's kernel."""
 
     def register(function: Any) -> Any:
-        _WIDE[hook][effect] = jit(function)
+        _WIDE[hook][effect] = (jit_exact if exact else jit)(function)
         return _WIDE[hook][effect]
 
     return register
