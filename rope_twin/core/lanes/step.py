@@ -2,9 +2,10 @@
 
 **Stage**: Newton's method as in `core/newton`. A lane that has converged is frozen while others
 iterate, and keeps the factors of its last elimination, with which its BDF2 stage begins
-(core/newton). As in a single rope the last correction stays pending: the next prediction, or the
-step's end, adds it. Rare cases are excluded: a lane that needs the line search, or whose factors
-cannot be reused, is dropped, and its rope takes the step in the single-rope solver.
+(core/newton); a lane that they do not solve is corrected with new ones. As in a single rope the
+last correction stays pending: the next prediction, or the step's end, adds it. Rare cases are
+excluded: a lane that needs the line search is dropped, and its rope takes the step in the
+single-rope solver.
 
 **Step.** A rope that needs substepping or the line search, or whose top element splits or merges,
 takes that step in the single-rope solver: `advance_lanes_steps` does the step for the other lanes
@@ -95,26 +96,30 @@ def solve_stage(rope: Any, stage: Any, kind: int, wanted: int, again: int, pendi
 
     wanted: active lanes, as bits; again: lanes that begin with the existing factors; pending:
     fraction of CORRECTION still to be added to the previous motion, of each lane. Returns the lanes
-    that did not converge, the number of corrections of each lane, and the fraction of CORRECTION
-    that is still to be added to the stage's motion.
+    that did not converge, of each lane the number of solutions with existing factors and that of
+    corrections with new ones, and the fraction of CORRECTION that is still to be added to the
+    stage's motion.
     """
     n, first = rope.state.counts[ELEMENTS], rope.model.first_free
     _evaluate(rope, stage, kind, pending)
     again &= wanted
     again &= calm_lanes(rope.effects, rope.work, on_lanes(stage, again), n, 0.0)
     none = 0.0 * rope.model.tolerance
-    active, given_up, count, going = wanted & (ALL - again), 0, none, none
+    active, count, going = wanted & (ALL - again), none, none
+    tried = choose(mask_of(again), 1.0, 0.0)
     if again != 0:
         push_wide(rope.work, first, n)
         substitute_wide(rope.work, first, n, 0, (n - first - 1) // 2)
-        given_up = again & count_left(rope, stage, CHUNK)
-        given_up |= _restless(rope, stage, again & (ALL - given_up))
-        going = choose(mask_of(again & (ALL - given_up)), 1.0, 0.0)
-        count += choose(mask_of(again), 1.0, 0.0)
+        left = again & count_left(rope, stage, CHUNK)
+        left |= _restless(rope, stage, again & (ALL - left))
+        going = choose(mask_of(again & (ALL - left)), 1.0, 0.0)
+        active |= left
         if active == 0:
-            return given_up, count, going
+            return 0, tried, count, going
         correct(rope.work, stage.p, stage.q, going, first, n)
         stretch_all(rope, stage)
+        if left != 0:
+            _reload(rope, on_lanes(stage, left))
     for correction in range(1, SEARCH_FROM + 1):
         eliminate_wide(rope.work, first, n, mask_of(active))
         going = choose(mask_of(active), 1.0, 0.0)
@@ -132,11 +137,11 @@ def solve_stage(rope: Any, stage: Any, kind: int, wanted: int, again: int, pendi
             active &= ALL - (left & _balanced(rope))
             if active == 0:
                 break
-    if bits(going > 0.0) != wanted & (ALL - given_up):  # some converged before the others
+    if bits(going > 0.0) != wanted:  # some converged before the others
         correct(rope.work, stage.p, stage.q, going, first, n)
         stretch_all(rope, stage)  # the look ahead moved them by a correction that is not theirs
         going = none
-    return active | given_up, count, going
+    return active, tried, count, going
 
 
 @jit
@@ -474,11 +479,11 @@ def _advance(
         solves, most, pending, again = 0.0 * L, 0.0 * L, 0.0 * L, 0
         for kind in (TRAPEZOID, BDF2):
             stage = _stage_at(rope, place, borders, step, kind, (now, kept, each))
-            left, count, pending = solve_stage(rope, stage, kind, kept, again, pending)
+            left, tried, count, pending = solve_stage(rope, stage, kind, kept, again, pending)
             again = bits(count <= 1.0)
             kept &= ALL - left
             pending = settle_lanes(rope.effects, rope, on_lanes(stage, kept), kind, pending)
-            solves += count
+            solves += tried + count
             most = max(most, count)
         mask = mask_of(kept)
         _keep(rope, mask, pending)
