@@ -49,6 +49,8 @@ FULL = (
     Case("splash_zone", "waves, wetting, wind, splash_zone"),
     Case("viv_in_heave", "wake_oscillator"),
     Case("tow_with_net", "net"),
+    Case("lift_off", "rigid_body, a deck"),
+    Case("manifold_lift", "rigid_body, waves, splash_zone, seabed"),
 )
 QUICK = (Case("smooth_2km", "quick", LANES, 1.0, 1.0, 1),)
 

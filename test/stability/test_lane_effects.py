@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lone_twins import SECOND_NS, differing, sea
 
 from rope_twin import load_scene
+from rope_twin.core.body.components import bed_pushes
+from rope_twin.core.body.loads import part_of
+from rope_twin.core.body.state import WET, PlaneBed, RigidBody
+from rope_twin.core.body.step import pose_of
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
-from rope_twin.scene.load import Change
+from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
+from rope_twin.twin.ensemble.member import Member
 from rope_twin.twin.motion.heave_track import HeaveSeries
 
 EVERYTHING = """\
@@ -68,7 +74,7 @@ time: {step_s: 0.01}
 """
 SHIPPED = (
     "rov_tether", "hybrid_lift", "landing", "wave_zone", "splash_zone", "viv_in_heave",
-    "tow_with_net",
+    "tow_with_net", "lift_off",
 )  # fmt: skip
 PLACES = (12.0, 16.0, 18.5, 20.02)  # through the surface, below it, and from the bed on
 
@@ -122,6 +128,62 @@ def test_shipped_scenes(name: str) -> None:
     assert together.figures() == lone.figures()
     for number in range(LANES):
         assert not differing(together.snapshot(number), lone.snapshot(number)), number
+    lanes = together.lanes()
+    assert lanes.given_up < 0.1 * lanes.steps
+
+
+def _body_of(ensemble: Ensemble, number: int) -> RigidBody:
+    member = ensemble._members[number]
+    assert isinstance(member, Member)
+    return next(one for one in member.rope.effects if isinstance(one, RigidBody))
+
+
+def _check_bodies(together: Ensemble, lone: Ensemble) -> None:
+    for number in range(LANES):
+        assert not differing(together.snapshot(number), lone.snapshot(number)), number
+        found, expected = _body_of(together, number), _body_of(lone, number)
+        assert np.array_equal(found.records, expected.records), number
+        assert np.array_equal(found.memory[:, :1], expected.memory[:, :1]), number
+
+
+@pytest.mark.long
+def test_a_body_leaves_the_deck() -> None:
+    """Slings tighten and fall slack, corners touch and come off: equal bits, step by step."""
+    scene = load_scene("lift_off")
+    own = [heaving(scene, number) for number in range(LANES)]
+    together = Ensemble(scene, own, threads=1)
+    lone = Ensemble(scene, own, threads=1, abreast=1)
+    assert together.lanes().members == LANES
+    heights = []
+    for seconds in (1, 13, 12):
+        together.advance(seconds)
+        lone.advance(seconds)
+        _check_bodies(together, lone)
+        heights.append(min(pose_of(_body_of(lone, k)).centre[2] for k in range(LANES)))
+    assert heights[-1] > heights[0] + 0.5
+    lanes = together.lanes()
+    assert lanes.steps > lanes.given_up
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("line_out_m", [29.5, 70.6])
+def test_a_body_in_the_surface_and_on_the_bed(line_out_m: float) -> None:
+    """Columns stand partly in the waves, or corners bear on the bed, in each lane otherwise."""
+    place = (Change("ropes[0].length_m", line_out_m),)
+    scene = change_scene(load_scene("manifold_lift"), place)
+    own = [Variation((Change("effects.waves.seed", float(k)),)) for k in range(LANES)]
+    together = Ensemble(scene, own, threads=1)
+    lone = Ensemble(scene, own, threads=1, abreast=1)
+    assert together.lanes().members == LANES
+    for seconds in (1, 3):
+        together.advance(seconds)
+        lone.advance(seconds)
+        _check_bodies(together, lone)
+    bodies = [_body_of(together, number) for number in range(LANES)]
+    pushes = [bed_pushes(part_of(one, PlaneBed), one, pose_of(one))[1] for one in bodies]
+    stands = line_out_m > 50.0
+    assert all((one.stage[WET] < 1.0) != stands for one in bodies)
+    assert all((push.sum() > 0.0) == stands for push in pushes)
     lanes = together.lanes()
     assert lanes.given_up < 0.1 * lanes.steps
 

@@ -268,6 +268,8 @@ def test_sections_of_one_rope(tmp_path: Path) -> None:
         ("riser_300m", "bending"),
         ("wave_zone", ""),
         ("landing", ""),
+        ("lift_off", ""),
+        ("manifold_lift", ""),
         ("chain_on_bottom", "bed_friction"),
     ],
 )

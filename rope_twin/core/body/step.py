@@ -169,11 +169,11 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
         pose = vector(rest, at.X), matrix_of(quaternion(rest, at.Q)), NONE, NONE
         _foresee(body, rope, stage, pose)
         _begin(body, hook)
-    _predict_stage(body, rope, stage, kind, body.records[int(body.memory[0, 0])])
+    predict_stage(body, rope, stage, kind, body.records[int(body.memory[0, 0])])
 
 
 @jit_exact
-def _predict_stage(body: Any, rope: Any, stage: Any, kind: int, now: Any) -> None:
+def predict_stage(body: Any, rope: Any, stage: Any, kind: int, now: Any) -> None:
     """Set the explicit part of the stage from the valid record `now`, and water and deck."""
     s, q = body.stage, stage.q
     if kind == TRAPEZOID:
@@ -434,7 +434,7 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
         kernel(own.__name__, kind, exact=True)(own)
     for part in (kinetic, potential, power):
         account(f"{part.__name__}_end", kind)(_where_here(part))
-    remembering(kind, 1)
+    remembering(kind, 1, "records", "stage")
     switching(kind)
     globals()[name] = kind
     return kind
@@ -444,7 +444,7 @@ _WATERS = ((Immersed,), (Afloat,))
 _DECKS: tuple[tuple[type, ...], ...] = ((), (Deck,))
 _BEDS: tuple[tuple[type, ...], ...] = ((), (PlaneBed,), (GridBed,))
 _WAKES: tuple[tuple[type, ...], ...] = ((), (Shedding,))
-_KINDS = {sum(some, ()): _make(sum(some, ())) for some in product(_WATERS, _DECKS, _BEDS, _WAKES)}
+KINDS = {sum(some, ()): _make(sum(some, ())) for some in product(_WATERS, _DECKS, _BEDS, _WAKES)}
 
 
 def with_parts(body: RigidBody, parts: tuple[Any, ...]) -> RigidBody:
@@ -455,4 +455,4 @@ def with_parts(body: RigidBody, parts: tuple[Any, ...]) -> RigidBody:
     if any(isinstance(one, Shedding) for one in parts):
         figures["records"] = np.pad(body.records, ((0, 0), (0, OWN_COLUMNS)))
         figures["stage"] = np.pad(body.stage, (0, OWN_ENTRIES))
-    return _KINDS[tuple(map(type, parts))](**figures)
+    return KINDS[tuple(map(type, parts))](**figures)

@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import operator
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from llvmlite import ir
@@ -43,18 +42,10 @@ from numba.core.typing.templates import (
 from numba.extending import intrinsic, lower_builtin, lower_getattr_generic, models, register_model
 
 from rope_twin.core.jit.decorators import jit, jit_within
-from rope_twin.core.state import NODE_ROWS, WORK_ROWS
+from rope_twin.core.jit.scopes import tell_apart
+from rope_twin.core.state import NODE_ROWS
 
 _DOUBLE = ir.DoubleType()
-_SCOPES = [
-    *(f"work {k}" for k in range(WORK_ROWS)),
-    *(f"nodes {k}" for k in range(NODE_ROWS)),
-    "offset",
-    "sea",  # core/waves
-    *(f"scratch {k}" for k in range(5)),
-]
-_KNOWN: WeakKeyDictionary[Any, dict[str, tuple[Any, Any]]] = WeakKeyDictionary()
-_DECLARED: WeakKeyDictionary[Any, dict[str, Any]] = WeakKeyDictionary()
 
 
 class RowType(types.Type):  # type: ignore[misc]
@@ -69,26 +60,6 @@ class RowType(types.Type):  # type: ignore[misc]
 class _RowModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _DOUBLE.as_pointer())
-
-
-def _scope(module: Any, name: str) -> Any:
-    """Metadata of a row's scope, made once per module."""
-    declared = _DECLARED.setdefault(module, {})
-    if name not in declared:
-        declared[name] = module.add_metadata([name, module.add_metadata(["rope_twin rows"])])
-    return declared[name]
-
-
-def tell_apart(module: Any, access: Any, kind: RowType) -> None:
-    """Mark a load or store as one of this row and of no other."""
-    known = _KNOWN.setdefault(module, {})
-    if kind.scope not in known:
-        others = [_scope(module, name) for name in _SCOPES if name != kind.scope]
-        own = module.add_metadata([_scope(module, kind.scope)])
-        known[kind.scope] = own, module.add_metadata(others)
-    mine, not_mine = known[kind.scope]
-    access.set_metadata("alias.scope", mine)
-    access.set_metadata("noalias", not_mine)
 
 
 @infer_global(operator.getitem)

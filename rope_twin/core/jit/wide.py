@@ -43,7 +43,7 @@ from numba.extending import (
 )
 
 from rope_twin.core.jit.decorators import LINKED
-from rope_twin.core.jit.rows import tell_apart
+from rope_twin.core.jit.scopes import tell_apart
 
 
 def cpu_features() -> list[str]:

@@ -5,10 +5,11 @@ axis of lanes: the last one for SIMD vectors and their tables, the first one for
 called for each lane in turn, which then see the arrays of a single rope.
 
 **Kernels of a single rope** are called for each lane in turn where SIMD does not pay. What happens
-at the lower end alone (a rigid body, a payload that sheds vortices) branches, and costs little
-beside the nodes of the rope; waves are summed over their components in SIMD already. `by_lane` lets
-such an effect take part in a batch with its own kernels: the columns that they read are copied to
-the scratch of one rope, and what they change is copied back.
+at the lower end alone (a net, a splash zone) branches, and costs little beside the nodes of the
+rope; waves are summed over their components in SIMD already. `by_lane` lets such an effect take
+part in a batch with its own kernels: the columns that they read are copied to the scratch of one
+rope, and what they change is copied back. A rigid body costs more than its rope: it is solved in
+all lanes together (core/body/lanes).
 
 An effect at the lower end reads node 0, the hang-off and one ghost node, and changes residual and
 block of node 0; `flow` reads positions and changes water and surface of a span of nodes.

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import config
 
 from rope_twin.core.axial_law import Fibre
+from rope_twin.core.body.lanes import hangs_elsewhere, has_body
 from rope_twin.core.jit.decorators import compiled
 from rope_twin.core.jit.wide import ALL, LANES
 from rope_twin.core.lanes.effects import (
@@ -23,7 +25,7 @@ from rope_twin.core.lanes.effects import (
 )
 from rope_twin.core.lanes.step import FOLDS, LEAST, TALLIES, Run, advance_lanes_steps
 from rope_twin.core.loads import hooks
-from rope_twin.core.loads.memory import count_known, numbers_carried
+from rope_twin.core.loads.memory import arrays_carried, count_known, numbers_carried
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     COUNTS,
@@ -93,8 +95,20 @@ def why_alone(rope: Rope) -> str:
         return "a dynamic stiffness"
     if rope.state.counts[ELEMENTS] < 2:
         return "a single element"
+    if hangs_elsewhere(rope.effects):
+        return "a body that hangs elsewhere"
     kinds = [type(effect) for effect in rope.effects if not hooks.all_wide([type(effect)])]
     return ", ".join(_effect_of(kind) for kind in kinds)
+
+
+def why_watched_alone(rope: Rope) -> str:
+    """Return why a rope cannot be stepped in a SIMD batch with folds; empty if it can.
+
+    Folds have the depth of the lower end, not that of the middle of a rigid body.
+    """
+    if has_body(rope.effects):
+        return "the depth of a body"
+    return why_alone(rope)
 
 
 def _effect_of(kind: type) -> str:
@@ -104,9 +118,12 @@ def _effect_of(kind: type) -> str:
     return next((path[2] for path in files if path[1] == "effects"), kind.__module__.split(".")[2])
 
 
-def kind_of(rope: Rope) -> Kind | None:
-    """Return the properties shared by ropes of a batch; None if the rope cannot be batched."""
-    if why_alone(rope):
+def kind_of(rope: Rope, why: Callable[[Rope], str] = why_alone) -> Kind | None:
+    """Return the properties shared by ropes of a batch; None if the rope cannot be batched.
+
+    why: `why_alone`, or `why_watched_alone` for a batch with folds.
+    """
+    if why(rope):
         return None
     elements, sections = int(rope.state.counts[ELEMENTS]), rope.sections.shape[1]
     place: tuple[int, ...] = ()
@@ -266,6 +283,8 @@ class Group:
                 continue
             for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
                 effect.memory[:, columns, lane] = theirs.memory[:, columns]
+            for name in arrays_carried(type(theirs)):
+                getattr(effect, name)[..., lane] = getattr(theirs, name)
         own.nodes[: n + 1, :, lane] = state.nodes[:, : n + 1].T
         own.s[: n + 1, lane] = state.s[: n + 1]
         own.offset[:n, lane] = state.offset[:n]
@@ -284,6 +303,8 @@ class Group:
                 continue
             for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
                 theirs.memory[:, columns] = effect.memory[:, columns, lane]
+            for name in arrays_carried(type(theirs)):
+                getattr(theirs, name)[...] = getattr(effect, name)[..., lane]
         state.nodes[:, : n + 1] = own.nodes[: n + 1, :, lane].T
         state.s[: n + 1] = own.s[: n + 1, lane]
         state.offset[:n] = own.offset[:n, lane]

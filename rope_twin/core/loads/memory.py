@@ -49,10 +49,13 @@ from rope_twin.core.loads.hooks import (
 from rope_twin.core.state import ELEMENTS, ZERO, Rope, Stage, State
 
 _REMEMBERED: dict[type, int] = {}
+_CARRIED: dict[type, tuple[str, ...]] = {}
 
 
-def remembering(effect: type, count: int) -> None:
+def remembering(effect: type, count: int, *arrays: str) -> None:
     """Declare that an effect carries `count` internal variables per node.
+
+    arrays: further fields whose numbers change from step to step.
 
     Raises:
         ValueError: it has no memory, or was declared already.
@@ -62,6 +65,12 @@ def remembering(effect: type, count: int) -> None:
     if effect in _REMEMBERED:
         raise ValueError(f"{effect.__name__} has declared its internal variables already")
     _REMEMBERED[effect] = count
+    _CARRIED[effect] = arrays
+
+
+def arrays_carried(kind: type) -> tuple[str, ...]:
+    """Return the fields besides `memory` whose numbers change from step to step."""
+    return _CARRIED.get(kind, ())
 
 
 def remembers(kinds: Iterable[type]) -> bool:

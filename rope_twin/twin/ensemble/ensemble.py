@@ -179,7 +179,7 @@ class Ensemble:
         self._members: list[AnyMember] = []
         borders = _Borders()
         for key, own in zip(zip(scenes, by_twin, strict=True), variations, strict=True):
-            self._members.append(_new_member(key[0], starts[key], own, borders))
+            self._members.append(_new_member(key[0], starts[key], own, borders, watched))
 
     @property
     def time_ns(self) -> int:
@@ -351,7 +351,9 @@ class _Borders:
         return self._borders[moved]
 
 
-def _new_member(scene: Scene, start: AnyStart, own: Variation, borders: _Borders) -> AnyMember:
+def _new_member(
+    scene: Scene, start: AnyStart, own: Variation, borders: _Borders, watched: bool
+) -> AnyMember:
     """Return a member that begins in this static equilibrium.
 
     Raises:
@@ -361,7 +363,7 @@ def _new_member(scene: Scene, start: AnyStart, own: Variation, borders: _Borders
         return UnstartedMember(scene, start)
     if isinstance(start, Twin):
         return TwinMember(start, own.heave, own.commands)
-    return Member(scene, start, borders.of(scene, own))
+    return Member(scene, start, borders.of(scene, own), watched)
 
 
 def sort_into_groups(

@@ -16,7 +16,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.body.step import pose_of
-from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone
+from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone, why_watched_alone
 from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Boundary, Floats, Rope
@@ -142,8 +142,11 @@ class UnstartedMember:
 class Member:
     """One rope of an ensemble."""
 
-    def __init__(self, scene: Scene, start: Start, borders: SharedBoundary) -> None:
+    def __init__(
+        self, scene: Scene, start: Start, borders: SharedBoundary, watched: bool = False
+    ) -> None:
         self.scene, self.borders = scene, borders
+        self._why_alone = why_watched_alone if watched else why_alone
         self.failure = ""
         self.steps = 0
         self.lane_steps = self.given_up = 0  # in SIMD lanes, and in a group but by itself
@@ -153,7 +156,7 @@ class Member:
         )
         self._viv_drag = copy.deepcopy(start.viv_drag)
         self._work_shape = start.work_shape
-        self._kind, self._kind_changes = kind_of(self._rope), 0
+        self._kind, self._kind_changes = kind_of(self._rope, self._why_alone), 0
         self._tension, self._pull = start.tension, start.pull
         self._value, self._rate = (table[0] for table in borders.boundary)
         self._seen, self._recent = Extremes(), Extremes()
@@ -172,13 +175,14 @@ class Member:
         health = self._rope.state.health
         changes = int(health[rows.SPLITS] + health[rows.MERGES])
         if changes != self._kind_changes:
-            self._kind, self._kind_changes = kind_of(self._rope), changes
+            kind = kind_of(self._rope, self._why_alone)
+            self._kind, self._kind_changes = kind, changes
         return self._kind
 
     @property
     def why_alone(self) -> str:
         """Reason why it is not stepped in SIMD lanes; "": it could be."""
-        return why_alone(self._rope)
+        return self._why_alone(self._rope)
 
     @property
     def work_shape(self) -> tuple[int, int]:

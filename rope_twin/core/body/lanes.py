@@ -1,0 +1,236 @@
+"""A rigid body in SIMD lanes: its solution for all lanes together, and its kernels in the step.
+
+Loads, momenta and Newton's matrix are those of a single body (core/body/loads), on wide numbers;
+branches are masks here. A lane that is solved keeps its solution while Newton's method goes on in
+others: it is not corrected, and its hook stays where it was solved for, so that every evaluation
+gives the same bits again.
+
+Lanes do not solve for static equilibrium: a step that begins with it is left to the single-rope
+solver (`Group.late`).
+"""
+
+from __future__ import annotations
+
+from math import inf, nan
+from typing import Any
+
+from rope_twin.core.body import state as at
+from rope_twin.core.body.components import Shedding
+from rope_twin.core.body.loads import keep_all
+from rope_twin.core.body.solution import HALVINGS, MAX_ITERATIONS, balance, correct, left_on_hook
+from rope_twin.core.body.state import (
+    GridBed,
+    RigidBody,
+    along,
+    chosen,
+    dot,
+    outward,
+    put,
+    vector,
+)
+from rope_twin.core.body.step import KINDS, predict_stage
+from rope_twin.core.integrator import TRAPEZOID
+from rope_twin.core.jit.decorators import jit_exact
+from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.wide import ALL, bits, choose, mask_of, widened
+from rope_twin.core.loads.hooks import wide_kernel
+from rope_twin.core.state import (
+    ACCELERATION,
+    BLOCK,
+    CORRECTION,
+    POSITION,
+    RESIDUAL,
+    VELOCITY,
+)
+
+
+@jit_exact
+def _record_of(body: Any) -> Any:
+    """Return the valid record of each lane, in scratch that the next evaluation overwrites."""
+    valid, found = body.memory[0, 0], body.changes[0]
+    for k in range(body.records.shape[1]):
+        value = body.records[0, k]
+        for slot in range(1, at.RECORDS):
+            value = choose(valid == float(slot), body.records[slot, k], value)
+        found[k] = value
+    return found
+
+
+@jit_exact
+def _halve(body: Any, worse: Any) -> None:
+    """Halve the last correction in these lanes."""
+    s = body.stage
+    for k in range(3):
+        v = 0.5 * (s[at.SPEED + k] + s[at.SPEED_BEFORE + k])
+        rate = 0.5 * (s[at.TURN_RATE + k] + s[at.RATE_BEFORE + k])
+        s[at.SPEED + k] = choose(worse, v, s[at.SPEED + k])
+        s[at.TURN_RATE + k] = choose(worse, rate, s[at.TURN_RATE + k])
+
+
+@jit_exact
+def _solve(body: Any, q: Any, hook: Any, lanes: int) -> Any:
+    """Solve in these lanes as `solve` does; return those that converged, as bits.
+
+    q is wide: LLVM joins the sign of -q with other terms than that of a number in all lanes.
+    """
+    miss = balance(body, q, hook)
+    for _ in range(MAX_ITERATIONS):
+        left = lanes & (ALL - bits(miss <= 1.0))
+        if left == 0:
+            break
+        correct(body, mask_of(left))
+        last, miss = miss, balance(body, q, hook)
+        for _ in range(HALVINGS):
+            worse = left & (ALL - bits(miss < last))
+            if worse == 0:
+                break
+            _halve(body, mask_of(worse))
+            miss = balance(body, q, hook)
+    return lanes & bits(miss <= 1.0)
+
+
+@jit_exact
+def _solved_hook(body: Any) -> Any:
+    """Return the motion of the hook that each lane was last solved for."""
+    return vector(body.tangent, at.SOLVED_PLACE), vector(body.tangent, at.SOLVED_SPEED)
+
+
+@jit_exact
+def _solve_for(body: Any, q: Any, hook: Any, lanes: int) -> int:
+    """Solve in these lanes for the motion of the hook, and store it; return those solved."""
+    mask, (x0, v0) = mask_of(lanes), _solved_hook(body)
+    at_hook = chosen(mask, hook[0], x0), chosen(mask, hook[1], v0)
+    found = _solve(body, q, at_hook, lanes)
+    place = chosen(mask_of(found), at_hook[0], (nan, nan, nan))
+    put(body.tangent, at.SOLVED_PLACE, chosen(mask, place, x0))
+    put(body.tangent, at.SOLVED_SPEED, at_hook[1])
+    return int(found)
+
+
+@jit_exact
+def _solved(body: Any, q: Any, hook: Any, lanes: int) -> int:
+    """Solve in these lanes where the motion of the hook has changed; return those solved."""
+    (x, v), (x0, v0) = hook, _solved_hook(body)
+    same = bits((x[0] == x0[0]) & (x[1] == x0[1]) & (x[2] == x0[2]))
+    same &= lanes & bits((v[0] == v0[0]) & (v[1] == v0[1]) & (v[2] == v0[2]))
+    if same == lanes:
+        return int(same)
+    return int(same | _solve_for(body, q, hook, lanes & (ALL - same)))
+
+
+def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
+    """Set the explicit part of the stage, and water and deck at its time, in all lanes."""
+    if low > 0:
+        return
+    body.tangent[at.ALLOWED] = rope.model.tolerance
+    put(body.tangent, at.SOLVED_PLACE, (nan, nan, nan))
+    predict_stage(body, rope, stage, kind, _record_of(body))
+
+
+def load_end(body: Any, work: Any, stage: Any) -> None:
+    """Add the slings' force on the hook, its weight and inertia to R_0, their derivative to A_0."""
+    x, y, z = rows(work, POSITION, 0)
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ax, ay, az = rows(work, ACCELERATION, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    hook = (x[0], y[0], z[0]), (vx[0], vy[0], vz[0])
+    q = widened(stage.q)
+    found = _solve_for(body, q, hook, stage.lanes)
+    # finite in lanes that are not evaluated: they are eliminated too, and corrected by 0 times that
+    fine = mask_of(found | (ALL - stage.lanes))
+    f = chosen(fine, vector(body.stage, at.ON_HOOK), (inf, inf, inf))
+    Z = left_on_hook(body, q)
+    put(body.tangent, at.TANGENT_PULL, f)
+    put(body.tangent, at.TANGENT_SLOPE, (Z[0], Z[1], Z[2]))
+    put(body.tangent, at.TANGENT_ELSE, (Z[3], Z[4], Z[5]))
+    m = body.hook
+    Rx[0] += f[0] - m * ax[0]
+    Ry[0] += f[1] - m * ay[0]
+    Rz[0] += f[2] - m * az[0] - body.hook_weight
+    Axx[0] += Z[0] + m
+    Axy[0] += Z[1]
+    Axz[0] += Z[2]
+    Ayy[0] += Z[3] + m
+    Ayz[0] += Z[4]
+    Azz[0] += Z[5] + m
+
+
+def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> int:
+    """Return the lanes in which the force on the hook agrees with its linearisation, as bits."""
+    if share == 0.0 or stage.lanes == 0:
+        return int(stage.lanes)
+    x, y, z = rows(work, POSITION, 0)
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    tangent, p, q = body.tangent, share * stage.p, share * stage.q
+    d = dx[0], dy[0], dz[0]
+    place, speed = (x[0], y[0], z[0]), (vx[0], vy[0], vz[0])
+    found = _solved(body, widened(stage.q), (along(place, p, d), along(speed, q, d)), stage.lanes)
+    (xx, xy, xz), (yy, yz, zz) = vector(tangent, at.TANGENT_SLOPE), vector(tangent, at.TANGENT_ELSE)
+    change = outward(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), d)
+    miss = along(vector(body.stage, at.ON_HOOK), -1.0, vector(tangent, at.TANGENT_PULL))
+    miss = along(miss, share, change)
+    return int(found & bits(dot(miss, miss) <= tangent[at.ALLOWED] * tangent[at.ALLOWED]))
+
+
+def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
+    """Store the body for the converged motion of the hook; the second stage writes a record."""
+    work, s = rope.work, body.stage
+    place = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
+    speed = (work[VELOCITY, 0], work[VELOCITY + 1, 0], work[VELOCITY + 2, 0])
+    solved = _solved(body, widened(stage.q), (place, speed), stage.lanes)
+    if kind == TRAPEZOID:
+        put(s, at.X_MIDDLE, vector(s, at.PLACE))
+        put(s, at.TURN_MIDDLE, vector(s, at.TURN))
+        put(s, at.P_MIDDLE, vector(s, at.P_NOW))
+        put(s, at.L_MIDDLE, vector(s, at.L_NOW))
+        put(s, at.SPEED_MIDDLE, vector(s, at.SPEED))
+        put(s, at.RATE_MIDDLE, vector(s, at.TURN_RATE))
+        return
+    record = body.changes[0]
+    put(record, at.X, vector(s, at.PLACE))
+    for k in range(4):
+        record[at.Q + k] = s[at.ATTITUDE + k]
+    put(record, at.V, chosen(mask_of(solved), vector(s, at.SPEED), (nan, nan, nan)))
+    put(record, at.SPIN, vector(s, at.SPIN_NOW))
+    put(record, at.FORCE, vector(s, at.PULL))
+    put(record, at.MOMENT, vector(s, at.TWIST))
+    put(record, at.WATER, vector(s, at.FLOW_NOW))
+    put(record, at.GROWS, vector(s, at.FLOW_GROWS))
+    put(record, at.ARM_THEN, vector(s, at.WET_ARM))
+    record[at.WET_THEN] = s[at.WET]
+    keep_all(body.parts, body, record)
+    _write(body, record)
+
+
+@jit_exact
+def _write(body: Any, record: Any) -> None:
+    """Write a record to each lane's first free place, and note it as that of the stage's end."""
+    now, start = body.memory[0, 0], body.memory[2, 0]
+    free, rest = 0.0 * now, ALL
+    for slot in range(at.RECORDS):
+        taken = bits(now == float(slot)) | bits(start == float(slot))
+        here = rest & (ALL - taken)
+        rest &= ALL - here
+        mask = mask_of(here)
+        free = choose(mask, float(slot), free)
+        for k in range(body.records.shape[1]):
+            body.records[slot, k] = choose(mask, record[k], body.records[slot, k])
+    body.memory[1, 0] = free
+
+
+def hangs_elsewhere(effects: tuple[Any, ...]) -> bool:
+    """Return whether one of the effects is a body that another rope of its system carries."""
+    return any(isinstance(effect, RigidBody) and not effect.here for effect in effects)
+
+
+def has_body(effects: tuple[Any, ...]) -> bool:
+    """Return whether one of the effects is a rigid body."""
+    return any(isinstance(effect, RigidBody) for effect in effects)
+
+
+for _parts, _kind in KINDS.items():
+    if not {GridBed, Shedding} & set(_parts):  # these branch: such a body steps alone
+        for _kernel in (predict, load_end, calm, settle):
+            wide_kernel(_kernel.__name__, _kind, exact=True)(_kernel)
