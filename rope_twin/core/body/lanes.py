@@ -46,7 +46,10 @@ from rope_twin.core.state import (
 
 @jit_exact
 def _record_of(body: Any) -> Any:
-    """Return the valid record of each lane, in scratch that the next evaluation overwrites."""
+    """Return the valid record of each lane, in scratch that the next evaluation overwrites.
+
+    It takes the rows of `changes` from the first on, which follow each other in memory.
+    """
     valid, found = body.memory[0, 0], body.changes[0]
     for k in range(body.records.shape[1]):
         value = body.records[0, k]
