@@ -247,7 +247,7 @@ _FAST = {"contract", "nsz", "arcp", "afn"}
 _ORDERED = {"contract", "nsz"}
 # Which products LLVM fuses with sums ("contract") depends on the code around them, which for a
 # branching kernel differs between one rope and lanes. Here each operation rounds by itself, and
-# `fused` (core/jit/wide) says where a product and a sum are one.
+# `fused` (core/jit/functions) says where a product and a sum are one.
 _EXACT = {"nsz"}
 
 # Without numba's run-time a kernel cannot allocate: an allocation in the loop does not compile.
