@@ -26,6 +26,7 @@ from rope_twin.estimation.figures import (
     HEAVE_DELAY,
     HEAVE_GAIN,
     INDEX,
+    NAMES,
     factors_of,
 )
 from rope_twin.estimation.lift_model import STEP_S, STEPS_PER_MEAN, LiftModel
@@ -41,6 +42,9 @@ STUCK_PIN, STUCK_SENSOR, STUCK_ENCODER = (
 )  # fmt: skip
 SLOW_DRIFT, UNKNOWN = "slow drift of load or load pin", "unknown"
 
+# beside the figures: a sensor that is much later or earlier, per second
+LATER, EARLIER = "later heave", "earlier heave"
+TESTED = (*NAMES, LATER, EARLIER)
 # zero and gain of a load pin are one as long as the load does not change
 SIGNATURES = (
     Signature(PIN_OFFSET, {BIAS: 1000.0}),
@@ -50,6 +54,8 @@ SIGNATURES = (
     Signature(SNAGGED, {"oscillating_mass": 0.10, "payload_drag": 0.30}),
     Signature(SENSOR_GAIN, {HEAVE_GAIN: 0.05}),
     Signature(SENSOR_DELAY, {HEAVE_DELAY: 0.10}),
+    Signature(SENSOR_DELAY, {LATER: 0.4}),
+    Signature(SENSOR_DELAY, {EARLIER: -0.4}),
 )
 PIN = frozenset({PIN_OFFSET, PIN_DRIFT})  # "load pin", where its two cannot be distinguished
 

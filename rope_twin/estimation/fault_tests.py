@@ -320,8 +320,9 @@ class FaultTests:
         self.count = new.stop
         self._whitened[new] = rows @ self._residual[: new.stop]
         signatures = self._whitened_signatures(rows)
-        self._product += np.einsum("moc,m->oc", signatures, self._whitened[new])
-        self._power += np.einsum("moc,moc->oc", signatures, signatures)
+        begun = slice(signatures.shape[1])
+        self._product[begun] += np.einsum("moc,m->oc", signatures, self._whitened[new])
+        self._power[begun] += np.einsum("moc,moc->oc", signatures, signatures)
 
     def _extend_inverse(self, new: slice) -> Floats:
         """Add the rows of new samples to L⁻¹, and return them, (m, count + m)."""
@@ -343,19 +344,20 @@ class FaultTests:
         return self._inverse[new, : new.stop]
 
     def _whitened_signatures(self, rows: Floats) -> Floats:
-        """Return rows of L⁻¹s for each onset and cause, (m, onsets, causes).
+        """Return rows of L⁻¹s for each onset so far and each cause, (m, onsets, causes).
 
         rows: of L⁻¹, (m, count).
         """
         place = self._place[: self.count]
-        begin = np.searchsorted(place, self._onset)
+        onset = self._onset[: -(-self._numbers // ONSET_SAMPLES)]
+        begin = np.searchsorted(place, onset)
         along = self._columns[: self.count] @ self._directions.T
         seconds = self.interval_s * (place + 0.5)
         along += np.outer(seconds, self._ramps)
         sums = _sums_from_each_on(rows[:, :, None] * along)[:, begin]
         if self._ramps.any():  # a drift begins at its onset, not at the reference
             ones = _sums_from_each_on(rows[:, :, None])[:, begin]
-            sums -= ones * np.outer(self.interval_s * self._onset, self._ramps)
+            sums -= ones * np.outer(self.interval_s * onset, self._ramps)
         return sums
 
     def ratios(self) -> Floats:

@@ -30,6 +30,7 @@ from rope_twin.estimation.figures import (
     HEAVE_DELAY,
     HEAVE_ERRORS,
     HEAVE_GAIN,
+    HEAVE_SHIFTS,
     INDEX,
     LANE_STEPS,
     check_learnable,
@@ -198,7 +199,7 @@ class LiftModel:
         steps = STEPS_PER_MEAN * round((end_s - prediction.end_s) / MEAN_S)
         if steps < 1:
             return
-        thetas = self._members(prediction.theta)
+        thetas = self._members(prediction.theta, prediction.motion is None)
         self._set(self._fleet, thetas)
         self._fleet.restore(prediction.states)
         times = _borders(prediction.end_s, steps)
@@ -261,6 +262,15 @@ class LiftModel:
         A figure without a lane (the scene does not have it), or whose lane failed, has a column of
         zeros: it is not observable.
         """
+        predicted, jacobian, _ = self.with_shifts(prediction, from_s)
+        return predicted, jacobian
+
+    def with_shifts(self, prediction: Prediction, from_s: float) -> tuple[Floats, Floats, Floats]:
+        """Return what `linearised` does, and the changes by a shifted motion sensor.
+
+        Changes of the means [N] per second that the sensor is later, by each of HEAVE_SHIFTS,
+        (k, 2). They are zero where the expected motion drives the members.
+        """
         tension, line = np.concatenate(prediction.tension_n), np.concatenate(prediction.line_out_m)
         theta = prediction.theta
         skipped = round((from_s - prediction.begin_s) / MEAN_S)
@@ -273,9 +283,14 @@ class LiftModel:
         of_members = means(self.pin.measured(tension, friction, theta))
         predicted = of_members[:, 0]
         jacobian = np.zeros((len(predicted), COUNT))
+        shifts = np.zeros((len(predicted), len(HEAVE_SHIFTS)))
         for member, name in enumerate(self.lanes, start=1):
             column = of_members[:, member] - predicted
-            if np.isfinite(column).all():
+            if not np.isfinite(column).all():
+                continue
+            if prediction.motion is None and name in HEAVE_SHIFTS:
+                shifts[:, HEAVE_ERRORS.index(name)] = column / HEAVE_SHIFTS[name]
+            else:
                 steps = dict(LANE_STEPS[name])
                 own = steps.pop(name)
                 for other, step in steps.items():  # has its column already
@@ -287,7 +302,7 @@ class LiftModel:
             more[INDEX[name]] += step
             reading = self.pin.measured(tension[:, 0], friction[:, 0], more)
             jacobian[:, INDEX[name]] = (means(reading) - predicted) / step
-        return predicted, jacobian
+        return predicted, jacobian, shifts
 
     def state_at(
         self, theta: Floats, state: FleetState, begin_s: float, end_s: float,
@@ -303,10 +318,16 @@ class LiftModel:
             raise SolverError(record.failures[0])
         return self._lone.state(0)
 
-    def _members(self, theta: Floats) -> Floats:
-        """Return θ of each member, (members, COUNT); spare members repeat the first."""
+    def _members(self, theta: Floats, measured: bool) -> Floats:
+        """Return θ of each member, (members, COUNT); spare members repeat the first.
+
+        measured: the measured heave drives them.
+        """
         thetas = np.tile(theta, (len(self._fleet), 1))
         for member, name in enumerate(self.lanes, start=1):
+            if measured and name in HEAVE_SHIFTS:
+                thetas[member, INDEX[HEAVE_DELAY]] += HEAVE_SHIFTS[name]
+                continue
             for figure, step in LANE_STEPS[name].items():
                 thetas[member, INDEX[figure]] += step
         return thetas
@@ -320,23 +341,16 @@ class LiftModel:
     ) -> FleetInputs:
         """Return what moves the members, whose sensors differ in gain and delay of the heave."""
         gains, delays = thetas[:, INDEX[HEAVE_GAIN]], thetas[:, INDEX[HEAVE_DELAY]]
-        position = np.empty((len(times_s), len(thetas)))
-        rate = np.empty_like(position)
         if motion is None:
             line, speed = self.lift.line_motion(times_s)
+            different, of = np.unique(delays, return_inverse=True)
+            z, v = self.lift.heave_motion(times_s[:, None], different)
+            position, rate = z[:, of], v[:, of]
         else:
             line, speed = motion.line.at(times_s)
-        levels = thetas[:, [INDEX[name] for name in HEAVE_ERRORS]]
-        sensors = np.column_stack([delays, levels])
-        for delay, *own in np.unique(sensors, axis=0).tolist():
-            of = (sensors == [delay, *own]).all(axis=1)
-            if motion is None:
-                z, v = self.lift.heave_motion(times_s, delay)
-            else:
-                expected = motion.heave.at(tuple(own))
-                z, v = expected(times_s + delay), expected(times_s + delay, 1)
-            share = np.exp(-gains[of])
-            position[:, of], rate[:, of] = share * z[:, None], share * v[:, None]
+            position, rate = _expected(motion.heave, times_s, delays, thetas)
+        share = np.exp(-gains)
+        position, rate = share * position, share * rate
         since = times_s - self.ramp_begin_s
         if since[0] < RAMP_S:
             share = np.clip(since / RAMP_S, 0.0, 1.0)[:, None]
@@ -344,6 +358,21 @@ class LiftModel:
             rate = share * rate + share_rate * position
             position = share * position
         return FleetInputs(position, rate, line, speed)
+
+
+def _expected(
+    heave: ExpectedHeave, times_s: Floats, delays: Floats, thetas: Floats
+) -> tuple[Floats, Floats]:
+    """Return the expected heave and its rate for each member's sensor, (k, members)."""
+    position = np.empty((len(times_s), len(thetas)))
+    rate = np.empty_like(position)
+    levels = thetas[:, [INDEX[name] for name in HEAVE_ERRORS]]
+    sensors = np.column_stack([delays, levels])
+    for delay, *own in np.unique(sensors, axis=0).tolist():
+        of = (sensors == [delay, *own]).all(axis=1)
+        one, at = heave.at(tuple(own)), times_s + delay
+        position[:, of], rate[:, of] = one(at)[:, None], one(at, 1)[:, None]
+    return position, rate
 
 
 def _borders(begin_s: float, steps: int) -> Floats:

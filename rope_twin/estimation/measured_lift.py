@@ -270,16 +270,16 @@ class MeasuredLift:
         return [(a, b) for a, b in found if b > begin_s and a < end_s]
 
     def heave_motion(
-        self, times_s: Floats, delay_s: float = 0.0, heave_gain: float = 0.0
+        self, times_s: Floats, delay_s: float | Floats = 0.0, heave_gain: float = 0.0
     ) -> tuple[Floats, Floats]:
         """Return the heave [m] and its rate at times, (k,), of a sensor with delay and gain.
 
         The true heave is exp(-heave_gain)·measured(t + delay_s). Beyond its ends a series keeps
-        its last value.
+        its last value. Times (k, 1) with delays (n,) yield (k, n).
         """
         table = self.heave.table
         at = times_s + delay_s
-        near = slice(*np.searchsorted(table[:, 0], (at[0] - 2.0, at[-1] + 2.0)))
+        near = slice(*np.searchsorted(table[:, 0], (at.min() - 2.0, at.max() + 2.0)))
         some = table[near] if near.stop - near.start > 1 else table
         heave = CubicHermiteSpline(some[:, 0], some[:, 1], some[:, 2])
         inside = np.clip(at, some[0, 0], some[-1, 0])

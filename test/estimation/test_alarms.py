@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from learned_lift import NOISE_N, motion, scene
 
+from rope_twin.estimation import alarms
 from rope_twin.estimation.alarms import Alarm, FaultWatch
 from rope_twin.estimation.causes import (
     PAYLOAD,
     PIN_OFFSET,
+    SENSOR_DELAY,
     SLIP,
     STUCK_ENCODER,
     STUCK_PIN,
@@ -47,14 +49,17 @@ def tension(weight: float) -> np.ndarray:
 
 
 def lift_with(
-    weight: float = 1.0, bias_n: float = 0.0, slip_m_per_s: float = 0.0, stuck: int | None = None
-) -> MeasuredLift:
+    weight: float = 1.0, bias_n: float = 0.0, slip_m_per_s: float = 0.0, stuck: int | None = None,
+    late_s: float = 0.0,
+) -> MeasuredLift:  # fmt: skip
     """Return the series with a fault from ONSET_S on; stuck: number of a sensor."""
     t = STEP_S * np.arange(round(SECONDS / STEP_S) + 1)
     z, v, line, _ = motion(t)
     since = np.clip(t - ONSET_S, 0.0, None)
     noise = NOISE_N * np.random.default_rng(3).standard_normal(len(t))
     y = tension(weight) + noise + np.where(since > 0.0, bias_n, 0.0)
+    z_late, v_late, *_ = motion(t - late_s)
+    z, v = (np.where(since > 0.0, one, own) for one, own in ((z_late, z), (v_late, v)))
     line = line - slip_m_per_s * np.minimum(since, 3.0)
     for number, values in enumerate((y, z, line)):
         if number == stuck:
@@ -88,11 +93,11 @@ def before_the_fault() -> tuple[FaultWatch, Estimator]:
 
 def watched(
     weight: float = 1.0, bias_n: float = 0.0, slip_m_per_s: float = 0.0, stuck: int | None = None,
-    tared: bool = False,
+    late_s: float = 0.0, tared: bool = False,
 ) -> tuple[FaultWatch, Estimator]:  # fmt: skip
     """Return watch and estimator after SECONDS, with a fault from ONSET_S on; tared: then."""
     watch, estimator = before_the_fault()
-    estimator.model.lift = lift_with(weight, bias_n, slip_m_per_s, stuck)
+    estimator.model.lift = lift_with(weight, bias_n, slip_m_per_s, stuck, late_s)
     own = copy(estimator)
     own.noise, own.results = deepcopy(estimator.noise), list(estimator.results)
     branch = watch.branch(own)
@@ -164,6 +169,35 @@ def test_a_slip_of_the_line_is_named() -> None:
     alarm = alarm_of(watched(slip_m_per_s=1.0)[0])
     assert alarm.found_s - ONSET_S <= 4.0
     assert alarm.causes == (SLIP,)
+
+
+@pytest.mark.parametrize("late_s", [0.4, -0.4])
+def test_a_large_delay_is_one_of_its_shifts(late_s: float) -> None:
+    """Named; most likely is the motion sensor that is as late: size 1, by the tangent it is ±4.
+
+    The leap of the measured heave at the onset rings the rope, which no signature has.
+    """
+    watch, _ = watched(late_s=late_s)
+    assert alarm_of(watch).causes == (SENSOR_DELAY,)
+    assert watch.tests is not None
+    first = watch.tests.suspicions()[0]
+    assert first.cause == SENSOR_DELAY
+    assert first.size == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_suspicion_keeps_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Newer figures may have learned the fault; it does so for two blocks more."""
+    moved, estimator = watched()
+    moved.learned(estimator)  # as if another block had passed
+    assert moved.tests is not None
+    assert moved.tests.begin_s == 240.0
+    monkeypatch.setattr(alarms, "SUSPECTED", 0.0)
+    kept, estimator = watched()
+    kept.learned(estimator)
+    assert kept.tests is not None
+    assert kept.tests.begin_s == 180.0
+    assert kept._suspects(180.0 + 180.0)
+    assert not kept._suspects(180.0 + 240.0)
 
 
 @pytest.mark.parametrize(

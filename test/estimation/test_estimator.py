@@ -14,6 +14,9 @@ from rope_twin.estimation.estimator import BLOCK_S, Estimator
 from rope_twin.estimation.figures import (
     BIAS,
     CURRENT_SHAPE,
+    HEAVE_DELAY,
+    HEAVE_ERRORS,
+    HEAVE_SHIFTS,
     INDEX,
     NAMES,
     ROPE_FIGURES,
@@ -144,6 +147,23 @@ def test_derivatives_are_those_of_small_changes() -> None:
         column = J[:, [INDEX[name] for name in some]].sum(axis=1)
         central = (predicted(*some, by=step) - predicted(*some, by=-step)) / (2.0 * step)
         assert np.abs(column - central).max() < 0.06 * np.abs(central).max(), some
+
+
+def test_shifts_are_those_of_other_delays() -> None:
+    """Per second, by predictions with these delays; none where the expected heave drives."""
+    made = estimator(lift())
+    model, theta = made.model, made.theta
+    whole = model.predict(theta, made.state, 0.0, 120.0)
+    predicted, J, shifts = model.with_shifts(whole, 60.0)
+    assert np.abs(J[:, [INDEX[name] for name in HEAVE_ERRORS]]).max() == 0.0
+    for k, shift_s in enumerate(HEAVE_SHIFTS.values()):
+        other = theta.copy()
+        other[INDEX[HEAVE_DELAY]] += shift_s
+        late, _ = model.linearised(model.predict(other, made.state, 0.0, 120.0), 60.0)
+        change = (late - predicted) / shift_s
+        np.testing.assert_allclose(shifts[:, k], change, atol=1e-6 * np.abs(change).max())
+    expected = model.predict(theta, made.state, 0.0, 120.0, made._expected_motion())
+    assert np.abs(model.with_shifts(expected, 60.0)[2]).max() == 0.0
 
 
 def test_short_ropes_have_few_elements() -> None:

@@ -45,6 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
              f"IDs are scenes (default: {SCENE})")  # fmt: skip
     add("--fault-truths", type=int, default=TRUTHS, metavar="N",
         help="number of truths for each fault (default: %(default)s)")  # fmt: skip
+    add("--first-seed", type=int, default=FIRST_SEED, metavar="SEED",
+        help="of these truths; clean hours have seeds from 1000 above (default: %(default)s)",
+    )  # fmt: skip
     add("--clean-hours", type=float, default=0.0, metavar="H",
         help="also count false alarms in so many hours without a fault")  # fmt: skip
     add("--detectable", action="store_true",
@@ -60,9 +63,10 @@ def run(args: argparse.Namespace) -> int:
         RopeTwinError: a scene, sea or fault that cannot be.
     """
     count = args.fault_truths
-    if count < 1 or not 0.0 <= args.clean_hours <= 1000.0:
-        what = f"{count} truths, {args.clean_hours:g} clean hours"
-        raise InputError(phrase("--faults", what, "give 1 truth or more, 0 to 1000 hours"))
+    if count < 1 or args.first_seed < 0 or not 0.0 <= args.clean_hours <= 1000.0:
+        what = f"{count} truths, {args.clean_hours:g} clean hours, seed {args.first_seed}"
+        right = "give 1 truth or more, 0 to 1000 hours, a seed of 0 or more"
+        raise InputError(phrase("--faults", what, right))
     faults = [one for one in FAULTS
               if not args.only or any(word in one.name for word in args.only)]  # fmt: skip
     if not faults:
@@ -73,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     for name in args.ids or [SCENE]:
         scene, cost, progress = load_scene(name), Cost(), CaseProgress()
         prior = campaign_prior(scene, True)
-        seeds = range(FIRST_SEED, FIRST_SEED + count)
+        seeds = range(args.first_seed, args.first_seed + count)
         if args.detectable:
             rows = detectable_sizes(scene, prior, seeds, args.sea, AFTER_S, DETECTED)
             found[name] = {cause: {"unit": unit, "sizes": dict(zip(map(str, AFTER_S), size.tolist(),
@@ -91,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
         met &= _judge(faults, results, args.json)
         if args.clean_hours > 0.0:
             number = max(1, round(60.0 * args.clean_hours / CLEAN_MINUTES))
-            first = FIRST_SEED + 1000
+            first = args.first_seed + 1000
             clean = clean_maxima(scene, prior, range(first, first + number), args.sea,
                                  CLEAN_MINUTES, cost, progress.show)  # fmt: skip
             found[name]["clean"], kept = _clean(*clean, quiet=args.json)

@@ -27,7 +27,7 @@ from rope_twin.estimation.causes import (
     STUCK_SENSOR,
 )
 from rope_twin.estimation.estimator import BURN_IN_S, Estimator
-from rope_twin.estimation.figures import UNITS, Prior
+from rope_twin.estimation.figures import HEAVE_DELAY, UNITS, Prior
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.scene.schema import Scene
 from validation.learning.truths import WARM_UP_S, Truth, make_changed_truths, make_truths
@@ -249,7 +249,7 @@ def detectable_sizes(
     for one, size in zip(SIGNATURES, medians, strict=True):
         if one.direction:
             name, value = next(iter(one.direction.items()))
-            unit = UNITS[name]
+            unit = UNITS.get(name, UNITS[HEAVE_DELAY])  # a shift is one of the delay
             scale = (100.0 * value, "%") if unit == "-" else (value, unit)
             rows.append((f"{one.cause}: {name}", scale[1], size * scale[0]))
         else:
