@@ -102,6 +102,7 @@ def listen(node: Any, topic: Topic, take: Callable[..., None], depth: int | None
 ASK_AGAIN_S = 0.1  # minimum time between graph queries for the same publisher
 MAX_SENDERS = 1000  # publishers that are remembered
 NAMELESS_S = 3.0  # a publisher without a node for so long belongs to none
+_PUBLISHER = "publisher "  # begins the name of one whose node is not known
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name in the graph of a node that is not discovered yet
 
 
@@ -133,10 +134,25 @@ class Senders:
             self._names.clear()
             self._asked_s.clear()
         self._asked_s[publisher] = now_s
+        self._look_up(topic)
+        return self._names.get(publisher, "")
+
+    def node_of(self, publisher: str, topics: Iterable[str]) -> str:
+        """Return the name of the node of a publisher on these topics.
+
+        publisher: by `publisher_name`; "" for any other, and while the node is not known.
+        """
+        _, nameless, gid = publisher.partition(_PUBLISHER)
+        if nameless and bytes.fromhex(gid) not in self._names:
+            for topic in topics:
+                self._look_up(topic)
+        return self._names.get(bytes.fromhex(gid), "")
+
+    def _look_up(self, topic: str) -> None:
+        """Take the names of the nodes that publish on a topic from the graph."""
         for end in self._node.get_publishers_info_by_topic(topic):
             if end.node_name not in ("", _UNKNOWN):
                 self._names[bytes(end.endpoint_gid)] = self._called(end)
-        return self._names.get(publisher, "")
 
     def present(self, topics: Iterable[str]) -> set[str]:
         """Return the names of all nodes and publishers that currently publish on these topics."""
@@ -169,4 +185,4 @@ class Senders:
 
 def publisher_name(publisher: bytes) -> str:
     """Return the name of a publisher whose node is not known."""
-    return f"publisher {publisher.hex()}"
+    return f"{_PUBLISHER}{publisher.hex()}"

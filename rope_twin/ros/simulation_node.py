@@ -349,8 +349,9 @@ class SimulationNode(LifecycleNode):
             if self.paced is None:
                 return
             publisher = publisher_name(info["publisher_gid"]["data"])
-            sender = self._senders.name(name, info) or publisher
-            self.paced.border.take_order(name, data, sender, publisher)
+            sender, seats = self._senders.name(name, info) or publisher, self.paced.border.seats
+            seats.name_holders(lambda holder: self._senders.node_of(holder, WINCH_TOPICS))
+            self.paced.border.take_order(name, data, sender)
             self._publish_seat()
 
         def take(data: bytes) -> None:

@@ -172,14 +172,13 @@ class InputBorder:
             self._inputs.offer_lower_end(stamp_ns - epoch_ns, place, velocity)
             self.lower_end_ns = max(self.lower_end_ns or 0, stamp_ns - epoch_ns)
 
-    def take_order(self, topic: str, data: bytes, sender: str, publisher: str = "") -> None:
+    def take_order(self, topic: str, data: bytes, sender: str) -> None:
         """Accept or reject a message on one of WINCH_TOPICS.
 
         Args:
             topic: topic of the message.
             data: the message as CDR.
             sender: name of its node, which must have the winch's seat.
-            publisher: name of the sender while its node was not known.
         """
         content = self._read(topic, lambda: read_order(topic, data))
         if content is None or (epoch_ns := self._epoch()) is None:
@@ -187,7 +186,7 @@ class InputBorder:
         stamp_ns, order, name = content
         at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
         winch, now_ns = self._twin.inputs.winch_called(name), self._twin.time_ns
-        command = self.seats.admit(winch, Command(order, at_ns, sender, publisher), now_ns)
+        command = self.seats.admit(winch, Command(order, at_ns, sender), now_ns)
         if doubt := self.seats.doubt(winch):
             with self._lock:
                 self._remark(f"winch {winch}: {doubt}", self._now_s())

@@ -240,7 +240,6 @@ class Command(NamedTuple):
     command: WinchCommand
     stamp_ns: int | None  # simulation time [ns]; None: apply immediately
     sender: str  # name of its node, or that of its publisher while the node is not known
-    publisher: str = ""  # name of the sender before its node was known
 
 
 class Seats:
@@ -281,8 +280,6 @@ class Seats:
         seat, now_s = self._by_winch.get(winch), self._now_s()
         if seat is None:
             return command  # for no winch of this scene: the twin rejects it
-        if command.publisher and seat.holder == command.publisher:
-            seat.rename(command.sender)
         verdict = seat.judge(command.sender, command.command, now_s)
         if verdict.refusal:
             return None
@@ -295,6 +292,16 @@ class Seats:
         if is_stop and ahead and command.sender.rpartition("/")[2] != self._planner:
             return command._replace(stamp_ns=None)
         return command
+
+    def name_holders(self, node_of: Callable[[str], str]) -> None:
+        """Call holders that were known by a publisher by the name of its node, once that is known.
+
+        The node's other publishers then command too. node_of: "" for any other name, and while the
+        node is not known.
+        """
+        for seat in self._by_winch.values():
+            if seat.holder and (name := node_of(seat.holder)):
+                seat.rename(name)
 
     def permit(self, winch: str, kind: str) -> str:
         """Accept ("") or reject (why) a switch of a winch that comes by a service."""

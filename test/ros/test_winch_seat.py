@@ -185,3 +185,21 @@ def test_the_schedule_has_the_seat_and_yields_it_to_an_operator(bench: Bench) ->
     bench.until(lambda: schedule.yielded, "the schedule yields")
     assert own.row().level == Level.OK, own.row().message
     assert "lost" not in " ".join(str(message.data) for message in own.seats)
+
+
+def test_the_node_of_a_publisher_is_found_in_the_graph(bench: Bench) -> None:
+    """A seat that a publisher took before its node was known goes to that node, by its name."""
+    import rclpy
+
+    from rope_twin.ros.qos import Senders, message_type, profile, publisher_name
+    from rope_twin.topics import BY_NAME, WINCH_TOPICS
+
+    node, row = bench.add(rclpy.create_node("operator")), BY_NAME["winch/switch_command"]
+    node.create_publisher(message_type(row), row.name, profile(row.qos))
+    own, senders = bench.own, Senders(bench.own)
+    bench.until(lambda: own.count_publishers(row.name), "the publisher is in the graph")
+    (end,) = own.get_publishers_info_by_topic(row.name)
+    called = publisher_name(bytes(end.endpoint_gid))
+    bench.until(lambda: senders.node_of(called, WINCH_TOPICS) == "operator", "its node is known")
+    assert senders.node_of("operator", WINCH_TOPICS) == ""
+    assert senders.node_of(publisher_name(b"\x00"), WINCH_TOPICS) == ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -58,8 +60,21 @@ def test_a_winch_is_commanded_stopped_and_refuses_over_its_topics(
 
     tell(WinchCommand("compensate"))
     tell(WinchCommand("tension", 1e5))
-    bench.until(lambda: _refused(node, "winch switch") == 1, "there is no compensation")
+    with _rows_if_it_fails(node):
+        bench.until(lambda: _refused(node, "winch switch") == 1, "there is no compensation")
     bench.until(lambda: _refused(node, "winch command") == 1, "no tension is kept")
+
+
+@contextmanager
+def _rows_if_it_fails(node: Any) -> Iterator[None]:
+    """Add the rows of winch and seat to the error: who had the seat, and what was refused."""
+    try:
+        yield
+    except AssertionError as error:
+        for row in node.paced.rows(clocks()):
+            if "winch" in row.name or row.name.endswith("messages"):
+                error.add_note(f"{row.name}: {row.message} {row.values}")
+        raise
 
 
 def _refused(node: Any, name: str) -> int:

@@ -192,10 +192,14 @@ def test_a_stop_that_is_not_planned_is_executed_at_once_whatever_its_stamp() -> 
 
 def test_a_sender_whose_name_becomes_known_keeps_its_seat_and_gets_its_priority() -> None:
     seats = Seats(load_scene("deep_lift"), PRIORITY, lambda order, winch: None)
-    assert seats.admit("winch", Command(SPEED, None, "publisher 01", "publisher 01"), 0)
-    assert seats.admit("winch", Command(SPEED, None, "winch_schedule", "publisher 01"), 0)
+    assert seats.admit("winch", Command(SPEED, None, "publisher 01"), 0)
+    seats.name_holders(lambda holder: "")
+    assert seats.words() == "winch: publisher 01"
+    seats.name_holders(lambda holder: {"publisher 01": "winch_schedule"}[holder])
     assert seats.words() == "winch: winch_schedule"
-    assert seats.admit("winch", Command(SPEED, None, "bench", "publisher 02"), 0)
+    compensate = WinchCommand("compensate")  # which comes by another publisher
+    assert seats.admit("winch", Command(compensate, None, "winch_schedule"), 0)
+    assert seats.admit("winch", Command(SPEED, None, "bench"), 0)
 
 
 @pytest.mark.parametrize(
