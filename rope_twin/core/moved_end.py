@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.integrator import step_start
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.payout import hermite, prescribed
@@ -70,10 +71,12 @@ def without_motion(effects: tuple[Any, ...]) -> tuple[Any, ...]:
 
 @jit_within
 def _span(time: float, begin: float, h: float) -> Any:
-    """Return the number of the step of h, from `begin`, that a time is in, and its part of it."""
-    since = (time - begin) / h
-    row = max(ceil(since - SAME_TIME) - 1, 0)
-    return row, min(max(since - row, 0.0), 1.0)
+    """Return the number of the step of h, from `begin`, that a time is in, and its part of it.
+
+    The part is that from the step's own start: its last bit does not depend on how far `begin` is.
+    """
+    row = max(ceil((time - begin) / h - SAME_TIME) - 1, 0)
+    return row, min(max((time - step_start(begin, row, h)) / h, 0.0), 1.0)
 
 
 @jit_within
