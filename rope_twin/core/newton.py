@@ -216,7 +216,7 @@ def _look_ahead(system: Any, stage: Stage) -> int:
 
     Returns the number of deviating tensions.
     """
-    unexpected = correct_connections(system, stage)
+    unexpected = correct_connections(system, stage, 1.0)
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
         unexpected += look_ahead_in_rope(system, rope, stage_of(system, stage, r), r)
@@ -293,7 +293,7 @@ def _count_all_left(system: Any, stage: Stage) -> int:
 
     Connections are then corrected; direction and tension are set as if nodes were too.
     """
-    begin_trial(system, stage)
+    begin_trial(system, stage, 1.0)
     left = 0
     for r in range(count_ropes(system)):
         left |= count_left(rope_at(system, r), stage_of(system, stage, r), CHUNK)

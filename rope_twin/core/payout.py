@@ -26,6 +26,7 @@ from typing import Any
 
 from rope_twin.core.axial_law import law_of
 from rope_twin.core.elements import (
+    end_rope,
     section_above,
     set_element,
     set_growth,
@@ -36,7 +37,7 @@ from rope_twin.core.elements import (
 from rope_twin.core.elimination import add_six, solve_symmetric, spring
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import copy
-from rope_twin.core.loads.balance import add_load, add_pull, set_flow
+from rope_twin.core.loads.balance import add_load, add_pull, load_nodes, set_flow
 from rope_twin.core.state import (
     ACCELERATION,
     AFTER,
@@ -169,6 +170,20 @@ def report_tension(rope: Rope, pull: Any, row: int) -> None:
     pull[row, PULL_X] = x
     pull[row, PULL_Y] = y
     pull[row, PULL_Z] = z
+
+
+@jit
+def report_at_connection(rope: Any, pull: Any, row: int, stage: Any) -> None:
+    """Write the rope's tension on its upper connection: the balance of the half element there."""
+    work, n = rope.work, rope.state.counts[ELEMENTS]
+    end_rope(work, n)
+    load_nodes(rope.effects, work, stage, n, n + 1)
+    x, y, z = work[RESIDUAL, n], work[RESIDUAL + 1, n], work[RESIDUAL + 2, n]
+    pull[row, PULL_X] = x
+    pull[row, PULL_Y] = y
+    pull[row, PULL_Z] = z
+    pull[row, PULL] = sqrt(x * x + y * y + z * z)
+    add_pull(rope.effects, work, rope.state.nodes, n, pull, row)
 
 
 @jit

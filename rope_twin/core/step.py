@@ -13,7 +13,7 @@ from math import isfinite
 from typing import Any
 
 from rope_twin.core.axial_law import sections_law
-from rope_twin.core.elements import end_rope, set_lengths, set_top_length, stretch_all
+from rope_twin.core.elements import set_lengths, set_top_length, stretch_all
 from rope_twin.core.fibre import hold_law
 from rope_twin.core.integrator import (
     BDF2,
@@ -59,7 +59,6 @@ from rope_twin.core.joined.stage import (
     stage_of,
     step_of,
 )
-from rope_twin.core.loads.balance import add_pull, load_nodes
 from rope_twin.core.loads.memory import (
     accept_memories,
     begin_step,
@@ -69,15 +68,12 @@ from rope_twin.core.loads.memory import (
     settle_memories,
 )
 from rope_twin.core.newton import MAX_CORRECTIONS, MAX_CORRECTIONS_LAST, solve_stage
-from rope_twin.core.payout import finish, place_hang_off
+from rope_twin.core.payout import finish, place_hang_off, report_at_connection
 from rope_twin.core.state import (
     ELEMENTS,
     KEPT_ROWS,
     NODE_ROWS,
-    PULL,
-    PULL_X,
     REJECTED,
-    RESIDUAL,
     SOLVES,
     STEPS,
     SUBSTEPS,
@@ -270,20 +266,6 @@ def _recall_tension(system: Any, boundary: Boundary, row: int, time: float) -> N
         stretch_all(rope, own)
 
 
-@jit
-def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
-    """Write the rope's tension on its upper connection: the balance of the half element there."""
-    work, n = rope.work, rope.state.counts[ELEMENTS]
-    end_rope(work, n)
-    load_nodes(rope.effects, work, Stage(time, 1.0, 0.0, 0.0), n, n + 1)
-    square = 0.0
-    for k in range(3):
-        pull[row, PULL_X + k] = work[RESIDUAL + k, n]
-        square += work[RESIDUAL + k, n] ** 2
-    pull[row, PULL] = square**0.5
-    add_pull(rope.effects, work, rope.state.nodes, n, pull, row)
-
-
 # One rope goes by value, as all of this is inlined here; `held` is the same system by its address.
 @jit
 def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) -> None:
@@ -307,7 +289,7 @@ def _finish(system: Any, held: Any, boundary: Any, pull: Any, row: Any, time: An
         elif is_at_sheave(held.sheaves, r):
             finish_at_sheave(held.sheaves, held, r, pull[r, row : row + 1], time)
         else:
-            _report_joined(rope, pull[r], row, time)
+            report_at_connection(rope, pull[r], row, Stage(time, 1.0, 0.0, 0.0))
 
 
 @by_kind(lambda system: False)

@@ -126,13 +126,21 @@ INVERSE = ELIMINATED + 12
 
 
 @jit_ordered_within
-def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -> Any:
+def eliminate_wide_node(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -> Any:
     """Eliminate node i through element e; return Z and force on the neighbour.
 
     Lanes that are not in `moved` keep their factors.
     """
+    S, t, a, b = pivot_of(work, i, e, Z)
+    gain, own, left, pushed, inverse = eliminate_node(S, force_on(work, i, f), t, a, b)
+    keep_factors(work, i, gain, own, inverse, moved)
+    return left, pushed
+
+
+@jit_ordered_within
+def pivot_of(work: Any, i: int, e: int, Z: Any) -> Any:
+    """Return Ŝ of node i, and direction, AXIAL and GEOMETRIC of element e."""
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     x, y, z = rows(work, DIRECTION, 0)
     axial, geometric = row(work, AXIAL, 0), row(work, GEOMETRIC, 0)
     b = geometric[e]
@@ -140,9 +148,19 @@ def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -> Any:
         Z[0] + (Axx[i] + b), Z[1] + Axy[i], Z[2] + Axz[i],
         Z[3] + (Ayy[i] + b), Z[4] + Ayz[i], Z[5] + (Azz[i] + b),
     )  # fmt: skip
-    force = (f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i])
-    t = (x[e], y[e], z[e])
-    gain, own, left, pushed, inverse = eliminate_node(S, force, t, axial[e], b)
+    return S, (x[e], y[e], z[e]), axial[e], b
+
+
+@jit_ordered_within
+def force_on(work: Any, i: int, f: Any) -> Any:
+    """Return the force on node i, including that of the eliminated part, f."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    return f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i]
+
+
+@jit_ordered_within
+def keep_factors(work: Any, i: int, gain: Any, own: Any, inverse: Any, moved: Any) -> None:
+    """Store the factors of node i in the lanes of `moved`, its own part in all."""
     gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
     gxx[i] = choose(moved, gain[0], gxx[i])
     gxy[i] = choose(moved, gain[1], gxy[i])
@@ -156,12 +174,11 @@ def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -> Any:
     px[i] = own[0]
     py[i] = own[1]
     pz[i] = own[2]
-    _keep_six(work, i, inverse, moved)
-    return left, pushed
+    keep_six(work, i, inverse, moved)
 
 
 @jit_ordered_within
-def _keep_six(work: Any, i: int, inverse: Any, moved: Any) -> None:
+def keep_six(work: Any, i: int, inverse: Any, moved: Any) -> None:
     """Store the inverse of node i, or the block of the middle node, in the lanes of `moved`."""
     xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
     xx[i] = choose(moved, inverse[0], xx[i])
@@ -173,14 +190,13 @@ def _keep_six(work: Any, i: int, inverse: Any, moved: Any) -> None:
 
 
 @jit_ordered_within
-def _push(work: Any, i: int, f: Any) -> Any:
+def push_wide_node(work: Any, i: int, f: Any) -> Any:
     """Return the force on the neighbour of a node that is already eliminated."""
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
     xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
     gain = (gxx[i], gxy[i], gxz[i], gyx[i], gyy[i], gyz[i], gzx[i], gzy[i], gzz[i])
     inverse = (xx[i], xy[i], xz[i], yy[i], yz[i], zz[i])
-    own, pushed = push_node(gain, inverse, (f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i]))
+    own, pushed = push_node(gain, inverse, force_on(work, i, f))
     px[i] = own[0]
     py[i] = own[1]
     pz[i] = own[2]
@@ -188,7 +204,7 @@ def _push(work: Any, i: int, f: Any) -> Any:
 
 
 @jit_ordered_within
-def _substitute(work: Any, i: int, d: Any) -> Any:
+def substitute_wide_node(work: Any, i: int, d: Any) -> Any:
     """Store and return delta of node i, given that of its neighbour nearer the middle."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z = span(work, ELIMINATED, 12, 0)
     dx, dy, dz = rows(work, CORRECTION, 0)
@@ -212,15 +228,15 @@ def eliminate_wide(work: Any, first: int, n: int, moved: Any) -> None:
     middle = first + pairs
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     Z_low, Z_high = ground(work, first), spring(work, n - 1)
-    f_low = f_high = _nothing(work, middle)
+    f_low = f_high = nothing_at(work, middle)
     for k in range(pairs):
         i, j = first + k, n - 1 - k
-        Z_low, f_low = _eliminate(work, i, i, Z_low, f_low, moved)
-        Z_high, f_high = _eliminate(work, j, j - 1, Z_high, f_high, moved)
+        Z_low, f_low = eliminate_wide_node(work, i, i, Z_low, f_low, moved)
+        Z_high, f_high = eliminate_wide_node(work, j, j - 1, Z_high, f_high, moved)
     if rounds > pairs:
-        Z_high, f_high = _eliminate(work, middle + 1, middle, Z_high, f_high, moved)
+        Z_high, f_high = eliminate_wide_node(work, middle + 1, middle, Z_high, f_high, moved)
     A = (Axx[middle], Axy[middle], Axz[middle], Ayy[middle], Ayz[middle], Azz[middle])
-    _keep_six(work, middle, add_six(add_six(Z_low, Z_high), A), moved)
+    keep_six(work, middle, add_six(add_six(Z_low, Z_high), A), moved)
     _solve_middle(work, first, n, f_low, f_high)
 
 
@@ -229,17 +245,17 @@ def push_wide(work: Any, first: int, n: int) -> None:
     """Solve for another residual with the existing factors of each lane, up to the middle nodes."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
-    f_low = f_high = _nothing(work, middle)
+    f_low = f_high = nothing_at(work, middle)
     for k in range(pairs):
-        f_low = _push(work, first + k, f_low)
-        f_high = _push(work, n - 1 - k, f_high)
+        f_low = push_wide_node(work, first + k, f_low)
+        f_high = push_wide_node(work, n - 1 - k, f_high)
     if rounds > pairs:
-        f_high = _push(work, middle + 1, f_high)
+        f_high = push_wide_node(work, middle + 1, f_high)
     _solve_middle(work, first, n, f_low, f_high)
 
 
 @jit_ordered_within
-def _nothing(work: Any, i: int) -> Any:
+def nothing_at(work: Any, i: int) -> Any:
     """Return a zero force in all lanes."""
     zero = row(work, RESIDUAL, 0)[i] * 0.0
     return zero, zero, zero
@@ -263,7 +279,7 @@ def _solve_middle(work: Any, first: int, n: int, f_low: Any, f_high: Any) -> Non
     dy[0] = d[1]
     dz[0] = d[2]
     if rounds > pairs:
-        _substitute(work, middle + 1, d)
+        substitute_wide_node(work, middle + 1, d)
     hold_ends(work, first, n)
 
 
@@ -277,5 +293,5 @@ def substitute_wide(work: Any, first: int, n: int, low: int, high: int) -> None:
     i, j = first + high, n - 1 - high
     below, above = (dx[i], dy[i], dz[i]), (dx[j], dy[j], dz[j])
     for k in range(high - 1, low - 1, -1):
-        below = _substitute(work, first + k, below)
-        above = _substitute(work, n - 1 - k, above)
+        below = substitute_wide_node(work, first + k, below)
+        above = substitute_wide_node(work, n - 1 - k, above)

@@ -174,13 +174,17 @@ class MultiLineRopes:
         pull = np.zeros((len(self._numbers), steps, rows.PULL_COLUMNS))
         done = self._advance(self.system(first), own, time, pull)
         pulls[:] = pull[0]
+        self.take(first, own, pull, done)
+        return done
+
+    def take(self, first: Rope, own: Boundary, pull: Floats, done: int) -> None:
+        """Record steps that were done; own, pull: of all ropes, (ropes, steps, ...)."""
         self.pulls, self.moved = pull, own
         if done:
             self.pull = pull[:, done - 1].copy()
             own_n = pull[:, :done, rows.PULL].max(axis=1)
             self._highest_n = np.maximum(self._highest_n, own_n)
         self.first = first
-        return done
 
     def system(self, first: Rope) -> System:
         """Return all ropes with the first one's environment (see core/joined/stack.py)."""

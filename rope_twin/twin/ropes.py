@@ -8,12 +8,12 @@ nothing. Where a method takes the first rope or its boundary, it is with the eff
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rope_twin.core.energy import SystemBorder, measure, of_one
-from rope_twin.core.joined.joints import loaded_ends
+from rope_twin.core.joined.joints import System, loaded_ends
 from rope_twin.core.loads.balance import lower_end_force
 from rope_twin.core.state import (
     ACCELERATION,
@@ -120,6 +120,15 @@ def ropes_of(scene: Scene, steps: int) -> Ropes:
     return MultiLineRopes(scene, steps) if is_joined(scene) else OneRope(scene)
 
 
+class OpenSteps(NamedTuple):
+    """Steps of a multi-line system that are prescribed and not done."""
+
+    system: System
+    boundary: Boundary  # (ropes, steps + 1, MOTIONS)
+    steps: int
+    began: float  # processing of these steps [s]
+
+
 class RopeSystem:
     """All ropes of a twin at the newest step, and the force of the first one on its hang-off."""
 
@@ -198,6 +207,25 @@ class RopeSystem:
         if done:
             self.pull = pulls[done - 1].copy()
         return pulls[:done]
+
+    def open(self, rope: Rope, boundary: Boundary, steps: int, began: float) -> OpenSteps:
+        """Return a multi-line system with the boundary conditions of steps that lanes will do."""
+        joined = self.joined
+        assert joined is not None
+        return OpenSteps(joined.system(rope), joined.borders(boundary, steps), steps, began)
+
+    def close(self, opened: OpenSteps, pulls: Floats) -> Floats:
+        """Take the result of those that were done; return the first rope's force after each.
+
+        pulls: (ropes, done, PULL_COLUMNS).
+        """
+        joined = self.joined
+        assert joined is not None
+        joined.take(opened.system.ropes[0], opened.boundary, pulls, pulls.shape[1])
+        if pulls.shape[1]:
+            self.pull = pulls[0, -1].copy()
+        first: Floats = pulls[0]
+        return first
 
     def cut(self, whole: Rope, border: Boundary, place: CutPosition) -> float:
         """Cut a rope; return the length of the lower part [m]. whole: with the effects in use.

@@ -42,7 +42,7 @@ from rope_twin.twin.multi_line_snapshot import with_vibration
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.recovery import Checkpoint, step_failure
 from rope_twin.twin.rope_cut import CutPosition
-from rope_twin.twin.ropes import RopeSystem, new_viv_drag
+from rope_twin.twin.ropes import OpenSteps, RopeSystem, new_viv_drag
 from rope_twin.twin.run_record import RunRecord
 from rope_twin.twin.snapshot import SPEED, CutShot, Snapshot, amended
 from rope_twin.twin.snapshot_builder import RunStatistics, SnapshotInputs, build_snapshot
@@ -262,10 +262,33 @@ class Twin:
         Raises:
             SolverError: the next state would not be finite.
         """
-        began, clock, motion = time.perf_counter(), self._clock, self._motion
+        began, clock = time.perf_counter(), self._clock
         rope, steps = self._prescribe(steps)
-        pulls = self._system.advance(rope, motion.boundary, clock.time_ns * 1e-9, steps)
-        done = len(pulls)
+        pulls = self._system.advance(rope, self._motion.boundary, clock.time_ns * 1e-9, steps)
+        self._complete(pulls, steps, began)
+        return len(pulls)
+
+    def open_steps(self, steps: int) -> OpenSteps:
+        """Prescribe at most this number of steps of a multi-line system, which lanes then do."""
+        began = time.perf_counter()
+        rope, steps = self._prescribe(steps)
+        return self._system.open(rope, self._motion.boundary, steps, began)
+
+    def close_steps(self, opened: OpenSteps, pulls: rows.Floats, wanted: int) -> None:
+        """Complete the steps that lanes did; pulls: (ropes, done, PULL_COLUMNS).
+
+        Raises:
+            SolverError: fewer are done than wanted, as the next state would not be finite.
+        """
+        self._complete(self._system.close(opened, pulls), wanted, opened.began)
+
+    def _complete(self, pulls: rows.Floats, steps: int, began: float) -> None:
+        """Record the steps just done, of which there should be `steps`.
+
+        Raises:
+            SolverError: there are fewer.
+        """
+        clock, motion, done = self._clock, self._motion, len(pulls)
         clock.advance(done, self.step_ns)
         self._record.take(pulls[:, rows.PULL].tolist())
         moved = motion.until(done) if self._monitors else motion.boundary
@@ -275,7 +298,6 @@ class Twin:
         clock.computing_s += time.perf_counter() - began
         if done < steps:
             raise SolverError(step_failure(clock.steps + 1, clock.time_ns * 1e-9))
-        return done
 
     def _prescribe(self, steps: int) -> tuple[rows.Rope, int]:
         """Prescribe the motion of the next steps, after a cut that is due.

@@ -43,7 +43,7 @@ from numba.extending import intrinsic, lower_builtin, lower_getattr_generic, mod
 
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.scopes import tell_apart
-from rope_twin.core.state import NODE_ROWS
+from rope_twin.core.state import NODE_ROWS, Rope
 
 _DOUBLE = ir.DoubleType()
 
@@ -292,6 +292,18 @@ def _hold(context: Any, struct: Any) -> Any:
         return cgutils.alloca_once_value(builder, arguments[0])
 
     return HeldType(struct)(struct), generate
+
+
+@intrinsic
+def hold_system(context: Any, system: Any) -> Any:
+    """A system of ropes by its address; a rope by itself as it is. For SIMD lanes."""
+    if system.instance_class is Rope:
+        return system(system), lambda context, builder, sig, arguments: arguments[0]
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return cgutils.alloca_once_value(builder, arguments[0])
+
+    return HeldType(system)(system), generate
 
 
 if config.DISABLE_JIT:

@@ -84,13 +84,13 @@ def less_product(D: Any, P: Any, F: Any) -> Any:
 
 
 @jit_within
-def _plus_product(g: Any, P: Any, f: Any) -> Any:
+def plus_product(g: Any, P: Any, f: Any) -> Any:
     """Return g + Pᵀ·f; P by columns."""
     return g[0] + dot(P[0], f), g[1] + dot(P[1], f), g[2] + dot(P[2], f)
 
 
 @jit_within
-def _ends(n: int) -> Any:
+def ends_of(n: int) -> Any:
     """Return the number of pairs, that of pairs with one where a lane is not used, the middle."""
     return (n - 2) // 2, (n - 1) // 2, 1 + (n - 2) // 2
 
@@ -113,12 +113,12 @@ def _pair(work: Any, i: int, j: int, k: int, state: Any) -> Any:
     store_three(far, 6, (hx[1], hy[1], hz[1]))
     store_three(far, 12, (hx[2], hy[2], hz[2]))
     P = px, py, pz
-    D, g = less_product(D, P, (hx, hy, hz)), _plus_product(g, P, own)
+    D, g = less_product(D, P, (hx, hy, hz)), plus_product(g, P, own)
     return left, pushed, (to_x, to_y, to_z), D, g
 
 
 @jit_within
-def _solve_columns(S: Any, P: Any) -> Any:
+def solve_columns(S: Any, P: Any) -> Any:
     return solve_symmetric(S, P[0]), solve_symmetric(S, P[1]), solve_symmetric(S, P[2])
 
 
@@ -139,7 +139,7 @@ def eliminate_between(work: Any, n: int) -> Any:
 
     P couples them: -P is the block of row n and column 0.
     """
-    pairs, rounds, middle = _ends(n)
+    pairs, rounds, middle = ends_of(n)
     Z, zero = two_of_six(spring(work, ZERO), spring(work, n - 1)), pair(0.0, 0.0)
     none = zero, zero, zero
     xx, xy, xz, yy, yz, zz = Z
@@ -152,7 +152,7 @@ def eliminate_between(work: Any, n: int) -> Any:
     S = add_six(add_six(six_lanes(below[0], 0), six_lanes(state[0], 1)), six(work, BLOCK, middle))
     record = row(work, ELIMINATED, RECORD * rounds)
     P, Q = _columns(below[2], 0), _columns(state[2], 1)
-    H, G = _solve_columns(S, P), _solve_columns(S, Q)
+    H, G = solve_columns(S, P), solve_columns(S, Q)
     for k in range(6):
         record[_MATRIX + k] = S[k]
     for k in range(3):
@@ -163,8 +163,8 @@ def eliminate_between(work: Any, n: int) -> Any:
     sides = add(lanes(below[1], 0), lanes(state[1], 1))
     own = solve_symmetric(S, add(sides, column(work, RESIDUAL, middle)))
     _put(record, _OWN, own)
-    g = _plus_product(lanes(below[4], 0), P, own)
-    h = _plus_product(lanes(state[4], 1), Q, own)
+    g = plus_product(lanes(below[4], 0), P, own)
+    h = plus_product(lanes(state[4], 1), Q, own)
     x, y, z = H
     coupling = (
         (dot(Q[0], x), dot(Q[1], x), dot(Q[2], x)),
@@ -177,17 +177,17 @@ def eliminate_between(work: Any, n: int) -> Any:
 @jit_ordered
 def push_between(work: Any, n: int) -> Any:
     """Push the residuals through the factors: return the force at node n and that at node 0."""
-    pairs, rounds, middle = _ends(n)
+    pairs, rounds, middle = ends_of(n)
     records, zero = row(work, ELIMINATED, 0), pair(0.0, 0.0)
     f = g = (zero, zero, zero)
     for k in range(pairs):
         f = pushed_on(work, 1 + k, n - 1 - k, f)
-        g = _plus_product(g, _far(work, k), f)
+        g = plus_product(g, _far(work, k), f)
         f = push_pair(records, RECORD * k, f)
     a, low = lanes(f, 0), lanes(g, 0)
     if rounds > pairs:
         f = pushed_on(work, middle, middle + 1, f)
-        g = _plus_product(g, _far(work, pairs), f)
+        g = plus_product(g, _far(work, pairs), f)
         f = push_pair(records, RECORD * pairs, f)
     b, high = lanes(f, 1), lanes(g, 1)
     record = row(work, ELIMINATED, RECORD * rounds)
@@ -195,7 +195,7 @@ def push_between(work: Any, n: int) -> Any:
     force = add(add(a, b), column(work, RESIDUAL, middle))
     _put(record, _OWN, solve_symmetric(S, force))
     H, G = _kept_columns(record, _LOW), _kept_columns(record, _HIGH)
-    return _plus_product(high, G, force), _plus_product(low, H, force)
+    return plus_product(high, G, force), plus_product(low, H, force)
 
 
 @jit_within
@@ -246,7 +246,7 @@ def _middle_of(record: Any, k: int, low: Any, high: Any) -> Any:
 @jit_ordered
 def substitute_between(work: Any, n: int) -> None:
     """Back-substitute, given the corrections of both ends."""
-    pairs, rounds, middle = _ends(n)
+    pairs, rounds, middle = ends_of(n)
     dx, dy, dz = rows(work, CORRECTION, 0)
     record = row(work, ELIMINATED, RECORD * rounds)
     low, high = (dx[0], dy[0], dz[0]), (dx[n], dy[n], dz[n])

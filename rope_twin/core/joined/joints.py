@@ -24,20 +24,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.elimination import RECORD
+from rope_twin.core.elimination import RECORD, six
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
+from rope_twin.core.jit.wide import choose, count_beyond, whole
 from rope_twin.core.joined.plan import DENSE, Plan, Topology, new_plan, write_plan
 from rope_twin.core.joined.stack import (
     FLOW_COLUMN,
     NOWHERE,
     POINT,
     SHEAVE_ROWS,
+    LaneStack,
     Sheaves,
     Stack,
     load,
     new_stack,
     view_of,
+    work_of,
 )
 from rope_twin.core.loads.hooks import couples
 from rope_twin.core.state import (
@@ -71,8 +74,8 @@ PULL, EXPECTED, AXIAL, GEOMETRIC, TIE_ROWS = 13, 14, 15, 16, 17
 @jit_within
 def _difference(ties: Any, work: Any, first: int, k: int, fixed: Any) -> Any:
     """Return a vector at the second end relative to the first."""
-    ax, ay, az = column(work, first, int(ties[FIRST, k]))
-    second = int(ties[SECOND, k])
+    ax, ay, az = column(work, first, whole(ties[FIRST, k]))
+    second = whole(ties[SECOND, k])
     if second != ANCHORED:
         fixed = column(work, first, second)
     return fixed[0] - ax, fixed[1] - ay, fixed[2] - az
@@ -91,12 +94,12 @@ def pull_ties(ties: Any, work: Any, p: float, q: float) -> None:
         pull = ties[FORCE, k] + ties[STIFFNESS, k] * (length - ties[LENGTH, k])
         pull += ties[DAMPING, k] * rate
         acts = pull > ties[LEAST, k]
-        pull = pull if acts else ties[LEAST, k]
+        pull = choose(acts, pull, ties[LEAST, k])
         across = p * max(pull, 0.0) / length
         along = p * ties[STIFFNESS, k] + q * ties[DAMPING, k] - across
         ties[TOWARDS, k], ties[TOWARDS + 1, k], ties[TOWARDS + 2, k] = x, y, z
         ties[PULL, k] = pull
-        ties[AXIAL, k] = max(along, 0.0) if acts else 0.0
+        ties[AXIAL, k] = choose(acts, max(along, 0.0), 0.0)
         ties[GEOMETRIC, k] = across
 
 
@@ -104,7 +107,7 @@ def pull_ties(ties: Any, work: Any, p: float, q: float) -> None:
 def add_ties(ties: Any, work: Any, matrix: Any) -> None:
     """Add forces and blocks of the links to the connections (the matrix's lower triangle)."""
     for k in range(ties.shape[1]):
-        i, j = int(ties[FIRST, k]), int(ties[SECOND, k])
+        i, j = whole(ties[FIRST, k]), whole(ties[SECOND, k])
         for a in range(3):
             force = ties[PULL, k] * ties[TOWARDS + a, k]
             work[RESIDUAL + a, i] += force
@@ -133,11 +136,14 @@ def expect_pulls(ties: Any, work: Any) -> None:
 
 
 @jit
-def count_unexpected_ties(ties: Any, tolerance: float) -> int:
-    """Return the number of links whose tension deviates from the linearisation, or is NaN."""
+def count_unexpected_ties(ties: Any, tolerance: Any) -> int:
+    """Return the number of links whose tension deviates from the linearisation, or is NaN.
+
+    In lanes: those with such a link, as bits.
+    """
     wrong = 0
     for k in range(ties.shape[1]):
-        wrong += not (abs(ties[PULL, k] - ties[EXPECTED, k]) <= tolerance)
+        wrong = count_beyond(wrong, ties[PULL, k], ties[EXPECTED, k], tolerance)
     return wrong
 
 
@@ -173,7 +179,7 @@ class System(NamedTuple):
 class Joined(NamedTuple):
     """Kernel data of a system."""
 
-    stack: Stack
+    stack: Stack | LaneStack
     joints: Joints
     sheaves: Sheaves | None
 
@@ -234,10 +240,17 @@ def with_flows(joints: Joints, more: int) -> Joints:
 
 def renew_plan(system: System) -> bool:
     """Make the plan that of the present numbers of elements; return whether it was another."""
-    joints, sheaves, stack = system.joints, system.sheaves, system.stack
+    joints, stack = system.joints, system.stack
     counts = stack.counts[:, ELEMENTS]
     if (joints.plan.counts == counts).all():
         return False
+    write_plan(joints.plan, topology_of(system, stack.work.shape[1] * stack.work.shape[2]), counts)
+    return True
+
+
+def topology_of(system: System, columns: int) -> Topology:
+    """Return what the plan depends on; columns: between a node of a rope and that of the next."""
+    joints, sheaves, stack = system.joints, system.sheaves, system.stack
     coupled = {*joints.ties[FIRST].astype(int), *joints.ties[SECOND].astype(int)} - {LOOSE}
     if couples(
         map(type, system.ropes[0].effects)
@@ -247,16 +260,14 @@ def renew_plan(system: System) -> bool:
         coupled |= set(getattr(effect, "joints", ()))
     if sheaves is not None:
         coupled |= set(sheaves.figures[[POINT, FLOW_COLUMN]].astype(int).ravel())
-    topology = Topology(
+    return Topology(
         lower=joints.lower.tolist(),
         upper=joints.upper.tolist(),
         first=stack.model[:, FIRST_FREE].astype(int).tolist(),
         coupled=frozenset(int(j) for j in coupled),
-        columns=stack.work.shape[1] * stack.work.shape[2],
+        columns=columns,
         joints=joints.nodes.shape[1],
     )
-    write_plan(joints.plan, topology, counts)
-    return True
 
 
 @jit_within
@@ -265,14 +276,20 @@ def first_free(stack: Any, r: int) -> int:
     return int(stack.model[r, FIRST_FREE])
 
 
+@jit_within
+def count_joints(joints: Any) -> int:
+    """Return the number of connections, and of flows over sheaves."""
+    return int(joints.plan.dense.shape[0])
+
+
 @jit
 def place_ends(system: Any) -> None:
     """Copy the motion of the connections to the ropes' end nodes."""
     stack, joints = system.stack, system.joints
     for r in range(stack.counts.shape[0]):
-        work, low, high = stack.work[r], joints.lower[r], joints.upper[r]
+        work, low, high = work_of(stack, r)[0], joints.lower[r], joints.upper[r]
         n = stack.counts[r, ELEMENTS]
-        for k in range(joints.nodes.shape[0]):
+        for k in range(NODE_ROWS):
             if low != LOOSE:
                 work[POSITION + k, 0] = joints.work[POSITION + k, low]
             if high != LOOSE:
@@ -282,11 +299,10 @@ def place_ends(system: Any) -> None:
 @jit
 def _add_end(joints: Any, work: Any, i: int, joint: int) -> None:
     """Add residual and block of a rope's end node to those of its connection."""
-    S, R = work[BLOCK : BLOCK + 6], work[RESIDUAL : RESIDUAL + 3]
-    for k in range(3):
-        joints.work[RESIDUAL + k, joint] += R[k, i]
+    for k in range(RESIDUAL, RESIDUAL + 3):
+        joints.work[k, joint] += work[k, i]
     if joints.plan.sizes[DENSE] > 0:
-        add_block(joints.matrix, joint, (S[0, i], S[1, i], S[2, i], S[3, i], S[4, i], S[5, i]))
+        add_block(joints.matrix, joint, six(work, BLOCK, i))
 
 
 @jit
@@ -314,8 +330,13 @@ def couple_blocks(matrix: Any, upper: int, lower: int, S: Any) -> None:
 @jit
 def clear(joints: Any) -> None:
     """Clear forces and matrix of the connections."""
-    joints.work[RESIDUAL : RESIDUAL + 3, :] = 0.0
-    joints.matrix[:, :] = 0.0
+    work, matrix = joints.work, joints.matrix
+    for k in range(RESIDUAL, RESIDUAL + 3):
+        for j in range(count_joints(joints)):
+            work[k, j] = 0.0
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            matrix[i, j] = 0.0
 
 
 @jit
@@ -323,10 +344,11 @@ def gather_ends(system: Any) -> None:
     """Add residuals and blocks of all rope ends to those of their connections."""
     stack, joints = system.stack, system.joints
     for r in range(stack.counts.shape[0]):
+        work = work_of(stack, r)[0]
         if joints.lower[r] != LOOSE:
-            _add_end(joints, stack.work[r], ZERO, joints.lower[r])
+            _add_end(joints, work, ZERO, joints.lower[r])
         if joints.upper[r] != LOOSE:
-            _add_end(joints, stack.work[r], stack.counts[r, ELEMENTS], joints.upper[r])
+            _add_end(joints, work, stack.counts[r, ELEMENTS], joints.upper[r])
 
 
 @jit

@@ -30,7 +30,9 @@ from rope_twin.core.elimination import (
     two_of_six,
 )
 from rope_twin.core.jit.decorators import jit, jit_apart, jit_ordered
+from rope_twin.core.jit.functions import by_width
 from rope_twin.core.jit.rows import column, end_to_end, lane, rows, table_rows
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.joined.chains import (
     eliminate_between,
     eliminate_coupled_between,
@@ -42,7 +44,7 @@ from rope_twin.core.joined.chains import (
     substitute_coupled_downward,
     substitute_coupled_upward,
 )
-from rope_twin.core.joined.joints import LOOSE, add_block, first_free
+from rope_twin.core.joined.joints import LOOSE, add_block, count_joints, first_free
 from rope_twin.core.joined.plan import (
     A_BEGIN,
     A_INTO,
@@ -52,79 +54,44 @@ from rope_twin.core.joined.plan import (
     B_WAY,
     BETWEEN,
     CARRY,
-    COLUMN,
     COUNT,
     DENSE,
-    ENDS,
     FORCE,
     HELD,
     IDLE,
-    JOINT,
     KEPT,
     LEFT,
-    NOWHERE,
     ONTO,
     ROOTS,
     SPANS,
-    SUMMED,
     A,
     B,
 )
 from rope_twin.core.joined.sheaves import condense_flow, couple_flow, substitute_flow
-from rope_twin.core.joined.stack import effects_at
+from rope_twin.core.joined.stack import effects_at, work_of
+from rope_twin.core.joined.tree_sums import (
+    add_force,
+    add_left,
+    begin_sums,
+    begin_tree_forces,
+    spread,
+)
+from rope_twin.core.joined.wide_chains import (
+    eliminate_between_wide,
+    push_between_wide,
+    substitute_between_wide,
+)
+from rope_twin.core.joined.wide_trees import (
+    eliminate_trees_wide,
+    push_trees_wide,
+    substitute_trees_wide,
+)
 from rope_twin.core.loads.hooks import chosen_by, couples
 from rope_twin.core.state import BLOCK, CORRECTION, ELEMENTS, RESIDUAL, ZERO
 
 _records = table_rows("scratch 0", 1)
 _NIL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _NONE = (0.0, 0.0, 0.0)
-
-
-@jit
-def _begin_sums(plan: Any, work: Any) -> None:
-    """Clear the sums; add what ends leave that no chain begins at."""
-    sums = plan.sums
-    for k in range(LEFT, LEFT + 6):
-        for slot in range(sums.shape[1]):
-            sums[k, slot] = 0.0
-    for m in range(plan.sizes[ENDS]):
-        if plan.ends[m, SUMMED] == 1:
-            j, i = plan.ends[m, JOINT], plan.ends[m, COLUMN]
-            for k in range(6):
-                sums[LEFT + k, j] += work[BLOCK + k, i]
-    _begin_tree_forces(plan, work)
-
-
-@jit
-def _begin_tree_forces(plan: Any, work: Any) -> None:
-    """Clear the forces of the sums; add those of ends that no chain begins at."""
-    sums = plan.sums
-    for k in range(FORCE, FORCE + 3):
-        for slot in range(sums.shape[1]):
-            sums[k, slot] = 0.0
-    for m in range(plan.sizes[ENDS]):
-        if plan.ends[m, SUMMED] == 1:
-            j, i = plan.ends[m, JOINT], plan.ends[m, COLUMN]
-            for k in range(3):
-                sums[FORCE + k, j] += work[RESIDUAL + k, i]
-
-
-@jit
-def _add_force(sums: Any, slot: int, f: Any) -> None:
-    """Leave the force of a chain at its end; NOWHERE: it goes on."""
-    if slot != NOWHERE:
-        sums[FORCE, slot] += f[0]
-        sums[FORCE + 1, slot] += f[1]
-        sums[FORCE + 2, slot] += f[2]
-
-
-@jit
-def _add(sums: Any, slot: int, Z: Any, f: Any) -> None:
-    """Leave Schur complement and force of a chain at its end."""
-    if slot != NOWHERE:
-        for k in range(6):
-            sums[LEFT + k, slot] += Z[k]
-    _add_force(sums, slot, f)
 
 
 @jit_ordered
@@ -143,7 +110,7 @@ def _begin(work: Any, sums: Any, begin: int, i: int, way: int, state: Any) -> An
 @jit_ordered
 def eliminate_trees(work: Any, plan: Any) -> None:
     """Eliminate all chains; work: the scratch of all ropes, end to end."""
-    _begin_sums(plan, work)
+    begin_sums(plan, work)
     sums, spans, record = plan.sums, plan.spans, _records(plan.records)[0]
     one, other, at = (_NIL, _NONE), (_NIL, _NONE), 0
     for s in range(plan.sizes[SPANS]):
@@ -161,8 +128,8 @@ def eliminate_trees(work: Any, plan: Any) -> None:
             i, j, at = i + way, j + back, at + RECORD
         one = six_lanes(state[0], 0), lanes(state[1], 0)
         other = six_lanes(state[0], 1), lanes(state[1], 1)
-        _add(sums, spans[s, A_INTO], one[0], one[1])
-        _add(sums, spans[s, B_INTO], other[0], other[1])
+        add_left(sums, spans[s, A_INTO], one[0], one[1])
+        add_left(sums, spans[s, B_INTO], other[0], other[1])
     for m in range(plan.sizes[ROOTS]):
         root, slot = plan.roots[m, 0], plan.roots[m, 1]
         for k in range(6):
@@ -182,7 +149,7 @@ def _begin_force(sums: Any, begin: int, f: Any) -> Any:
 @jit_ordered
 def push_trees(work: Any, plan: Any) -> None:
     """Push the residuals through the factors of all chains; work: the scratch of all ropes."""
-    _begin_tree_forces(plan, work)
+    begin_tree_forces(plan, work)
     sums, spans, record = plan.sums, plan.spans, _records(plan.records)[0]
     one, other, at = _NONE, _NONE, 0
     for s in range(plan.sizes[SPANS]):
@@ -198,8 +165,8 @@ def push_trees(work: Any, plan: Any) -> None:
             f = push_pair(record, at, pushed_on(work, i, j, f))
             i, j, at = i + way, j + back, at + RECORD
         one, other = lanes(f, 0), lanes(f, 1)
-        _add_force(sums, spans[s, A_INTO], one)
-        _add_force(sums, spans[s, B_INTO], other)
+        add_force(sums, spans[s, A_INTO], one)
+        add_force(sums, spans[s, B_INTO], other)
 
 
 @jit_ordered
@@ -232,30 +199,20 @@ def substitute_trees(work: Any, plan: Any, joints: Any) -> None:
             dy[i], dy[j] = lane(py, 0), lane(py, 1)
             dz[i], dz[j] = lane(pz, 0), lane(pz, 1)
         if spans[s, A_BEGIN] >= 0:
-            _spread(work, plan, joints, spans[s, A_BEGIN], i)
+            spread(work, plan, joints, spans[s, A_BEGIN], i)
         if spans[s, B_BEGIN] >= 0:
-            _spread(work, plan, joints, spans[s, B_BEGIN], j)
+            spread(work, plan, joints, spans[s, B_BEGIN], j)
 
 
 @jit
-def _spread(work: Any, plan: Any, joints: Any, joint: int, i: int) -> None:
-    """Copy the correction of node i to the connection it is at, and to all rope ends there."""
-    for k in range(CORRECTION, CORRECTION + 3):
-        joints[k, joint] = work[k, i]
-        for m in range(plan.sizes[ENDS]):
-            if plan.ends[m, JOINT] == joint:
-                work[k, plan.ends[m, COLUMN]] = work[k, i]
-
-
-@jit
-def _push(joints: Any, joint: int, f: Any) -> None:
+def push_force(joints: Any, joint: int, f: Any) -> None:
     """Add a condensed force to the right-hand side of a connection, held in CORRECTION."""
     for k in range(3):
         joints.work[CORRECTION + k, joint] += f[k]
 
 
 @jit
-def _couple(matrix: Any, upper: int, lower: int, P: Any) -> None:
+def couple_by(matrix: Any, upper: int, lower: int, P: Any) -> None:
     """Add -P between two connections (or of one to itself) to the lower triangle."""
     for k in range(3):
         for c in range(3):
@@ -275,27 +232,29 @@ def _begin_matrix(joints: Any) -> None:
 
 
 @jit
-def _begin_forces(joints: Any) -> None:
+def begin_forces(joints: Any) -> None:
     """Begin the right-hand side with the residuals of the connections."""
     for k in range(3):
-        for j in range(joints.nodes.shape[1]):
+        for j in range(count_joints(joints)):
             joints.work[CORRECTION + k, j] = joints.work[RESIDUAL + k, j]
 
 
 @jit
-def _leave_out_trees(joints: Any) -> None:
+def leave_out_trees(joints: Any, matrix: Any) -> None:
     """Replace the rows of connections that are eliminated in a tree by those of the identity."""
-    matrix, dense = joints.factor, joints.plan.dense
+    dense = joints.plan.dense
     for j in range(dense.shape[0]):
         if dense[j] == 0:
             for i in range(3 * j, 3 * j + 3):
-                matrix[i, :i] = 0.0
-                matrix[i:, i] = 0.0
+                for k in range(i):
+                    matrix[i, k] = 0.0
+                for k in range(i, matrix.shape[0]):
+                    matrix[k, i] = 0.0
                 matrix[i, i] = 1.0
 
 
 @jit_ordered
-def _factorise(M: Any) -> None:
+def factorise(M: Any) -> None:
     """Factorise a symmetric positive definite matrix (its lower triangle) in place: LDLᵀ."""
     for j in range(M.shape[0]):
         for i in range(j, M.shape[0]):
@@ -306,49 +265,66 @@ def _factorise(M: Any) -> None:
 
 
 @jit_ordered
-def _substitute_dense(M: Any, b: Any) -> None:
-    """Solve L·D·Lᵀ·x = b by the factors of `_factorise`; b: (3, joints), replaced by x."""
-    size = M.shape[0]
+def substitute_dense(M: Any, b: Any) -> None:
+    """Solve L·D·Lᵀ·x = b by the factors of `factorise`; b: rows CORRECTION, replaced by x."""
+    size, first = M.shape[0], CORRECTION
     for i in range(size):
         for k in range(i):
-            b[i % 3, i // 3] -= M[i, k] * b[k % 3, k // 3]
+            b[first + i % 3, i // 3] -= M[i, k] * b[first + k % 3, k // 3]
     for i in range(size - 1, -1, -1):
-        b[i % 3, i // 3] /= M[i, i]
+        b[first + i % 3, i // 3] /= M[i, i]
         for k in range(i + 1, size):
-            b[i % 3, i // 3] -= M[k, i] * b[k % 3, k // 3]
+            b[first + i % 3, i // 3] -= M[k, i] * b[first + k % 3, k // 3]
+
+
+# Kernels of a rope between two connections and of trees, for one system and for its lanes.
+_eliminate_between = by_width(
+    jit(lambda work, n, moved: eliminate_between(end_to_end(work), n)), eliminate_between_wide
+)
+_push_between = by_width(jit(lambda work, n: push_between(end_to_end(work), n)), push_between_wide)
+_substitute_between = by_width(
+    jit(lambda work, n: substitute_between(end_to_end(work), n)), substitute_between_wide
+)
+_substitute_trees = by_width(
+    jit(lambda work, plan, joints: substitute_trees(end_to_end(work), plan, joints)),
+    substitute_trees_wide,
+)
 
 
 @jit
-def _condense(system: Any) -> None:
-    """Add what trees and ropes between dense connections leave to the dense system."""
+def _condense(system: Any, matrix: Any, moved: Any) -> None:
+    """Add what trees and ropes between dense connections leave to the dense system.
+
+    moved: lanes that get new factors, of which one system by itself has none.
+    """
     stack, joints, plan, sheaves = system.stack, system.joints, system.joints.plan, system.sheaves
-    matrix, chains = joints.factor, plan.dense.shape[0]
+    chains = plan.dense.shape[0]
     for m in range(plan.sizes[ONTO]):
         r, j = plan.onto[m, 0], plan.onto[m, 1]
         Z, f = six(plan.sums, LEFT, chains + r), column(plan.sums, FORCE, chains + r)
         add_block(matrix, j, Z)
-        _push(joints, j, f)
+        push_force(joints, j, f)
         condense_flow(sheaves, joints, r, (Z, f))
     for m in range(plan.sizes[BETWEEN]):
         r = plan.between[m]
         low, high = joints.lower[r], joints.upper[r]
-        work, n = end_to_end(stack.work[r]), stack.counts[r, ELEMENTS]
-        Z, f, D, g, P = eliminate_between(work, n)
+        work, n = work_of(stack, r)[0], stack.counts[r, ELEMENTS]
+        Z, f, D, g, P = _eliminate_between(work, n, moved)
         add_block(matrix, high, Z)
-        _push(joints, high, f)
+        push_force(joints, high, f)
         add_block(matrix, low, D)
-        _push(joints, low, g)
-        _couple(matrix, high, low, P)
+        push_force(joints, low, g)
+        couple_by(matrix, high, low, P)
         condense_flow(sheaves, joints, r, (Z, f))
         couple_flow(sheaves, joints, r, P)
 
 
 @jit
-def _put_ends(system: Any) -> None:
+def put_ends(system: Any) -> None:
     """Set the corrections of rope ends: of their connections, 0 where motion is prescribed."""
     stack, joints = system.stack, system.joints
     for r in range(stack.counts.shape[0]):
-        work, n = stack.work[r], stack.counts[r, ELEMENTS]
+        work, n = work_of(stack, r)[0], stack.counts[r, ELEMENTS]
         low, high = joints.lower[r], joints.upper[r]
         for k in range(CORRECTION, CORRECTION + 3):
             if low != LOOSE:
@@ -363,11 +339,11 @@ def _put_ends(system: Any) -> None:
 def _substitute(system: Any) -> None:
     """Set all corrections from those of the dense connections and what was eliminated."""
     stack, plan = system.stack, system.joints.plan
-    _put_ends(system)
+    put_ends(system)
     for m in range(plan.sizes[BETWEEN]):
         r = plan.between[m]
-        substitute_between(end_to_end(stack.work[r]), stack.counts[r, ELEMENTS])
-    substitute_trees(end_to_end(stack.work[0]), plan, system.joints.work)
+        _substitute_between(work_of(stack, r)[0], stack.counts[r, ELEMENTS])
+    _substitute_trees(work_of(stack, ZERO)[0], plan, system.joints.work)
 
 
 @jit
@@ -376,11 +352,11 @@ def _solve_by_plan(system: Any) -> None:
     eliminate_trees(end_to_end(system.stack.work[0]), joints.plan)
     if joints.plan.sizes[DENSE] > 0:
         _begin_matrix(joints)
-        _begin_forces(joints)
-        _condense(system)
-        _leave_out_trees(joints)
-        _factorise(joints.factor)
-        _substitute_dense(joints.factor, joints.work[CORRECTION : CORRECTION + 3])
+        begin_forces(joints)
+        _condense(system, joints.factor, 0)
+        leave_out_trees(joints, joints.factor)
+        factorise(joints.factor)
+        substitute_dense(joints.factor, joints.work)
     _substitute(system)
 
 
@@ -390,12 +366,12 @@ def _push_condensed(system: Any) -> None:
     stack, joints, plan = system.stack, system.joints, system.joints.plan
     chains = plan.dense.shape[0]
     for m in range(plan.sizes[ONTO]):
-        _push(joints, plan.onto[m, 1], column(plan.sums, FORCE, chains + plan.onto[m, 0]))
+        push_force(joints, plan.onto[m, 1], column(plan.sums, FORCE, chains + plan.onto[m, 0]))
     for m in range(plan.sizes[BETWEEN]):
         r = plan.between[m]
-        f, g = push_between(end_to_end(stack.work[r]), stack.counts[r, ELEMENTS])
-        _push(joints, joints.upper[r], f)
-        _push(joints, joints.lower[r], g)
+        f, g = _push_between(work_of(stack, r)[0], stack.counts[r, ELEMENTS])
+        push_force(joints, joints.upper[r], f)
+        push_force(joints, joints.lower[r], g)
 
 
 @jit_apart
@@ -404,9 +380,44 @@ def push_system(system: Any) -> None:
     joints = system.joints
     push_trees(end_to_end(system.stack.work[0]), joints.plan)
     if joints.plan.sizes[DENSE] > 0:
-        _begin_forces(joints)
+        begin_forces(joints)
         _push_condensed(system)
-        _substitute_dense(joints.factor, joints.work[CORRECTION : CORRECTION + 3])
+        substitute_dense(joints.factor, joints.work)
+    _substitute(system)
+
+
+@jit_apart
+def solve_lanes(system: Any, moved: Any) -> None:
+    """Solve for the corrections in all lanes; those of `moved` get new factors."""
+    joints = system.joints
+    eliminate_trees_wide(work_of(system.stack, ZERO)[0], joints.plan, moved)
+    if joints.plan.sizes[DENSE] > 0:
+        begin_forces(joints)
+        _condense(system, joints.matrix, moved)
+        leave_out_trees(joints, joints.matrix)
+        factorise(joints.matrix)
+        _keep_factor(joints, moved)
+        substitute_dense(joints.factor, joints.work)
+    _substitute(system)
+
+
+@jit
+def _keep_factor(joints: Any, moved: Any) -> None:
+    """Store the factors of the dense system, which took the place of its matrix."""
+    for i in range(joints.matrix.shape[0]):
+        for j in range(i + 1):
+            joints.factor[i, j] = choose(moved, joints.matrix[i, j], joints.factor[i, j])
+
+
+@jit_apart
+def push_lanes(system: Any) -> None:
+    """Solve for all corrections from the residuals, with each lane's existing factors."""
+    joints = system.joints
+    push_trees_wide(work_of(system.stack, ZERO)[0], joints.plan)
+    if joints.plan.sizes[DENSE] > 0:
+        begin_forces(joints)
+        _push_condensed(system)
+        substitute_dense(joints.factor, joints.work)
     _substitute(system)
 
 
@@ -419,19 +430,19 @@ def _condense_coupled(system: Any, work: Any, n: int, r: int) -> None:
         Z, f = eliminate_coupled_upward(work, first_free(system.stack, r), n)
         if high != LOOSE:
             add_block(joints.factor, high, Z)
-            _push(joints, high, f)
+            push_force(joints, high, f)
             condense_flow(sheaves, joints, r, (Z, f))
     elif high == LOOSE:
         Z, f = eliminate_coupled_downward(work, n)
         add_block(joints.factor, low, Z)
-        _push(joints, low, f)
+        push_force(joints, low, f)
     else:
         Z, f, D, g, P = eliminate_coupled_between(work, n)
         add_block(joints.factor, high, Z)
-        _push(joints, high, f)
+        push_force(joints, high, f)
         add_block(joints.factor, low, D)
-        _push(joints, low, g)
-        _couple(joints.factor, high, low, P)
+        push_force(joints, low, g)
+        couple_by(joints.factor, high, low, P)
         condense_flow(sheaves, joints, r, (Z, f))
         couple_flow(sheaves, joints, r, P)
 
@@ -440,12 +451,12 @@ def _condense_coupled(system: Any, work: Any, n: int, r: int) -> None:
 def _solve_coupled(system: Any) -> None:
     stack, joints = system.stack, system.joints
     _begin_matrix(joints)
-    _begin_forces(joints)
+    begin_forces(joints)
     for r in range(stack.counts.shape[0]):
         _condense_coupled(system, stack.work[r], stack.counts[r, ELEMENTS], r)
-    _factorise(joints.factor)
-    _substitute_dense(joints.factor, joints.work[CORRECTION : CORRECTION + 3])
-    _put_ends(system)
+    factorise(joints.factor)
+    substitute_dense(joints.factor, joints.work)
+    put_ends(system)
     for r in range(stack.counts.shape[0]):
         work, n = stack.work[r], stack.counts[r, ELEMENTS]
         if joints.lower[r] == LOOSE:

@@ -4,6 +4,10 @@
 Shared properties (current, drag, ...) are stored once. Of an effect whose numbers differ from rope
 to rope (`differs`, a payload) each rope's are in a row of `Numbers`; arrays are those of the first
 rope. Effects with internal variables (core/loads/memory.py) are stacked as `Memories`.
+
+**SIMD lanes** (core/lanes). The stack of a batch of systems is a `LaneStack`. Functions over a
+system (core/joined/stage) serve both: they ask here for a rope (`any_rope_of`) or its scratch
+(`work_of`), which come as arrays or as tables of wide numbers.
 """
 
 from __future__ import annotations
@@ -17,6 +21,8 @@ from numba import types
 from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.jit.rows import HeldType
+from rope_twin.core.jit.wide import table, tiles, wide
 from rope_twin.core.loads.hooks import (
     DIFFERING,
     couples,
@@ -44,6 +50,8 @@ from rope_twin.core.state import (
     columns_for,
     new_work,
 )
+
+_INLINED = {**LINKED, "forceinline": True}
 
 
 class Memories(NamedTuple):
@@ -194,8 +202,8 @@ def _stacked_law(laws: Sequence[Table | None]) -> Table | None:
     rows = []
     for field in Table._fields:
         row = np.full((len(tables), *size), np.inf if field == "knot" else 0.0)
-        for own, table in zip(row, tables, strict=True):
-            values = getattr(table, field)
+        for own, one in zip(row, tables, strict=True):
+            values = getattr(one, field)
             own[: values.shape[0], : values.shape[1]] = values
         rows.append(row)
     return Table(*rows)
@@ -331,6 +339,90 @@ def rope_of(stack: Any, r: int) -> Any:
         effects_at(stack.effects, r),
         _law_at(stack.law, r),
     )
+
+
+class LaneStack(NamedTuple):
+    """Arrays of all ropes; LANES is the last axis of all that differs from lane to lane."""
+
+    model: Floats  # the fields of Model that the lanes have in common, (ropes, 7)
+    figures: Floats  # those of each lane: OWN_FIGURES, (ropes, 4, LANES)
+    nodes: Floats  # (ropes, columns, NODE_ROWS, LANES)
+    s: Floats  # (ropes, columns, LANES)
+    offset: Floats
+    counts: Ints  # (ropes, COUNTS)
+    health: Ints
+    work: Floats  # (ropes, columns, CHAIN_ROWS, LANES)
+    sections: Floats  # (ropes, SECTION_ROWS, sections, LANES)
+    effects: tuple[Any, ...]  # each array with the ropes in front and the lanes behind
+    law: Any
+
+
+def _at(data: Any, r: Any) -> Any:
+    """Return the data of rope r as wide numbers and tables."""
+    raise TypeError("SIMD vectors exist in compiled code only; plain Python steps ropes one by one")
+
+
+def _widened(kind: Any, path: str) -> str:
+    return f"{'wide' if kind.ndim == 2 else 'table'}({path}[r])"
+
+
+@overload(_at, jit_options=LINKED, strict=False)
+def _compose_at(data: Any, r: Any) -> Any:
+    if isinstance(data, types.NoneType):
+        return lambda data, r: None
+    scope: dict[str, Any] = {"wide": wide, "table": table}
+    text = struct_text(data, "data", scope, _widened)
+    return written_out("data, r", [f"return {text}"], {}, **scope)
+
+
+@jit
+def wide_rope_of(stack: Any, r: int) -> Any:
+    """Return rope r of all lanes."""
+    m, own = stack.model[r], stack.figures[r]
+    return Rope(
+        Model(wide(own[0]), wide(own[1]), wide(own[2]), m[3], int(m[4]), m[5], wide(own[3])),
+        State(
+            tiles(stack.nodes[r], NODE_ROWS),
+            table(stack.s[r]),
+            table(stack.offset[r]),
+            stack.counts[r],
+            stack.health[r],
+        ),
+        tiles(stack.work[r], CHAIN_ROWS),
+        table(stack.sections[r]),
+        _at(stack.effects, r),
+        _at(stack.law, r),
+    )
+
+
+def _in_lanes(stack: Any) -> bool:
+    """Return whether a numba type of stack is that of lanes."""
+    kind = stack.inner if isinstance(stack, HeldType) else stack
+    return kind.instance_class is LaneStack
+
+
+def any_rope_of(stack: Any, r: Any) -> Any:
+    """Return rope r of a stack, or of all lanes."""
+    return rope_of(stack, r)
+
+
+@overload(any_rope_of, jit_options=_INLINED, strict=False)
+def _choose_rope(stack: Any, r: Any) -> Any:
+    if _in_lanes(stack):
+        return lambda stack, r: wide_rope_of(stack, r)
+    return lambda stack, r: rope_of(stack, r)
+
+
+def work_of(stack: Any, r: Any) -> Any:
+    """Return the scratch of rope r of a stack, or of all lanes; in a tuple, as `health_of`."""
+    return (stack.work[r],)
+
+
+@overload(work_of, jit_options=_INLINED, strict=False)
+def _choose_work(stack: Any, r: Any) -> Any:
+    if _in_lanes(stack):
+        return lambda stack, r: (tiles(stack.work[r], CHAIN_ROWS),)
+    return lambda stack, r: (stack.work[r],)
 
 
 NOWHERE = -1  # sheave of a rope without one at its upper end

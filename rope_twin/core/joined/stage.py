@@ -25,7 +25,9 @@ from rope_twin.core.integrator import (
     predict_trapezoid,
 )
 from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.jit.functions import by_type
 from rope_twin.core.jit.rows import HeldType, column, copy
+from rope_twin.core.jit.wide import count_beyond, whole
 from rope_twin.core.joined.contact import add_among
 from rope_twin.core.joined.joints import (
     ANCHORED,
@@ -34,10 +36,10 @@ from rope_twin.core.joined.joints import (
     PULL,
     SECOND,
     STEP,
-    TOLERANCE,
     TOWARDS,
     add_ties,
     clear,
+    count_joints,
     count_unexpected_ties,
     expect_pulls,
     gather_ends,
@@ -46,7 +48,7 @@ from rope_twin.core.joined.joints import (
     pull_ties,
 )
 from rope_twin.core.joined.sheaves import add_sheaves, is_at_sheave, pass_end
-from rope_twin.core.joined.stack import effects_at, face_ropes, rope_of
+from rope_twin.core.joined.stack import any_rope_of, face_ropes, work_of
 from rope_twin.core.loads.memory import has_memories
 from rope_twin.core.state import (
     AXIAL,
@@ -60,6 +62,7 @@ from rope_twin.core.state import (
     TENSION,
     ZERO,
     Boundary,
+    LaneStage,
     Rope,
     Stage,
 )
@@ -98,19 +101,33 @@ def count_ropes(system: Any) -> Any:
 @by_kind(lambda system, r: system)
 def rope_at(system: Any, r: Any) -> Any:
     """Return rope r."""
-    return rope_of(system.stack, r)
+    return any_rope_of(system.stack, r)
+
+
+# The stage of a rope with the payout speed V.
+_with_speed = by_type(
+    LaneStage,
+    lambda stage, V: LaneStage(stage.time, stage.p, stage.q, V, stage.lanes, stage.each),
+    lambda stage, V: Stage(stage.time, stage.p, stage.q, V),
+)
 
 
 @by_kind(lambda system, stage, r: stage)
 def stage_of(system: Any, stage: Any, r: Any) -> Any:
     """Return the stage with the payout speed of rope r."""
-    return Stage(stage.time, stage.p, stage.q, system.joints.speed[r])
+    return _with_speed(stage, system.joints.speed[r])
 
 
 @by_kind(lambda system, boundary, r: boundary)
 def boundary_of(system: Any, boundary: Any, r: Any) -> Any:
     """Return the prescribed motion of rope r."""
     return Boundary(boundary.value[r], boundary.rate[r])
+
+
+@by_kind(lambda system, r: True)
+def is_hung(system: Any, r: Any) -> Any:
+    """Return whether the upper end of rope r is a hang-off, with prescribed motion and payout."""
+    return system.joints.upper[r] == LOOSE
 
 
 @by_kind(lambda system, rope: None)
@@ -142,7 +159,7 @@ def step_of(system: Any) -> Any:
 @by_kind(lambda system: system.model.tolerance)
 def tolerance_of(system: Any) -> Any:
     """Return the tolerance of tensions [N], that of the first rope."""
-    return system.stack.model[0, TOLERANCE]
+    return rope_at(system, ZERO).model.tolerance
 
 
 @by_kind(lambda system: (system.state.health,))
@@ -158,9 +175,9 @@ OUT, BACK = ZERO, ZERO + 1  # directions of a copy: from the state to scratch, a
 
 
 @jit
-def _move(joints: Any, stage: Any, kind: int, factor: float) -> None:
+def _move(joints: Any, stage: Any, kind: int, factor: Any) -> None:
     """Set the motion of the connections: predicted, or (SEARCH) after a += factor·delta."""
-    nodes, work, count = joints.nodes, joints.work, joints.nodes.shape[1]
+    nodes, work, count = joints.nodes, joints.work, count_joints(joints)
     if kind == TRAPEZOID:
         predict_trapezoid(nodes, work, stage.p, stage.q, ZERO, count)
     elif kind == BDF2:
@@ -193,14 +210,17 @@ def pass_sheave(system: Any, rope: Any, r: Any, p: Any, q: Any) -> Any:
     pass_end(system.sheaves, system.joints, rope, r, p, q)
 
 
-@by_kind(lambda system, stage: 0)
-def correct_connections(system: Any, stage: Any) -> Any:
-    """Apply the correction of the connections; return how many links' tensions deviate."""
+@by_kind(lambda system, stage, share: 0)
+def correct_connections(system: Any, stage: Any, share: Any) -> Any:
+    """Apply a share of the correction to the connections; return how many links' tensions deviate.
+
+    In lanes each has its own share, and those with such a link are returned as bits.
+    """
     joints = system.joints
     expect_pulls(joints.ties, joints.work)
-    _move(joints, stage, SEARCH, 1.0)
+    _move(joints, stage, SEARCH, share)
     pull_ties(joints.ties, joints.work, stage.p, stage.q)
-    return count_unexpected_ties(joints.ties, system.stack.model[0, TOLERANCE])
+    return count_unexpected_ties(joints.ties, tolerance_of(system))
 
 
 @jit
@@ -242,11 +262,14 @@ def slope_of_connections(system: Any) -> Any:
 
 @by_kind(lambda system: 0)
 def count_unbalanced(system: Any) -> Any:
-    """Return how many connections have a residual above the tolerance, or NaN."""
-    count, most = 0, system.stack.model[0, TOLERANCE]
-    for j in range(system.joints.nodes.shape[1]):
+    """Return how many connections have a residual above the tolerance, or NaN.
+
+    In lanes: those with such a connection, as bits.
+    """
+    count, most = 0, tolerance_of(system)
+    for j in range(count_joints(system.joints)):
         x, y, z = column(system.joints.work, RESIDUAL, j)
-        count += not x * x + y * y + z * z <= most * most
+        count = count_beyond(count, x * x + y * y + z * z, 0.0, most * most)
     return count
 
 
@@ -254,30 +277,33 @@ def count_unbalanced(system: Any) -> Any:
 def _add_end_forces(system: Any, share: float) -> None:
     """Add `share` times the forces of links and of ropes' last elements to the residuals."""
     stack, joints = system.stack, system.joints
-    R, ties = joints.work[RESIDUAL : RESIDUAL + 3], joints.ties
+    R, ties = joints.work, joints.ties
     for k in range(ties.shape[1]):
-        first, second = int(ties[FIRST, k]), int(ties[SECOND, k])
+        first, second = whole(ties[FIRST, k]), whole(ties[SECOND, k])
         for a in range(3):
             force = share * ties[PULL, k] * ties[TOWARDS + a, k]
-            R[a, first] += force
+            R[RESIDUAL + a, first] += force
             if second != ANCHORED:
-                R[a, second] -= force
+                R[RESIDUAL + a, second] -= force
     for r in range(stack.counts.shape[0]):
-        work, low, high = stack.work[r], joints.lower[r], joints.upper[r]
+        work, low, high = work_of(stack, r)[0], joints.lower[r], joints.upper[r]
         top = stack.counts[r, ELEMENTS] - 1
         for a in range(3):
             if low != LOOSE:
-                R[a, low] += share * work[TENSION, 0] * work[DIRECTION + a, 0]
+                R[RESIDUAL + a, low] += share * work[TENSION, 0] * work[DIRECTION + a, 0]
             if high != LOOSE:
-                R[a, high] -= share * work[TENSION, top] * work[DIRECTION + a, top]
+                R[RESIDUAL + a, high] -= share * work[TENSION, top] * work[DIRECTION + a, top]
 
 
-@by_kind(lambda system, stage: None)
-def begin_trial(system: Any, stage: Any) -> Any:
-    """Correct the connections before directions and tensions are set as if ropes were corrected."""
+@by_kind(lambda system, stage, share: None)
+def begin_trial(system: Any, stage: Any, share: Any) -> Any:
+    """Correct the connections before directions and tensions are set as if ropes were corrected.
+
+    share: of the correction, each lane's own in lanes.
+    """
     joints = system.joints
     _add_end_forces(system, -1.0)
-    _move(joints, stage, SEARCH, 1.0)
+    _move(joints, stage, SEARCH, share)
     pull_ties(joints.ties, joints.work, stage.p, stage.q)
 
 
@@ -294,17 +320,18 @@ def _take_load(joints: Any, work: Any, i: int, joint: int) -> None:
 
 @by_kind(lambda system, least: 0)
 def count_left_at_connections(system: Any, least: Any) -> Any:
-    """Return how many connections then have a residual above `least` [N], or NaN."""
+    """Return how many connections then have a residual above `least` [N], or NaN; lanes: bits."""
     stack, joints, left = system.stack, system.joints, 0
     _add_end_forces(system, 1.0)
     for r in range(stack.counts.shape[0]):
+        work = work_of(stack, r)[0]
         if joints.lower[r] != LOOSE:
-            _take_load(joints, stack.work[r], ZERO, joints.lower[r])
+            _take_load(joints, work, ZERO, joints.lower[r])
         if joints.upper[r] != LOOSE:
-            _take_load(joints, stack.work[r], stack.counts[r, ELEMENTS], joints.upper[r])
-    for j in range(joints.nodes.shape[1]):
+            _take_load(joints, work, stack.counts[r, ELEMENTS], joints.upper[r])
+    for j in range(count_joints(joints)):
         x, y, z = column(joints.work, RESIDUAL, j)
-        left += not abs(x) + abs(y) + abs(z) <= least
+        left = count_beyond(left, abs(x) + abs(y) + abs(z), 0.0, least)
     return left
 
 
@@ -321,7 +348,7 @@ def size_of_connections(system: Any) -> Any:
 @by_kind(lambda system, stage, pending: None)
 def settle_ends(system: Any, stage: Any, pending: Any) -> Any:
     """Set the ropes' ends to the connections' motion, if effects have internal variables."""
-    if has_memories(effects_at(system.stack.effects, ZERO)):
+    if has_memories(rope_at(system, ZERO).effects):
         place_ends(system)
         p, q = pending * stage.p, pending * stage.q
         for r in range(system.stack.counts.shape[0]):

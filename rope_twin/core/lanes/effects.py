@@ -84,19 +84,19 @@ def layout_of(value: Any) -> Any:
 
 def make_wide(layout: Any) -> Any:
     """Return zeros in the layout with the lanes on the last axis."""
-    return _make(layout, lambda kind, shape: aligned(*shape, LANES))
+    return make(layout, lambda kind, shape: aligned(*shape, LANES))
 
 
 def make_each(layout: Any) -> Any:
     """Return zeros in the layout with the lanes on the first axis."""
-    return _make(layout, lambda kind, shape: np.zeros((LANES, *shape), kind))
+    return make(layout, lambda kind, shape: np.zeros((LANES, *shape), kind))
 
 
-def _make(layout: Any, zeros: Callable[[str, tuple[int, ...]], Any]) -> Any:
+def make(layout: Any, zeros: Callable[[str, tuple[int, ...]], Any]) -> Any:
     kind, *parts = layout
     if isinstance(kind, str):
         return zeros(kind, parts[0])
-    made = [_make(part, zeros) for part in parts]
+    made = [make(part, zeros) for part in parts]
     return tuple(made) if kind is tuple else kind(*made)
 
 
@@ -388,18 +388,20 @@ def _complete(rope: Any, stage: Any, pending: Any) -> Any:
     return 0.0 * pending
 
 
-def settle_lanes(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any) -> Any:
-    """Update internal variables after a stage; return the pending correction."""
+def settle_lanes(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any, upto: Any) -> Any:
+    """Update internal variables after a stage; return the pending correction.
+
+    upto: number of nodes that carry loads.
+    """
     raise TypeError("lanes exist in compiled code only")
 
 
 @overload(settle_lanes, jit_options=LINKED, strict=False)
-def _compose_settle(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any) -> Any:
+def _compose_settle(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any, upto: Any) -> Any:
     calls, counts = kernels("settle", effects, None), _counts(effects)
     lines = ["pending = complete(rope, stage, pending)"] if counts else []
-    lines.append("n = rope.state.counts[0]")
-    lines += [f"kernel_{i}(effects[{i}], rope, stage, kind, n)" for i in counts]
-    head = "effects, rope, stage, kind, pending"
+    lines += [f"kernel_{i}(effects[{i}], rope, stage, kind, upto)" for i in counts]
+    head = "effects, rope, stage, kind, pending, upto"
     return written_out(head, [*lines, "return pending"], calls, complete=_complete)
 
 

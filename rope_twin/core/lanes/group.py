@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,7 +53,7 @@ from rope_twin.core.state import (
     State,
 )
 
-_OWN_FIGURES = ("element_length", "split_above", "merge_below", "tolerance")  # of the Model
+OWN_FIGURES = ("element_length", "split_above", "merge_below", "tolerance")  # of the Model
 
 
 class Kind(NamedTuple):
@@ -98,7 +98,7 @@ def why_alone(rope: Rope) -> str:
     if hangs_elsewhere(rope.effects):
         return "a body that hangs elsewhere"
     kinds = [type(effect) for effect in rope.effects if not hooks.all_wide([type(effect)])]
-    return ", ".join(_effect_of(kind) for kind in kinds)
+    return ", ".join(effect_of(kind) for kind in kinds)
 
 
 def why_watched_alone(rope: Rope) -> str:
@@ -111,7 +111,7 @@ def why_watched_alone(rope: Rope) -> str:
     return why_alone(rope)
 
 
-def _effect_of(kind: type) -> str:
+def effect_of(kind: type) -> str:
     """Return the file in effects/ that defines an effect's kernels, else the folder of core."""
     kernels = [hooks.kernel_of(hook, kind).py_func for hook in hooks.hooks_of(kind)]
     files = [kernel.__module__.split(".") for kernel in kernels]
@@ -126,13 +126,9 @@ def kind_of(rope: Rope, why: Callable[[Rope], str] = why_alone) -> Kind | None:
     if why(rope):
         return None
     elements, sections = int(rope.state.counts[ELEMENTS]), rope.sections.shape[1]
-    place: tuple[int, ...] = ()
-    if sections > 1:
-        lower_ends = rope.state.s[:elements] + SAME_PLACE
-        place = tuple(np.searchsorted(rope.sections[END], lower_ends, side="right").tolist())
     return Kind(
         elements=elements,
-        place=place,
+        place=places_of(rope) if sections > 1 else (),
         sections=sections,
         first_free=rope.model.first_free,
         step=rope.model.step,
@@ -142,7 +138,13 @@ def kind_of(rope: Rope, why: Callable[[Rope], str] = why_alone) -> Kind | None:
     )
 
 
-def _on_columns(layout: Any, columns: int) -> Any:
+def places_of(rope: Rope) -> tuple[int, ...]:
+    """Return the section of each element."""
+    lower_ends = rope.state.s[: rope.state.counts[ELEMENTS]] + SAME_PLACE
+    return tuple(np.searchsorted(rope.sections[END], lower_ends, side="right").tolist())
+
+
+def on_columns(layout: Any, columns: int) -> Any:
     """Return an effect's layout, with the memory of internal variables on a batch's columns."""
     kind, *parts = layout
     if not numbers_carried(kind) or is_by_lane(kind):
@@ -151,6 +153,64 @@ def _on_columns(layout: Any, columns: int) -> Any:
     code, (height, _) = parts[place]
     parts[place] = code, (height, columns + 1)
     return (kind, *parts)
+
+
+def put_properties(own: Rope, lane: int, rope: Rope) -> None:
+    """Copy a rope's properties into a lane, except for those of effects called lane by lane."""
+    for name in OWN_FIGURES:
+        getattr(own.model, name)[lane] = getattr(rope.model, name)
+    own.sections[:, : rope.sections.shape[1], lane] = rope.sections
+    for effect, theirs in zip(own.effects, rope.effects, strict=True):
+        if not numbers_carried(type(theirs)):
+            put_wide(effect, theirs, lane)
+        elif not is_by_lane(type(theirs)):
+            put_wide(effect[1:], theirs[1:], lane)
+    if own.law is not None:
+        put_wide(own.law, rope.law, lane)
+
+
+def _in_lanes(own: Rope, rope: Rope) -> Iterator[tuple[Any, Any]]:
+    """Yield the effects with internal variables that the lanes have in common, and the rope's."""
+    for effect, theirs in zip(own.effects, rope.effects, strict=True):
+        if numbers_carried(type(theirs)) and not is_by_lane(type(theirs)):
+            yield effect, theirs
+
+
+def put_state(own: Rope, lane: int, n: int, rope: Rope) -> None:
+    """Copy the state and internal variables of a rope of n elements into a lane."""
+    for effect, theirs in _in_lanes(own, rope):
+        for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
+            effect.memory[:, columns, lane] = theirs.memory[:, columns]
+        for name in arrays_carried(type(theirs)):
+            getattr(effect, name)[..., lane] = getattr(theirs, name)
+    state = rope.state
+    own.state.nodes[: n + 1, :, lane] = state.nodes[:, : n + 1].T
+    own.state.s[: n + 1, lane] = state.s[: n + 1]
+    own.state.offset[:n, lane] = state.offset[:n]
+
+
+def take_state(own: Rope, lane: int, n: int, rope: Rope) -> None:
+    """Copy the state and internal variables of a lane back to its rope of n elements."""
+    for effect, theirs in _in_lanes(own, rope):
+        for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
+            theirs.memory[:, columns] = effect.memory[:, columns, lane]
+        for name in arrays_carried(type(theirs)):
+            getattr(theirs, name)[...] = getattr(effect, name)[..., lane]
+    state = rope.state
+    state.nodes[:, : n + 1] = own.state.nodes[: n + 1, :, lane].T
+    state.s[: n + 1] = own.state.s[: n + 1, lane]
+    state.offset[:n] = own.state.offset[:n, lane]
+
+
+def add_counts(tally: Floats, health: Ints) -> tuple[int, int]:
+    """Add the counters of a lane to a rope's health; return its steps and slack samples."""
+    solves, most, steps, slack = (int(value) for value in tally)
+    health[STEPS] += steps
+    health[SUBSTEPS] += steps
+    health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], min(steps, 1))
+    health[SOLVES] += solves
+    health[SOLVES_MAX] = max(health[SOLVES_MAX], most)
+    return steps, slack
 
 
 class Group:
@@ -164,7 +224,7 @@ class Group:
         """
         self.kind, self.steps = kind, steps
         columns = kind.elements + 1 + TRIALS
-        figures: Any = {name: aligned(LANES) for name in _OWN_FIGURES}
+        figures: Any = {name: aligned(LANES) for name in OWN_FIGURES}
         model = Model(absorb=kind.absorb, first_free=kind.first_free, step=kind.step, **figures)
         state = State(
             aligned(columns, NODE_ROWS, LANES),
@@ -174,7 +234,7 @@ class Group:
             np.zeros(HEALTH, np.int64),
         )
         state.counts[ELEMENTS] = kind.elements
-        effects = tuple(make_wide(_on_columns(own, columns)) for own in kind.effects)
+        effects = tuple(make_wide(on_columns(own, columns)) for own in kind.effects)
         sections = aligned(SECTION_ROWS, kind.sections, LANES)
         work = aligned(columns, WORK_ROWS, LANES)
         law = None if kind.law is None else make_wide(kind.law)
@@ -222,7 +282,7 @@ class Group:
         """
         own, theirs, n, count = self._rope, ropes.state, self.kind.elements, len(of)
         self._clear()
-        for name in _OWN_FIGURES:
+        for name in OWN_FIGURES:
             getattr(own.model, name)[:] = getattr(ropes.model, name)
         _fill(own.sections, ropes.sections[of], count)
         for effect, given in zip(own.effects, ropes.effects, strict=True):
@@ -253,17 +313,7 @@ class Group:
 
     def _put(self, lane: int, rope: Rope) -> None:
         """Copy in a rope with all of its properties."""
-        own = self._rope
-        for name in _OWN_FIGURES:
-            getattr(own.model, name)[lane] = getattr(rope.model, name)
-        own.sections[..., lane] = rope.sections
-        for effect, theirs in zip(own.effects, rope.effects, strict=True):
-            if not numbers_carried(type(theirs)):
-                put_wide(effect, theirs, lane)
-            elif not is_by_lane(type(theirs)):
-                put_wide(effect[1:], theirs[1:], lane)
-        if own.law is not None:
-            put_wide(own.law, rope.law, lane)
+        put_properties(self._rope, lane, rope)
         if self._each is not None:
             put_each(self._each.effects, rope.effects, lane)
             self._each.sections[lane] = rope.sections
@@ -272,43 +322,25 @@ class Group:
 
     def put(self, lane: int, rope: Rope) -> None:
         """Copy a rope's state and internal variables into a lane."""
-        own, n, state = self._rope.state, self.kind.elements, rope.state
+        n = self.kind.elements
         self._late &= ~(1 << lane)
-        for i, (effect, theirs) in enumerate(zip(self._rope.effects, rope.effects, strict=True)):
-            if not numbers_carried(type(theirs)):
-                continue
-            self._late |= (count_known(theirs) != n) << lane
-            if is_by_lane(type(theirs)):
-                put_each(self._each.effects[i], theirs, lane)
-                continue
-            for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
-                effect.memory[:, columns, lane] = theirs.memory[:, columns]
-            for name in arrays_carried(type(theirs)):
-                getattr(effect, name)[..., lane] = getattr(theirs, name)
-        own.nodes[: n + 1, :, lane] = state.nodes[:, : n + 1].T
-        own.s[: n + 1, lane] = state.s[: n + 1]
-        own.offset[:n, lane] = state.offset[:n]
-        self._lowest[lane] = state.counts[LOWEST_OFFSET]
+        for i, theirs in enumerate(rope.effects):
+            if numbers_carried(type(theirs)):
+                self._late |= (count_known(theirs) != n) << lane
+                if is_by_lane(type(theirs)):
+                    put_each(self._each.effects[i], theirs, lane)
+        put_state(self._rope, lane, n, rope)
+        self._lowest[lane] = rope.state.counts[LOWEST_OFFSET]
 
     def take(self, lane: int, rope: Rope) -> None:
         """Copy a lane's state and internal variables back to its rope."""
-        own, n, state = self._rope.state, self.kind.elements, rope.state
-        for i, (effect, theirs) in enumerate(zip(self._rope.effects, rope.effects, strict=True)):
-            if not numbers_carried(type(theirs)):
-                continue
-            if is_by_lane(type(theirs)):
+        for i, theirs in enumerate(rope.effects):
+            if numbers_carried(type(theirs)) and is_by_lane(type(theirs)):
                 for part, value in zip(self._each.effects[i], theirs, strict=True):
                     if isinstance(value, np.ndarray):
                         value[...] = part[lane]
-                continue
-            for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
-                theirs.memory[:, columns] = effect.memory[:, columns, lane]
-            for name in arrays_carried(type(theirs)):
-                getattr(theirs, name)[...] = getattr(effect, name)[..., lane]
-        state.nodes[:, : n + 1] = own.nodes[: n + 1, :, lane].T
-        state.s[: n + 1] = own.s[: n + 1, lane]
-        state.offset[:n] = own.offset[:n, lane]
-        state.counts[LOWEST_OFFSET] = self._lowest[lane]
+        take_state(self._rope, lane, self.kind.elements, rope)
+        rope.state.counts[LOWEST_OFFSET] = self._lowest[lane]
 
     def late(self, steps: int) -> int:
         """Return the lanes that take the step after `steps` steps of the run alone, as bits.
@@ -338,9 +370,9 @@ class Group:
         It stops before the last step if there are such lanes.
         """
         known = self._place, self._lowest, self._tally
-        code = _advance(self._rope, self._each, known, self.boundary, self.pulls, self.folds, run)
-        left = code & ALL
-        return code // (ALL + 1), [lane for lane in range(LANES) if left >> lane & 1]
+        own = self._rope
+        tables = self.boundary, self.pulls, self.folds, run
+        return done_and_left(advance_batch(own.effects, own.law, own, self._each, known, *tables))
 
     def tension(self, lane: int) -> Floats:
         """Return the tension of a lane's elements after the last step [N]."""
@@ -348,13 +380,13 @@ class Group:
 
     def account(self, lane: int, health: Ints) -> tuple[int, int]:
         """Add a lane's counters to its rope's health; return its steps and slack samples."""
-        solves, most, steps, slack = (int(value) for value in self._tally[:, lane])
-        health[STEPS] += steps
-        health[SUBSTEPS] += steps
-        health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], min(steps, 1))
-        health[SOLVES] += solves
-        health[SOLVES_MAX] = max(health[SOLVES_MAX], most)
-        return steps, slack
+        return add_counts(self._tally[:, lane], health)
+
+
+def done_and_left(code: int) -> tuple[int, list[int]]:
+    """Return the step reached and the lanes that failed to do it, of `advance_batch`'s result."""
+    left = code & ALL
+    return code // (ALL + 1), [lane for lane in range(LANES) if left >> lane & 1]
 
 
 def _fill(lanes: Any, ropes: Any, count: int) -> None:
@@ -367,9 +399,9 @@ def _fill(lanes: Any, ropes: Any, count: int) -> None:
 _COMPILED: dict[tuple[type, ...], Any] = {}
 
 
-def _advance(*arguments: Any) -> int:
-    """Call `advance_lanes_steps`, compiled for the types of the rope's effects."""
-    kinds = (*map(type, arguments[0].effects), type(arguments[0].law))
+def advance_batch(effects: Any, law: Any, *arguments: Any) -> int:
+    """Call `advance_lanes_steps`, compiled for these types of effects and law and the arrays'."""
+    kinds = (type(arguments[0]), *map(type, effects), type(law))
     found = _COMPILED.get(kinds)
     if found is None:
         found = _COMPILED[kinds] = compiled(advance_lanes_steps, arguments)

@@ -1,55 +1,46 @@
 """Time steps of a SIMD batch: TR-BDF2 as in `core/step`, without its rare branches.
 
-**Stage**: Newton's method as in `core/newton`. A lane that has converged is frozen while others
-iterate, and keeps the factors of its last elimination, with which its BDF2 stage begins
-(core/newton); a lane that they do not solve is corrected with new ones. As in a single rope the
-last correction stays pending: the next prediction, or the step's end, adds it. Rare cases are
-excluded: a lane that needs the line search is dropped, and its rope takes the step in the
-single-rope solver.
+A lane is a rope by itself or a system of ropes (core/joined); the type of the batch's arrays
+selects the code, as in `core/step`. Newton's method is in core/lanes/newton.
 
-**Step.** A rope that needs substepping or the line search, or whose top element splits or merges,
+A rope that needs substepping or the line search, or whose top element splits or merges,
 takes that step in the single-rope solver: `advance_lanes_steps` does the step for the other lanes
 and returns which ones are left.
 """
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import exp
 from typing import Any, NamedTuple
 
-from rope_twin.core.axial_law import law_of
-from rope_twin.core.elements import count_unexpected, set_element, set_top_of, stretch, stretch_all
-from rope_twin.core.integrator import (
-    BDF2,
-    GAMMA,
-    TRAPEZOID,
-    accept,
-    correct,
-    predict_bdf2,
-    predict_trapezoid,
-    step_start,
-)
-from rope_twin.core.jit.decorators import jit, jit_entry, jit_within
+from rope_twin.core.elements import set_element, set_top_of
+from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID, accept, correct, step_start
+from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.jit.functions import flush, restore
-from rope_twin.core.jit.rows import node_rows, row, rows, span
-from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of, table, tiles, wide
-from rope_twin.core.lanes.effects import (
-    accept_lanes,
-    calm_lanes,
-    on_lanes,
-    predict_lanes,
-    settle_lanes,
-    wide_data,
+from rope_twin.core.jit.rows import hold_system, node_rows, row
+from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of, table
+from rope_twin.core.joined.stage import (
+    by_kind,
+    count_loaded,
+    count_ropes,
+    is_hung,
+    place_all_ends,
+    rope_at,
+    settle_ends,
+    stage_of,
+    step_of,
+    tolerance_of,
 )
-from rope_twin.core.loads.balance import (
-    load_lowest,
-    load_of,
-    load_remembering,
-    load_rows,
-    set_block,
-    set_flow,
+from rope_twin.core.lanes.effects import accept_lanes, on_lanes, settle_lanes
+from rope_twin.core.lanes.newton import solve_stage
+from rope_twin.core.lanes.system import (
+    border_of,
+    copy_chosen,
+    keep_connections,
+    offsets_of,
+    part_of,
+    wide_system,
 )
-from rope_twin.core.newton import CHUNK, SEARCH_FROM, count_left
 from rope_twin.core.payout import (
     OFFSET_GONE,
     SMALLEST_REST,
@@ -57,12 +48,10 @@ from rope_twin.core.payout import (
     load_trials_of,
     place_hang_off,
     prescribed,
+    report_at_connection,
     report_tension,
 )
 from rope_twin.core.state import (
-    ACCELERATION,
-    BLOCK,
-    DIRECTION,
     ELEMENTS,
     END,
     LENGTH,
@@ -72,180 +61,12 @@ from rope_twin.core.state import (
     NODE_ROWS,
     PER_METRE,
     POSITION,
-    RESIDUAL,
     REST,
     SAME_PLACE,
-    TANGENT2_MIN,
     TENSION,
     VELOCITY,
-    WORK_ROWS,
-    Boundary,
     LaneStage,
-    Model,
-    Rope,
-    State,
 )
-from rope_twin.core.tridiagonal import eliminate_wide, push_wide, substitute_wide
-
-SPAN = 4
-
-
-@jit
-def solve_stage(rope: Any, stage: Any, kind: int, wanted: int, again: int, pending: Any) -> Any:
-    """Solve for the acceleration; tension then belongs to the stage's time.
-
-    wanted: active lanes, as bits; again: lanes that begin with the existing factors; pending:
-    fraction of CORRECTION still to be added to the previous motion, of each lane. Returns the lanes
-    that did not converge, of each lane the number of solutions with existing factors and that of
-    corrections with new ones, and the fraction of CORRECTION that is still to be added to the
-    stage's motion.
-    """
-    n, first = rope.state.counts[ELEMENTS], rope.model.first_free
-    _evaluate(rope, stage, kind, pending)
-    again &= wanted
-    again &= calm_lanes(rope.effects, rope.work, on_lanes(stage, again), n, 0.0)
-    none = 0.0 * rope.model.tolerance
-    active, count, going = wanted & (ALL - again), none, none
-    tried = choose(mask_of(again), 1.0, 0.0)
-    if again != 0:
-        push_wide(rope.work, first, n)
-        substitute_wide(rope.work, first, n, 0, (n - first - 1) // 2)
-        left = again & count_left(rope, stage, CHUNK)
-        left |= _restless(rope, stage, again & (ALL - left))
-        going = choose(mask_of(again & (ALL - left)), 1.0, 0.0)
-        active |= left
-        if active == 0:
-            return 0, tried, count, going
-        correct(rope.work, stage.p, stage.q, going, first, n)
-        stretch_all(rope, stage)
-        if left != 0:
-            _reload(rope, on_lanes(stage, left))
-    for correction in range(1, SEARCH_FROM + 1):
-        eliminate_wide(rope.work, first, n, mask_of(active))
-        going = choose(mask_of(active), 1.0, 0.0)
-        count += going
-        agreeing = active & _look_ahead(rope, stage)
-        left = _restless(rope, stage, agreeing)
-        active &= ALL - (agreeing & (ALL - left))
-        if active == 0 or (correction == SEARCH_FROM and left == 0):
-            break
-        correct(rope.work, stage.p, stage.q, going, first, n)
-        going = none
-        stretch_all(rope, stage)
-        _reload(rope, on_lanes(stage, active))
-        if left != 0:
-            active &= ALL - (left & _balanced(rope))
-            if active == 0:
-                break
-    if bits(going > 0.0) != wanted:  # some converged before the others
-        correct(rope.work, stage.p, stage.q, going, first, n)
-        stretch_all(rope, stage)  # the look ahead moved them by a correction that is not theirs
-        going = none
-    return active, tried, count, going
-
-
-@jit
-def _restless(rope: Any, stage: Any, lanes: int) -> int:
-    """Return those of these lanes that an active set keeps from being solved by the correction."""
-    n = rope.state.counts[ELEMENTS]
-    calm = calm_lanes(rope.effects, rope.work, on_lanes(stage, lanes), n, 1.0)
-    return int(lanes & (ALL - calm))
-
-
-@jit
-def _balanced(rope: Any) -> int:
-    """Return the lanes with all residuals below the tolerance, none NaN."""
-    Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
-    most, fine = rope.model.tolerance * rope.model.tolerance, ALL
-    for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
-        fine &= bits(Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= most)
-    return int(fine)
-
-
-@jit
-def _evaluate(rope: Any, stage: Any, kind: int, pending: Any) -> None:
-    """Evaluate motion, tension, residual and blocks of the prediction, in spans of nodes."""
-    state, work, p, q = rope.state, rope.work, stage.p, stage.q
-    n, first = state.counts[ELEMENTS], rope.model.first_free
-    for chunk in range(0, n, CHUNK):
-        end = min(chunk + CHUNK, n)
-        for start in range(chunk, end, SPAN):
-            low, high = max(start, first), min(start + SPAN, end)
-            if kind == TRAPEZOID:
-                predict_trapezoid(state.nodes, work, p, q, low, high)
-            else:
-                predict_bdf2(state.nodes, work, p, q, pending, low, high)
-            stretch(law_of(rope), work, state.offset, p, q, max(start - 1, 0), high - 1)
-        done, last = max(chunk - 1, 0), end - 1
-        if end == n:
-            last = n
-            stretch(law_of(rope), work, state.offset, p, q, n - 1, n)
-        set_flow(rope.effects, work, stage, done, last)
-        predict_lanes(rope.effects, rope, stage, kind, done, last)
-        _load_nodes(rope.effects, work, stage, max(done, 1), last)
-    load_lowest(rope.effects, work, stage)
-
-
-@jit_within
-def _tangent(above: Any, below: Any, i: int) -> Any:
-    """Return the unit tangent of a node, from the directions of both adjacent elements."""
-    x, y, z = below[0][i] + above[0][i], below[1][i] + above[1][i], below[2][i] + above[2][i]
-    inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
-    return x * inverse, y * inverse, z * inverse
-
-
-@jit
-def _load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Set residual and block of the nodes 1 <= low <= i < high, as `balance.load_nodes` does.
-
-    Each tangent is computed one node ahead: its root and division are done while the loads of the
-    node before it are summed.
-    """
-    nodes = load_rows(work, low)
-    T, T_below = row(work, TENSION, low), row(work, TENSION, low - 1)
-    above, below = rows(work, DIRECTION, low), rows(work, DIRECTION, low - 1)
-    tx, ty, tz = above
-    bx, by, bz = below
-    Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    block = span(work, BLOCK, 6, low)
-    tangent = _tangent(above, below, 0)
-    for i in range(high - low):
-        following = _tangent(above, below, i + 1)
-        load = load_of(effects, stage, nodes, tangent, i)
-        Rx[i] = T[i] * tx[i] - T_below[i] * bx[i] + load.x
-        Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y
-        Rz[i] = T[i] * tz[i] - T_below[i] * bz[i] + load.z
-        set_block(block, i, load)
-        tangent = following
-    load_remembering(effects, work, stage, low, high, True)
-
-
-@jit
-def _reload(rope: Any, stage: Any) -> None:
-    """Evaluate residual and blocks where motion and tension are up to date."""
-    _load_nodes(rope.effects, rope.work, stage, 1, rope.state.counts[ELEMENTS])
-    load_lowest(rope.effects, rope.work, stage)
-
-
-@jit
-def _look_ahead(rope: Any, stage: Any) -> int:
-    """Return the lanes whose tensions agree with their linearisation, were motion corrected.
-
-    Direction and tension are set as if it were. It proceeds from the middle outward, in the order
-    of the back-substitution.
-    """
-    work, first, n = rope.work, rope.model.first_free, rope.state.counts[ELEMENTS]
-    pairs = (n - first - 1) // 2
-    unexpected = count_unexpected(rope, stage, first + pairs, n - pairs - 1)
-    for high in range(pairs, 0, -SPAN):
-        low = max(high - SPAN, 0)
-        substitute_wide(work, first, n, low, high)
-        unexpected |= count_unexpected(rope, stage, first + low, first + high)
-        unexpected |= count_unexpected(rope, stage, n - high - 1, n - low - 1)
-    unexpected |= count_unexpected(rope, stage, 0, first)
-    unexpected |= count_unexpected(rope, stage, n - 1, n)
-    return int(ALL - unexpected)
-
 
 SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)  # rows of a lane's counters
 # Columns of `folds`, one row per look: least element tension over the look [N]; at its end the
@@ -266,34 +87,6 @@ class Run(NamedTuple):
 
 
 @jit
-def _wide_rope(rope: Any) -> Any:
-    """Return the rope with SIMD tables in place of arrays."""
-    model, state = rope.model, rope.state
-    return Rope(
-        Model(
-            wide(model.element_length),
-            wide(model.split_above),
-            wide(model.merge_below),
-            model.absorb,
-            model.first_free,
-            model.step,
-            wide(model.tolerance),
-        ),
-        State(
-            tiles(state.nodes, NODE_ROWS),
-            table(state.s),
-            table(state.offset),
-            state.counts,
-            state.health,
-        ),
-        tiles(rope.work, WORK_ROWS),
-        table(rope.sections),
-        wide_data(rope.effects),
-        wide_data(rope.law),
-    )
-
-
-@jit
 def _set_lengths(rope: Any, place: Any, L: Any) -> None:
     """Set all elements and nodes for paid-out length L; place: section of each element."""
     work, s, sections = rope.work, rope.state.s, rope.sections
@@ -311,8 +104,9 @@ def _set_lengths(rope: Any, place: Any, L: Any) -> None:
 
 
 @jit
-def _eventful(rope: Any, place: Any, sections: int, L: Any, V: Any) -> Any:
-    """Return the lanes whose top element may split or merge after a step to length L."""
+def _eventful(rope: Any, place: Any, boundary: Any, step: int) -> Any:
+    """Return the lanes whose top element may split or merge after a step."""
+    L, V, _ = prescribed(boundary, step, LINE_COLUMN, 1.0, rope.model.step)
     model, s, ends = rope.model, rope.state.s, rope.sections
     n = rope.state.counts[ELEMENTS]
     top = n - 1
@@ -324,7 +118,7 @@ def _eventful(rope: Any, place: Any, sections: int, L: Any, V: Any) -> Any:
         return splits
     below = rope.work[REST, top - 1] / model.element_length
     merge = max(model.merge_below * min(below, 1.0), least)
-    for k in range(sections):
+    for k in range(ends.shape[1]):
         merge = choose(abs(ends[END, k] - s[top]) <= SAME_PLACE, least, merge)
     return splits | bits(rest < merge)
 
@@ -336,37 +130,19 @@ def _keep(rope: Any, kept: Any, pending: Any) -> None:
     first, q = rope.model.first_free, 0.5 * GAMMA * rope.model.step
     if bits(kept) == ALL:
         accept(nodes, work, q * q, q, pending, first, n)
-        _copy_chosen(nodes, work, kept, n, n + 1)
+        copy_chosen(nodes, work, kept, n, n + 1)
         return
     correct(work, q * q, q, pending, first, n)
-    _copy_chosen(nodes, work, kept, first, n + 1)
+    copy_chosen(nodes, work, kept, first, n + 1)
 
 
 @jit
-def _copy_chosen(nodes: Any, work: Any, kept: Any, low: int, high: int) -> None:
-    """Copy motion to the state of the nodes low <= i < high in the lanes `kept`."""
-    x, y, z = node_rows(nodes, POSITION, low)
-    vx, vy, vz = node_rows(nodes, VELOCITY, low)
-    ax, ay, az = node_rows(nodes, ACCELERATION, low)
-    x_new, y_new, z_new = rows(work, POSITION, low)
-    vx_new, vy_new, vz_new = rows(work, VELOCITY, low)
-    ax_new, ay_new, az_new = rows(work, ACCELERATION, low)
-    for i in range(high - low):
-        x[i] = choose(kept, x_new[i], x[i])
-        y[i] = choose(kept, y_new[i], y[i])
-        z[i] = choose(kept, z_new[i], z[i])
-        vx[i] = choose(kept, vx_new[i], vx[i])
-        vy[i] = choose(kept, vy_new[i], vy[i])
-        vz[i] = choose(kept, vz_new[i], vz[i])
-        ax[i] = choose(kept, ax_new[i], ax[i])
-        ay[i] = choose(kept, ay_new[i], ay[i])
-        az[i] = choose(kept, az_new[i], az[i])
+def _fade_offsets(rope: Any, arrays: Any, lowest: Any, kept: int) -> None:
+    """Let length corrections decay as in `core/step`.
 
-
-@jit
-def _fade_offsets(rope: Any, state: Any, lowest: Any, kept: int) -> None:
-    """Let length corrections decay as in `core/step`; lowest: each lane's lowest one."""
-    n, low = rope.state.counts[ELEMENTS], lowest[0]
+    arrays: length corrections and material coordinates; lowest: each lane's lowest correction.
+    """
+    (offset, s), n, low = arrays, rope.state.counts[ELEMENTS], lowest[0]
     for lane in range(1, LANES):
         low = min(low, lowest[lane])
     if low == n:
@@ -377,11 +153,9 @@ def _fade_offsets(rope: Any, state: Any, lowest: Any, kept: int) -> None:
     for lane in range(LANES):
         low = lowest[lane] if kept >> lane & 1 else n
         while low < n:
-            if not abs(state.offset[low, lane]) < OFFSET_GONE * (
-                state.s[low + 1, lane] - state.s[low, lane]
-            ):
+            if not abs(offset[low, lane]) < OFFSET_GONE * (s[low + 1, lane] - s[low, lane]):
                 break
-            state.offset[low, lane] = 0.0
+            offset[low, lane] = 0.0
             low += 1
         if kept >> lane & 1:
             lowest[lane] = low
@@ -404,7 +178,7 @@ def _stage_at(rope: Any, place: Any, boundary: Any, step: int, kind: int, of: An
 
 
 @jit
-def _finish(rope: Any, place: Any, boundary: Any, pull: Any, step: int, of: Any) -> None:
+def _finish_rope(rope: Any, place: Any, boundary: Any, pull: Any, step: int, of: Any) -> None:
     """Complete step `step`: report the tension on the hang-off.
 
     of: time at the step's end, lanes, and their data.
@@ -419,16 +193,19 @@ def _finish(rope: Any, place: Any, boundary: Any, pull: Any, step: int, of: Any)
 
 
 @jit
-def _slack(rope: Any) -> Any:
+def _slack(system: Any) -> Any:
     """Return the lanes with a slack element."""
-    tension, slack = row(rope.work, TENSION, 0), 0
-    for e in range(rope.state.counts[ELEMENTS]):
-        slack |= bits(tension[e] <= 0.0)
+    slack = 0
+    for r in range(count_ropes(system)):
+        rope = rope_at(system, r)
+        tension = row(rope.work, TENSION, 0)
+        for e in range(rope.state.counts[ELEMENTS]):
+            slack |= bits(tension[e] <= 0.0)
     return slack
 
 
 @jit
-def _fold(rope: Any, folds: Any, look: int, kept: Any) -> None:
+def _fold_rope(rope: Any, folds: Any, look: int, kept: Any) -> None:
     """Fold a step's result into the row of its look, in the lanes `kept`."""
     tension, nodes = row(rope.work, TENSION, 0), rope.state.nodes
     least = tension[0]
@@ -457,46 +234,136 @@ def advance_lanes_steps(
 
 
 @jit
+def _begin(system: Any, place: Any, boundary: Any, first: int) -> None:
+    """Set up scratch before step `first`."""
+    for r in range(count_ropes(system)):
+        rope = rope_at(system, r)
+        L = rope.state.s[rope.state.counts[ELEMENTS]]
+        if is_hung(system, r):
+            L = border_of(system, boundary, r).value[first, LINE]
+        _set_lengths(rope, part_of(system, place, r)[0], L)
+        if rope.model.first_free == 1:  # no stage moves a fixed node
+            for k in range(NODE_ROWS):
+                rope.work[k, 0] = rope.state.nodes[k, 0]
+
+
+@jit
+def _lanes_left(system: Any, place: Any, boundary: Any, step: int) -> int:
+    """Return the lanes in which the elements of a rope may change after a step, as bits."""
+    left = 0
+    for r in range(count_ropes(system)):
+        if is_hung(system, r):
+            own = border_of(system, boundary, r)
+            left |= _eventful(rope_at(system, r), part_of(system, place, r)[0], own, step)
+    return int(left)
+
+
+@by_kind(
+    lambda system, place, boundary, step, kind, of: _stage_at(
+        system, place, border_of(system, boundary, 0), step, kind, of
+    )
+)
+def _begin_stage(system: Any, place: Any, boundary: Any, step: Any, kind: Any, of: Any) -> Any:
+    """Set the boundary conditions of all hang-offs; return the stage, without a payout speed."""
+    stage = _still_stage(system, kind, of)
+    for r in range(count_ropes(system)):
+        if is_hung(system, r):
+            own = border_of(system, boundary, r)
+            rope = rope_at(system, r)
+            system.joints.speed[r] = _stage_at(rope, place[r], own, step, kind, of).V
+    return stage
+
+
+@jit
+def _still_stage(system: Any, kind: int, of: Any) -> Any:
+    """Return a stage of all lanes without a payout speed."""
+    time, lanes, each = of
+    h, part = step_of(system), GAMMA if kind == TRAPEZOID else 1.0
+    c = 0.5 * GAMMA * h
+    return LaneStage(time + part * h, c * c, c, 0.0 * tolerance_of(system), lanes, each)
+
+
+@jit
+def _settle(system: Any, stage: Any, kind: int, pending: Any) -> Any:
+    """Update internal variables after a stage; return the correction still pending."""
+    settle_ends(system, stage, pending)
+    left = pending
+    for r in range(count_ropes(system)):
+        rope, own = rope_at(system, r), stage_of(system, stage, r)
+        left = settle_lanes(rope.effects, rope, own, kind, pending, count_loaded(system, r))
+    return left
+
+
+@jit
+def _accept(system: Any, each: Any, kept: int, pending: Any) -> None:
+    """Copy the step's motion and internal variables to the state, in the lanes `kept`."""
+    place_all_ends(system)
+    for r in range(count_ropes(system)):
+        rope = rope_at(system, r)
+        _keep(rope, mask_of(kept), pending)
+        accept_lanes(rope.effects, each, count_loaded(system, r), kept)
+    keep_connections(system, mask_of(kept))
+
+
+@jit
+def _finish(system: Any, arrays: Any, known: Any, tables: Any, step: int, of: Any) -> None:
+    """Complete step `step`: report tensions, let length corrections decay.
+
+    known: sections of the elements, and lowest length corrections; tables: motion and result; of:
+    as for `_stage_at`.
+    """
+    (place, lowest), (boundary, pull), (time, lanes, each) = known, tables, of
+    for r in range(count_ropes(system)):
+        rope, pulls = rope_at(system, r), table(part_of(system, pull, r)[0])
+        if is_hung(system, r):
+            own = border_of(system, boundary, r)
+            _finish_rope(rope, part_of(system, place, r)[0], own, pulls, step, of)
+            _fade_offsets(rope, offsets_of(arrays, r), part_of(system, lowest, r)[0], lanes)
+        else:
+            still = 0.0 * rope.model.tolerance
+            stage = LaneStage(time, 1.0, 0.0, still, lanes, each)
+            report_at_connection(rope, pulls, step, stage)
+
+
+@by_kind(lambda system, folds, look, kept: _fold_rope(system, folds, look, kept))
+def _fold(system: Any, folds: Any, look: Any, kept: Any) -> Any:
+    """Fold a step's result into the row of its look, for ropes by themselves."""
+
+
+@jit
 def _advance(
     arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, fold: Any, run: Any
 ) -> int:
-    rope = _wide_rope(arrays)
+    system = hold_system(wide_system(arrays))
     place, lowest, tally = known
-    borders = Boundary(table(boundary.value), table(boundary.rate))
-    pulls, tallies, folds = table(pull), table(tally), table(fold)
-    first, steps, wanted, time, h = run.first, run.steps, run.wanted, run.time, rope.model.step
-    sections = arrays.sections.shape[1]
-    _set_lengths(rope, place, borders.value[first, LINE])
-    if rope.model.first_free == 1:  # no stage moves the fixed node
-        for k in range(NODE_ROWS):
-            rope.work[k, 0] = rope.state.nodes[k, 0]
+    tallies, folds = table(tally), table(fold)
+    first, steps, wanted, time, h = run.first, run.steps, run.wanted, run.time, step_of(system)
+    none = 0.0 * tolerance_of(system)
+    _begin(system, place, boundary, first)
     for step in range(first, steps):
         now = step_start(time, step, h)
-        L, V, _ = prescribed(borders, step, LINE_COLUMN, 1.0, h)
-        kept = wanted & (ALL - _eventful(rope, place, sections, L, V))
+        kept = wanted & (ALL - _lanes_left(system, place, boundary, step))
         if step == first:
             kept &= ALL - run.late
-        solves, most, pending, again = 0.0 * L, 0.0 * L, 0.0 * L, 0
+        solves, most, pending, again = none, none, none, 0
         for kind in (TRAPEZOID, BDF2):
-            stage = _stage_at(rope, place, borders, step, kind, (now, kept, each))
-            left, tried, count, pending = solve_stage(rope, stage, kind, kept, again, pending)
+            stage = _begin_stage(system, place, boundary, step, kind, (now, kept, each))
+            left, tried, count, pending = solve_stage(system, stage, kind, kept, again, pending)
             again = bits(count <= 1.0)
             kept &= ALL - left
-            pending = settle_lanes(rope.effects, rope, on_lanes(stage, kept), kind, pending)
+            pending = _settle(system, on_lanes(stage, kept), kind, pending)
             solves += tried + count
             most = max(most, count)
         mask = mask_of(kept)
-        _keep(rope, mask, pending)
-        accept_lanes(rope.effects, each, rope.state.counts[ELEMENTS], kept)
-        _finish(rope, place, borders, pulls, step, (now + h, kept, each))
-        _fade_offsets(rope, arrays.state, lowest, kept)
+        _accept(system, each, kept, pending)
+        _finish(system, arrays, (place, lowest), (boundary, pull), step, (now + h, kept, each))
         tallies[SOLVES_DONE] = tallies[SOLVES_DONE] + choose(mask, solves, 0.0)
         tallies[SOLVES_MOST] = max(tallies[SOLVES_MOST], choose(mask, most, 0.0))
         tallies[STEPS_DONE] = tallies[STEPS_DONE] + choose(mask, 1.0, 0.0)
         if fold.shape[0] > 0:  # a fleet looks at every step, an ensemble now and then
-            _fold(rope, folds, (run.before + step) // run.look - run.before // run.look, mask)
+            _fold(system, folds, (run.before + step) // run.look - run.before // run.look, mask)
         elif (run.before + step + 1) % run.look == 0:
-            slack = mask_of(_slack(rope) & kept)
+            slack = mask_of(_slack(system) & kept)
             tallies[SLACK_LOOKS] = tallies[SLACK_LOOKS] + choose(slack, 1.0, 0.0)
         if kept != wanted:
             return int((step + 1) * (ALL + 1) + (wanted - kept))

@@ -25,7 +25,8 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
-from rope_twin.core.lanes.group import Group, Kind
+from rope_twin.core.lanes.group import Kind
+from rope_twin.core.lanes.joined_group import JoinedKind
 from rope_twin.core.lanes.step import FOLDS, LEAST, Run
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
 from rope_twin.errors import InputError, SceneError, phrase
@@ -34,6 +35,12 @@ from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import coupled_settings, model_beside
+from rope_twin.twin.ensemble.joined_turn import (
+    OFTEN,
+    OFTEN_LEAST,
+    JoinedTurn,
+    next_steps,
+)
 from rope_twin.twin.ensemble.member import (
     WATCHED,
     Batch,
@@ -67,7 +74,6 @@ AnyStart = Start | Twin | str  # str: the reason why there is no equilibrium
 Key = TypeVar("Key")
 Made = TypeVar("Made")
 MIN_GROUP = LANES // 2  # minimum members of a group: all lanes cost about as much as these alone
-OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave
 
 
 @dataclass(frozen=True)
@@ -240,7 +246,7 @@ class Ensemble:
         groups = self._groups()
         alone = [some[0] for some in groups if len(some) == 1]
         words = Counter(one.why_alone for one in alone)
-        own = [one for one in self._members if isinstance(one, Member)]
+        own = [one for one in self._members if not isinstance(one, UnstartedMember)]
         return Lanes(
             members=sum(len(some) for some in groups if len(some) > 1),
             alone=dict(words),
@@ -370,7 +376,7 @@ def sort_into_groups(
     members: Iterable[SteppedMember], abreast: int = LANES
 ) -> list[list[SteppedMember]]:
     """Return groups of at most `abreast` members of one kind; members of small groups are alone."""
-    kinds: dict[Kind | None, list[SteppedMember]] = {}
+    kinds: dict[Kind | JoinedKind | None, list[SteppedMember]] = {}
     for member in members:
         kinds.setdefault(member.kind(), []).append(member)
     groups = []
@@ -384,10 +390,12 @@ def sort_into_groups(
 
 def compile_lanes(groups: Iterable[Sequence[SteppedMember]]) -> None:
     """Compile the SIMD step for groups of several members, if it is not compiled yet."""
-    kinds = (some[0].kind() for some in groups if len(some) > 1)
-    by_types = {kind.types: kind for kind in kinds if kind is not None}
-    for kind in by_types.values():
-        Group(kind, 0).advance(Run(0.0, 0, 0, 0, 0, 1, 0))  # no step at all
+    by_types = {}
+    for some in groups:
+        if len(some) > 1 and (kind := some[0].kind()) is not None:
+            by_types[kind.types] = some[0]
+    for member in by_types.values():
+        member.new_group().advance(Run(0.0, 0, 0, 0, 0, 1, 0))  # no step at all
 
 
 def advance_group(
@@ -401,6 +409,10 @@ def advance_group(
     if len(members) == 1:
         members[0].advance(steps, look_steps, scratch)
         return
+    joined = [one for one in members if isinstance(one, TwinMember)]
+    if joined:
+        _advance_joined(joined, steps, look_steps, scratch)
+        return
     waiting = [
         _Begun(one, one.open_batch(steps, scratch), 0) for one in members if isinstance(one, Member)
     ]
@@ -413,6 +425,28 @@ def advance_group(
             for member, batch, done in alike:
                 member.given_up += steps - done
                 member.go_on(batch, done, look_steps, scratch)
+
+
+def _advance_joined(
+    members: Sequence[TwinMember], steps: int, look_steps: int, scratch: Scratch
+) -> None:
+    """Advance members whose ropes meet; those that get other elements go on as another group."""
+    end = members[0].steps + steps
+    for member in members:
+        member.offer(steps)
+    while going := [one for one in members if not one.failure and one.steps < end]:
+        begun = min(one.steps for one in going)
+        behind = [one for one in going if one.steps == begun]
+        some = next_steps(end - begun, begun, look_steps)
+        for group in sort_into_groups(behind):
+            alike = [one for one in group if isinstance(one, TwinMember)]
+            kind = alike[0].kind()
+            if len(alike) > 1 and isinstance(kind, JoinedKind):
+                JoinedTurn(alike, kind, scratch).run(some, look_steps)
+                continue
+            for member in alike:
+                member.given_up += some
+                member.go_on(some, look_steps)
 
 
 class _Begun(NamedTuple):

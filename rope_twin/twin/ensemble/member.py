@@ -1,8 +1,9 @@
 """Member of an ensemble: one rope with its state, its results and the reason of its failure.
 
-A `Twin` steps a member of a multi-line scene, or one with tension feedback of its winch: its
-boundary conditions follow from the rope itself, or belong to several ropes, so that no other member
-can share them. It gets its inputs a batch of steps at a time.
+A `Twin` has the boundary conditions and the records of a member of a multi-line scene, or of one
+with tension feedback of its winch: they belong to several ropes, or follow from the rope itself, so
+that no other member can share them. It gets its inputs a batch of steps at a time. Its system of
+ropes can still be stepped in SIMD lanes (twin/ensemble/joined_turn.py).
 """
 
 from __future__ import annotations
@@ -16,19 +17,31 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.body.step import pose_of
+from rope_twin.core.joined.joints import System
 from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone, why_watched_alone
+from rope_twin.core.lanes.joined_group import (
+    JoinedGroup,
+    JoinedKind,
+    joined_kind_of,
+    why_joined_alone,
+)
 from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.scene.error_bound import KnownError
-from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
+from rope_twin.scene.rigging import winch_of, winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.twin.motion.boundary_conditions import SharedBoundary, check_commands
+from rope_twin.twin.motion.boundary_conditions import (
+    SharedBoundary,
+    check_commands,
+    is_known_in_advance,
+)
 from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.recovery import step_failure
 from rope_twin.twin.regrid import own_copies
+from rope_twin.twin.ropes import OpenSteps
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.snapshot_builder import (
     Extremes,
@@ -56,6 +69,7 @@ class Scratch:
         self.folds: Floats | None = np.zeros((steps, FOLDS)) if watched else None
         self._work: dict[tuple[int, int], Floats] = {}
         self._group: Group | None = None
+        self._joined: JoinedGroup | None = None
 
     def work(self, shape: tuple[int, int]) -> Floats:
         """Return the scratch array of this shape for the step."""
@@ -69,6 +83,13 @@ class Scratch:
             looks = 0 if self.folds is None else len(self.folds)
             self._group = Group(kind, len(self.pulls), looks)
         return self._group
+
+    def joined(self, kind: JoinedKind, system: System, steps: int) -> JoinedGroup:
+        """Return arrays for systems of this kind, as this one; those of another are dropped."""
+        held = self._joined
+        if held is None or held.kind != kind or held.steps < steps:
+            held = self._joined = JoinedGroup(system, kind, steps)
+        return held
 
 
 @dataclass(frozen=True)
@@ -183,6 +204,12 @@ class Member:
     def why_alone(self) -> str:
         """Reason why it is not stepped in SIMD lanes; "": it could be."""
         return self._why_alone(self._rope)
+
+    def new_group(self) -> Group:
+        """Return arrays for members of its kind, without space for steps."""
+        kind = self.kind()
+        assert kind is not None
+        return Group(kind, 0)
 
     @property
     def work_shape(self) -> tuple[int, int]:
@@ -337,6 +364,10 @@ class TwinMember:
         self._samples = 0  # of the heave, given to the twin
         self._looks = self._slack_looks = 0
         self.failure = ""
+        self.lane_steps = self.given_up = 0  # in SIMD lanes, and in a group but by itself
+        self._feedback = _why_fed_back(scene, commands)
+        self._kind: JoinedKind | None = None
+        self._kind_changes = -1
 
     @property
     def scene(self) -> Scene:
@@ -350,27 +381,69 @@ class TwinMember:
 
     @property
     def why_alone(self) -> str:
-        """Reason why it is not stepped in SIMD lanes."""
-        return "ropes that meet" if is_joined(self.scene) else "tension feedback of the winch"
+        """Reason why it is not stepped in SIMD lanes; "": it could be."""
+        return self._feedback or why_joined_alone(self.system)
 
-    def kind(self) -> None:
-        """Return None: no other member can be stepped with it."""
+    @property
+    def system(self) -> System:
+        """The system of ropes, which there is in a multi-line scene only."""
+        joined = self._twin.joined
+        assert joined is not None
+        return joined.system(self._twin.rope)
+
+    def kind(self) -> JoinedKind | None:
+        """Return the properties that members of a SIMD group must share; None: none can join."""
+        if self._feedback:
+            return None
+        system = self.system
+        health = [rope.state.health for rope in system.ropes]
+        changes = sum(int(one[rows.SPLITS] + one[rows.MERGES]) for one in health)
+        if changes != self._kind_changes:
+            self._kind, self._kind_changes = joined_kind_of(system), changes
+        return self._kind
+
+    def new_group(self) -> JoinedGroup:
+        """Return arrays for members of its kind, without space for steps."""
+        kind = self.kind()
+        assert kind is not None
+        return JoinedGroup(self.system, kind, 0)
 
     def advance(self, steps: int, look_steps: int, scratch: Scratch) -> None:
         """Advance, and check for slack after every `look_steps` steps; the member may fail."""
-        twin = self._twin
-        end = twin.steps + steps
-        self.failure = self._offer(twin.time_ns, end * twin.step_ns)
-        if self.failure:
-            return
+        self.offer(steps)
+        end = self.steps + steps
+        while self.steps < end and not self.failure:
+            self.go_on(min(end - self.steps, look_steps - self.steps % look_steps), look_steps)
+
+    def offer(self, steps: int) -> None:
+        """Give the twin the inputs of the next steps; the member fails if one is rejected."""
+        now_ns = self._twin.time_ns
+        self.failure = self._offer(now_ns, now_ns + steps * self._twin.step_ns)
+
+    def go_on(self, steps: int, look_steps: int) -> None:
+        """Do these steps by itself, of which the last may be one with a look; it may fail."""
         try:
-            while twin.steps < end:
-                twin.advance(min(end - twin.steps, look_steps - twin.steps % look_steps))
-                if twin.steps % look_steps == 0:
-                    self._looks += 1
-                    self._slack_looks += self._is_slack()
+            self._twin.advance(steps)
         except SolverError as error:
             self.failure = str(error)
+        self._look(look_steps)
+
+    def open_steps(self, steps: int) -> OpenSteps:
+        """Return the next steps, this number at most, for lanes to do."""
+        return self._twin.open_steps(steps)
+
+    def close_steps(self, opened: OpenSteps, pulls: Floats, wanted: int, look_steps: int) -> None:
+        """Complete the steps that were done, (ropes, done, rows.PULL_COLUMNS); it may fail."""
+        try:
+            self._twin.close_steps(opened, pulls, wanted)
+        except SolverError as error:
+            self.failure = str(error)
+        self._look(look_steps)
+
+    def _look(self, look_steps: int) -> None:
+        if not self.failure and self.steps % look_steps == 0:
+            self._looks += 1
+            self._slack_looks += self._is_slack()
 
     def _offer(self, from_ns: int, to_ns: int) -> str:
         """Give the twin the inputs of a batch; return why it rejects one of the member's own."""
@@ -419,6 +492,15 @@ class TwinMember:
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present and restart the recent extremes of tension."""
         return self._twin.snapshot()
+
+
+def _why_fed_back(scene: Scene, commands: Sequence[CommandSample] | None) -> str:
+    """Return why the motion of a hang-off depends on the ropes; "": it is known in advance."""
+    given = {WINCH: commands}
+    for name, winch in winches_by_name(scene).items():
+        if not is_known_in_advance(winch, given.get(name)):
+            return "tension feedback of the winch"
+    return ""
 
 
 SteppedMember = Member | TwinMember

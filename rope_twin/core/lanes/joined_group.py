@@ -1,0 +1,292 @@
+"""Arrays of a few systems of ropes that are stepped as a SIMD batch, and copying in and out."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import config
+
+from rope_twin.core.axial_law import Fibre
+from rope_twin.core.jit.wide import ALL, LANES
+from rope_twin.core.joined.joints import (
+    FIRST,
+    LOOSE,
+    SECOND,
+    TIE_ROWS,
+    Joined,
+    Joints,
+    System,
+    topology_of,
+)
+from rope_twin.core.joined.plan import SUM_ROWS, Plan, new_plan, write_plan
+from rope_twin.core.joined.stack import LaneStack, effects_at, stacked_effects
+from rope_twin.core.lanes.effects import aligned, is_by_lane, layout_of, make
+from rope_twin.core.lanes.group import (
+    OWN_FIGURES,
+    Kind,
+    add_counts,
+    advance_batch,
+    done_and_left,
+    effect_of,
+    on_columns,
+    places_of,
+    put_properties,
+    put_state,
+    take_state,
+)
+from rope_twin.core.lanes.step import FOLDS, TALLIES, Run
+from rope_twin.core.loads import hooks
+from rope_twin.core.loads.memory import count_known, numbers_carried
+from rope_twin.core.payout import TRIALS
+from rope_twin.core.state import (
+    CHAIN_ROWS,
+    COUNTS,
+    ELEMENTS,
+    END,
+    HEALTH,
+    LOWEST_OFFSET,
+    MOTIONS,
+    NODE_ROWS,
+    PULL_COLUMNS,
+    SECTION_ROWS,
+    TENSION,
+    WORK_ROWS,
+    Boundary,
+    Floats,
+    Ints,
+    Model,
+    Rope,
+    State,
+)
+
+
+class JoinedKind(NamedTuple):
+    """Properties that systems must share to be stepped in one SIMD batch."""
+
+    ropes: tuple[Kind, ...]
+    lower: tuple[int, ...]  # connection at each rope's lower end, or LOOSE
+    upper: tuple[int, ...]
+    links: tuple[tuple[float, float], ...]  # connections at the ends of each link
+    columns: int  # space for internal variables
+
+    @property
+    def types(self) -> tuple[type, ...]:
+        """Types that select the compiled code."""
+        return Joined, *self.ropes[0].types
+
+
+def why_joined_alone(system: System) -> str:
+    """Return why a system cannot be stepped in a SIMD batch; empty if it can.
+
+    Effects are given by the names used in scenes.
+    """
+    if config.DISABLE_JIT:
+        return "plain Python"
+    if system.sheaves is not None:
+        return "a sheave"
+    kinds = [type(effect) for effect in system.ropes[0].effects]
+    if Fibre in kinds:
+        return "a dynamic stiffness"
+    alone = [kind for kind in kinds if not _steps_in_lanes(kind)]
+    return ", ".join(_name_of(kind) for kind in alone)
+
+
+def _name_of(kind: type) -> str:
+    """Return the name of an effect, or of the file that defines forces between ropes."""
+    name = effect_of(kind)
+    return kind.__module__.rpartition(".")[2] if name == "joined" else name
+
+
+def _steps_in_lanes(kind: type) -> bool:
+    """Return whether an effect of this type steps in the lanes of systems of ropes."""
+    between = {"face", "among"}.intersection(hooks.hooks_of(kind))
+    return hooks.all_wide([kind]) and not between and not is_by_lane(kind)
+
+
+def joined_kind_of(system: System) -> JoinedKind | None:
+    """Return the properties shared by systems of a batch; None if it cannot be batched."""
+    if why_joined_alone(system):
+        return None
+    first, joints = system.ropes[0], system.joints
+    effects = tuple(layout_of(effect) for effect in first.effects)
+    law = None if system.stack.law is None else layout_of(_law_at(system, 0))
+    kinds = tuple(
+        Kind(
+            elements=int(rope.state.counts[ELEMENTS]),
+            place=places_of(rope),
+            sections=rope.sections.shape[1],
+            first_free=rope.model.first_free,
+            step=rope.model.step,
+            absorb=rope.model.absorb,
+            effects=effects,
+            law=law,
+        )
+        for rope in system.ropes
+    )
+    links = zip(joints.ties[FIRST].tolist(), joints.ties[SECOND].tolist(), strict=True)
+    ends = tuple(joints.lower.tolist()), tuple(joints.upper.tolist())
+    return JoinedKind(kinds, *ends, tuple(links), system.stack.s.shape[1])
+
+
+def _law_at(system: System, r: int) -> Any:
+    """Return the table of rope r, with as many knots as all ropes have space for."""
+    law = system.stack.law
+    return None if law is None else type(law)(*(table[r] for table in law))
+
+
+def _part(data: Any, r: int) -> Any:
+    """Return the part of arrays with the ropes in front that belongs to rope r."""
+    if isinstance(data, tuple):
+        parts = [_part(own, r) for own in data]
+        return type(data)(*parts) if hasattr(data, "_fields") else tuple(parts)
+    return None if data is None else data[r]
+
+
+class JoinedGroup:
+    """Batch of up to LANES systems of one kind."""
+
+    def __init__(self, system: System, kind: JoinedKind, steps: int) -> None:
+        """Allocate arrays for systems of this kind, as this one, and for this many steps."""
+        self.kind, self.steps = kind, steps
+        count, one = len(kind.ropes), kind.ropes[0]
+        columns = max(own.elements for own in kind.ropes) + 1 + TRIALS
+        sections = aligned(count, SECTION_ROWS, max(own.sections for own in kind.ropes), LANES)
+        sections[:, END] = np.inf
+        self._stack = LaneStack(
+            model=np.zeros((count, len(Model._fields))),
+            figures=aligned(count, len(OWN_FIGURES), LANES),
+            nodes=aligned(count, columns, NODE_ROWS, LANES),
+            s=aligned(count, columns, LANES),
+            offset=aligned(count, columns, LANES),
+            counts=np.zeros((count, COUNTS), np.int64),
+            health=np.zeros((count, HEALTH), np.int64),
+            work=aligned(count, columns, CHAIN_ROWS, LANES),
+            sections=sections,
+            effects=tuple(_stacked(on_columns(own, columns), count) for own in one.effects),
+            law=None if one.law is None else _stacked(one.law, count),
+        )
+        self._stack.counts[:, ELEMENTS] = [own.elements for own in kind.ropes]
+        self._joints = _new_joints(system, columns, self._stack.counts[:, ELEMENTS])
+        self._ropes = [self._view(r) for r in range(count)]
+        self._loaded = [
+            own.elements + (up != LOOSE) for own, up in zip(kind.ropes, kind.upper, strict=True)
+        ]
+        self._late = 0  # lanes whose internal variables belong to other nodes, as bits
+        self._place = np.zeros((count, columns), np.int64)
+        for row, own in zip(self._place, kind.ropes, strict=True):
+            row[: own.elements] = own.place
+        self._lowest: Ints = np.zeros((count, LANES), np.int64)
+        self._tally = aligned(TALLIES, LANES)
+        size = (count, steps + 1, MOTIONS, LANES)
+        self.boundary = Boundary(aligned(*size), aligned(*size))
+        self.pulls = aligned(count, steps, PULL_COLUMNS, LANES)
+        self._folds = aligned(0, FOLDS, LANES)
+
+    def _view(self, r: int) -> Rope:
+        """Return the arrays of rope r, and write the figures of its model that lanes share."""
+        own, stack = self.kind.ropes[r], self._stack
+        figures: Any = dict(zip(OWN_FIGURES, stack.figures[r], strict=True))
+        model = Model(absorb=own.absorb, first_free=own.first_free, step=own.step, **figures)
+        shared = {"absorb": own.absorb, "first_free": own.first_free, "step": own.step}
+        for name, value in shared.items():
+            stack.model[r, Model._fields.index(name)] = value
+        state = State(stack.nodes[r], stack.s[r], stack.offset[r], stack.counts[r], stack.health[r])
+        effects, law = _part(stack.effects, r), _part(stack.law, r)
+        return Rope(model, state, stack.work[r], stack.sections[r], effects, law)
+
+    def begin(self, systems: list[System], boundaries: list[Boundary]) -> None:
+        """Copy in systems of the group's kind, and their motion at the step boundaries.
+
+        boundaries: (ropes, steps + 1, MOTIONS) each. Unused lanes get a copy of the first system.
+        """
+        self._tally[:] = 0.0
+        self._late = 0
+        for lane in range(LANES):
+            of = lane if lane < len(systems) else 0
+            self._put(lane, systems[of])
+            for table, own in zip(self.boundary, boundaries[of], strict=True):
+                table[:, : own.shape[1], :, lane] = own
+
+    def _put(self, lane: int, system: System) -> None:
+        """Copy in a system with all of its properties."""
+        effects = stacked_effects(system.ropes, system.stack.s.shape[1])
+        for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
+            law = _law_at(system, r)
+            put_properties(own, lane, rope._replace(effects=effects_at(effects, r), law=law))
+        self._joints.ties[..., lane] = system.joints.ties
+        self.put(lane, system)
+
+    def put(self, lane: int, system: System) -> None:
+        """Copy a system's state and internal variables into a lane."""
+        joints, late = system.joints, 0
+        self._joints.nodes[..., lane] = joints.nodes.T
+        self._joints.ties[..., lane] = joints.ties
+        for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
+            n = self.kind.ropes[r].elements
+            put_state(own, lane, n, rope)
+            for joint, node in ((joints.lower[r], 0), (joints.upper[r], n)):
+                if joint != LOOSE:
+                    own.state.nodes[node, :, lane] = joints.nodes[:, joint]
+            self._lowest[r, lane] = rope.state.counts[LOWEST_OFFSET]
+            for effect in rope.effects:
+                if numbers_carried(type(effect)):
+                    late |= int(count_known(effect) != self._loaded[r])
+        self._late = self._late & ~(1 << lane) | late << lane
+
+    def take(self, lane: int, system: System) -> None:
+        """Copy a lane's state, internal variables and tensions back to its system."""
+        system.joints.nodes[...] = self._joints.nodes[..., lane].T
+        system.joints.ties[...] = self._joints.ties[..., lane]
+        for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
+            n = self.kind.ropes[r].elements
+            take_state(own, lane, n, rope)
+            rope.state.counts[LOWEST_OFFSET] = self._lowest[r, lane]
+            rope.work[TENSION, :n] = own.work[:n, TENSION, lane]
+
+    def late(self, steps: int) -> int:
+        """Return the lanes that take the step after `steps` steps of the run alone, as bits.
+
+        They initialise internal variables, or interpolate them to other nodes.
+        """
+        remembers = any(numbers_carried(own[0]) for own in self.kind.ropes[0].effects)
+        return ALL if remembers and steps == 0 else self._late
+
+    def advance(self, run: Run) -> tuple[int, list[int]]:
+        """Advance the batch; return the step reached, and the lanes that failed to do the last one.
+
+        It stops before the last step if there are such lanes.
+        """
+        own, known = self._stack, (self._place, self._lowest, self._tally)
+        joined = Joined(own, self._joints, None)
+        tables = self.boundary, self.pulls, self._folds, run
+        return done_and_left(advance_batch(own.effects, own.law, joined, None, known, *tables))
+
+    def account(self, lane: int, health: Ints) -> tuple[int, int]:
+        """Add a lane's counters to its first rope's health; return its steps and slack samples."""
+        return add_counts(self._tally[:, lane], health)
+
+
+def _stacked(layout: Any, count: int) -> Any:
+    """Return zeros in the layout, with the ropes on the first axis and the lanes on the last."""
+    return make(layout, lambda kind, shape: aligned(count, *shape, LANES))
+
+
+def _new_joints(system: System, columns: int, counts: Ints) -> Joints:
+    """Return connections of all lanes, with the order of elimination of their systems."""
+    joints, size = system.joints, 3 * system.joints.nodes.shape[1]
+    count, links = len(counts), joints.ties.shape[1]
+    plan: Plan = new_plan(count, size // 3, 0)
+    write_plan(plan, topology_of(system, columns), counts)
+    sums: Floats = aligned(SUM_ROWS, plan.sums.shape[1], LANES)
+    return Joints(
+        lower=joints.lower.copy(),
+        upper=joints.upper.copy(),
+        nodes=aligned(size // 3, NODE_ROWS, LANES),
+        ties=aligned(TIE_ROWS, links, LANES),
+        work=aligned(size // 3, WORK_ROWS, LANES),
+        matrix=aligned(size, size, LANES),
+        factor=aligned(size, size, LANES),
+        speed=aligned(count, LANES),
+        plan=plan._replace(sums=sums),
+    )

@@ -1,0 +1,101 @@
+"""Turn of an ensemble's members whose ropes meet: their systems step in SIMD lanes.
+
+Their twins prescribe the motion of some steps, up to the next look for slack; lanes do them, and
+the twins record the result. A step that lanes give up is done for the system of that member alone.
+A member with many of them, or with other elements, does the rest of these steps by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rope_twin.core.joined.joints import System
+from rope_twin.core.lanes.joined_group import JoinedKind
+from rope_twin.core.lanes.step import Run
+from rope_twin.core.state import PULL_COLUMNS, STEPS_PER_CALL, Boundary, Floats
+from rope_twin.core.step import advance_joined
+from rope_twin.twin.ensemble.member import Scratch, TwinMember
+
+OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave
+
+
+def next_steps(left: int, steps: int, look_steps: int) -> int:
+    """Return how many steps to do next, of those left after `steps` since the start."""
+    return min(left, look_steps - steps % look_steps, STEPS_PER_CALL)
+
+
+class JoinedTurn:
+    """Some steps of members of one kind that have done as many steps before."""
+
+    def __init__(self, members: Sequence[TwinMember], kind: JoinedKind, scratch: Scratch) -> None:
+        self._all, self._kind, self._scratch = members, kind, scratch
+
+    def run(self, steps: int, look_steps: int) -> None:
+        """Do this number of steps, or fewer; a member may fail."""
+        members = self._all
+        self._before, self._step_s = members[0].steps, self._kind.ropes[0].step
+        self._time = self._before * round(self._step_s * 1e9) * 1e-9
+        self._opened = [member.open_steps(steps) for member in members]
+        self._systems = [one.system for one in self._opened]
+        steps = min(one.steps for one in self._opened)
+        self._group = self._scratch.joined(self._kind, self._systems[0], STEPS_PER_CALL)
+        bounds = [
+            Boundary(*(table[:, : steps + 1] for table in one.boundary)) for one in self._opened
+        ]
+        self._group.begin(self._systems, bounds)
+        self._pulls: dict[int, Floats] = {}  # of members that are done, (ropes, done, ...)
+        self._alone = [0] * len(members)
+        self._going = set(range(len(members)))
+        done = 0
+        while self._going and done < steps:
+            wanted = sum(1 << lane for lane in self._going)
+            late = self._group.late(self._before + done)
+            run = Run(self._time, done, steps, wanted, self._before, look_steps, late)
+            done, left = self._group.advance(run)
+            for lane in left:
+                self._step_alone(lane, done, steps)
+        for lane in list(self._going):
+            self._group.take(lane, self._systems[lane])
+            self._leave(lane, done)
+        for lane, (member, opened) in enumerate(zip(members, self._opened, strict=True)):
+            health = opened.system.ropes[0].state.health
+            counted, _ = self._group.account(lane, health)
+            member.lane_steps += counted
+            pulls = self._pulls[lane]
+            member.given_up += pulls.shape[1] - counted
+            member.close_steps(opened, pulls, steps, look_steps)
+
+    def _step_alone(self, lane: int, done: int, steps: int) -> None:
+        """Do the last of `done` steps for one member's system."""
+        system, group = self._systems[lane], self._group
+        group.take(lane, system)
+        self._alone[lane] += 1
+        reached = self._advance(lane, system, done - 1, 1)
+        often = self._alone[lane] > OFTEN_LEAST + OFTEN * done
+        changed = any(
+            int(rope.state.counts[0]) != own.elements
+            for rope, own in zip(system.ropes, self._kind.ropes, strict=True)
+        )
+        if reached and not (often or changed):
+            group.put(lane, system)
+            return
+        if reached and done < steps:
+            reached += self._advance(lane, system, done, steps - done)
+        self._leave(lane, done - 1 + reached)
+
+    def _leave(self, lane: int, done: int) -> None:
+        """Keep the result of a member that takes no further step in lanes."""
+        self._going.discard(lane)
+        self._pulls[lane] = self._group.pulls[:, :done, :, lane].copy()
+
+    def _advance(self, lane: int, system: System, first: int, steps: int) -> int:
+        """Do steps of one system from step `first` on; return how many were done."""
+        rows = slice(first, first + steps + 1)
+        own = Boundary(*(table[:, rows].copy() for table in self._opened[lane].boundary))
+        pull: Floats = np.zeros((len(system.ropes), steps, PULL_COLUMNS))
+        time = self._time + first * self._step_s
+        reached = advance_joined(system, own, pull, time, steps)
+        self._group.pulls[:, first : first + steps, :, lane] = pull
+        return reached

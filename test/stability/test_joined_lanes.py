@@ -1,0 +1,145 @@
+"""Systems of ropes that share SIMD lanes, against twins of their own: equal to the bit.
+
+A tree (two lines to one load) and a loop (a bridle with a bar), whatever happens to those beside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from lone_twins import SECOND_NS, alone, differing, sea
+
+from rope_twin import load_scene
+from rope_twin.core.jit.wide import LANES
+from rope_twin.core.lanes.joined_group import joined_kind_of, why_joined_alone
+from rope_twin.core.state import VELOCITY
+from rope_twin.scene.joined_model import build_joined
+from rope_twin.scene.load import Change
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.ensemble import MIN_GROUP, Ensemble, Variation
+from rope_twin.twin.ensemble.member import TwinMember
+from rope_twin.twin.motion.heave_track import HeaveSeries
+from rope_twin.twin.snapshot import SPEED
+from rope_twin.twin.winch.commands import CommandSample, WinchCommand
+
+SCENES = ("two_line_lift", "bridle_lift")
+
+
+def member(number: int, height_m: float = 0.4, speed: float = 0.0) -> Variation:
+    """One with its own load, water, damping and sea."""
+    changes = (
+        Change("payloads[*].mass_kg", 1.0 + 0.02 * number, multiply=True),
+        Change("effects.drag.normal", 1.0 + 0.1 * number),
+        Change("ropes[0].damping.fraction_of_first_axial_mode", 0.01 * number),
+    )
+    heave = HeaveSeries.of(sea(height_m, 6.0 + 0.3 * number, 30.0))
+    commands = tuple(
+        CommandSample(k * SECOND_NS, WinchCommand(SPEED, v)) for k, v in ((0, speed), (13, 0.0))
+    )
+    return Variation(changes, heave.starting_at(number * SECOND_NS // 3), commands)
+
+
+def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int) -> list[str]:
+    """What differs from lone twins, in which member and rope."""
+    found = []
+    for number, variation in enumerate(own):
+        shot, expected = ensemble.snapshot(number), alone(scene, variation, seconds)
+        found += [f"member {number}: {name}" for name in differing(shot, expected)]
+        for rope, other in zip(shot.ropes, expected.ropes, strict=True):
+            for name in ("node_position_m", "element_tension_n"):
+                if getattr(rope, name).tobytes() != getattr(other, name).tobytes():
+                    found.append(f"member {number}: {rope.name}: {name}")
+    return found
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_calm_members(name: str) -> None:
+    """All in lanes, none gives a step up; the cuts of time do not matter."""
+    scene, own = load_scene(name), [member(number) for number in range(LANES)]
+    ensemble = Ensemble(scene, own, threads=1)
+    assert ensemble.lanes().members == LANES
+    for seconds in (0.5, 2.5, 1.0):
+        ensemble.advance(seconds)
+    assert not unequal(scene, ensemble, own, 4)
+    lanes = ensemble.lanes()
+    assert (lanes.steps, lanes.given_up) == (400 * LANES, 0)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_slack_and_snap(name: str) -> None:
+    """Some need more corrections than others, the line search, or a halved step."""
+    scene = load_scene(name)
+    own = [member(number, 0.2 if number % 2 else 4.0) for number in range(LANES)]
+    ensemble = Ensemble(scene, own, look_s=0.07, threads=1)
+    lone = Ensemble(scene, own, look_s=0.07, threads=1, abreast=1)
+    for seconds in (2, 4):
+        ensemble.advance(seconds)
+        lone.advance(seconds)
+    assert not unequal(scene, ensemble, own, 6)
+    assert ensemble.figures() == lone.figures()
+    lanes = ensemble.lanes()
+    assert lanes.steps + lanes.given_up == 600 * LANES
+    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
+    assert max(shot.solves_max_per_stage for shot in shots) > 2
+    assert (lanes.given_up > 0) == (name == "bridle_lift")
+    assert any(one.slack_share > 0.0 for one in ensemble.figures())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_elements_split_in_some(name: str) -> None:
+    """Those that pay out get other elements than their neighbours, and go on without them."""
+    scene = load_scene(name)
+    own = [member(number, speed=0.5 if number < MIN_GROUP else 0.0) for number in range(LANES)]
+    ensemble = Ensemble(scene, own, threads=1)
+    for seconds in (1, 14):
+        ensemble.advance(seconds)
+    assert not unequal(scene, ensemble, own, 15)
+    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
+    assert [bool(shot.splits) for shot in shots] == [number < MIN_GROUP for number in range(LANES)]
+    lanes = ensemble.lanes()
+    assert lanes.steps + lanes.given_up == 1500 * LANES
+
+
+def test_one_that_fails_leaves_its_neighbours_alone() -> None:
+    """It says when it stopped, and the others get the same bits."""
+    scene, own = load_scene("bridle_lift"), [member(number) for number in range(LANES)]
+    ensemble = Ensemble(scene, own, threads=1)
+    ensemble.advance(1)
+    broken = ensemble._members[3]
+    assert isinstance(broken, TwinMember)
+    broken.system.ropes[2].state.nodes[VELOCITY, 4] = np.inf
+    ensemble.advance(2)
+    reported = [figures.failure for figures in ensemble.figures()]
+    assert reported[3].startswith("step 101 at 1.00 s: the rope's next state is not finite")
+    assert ensemble.figures()[3].steps == 100
+    for number in set(range(LANES)) - {3}:
+        assert not reported[number]
+        assert not differing(ensemble.snapshot(number), alone(scene, own[number], 3))
+
+
+def test_members_of_two_sizes_are_distinguished() -> None:
+    """One group is full; too few of the other kind are left for a group."""
+    few = MIN_GROUP - 1
+    small = (Change("ropes[1].elements", 50),)
+    own = [Variation()] * LANES + [Variation(small)] * few
+    reported = Ensemble(load_scene("two_line_lift"), own, threads=1).lanes()
+    assert reported.members == LANES
+    assert reported.alone == {"": few}
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("two_line_lift", ""),
+        ("bridle_lift", ""),
+        ("two_line_loop", "a sheave"),
+        ("cage_and_clump", "payload_contact"),
+        ("net_screen", "net_curtain"),
+        ("two_line_landing", "waves, payload"),
+    ],
+)
+def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
+    """Sheaves, forces between ropes, and effects whose kernels are called lane by lane."""
+    system = build_joined(load_scene(name)).system
+    assert why_joined_alone(system) == reason
+    assert (joined_kind_of(system) is None) == bool(reason)
