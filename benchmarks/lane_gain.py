@@ -51,6 +51,8 @@ FULL = (
     Case("tow_with_net", "net"),
     Case("lift_off", "rigid_body, a deck"),
     Case("manifold_lift", "rigid_body, waves, splash_zone, seabed"),
+    Case("two_line_lift", "ropes that meet: a tree"),
+    Case("bridle_lift", "ropes that meet: a loop with a bar"),
 )
 QUICK = (Case("smooth_2km", "quick", LANES, 1.0, 1.0, 1),)
 
@@ -104,7 +106,8 @@ def _measure(scene: Scene, case: Case) -> GainRow:
     ]
     after = together.lanes()
     steps, left = after.steps - before.steps, after.given_up - before.given_up
-    node_steps = case.members * scene.ropes[0].elements * case.seconds / scene.time.step_s
+    elements = sum(line.elements for line in scene.ropes)
+    node_steps = case.members * elements * case.seconds / scene.time.step_s
     ratios = [one / other for other, one in turns]
     return GainRow(
         scene=scene.name,
@@ -135,6 +138,9 @@ def _same(together: Ensemble, alone: Ensemble, number: int) -> bool:
     found, expected = together.snapshot(number), alone.snapshot(number)
     names = ("node_position_m", "node_velocity_m_per_s", "node_tension_n", "hang_off_force_n")
     equal = all(np.array_equal(getattr(found, name), getattr(expected, name)) for name in names)
+    for one, other in zip(found.ropes, expected.ropes, strict=True):  # of a multi-line scene
+        equal &= np.array_equal(one.node_position_m, other.node_position_m)
+        equal &= np.array_equal(one.element_tension_n, other.element_tension_n)
     return equal and together.figures()[number] == alone.figures()[number]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -158,6 +158,17 @@ class MultiLineRopes:
             feedback = self._feedback_of(r, row) if winch.needs_feedback(from_ns) else None
             line = winch.step(from_ns, step_s, moving[2], feedback)
             value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
+
+    def take_motion(self, given: Mapping[int, Boundary]) -> None:
+        """Set the motion at the boundaries of the next steps, by rope: that of the hang-offs."""
+        for r, own in given.items():
+            for table, motion in zip(self._boundary, own, strict=True):
+                table[r, : len(motion)] = motion
+
+    def share_winches(self, winches: Mapping[int, Winch]) -> None:
+        """Report these winches, by rope, which step elsewhere."""
+        own = enumerate(self._winches)
+        self._winches = tuple(winches.get(r, winch) for r, winch in own)
 
     def _feedback_of(self, r: int, row: int) -> TensionFeedback:
         """Return the tension feedback of a rope before the step that ends at boundary `row`."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,7 +48,7 @@ class Extremes:
         if values:
             self.high = max(self.high, *values)
             self.low = min(self.low, *values)
-            self._sum += sum(values)
+            self._sum = reduce(add, values, self._sum)  # however they are divided into pieces
             self._count += len(values)
 
     def join(self, other: Extremes) -> None:

@@ -36,7 +36,7 @@ from rope_twin.twin.monitors import (
     chunk_of,
     new_monitors,
 )
-from rope_twin.twin.motion.boundary_conditions import BoundaryConditions, Present
+from rope_twin.twin.motion.boundary_conditions import BoundaryConditions, GivenMotion, Present
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.multi_line_snapshot import with_vibration
 from rope_twin.twin.pacing import steps_in_slot
@@ -94,7 +94,7 @@ class Twin:
         self._system = RopeSystem(scene, rows.STEPS_PER_CALL)
         self._mesh = Mesh(scene, self._system.all_with(self._system.first))
         self.inputs = TwinInputs(scene, self._system.ropes, self._clock)
-        self._motion = BoundaryConditions(
+        self._motion: BoundaryConditions = BoundaryConditions(
             scene, rows.STEPS_PER_CALL, self.inputs.winch.line.length_m
         )
         self._study_error = known_error(scene)  # by the scene's convergence study alone
@@ -268,6 +268,11 @@ class Twin:
         self._complete(pulls, steps, began)
         return len(pulls)
 
+    def follow(self, given: GivenMotion) -> None:
+        """Let this prescribe the motion of all hang-offs from now on."""
+        given.restore(self._motion.state())
+        self._motion = given
+
     def open_steps(self, steps: int) -> OpenSteps:
         """Prescribe at most this number of steps of a multi-line system, which lanes then do."""
         began = time.perf_counter()
@@ -275,19 +280,11 @@ class Twin:
         return self._system.open(rope, self._motion.boundary, steps, began)
 
     def close_steps(self, opened: OpenSteps, pulls: rows.Floats, wanted: int) -> None:
-        """Complete the steps that lanes did; pulls: (ropes, done, PULL_COLUMNS).
-
-        Raises:
-            SolverError: fewer are done than wanted, as the next state would not be finite.
-        """
+        """Complete steps as `advance`, which lanes did; pulls: (ropes, done, PULL_COLUMNS)."""
         self._complete(self._system.close(opened, pulls), wanted, opened.began)
 
     def _complete(self, pulls: rows.Floats, steps: int, began: float) -> None:
-        """Record the steps just done, of which there should be `steps`.
-
-        Raises:
-            SolverError: there are fewer.
-        """
+        """Record the steps just done; raises SolverError if they are fewer than `steps`."""
         clock, motion, done = self._clock, self._motion, len(pulls)
         clock.advance(done, self.step_ns)
         self._record.take(pulls[:, rows.PULL].tolist())

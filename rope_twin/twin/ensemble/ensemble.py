@@ -18,7 +18,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -28,18 +28,24 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import Kind
 from rope_twin.core.lanes.joined_group import JoinedKind
 from rope_twin.core.lanes.step import FOLDS, LEAST, Run
-from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
+from rope_twin.core.state import (
+    ELEMENTS,
+    PULL_COLUMNS,
+    STEPS_PER_CALL,
+    TENSION,
+    Boundary,
+    Floats,
+)
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.load import Change, change_scene
-from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rigging import is_joined, places, winch_of, winches_by_name
 from rope_twin.scene.rope_model import build
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import WINCH, RopeLine, Scene, Triple
 from rope_twin.scene.vortex import coupled_settings, model_beside
 from rope_twin.twin.ensemble.joined_turn import (
     OFTEN,
     OFTEN_LEAST,
     JoinedTurn,
-    next_steps,
 )
 from rope_twin.twin.ensemble.member import (
     WATCHED,
@@ -63,6 +69,7 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.statics import no_garbage_collection, solve_scene_statics
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import CommandSample
+from rope_twin.twin.winch.winch import spooled_rope, winch_of_rope
 from rope_twin.vortex.coupled import VivDragAmplification
 
 BATCH_STEPS = 800  # of a batch, in which members share what is done once for many steps
@@ -174,7 +181,7 @@ class Ensemble:
         self._own: _OfThread | None = None
         scenes = [_member_scene(scene, own, k) for k, own in enumerate(variations)]
         by_twin = [
-            is_joined(one) or not is_known_in_advance(one.winch, own.commands)
+            is_joined(one) or not _is_known(one, own)
             for one, own in zip(scenes, variations, strict=True)
         ]
         if watched and any(by_twin):
@@ -356,6 +363,44 @@ class _Borders:
             self._borders[moved] = SharedBoundary(scene.ship, winch, own.heave, step_s)
         return self._borders[moved]
 
+    def course(self, scene: Scene, own: Variation) -> dict[int, SharedBoundary] | None:
+        """Return the motion of the hang-offs of a multi-line scene, by rope.
+
+        None: there is one rope, or the payout of a winch depends on its tension.
+        """
+        if not is_joined(scene) or not _is_known(scene, own):
+            return None
+        points = places(scene)
+        hung = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in points]
+        return {r: self._hung(scene, line, own, points[line.from_]) for r, line in hung}
+
+    def _hung(self, scene: Scene, line: RopeLine, own: Variation, at_m: Triple) -> SharedBoundary:
+        """Return the motion of one hang-off at this place, and the payout of its winch."""
+        winch, step_s = winch_of(scene, line), scene.time.step_s
+        ship = replace(scene.ship, hang_off_m=at_m)
+        commands = own.commands if line.from_ == WINCH else None
+        answered = winch is not None and winch.heave_compensation is not None
+        heaved = (ship, id(own.heave)) if answered else None
+        spooled = None if winch is None else spooled_rope(scene, line)
+        reeled = (line.from_, winch, line.length_m, commands, heaved, spooled)
+        if reeled not in self._winches:
+            made = winch_of_rope(scene, line)
+            own_motion = WinchMotion(winch, line.length_m, commands, step_s, made)
+            self._winches[reeled] = own_motion
+        moved = (ship, reeled, id(own.heave))
+        if moved not in self._borders:
+            shared = SharedBoundary(ship, self._winches[reeled], own.heave, step_s)
+            self._borders[moved] = shared
+        return self._borders[moved]
+
+
+def _is_known(scene: Scene, own: Variation) -> bool:
+    """Return whether the payout of all winches is known in advance."""
+    return all(
+        is_known_in_advance(winch, own.commands if name == WINCH else None)
+        for name, winch in winches_by_name(scene).items()
+    )
+
 
 def _new_member(
     scene: Scene, start: AnyStart, own: Variation, borders: _Borders, watched: bool
@@ -368,7 +413,7 @@ def _new_member(
     if isinstance(start, str):
         return UnstartedMember(scene, start)
     if isinstance(start, Twin):
-        return TwinMember(start, own.heave, own.commands)
+        return TwinMember(start, own.heave, own.commands, borders.course(scene, own))
     return Member(scene, start, borders.of(scene, own), watched)
 
 
@@ -437,7 +482,7 @@ def _advance_joined(
     while going := [one for one in members if not one.failure and one.steps < end]:
         begun = min(one.steps for one in going)
         behind = [one for one in going if one.steps == begun]
-        some = next_steps(end - begun, begun, look_steps)
+        some = min(end - begun, STEPS_PER_CALL)
         for group in sort_into_groups(behind):
             alike = [one for one in group if isinstance(one, TwinMember)]
             kind = alike[0].kind()

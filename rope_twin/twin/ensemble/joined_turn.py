@@ -1,8 +1,8 @@
 """Turn of an ensemble's members whose ropes meet: their systems step in SIMD lanes.
 
-Their twins prescribe the motion of some steps, up to the next look for slack; lanes do them, and
-the twins record the result. A step that lanes give up is done for the system of that member alone.
-A member with many of them, or with other elements, does the rest of these steps by itself.
+Their twins prescribe the motion of some steps; lanes do them, and the twins record the result. A
+step that lanes give up is done for the system of that member alone. A member with many of them, or
+with other elements, does the rest of these steps by itself.
 """
 
 from __future__ import annotations
@@ -16,14 +16,9 @@ from rope_twin.core.lanes.joined_group import JoinedKind
 from rope_twin.core.lanes.step import Run
 from rope_twin.core.state import PULL_COLUMNS, STEPS_PER_CALL, Boundary, Floats
 from rope_twin.core.step import advance_joined
-from rope_twin.twin.ensemble.member import Scratch, TwinMember
+from rope_twin.twin.ensemble.member import Scratch, TwinMember, is_slack
 
 OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave
-
-
-def next_steps(left: int, steps: int, look_steps: int) -> int:
-    """Return how many steps to do next, of those left after `steps` since the start."""
-    return min(left, look_steps - steps % look_steps, STEPS_PER_CALL)
 
 
 class JoinedTurn:
@@ -34,7 +29,7 @@ class JoinedTurn:
 
     def run(self, steps: int, look_steps: int) -> None:
         """Do this number of steps, or fewer; a member may fail."""
-        members = self._all
+        members, self._look_steps = self._all, look_steps
         self._before, self._step_s = members[0].steps, self._kind.ropes[0].step
         self._time = self._before * round(self._step_s * 1e9) * 1e-9
         self._opened = [member.open_steps(steps) for member in members]
@@ -46,7 +41,8 @@ class JoinedTurn:
         ]
         self._group.begin(self._systems, bounds)
         self._pulls: dict[int, Floats] = {}  # of members that are done, (ropes, done, ...)
-        self._alone = [0] * len(members)
+        self._alone = [0] * len(members)  # steps done by itself, and looks there that found slack
+        self._slack = [0] * len(members)
         self._going = set(range(len(members)))
         done = 0
         while self._going and done < steps:
@@ -61,11 +57,14 @@ class JoinedTurn:
             self._leave(lane, done)
         for lane, (member, opened) in enumerate(zip(members, self._opened, strict=True)):
             health = opened.system.ropes[0].state.health
-            counted, _ = self._group.account(lane, health)
-            member.lane_steps += counted
+            counted, slack = self._group.account(lane, health)
             pulls = self._pulls[lane]
-            member.given_up += pulls.shape[1] - counted
-            member.close_steps(opened, pulls, steps, look_steps)
+            done = pulls.shape[1]
+            member.lane_steps += counted
+            member.given_up += done - counted
+            looks = (self._before + done) // look_steps - self._before // look_steps
+            member.count_looks(looks, slack + self._slack[lane])
+            member.close_steps(opened, pulls, steps)
 
     def _step_alone(self, lane: int, done: int, steps: int) -> None:
         """Do the last of `done` steps for one member's system."""
@@ -91,11 +90,18 @@ class JoinedTurn:
         self._pulls[lane] = self._group.pulls[:, :done, :, lane].copy()
 
     def _advance(self, lane: int, system: System, first: int, steps: int) -> int:
-        """Do steps of one system from step `first` on; return how many were done."""
-        rows = slice(first, first + steps + 1)
-        own = Boundary(*(table[:, rows].copy() for table in self._opened[lane].boundary))
-        pull: Floats = np.zeros((len(system.ropes), steps, PULL_COLUMNS))
-        time = self._time + first * self._step_s
-        reached = advance_joined(system, own, pull, time, steps)
-        self._group.pulls[:, first : first + steps, :, lane] = pull
-        return reached
+        """Do steps of one system from step `first` on, with looks; return how many were done."""
+        at, end, look = first, first + steps, self._look_steps
+        while at < end:
+            some = min(end - at, look - (self._before + at) % look)
+            rows = slice(at, at + some + 1)
+            own = Boundary(*(table[:, rows].copy() for table in self._opened[lane].boundary))
+            pull: Floats = np.zeros((len(system.ropes), some, PULL_COLUMNS))
+            reached = advance_joined(system, own, pull, self._time + at * self._step_s, some)
+            self._group.pulls[:, at : at + some, :, lane] = pull
+            at += reached
+            if reached < some:
+                break
+            if (self._before + at) % look == 0:
+                self._slack[lane] += is_slack(system.ropes)
+        return at - first

@@ -9,7 +9,7 @@ ropes can still be stepped in SIMD lanes (twin/ensemble/joined_turn.py).
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,11 +33,7 @@ from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.rigging import winch_of, winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.twin.motion.boundary_conditions import (
-    SharedBoundary,
-    check_commands,
-    is_known_in_advance,
-)
+from rope_twin.twin.motion.boundary_conditions import GivenMotion, SharedBoundary, check_commands
 from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.recovery import step_failure
 from rope_twin.twin.regrid import own_copies
@@ -343,10 +339,12 @@ class TwinMember:
         start: Twin,
         heave: HeaveSeries | None,
         commands: Sequence[CommandSample] | None,
+        course: Mapping[int, SharedBoundary] | None = None,
     ) -> None:
         """Start as a copy of a twin in static equilibrium.
 
-        heave: None: the ship lies still; commands: of the first winch; None: its schedule.
+        heave: None: the ship lies still; commands: of the first winch; None: its schedule; course:
+        motion of the hang-offs of a multi-line scene, by rope; None: it depends on the ropes.
 
         Raises:
             InputError: the winch rejects a command, or the series moves a hang-off sideways, as
@@ -365,7 +363,15 @@ class TwinMember:
         self._looks = self._slack_looks = 0
         self.failure = ""
         self.lane_steps = self.given_up = 0  # in SIMD lanes, and in a group but by itself
-        self._feedback = _why_fed_back(scene, commands)
+        self._course = course
+        self._motion: GivenMotion | None = None
+        joined = self._twin.joined
+        if course is not None and joined is not None:
+            self._motion = GivenMotion(scene, joined.take_motion)
+            self._twin.follow(self._motion)
+            winches = {r: own.winch for r, own in course.items()}
+            self._twin.inputs.winch = winches[0]
+            joined.share_winches(winches)
         self._kind: JoinedKind | None = None
         self._kind_changes = -1
 
@@ -382,7 +388,9 @@ class TwinMember:
     @property
     def why_alone(self) -> str:
         """Reason why it is not stepped in SIMD lanes; "": it could be."""
-        return self._feedback or why_joined_alone(self.system)
+        if self._course is None:
+            return "tension feedback of the winch"
+        return why_joined_alone(self.system)
 
     @property
     def system(self) -> System:
@@ -393,7 +401,7 @@ class TwinMember:
 
     def kind(self) -> JoinedKind | None:
         """Return the properties that members of a SIMD group must share; None: none can join."""
-        if self._feedback:
+        if self._course is None:
             return None
         system = self.system
         health = [rope.state.health for rope in system.ropes]
@@ -411,39 +419,43 @@ class TwinMember:
     def advance(self, steps: int, look_steps: int, scratch: Scratch) -> None:
         """Advance, and check for slack after every `look_steps` steps; the member may fail."""
         self.offer(steps)
-        end = self.steps + steps
-        while self.steps < end and not self.failure:
-            self.go_on(min(end - self.steps, look_steps - self.steps % look_steps), look_steps)
+        if not self.failure:
+            self.go_on(steps, look_steps)
 
     def offer(self, steps: int) -> None:
         """Give the twin the inputs of the next steps; the member fails if one is rejected."""
-        now_ns = self._twin.time_ns
+        now_ns, first = self._twin.time_ns, self.steps
         self.failure = self._offer(now_ns, now_ns + steps * self._twin.step_ns)
+        if self._motion is not None and self._course is not None:
+            given = {r: own.through(first, steps) for r, own in self._course.items()}
+            self._motion.give(first, given)
 
     def go_on(self, steps: int, look_steps: int) -> None:
-        """Do these steps by itself, of which the last may be one with a look; it may fail."""
+        """Do these steps by itself, and check for slack after every `look_steps`; it may fail."""
+        end = self.steps + steps
         try:
-            self._twin.advance(steps)
+            while self.steps < end:
+                self._twin.advance(min(end - self.steps, look_steps - self.steps % look_steps))
+                if self.steps % look_steps == 0:
+                    self.count_looks(1, self._is_slack())
         except SolverError as error:
             self.failure = str(error)
-        self._look(look_steps)
 
     def open_steps(self, steps: int) -> OpenSteps:
         """Return the next steps, this number at most, for lanes to do."""
         return self._twin.open_steps(steps)
 
-    def close_steps(self, opened: OpenSteps, pulls: Floats, wanted: int, look_steps: int) -> None:
+    def close_steps(self, opened: OpenSteps, pulls: Floats, wanted: int) -> None:
         """Complete the steps that were done, (ropes, done, rows.PULL_COLUMNS); it may fail."""
         try:
             self._twin.close_steps(opened, pulls, wanted)
         except SolverError as error:
             self.failure = str(error)
-        self._look(look_steps)
 
-    def _look(self, look_steps: int) -> None:
-        if not self.failure and self.steps % look_steps == 0:
-            self._looks += 1
-            self._slack_looks += self._is_slack()
+    def count_looks(self, looks: int, slack: int) -> None:
+        """Add slack checks, of which `slack` found an element without tension."""
+        self._looks += looks
+        self._slack_looks += slack
 
     def _offer(self, from_ns: int, to_ns: int) -> str:
         """Give the twin the inputs of a batch; return why it rejects one of the member's own."""
@@ -456,6 +468,8 @@ class TwinMember:
                 if at_ns > -LEAD_NS:
                     motion = float(series.position_m[k]), float(series.velocity_m_per_s[k])
                     faults.append(self._twin.offer_heave(at_ns, *motion))
+        if self._course is not None:
+            return next(filter(None, faults), "")
         for name, winch in winches_by_name(self.scene).items():
             if name == WINCH and self._commands is not None:
                 continue
@@ -468,13 +482,8 @@ class TwinMember:
 
     def _is_slack(self) -> bool:
         """Return whether any rope has an element without tension."""
-        twin = self._twin
-        first, joined = twin.rope, twin.joined
-        ropes = (first,) if joined is None else joined.system(first).ropes
-        return any(
-            bool(rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].min() <= 0.0)
-            for rope in ropes
-        )
+        first, joined = self._twin.rope, self._twin.joined
+        return is_slack((first,) if joined is None else joined.system(first).ropes)
 
     def figures(self) -> MemberResults:
         """Return the results since the start; tensions are those of the first rope."""
@@ -494,13 +503,12 @@ class TwinMember:
         return self._twin.snapshot()
 
 
-def _why_fed_back(scene: Scene, commands: Sequence[CommandSample] | None) -> str:
-    """Return why the motion of a hang-off depends on the ropes; "": it is known in advance."""
-    given = {WINCH: commands}
-    for name, winch in winches_by_name(scene).items():
-        if not is_known_in_advance(winch, given.get(name)):
-            return "tension feedback of the winch"
-    return ""
+def is_slack(ropes: Iterable[Rope]) -> bool:
+    """Return whether any of these ropes has an element without tension."""
+    return any(
+        bool(rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].min() <= 0.0)
+        for rope in ropes
+    )
 
 
 SteppedMember = Member | TwinMember

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -190,6 +190,37 @@ class BoundaryConditions:
         inputs.ropes.prescribe(row, begin_ns, step_s, heave, moves)
 
 
+class GivenMotion(BoundaryConditions):
+    """Boundary conditions of all ropes of a multi-line system, given a batch of steps ahead.
+
+    The members of an ensemble share them; inputs of the twin do not change them.
+    """
+
+    def __init__(self, scene: Scene, take: Callable[[Mapping[int, Boundary]], None]) -> None:
+        """Take the scene, and what gets the motion of ropes other than the first."""
+        super().__init__(scene, rows.STEPS_PER_CALL, scene.ropes[0].length_m)
+        self._take, self._first = take, 0
+        self._given: Mapping[int, Boundary] = {}
+
+    def give(self, first: int, given: Mapping[int, Boundary]) -> None:
+        """Prescribe the motion from the boundary before step `first` on, by rope; read-only."""
+        self._first, self._given = first, given
+
+    def fill(self, steps: int, inputs: TwinInputs, now: Present) -> int:
+        """Set hang-off and payout of all ropes for these steps, which must have been given."""
+        row = now.time_ns // now.step_ns - self._first
+        part = {
+            r: Boundary(*(table[row : row + steps + 1] for table in own))
+            for r, own in self._given.items()
+        }
+        for table, given in zip(self.boundary, part.pop(0), strict=True):
+            table[: steps + 1] = given
+        self._take(part)
+        inputs.heave.at(now.time_ns + steps * now.step_ns)  # which judges its samples there
+        self.steps = steps
+        return steps
+
+
 def is_known_in_advance(scene: WinchScene | None, commands: Sequence[CommandSample] | None) -> bool:
     """Return whether paid-out length follows from commands and heave, without tension feedback."""
     if scene is None:
@@ -229,8 +260,11 @@ class WinchMotion:
         length_m: float,
         commands: Sequence[CommandSample] | None,
         step_s: float,
+        winch: Winch | None = None,
     ) -> None:
         """Start from `length_m` with these commands; None: the schedule of the scene.
+
+        winch: that of this scene and length; None: one that does not know its rope.
 
         Raises:
             InputError: the winch rejects a command, or a command needs tension feedback, which
@@ -243,7 +277,7 @@ class WinchMotion:
         self._scene = scene
         self._commands = None if commands is None else deque(commands)
         check_commands(scene, length_m, commands or ())
-        self._winch = Winch(scene, length_m)
+        self.winch = winch or Winch(scene, length_m)
         self._step_s, self._step_ns = step_s, round(step_s * 1e9)
         self._lock = threading.Lock()
         self._first, self._lines = 0, np.array([[length_m, 0.0]])
@@ -261,7 +295,7 @@ class WinchMotion:
                 lines = [tuple(self._lines[-1])]
                 for step, rate in enumerate(rates.tolist(), start=first):
                     self._offer(step * self._step_ns)
-                    line = self._winch.step(step * self._step_ns, self._step_s, rate)
+                    line = self.winch.step(step * self._step_ns, self._step_s, rate)
                     lines.append((line.length_m, line.speed_m_per_s))
                 self._first, self._lines = first, np.array(lines)
             return self._lines
@@ -277,7 +311,7 @@ class WinchMotion:
         while self._commands and self._commands[0].stamp_ns < to_ns:
             due.append(self._commands.popleft())
         for sample in due:
-            self._winch.take(sample.stamp_ns, sample.command, now_ns)
+            self.winch.take(sample.stamp_ns, sample.command, now_ns)
 
 
 class SharedBoundary:
@@ -294,6 +328,11 @@ class SharedBoundary:
         self.boundary = Boundary(np.zeros((1, MOTIONS)), np.zeros((1, MOTIONS)))
         self.boundary.value[0, :LINE] = ship.hang_off_m
         self.boundary.value[0, LINE] = winch.through(0, 0)[0, 0]
+
+    @property
+    def winch(self) -> Winch:
+        """The winch after the steps that were asked for last."""
+        return self._winch.winch
 
     def through(self, first: int, steps: int) -> Boundary:
         """Motion at the step boundaries, (steps + 1, MOTIONS); read-only.

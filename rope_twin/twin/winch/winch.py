@@ -365,17 +365,17 @@ def winch_of_rope(scene: Scene, line: RopeLine) -> Winch:
         from rope_twin.twin.winch.following import FollowingWinch  # which derives from Winch
 
         resolution_m = scene.measured.line_out.resolution_m
-        spooled = _spooled_rope(scene, line)
+        spooled = spooled_rope(scene, line)
         return FollowingWinch(winch, line.length_m, line.from_, spooled, resolution_m)
     return Winch(
         winch,
         line.length_m,
         line.from_,
-        UNKNOWN_ROPE if winch is None else _spooled_rope(scene, line),
+        UNKNOWN_ROPE if winch is None else spooled_rope(scene, line),
     )
 
 
-def _spooled_rope(scene: Scene, line: RopeLine) -> SpooledRope:
+def spooled_rope(scene: Scene, line: RopeLine) -> SpooledRope:
     """Return the properties of its rope."""
     ropes = [section.rope for section in line.made_of]
     stretch = 1.0 + max(rope.strain_at(rope.breaking_load_n) for rope in ropes)
