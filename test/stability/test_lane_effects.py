@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lone_twins import SECOND_NS, differing, sea
+from small_scene import SMALL_SCENE
 
 from rope_twin import load_scene
 from rope_twin.core.body.components import bed_pushes
@@ -21,6 +22,8 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.ensemble.member import Member
 from rope_twin.twin.motion.heave_track import HeaveSeries
+from rope_twin.twin.snapshot import SPEED
+from rope_twin.twin.winch.commands import CommandSample, WinchCommand
 
 EVERYTHING = """\
 about: a load in the splash zone or on the bed, on a rope of a stiffness table
@@ -130,6 +133,25 @@ def test_shipped_scenes(name: str) -> None:
         assert not differing(together.snapshot(number), lone.snapshot(number)), number
     lanes = together.lanes()
     assert lanes.given_up < 0.1 * lanes.steps
+
+
+@pytest.mark.long
+def test_wakes_that_begin_while_rope_is_paid_out(tmp_path: Path) -> None:
+    """The first step is each member's own: nothing of the lanes' attempt at it is left behind."""
+    path = tmp_path / "vortices.yaml"
+    path.write_text(
+        SMALL_SCENE.replace("  - payload: {}", "  - wake_oscillator: {}\n  - payload: {}")
+    )
+    scene = load_scene(path)
+    commands = (CommandSample(0, WinchCommand(SPEED, 0.5)),)
+    own = [Variation(heave=heaving(scene, k).heave, commands=commands) for k in range(LANES)]
+    together = Ensemble(scene, own, threads=1)
+    lone = Ensemble(scene, own, threads=1, abreast=1)
+    assert together.lanes().members == LANES
+    for one in (together, lone):
+        one.advance(1.0)
+    for number in range(LANES):
+        assert not differing(together.snapshot(number), lone.snapshot(number)), number
 
 
 def _body_of(ensemble: Ensemble, number: int) -> RigidBody:

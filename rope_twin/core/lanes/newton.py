@@ -53,6 +53,7 @@ from rope_twin.core.state import (
     BLOCK,
     DIRECTION,
     ELEMENTS,
+    KEPT,
     RESIDUAL,
     TANGENT2_MIN,
     TENSION,
@@ -89,7 +90,7 @@ def solve_stage(system: Any, stage: Any, kind: int, wanted: int, again: int, pen
         _return_connections(system, stage, left)
         _correct(system, stage, going)
         if left != 0:
-            _reload(system, stage, left)
+            _reload(system, stage, left, active & (ALL - left))
         else:  # the trial changed the residuals of the connections
             gather_connections(system, stage)
     for correction in range(1, SEARCH_FROM + 1):
@@ -102,7 +103,7 @@ def solve_stage(system: Any, stage: Any, kind: int, wanted: int, again: int, pen
             break
         _correct(system, stage, going)
         going = none
-        _reload(system, stage, active)
+        _reload(system, stage, active, 0)
         if left != 0:
             active &= ALL - (left & _balanced(system))
             if active == 0:
@@ -230,16 +231,43 @@ def _load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> Non
 
 
 @jit
-def _reload(system: Any, stage: Any, lanes: int) -> None:
-    """Evaluate residual and blocks where motion and tension are up to date."""
+def _reload(system: Any, stage: Any, lanes: int, others: int) -> None:
+    """Evaluate residual and blocks of these lanes, whose motion and tension are up to date.
+
+    others: lanes that keep theirs.
+    """
     for r in range(count_ropes(system)):
         rope, own = rope_at(system, r), on_lanes(stage_of(system, stage, r), lanes)
         n, upto = rope.state.counts[ELEMENTS], count_loaded(system, r)
         if upto > n:
             end_rope(rope.work, n)
+        if others != 0:
+            _store_loads(rope.work, upto)
         _load_nodes(rope.effects, rope.work, own, 1, upto)
         load_lowest(rope.effects, rope.work, own)
+        if others != 0:
+            _restore_loads(rope.work, upto, mask_of(others))
     gather_connections(system, stage)
+
+
+@jit
+def _store_loads(work: Any, upto: int) -> None:
+    """Copy residual and blocks to the rows KEPT, which lanes do not use otherwise."""
+    for i in range(upto):
+        for k in range(3):
+            work[KEPT + k, i] = work[RESIDUAL + k, i]
+        for k in range(6):
+            work[KEPT + 3 + k, i] = work[BLOCK + k, i]
+
+
+@jit
+def _restore_loads(work: Any, upto: int, others: Any) -> None:
+    """Copy them back in the lanes `others`."""
+    for i in range(upto):
+        for k in range(3):
+            work[RESIDUAL + k, i] = choose(others, work[KEPT + k, i], work[RESIDUAL + k, i])
+        for k in range(6):
+            work[BLOCK + k, i] = choose(others, work[KEPT + 3 + k, i], work[BLOCK + k, i])
 
 
 @jit

@@ -186,7 +186,7 @@ def _finish_rope(rope: Any, place: Any, boundary: Any, pull: Any, step: int, of:
     time, lanes, each = of
     L, V, A = prescribed(boundary, step, LINE_COLUMN, 1.0, rope.model.step)
     n = rope.state.counts[ELEMENTS]
-    rope.state.s[n] = L
+    rope.state.s[n] = choose(mask_of(lanes), L, rope.state.s[n])  # others begin the step again
     stage = LaneStage(time, 1.0, 0.0, V, lanes, each)
     load_trials_of(rope, stage, A, 0.0, place[n - 1], place[n - 2])
     report_tension(rope, pull, step)
