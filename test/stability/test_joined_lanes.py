@@ -5,17 +5,21 @@ A tree (two lines to one load) and a loop (a bridle with a bar), whatever happen
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from lone_twins import SECOND_NS, alone, differing, sea
 
-from rope_twin import load_scene
+from rope_twin import Snapshot, load_scene
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.joined_group import joined_kind_of, why_joined_alone
-from rope_twin.core.state import VELOCITY
+from rope_twin.core.state import ELEMENTS, VELOCITY, Floats
+from rope_twin.effects.wake_oscillator import WakeOscillator
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.load import Change
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.ensemble import Axis, make_plan, variations
 from rope_twin.twin.ensemble.ensemble import MIN_GROUP, Ensemble, Variation
 from rope_twin.twin.ensemble.member import TwinMember
 from rope_twin.twin.motion.heave_track import HeaveSeries
@@ -45,11 +49,18 @@ def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int
     for number, variation in enumerate(own):
         shot, expected = ensemble.snapshot(number), alone(scene, variation, seconds)
         found += [f"member {number}: {name}" for name in differing(shot, expected)]
-        for rope, other in zip(shot.ropes, expected.ropes, strict=True):
-            for name in ("node_position_m", "element_tension_n"):
-                if getattr(rope, name).tobytes() != getattr(other, name).tobytes():
-                    found.append(f"member {number}: {rope.name}: {name}")
+        found += [f"member {number}: {name}" for name in differing_ropes(shot, expected)]
     return found
+
+
+def differing_ropes(found: Snapshot, expected: Snapshot) -> list[str]:
+    """What differs along the ropes, in any bit."""
+    return [
+        f"{rope.name}: {name}"
+        for rope, other in zip(found.ropes, expected.ropes, strict=True)
+        for name in ("node_position_m", "element_tension_n")
+        if getattr(rope, name).tobytes() != getattr(other, name).tobytes()
+    ]
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -127,6 +138,67 @@ def test_members_of_two_sizes_are_distinguished() -> None:
     assert reported.alone == {"": few}
 
 
+@pytest.mark.long
+def test_internal_variables(tmp_path: Path) -> None:
+    """Wakes that oscillate at all nodes, also at the connection: all but the first step in lanes.
+
+    A member gets other elements on the way, and its wakes are interpolated to them by itself.
+    """
+    text = load_scene("two_line_lift").path.read_text()
+    path = tmp_path / "vortices.yaml"
+    path.write_text(text.replace("  - payload: {}", "  - wake_oscillator: {}\n  - payload: {}"))
+    scene = load_scene(path)
+    own = [member(number, speed=0.5 if number == 1 else 0.0) for number in range(LANES)]
+    ensemble = Ensemble(scene, own, threads=1)
+    assert ensemble.lanes().members == LANES
+    for seconds in (1, 14):
+        ensemble.advance(seconds)
+    assert not unequal(scene, ensemble, own, 15)
+    assert [bool(ensemble.snapshot(k).solver.splits) for k in range(3)] == [False, True, False]
+    memories = [_memory_of(ensemble, number) for number in (0, 0, 2)]
+    assert np.array_equal(memories[0], memories[1])
+    assert not np.array_equal(memories[0], memories[2])
+    lone = Ensemble(scene, own, threads=1, abreast=1)
+    lone.advance(15)
+    for number in range(LANES):
+        assert np.array_equal(_memory_of(ensemble, number), _memory_of(lone, number)), number
+
+
+def _memory_of(ensemble: Ensemble, number: int) -> Floats:
+    """Return the wakes of both ropes now."""
+    one = ensemble._members[number]
+    assert isinstance(one, TwinMember)
+    ropes = one.system.ropes
+    counts = [int(rope.state.counts[ELEMENTS]) + 1 for rope in ropes]
+    places = [[type(e) for e in rope.effects].index(WakeOscillator) for rope in ropes]
+    parts = zip(ropes, counts, places, strict=True)
+    return np.concatenate([rope.effects[i].memory[:2, :n].ravel() for rope, n, i in parts])
+
+
+@pytest.mark.long
+def test_effects_that_are_called_lane_by_lane() -> None:
+    """Waves, splash zone and seabed, of two ropes with one load, which enters the water.
+
+    Some leave the surface in one stage and solve the next with the existing factors, others do not.
+    """
+    scene = load_scene("two_line_landing")
+    height = Axis("effects.waves.jonswap.significant_height_m", 0.9, 1.0, multiply=True)
+    drag = Axis("effects.drag.normal", 0.95, 1.05, multiply=True)
+    own = variations(scene, make_plan([drag, height], LANES, 1), 16.0)
+    ensemble = Ensemble(scene, own, threads=1)
+    lone = Ensemble(scene, own, threads=1, abreast=1)
+    assert ensemble.lanes().members == LANES
+    for one in (ensemble, lone):
+        one.advance(14)
+    assert ensemble.figures() == lone.figures()
+    for number in range(LANES):
+        shot, expected = ensemble.snapshot(number), lone.snapshot(number)
+        assert not differing(shot, expected), number
+        assert not differing_ropes(shot, expected), number
+    lanes = ensemble.lanes()
+    assert lanes.given_up < 0.1 * lanes.steps
+
+
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
@@ -135,11 +207,12 @@ def test_members_of_two_sizes_are_distinguished() -> None:
         ("two_line_loop", "a sheave"),
         ("cage_and_clump", "payload_contact"),
         ("net_screen", "net_curtain"),
-        ("two_line_landing", "waves, payload"),
+        ("two_line_landing", ""),
+        ("load_transfer", "a rigid body"),
     ],
 )
 def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
-    """Sheaves, forces between ropes, and effects whose kernels are called lane by lane."""
+    """Sheaves, rigid bodies, and forces between ropes."""
     system = build_joined(load_scene(name)).system
     assert why_joined_alone(system) == reason
     assert (joined_kind_of(system) is None) == bool(reason)

@@ -49,6 +49,7 @@ from rope_twin.core.joined.joints import (
 )
 from rope_twin.core.joined.sheaves import add_sheaves, is_at_sheave, pass_end
 from rope_twin.core.joined.stack import any_rope_of, face_ropes, work_of
+from rope_twin.core.lanes.effects import each_of
 from rope_twin.core.loads.memory import has_memories
 from rope_twin.core.state import (
     AXIAL,
@@ -104,18 +105,20 @@ def rope_at(system: Any, r: Any) -> Any:
     return any_rope_of(system.stack, r)
 
 
-# The stage of a rope with the payout speed V.
-_with_speed = by_type(
+# The stage of rope r, with the payout speed V.
+_own_stage = by_type(
     LaneStage,
-    lambda stage, V: LaneStage(stage.time, stage.p, stage.q, V, stage.lanes, stage.each),
-    lambda stage, V: Stage(stage.time, stage.p, stage.q, V),
+    lambda stage, V, r: LaneStage(
+        stage.time, stage.p, stage.q, V, stage.lanes, each_of(stage.each, r)
+    ),
+    lambda stage, V, r: Stage(stage.time, stage.p, stage.q, V),
 )
 
 
 @by_kind(lambda system, stage, r: stage)
 def stage_of(system: Any, stage: Any, r: Any) -> Any:
     """Return the stage with the payout speed of rope r."""
-    return _with_speed(stage, system.joints.speed[r])
+    return _own_stage(stage, system.joints.speed[r], r)
 
 
 @by_kind(lambda system, boundary, r: boundary)

@@ -32,6 +32,7 @@ from numba.extending import overload
 
 from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit, jit_within
+from rope_twin.core.jit.functions import by_type
 from rope_twin.core.jit.wide import ALIGNMENT, LANES, choose, mask_of, table, wide
 from rope_twin.core.loads.hooks import (
     calls_of,
@@ -170,6 +171,44 @@ class Each(NamedTuple):
     tolerance: Floats  # (LANES,)
     sections: Floats  # (LANES, SECTION_ROWS, sections)
     effects: tuple[Any, ...]  # their arrays with the lanes on the first axis
+
+
+class EachOfRopes(NamedTuple):
+    """Data of the lanes of a system for kernels of a single rope; arrays have the ropes in front.
+
+    Scratch of one rope is shared by all.
+    """
+
+    work: Floats  # (ropes, columns, rows, LANES)
+    own: Floats  # (WORK_ROWS, columns)
+    s: Floats  # (columns,)
+    counts: Ints
+    health: Ints
+    tolerance: Floats  # (ropes, LANES)
+    sections: Floats  # (ropes, LANES, SECTION_ROWS, sections)
+    effects: tuple[Any, ...]  # their arrays with ropes and lanes in front
+
+
+@jit_within
+def _of_rope(each: Any, r: int) -> Any:
+    return Each(
+        each.work[r],
+        each.own,
+        each.s,
+        each.counts[r],
+        each.health[r],
+        each.tolerance[r],
+        each.sections[r],
+        lane_data(each.effects, r),
+    )
+
+
+# The data of the lanes of rope r: of a rope by itself, or without such effects, what is given.
+each_of = by_type(
+    EachOfRopes,
+    lambda each, r: _of_rope(each, r),
+    lambda each, r: each,
+)
 
 
 def is_by_lane(kind: type) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from numba import config
 
 from rope_twin.core.axial_law import Fibre
+from rope_twin.core.body.lanes import has_body
 from rope_twin.core.jit.wide import ALL, LANES
 from rope_twin.core.joined.joints import (
     FIRST,
@@ -21,7 +22,15 @@ from rope_twin.core.joined.joints import (
 )
 from rope_twin.core.joined.plan import SUM_ROWS, Plan, new_plan, write_plan
 from rope_twin.core.joined.stack import LaneStack, effects_at, stacked_effects
-from rope_twin.core.lanes.effects import aligned, is_by_lane, layout_of, make
+from rope_twin.core.lanes.effects import (
+    EachOfRopes,
+    aligned,
+    any_by_lane,
+    is_by_lane,
+    layout_of,
+    make,
+    put_each,
+)
 from rope_twin.core.lanes.group import (
     OWN_FIGURES,
     Kind,
@@ -88,6 +97,8 @@ def why_joined_alone(system: System) -> str:
     kinds = [type(effect) for effect in system.ropes[0].effects]
     if Fibre in kinds:
         return "a dynamic stiffness"
+    if has_body(system.ropes[0].effects):
+        return "a rigid body"
     alone = [kind for kind in kinds if not _steps_in_lanes(kind)]
     return ", ".join(_name_of(kind) for kind in alone)
 
@@ -101,7 +112,7 @@ def _name_of(kind: type) -> str:
 def _steps_in_lanes(kind: type) -> bool:
     """Return whether an effect of this type steps in the lanes of systems of ropes."""
     between = {"face", "among"}.intersection(hooks.hooks_of(kind))
-    return hooks.all_wide([kind]) and not between and not is_by_lane(kind)
+    return hooks.all_wide([kind]) and not between
 
 
 def joined_kind_of(system: System) -> JoinedKind | None:
@@ -172,6 +183,8 @@ class JoinedGroup:
         self._loaded = [
             own.elements + (up != LOOSE) for own, up in zip(kind.ropes, kind.upper, strict=True)
         ]
+        by_lane = any_by_lane(own[0] for own in one.effects)
+        self._each: Any = self._new_each(sections.shape[2]) if by_lane else None
         self._late = 0  # lanes whose internal variables belong to other nodes, as bits
         self._place = np.zeros((count, columns), np.int64)
         for row, own in zip(self._place, kind.ropes, strict=True):
@@ -213,7 +226,12 @@ class JoinedGroup:
         effects = stacked_effects(system.ropes, system.stack.s.shape[1])
         for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
             law = _law_at(system, r)
-            put_properties(own, lane, rope._replace(effects=effects_at(effects, r), law=law))
+            whole = rope._replace(effects=effects_at(effects, r), law=law)
+            put_properties(own, lane, whole)
+            if self._each is not None:
+                put_each(_part(self._each.effects, r), whole.effects, lane)
+                self._each.sections[r, lane, :, : rope.sections.shape[1]] = rope.sections
+                self._each.tolerance[r, lane] = rope.model.tolerance
         self._joints.ties[..., lane] = system.joints.ties
         self.put(lane, system)
 
@@ -229,9 +247,11 @@ class JoinedGroup:
                 if joint != LOOSE:
                     own.state.nodes[node, :, lane] = joints.nodes[:, joint]
             self._lowest[r, lane] = rope.state.counts[LOWEST_OFFSET]
-            for effect in rope.effects:
+            for i, effect in enumerate(rope.effects):
                 if numbers_carried(type(effect)):
                     late |= int(count_known(effect) != self._loaded[r])
+                    if is_by_lane(type(effect)) and self._each is not None:
+                        self._each.effects[i].memory[r, lane] = effect.memory
         self._late = self._late & ~(1 << lane) | late << lane
 
     def take(self, lane: int, system: System) -> None:
@@ -241,8 +261,31 @@ class JoinedGroup:
         for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
             n = self.kind.ropes[r].elements
             take_state(own, lane, n, rope)
+            for i, effect in enumerate(rope.effects):
+                if numbers_carried(type(effect)) and is_by_lane(type(effect)):
+                    effect.memory[...] = self._each.effects[i].memory[r, lane]
             rope.state.counts[LOWEST_OFFSET] = self._lowest[r, lane]
             rope.work[TENSION, :n] = own.work[:n, TENSION, lane]
+
+    def _new_each(self, sections: int) -> EachOfRopes:
+        """Return zeros for the data of each lane alone; sections: at most of a rope."""
+        stack, count = self._stack, len(self.kind.ropes)
+        ends = np.zeros((count, LANES, SECTION_ROWS, sections))
+        ends[:, :, END] = np.inf
+        columns = stack.s.shape[1]
+        return EachOfRopes(
+            work=stack.work,
+            own=np.zeros((WORK_ROWS, columns)),
+            s=np.zeros(columns),
+            counts=stack.counts,
+            health=stack.health,
+            tolerance=np.zeros((count, LANES)),
+            sections=ends,
+            effects=tuple(
+                make(own, lambda kind, shape: np.zeros((count, LANES, *shape), kind))
+                for own in self.kind.ropes[0].effects
+            ),
+        )
 
     def late(self, steps: int) -> int:
         """Return the lanes that take the step after `steps` steps of the run alone, as bits.
@@ -260,7 +303,9 @@ class JoinedGroup:
         own, known = self._stack, (self._place, self._lowest, self._tally)
         joined = Joined(own, self._joints, None)
         tables = self.boundary, self.pulls, self._folds, run
-        return done_and_left(advance_batch(own.effects, own.law, joined, None, known, *tables))
+        return done_and_left(
+            advance_batch(own.effects, own.law, joined, self._each, known, *tables)
+        )
 
     def account(self, lane: int, health: Ints) -> tuple[int, int]:
         """Add a lane's counters to its first rope's health; return its steps and slack samples."""

@@ -31,7 +31,7 @@ from rope_twin.core.joined.stage import (
     step_of,
     tolerance_of,
 )
-from rope_twin.core.lanes.effects import accept_lanes, on_lanes, settle_lanes
+from rope_twin.core.lanes.effects import accept_lanes, each_of, on_lanes, settle_lanes
 from rope_twin.core.lanes.newton import solve_stage
 from rope_twin.core.lanes.system import (
     border_of,
@@ -301,7 +301,7 @@ def _accept(system: Any, each: Any, kept: int, pending: Any) -> None:
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
         _keep(rope, mask_of(kept), pending)
-        accept_lanes(rope.effects, each, count_loaded(system, r), kept)
+        accept_lanes(rope.effects, each_of(each, r), count_loaded(system, r), kept)
     keep_connections(system, mask_of(kept))
 
 
@@ -315,13 +315,15 @@ def _finish(system: Any, arrays: Any, known: Any, tables: Any, step: int, of: An
     (place, lowest), (boundary, pull), (time, lanes, each) = known, tables, of
     for r in range(count_ropes(system)):
         rope, pulls = rope_at(system, r), table(part_of(system, pull, r)[0])
+        own_each = each_of(each, r)
         if is_hung(system, r):
             own = border_of(system, boundary, r)
-            _finish_rope(rope, part_of(system, place, r)[0], own, pulls, step, of)
+            own_of = time, lanes, own_each
+            _finish_rope(rope, part_of(system, place, r)[0], own, pulls, step, own_of)
             _fade_offsets(rope, offsets_of(arrays, r), part_of(system, lowest, r)[0], lanes)
         else:
             still = 0.0 * rope.model.tolerance
-            stage = LaneStage(time, 1.0, 0.0, still, lanes, each)
+            stage = LaneStage(time, 1.0, 0.0, still, lanes, own_each)
             report_at_connection(rope, pulls, step, stage)
 
 

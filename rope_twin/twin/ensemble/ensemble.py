@@ -42,11 +42,7 @@ from rope_twin.scene.rigging import is_joined, places, winch_of, winches_by_name
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import WINCH, RopeLine, Scene, Triple
 from rope_twin.scene.vortex import coupled_settings, model_beside
-from rope_twin.twin.ensemble.joined_turn import (
-    OFTEN,
-    OFTEN_LEAST,
-    JoinedTurn,
-)
+from rope_twin.twin.ensemble.joined_turn import OFTEN, OFTEN_LEAST, JoinedTurn
 from rope_twin.twin.ensemble.member import (
     WATCHED,
     Batch,
@@ -475,14 +471,18 @@ def advance_group(
 def _advance_joined(
     members: Sequence[TwinMember], steps: int, look_steps: int, scratch: Scratch
 ) -> None:
-    """Advance members whose ropes meet; those that get other elements go on as another group."""
+    """Advance members whose ropes meet; those that get other elements go on as another group.
+
+    They catch up with the others.
+    """
     end = members[0].steps + steps
     for member in members:
         member.offer(steps)
     while going := [one for one in members if not one.failure and one.steps < end]:
         begun = min(one.steps for one in going)
         behind = [one for one in going if one.steps == begun]
-        some = min(end - begun, STEPS_PER_CALL)
+        ahead = min((one.steps for one in going if one.steps > begun), default=end)
+        some = min(ahead - begun, STEPS_PER_CALL)
         for group in sort_into_groups(behind):
             alike = [one for one in group if isinstance(one, TwinMember)]
             kind = alike[0].kind()

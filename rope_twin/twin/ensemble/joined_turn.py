@@ -1,8 +1,9 @@
 """Turn of an ensemble's members whose ropes meet: their systems step in SIMD lanes.
 
 Their twins prescribe the motion of some steps; lanes do them, and the twins record the result. A
-step that lanes give up is done for the system of that member alone. A member with many of them, or
-with other elements, does the rest of these steps by itself.
+step that lanes give up is done for the system of that member alone. A member with many of them does
+the rest of these steps by itself; one that gets other elements stops, and goes on with members that
+have as many.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class JoinedTurn:
         self._all, self._kind, self._scratch = members, kind, scratch
 
     def run(self, steps: int, look_steps: int) -> None:
-        """Do this number of steps, or fewer; a member may fail."""
+        """Do this number of steps; a member may do fewer, or fail."""
         members, self._look_steps = self._all, look_steps
         self._before, self._step_s = members[0].steps, self._kind.ropes[0].step
         self._time = self._before * round(self._step_s * 1e9) * 1e-9
@@ -43,6 +44,7 @@ class JoinedTurn:
         self._pulls: dict[int, Floats] = {}  # of members that are done, (ropes, done, ...)
         self._alone = [0] * len(members)  # steps done by itself, and looks there that found slack
         self._slack = [0] * len(members)
+        self._failed: set[int] = set()
         self._going = set(range(len(members)))
         done = 0
         while self._going and done < steps:
@@ -64,7 +66,7 @@ class JoinedTurn:
             member.given_up += done - counted
             looks = (self._before + done) // look_steps - self._before // look_steps
             member.count_looks(looks, slack + self._slack[lane])
-            member.close_steps(opened, pulls, steps)
+            member.close_steps(opened, pulls, done + (lane in self._failed))
 
     def _step_alone(self, lane: int, done: int, steps: int) -> None:
         """Do the last of `done` steps for one member's system."""
@@ -77,12 +79,18 @@ class JoinedTurn:
             int(rope.state.counts[0]) != own.elements
             for rope, own in zip(system.ropes, self._kind.ropes, strict=True)
         )
-        if reached and not (often or changed):
+        if not reached:
+            self._failed.add(lane)
+            self._leave(lane, done - 1)
+        elif changed:
+            self._leave(lane, done)
+        elif often:
+            reached = self._advance(lane, system, done, steps - done)
+            if reached < steps - done:
+                self._failed.add(lane)
+            self._leave(lane, done + reached)
+        else:
             group.put(lane, system)
-            return
-        if reached and done < steps:
-            reached += self._advance(lane, system, done, steps - done)
-        self._leave(lane, done - 1 + reached)
 
     def _leave(self, lane: int, done: int) -> None:
         """Keep the result of a member that takes no further step in lanes."""
