@@ -29,7 +29,7 @@ from rope_twin.scene.reader import Place, read_document, read_object
 from rope_twin.scene.relations import faults
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.studies.driven_twin import feed
-from rope_twin.twin.ensemble.ensemble import whole_steps
+from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation, whole_steps
 from rope_twin.twin.ensemble.member import MemberResults
 from rope_twin.twin.monitors import Monitors, TensionMonitor
 from rope_twin.twin.pacing import steps_in_slot
@@ -356,22 +356,62 @@ def run_system(scene: Scene, made: Made, seconds: float, look_s: float, wish: Fa
     sea = replace(own.sea_state, start_s=own.sea_state.start_s + made.sea_offset_s)
     own = replace(own, sea_state=sea)
     counts = new_counts(own, wish) if wish is not None else {}
-    fixed = {
-        "seconds": 0.0,
-        "elements": sum(line.elements for line in own.ropes),
-        "step_s": own.time.step_s,
-    }
     checks = Monitors(slack_steps=whole_steps("look_s", look_s, own.time.step_s))
     try:
         twin = Twin(own, checks)
     except SceneError as error:
-        unknown = MemberResults(0, math.nan, math.nan, math.nan, 0.0, 0, str(error))
-        return {**fixed, **_top(unknown), **_by_rope(own, None), **_damage(own, counts)}
+        return _row(own, None, str(error), counts)
     failure = ""
     try:
         _step(twin, seconds, counts, wish)
     except SolverError as error:
         failure = str(error)
+    return _row(own, twin, failure, counts)
+
+
+def run_systems(
+    scene: Scene,
+    own: Sequence[Variation],
+    seconds: float,
+    look_s: float,
+    wish: FatigueWish | None,
+) -> list[Row]:
+    """Run a multi-line scene once for each variation, together, and return their results.
+
+    Raises:
+        RopeTwinError: the sea is too short, or the curve does not fit a rope.
+    """
+    step_s = scene.time.step_s
+    checks = Monitors(slack_steps=whole_steps("look_s", look_s, step_s))
+    ensemble = Ensemble(scene, own, look_s, threads=1, monitors=checks)
+    scenes = [ensemble.scene_of(number) for number in range(len(own))]
+    counts = [new_counts(one, wish) if wish is not None else {} for one in scenes]
+    left = whole_steps("seconds", seconds, step_s)
+    every = round(wish.sample_s / step_s) if wish is not None else BATCH_STEPS
+    while left:
+        some = min(left, every)
+        ensemble.advance(some * step_s)
+        left -= some
+        for number, member in enumerate(ensemble.figures()):
+            twin = ensemble.twin_of(number)
+            if counts[number] and some == every and twin is not None and not member.failure:
+                _sample(twin, counts[number])
+    return [
+        _row(scenes[number], ensemble.twin_of(number), member.failure, counts[number])
+        for number, member in enumerate(ensemble.figures())
+    ]
+
+
+def _row(own: Scene, twin: Twin | None, failure: str, counts: Counts) -> Row:
+    """Return the results of a run; twin: None if it never started."""
+    fixed = {
+        "seconds": 0.0,
+        "elements": sum(line.elements for line in own.ropes),
+        "step_s": own.time.step_s,
+    }
+    if twin is None:
+        unknown = MemberResults(0, math.nan, math.nan, math.nan, 0.0, 0, failure)
+        return {**fixed, **_top(unknown), **_by_rope(own, None), **_damage(own, counts)}
     seen = twin.monitor(TensionMonitor)
     assert seen is not None
     top = seen.upper_n[0]

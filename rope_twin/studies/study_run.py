@@ -17,9 +17,11 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 from rope_twin.core.jit.wide import LANES
+from rope_twin.core.lanes.joined_group import why_joined_alone
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.convergence import known_error, solver_version
 from rope_twin.scene.error_bound import KnownError
+from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
@@ -36,6 +38,7 @@ from rope_twin.studies.study_design import (
     most_bent,
     new_counts,
     run_system,
+    run_systems,
 )
 from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation, cores, whole_steps
 from rope_twin.vortex.results import RopeDamage
@@ -101,9 +104,17 @@ def run_batch(batch: Batch) -> list[Row]:
     ]
 
 
+def _steps_alone(scene: Scene) -> bool:
+    """Return whether the scene is of ropes that meet and do not step in SIMD lanes."""
+    return is_joined(scene) and bool(why_joined_alone(build_joined(scene).system))
+
+
 def _systems(batch: Batch) -> Iterator[Row]:
-    """Yield the results of each run of a multi-line scene."""
-    list(_variations(batch))  # rejects a sea that does not reach
+    """Yield the results of each run of a multi-line scene, stepped together if heave moves it."""
+    own = list(_variations(batch))  # rejects a sea that does not reach
+    if not any(one.heave is not None and one.heave.aside is not None for one in own):
+        yield from run_systems(batch.scene, own, batch.seconds, batch.look_s, batch.fatigue)
+        return
     for made in batch.made:
         yield run_system(batch.scene, made, batch.seconds, batch.look_s, batch.fatigue)
 
@@ -359,8 +370,8 @@ def run_parameter_study(
         into: folder of the rows.
         report: called at the start and whenever a batch is done.
         scheduler: address of a Dask scheduler; empty: the cores of this machine.
-        at_once: runs in a batch; LANES of them step in one core's vectors. A run of a multi-line
-            scene is a batch by itself.
+        at_once: runs in a batch; LANES of them step in one core's vectors. A run of ropes that meet
+            and do not step in lanes is a batch by itself.
 
     Raises:
         RopeTwinError: one sentence; rows that were finished stay.
@@ -373,7 +384,7 @@ def run_parameter_study(
         batches = cut_into_batches(
             study,
             [(run, made) for run, made in runs if run.number not in done],
-            1 if is_joined(scene) else at_once,
+            1 if _steps_alone(scene) else at_once,
         )
         results = on_cluster(run_batch, batches, scheduler) if scheduler else _on_cores(batches)
         count = len(done)

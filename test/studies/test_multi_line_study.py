@@ -13,9 +13,12 @@ import pytest
 import yaml
 
 from rope_twin.cli import main
-from rope_twin.scene.load import load_scene
+from rope_twin.core.jit.wide import LANES
+from rope_twin.scene.load import Change, load_scene
 from rope_twin.share import share_dir
-from rope_twin.studies.study_design import FatigueWish, Made, new_counts, run_system
+from rope_twin.studies.ensemble import Seas
+from rope_twin.studies.study_design import FatigueWish, Made, new_counts, run_system, run_systems
+from rope_twin.twin.ensemble.ensemble import Variation
 
 Row = dict[str, Any]
 STUDY = """\
@@ -125,6 +128,21 @@ vary:
         assert more == pytest.approx(3000.0 * 9.80665 / slope, rel=2e-3)
     more = heavy["hoist.tension_mean_n"] - light["hoist.tension_mean_n"]
     assert more == pytest.approx(6000.0 * 9.80665, rel=2e-3)
+
+
+@pytest.mark.parametrize("wish", [None, FatigueWish(curve="six_strand_tension", piece_m=50.0)])
+def test_runs_together_have_the_rows_of_lone_runs(wish: FatigueWish | None) -> None:
+    """To the bit: in lanes, each with its own drag and from elsewhere in the sea."""
+    scene = load_scene("bridle_lift")
+    made = [
+        Made(scene, (Change("effects.drag.normal", 1.0 + 0.1 * k),), 3.0 * k) for k in range(LANES)
+    ]
+    seas = Seas(scene, 6_000_000_000)
+    own = [Variation(one.changes, seas.heave(one.changes, one.sea_offset_s)) for one in made]
+    together = run_systems(scene, own, 3.0, 0.5, wish)
+    assert together == [run_system(scene, one, 3.0, 0.5, wish) for one in made]
+    assert len({row["tension_top_max_n"] for row in together}) == LANES
+    assert all(row["steps"] == 300 for row in together)
 
 
 def test_ropes_over_a_sheave_are_one_material_in_a_row() -> None:

@@ -18,8 +18,9 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeVar
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -37,11 +38,13 @@ from rope_twin.core.state import (
     Floats,
 )
 from rope_twin.errors import InputError, SceneError, phrase
-from rope_twin.scene.load import Change, change_scene
-from rope_twin.scene.rigging import is_joined, places, winch_of, winches_by_name
+from rope_twin.scene.load import change_scene
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
-from rope_twin.scene.schema import WINCH, RopeLine, Scene, Triple
+from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import coupled_settings, model_beside
+from rope_twin.twin.ensemble.borders import Borders, is_known
+from rope_twin.twin.ensemble.borders import Variation as Variation
 from rope_twin.twin.ensemble.joined_turn import OFTEN, OFTEN_LEAST, JoinedTurn
 from rope_twin.twin.ensemble.member import (
     WATCHED,
@@ -54,18 +57,11 @@ from rope_twin.twin.ensemble.member import (
     TwinMember,
     UnstartedMember,
 )
-from rope_twin.twin.motion.boundary_conditions import (
-    SharedBoundary,
-    WinchMotion,
-    is_known_in_advance,
-)
-from rope_twin.twin.motion.heave_track import HeaveSeries
+from rope_twin.twin.monitors import NO_MONITORS, Monitors
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.statics import no_garbage_collection, solve_scene_statics
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import CommandSample
-from rope_twin.twin.winch.winch import spooled_rope, winch_of_rope
 from rope_twin.vortex.coupled import VivDragAmplification
 
 BATCH_STEPS = 800  # of a batch, in which members share what is done once for many steps
@@ -77,15 +73,6 @@ AnyStart = Start | Twin | str  # str: the reason why there is no equilibrium
 Key = TypeVar("Key")
 Made = TypeVar("Made")
 MIN_GROUP = LANES // 2  # minimum members of a group: all lanes cost about as much as these alone
-
-
-@dataclass(frozen=True)
-class Variation:
-    """Changes and inputs of one member."""
-
-    changes: tuple[Change, ...] = ()  # of the scene's numbers
-    heave: HeaveSeries | None = None  # None: the ship lies still
-    commands: tuple[CommandSample, ...] | None = None  # of the winch; None: the scene's schedule
 
 
 def cores() -> int:
@@ -141,6 +128,7 @@ class Ensemble:
         threads: int | None = None,
         abreast: int = LANES,
         watched: bool = False,
+        monitors: Monitors = NO_MONITORS,
     ) -> None:
         """Build all members and solve for the static equilibrium of each.
 
@@ -151,6 +139,7 @@ class Ensemble:
             threads: number of parallel threads; None: as many as there are cores.
             abreast: maximum number of ropes in one SIMD step; 1: all step alone.
             watched: record every step of each rope (`watched`), and look for slack at every step.
+            monitors: of the members that have a twin of their own (`twin_of`).
 
         A member without a static equilibrium to start from is marked as failed, like one that fails
         later.
@@ -177,16 +166,17 @@ class Ensemble:
         self._own: _OfThread | None = None
         scenes = [_member_scene(scene, own, k) for k, own in enumerate(variations)]
         by_twin = [
-            is_joined(one) or not _is_known(one, own)
+            is_joined(one) or not is_known(one, own)
             for one, own in zip(scenes, variations, strict=True)
         ]
         if watched and any(by_twin):
             what = "ropes that meet, or a winch with tension feedback, are not watched"
             raise InputError(phrase("ensemble", what, "step them with `rope_twin run`"))
+        self._monitors = monitors
         starts = self._find_starts(list(dict.fromkeys(zip(scenes, by_twin, strict=True))))
         self._heaves = {id(own.heave): own.heave for own in variations if own.heave}
         self._members: list[AnyMember] = []
-        borders = _Borders()
+        borders = Borders()
         for key, own in zip(zip(scenes, by_twin, strict=True), variations, strict=True):
             self._members.append(_new_member(key[0], starts[key], own, borders, watched))
 
@@ -265,6 +255,11 @@ class Ensemble:
         """Return the scene of a member, with its changes."""
         return self._members[number].scene
 
+    def twin_of(self, number: int) -> Twin | None:
+        """Return the twin of a member whose ropes meet; None: it has none, or never started."""
+        member = self._members[number]
+        return member.twin if isinstance(member, TwinMember) else None
+
     def watched(self, number: int) -> Floats:
         """Return what was recorded of a member since the last call, (steps, WATCHED).
 
@@ -290,8 +285,9 @@ class Ensemble:
 
     def _find_starts(self, keys: list[StartKey]) -> dict[StartKey, AnyStart]:
         """Return the static equilibrium of each scene; the first is solved alone to compile."""
-        first = _find_start(keys[0])
-        return dict(zip(keys, [first, *self._on_threads(_find_start, keys[1:])], strict=True))
+        find = partial(_find_start, monitors=self._monitors)
+        first = find(keys[0])
+        return dict(zip(keys, [first, *self._on_threads(find, keys[1:])], strict=True))
 
     def _on_threads(self, work: Callable[[Key], Made], items: Sequence[Key]) -> list[Made]:
         """Apply the work to each item; an interruption waits only for items in progress."""
@@ -319,13 +315,13 @@ def _member_scene(scene: Scene, own: Variation, number: int) -> Scene:
         raise SceneError(f"member {number}: {error}") from error
 
 
-def _find_start(key: StartKey) -> AnyStart:
+def _find_start(key: StartKey, monitors: Monitors) -> AnyStart:
     """Return the static equilibrium of a scene, or the reason why there is none."""
     scene, by_twin = key
     viv_drag = None
     try:
         if by_twin:
-            return Twin(scene)
+            return Twin(scene, monitors)
         rope = build(scene)
         pull = solve_scene_statics(scene, rope)
         if model_beside(scene) is not None:
@@ -339,67 +335,8 @@ def _find_start(key: StartKey) -> AnyStart:
     return Start(bare, (high, wide), pull, tension, viv_drag)
 
 
-class _Borders:
-    """Boundary conditions of members; those with equal inputs share them."""
-
-    def __init__(self) -> None:
-        self._winches: dict[Any, WinchMotion] = {}
-        self._borders: dict[Any, SharedBoundary] = {}
-
-    def of(self, scene: Scene, own: Variation) -> SharedBoundary:
-        """Return the boundary conditions of a member."""
-        length, step_s = scene.ropes[0].length_m, scene.time.step_s
-        answered = scene.winch is not None and scene.winch.heave_compensation is not None
-        heaved = (scene.ship, id(own.heave)) if answered else None
-        reeled = (scene.winch, length, own.commands, heaved)
-        if reeled not in self._winches:
-            self._winches[reeled] = WinchMotion(scene.winch, length, own.commands, step_s)
-        winch, moved = self._winches[reeled], (scene.ship, reeled, id(own.heave))
-        if moved not in self._borders:
-            self._borders[moved] = SharedBoundary(scene.ship, winch, own.heave, step_s)
-        return self._borders[moved]
-
-    def course(self, scene: Scene, own: Variation) -> dict[int, SharedBoundary] | None:
-        """Return the motion of the hang-offs of a multi-line scene, by rope.
-
-        None: there is one rope, or the payout of a winch depends on its tension.
-        """
-        if not is_joined(scene) or not _is_known(scene, own):
-            return None
-        points = places(scene)
-        hung = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in points]
-        return {r: self._hung(scene, line, own, points[line.from_]) for r, line in hung}
-
-    def _hung(self, scene: Scene, line: RopeLine, own: Variation, at_m: Triple) -> SharedBoundary:
-        """Return the motion of one hang-off at this place, and the payout of its winch."""
-        winch, step_s = winch_of(scene, line), scene.time.step_s
-        ship = replace(scene.ship, hang_off_m=at_m)
-        commands = own.commands if line.from_ == WINCH else None
-        answered = winch is not None and winch.heave_compensation is not None
-        heaved = (ship, id(own.heave)) if answered else None
-        spooled = None if winch is None else spooled_rope(scene, line)
-        reeled = (line.from_, winch, line.length_m, commands, heaved, spooled)
-        if reeled not in self._winches:
-            made = winch_of_rope(scene, line)
-            own_motion = WinchMotion(winch, line.length_m, commands, step_s, made)
-            self._winches[reeled] = own_motion
-        moved = (ship, reeled, id(own.heave))
-        if moved not in self._borders:
-            shared = SharedBoundary(ship, self._winches[reeled], own.heave, step_s)
-            self._borders[moved] = shared
-        return self._borders[moved]
-
-
-def _is_known(scene: Scene, own: Variation) -> bool:
-    """Return whether the payout of all winches is known in advance."""
-    return all(
-        is_known_in_advance(winch, own.commands if name == WINCH else None)
-        for name, winch in winches_by_name(scene).items()
-    )
-
-
 def _new_member(
-    scene: Scene, start: AnyStart, own: Variation, borders: _Borders, watched: bool
+    scene: Scene, start: AnyStart, own: Variation, borders: Borders, watched: bool
 ) -> AnyMember:
     """Return a member that begins in this static equilibrium.
 

@@ -393,6 +393,11 @@ class TwinMember:
         return why_joined_alone(self.system)
 
     @property
+    def twin(self) -> Twin:
+        """The twin; it must not be stepped elsewhere."""
+        return self._twin
+
+    @property
     def system(self) -> System:
         """The system of ropes, which there is in a multi-line scene only."""
         joined = self._twin.joined
