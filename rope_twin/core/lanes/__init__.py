@@ -1,1 +1,1 @@
-"""SIMD batch: several ropes stepped at once, one per lane, by the kernels of one rope."""
+"""SIMD batch: several ropes, or systems of ropes, stepped at once by the kernels of one."""
