@@ -112,7 +112,8 @@ def _name_of(kind: type) -> str:
 def _steps_in_lanes(kind: type) -> bool:
     """Return whether an effect of this type steps in the lanes of systems of ropes."""
     between = {"face", "among"}.intersection(hooks.hooks_of(kind))
-    return hooks.all_wide([kind]) and not between
+    each_its_own = is_by_lane(kind) and numbers_carried(kind) > 0
+    return hooks.all_wide([kind]) and not between and not each_its_own
 
 
 def joined_kind_of(system: System) -> JoinedKind | None:
@@ -247,11 +248,9 @@ class JoinedGroup:
                 if joint != LOOSE:
                     own.state.nodes[node, :, lane] = joints.nodes[:, joint]
             self._lowest[r, lane] = rope.state.counts[LOWEST_OFFSET]
-            for i, effect in enumerate(rope.effects):
+            for effect in rope.effects:
                 if numbers_carried(type(effect)):
                     late |= int(count_known(effect) != self._loaded[r])
-                    if is_by_lane(type(effect)) and self._each is not None:
-                        self._each.effects[i].memory[r, lane] = effect.memory
         self._late = self._late & ~(1 << lane) | late << lane
 
     def take(self, lane: int, system: System) -> None:
@@ -261,9 +260,6 @@ class JoinedGroup:
         for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
             n = self.kind.ropes[r].elements
             take_state(own, lane, n, rope)
-            for i, effect in enumerate(rope.effects):
-                if numbers_carried(type(effect)) and is_by_lane(type(effect)):
-                    effect.memory[...] = self._each.effects[i].memory[r, lane]
             rope.state.counts[LOWEST_OFFSET] = self._lowest[r, lane]
             rope.work[TENSION, :n] = own.work[:n, TENSION, lane]
 
