@@ -28,7 +28,7 @@ from rope_twin.core.body.state import (
     put,
     vector,
 )
-from rope_twin.core.body.step import KINDS, predict_stage
+from rope_twin.core.body.step import KINDS, middle_in, predict_stage
 from rope_twin.core.integrator import TRAPEZOID
 from rope_twin.core.jit.decorators import jit_exact
 from rope_twin.core.jit.rows import rows, span
@@ -223,6 +223,11 @@ def _write(body: Any, record: Any) -> None:
     body.memory[1, 0] = free
 
 
+def middle(body: Any, height: Any, speed: Any) -> Any:
+    """Return height and vertical velocity of the body's middle in each lane."""
+    return middle_in(body, _record_of(body))
+
+
 def hangs_elsewhere(effects: tuple[Any, ...]) -> bool:
     """Return whether one of the effects is a body that another rope of its system carries."""
     return any(isinstance(effect, RigidBody) and not effect.here for effect in effects)
@@ -235,5 +240,5 @@ def has_body(effects: tuple[Any, ...]) -> bool:
 
 for _parts, _kind in KINDS.items():
     if not {GridBed, Shedding} & set(_parts):  # these branch: such a body steps alone
-        for _kernel in (predict, load_end, calm, settle):
+        for _kernel in (predict, load_end, calm, settle, middle):
             wide_kernel(_kernel.__name__, _kind, exact=True)(_kernel)

@@ -38,6 +38,7 @@ from rope_twin.core.body.state import (
     PlaneBed,
     RigidBody,
     along,
+    cross,
     dot,
     matrix_of,
     outward,
@@ -304,6 +305,21 @@ def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     body.memory[1, 0] = float(free)
 
 
+@jit_exact
+def middle_in(body: Any, record: Any) -> Any:
+    """Return height [m] and vertical velocity [m/s] of the body's middle in a record."""
+    up, r = matrix_of(quaternion(record, at.Q))[2], vector(body.middle, 0)
+    x, v = vector(record, at.X), vector(record, at.V)
+    return x[2] + dot(up, r), v[2] + dot(up, cross(vector(record, at.SPIN), r))
+
+
+def middle(body: Any, height: float, speed: float) -> Any:
+    """Return height and vertical velocity of the body's middle."""
+    if body.here == 0.0:
+        return height, speed
+    return middle_in(body, body.records[int(body.memory[0, 0])])
+
+
 SOON = 1e-5  # interval of a finite difference in time [s]
 
 
@@ -430,7 +446,7 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
     """Return a type of body with its kernels and accounts registered."""
     name = "RigidBody" + "".join(part.__name__ for part in parts)
     kind = type(name, (RigidBody,), {"__slots__": (), "__module__": __name__})
-    for own in (start, predict, load_end, calm, settle):
+    for own in (start, predict, load_end, calm, settle, middle):
         kernel(own.__name__, kind, exact=True)(own)
     for part in (kinetic, potential, power):
         account(f"{part.__name__}_end", kind)(_where_here(part))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import config
 
 from rope_twin.core.axial_law import Fibre
-from rope_twin.core.body.lanes import hangs_elsewhere, has_body
+from rope_twin.core.body.lanes import hangs_elsewhere
 from rope_twin.core.jit.decorators import compiled
 from rope_twin.core.jit.wide import ALL, LANES
 from rope_twin.core.lanes.effects import (
@@ -101,16 +101,6 @@ def why_alone(rope: Rope) -> str:
     return ", ".join(effect_of(kind) for kind in kinds)
 
 
-def why_watched_alone(rope: Rope) -> str:
-    """Return why a rope cannot be stepped in a SIMD batch with folds; empty if it can.
-
-    Folds have the depth of the lower end, not that of the middle of a rigid body.
-    """
-    if has_body(rope.effects):
-        return "the depth of a body"
-    return why_alone(rope)
-
-
 def effect_of(kind: type) -> str:
     """Return the file in effects/ that defines an effect's kernels, else the folder of core."""
     kernels = [hooks.kernel_of(hook, kind).py_func for hook in hooks.hooks_of(kind)]
@@ -118,12 +108,9 @@ def effect_of(kind: type) -> str:
     return next((path[2] for path in files if path[1] == "effects"), kind.__module__.split(".")[2])
 
 
-def kind_of(rope: Rope, why: Callable[[Rope], str] = why_alone) -> Kind | None:
-    """Return the properties shared by ropes of a batch; None if the rope cannot be batched.
-
-    why: `why_alone`, or `why_watched_alone` for a batch with folds.
-    """
-    if why(rope):
+def kind_of(rope: Rope) -> Kind | None:
+    """Return the properties shared by ropes of a batch; None if the rope cannot be batched."""
+    if why_alone(rope):
         return None
     elements, sections = int(rope.state.counts[ELEMENTS]), rope.sections.shape[1]
     return Kind(

@@ -41,6 +41,7 @@ from rope_twin.core.lanes.system import (
     part_of,
     wide_system,
 )
+from rope_twin.core.loads.middle import payload_middle
 from rope_twin.core.payout import (
     OFFSET_GONE,
     SMALLEST_REST,
@@ -70,7 +71,7 @@ from rope_twin.core.state import (
 
 SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)  # rows of a lane's counters
 # Columns of `folds`, one row per look: least element tension over the look [N]; at its end the
-# lower end's depth [m], its speed downward [m/s] and the tension of the lowest element [N]
+# depth of the payload's middle [m], its speed downward [m/s] and the lowest element's tension [N]
 LEAST, DEPTH, SINKING, LOWEST, FOLDS = range(5)
 
 
@@ -213,9 +214,10 @@ def _fold_rope(rope: Any, folds: Any, look: int, kept: Any) -> None:
         least = min(least, tension[e])
     _, _, z = node_rows(nodes, POSITION, 0)
     _, _, vz = node_rows(nodes, VELOCITY, 0)
+    height, speed = payload_middle(rope.effects, z[0], vz[0])
     folds[look, LEAST] = choose(kept, min(folds[look, LEAST], least), folds[look, LEAST])
-    folds[look, DEPTH] = choose(kept, -z[0], folds[look, DEPTH])
-    folds[look, SINKING] = choose(kept, -vz[0], folds[look, SINKING])
+    folds[look, DEPTH] = choose(kept, -height, folds[look, DEPTH])
+    folds[look, SINKING] = choose(kept, -speed, folds[look, SINKING])
     folds[look, LOWEST] = choose(kept, tension[0], folds[look, LOWEST])
 
 

@@ -33,6 +33,8 @@ code and no branch behind. Plain Python (NUMBA_DISABLE_JIT=1) loops over the sam
 - `among(effect, system, stage)` adds forces between the ropes of a system (core/joined) to
   residuals and blocks of their nodes or connections, after the loads of every rope. Connections
   that it couples are those in the effect's field `joints`.
+- `middle(effect, height, speed)` returns the height of the payload's middle [m] and its vertical
+  velocity [m/s] after the last accepted step, given those of the lower end.
 - `start`, `predict`, `load_nodes` and `settle` belong to effects with internal variables
   (core/loads/memory.py).
 
@@ -81,7 +83,7 @@ class Load(NamedTuple):
 
 HOOKS = (
     "flow", "soak", "load", "load_end", "couple", "pull", "calm", "share", "start", "predict",
-    "load_nodes", "settle", "axial", "prepare", "face", "among",
+    "load_nodes", "settle", "axial", "prepare", "face", "among", "middle",
 )  # fmt: skip
 WITHIN = ("soak", "load", "share", "axial")  # put into the loop that calls them
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}

@@ -178,7 +178,7 @@ class Ensemble:
         self._members: list[AnyMember] = []
         borders = Borders()
         for key, own in zip(zip(scenes, by_twin, strict=True), variations, strict=True):
-            self._members.append(_new_member(key[0], starts[key], own, borders, watched))
+            self._members.append(_new_member(key[0], starts[key], own, borders))
 
     @property
     def time_ns(self) -> int:
@@ -335,9 +335,7 @@ def _find_start(key: StartKey, monitors: Monitors) -> AnyStart:
     return Start(bare, (high, wide), pull, tension, viv_drag)
 
 
-def _new_member(
-    scene: Scene, start: AnyStart, own: Variation, borders: Borders, watched: bool
-) -> AnyMember:
+def _new_member(scene: Scene, start: AnyStart, own: Variation, borders: Borders) -> AnyMember:
     """Return a member that begins in this static equilibrium.
 
     Raises:
@@ -347,7 +345,7 @@ def _new_member(
         return UnstartedMember(scene, start)
     if isinstance(start, Twin):
         return TwinMember(start, own.heave, own.commands, borders.course(scene, own))
-    return Member(scene, start, borders.of(scene, own), watched)
+    return Member(scene, start, borders.of(scene, own))
 
 
 def sort_into_groups(

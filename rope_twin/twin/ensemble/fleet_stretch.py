@@ -19,7 +19,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
-from rope_twin.core.lanes.group import Group, Kind, kind_of, why_watched_alone
+from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone
 from rope_twin.core.lanes.step import FOLDS, LEAST, Run
 from rope_twin.core.state import Boundary, Floats, Ints, Rope, State, columns_for, new_work
 from rope_twin.core.step import advance
@@ -63,7 +63,7 @@ class FleetMembers:
     @property
     def why_alone(self) -> str:
         """Reason why members do not step in lanes; "": they do."""
-        return why_watched_alone(self.rope)
+        return why_alone(self.rope)
 
     def adopt(self, effects: tuple[Any, ...]) -> None:
         """Take effects with other data for all members, and their internal variables."""
@@ -73,7 +73,7 @@ class FleetMembers:
 
     def scale(self) -> None:
         """Apply the factors to the kernel data."""
-        kind = kind_of(self.rope, why_watched_alone)
+        kind = kind_of(self.rope)
         sections = stacked_sections(self.rope.sections, self.factors)
         effects = stacked_effects(self.rope.effects, self.factors) if kind and kind.plain else ()
         self._kind, self._alone = kind, dict[int, Rope]()
@@ -108,8 +108,7 @@ class FleetMembers:
         elements = int(self.states.counts[member, rows.ELEMENTS])
         if not self._kind.place and elements > 1:
             return self._kind._replace(elements=elements)
-        rope = self.rope._replace(state=self.state_of(member))
-        return kind_of(rope, why_watched_alone)
+        return kind_of(self.rope._replace(state=self.state_of(member)))
 
     def alike(self, members: Ints) -> Iterator[Ints]:
         """Yield groups of members of one kind, as many as there are lanes, or one alone."""

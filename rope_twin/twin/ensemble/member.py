@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.body.step import pose_of
 from rope_twin.core.joined.joints import System
-from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone, why_watched_alone
+from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone
 from rope_twin.core.lanes.joined_group import (
     JoinedGroup,
     JoinedKind,
@@ -27,6 +26,7 @@ from rope_twin.core.lanes.joined_group import (
 )
 from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING
 from rope_twin.core.loads.balance import lower_end_tension
+from rope_twin.core.loads.middle import lone_middle
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError, phrase
@@ -42,7 +42,6 @@ from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.snapshot_builder import (
     Extremes,
     SnapshotInputs,
-    body_of,
     build_snapshot,
     with_body,
     with_compensator,
@@ -105,12 +104,9 @@ def fold_of(rope: Rope, tension: Floats) -> Floats:
     """
     state, now = rope.state, np.empty(FOLDS)
     now[LEAST], now[LOWEST] = tension.min(), tension[0]
-    now[DEPTH] = -state.nodes[rows.POSITION + 2, 0]
-    now[SINKING] = -state.nodes[rows.VELOCITY + 2, 0]
-    body = body_of(rope)
-    if body is not None:
-        pose = pose_of(body)
-        now[DEPTH], now[SINKING] = -pose.place(body.middle)[2], -pose.speed(body.middle)[2]
+    end = (float(state.nodes[place + 2, 0]) for place in (rows.POSITION, rows.VELOCITY))
+    height, speed = lone_middle(rope.effects, *end)
+    now[DEPTH], now[SINKING] = -height, -speed
     return now
 
 
@@ -159,11 +155,8 @@ class UnstartedMember:
 class Member:
     """One rope of an ensemble."""
 
-    def __init__(
-        self, scene: Scene, start: Start, borders: SharedBoundary, watched: bool = False
-    ) -> None:
+    def __init__(self, scene: Scene, start: Start, borders: SharedBoundary) -> None:
         self.scene, self.borders = scene, borders
-        self._why_alone = why_watched_alone if watched else why_alone
         self.failure = ""
         self.steps = 0
         self.lane_steps = self.given_up = 0  # in SIMD lanes, and in a group but by itself
@@ -173,7 +166,7 @@ class Member:
         )
         self._viv_drag = copy.deepcopy(start.viv_drag)
         self._work_shape = start.work_shape
-        self._kind, self._kind_changes = kind_of(self._rope, self._why_alone), 0
+        self._kind, self._kind_changes = kind_of(self._rope), 0
         self._tension, self._pull = start.tension, start.pull
         self._value, self._rate = (table[0] for table in borders.boundary)
         self._seen, self._recent = Extremes(), Extremes()
@@ -192,14 +185,13 @@ class Member:
         health = self._rope.state.health
         changes = int(health[rows.SPLITS] + health[rows.MERGES])
         if changes != self._kind_changes:
-            kind = kind_of(self._rope, self._why_alone)
-            self._kind, self._kind_changes = kind, changes
+            self._kind, self._kind_changes = kind_of(self._rope), changes
         return self._kind
 
     @property
     def why_alone(self) -> str:
         """Reason why it is not stepped in SIMD lanes; "": it could be."""
-        return self._why_alone(self._rope)
+        return why_alone(self._rope)
 
     def new_group(self) -> Group:
         """Return arrays for members of its kind, without space for steps."""
