@@ -16,6 +16,7 @@ from rope_twin.core.body.state import WET, PlaneBed, RigidBody
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
+from rope_twin.core.lanes.step import DEPTH, SINKING
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
@@ -163,7 +164,13 @@ def _body_of(ensemble: Ensemble, number: int) -> RigidBody:
 def _check_bodies(together: Ensemble, lone: Ensemble) -> None:
     for number in range(LANES):
         assert not differing(together.snapshot(number), lone.snapshot(number)), number
+        watched = together.watched(number)
+        np.testing.assert_array_equal(watched, lone.watched(number))
         found, expected = _body_of(together, number), _body_of(lone, number)
+        pose = pose_of(found)
+        depth, sinking = -pose.place(found.middle)[2], -pose.speed(found.middle)[2]
+        assert watched[-1, 1 + DEPTH] == pytest.approx(depth, rel=1e-9)
+        assert watched[-1, 1 + SINKING] == pytest.approx(sinking, rel=1e-9, abs=1e-12)
         assert np.array_equal(found.records, expected.records), number
         assert np.array_equal(found.memory[:, :1], expected.memory[:, :1]), number
 
@@ -173,8 +180,8 @@ def test_a_body_leaves_the_deck() -> None:
     """Slings tighten and fall slack, corners touch and come off: equal bits, step by step."""
     scene = load_scene("lift_off")
     own = [heaving(scene, number) for number in range(LANES)]
-    together = Ensemble(scene, own, threads=1)
-    lone = Ensemble(scene, own, threads=1, abreast=1)
+    together = Ensemble(scene, own, threads=1, watched=True)
+    lone = Ensemble(scene, own, threads=1, abreast=1, watched=True)
     assert together.lanes().members == LANES
     heights = []
     for seconds in (1, 13, 12):
@@ -194,8 +201,8 @@ def test_a_body_in_the_surface_and_on_the_bed(line_out_m: float) -> None:
     place = (Change("ropes[0].length_m", line_out_m),)
     scene = change_scene(load_scene("manifold_lift"), place)
     own = [Variation((Change("effects.waves.seed", float(k)),)) for k in range(LANES)]
-    together = Ensemble(scene, own, threads=1)
-    lone = Ensemble(scene, own, threads=1, abreast=1)
+    together = Ensemble(scene, own, threads=1, watched=True)
+    lone = Ensemble(scene, own, threads=1, abreast=1, watched=True)
     assert together.lanes().members == LANES
     for seconds in (1, 3):
         together.advance(seconds)

@@ -12,6 +12,7 @@ from rope_twin.core.state import Floats
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import FleetInputs
 from rope_twin.twin.ensemble.live_state import LiveState, live_state
+from rope_twin.twin.ensemble.member import fold_of
 from rope_twin.twin.twin import Twin
 
 
@@ -24,6 +25,7 @@ class Driven:
     top_n: Floats  # (steps,)
     least_n: Floats
     depth_m: Floats
+    sinking_m_per_s: Floats
     lowest_n: Floats
     live: LiveState | None  # after the step that was asked for
 
@@ -61,9 +63,7 @@ def driven(
         values.append(view.boundary.value[0].copy())
         rates.append(view.boundary.rate[0].copy())
         n = int(view.rope.state.counts[rows.ELEMENTS])
-        tension = view.rope.work[rows.TENSION, :n]
-        depth = -view.rope.state.nodes[rows.POSITION + 2, 0]
-        outputs.append((twin.top_pull_n, tension.min(), depth, tension[0]))
+        outputs.append((twin.top_pull_n, *fold_of(view.rope, view.rope.work[rows.TENSION, :n])))
     value, rate = np.array(values), np.array(rates)
     rest_z = scene.ship.hang_off_m[2]
     inputs = FleetInputs(

@@ -12,11 +12,14 @@ from fleet_inputs import Driven, cut, driven
 from small_scene import SMALL_SCENE, small_scene
 
 from rope_twin.core import state as rows
+from rope_twin.core.body.step import pose_of
+from rope_twin.core.lanes.group import why_alone
 from rope_twin.errors import InputError
-from rope_twin.scene.load import Change, change_scene, load_scene
+from rope_twin.scene.load import Change, at_setting, change_scene, load_scene
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import FIGURES, Fleet, FleetInputs
+from rope_twin.twin.snapshot_builder import body_of
 
 STEPS, LIVE, LOOK = 700, 350, 10
 
@@ -62,6 +65,7 @@ def test_members_equal_a_twin(fleet: Fleet, paying: Driven) -> None:
         assert np.array_equal(record.payload_tension_n[:, k], paying.lowest_n[ends])
         assert np.array_equal(nodes(fleet, k), state.nodes[:, : n + 1])
         assert np.array_equal(fleet.state(k).rope.health, state.health)
+    assert -state.nodes[rows.POSITION + 2, 0] == paying.depth_m[-1]
     speed = -state.nodes[rows.VELOCITY + 2, 0]
     assert record.payload_speed_m_per_s[-1, 3] == speed
     assert not record.failures
@@ -239,27 +243,59 @@ def test_a_member_that_fails_leaves_the_others_alone(figured: Fleet) -> None:
     assert not figured.advance(still).failures
 
 
-WAKES = "  - wake_oscillator: {}\n"
-
-
-def test_members_step_alone_where_effects_do(tmp_path: Path) -> None:
-    """With internal variables, from a live twin and given back: equal to the twin to the bit."""
-    path = tmp_path / "wakes.yaml"
-    text = SMALL_SCENE.replace("  - payload: {}\n", f"{WAKES}  - payload: {{}}\n")
-    path.write_text(text.replace("elements: 20", "elements: 8"))
-    expected = driven(load_scene(path), 60, live_at=20)
-    fleet = Fleet(path, 2, elements=8, step_s=0.01)
-    record = fleet.advance(expected.inputs, 6)
-    assert np.array_equal(record.top_tension_n[:, 0], expected.top_n)
-    assert np.array_equal(record.top_tension_n[:, 1], expected.top_n)
-    assert np.array_equal(record.least_tension_n[:, 0], expected.least_n.reshape(-1, 6).min(axis=1))
+def check_equal_to_twin(fleet: Fleet, expected: Driven, at: int, look: int) -> None:
+    """Assert that all values are the twin's to the bit, also after step `at` from it, and again."""
+    runs = [(fleet.advance(expected.inputs, look), 0)]
     assert expected.live is not None
     fleet.begin_from(expected.live)
     start = fleet.state(0)
-    first = fleet.advance(cut(expected.inputs, 20)).top_tension_n
-    assert np.array_equal(first[:, 1], expected.top_n[20:])
+    runs.append((fleet.advance(cut(expected.inputs, at), look), at))
     fleet.restore(start)
-    assert np.array_equal(fleet.advance(cut(expected.inputs, 20)).top_tension_n, first)
+    runs.append((fleet.advance(cut(expected.inputs, at), look), at))
+    for record, first in runs:
+        assert not record.failures
+        ends = slice(first + look - 1, None, look)
+        for k in range(len(fleet)):
+            assert np.array_equal(record.top_tension_n[:, k], expected.top_n[first:])
+            least = expected.least_n[first:].reshape(-1, look).min(axis=1)
+            assert np.array_equal(record.least_tension_n[:, k], least)
+            assert np.array_equal(record.payload_depth_m[:, k], expected.depth_m[ends])
+            assert np.array_equal(
+                record.payload_speed_m_per_s[:, k], expected.sinking_m_per_s[ends]
+            )
+            assert np.array_equal(record.payload_tension_n[:, k], expected.lowest_n[ends])
+
+
+@pytest.mark.parametrize(
+    ("effect", "reason"), [("wake_oscillator", ""), ("travelling_waves", "travelling_waves")]
+)
+def test_members_with_internal_variables(tmp_path: Path, effect: str, reason: str) -> None:
+    """In lanes, or alone where the effect is: equal to the twin to the bit."""
+    path = tmp_path / "vortices.yaml"
+    text = SMALL_SCENE.replace("  - payload: {}\n", f"  - {effect}: {{}}\n  - payload: {{}}\n")
+    path.write_text(text.replace("elements: 20", "elements: 8"))
+    scene = load_scene(path)
+    assert why_alone(build(scene)) == reason
+    expected = driven(scene, 60, live_at=20)
+    check_equal_to_twin(Fleet(path, 2, elements=8, step_s=0.01), expected, 20, 5)
+
+
+def test_members_with_a_body_are_stepped_in_lanes() -> None:
+    """Depth and speed are those of its middle, not those of the hook above its slings."""
+    hanging = Change("ropes[0].length_m", 16.0)
+    scene = change_scene(at_setting(load_scene("lift_off"), 6, 0.0025), [hanging])
+    assert not why_alone(build(scene))
+    expected = driven(scene, 800, speed=0.3, live_at=400)
+    rope = expected.twin.rope
+    body, hook_m = body_of(rope), -rope.state.nodes[rows.POSITION + 2, 0]
+    assert body is not None
+    pose = pose_of(body)
+    assert expected.depth_m[-1] - hook_m > 5.0
+    assert expected.depth_m[-1] == pytest.approx(-pose.place(body.middle)[2], rel=1e-12)
+    sinking = -pose.speed(body.middle)[2]
+    assert expected.sinking_m_per_s[-1] == pytest.approx(sinking, rel=1e-9)
+    assert abs(sinking + pose.velocity[2]) > 1e-6 * abs(sinking)
+    check_equal_to_twin(Fleet(scene, 3, elements=6, step_s=0.0025), expected, 400, 5)
 
 
 def test_orders_side_by_side(scene: Scene, paying: Driven) -> None:
