@@ -23,13 +23,14 @@ import pytest
 import xarray
 
 from rope_twin.cli import main
+from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError
 from rope_twin.planning import cells, settings
 from rope_twin.planning.cells import Cell, CellLimit, MemoryStore, bisect
 from rope_twin.planning.notes import notes
-from rope_twin.planning.phases import Leg
+from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import AtDepth, Heights, Phase, Seeds
-from rope_twin.planning.plan_reader import read_plan
+from rope_twin.planning.plan_reader import read_plan, tip_of
 from rope_twin.planning.results import load_chart, result_object
 from rope_twin.planning.run import (
     CellTask,
@@ -464,6 +465,19 @@ def test_landing_speed_is_that_of_the_winch_in_flat_water() -> None:
         assert row["landing_speed_m_per_s"] == pytest.approx(0.2, abs=0.03)
         assert row["payload_min_n"] > 0.9 * works[number].weight_n
         assert not row["failure"]
+
+
+def test_seeds_of_a_rigid_body_together_are_those_alone() -> None:
+    """A manifold comes into waves: the same rows to the bit in lanes and one by one."""
+    plan, _ = read_plan("splash_zone")
+    scene = load_scene("manifold_lift")
+    (leg,) = legs_of(plan, scene, plan.phases[0])
+    leg = replace(leg, first_s=3.0, seconds=8.0)
+    ship, sea = Ship(tip_of(plan, scene), 0.0), plan.sea_state(1.5, 0, 0)
+    together = run_seeds(leg, ship, sea, range(LANES))
+    for seed in (0, LANES - 1):
+        np.testing.assert_equal(together[seed], *run_seeds(leg, ship, sea, [seed]))
+    assert len({row["depth_at_max_m"] for row in together}) == LANES
 
 
 def test_compensation_stroke_is_that_of_the_heave() -> None:
