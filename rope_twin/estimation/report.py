@@ -21,14 +21,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import Payload, TwoWayPayload
-from rope_twin.estimation.estimator import (
-    BLOCK_S,
-    BURN_IN_S,
-    TEMPER,
-    BlockResult,
-    Estimator,
-    inverse,
-)
+from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, BlockResult, Estimator
 from rope_twin.estimation.figures import (
     BIAS,
     INDEX,
@@ -39,6 +32,7 @@ from rope_twin.estimation.figures import (
     Gaussian,
     Prior,
 )
+from rope_twin.estimation.least_squares import TEMPER, inverse
 from rope_twin.estimation.measured_lift import LINE_HZ, MeasuredLift, Series
 from rope_twin.estimation.noise import bar_of
 from rope_twin.messages.reports import UNITS as FIGURE_UNITS

@@ -12,8 +12,8 @@ from rope_twin.estimation.counter_error import (
     CounterErrors,
     ErrorMemory,
 )
-from rope_twin.estimation.estimator import Whitening, gauss_newton_step
 from rope_twin.estimation.figures import COUNT, Gaussian
+from rope_twin.estimation.least_squares import Whitening, gauss_newton_step
 from rope_twin.estimation.measured_lift import MEAN_S, SMOOTHING_LEAVES, Passage
 from rope_twin.estimation.noise import FREQUENCY_HZ, Bar, top_impedance
 

@@ -12,7 +12,8 @@ from scipy.linalg import toeplitz
 
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError
-from rope_twin.estimation.estimator import (
+from rope_twin.estimation.figures import BIAS, COUNT, FRICTION, INDEX, NAMES, Gaussian, prior_of
+from rope_twin.estimation.least_squares import (
     Whitening,
     gate,
     gauss_newton_step,
@@ -20,7 +21,6 @@ from rope_twin.estimation.estimator import (
     inverse,
     misfit,
 )
-from rope_twin.estimation.figures import BIAS, COUNT, FRICTION, INDEX, NAMES, Gaussian, prior_of
 from rope_twin.estimation.lift_model import LoadPin, dahl_states
 from rope_twin.estimation.noise import (
     BORGMAN,

@@ -1,0 +1,140 @@
+"""Bayesian least squares with correlated residuals: a step of Gauss-Newton, outliers, limits.
+
+A step of Gauss-Newton is that of a Bayesian least-squares problem with correlated residuals. With a
+Gaussian prior N(m, P) of θ, a residual r = y - ŷ(θ), J = ∂ŷ/∂θ and its covariance R,
+
+    Λ = P⁻¹ + λ·JᵀWR⁻¹J,   θ ← θ + Λ⁻¹·[P⁻¹(m - θ) + λ·JᵀWR⁻¹r],
+
+where W has Huber's weights of the whitened residual (Huber 1964). For linear ŷ, W = I and λ = 1 one
+step gives the exact posterior N(θ, Λ⁻¹) (Tarantola 2005, eq. 3.37). λ < 1 tempers the likelihood
+for what the model leaves out (Bissiri, Holmes and Walker 2016).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from rope_twin.core.state import Floats
+from rope_twin.estimation.figures import Gaussian
+
+HUBER_SDS = 3.0  # whitened residuals beyond are weighted down (Huber 1964)
+GATE_SDS = 4.5  # residuals beyond so many standard deviations of R + J·P·Jᵀ are dropped
+TEMPER = 0.5  # share of the information that is believed
+
+
+class Whitening:
+    """Cholesky factor of the covariance of the samples that are in use."""
+
+    def __init__(self, covariance: Floats, used: Floats) -> None:
+        """Factor R, (k, k), without the rows and columns of samples that are not used, (k,) bool.
+
+        Raises:
+            numpy.linalg.LinAlgError: R is not positive definite.
+        """
+        self.used = used.astype(bool)
+        self._factor = np.linalg.cholesky(covariance[np.ix_(self.used, self.used)])
+
+    def __call__(self, values: Floats) -> Floats:
+        """Return the used rows of (k,) or (k, n) with unit covariance."""
+        whitened = solve_triangular(self._factor, values[self.used], lower=True)
+        return np.asarray(whitened)
+
+
+def inverse(covariance: Floats) -> Floats:
+    """Return the inverse of a covariance, scaled to unit diagonal first."""
+    scale = 1.0 / np.sqrt(np.diag(covariance))
+    unit = covariance * np.outer(scale, scale)
+    whole = cho_solve(cho_factor(unit, lower=True), np.eye(len(unit)))
+    return np.asarray(0.5 * (whole + whole.T) * np.outer(scale, scale))
+
+
+def huber_weights(whitened: Floats, sds: float = HUBER_SDS) -> Floats:
+    """Return the weights of whitened residuals, 1 within `sds` and falling as 1/|r| beyond."""
+    return np.minimum(1.0, sds / np.maximum(np.abs(whitened), 1e-12))
+
+
+@dataclass(frozen=True)
+class Step:
+    """Result of one Gauss-Newton step."""
+
+    theta: Floats  # (n,)
+    precision: Floats  # Λ, (n, n)
+    gain: float  # that a linear ŷ would have in -ln of the posterior density
+
+    @property
+    def posterior(self) -> Gaussian:
+        """Return the Gaussian approximation of the posterior."""
+        return Gaussian(self.theta, inverse(self.precision))
+
+
+def gauss_newton_step(
+    theta: Floats,
+    prior: Gaussian,
+    residual: Floats,
+    jacobian: Floats,
+    whiten: Whitening,
+    *,
+    robust: bool = True,
+    temper: float = TEMPER,
+    least: Floats | None = None,
+    most: Floats | None = None,
+) -> Step:
+    """Return θ after one step, and its precision.
+
+    theta: (n,), where residual (k,) and jacobian (k, n) were evaluated. robust: with Huber's
+    weights. least, most: of each figure after the step, (n,); None: no limit. Where one is at its
+    limit the others are the best ones for that.
+    """
+    r, J = whiten(residual), whiten(jacobian)
+    w = huber_weights(r) if robust else np.ones_like(r)
+    P_inverse = inverse(prior.covariance)
+    precision = P_inverse + temper * (J * w[:, None]).T @ J
+    pull = P_inverse @ (prior.mean - theta) + temper * J.T @ (w * r)
+    low = np.full_like(theta, -np.inf) if least is None else least - theta
+    high = np.full_like(theta, np.inf) if most is None else most - theta
+    change = _solve_within(precision, pull, low, high)
+    return Step(theta + change, precision, 0.5 * float(change @ pull))
+
+
+def _solve_within(precision: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the x within limits that minimises ½·xᵀΛx - xᵀ·right.
+
+    What is beyond its limit is set to it, and the others are solved for again.
+    """
+    x = np.zeros_like(right)
+    free = np.ones(len(right), bool)
+    while free.any():
+        rest = right[free] - precision[np.ix_(free, ~free)] @ x[~free]
+        x[free] = _solve(precision[np.ix_(free, free)], rest)
+        beyond = free & ((x < low) | (x > high))
+        if not beyond.any():
+            break
+        x[beyond] = np.clip(x[beyond], low[beyond], high[beyond])
+        free &= ~beyond
+    return x
+
+
+def _solve(precision: Floats, right: Floats) -> Floats:
+    """Return the solution of Λ·x = right, with Λ scaled to unit diagonal first."""
+    scale = 1.0 / np.sqrt(np.diag(precision))
+    unit = precision * np.outer(scale, scale)
+    return np.asarray(scale * cho_solve(cho_factor(unit, lower=True), scale * right))
+
+
+def misfit(theta: Floats, prior: Gaussian, whitened: Floats, temper: float = TEMPER) -> float:
+    """Return -ln of the posterior density of θ, but for a constant, by whitened residuals (k,)."""
+    size = np.abs(whitened)
+    squares = np.where(size < HUBER_SDS, size**2, HUBER_SDS * (2.0 * size - HUBER_SDS))
+    off = theta - prior.mean
+    return 0.5 * float(temper * squares.sum() + off @ inverse(prior.covariance) @ off)
+
+
+def gate(residual: Floats, covariance: Floats, jacobian: Floats, prior: Gaussian) -> Floats:
+    """Return which samples are used, (k,) bool: finite, and within GATE_SDS of R + J·P·Jᵀ."""
+    open_variance = ((jacobian @ prior.covariance) * jacobian).sum(axis=1)
+    limit = GATE_SDS * np.sqrt(np.diag(covariance) + open_variance)
+    finite = np.isfinite(residual)
+    return np.asarray(finite & (np.abs(np.where(finite, residual, 0.0)) < limit))
