@@ -1,7 +1,8 @@
 """Estimator of a lift's figures: Gauss-Newton over blocks of a minute, the past as a prior.
 
-A block is compared in means over 0.25 s. Its rope begins a minute earlier from the state that the
-figures of then had; its residual covariance has the error of the heave through the top impedance.
+A block is compared in means over 0.25 s, and in one mean over all that is left out for slack. Its
+rope begins a minute earlier from the state that the figures of then had; its residual covariance
+has the error of the heave through the top impedance.
 After each block the covariance grows a little, so that figures may drift, and the state from which
 the next block begins is that of the new figures.
 """
@@ -41,6 +42,7 @@ from rope_twin.estimation.noise import (
     tension_error_autocovariance,
     top_impedance,
 )
+from rope_twin.estimation.slack import SlackMean, slack_mean
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import FleetState
@@ -69,6 +71,21 @@ class _Linear:
     jacobian: Floats  # (k, COUNT + n)
     covariance: Floats  # R, (k, k) [N²]
     autocovariances: Floats  # of its octaves, (BANDS, k) [N²]
+    with_slack: Floats  # residual, (k,) [N]; NaN: missing
+    slack: SlackMean | None  # over the samples that only `with_slack` has
+
+    def compared(self, slack: SlackMean | None, prior: Gaussian) -> tuple[Floats, Floats, Floats]:
+        """Return residual, Jacobian and covariance, with a mean over slack as one more row.
+
+        That is independent of the others: its weights are small near them.
+        """
+        if slack is None:
+            return self.residual, self.jacobian, self.covariance
+        row, variance = slack.row(self.jacobian, prior)
+        covariance = np.pad(self.covariance, (0, 1))
+        covariance[-1, -1] = variance
+        residual = np.append(self.residual, slack.of(self.with_slack))
+        return residual, np.vstack([self.jacobian, row]), covariance
 
 
 BLOCK_S, BURN_IN_S = 60.0, 60.0
@@ -253,7 +270,7 @@ class Estimator:
         first = self._linearise(prediction, measured, joint.mean[COUNT:])
         self.innovation = self._innovation(first, joint)
         posterior, used, nis = joint, np.isfinite(first.residual), np.nan
-        if used.mean() >= LEAST_USED:
+        if used.mean() >= LEAST_USED or first.slack is not None:
             posterior, used, nis = self._learn(first, joint, measured, prediction.motion)
         self._memory.learn(posterior)
         posterior = Gaussian(posterior.mean[:COUNT], posterior.covariance[:COUNT, :COUNT])
@@ -273,7 +290,7 @@ class Estimator:
         assert self.noise is not None
         begin_s, end_s, theta = self.block_begin_s, self.block_end_s, prediction.theta
         count, psd = len(measured), self._measured_psd(end_s)
-        whole = self.model.without_slack(prediction, begin_s, measured)
+        taut = self.model.without_slack(prediction, begin_s, measured)
         predicted, J = self.model.linearised(prediction, begin_s)
         impedance = self._impedance(theta, end_s, psd)
         colours = self._autocovariances(impedance, theta, end_s, psd, count, estimated=True)
@@ -283,7 +300,12 @@ class Estimator:
             of_knots = self._errors.columns(impedance, begin_s, count)
             np.add.at(A.T, self._places, of_knots.T)
             predicted = predicted + A @ errors_m
-        return _Linear(np.append(theta, errors_m), whole - predicted, np.hstack([J, A]), R, colours)
+        left_out = np.isfinite(measured) & np.isnan(taut)
+        slack = slack_mean(left_out, R, self.model.hanging_kg(theta), psd)
+        return _Linear(
+            np.append(theta, errors_m), taut - predicted, np.hstack([J, A]), R, colours,
+            measured - predicted, slack,
+        )  # fmt: skip
 
     def _learn(
         self, at: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None
@@ -294,20 +316,27 @@ class Estimator:
 
         Steps are taken from new linearisations until one promises no more than ENOUGH. One that
         makes the posterior density smaller is halved. Where the gate leaves less than LEAST_USED,
-        nothing is learned.
+        nothing is learned but from the mean over slack.
         """
         assert self.noise is not None
         free = np.full(len(joint.mean) - COUNT, np.inf)  # errors of the line have no limits
+        count = len(measured)
         for iteration in range(MOST_ITERATIONS):
-            middle = np.nanmedian(at.residual) if iteration == 0 else 0.0
-            used = gate(at.residual - middle, at.covariance, at.jacobian, joint)
-            if used.mean() < LEAST_USED:
+            residual, jacobian, covariance = at.compared(at.slack, joint)
+            offset = np.zeros(len(residual))
+            if iteration == 0 and np.isfinite(at.residual).any():
+                offset[:count] = np.nanmedian(at.residual)
+            used = gate(residual - offset, covariance, jacobian, joint)
+            share = used[:count].copy()
+            if share.mean() < LEAST_USED:
+                used[:count] = False
+            if not used.any():
                 self.theta = self.belief.mean.copy()
-                return joint, used, np.nan
-            whiten = Whitening(at.covariance, used)
+                return joint, share, np.nan
+            whiten = Whitening(covariance, used)
             reach, theta = MOST_STEP_SDS * self.prior.sd, at.theta[:COUNT]
             step = gauss_newton_step(
-                at.theta, joint, at.residual, at.jacobian, whiten, robust=iteration > 0,
+                at.theta, joint, residual, jacobian, whiten, robust=iteration > 0,
                 least=np.append(self.prior.within(theta - reach), -free),
                 most=np.append(self.prior.within(theta + reach), free),
             )  # fmt: skip
@@ -318,10 +347,13 @@ class Estimator:
                 break
             at = better
         self.theta = step.theta[:COUNT].copy()
-        left = at.residual - at.jacobian @ (step.theta - at.theta)
-        whitened = whiten(left)
-        self.noise.learn(left, used, at.autocovariances)
-        return step.posterior, used, float(whitened @ whitened) / max(int(used.sum()), 1)
+        number = int(used[:count].sum())
+        if number == 0:
+            return step.posterior, share, np.nan
+        left = residual - jacobian @ (step.theta - at.theta)
+        whitened = whiten(left)[:number]
+        self.noise.learn(left[:count], share, at.autocovariances)
+        return step.posterior, share, float(whitened @ whitened) / number
 
     def _better(
         self, at: _Linear, change: Floats, joint: Gaussian, used: Floats, measured: Floats,
@@ -331,18 +363,21 @@ class Estimator:
 
         None: even an eighth of it is none.
         """
+        count = len(measured)
+        before, _, covariance = at.compared(at.slack, joint)
         for halved in range(1 + MOST_HALVINGS):
             theta = at.theta + 0.5**halved * change
             prediction = self.model.predict(
                 theta[:COUNT], self.state, self.state_s, self.block_end_s, motion
             )
             new = self._linearise(prediction, measured, theta[COUNT:])
-            both = used & np.isfinite(new.residual)  # neither is slack
-            if both.mean() < LEAST_USED:
+            after, _, _ = new.compared(at.slack, joint)
+            both = used & np.isfinite(after)  # neither is slack
+            if used[:count].any() and both[:count].mean() < LEAST_USED:
                 continue
-            whiten = Whitening(at.covariance, both)
-            before, after = (misfit(one.theta, joint, whiten(one.residual)) for one in (at, new))
-            if after < before:
+            whiten = Whitening(covariance, both)
+            lower = misfit(new.theta, joint, whiten(after))
+            if lower < misfit(at.theta, joint, whiten(before)):
                 return new
         return None
 

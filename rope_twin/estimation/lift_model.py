@@ -163,6 +163,12 @@ class LiftModel:
         self.ramp_begin_s = -np.inf
         self.live: LiveState | None = None  # from which it began, with the current in force
 
+    def hanging_kg(self, theta: Floats) -> float:
+        """Return the mass of rope and payload with figures θ, with added mass [kg]."""
+        bar = self.bar
+        payload_kg = float(factors_of(theta)["oscillating_mass"]) * bar.end_mass_kg
+        return payload_kg + float(bar.mass_kg_per_m @ bar.length_m)
+
     def begin_at_rest(self, time_s: float) -> FleetState:
         """Return the static equilibrium as the state at a time; the ship's motion builds up."""
         self.ramp_begin_s = time_s

@@ -226,7 +226,10 @@ def test_ropes_that_meet_cannot_be_learned() -> None:
 
 
 def test_what_a_slack_rope_leaves_is_not_learned() -> None:
-    """Heave six times as high lifts the tool: means in a slack and 30 s after it are missing."""
+    """Heave six times as high lifts the tool: means in a slack and 30 s after it are missing.
+
+    Mass, drag, stiffness and damping stay as they were.
+    """
     calm = lift()
     rough = MeasuredLift(NOISE_N)
     rough.tension, rough.line_out = calm.tension, calm.line_out
@@ -245,4 +248,6 @@ def test_what_a_slack_rope_leaves_is_not_learned() -> None:
     assert np.array_equal(missing, (ends >= 70.0) & (ends < 100.0))
     (first, *_) = estimator(rough).run()
     assert first.used < 0.25
-    assert np.array_equal(first.posterior.covariance, prior().gaussian.covariance)
+    unlearned = slice(1, 5)
+    assert np.abs(first.posterior.mean[unlearned]).max() < 1e-9
+    assert np.allclose(first.posterior.sd[unlearned], prior().sd[unlearned])

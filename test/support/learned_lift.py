@@ -33,39 +33,45 @@ def scene() -> Scene:
     return small_scene(Path(mkdtemp()))
 
 
-def motion(t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return heave of three waves, its rate, line out hauled and paid out, and its rate."""
+def motion(t: Floats, waves: float = 1.0) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return heave of three waves, its rate, line out hauled and paid out, and its rate.
+
+    waves: factor on their heights.
+    """
     z, v = np.zeros_like(t), np.zeros_like(t)
     for height, period, phase in ((0.7, 7.0, 0.3), (0.4, 5.2, 1.0), (0.3, 11.0, 2.0)):
         w = 2.0 * np.pi / period
-        z += height * np.sin(w * t + phase)
-        v += height * w * np.cos(w * t + phase)
+        z += waves * height * np.sin(w * t + phase)
+        v += waves * height * w * np.cos(w * t + phase)
     ramp = np.clip(t / 10.0, 0.0, 1.0)
     rate = np.where(ramp < 1.0, 0.1, 0.0)
     return z * ramp, v * ramp + z * rate, 200.0 + 3.0 * np.sin(0.1 * t), 0.3 * np.cos(0.1 * t)
 
 
 @cache
-def recorded() -> tuple[Floats, Floats, Floats]:
+def recorded(waves: float = 1.0) -> tuple[Floats, Floats, Floats]:
     """Return θ, times and tension of a rope of 40 elements at 20 ms, with all sensors perfect."""
     theta = np.zeros(COUNT)
     theta[:3] = 0.05, -0.10, 0.25  # weight, mass, drag
     theta[3] = 0.03
     step = 0.02
     t = step * np.arange(round(SECONDS / step) + 1)
-    z, v, line, speed = motion(t)
+    z, v, line, speed = motion(t, waves)
     fleet = Fleet(scene(), 1, elements=40, step_s=step)
     fleet.set_figures({name: float(np.exp(theta[k])) for k, name in enumerate(ROPE_FIGURES)})
     record = fleet.advance(FleetInputs(z, v, line, speed), look_steps=100)
     return theta, t[1:], record.top_tension_n[:, 0]
 
 
-def lift(seed: int = 0, lost: tuple[float, float] = (0.0, 0.0)) -> MeasuredLift:
-    """Return the measured series with a noise of NOISE_N and without tension in an interval."""
-    _, t, tension = recorded()
+def lift(seed: int = 0, lost: tuple[float, float] = (0.0, 0.0), waves: float = 1.0) -> MeasuredLift:
+    """Return the measured series with a noise of NOISE_N and without tension in an interval.
+
+    waves: factor on their heights; the rope goes slack in those four times as high.
+    """
+    _, t, tension = recorded(waves)
     made = MeasuredLift(NOISE_N)
     at = np.arange(0.0, SECONDS + 0.01, 0.05)
-    z, v, line, _ = motion(at)
+    z, v, line, _ = motion(at, waves)
     made.heave.extend(at, z, v)
     made.line_out.extend(at, line)
     noise = NOISE_N * np.random.default_rng(seed).standard_normal(len(at))
