@@ -123,7 +123,8 @@ class Prediction:
     # of the rope over the sheave before `begin_s`: friction state and position; None: none
     sheave: Floats | None = None  # (2, members)
     motion: ExpectedMotion | None = None  # that drives them; None: the measured one
-    slack_s: Floats = field(default_factory=lambda: np.empty(0))  # ends of means with slack rope
+    # ends of means in which the rope of a member is slack
+    slack_s: Floats = field(default_factory=lambda: np.empty(0))
 
 
 def elements_of(bar: Bar) -> int:
@@ -213,7 +214,8 @@ class LiftModel:
         record = self._fleet.advance(inputs, look_steps=STEPS_PER_MEAN)
         if 0 in record.failures:
             raise SolverError(record.failures[0])
-        slack = times[STEPS_PER_MEAN::STEPS_PER_MEAN][record.least_tension_n[:, 0] < SLACK_BELOW_N]
+        loose = (record.least_tension_n < SLACK_BELOW_N).any(axis=1)
+        slack = times[STEPS_PER_MEAN::STEPS_PER_MEAN][loose]
         prediction.slack_s = np.append(prediction.slack_s, slack)
         prediction.tension_n.append(record.top_tension_n)
         prediction.line_out_m.append(np.asarray(inputs.line_out_m)[1:])
@@ -255,7 +257,8 @@ class LiftModel:
         """Return means from begin on, (k,), with NaN while the predicted rope is slack and after.
 
         When it is taut again follows from elements and steps as much as from the figures, and what
-        the jerk leaves in the rope lasts FORGETTING_S.
+        the jerk leaves in the rope lasts FORGETTING_S. That holds for each member: the difference
+        from one that is slack is no derivative.
         """
         ends = begin_s + MEAN_S * np.arange(1, len(means) + 1)
         since = ends[:, None] - prediction.slack_s

@@ -136,6 +136,15 @@ def test_weight_of_a_rope_that_is_slack_all_the_time(lost: tuple[float, float]) 
     assert (one.noise.levels == 1.0).all()
 
 
+@pytest.mark.parametrize("waves", [3.6, 4.2])
+def test_differences_from_a_slack_member_are_not_used(waves: float) -> None:
+    """Where only a perturbed member goes slack, no figure is wrongly believed to be known."""
+    theta, _, _ = recorded(waves)
+    for result in learned(waves).results:
+        off = (result.posterior.mean - theta) / result.posterior.sd
+        assert np.abs(off[:5]).max() < 2.5
+
+
 def test_fault_tests_do_not_see_the_mean() -> None:
     """The innovation has the means of the block, and those in slack are missing."""
     innovation = learned(ROUGH).innovation
