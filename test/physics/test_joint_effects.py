@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
+from joint_rigs import STIFF, JointBench, Line
 
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import jit_entry
+from rope_twin.core.joined.joints import LOOSE, Joined
 from rope_twin.core.joined.stage import count_unbalanced
 from rope_twin.core.state import Floats
 
@@ -92,40 +95,26 @@ def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
     assert (np.abs(cut - whole).max(axis=0) < 1e-5 * scale).all(), "found: 4e-6 after a snap"
 
 
-class Points(NamedTuple):
-    """Motion and scratch of connections."""
-
-    nodes: Floats
-    work: Floats
-
-
-class Constants(NamedTuple):
-    """Constants of ropes."""
-
-    model: Floats
-
-
-class Meeting(NamedTuple):
-    """System, as far as the balance of its connections needs it."""
-
-    joints: Points
-    stack: Constants
-
-
 @jit_entry
-def left(points: Points, model: Floats) -> int:
-    """Connections that are left with more than the tolerance of `model`."""
-    return int(count_unbalanced(Meeting(points, Constants(model))))
+def left(system: Joined) -> int:
+    """Connections that are left with more than the tolerance."""
+    return int(count_unbalanced(system))
 
 
 def test_a_connection_whose_force_is_not_a_number_is_not_in_balance() -> None:
     """One of three is below the tolerance of 5 N, one above, one not a number."""
-    work = rows.new_work(8)
-    work[rows.RESIDUAL : rows.RESIDUAL + 3, 1] = 3.0, 0.0, 3.9
-    work[rows.RESIDUAL : rows.RESIDUAL + 3, 2] = 3.0, 0.0, 4.1
-    nodes = np.zeros((rows.NODE_ROWS, 8))
-    two, three, four = (Points(nodes[:, :count], work) for count in (2, 3, 4))
-    model = np.full((1, len(rows.Model._fields)), 5.0)
-    assert (left(two, model), left(three, model)) == (0, 1)
-    work[rows.RESIDUAL + 1, 3] = np.nan
-    assert left(four, model) == 2
+    rig = replace(STIFF, tolerance=5.0)
+    depths, ends = [0.0, -20.0, -40.0, -60.0, -80.0], [LOOSE, 0, 1, 2, LOOSE]
+    lines = [
+        Line(rig=rig, low=(0.0, 0.0, low), high=(0.0, 0.0, high), lower=below, upper=above)
+        for (high, low), (above, below) in zip(pairwise(depths), pairwise(ends), strict=True)
+    ]
+    system = JointBench(lines).system
+    joined = Joined(system.stack, system.joints, system.sheaves)
+    residual = system.joints.work[rows.RESIDUAL : rows.RESIDUAL + 3]
+    residual[:, 0] = 3.0, 0.0, 3.9
+    assert left(joined) == 0
+    residual[:, 1] = 3.0, 0.0, 4.1
+    assert left(joined) == 1
+    residual[1, 2] = np.nan
+    assert left(joined) == 2
