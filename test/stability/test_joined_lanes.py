@@ -44,7 +44,7 @@ def member(number: int, height_m: float = 0.4, speed: float = 0.0) -> Variation:
 
 
 def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int) -> list[str]:
-    """What differs from lone twins, in which member and rope."""
+    """Return the values that differ from those of lone twins, with member and rope."""
     found = []
     for number, variation in enumerate(own):
         shot, expected = ensemble.snapshot(number), alone(scene, variation, seconds)
@@ -54,7 +54,7 @@ def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int
 
 
 def differing_ropes(found: Snapshot, expected: Snapshot) -> list[str]:
-    """What differs along the ropes, in any bit."""
+    """Return the values along the ropes that differ in any bit."""
     return [
         f"{rope.name}: {name}"
         for rope, other in zip(found.ropes, expected.ropes, strict=True)

@@ -1,4 +1,4 @@
-"""What differs from member to member, and boundary conditions, which equal members share."""
+"""Variations of an ensemble's members, and boundary conditions, which equal members share."""
 
 from __future__ import annotations
 
