@@ -148,7 +148,7 @@ def count_unexpected_ties(ties: Any, tolerance: Any) -> int:
 
 
 # Columns of the stack's model:
-FIRST_FREE, STEP, TOLERANCE = map(Model._fields.index, ("first_free", "step", "tolerance"))
+FIRST_FREE, STEP = map(Model._fields.index, ("first_free", "step"))
 LOOSE = -1  # unconnected end: an upper one is a hang-off, a lower one is free or fixed
 
 

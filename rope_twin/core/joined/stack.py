@@ -51,6 +51,7 @@ from rope_twin.core.state import (
     new_work,
 )
 
+TOLERANCE = Model._fields.index("tolerance")
 _INLINED = {**LINKED, "forceinline": True}
 
 
@@ -423,6 +424,18 @@ def _choose_work(stack: Any, r: Any) -> Any:
     if _in_lanes(stack):
         return lambda stack, r: (tiles(stack.work[r], CHAIN_ROWS),)
     return lambda stack, r: (stack.work[r],)
+
+
+def tolerance_at(stack: Any, r: Any) -> Any:
+    """Return the tolerance of tensions of rope r of a stack, or of all lanes [N]."""
+    return stack.model[r, TOLERANCE]
+
+
+@overload(tolerance_at, jit_options=_INLINED, strict=False)
+def _choose_tolerance(stack: Any, r: Any) -> Any:
+    if _in_lanes(stack):
+        return lambda stack, r: wide(stack.figures[r, 3])
+    return lambda stack, r: stack.model[r, TOLERANCE]
 
 
 NOWHERE = -1  # sheave of a rope without one at its upper end

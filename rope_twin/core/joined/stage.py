@@ -48,7 +48,7 @@ from rope_twin.core.joined.joints import (
     pull_ties,
 )
 from rope_twin.core.joined.sheaves import add_sheaves, is_at_sheave, pass_end
-from rope_twin.core.joined.stack import any_rope_of, face_ropes, work_of
+from rope_twin.core.joined.stack import any_rope_of, face_ropes, tolerance_at, work_of
 from rope_twin.core.lanes.effects import each_of
 from rope_twin.core.loads.memory import has_memories
 from rope_twin.core.state import (
@@ -162,7 +162,7 @@ def step_of(system: Any) -> Any:
 @by_kind(lambda system: system.model.tolerance)
 def tolerance_of(system: Any) -> Any:
     """Return the tolerance of tensions [N], that of the first rope."""
-    return rope_at(system, ZERO).model.tolerance
+    return tolerance_at(system.stack, ZERO)
 
 
 @by_kind(lambda system: (system.state.health,))
