@@ -47,6 +47,7 @@ FULL = (
     Case("landing", "seabed"),
     Case("wave_zone", "waves"),
     Case("splash_zone", "waves, wetting, wind, splash_zone"),
+    Case("riser_300m", "bending"),
     Case("viv_in_heave", "wake_oscillator"),
     Case("tow_with_net", "net"),
     Case("lift_off", "rigid_body, a deck"),

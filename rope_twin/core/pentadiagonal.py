@@ -6,6 +6,11 @@ middle are eliminated one by one. The factors of a pair for the back-substitutio
 numbers, 24 in the rows ELIMINATED and 12 in FACTOR, where records lie end to end; the last record
 in ELIMINATED is followed by the Schur complements of both sides on the middle. A test compares it
 with a dense solver.
+
+`eliminate_coupled_wide` and `push_coupled_wide` do the same for a batch of ropes (core/lanes), one
+in each lane, in the order of operations of a single rope. A node's factors are then in its own
+column, as those of a tridiagonal system; what both sides leave on the middle is in the columns of
+the lowest and the highest node there.
 """
 
 from __future__ import annotations
@@ -37,6 +42,7 @@ from rope_twin.core.elimination import (
 )
 from rope_twin.core.jit.decorators import jit, jit_ordered, jit_ordered_within, jit_within
 from rope_twin.core.jit.rows import column, gather, lane, pair, row, rows, span
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
@@ -49,11 +55,12 @@ from rope_twin.core.state import (
     RESIDUAL,
     Floats,
 )
+from rope_twin.core.tridiagonal import INVERSE, force_on, keep_factors, nothing_at
 
 SECOND = LINK + 1  # coupling with the second next node
 
 
-@jit_ordered
+@jit_ordered_within
 def single_node(work: Floats, i: int, state: Any, K: Any, c: float, d: float) -> Any:
     """Eliminate node i of one chain, with its next element K and its couplings c and d.
 
@@ -175,15 +182,15 @@ def _lanes_of(state: Any, k: int) -> Any:
     return six_lanes(S, k), lanes(f, k), carried, (lanes(x, k), lanes(y, k), lanes(z, k))
 
 
-@jit_ordered
+@jit_ordered_within
 def _solve_middle(work: Floats, middle: int, rest: int, below: Any, above: Any) -> Any:
     """Solve the 2 or 3 nodes from `middle` on; return delta of the lowest and highest two.
 
     The highest two are ordered inwards. below, above: Schur complements of both sides on the lowest
     and the highest of them.
     """
-    nothing = (0.0, 0.0, 0.0)
-    nil = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    nothing = nothing_at(work, middle)
+    nil = nothing + nothing
     high, low = middle + rest - 1, middle + rest - 2
     kept = nothing, (nothing, nothing, nothing), nil
     if rest == 3:
@@ -291,3 +298,122 @@ def _substitute_folded(work: Floats, first: int, n: int, state: Any) -> None:
         dy[i], dy[j] = lane(y, 0), lane(y, 1)
         dz[i], dz[j] = lane(z, 0), lane(z, 1)
     hold_ends(work, first, n)
+
+
+@jit_ordered
+def eliminate_coupled_wide(work: Any, first: int, n: int, moved: Any) -> None:
+    """Solve for the corrections of the nodes first <= i < n, as `eliminate_coupled`, in all lanes.
+
+    moved: lanes whose factors are updated; the others keep theirs.
+    """
+    if n - first == 1:
+        _solve_one(work, first, n)
+        return
+    pairs, none = (n - first - 2) // 2, nothing_at(work, first)
+    low = ground(work, first), none, (none + none, none), (none, none, none)
+    high = spring(work, n - 1), none, (none + none, none), (none, none, none)
+    for k in range(pairs):
+        i, j = first + k, n - 1 - k
+        kept, low = single_node(work, i, low, spring(work, i), work[LINK, i], work[SECOND, i])
+        _keep_chosen(work, i, kept, moved)
+        K, c, d = spring(work, j - 1), work[LINK, j - 1], work[SECOND, j - 2]
+        kept, high = single_node(work, j, high, K, c, d)
+        _keep_chosen(work, j, kept, moved)
+    _keep_side(work, first + pairs, low, moved)
+    _keep_side(work, n - 1 - pairs, high, moved)
+    _substitute_wide(work, first, n, low, high)
+
+
+@jit_within
+def _keep_chosen(work: Any, i: int, kept: Any, moved: Any) -> None:
+    """Store the factors of node i in the lanes of `moved`, its own part in all."""
+    own, G, inverse = kept
+    keep_factors(work, i, G[0] + G[1] + G[2], own, inverse, moved)
+
+
+@jit_within
+def _kept_wide(work: Any, i: int) -> Any:
+    """Load the factors of node i that `_keep_chosen` stored."""
+    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, x, y, z = span(work, ELIMINATED, 12, i)
+    G = (gxx[0], gxy[0], gxz[0]), (gyx[0], gyy[0], gyz[0]), (gzx[0], gzy[0], gzz[0])
+    return (x[0], y[0], z[0]), G, six(work, INVERSE, i)
+
+
+@jit_within
+def _keep_side(work: Any, i: int, state: Any, moved: Any) -> None:
+    """Store the Schur complements of one side on the middle in column i, in the lanes `moved`."""
+    S, f, (second, _), between = state
+    _keep_chosen(work, i, (f, between, second), moved)
+    xx, xy, xz, yy, yz, zz = span(work, FACTOR, 6, i)
+    xx[0] = choose(moved, S[0], xx[0])
+    xy[0] = choose(moved, S[1], xy[0])
+    xz[0] = choose(moved, S[2], xz[0])
+    yy[0] = choose(moved, S[3], yy[0])
+    yz[0] = choose(moved, S[4], yz[0])
+    zz[0] = choose(moved, S[5], zz[0])
+
+
+@jit_within
+def _kept_side(work: Any, i: int, f: Any, far: Any) -> Any:
+    """Load what `_keep_side` stored; f, far: forces on the middle's outer node and the next."""
+    _, between, second = _kept_wide(work, i)
+    return six(work, FACTOR, i), f, (second, far), between
+
+
+@jit_ordered
+def push_coupled_wide(work: Any, first: int, n: int) -> None:
+    """Solve for another residual with the factors of each lane, as `push_coupled`."""
+    if n - first == 1:
+        _solve_one(work, first, n)
+        return
+    pairs = (n - first - 2) // 2
+    low = high = far_low = far_high = nothing_at(work, first)
+    for k in range(pairs):
+        i, j = first + k, n - 1 - k
+        low, far_low = _push_node(work, i, work[SECOND, i], low, far_low)
+        high, far_high = _push_node(work, j, work[SECOND, j - 2], high, far_high)
+    below = _kept_side(work, first + pairs, low, far_low)
+    _substitute_wide(work, first, n, below, _kept_side(work, n - 1 - pairs, high, far_high))
+
+
+@jit_ordered_within
+def _push_node(work: Any, i: int, d: Any, f: Any, carried: Any) -> Any:
+    """Store the own part of node i; return the forces on the next node and the second next."""
+    _, G, I = _kept_wide(work, i)
+    own, pushed, far = push_coupled_node(force_on(work, i, f), G, I, d)
+    set_column(work, ELIMINATED + 9, i, own)
+    return add(carried, pushed), far
+
+
+@jit_ordered
+def _substitute_wide(work: Any, first: int, n: int, below: Any, above: Any) -> None:
+    """Back-substitute from the middle outward; below, above: Schur complements of both sides."""
+    pairs = (n - first - 2) // 2
+    near_low, far_low, near_high, far_high = _solve_middle(
+        work, first + pairs, n - first - 2 * pairs, below, above
+    )
+    for k in range(pairs - 1, -1, -1):
+        i, j = first + k, n - 1 - k
+        pushed = scaled(work[SECOND, i], far_low)
+        near_low, far_low = substituted(_kept_wide(work, i), near_low, pushed), near_low
+        set_column(work, CORRECTION, i, near_low)
+        pushed = scaled(work[SECOND, j - 2], far_high)
+        near_high, far_high = substituted(_kept_wide(work, j), near_high, pushed), near_high
+        set_column(work, CORRECTION, j, near_high)
+    hold_ends(work, first, n)
+
+
+@jit
+def take_links_wide(work: Any, n: int, chosen: Any) -> None:
+    """Subtract the effect of the couplings from the residual in the lanes `chosen`."""
+    c, d = row(work, LINK, 0), row(work, SECOND, 0)
+    for k in range(3):
+        for i in range(n):
+            R = work[RESIDUAL + k, i] - c[i] * work[CORRECTION + k, i + 1]
+            if i > 0:
+                R -= c[i - 1] * work[CORRECTION + k, i - 1]
+            if i < n - 1:
+                R -= d[i] * work[CORRECTION + k, i + 2]
+            if i > 1:
+                R -= d[i - 2] * work[CORRECTION + k, i - 2]
+            work[RESIDUAL + k, i] = choose(chosen, R, work[RESIDUAL + k, i])

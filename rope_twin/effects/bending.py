@@ -25,7 +25,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.decorators import jit_exact, jit_exact_within
+from rope_twin.core.jit.functions import fused
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import differs, kernel
@@ -33,6 +34,7 @@ from rope_twin.core.state import BLOCK, LINK, POSITION, RESIDUAL, REST
 from rope_twin.quantity import quantity
 
 Triple = tuple[float, float, float]
+SECOND = LINK + 1  # coupling with the second next node
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,38 +77,40 @@ def build(params: BendingParams, payload: Any, environment: Any) -> Bending:
     return Bending(EI, 2.0 * EI, -x / size, -y / size, -z / size)
 
 
-@jit_within
+@jit_exact_within
 def _lack(bending: Any, work: Any, n: int) -> Any:
     """Return 2·EI/l² times the normal deviation of the top element from the fixed direction [N]."""
     inverse = 1.0 / work[REST, n - 1]
-    gx = bending.x - inverse * (work[POSITION, n] - work[POSITION, n - 1])
-    gy = bending.y - inverse * (work[POSITION + 1, n] - work[POSITION + 1, n - 1])
-    gz = bending.z - inverse * (work[POSITION + 2, n] - work[POSITION + 2, n - 1])
-    along = gx * bending.x + gy * bending.y + gz * bending.z
+    x, y, z = bending.x, bending.y, bending.z
+    gx = fused(-inverse, work[POSITION, n] - work[POSITION, n - 1], x)
+    gy = fused(-inverse, work[POSITION + 1, n] - work[POSITION + 1, n - 1], y)
+    gz = fused(-inverse, work[POSITION + 2, n] - work[POSITION + 2, n - 1], z)
+    along = fused(gz, z, fused(gy, y, gx * x))
     k = bending.clamp * inverse * inverse
-    return k * (gx - along * bending.x), k * (gy - along * bending.y), k * (gz - along * bending.z)
+    return k * fused(-along, x, gx), k * fused(-along, y, gy), k * fused(-along, z, gz)
 
 
-@jit
+@jit_exact
 def _hold(bending: Any, work: Any, p: float, n: int) -> None:
     """Add the force that turns the top element towards the fixed direction."""
     x, y, z = bending.x, bending.y, bending.z
     fx, fy, fz = _lack(bending, work, n)
-    k = p * bending.clamp / work[REST, n - 1] ** 3
+    rest = work[REST, n - 1]
+    k = p * bending.clamp / (rest * rest * rest)
     for i in range(n - 1, n + 1):
         sign = 1.0 if i == n else -1.0
         work[RESIDUAL, i] += sign * fx
         work[RESIDUAL + 1, i] += sign * fy
         work[RESIDUAL + 2, i] += sign * fz
-        work[BLOCK, i] += k * (1.0 - x * x)
-        work[BLOCK + 1, i] -= k * x * y
-        work[BLOCK + 2, i] -= k * x * z
-        work[BLOCK + 3, i] += k * (1.0 - y * y)
-        work[BLOCK + 4, i] -= k * y * z
-        work[BLOCK + 5, i] += k * (1.0 - z * z)
+        work[BLOCK, i] = fused(k, fused(-x, x, 1.0), work[BLOCK, i])
+        work[BLOCK + 1, i] = fused(-k * x, y, work[BLOCK + 1, i])
+        work[BLOCK + 2, i] = fused(-k * x, z, work[BLOCK + 2, i])
+        work[BLOCK + 3, i] = fused(k, fused(-y, y, 1.0), work[BLOCK + 3, i])
+        work[BLOCK + 4, i] = fused(-k * y, z, work[BLOCK + 4, i])
+        work[BLOCK + 5, i] = fused(k, fused(-z, z, 1.0), work[BLOCK + 5, i])
 
 
-@kernel("pull", Bending)
+@kernel("pull", Bending, wide=True, exact=True)
 def pull(bending: Any, work: Any, n: int) -> Any:
     """Return the force on the hang-off from the moment one node below and from the clamp.
 
@@ -121,45 +125,46 @@ def pull(bending: Any, work: Any, n: int) -> Any:
     return fx - mx / top, fy - my / top, fz - mz / top
 
 
-@jit_within
-def _slope(work: Any, row: int, e: int) -> float:
+@jit_exact_within
+def _slope(work: Any, row: int, e: int) -> Any:
     """Return one component of q of element e."""
-    return float((work[row, e + 1] - work[row, e]) / work[REST, e])
+    return (work[row, e + 1] - work[row, e]) / work[REST, e]
 
 
-@jit_within
-def _weight(work: Any, i: int, j: int) -> float:
+@jit_exact_within
+def _weight(work: Any, i: int, j: int) -> Any:
     """Return the weight of node i in the difference q_j - q_{j-1} at node j [1/m]."""
     low, up = 1.0 / work[REST, j - 1], 1.0 / work[REST, j]
     if i < j:
-        return float(low)
-    return float(up if i > j else -(low + up))
+        return low
+    return up if i > j else -(low + up)
 
 
-@jit
+@jit_exact
 def _add_at(bending: Any, work: Any, p: float, i: int, n: int) -> None:
     """Add force and block of node i from the moments at it and its neighbours."""
     for j in range(max(i - 1, 1), min(i + 1, n - 1) + 1):
         EI, weight = 2.0 * bending.EI / (work[REST, j - 1] + work[REST, j]), _weight(work, i, j)
         for k in range(3):
             bend = _slope(work, POSITION + k, j) - _slope(work, POSITION + k, j - 1)
-            work[RESIDUAL + k, i] -= weight * (EI * bend)
+            work[RESIDUAL + k, i] = fused(-weight, EI * bend, work[RESIDUAL + k, i])
         for k in (0, 3, 5):
-            work[BLOCK + k, i] += p * EI * weight * weight
+            work[BLOCK + k, i] = fused(p * EI * weight, weight, work[BLOCK + k, i])
 
 
-@jit_within
-def _inner_force(places: Any, over: Any, moments: Any) -> float:
+@jit_exact_within
+def _inner_force(places: Any, over: Any, moments: Any) -> Any:
     """Return one component of the force on the third of five nodes from the moments about it.
 
     over: 1 over the four unstretched lengths between them; moments: each weight times EI/l.
     """
     (p, q, r, s, t), (a, b, c, d), (low, here, up) = places, over, moments
     below, above = b * (r - q), c * (s - r)
-    return float(here * (above - below) - low * (below - a * (q - p)) - up * (d * (t - s) - above))
+    inner = fused(-low, fused(-a, q - p, below), here * (above - below))
+    return fused(-up, fused(d, t - s, -above), inner)
 
 
-@jit
+@jit_exact
 def _add_inside(bending: Any, work: Any, stiffness: float, n: int) -> None:
     """Add force and block of the nodes 2 <= i < n - 1, whose three moments are at inner nodes."""
     px, py, pz = rows(work, POSITION, 0)
@@ -179,21 +184,21 @@ def _add_inside(bending: Any, work: Any, stiffness: float, n: int) -> None:
         Rx[i] += _inner_force((px[i], qx[i], rx[i], sx[i], tx[i]), over, moments)
         Ry[i] += _inner_force((py[i], qy[i], ry[i], sy[i], ty[i]), over, moments)
         Rz[i] += _inner_force((pz[i], qz[i], rz[i], sz[i], tz[i]), over, moments)
-        own = stiffness * (low * b + here * (b + c) + up * c)
+        own = stiffness * fused(up, c, fused(here, b + c, low * b))
         Axx[i] += own
         Ayy[i] += own
         Azz[i] += own
 
 
-@jit
+@jit_exact
 def _add_links(bending: Any, work: Any, stiffness: float, n: int) -> None:
     """Add p times the moments' stiffness between a node and the next, and the second next."""
-    rest, near, far = row(work, REST, 0), work[LINK], work[LINK + 1]
+    rest, near, far = row(work, REST, 0), row(work, LINK, 0), row(work, SECOND, 0)
     EI = 2.0 * stiffness * bending.EI
     for i in range(1, n - 1):
         k, l, m = rest[i - 1], rest[i], rest[i + 1]
         a, b, c = 1.0 / k, 1.0 / l, 1.0 / m
-        near[i] -= b * ((a + b) * (EI / (k + l)) + (b + c) * (EI / (l + m)))
+        near[i] = fused(-b, fused(a + b, EI / (k + l), (b + c) * (EI / (l + m))), near[i])
     for i in range(n - 1):
         l, m = rest[i], rest[i + 1]
         far[i] += EI / (l * m * (l + m))
@@ -202,7 +207,7 @@ def _add_links(bending: Any, work: Any, stiffness: float, n: int) -> None:
     near[n - 1] -= EI / (rest[n - 1] * rest[n - 1] * rest[n - 2])
 
 
-@kernel("couple", Bending)
+@kernel("couple", Bending, wide=True, exact=True)
 def couple(bending: Any, work: Any, stage: Any, n: int) -> None:
     """Add the forces of each inner node's moment EI·r'' on it and its neighbours, and blocks."""
     if n > 1:

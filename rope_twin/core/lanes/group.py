@@ -29,6 +29,7 @@ from rope_twin.core.loads.memory import arrays_carried, count_known, numbers_car
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     COUNTS,
+    COUPLED_ROWS,
     ELEMENTS,
     END,
     HEALTH,
@@ -223,7 +224,8 @@ class Group:
         state.counts[ELEMENTS] = kind.elements
         effects = tuple(make_wide(on_columns(own, columns)) for own in kind.effects)
         sections = aligned(SECTION_ROWS, kind.sections, LANES)
-        work = aligned(columns, WORK_ROWS, LANES)
+        coupled = hooks.couples(own[0] for own in kind.effects)
+        work = aligned(columns, COUPLED_ROWS if coupled else WORK_ROWS, LANES)
         law = None if kind.law is None else make_wide(kind.law)
         self._rope = Rope(model, state, work, sections, effects, law)
         own_each = any_by_lane(own[0] for own in kind.effects)

@@ -23,6 +23,7 @@ from rope_twin.core.integrator import (
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.jit.wide import ALL, bits, choose, mask_of
+from rope_twin.core.joined.chains import add_couplings
 from rope_twin.core.joined.linear_solver import push_lanes, solve_lanes
 from rope_twin.core.joined.stage import (
     begin_trial,
@@ -48,7 +49,13 @@ from rope_twin.core.loads.balance import (
     set_block,
     set_flow,
 )
+from rope_twin.core.loads.hooks import chosen_by, couples
 from rope_twin.core.newton import CHUNK, RESIDUAL_SHARE, SEARCH_FROM, count_left
+from rope_twin.core.pentadiagonal import (
+    eliminate_coupled_wide,
+    push_coupled_wide,
+    take_links_wide,
+)
 from rope_twin.core.state import (
     BLOCK,
     DIRECTION,
@@ -194,6 +201,7 @@ def _evaluate_rope(rope: Any, stage: Any, kind: int, pending: Any, upto: int) ->
         predict_lanes(rope.effects, rope, stage, kind, done, last)
         _load_nodes(rope.effects, work, stage, max(done, 1), last)
     load_lowest(rope.effects, work, stage)
+    add_couplings(rope.effects, work, stage, n, upto)
 
 
 @jit_within
@@ -245,6 +253,7 @@ def _reload(system: Any, stage: Any, lanes: int, others: int) -> None:
             _store_loads(rope.work, upto)
         _load_nodes(rope.effects, rope.work, own, 1, upto)
         load_lowest(rope.effects, rope.work, own)
+        add_couplings(rope.effects, rope.work, own, n, upto)
         if others != 0:
             _restore_loads(rope.work, upto, mask_of(others))
     gather_connections(system, stage)
@@ -271,19 +280,38 @@ def _restore_loads(work: Any, upto: int, others: Any) -> None:
 
 
 @jit
-def _try_rope(rope: Any, stage: Any) -> Any:
+def _push_links(work: Any, first: int, n: int, tried: Any) -> None:
+    """Solve with the existing factors; subtract the effect of couplings in the lanes `tried`."""
+    push_coupled_wide(work, first, n)
+    take_links_wide(work, n, tried)
+
+
+@jit
+def _push_chain(work: Any, first: int, n: int) -> None:
+    """Solve with the existing factors."""
+    push_wide(work, first, n)
+    substitute_wide(work, first, n, 0, (n - first - 1) // 2)
+
+
+_push = chosen_by(
+    couples,
+    lambda effects, work, first, n, tried: _push_links(work, first, n, tried),
+    lambda effects, work, first, n, tried: _push_chain(work, first, n),
+)
+
+
+@jit
+def _try_rope(rope: Any, stage: Any, share: Any) -> Any:
     """Solve with the existing factors; return the lanes that this leaves with a residual."""
-    n, first = rope.state.counts[ELEMENTS], rope.model.first_free
-    push_wide(rope.work, first, n)
-    substitute_wide(rope.work, first, n, 0, (n - first - 1) // 2)
+    _push(rope.effects, rope.work, rope.model.first_free, rope.state.counts[ELEMENTS], share > 0.0)
     return count_left(rope, stage, CHUNK)
 
 
-@by_kind(lambda system, stage, share: _try_rope(system, stage))
+@by_kind(lambda system, stage, share: _try_rope(system, stage, share))
 def _try_factors(system: Any, stage: Any, share: Any) -> Any:
     """Solve with the existing factors; return the lanes that this leaves with a residual.
 
-    share: 1 in the lanes whose connections are corrected, else 0.
+    share: 1 in the lanes that are tried, whose connections are corrected, else 0.
     """
     push_lanes(system)
     begin_trial(system, stage, share)
@@ -314,7 +342,22 @@ def _look_ahead(rope: Any, stage: Any, active: int) -> int:
     return int(ALL - unexpected)
 
 
-@by_kind(lambda system, stage, active, share: _look_ahead(system, stage, active))
+@jit
+def _look_ahead_bent(rope: Any, stage: Any, active: int) -> int:
+    """Do the same for a rope in which an effect couples nodes."""
+    n = rope.state.counts[ELEMENTS]
+    eliminate_coupled_wide(rope.work, rope.model.first_free, n, mask_of(active))
+    return int(ALL - count_unexpected(rope, stage, ZERO, n))
+
+
+_look = chosen_by(
+    couples,
+    lambda effects, rope, stage, active: _look_ahead_bent(rope, stage, active),
+    lambda effects, rope, stage, active: _look_ahead(rope, stage, active),
+)
+
+
+@by_kind(lambda system, stage, active, share: _look(system.effects, system, stage, active))
 def _solve_ahead(system: Any, stage: Any, active: Any, share: Any) -> Any:
     """Solve; return the lanes whose tensions agree with their linearisation, were motion corrected.
 

@@ -41,6 +41,7 @@ from rope_twin.core.lanes.system import (
     part_of,
     wide_system,
 )
+from rope_twin.core.loads.balance import add_pull
 from rope_twin.core.loads.middle import payload_middle
 from rope_twin.core.payout import (
     OFFSET_GONE,
@@ -191,6 +192,7 @@ def _finish_rope(rope: Any, place: Any, boundary: Any, pull: Any, step: int, of:
     stage = LaneStage(time, 1.0, 0.0, V, lanes, each)
     load_trials_of(rope, stage, A, 0.0, place[n - 1], place[n - 2])
     report_tension(rope, pull, step)
+    add_pull(rope.effects, rope.work, rope.state.nodes, n, pull, step)
 
 
 @jit

@@ -17,8 +17,10 @@ from rope_twin.core.joined.joints import LOOSE, Joined, Joints, count_joints
 from rope_twin.core.joined.plan import Plan
 from rope_twin.core.joined.stage import by_kind, rope_at
 from rope_twin.core.lanes.effects import wide_data
+from rope_twin.core.loads.hooks import chosen_by, couples
 from rope_twin.core.state import (
     ACCELERATION,
+    COUPLED_ROWS,
     NODE_ROWS,
     POSITION,
     VELOCITY,
@@ -42,6 +44,13 @@ def _choose_system(arrays: Any) -> Any:
     return lambda arrays: _wide_joined(arrays)
 
 
+_wide_work = chosen_by(
+    couples,
+    lambda effects, work: tiles(work, COUPLED_ROWS),
+    lambda effects, work: tiles(work, WORK_ROWS),
+)
+
+
 @jit
 def _wide_rope(rope: Any) -> Any:
     model, state = rope.model, rope.state
@@ -62,7 +71,7 @@ def _wide_rope(rope: Any) -> Any:
             state.counts,
             state.health,
         ),
-        tiles(rope.work, WORK_ROWS),
+        _wide_work(rope.effects, rope.work),
         table(rope.sections),
         wide_data(rope.effects),
         wide_data(rope.law),

@@ -51,6 +51,8 @@ from rope_twin.core.state import (
     POSITION,
     PULL,
     PULL_X,
+    PULL_Y,
+    PULL_Z,
     RESIDUAL,
     SAME_PLACE,
     SURFACE,
@@ -402,11 +404,12 @@ def _compose_couplings(effects: Any, work: Floats, stage: Stage, n: Any) -> Any:
 @jit
 def _add_to_pull(force: Any, pull: Any, row: int) -> None:
     """Add a force on the hang-off to the tension of step `row`."""
-    square = 0.0
-    for k in range(3):
-        pull[row, PULL_X + k] += force[k]
-        square += pull[row, PULL_X + k] ** 2
-    pull[row, PULL] = sqrt(square)
+    x, y, z = pull[row, PULL_X], pull[row, PULL_Y], pull[row, PULL_Z]
+    x, y, z = x + force[0], y + force[1], z + force[2]
+    pull[row, PULL_X] = x
+    pull[row, PULL_Y] = y
+    pull[row, PULL_Z] = z
+    pull[row, PULL] = sqrt(x * x + y * y + z * z)
 
 
 @jit_within
@@ -416,7 +419,7 @@ def _recall_top(work: Floats, nodes: Floats, n: int) -> None:
     A stage that ends with a pending correction leaves them uncorrected there.
     """
     for i in range(max(n - 2, 0), n):
-        for k in range(nodes.shape[0]):
+        for k in range(NODE_ROWS):
             work[k, i] = nodes[k, i]
 
 
