@@ -31,8 +31,9 @@ import numpy as np
 from rope_twin.core.integrator import K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import VORTICES, grows, kernel
+from rope_twin.core.loads.hooks import VORTICES, grows, kernel, wide_kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
@@ -130,7 +131,7 @@ def frequency(shed: Any, speed: float, per_diameter: float) -> Any:
     """Return f [Hz] at a normal speed; 0 where there is no shedding."""
     re = speed * shed.per_viscosity / (per_diameter + DIVISOR_MIN)
     strouhal = shed.strouhal + shed.rise * max(re - STROUHAL_TO, 0.0)
-    return strouhal * speed * per_diameter if re > SHEDS_FROM else 0.0
+    return choose(re > SHEDS_FROM, strouhal * speed * per_diameter, 0.0)
 
 
 @jit_within
@@ -160,21 +161,42 @@ def _first_rate(shed: Any, rope: Any, i: int) -> Any:
 @kernel("predict", StrouhalForcing)
 def predict(shed: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set the explicit parts of φ and m, and the quantities that are constant in the stage."""
-    memory, work, c = shed.memory, rope.work, stage.q
     for i in range(low, high):
-        length = 0.5 * (work[REST, i] + work[REST, i - 1]) if i > 0 else 0.5 * work[REST, i]
-        memory[PER_DIAMETER, i] = sqrt(0.25 * pi * length / (work[VOLUME, i] + DIVISOR_MIN))
-        memory[STRENGTH, i] = shed.strength * length / memory[PER_DIAMETER, i]
-        if stage.time <= 0.0:  # static equilibrium, sought in long steps
-            memory[STRENGTH, i] = 0.0
-        if memory[1, i] == UNKNOWN:
-            memory[1, i] = _first_rate(shed, rope, i)
-        for k in range(2):
-            value, rate = memory[2 * k, i], memory[2 * k + 1, i]
-            if kind == TRAPEZOID:
-                memory[PHASE_HAT + k, i] = value + c * rate
-            else:
-                memory[PHASE_HAT + k, i] = K1 * memory[CARRIED + 2 * k, i] - K2 * value
+        _set_size(shed, rope.work, stage, i)
+        if shed.memory[1, i] == UNKNOWN:
+            shed.memory[1, i] = _first_rate(shed, rope, i)
+        _set_hats(shed, stage, kind, i)
+
+
+@wide_kernel("predict", StrouhalForcing)
+def predict_wide(shed: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
+    """Do the same in lanes, which do not take the step that begins with an unknown rate."""
+    for i in range(low, high):
+        _set_size(shed, rope.work, stage, i)
+        _set_hats(shed, stage, kind, i)
+
+
+@jit_within
+def _set_size(shed: Any, work: Any, stage: Any, i: int) -> None:
+    """Set 1/d and the strength of a node."""
+    memory = shed.memory
+    length = 0.5 * (work[REST, i] + work[REST, i - 1]) if i > 0 else 0.5 * work[REST, i]
+    memory[PER_DIAMETER, i] = sqrt(0.25 * pi * length / (work[VOLUME, i] + DIVISOR_MIN))
+    memory[STRENGTH, i] = shed.strength * length / memory[PER_DIAMETER, i]
+    if stage.time <= 0.0:  # static equilibrium, sought in long steps
+        memory[STRENGTH, i] = 0.0
+
+
+@jit_within
+def _set_hats(shed: Any, stage: Any, kind: int, i: int) -> None:
+    """Set the explicit parts of φ and m of a node."""
+    memory = shed.memory
+    for k in range(2):
+        value, rate = memory[2 * k, i], memory[2 * k + 1, i]
+        if kind == TRAPEZOID:
+            memory[PHASE_HAT + k, i] = value + stage.q * rate
+        else:
+            memory[PHASE_HAT + k, i] = K1 * memory[CARRIED + 2 * k, i] - K2 * value
 
 
 @jit_within
@@ -189,12 +211,12 @@ def _solve(shed: Any, c: float, i: int, water: Any, across: Any) -> Any:
     square = (memory[SQUARE_HAT, i] + c * f * across * across) / (1.0 + c * f)
     amplitude = sqrt(2.0 * max(square, 0.0)) / (2.0 * pi * f + SHEDDING_MIN)
     share = max(1.0 - shed.per_limit * amplitude * memory[PER_DIAMETER, i], 0.0)
-    sheds = 1.0 if f > 0.0 else 0.0
+    sheds = choose(f > 0.0, 1.0, 0.0)
     growth = f * (across * across - square)
     return phase, 2.0 * pi * f, square, growth, sheds * share * shed.lift, sheds
 
 
-@kernel("load_nodes", StrouhalForcing)
+@kernel("load_nodes", StrouhalForcing, wide=True)
 def load_nodes(shed: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Add F = k·|v_n|·(λ·sin φ·(v × t) + C'_d·sin 2φ·v_n), k = ½·ρ·d·l·C_d, and its block.
 
@@ -230,7 +252,7 @@ def load_nodes(shed: Any, work: Any, stage: Any, low: int, high: int) -> None:
         Azz[i] += 2.0 * g * fz * n[2] + h * (1.0 - z * z)
 
 
-@kernel("settle", StrouhalForcing)
+@kernel("settle", StrouhalForcing, wide=True)
 def settle(shed: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store φ and m of the converged stage."""
     memory, work = shed.memory, rope.work
