@@ -270,9 +270,10 @@ def test_sections_of_one_rope(tmp_path: Path) -> None:
 
 
 def test_bent_ropes(tmp_path: Path) -> None:
-    """A stiff rope with a clamp at the sheave: calm, paid out and hauled in, and snapping ones."""
+    """A stiff rope that sheds vortices, with a clamp: calm, paid out and in, and snapping ones."""
     path = tmp_path / "bent.yaml"
     bent = "  - bending: {stiffness_n_m2: 2.0e+5, clamped_along: [0.1, 0.0, -1.0]}\n"
+    bent += "  - strouhal_forcing: {}\n"
     path.write_text(SMALL_SCENE.replace("  - payload: {}\n", bent + "  - payload: {}\n"))
     scene = load_scene(path)
     own = [(calm, paying, snapping)[number % 3](number) for number in range(LANES)]
