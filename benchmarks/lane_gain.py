@@ -49,6 +49,8 @@ FULL = (
     Case("splash_zone", "waves, wetting, wind, splash_zone"),
     Case("riser_300m", "bending"),
     Case("viv_in_heave", "wake_oscillator"),
+    Case("strouhal_lift", "strouhal_forcing"),
+    Case("active_over_passive_lift", "compensator"),
     Case("tow_with_net", "net"),
     Case("lift_off", "rigid_body, a deck"),
     Case("manifold_lift", "rigid_body, waves, splash_zone, seabed"),

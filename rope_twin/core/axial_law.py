@@ -195,7 +195,14 @@ def _choose_pull(
         return lambda law, rows, e, extension, rest, rate, weights: chosen(
             law, rows[0], rows[1], e, extension, rest
         )
-    kernel = kernel_of("axial", law.types[law.fields.index("own")].instance_class)
+    own = law.types[law.fields.index("own")]
+    kernel = kernel_of("axial", own.instance_class)
+    if isinstance(own.types[own.fields.index("here")], WideType):  # in lanes it is always there
+        return lambda law, rows, e, extension, rest, rate, weights: (
+            kernel(law.own, extension, rate, weights, rows[1][e], law.depth)
+            if e + law.low == 0
+            else chosen(law.law, rows[0], rows[1], e, extension, rest)
+        )
 
     def lowest(
         law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, weights: Any

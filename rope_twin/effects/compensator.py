@@ -52,6 +52,8 @@ import numpy as np
 
 from rope_twin.core.integrator import GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.rows import column
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import lowest_account
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering
@@ -229,7 +231,7 @@ def build(params: CompensatorParams, payload: Any, around: Any) -> Compensator:
 
 
 @jit_within
-def _gas(own: Any, s: float) -> Any:
+def _gas(own: Any, s: Any) -> Any:
     """Return G [N] and dG/ds [N/m] at a position of the piston."""
     volume = own.volume - own.area * (s - 0.5 * own.stroke)
     force = own.force * (own.volume / volume) ** own.n
@@ -237,45 +239,45 @@ def _gas(own: Any, s: float) -> Any:
 
 
 @jit_within
-def _piston(own: Any, extension: float) -> float:
+def _piston(own: Any, extension: Any) -> Any:
     """Return s, the position of the piston between its stops [m]."""
-    return float(min(max(extension, 0.0), own.stroke))
+    return min(max(extension, 0.0), own.stroke)
 
 
 @jit_within
-def _seals(own: Any, s: float) -> Any:
+def _seals(own: Any, s: Any) -> Any:
     """Return z [m] and whether the seals stick."""
     z = own.memory[BEFORE, 0] + own.memory[ACTS, 0] * (s - own.memory[PISTON, 0])
     return min(max(z, -own.slip), own.slip), abs(z) < own.slip
 
 
 @jit_within
-def _stop(own: Any, k: float, beyond: float, rate: float) -> Any:
+def _stop(own: Any, k: Any, beyond: Any, rate: Any) -> Any:
     """Return N [N] of the stop beyond which the unit is, and its derivatives to x and v."""
-    outward = 1.0 if beyond > 0.0 else -1.0
+    outward = choose(beyond > 0.0, 1.0, -1.0)
     factor = max(1.0 + own.chi * outward * rate, 0.0)
-    along_v = k * abs(beyond) * own.chi if factor > 0.0 else 0.0
-    return k * beyond * factor, k * factor if beyond != 0.0 else 0.0, along_v
+    along_v = choose(factor > 0.0, k * abs(beyond) * own.chi, 0.0)
+    return k * beyond * factor, choose(abs(beyond) > 0.0, k * factor, 0.0), along_v
 
 
 @jit_within
-def _driven(own: Any, rate: float) -> Any:
+def _driven(own: Any, rate: Any) -> Any:
     """Return F_a [N] and its derivative to the stroke's rate."""
     wanted = own.gain * (rate - own.memory[COMMAND, 0])
     force = min(max(wanted, -own.force_limit), own.force_limit)
-    return force, own.gain if wanted == force else 0.0
+    return force, choose(wanted == force, own.gain, 0.0)
 
 
 @jit_within
-def _within_limits(own: Any, command: float, s: float) -> float:
+def _within_limits(own: Any, command: Any, s: Any) -> Any:
     """Return a commanded rate within the cylinder's speed, from which it brakes at a stop."""
-    room = own.stroke - s if command > 0.0 else s
+    room = choose(command > 0.0, own.stroke - s, s)
     most = min(own.speed_limit, sqrt(2.0 * own.braking * max(room, 0.0)))
-    return float(min(max(command, -most), most))
+    return min(max(command, -most), most)
 
 
-@kernel("axial", Compensator)
-def axial(own: Any, x: float, v: float, weights: Any, k: float, depth: float) -> Any:
+@kernel("axial", Compensator, wide=True)
+def axial(own: Any, x: Any, v: Any, weights: Any, k: Any, depth: Any) -> Any:
     """Return the force of the unit before it is bounded to a pull [N], and dT/dx + (q/p)·dT/dv.
 
     weights: p and q of the stage, in which the extension x changes by p and its rate v by q times
@@ -287,8 +289,8 @@ def axial(own: Any, x: float, v: float, weights: Any, k: float, depth: float) ->
     stop, k_stop, c_stop = _stop(own, k, x - s, v)
     z, sticks = _seals(own, s)
     active, c_active = _driven(own, v)
-    inside = 1.0 if x == s else 0.0
-    k_seal = own.seal if sticks else 0.0
+    inside = choose(x == s, 1.0, 0.0)
+    k_seal = choose(sticks, own.seal, 0.0)
     pull = gas + stop + (own.c1 + own.c2 * abs(v)) * v + own.seal * z
     pull += own.water * max(depth, 0.0) + active
     tangent = inside * (k_gas + own.memory[ACTS, 0] * k_seal) + k_stop
@@ -296,13 +298,12 @@ def axial(own: Any, x: float, v: float, weights: Any, k: float, depth: float) ->
 
 
 @jit_within
-def _extension(place: Any, first: int, rest: float) -> float:
+def _extension(place: Any, rest: Any) -> Any:
     """Return the length of the lowest element beyond its unstretched length [m]."""
-    square = 0.0
-    for k in range(3):
-        apart = place[first + k, 1] - place[first + k, 0]
-        square += apart * apart
-    return sqrt(square) - rest
+    x, y, z = column(place, POSITION, 1)
+    u, v, w = column(place, POSITION, 0)
+    x, y, z = x - u, y - v, z - w
+    return sqrt(x * x + y * y + z * z) - rest
 
 
 @kernel("start", Compensator)
@@ -314,11 +315,11 @@ def start(own: Any, rope: Any, upto: int) -> None:
     own.memory[COMMAND, 0] = 0.0
 
 
-@kernel("prepare", Compensator)
+@kernel("prepare", Compensator, wide=True)
 def prepare(own: Any, rope: Any, stage: Any, what: int) -> None:
     """Set z and s before the stage, and the command; before time 0 neither acts."""
     memory, begins = own.memory, what == TRAPEZOID
-    s = _piston(own, _extension(rope.state.nodes, POSITION, rope.state.s[1] - rope.state.s[0]))
+    s = _piston(own, _extension(rope.state.nodes, rope.state.s[1] - rope.state.s[0]))
     k = SEALS if begins else CARRIED
     memory[BEFORE, 0] = memory[k + SEALS, 0]
     memory[PISTON, 0] = s if begins else memory[REACHED, 0]
@@ -331,16 +332,16 @@ def prepare(own: Any, rope: Any, stage: Any, what: int) -> None:
     memory[COMMAND, 0] = acts * _within_limits(own, command, memory[PISTON, 0])
 
 
-@kernel("predict", Compensator)
+@kernel("predict", Compensator, wide=True)
 def predict(own: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
     """Predict nothing: the law of the element needs z before that."""
 
 
-@kernel("settle", Compensator)
+@kernel("settle", Compensator, wide=True)
 def settle(own: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
     """Store z, s, u, m and v_c of the stage."""
     memory, q = own.memory, stage.q
-    s = _piston(own, _extension(rope.work, POSITION, rope.state.s[1] - rope.state.s[0]))
+    s = _piston(own, _extension(rope.work, rope.state.s[1] - rope.state.s[0]))
     seen, before = rope.work[VELOCITY + 2, 1], rope.state.nodes[VELOCITY + 2, 1]
     m, v = memory[MEAN, 0], memory[COMMANDED, 0]
     if what == TRAPEZOID:

@@ -46,7 +46,7 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.tridiagonal import eliminate, eliminate_wide, push, push_wide, substitute_wide
 from rope_twin.errors import InputError
-from rope_twin.scene.load import Change
+from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
@@ -286,6 +286,30 @@ def test_bent_ropes(tmp_path: Path) -> None:
     assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
     lanes = ensemble.lanes()
     assert lanes.steps > lanes.given_up
+
+
+def test_heave_compensators() -> None:
+    """Units between their stops and at them, driven and sticking, while rope is paid out."""
+    few = Change("ropes[0].elements", 20)
+    scene = change_scene(load_scene("active_over_passive_lift"), (few,))
+    commands = (CommandSample(0, WinchCommand(SPEED, 1.0)),)
+    own = [
+        Variation(
+            (Change("payloads[0].mass_kg", 1.0 + 0.02 * k, multiply=True),
+             Change("effects.compensator.exponent", 1.0 + 0.05 * k)),
+            HeaveSeries.of(sea(0.5 + 0.6 * k, 7.0 + 0.4 * k, 30.0)), commands,
+        )
+        for k in range(LANES)
+    ]  # fmt: skip
+    ensemble = Ensemble(scene, own, threads=1)
+    for seconds in (1, 13):
+        ensemble.advance(seconds)
+    assert not unequal(scene, ensemble, own, 14)
+    strokes = [ensemble.snapshot(k).compensator.stroke_m for k in range(LANES)]
+    assert len(set(strokes)) == LANES
+    lanes = ensemble.lanes()
+    assert lanes.members == LANES
+    assert lanes.given_up < 0.2 * lanes.steps
 
 
 @pytest.mark.parametrize(

@@ -417,6 +417,8 @@ def _compose_calm(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> An
 
 # Predict internal variables at the beginning of a stage, for the nodes low <= i < high.
 predict_lanes = calls_of("predict", "rope, stage, kind, low, high", lanes=True)
+# Prepare the law of the lowest element for a stage, before its elements are evaluated.
+prepare_lanes = calls_of("prepare", "rope, stage, kind", lanes=True)
 
 
 @jit

@@ -98,6 +98,9 @@ def why_alone(rope: Rope) -> str:
         return "a single element"
     if hangs_elsewhere(rope.effects):
         return "a body that hangs elsewhere"
+    unit = hooks.axial_place(map(type, rope.effects))
+    if unit is not None and not rope.effects[unit].here:
+        return "a unit that was cut off"
     kinds = [type(effect) for effect in rope.effects if not hooks.all_wide([type(effect)])]
     return ", ".join(effect_of(kind) for kind in kinds)
 

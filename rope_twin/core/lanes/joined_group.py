@@ -113,8 +113,8 @@ def _steps_in_lanes(kind: type) -> bool:
     """Return whether an effect of this type steps in the lanes of systems of ropes."""
     between = {"face", "among"}.intersection(hooks.hooks_of(kind))
     each_its_own = is_by_lane(kind) and numbers_carried(kind) > 0
-    bends = hooks.couples([kind])
-    return hooks.all_wide([kind]) and not (between or each_its_own or bends)
+    alone = hooks.couples([kind]) or hooks.axial_place([kind]) is not None
+    return hooks.all_wide([kind]) and not (between or each_its_own or alone)
 
 
 def joined_kind_of(system: System) -> JoinedKind | None:

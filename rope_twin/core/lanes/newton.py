@@ -40,7 +40,7 @@ from rope_twin.core.joined.stage import (
     stage_of,
     tolerance_of,
 )
-from rope_twin.core.lanes.effects import calm_lanes, on_lanes, predict_lanes
+from rope_twin.core.lanes.effects import calm_lanes, on_lanes, predict_lanes, prepare_lanes
 from rope_twin.core.loads.balance import (
     load_lowest,
     load_of,
@@ -182,6 +182,7 @@ def _evaluate_rope(rope: Any, stage: Any, kind: int, pending: Any, upto: int) ->
     """Evaluate the prediction of one rope, in spans of nodes; upto: number that carry loads."""
     state, work, p, q = rope.state, rope.work, stage.p, stage.q
     n, first = state.counts[ELEMENTS], rope.model.first_free
+    prepare_lanes(rope.effects, rope, stage, kind)
     for chunk in range(0, n, CHUNK):
         end = min(chunk + CHUNK, n)
         for start in range(chunk, end, SPAN):
