@@ -41,7 +41,6 @@ Floats = NDArray[np.float64]
 
 RAMP_S = 10.0  # over which the measured motion sets in
 BATCH_S = 30.0
-LEAST_LANES = 4  # members from which on they share a step
 
 
 class NominalRope:
@@ -55,9 +54,7 @@ class NominalRope:
             SceneError: the scene has no static equilibrium.
         """
         self._settings, self._ropes = settings, ropes
-        count = max(ropes, LEAST_LANES)
-        self._fleet = Fleet(scene, count, elements=settings.elements, step_s=settings.step_s)
-        self._lanes = np.arange(count) % ropes
+        self._fleet = Fleet(scene, ropes, elements=settings.elements, step_s=settings.step_s)
         self._samples = 0  # SAMPLE_S since the beginning
 
     @property
@@ -107,7 +104,7 @@ class NominalRope:
             z, v = moved(at), moved(at, 1)
             z, v = share * z, share * v + slope * z
             led = {name: (one(at), one(at, 1)) for name, one in others.items()}
-            inputs = FleetInputs(z[:, self._lanes], v[:, self._lanes], line(at), line(at, 1), led)
+            inputs = FleetInputs(z, v, line(at), line(at, 1), led)
             record = self._fleet.advance(inputs, per_sample)
             if record.failures:
                 why = next(iter(record.failures.values()))
