@@ -113,8 +113,8 @@ class _Seas:
         for k, own in enumerate(borders):
             value[..., k], rate[..., k] = own.through(0, steps)
         heave = value[:, rows.Z] - scene.ship.hang_off_m[2]
-        line = value[:, rows.LINE, 0], rate[:, rows.LINE, 0]
-        return FleetInputs(heave, rate[:, rows.Z].copy(), *(one.copy() for one in line))
+        line, speed = (table[:, rows.LINE, 0].copy() for table in (value, rate))
+        return FleetInputs(heave, rate[:, rows.Z].copy(), line, speed)
 
 
 def ordered(inputs: FleetInputs, step_s: float, seas: int) -> FleetInputs:

@@ -241,7 +241,8 @@ TOPICS: tuple[Topic, ...] = (
           "slack_margin (least tension of an element), such as top_tension_5_n; heave_skill; "
           "factor, on the spread; age_s of the inputs", of_snapshot=False),
     Topic("forecast/risk", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
-          "probabilities within span_s of the origin: tension above tension_limit_n; slack; "
+          "probabilities within span_s of the origin: tension above tension_limit_n, where ropes "
+          "meet that of any rope from a hang-off above its own limit; slack; "
           "contact with the seabed above contact_limit_m_per_s; landing; horizon_s, to which heave "
           "is known; coverage of the last 100 bands; judged, how many are known; factor on the "
           "spread, mean; age_s; NaN: unknown", of_snapshot=False,

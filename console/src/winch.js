@@ -210,7 +210,6 @@ function risk(values) {
 // Why no forecast comes, in the words of the node that makes them.
 function notForecast(values) {
   const worker = values["diagnostics forecast: worker"];
-  if (ropeNames().length > 1) return `No forecast: it is made for a scene of one rope, not for ${ropeNames().length} that are joined`;
   if (worker) return `No forecast: ${worker.message}`;
   return state.hello?.kind === "recording" ? "No forecast in this recording" : "No forecast: none is made in this run";
 }

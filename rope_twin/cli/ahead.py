@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     from rope_twin.forecast.offline import RecordingForecaster
     from rope_twin.forecast.orders import read_order
     from rope_twin.forecast.recorded_lift import read_lift
-    from rope_twin.forecast.risk import Limits
+    from rope_twin.forecast.risk import Limits, tension_limits
     from rope_twin.forecast.tension_forecast import ERROR_MARGIN, ForecastSettings
     from rope_twin.studies.picture import check_picture
 
@@ -74,10 +74,8 @@ def run(args: argparse.Namespace) -> int:
     error = MotionError(coloured_m=ERROR_MARGIN * args.motion_error)
     settings = ForecastSettings(members=args.members, motion_error=error)
     lift = read_lift(args.bag, args.scene)
-    own = lift.scene.limits
-    usual_n = own.tension_n or own.utilisation * lift.scene.ropes[0].breaking_load_n
-    limit_n = usual_n if args.limit is None else args.limit
-    limits = Limits(limit_n, args.contact_speed, args.quiet_speed, args.quiet_time)
+    limit_n, others_n = tension_limits(lift.scene, args.limit)
+    limits = Limits(limit_n, args.contact_speed, args.quiet_speed, args.quiet_time, others_n)
     forecaster = RecordingForecaster(lift, settings, args.planned)
     if args.score:
         scored = forecaster.score(args.every, limit_n, CaseProgress().show)
@@ -117,19 +115,23 @@ def _tell(
     )
     print(f"{first.members} ropes; heave is known to {first.horizon_s:g} s ahead, beyond that the "
           "band is the climatology of this sea for this rope\n")  # fmt: skip
-    band = first.band() * 1e-3
     at = [round(s / (first.lead_s[1] - first.lead_s[0])) - 1 for s in SHOWN_S]
-    rows = [["top tension [kN] in", *(f"{s:g} s" for s in SHOWN_S)]]
-    for name, values in zip(("5 %", "50 %", "95 %"), band, strict=True):
-        rows.append([name, *(f"{values[k]:.1f}" for k in at)])
-    print_table(rows)
+    bands = {lift.scene.ropes[0].name: first.band()}
+    bands |= {name: own.band() for name, own in first.others.items()}
+    for rope, band in bands.items():
+        whose = f" of {rope}" if first.others else ""
+        rows = [[f"top tension{whose} [kN] in", *(f"{s:g} s" for s in SHOWN_S)]]
+        for name, values in zip(("5 %", "50 %", "95 %"), band * 1e-3, strict=True):
+            rows.append([name, *(f"{values[k]:.1f}" for k in at)])
+        print_table(rows)
     for forecast in made:
         risk, quiet = _risks(forecaster, forecast, limits)
         print(f"\n{forecast.order}{': ' + forecast.note if forecast.note else ''}")
         rows = [["within", *(f"{one.span_s:g} s" for one in risk)]]
-        rows.append(
-            [f"P(T > {limits.tension_n / 1e3:.0f} kN)", *(f"{r.tension:.2f}" for r in risk)]
-        )
+        name = f"P(T > {limits.tension_n / 1e3:.0f} kN)"
+        if forecast.others:
+            name = "P(any rope's T > its limit)"
+        rows.append([name, *(f"{r.tension:.2f}" for r in risk)])
         rows.append(["P(slack)", *(f"{r.slack:.2f}" for r in risk)])
         if not math.isnan(risk[0].landing):
             rows.append(["P(lands)", *(f"{r.landing:.2f}" for r in risk)])
@@ -175,6 +177,7 @@ def _figures(
             "horizon_s": forecast.horizon_s,
             "lead_s": forecast.lead_s.tolist(),
             "bands": {name: forecast.band(name).tolist() for name in QUANTITIES},
+            "others": {name: own.band().tolist() for name, own in forecast.others.items()},
             "risks": [_without_nan(asdict(one)) for one in risk],
             "quiet": [asdict(one) for one in quiet],
             "against_first": asdict(compare(forecast, made[0])),

@@ -284,8 +284,6 @@ def risk_lines(values: Values, units: Units) -> list[str]:
 
 def no_forecast(values: Values) -> str:
     """Return why there is none, in the words of the node that makes forecasts."""
-    if (ropes := len(values.get("ropes") or ())) > 1:
-        return f"No forecast: it is made for a scene of one rope, not for {ropes} that are joined"
     said = values.get("diagnostics forecast: worker", {}).get("message", "")
     return f"No forecast: {said}" if said else "No forecast"
 

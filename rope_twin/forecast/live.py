@@ -29,7 +29,7 @@ from rope_twin.forecast.heave_process import (
     Response,
     heave_spectrum,
 )
-from rope_twin.forecast.orders import CONTINUE, Order, check_order
+from rope_twin.forecast.orders import CONTINUE, Order
 from rope_twin.forecast.recorded_lift import (
     NominalRope,
     line_to_contact_m,
@@ -45,6 +45,7 @@ from rope_twin.forecast.risk import (
     compare,
     quiet_windows,
     risks,
+    tension_limits,
 )
 from rope_twin.forecast.tension_forecast import (
     ForecastSettings,
@@ -53,6 +54,7 @@ from rope_twin.forecast.tension_forecast import (
     TensionForecaster,
     unlearned_spread,
 )
+from rope_twin.forecast.winches import check_lift_order
 from rope_twin.messages.reports import (
     QUANTITIES,
     QUIET_TOPIC,
@@ -117,7 +119,8 @@ class Heard:
     """All series of a live lift, in seconds of one clock."""
 
     heave_m: Series = field(default_factory=Series)
-    line_out_m: Series = field(default_factory=Series)
+    line_out_m: Series = field(default_factory=Series)  # of the main winch
+    lines_m: dict[str, Series] = field(default_factory=dict)  # of other winches that were heard
     tension_n: Series = field(default_factory=Series)
     waves: deque[tuple[float, float, float]] = field(
         default_factory=lambda: deque(maxlen=20_000)
@@ -131,7 +134,7 @@ class Heard:
     def clear(self) -> None:
         """Forget everything, as after a pause."""
         self.heave_m, self.line_out_m, self.tension_n = Series(), Series(), Series()
-        self.pin_n = Series()
+        self.pin_n, self.lines_m = Series(), {}
         self.waves.clear()
         self.compensation_on = None
 
@@ -146,6 +149,7 @@ class _Samples:
     mean_n: Floats  # tension over the SAMPLE_S before; NaN: missing
     pin_n: Floats  # measured tension at the instant; NaN: missing
     pin_until_s: float  # newest of it; -inf: none
+    lines_m: dict[str, Floats]  # of other winches
 
 
 @dataclass(frozen=True)
@@ -194,7 +198,7 @@ class LiveForecaster:
         wave_noise_m: float = 0.2,
         wave_heading_rad: float = 0.0,
     ) -> None:
-        """Take a scene of one rope.
+        """Take a scene.
 
         wave_noise_m: standard deviation of measured elevations; wave_heading_rad: direction that
         their waves travel to, counter-clockwise from east.
@@ -205,6 +209,7 @@ class LiveForecaster:
         self._forecaster: TensionForecaster | None = None
         self._nominal: NominalRope | None = None
         self._begun_s = 0.0  # time of the nominal rope's beginning
+        self._led: tuple[str, ...] = ()  # other winches whose line it follows
         self._depth_m = seabed_depth_m(scene)
         self.kept: KeptForecasts | None = None
         self._seen_s = self._last_s = -np.inf  # newest tension judged by, newest origin
@@ -243,15 +248,16 @@ class LiveForecaster:
             self.settings = self.settings.with_figures(*heard.figures)
             if self._forecaster is not None:
                 self._forecaster.settings = self.settings
-        if self._nominal is None or grid[0] > self._begun_s + self._nominal.time_s:
-            self._begin(grid, line)
+        lost = self._nominal is None or grid[0] > self._begun_s + self._nominal.time_s
+        if lost or tuple(own.lines_m) != self._led:
+            self._begin(own)
         assert self._nominal is not None
         assert self._forecaster is not None
         assert self.kept is not None
         origin_s = float(grid[-1])
         self._nominal.follow(
             origin_s - self.settings.burn_in_s - self._begun_s,
-            float(grid[0]) - self._begun_s, heave, line,
+            float(grid[0]) - self._begun_s, heave, line, own.lines_m,
         )  # fmt: skip
         for at, value in zip(grid, own.pin_n, strict=True):
             if self._seen_s < at <= own.pin_until_s:
@@ -266,7 +272,7 @@ class LiveForecaster:
         known = Known(
             origin_s, heave, line, mean, waves, response,
             compensated=bool(winch and winch.heave_compensation) and is_on is not False,
-            to_contact_m=line_to_contact_m(self._scene, float(line[-1])),
+            to_contact_m=line_to_contact_m(self._scene, float(line[-1])), lines_m=own.lines_m,
         )  # fmt: skip
         asked, heard.asked = heard.asked, ()
         possible, refused = self._possible(asked, known)
@@ -289,18 +295,19 @@ class LiveForecaster:
         now = self._forecaster.line_now(known)
         for order in asked:
             try:
-                check_order(order, self._scene.winch, now)
+                check_lift_order(order, self._scene, now)
                 possible.append(order)
             except InputError as error:
                 refused.append(str(error))
         return possible, tuple(refused)
 
-    def _begin(self, grid: Floats, line: Floats) -> None:
+    def _begin(self, own: _Samples) -> None:
         """Build the fleet for the present line out, and the nominal rope from rest."""
-        scene = scene_at_line(self._scene, float(line[0]))
+        led = {name: float(line_m[0]) for name, line_m in own.lines_m.items()}
+        scene = scene_at_line(self._scene, float(own.line_out_m[0]), led)
         self._forecaster = TensionForecaster(scene, self.settings)
-        self._nominal = NominalRope(scene, self.settings)
-        self._begun_s, leads = float(grid[0]), self._forecaster.leads
+        self._nominal, self._led = NominalRope(scene, self.settings), tuple(led)
+        self._begun_s, leads = float(own.time_s[0]), self._forecaster.leads
         if self.kept is None or not np.array_equal(self.kept.leads, leads):
             self.kept = KeptForecasts(leads)
 
@@ -334,11 +341,12 @@ def _sampled(heard: Heard) -> _Samples | None:
     Tension may have gaps, in which it is NaN; it must have been heard at all.
     """
     heave, line = heard.heave_m.table(), heard.line_out_m.table()
-    tension = heard.tension_n.rows()
-    if len(heave) < 2 or len(line) < 2 or not len(tension):
+    others = {name: one.table() for name, one in sorted(heard.lines_m.copy().items())}
+    tension, spans = heard.tension_n.rows(), (heave, line, *others.values())
+    if any(len(one) < 2 for one in spans) or not len(tension):
         return None
-    first = np.ceil(max(heave[0, 0], line[0, 0]) / SAMPLE_S)
-    last = np.floor(min(heave[-1, 0], line[-1, 0]) / SAMPLE_S)
+    first = np.ceil(max(one[0, 0] for one in spans) / SAMPLE_S)
+    last = np.floor(min(one[-1, 0] for one in spans) / SAMPLE_S)
     if last <= first:
         return None
     grid: Floats = np.asarray(SAMPLE_S * np.arange(first, last + 1.0))
@@ -353,6 +361,7 @@ def _sampled(heard: Heard) -> _Samples | None:
     return _Samples(
         grid, np.interp(grid, heave[:, 0], heave[:, 1]), np.interp(grid, line[:, 0], line[:, 1]),
         mean, pin_n, float(pin[-1, 0]) if len(pin) else -np.inf,
+        {name: np.interp(grid, one[:, 0], one[:, 1]) for name, one in others.items()},
     )  # fmt: skip
 
 
@@ -465,16 +474,15 @@ def usual_limits(scene: Scene, given: Sequence[float]) -> Limits:
     """Return the limits of risks.
 
     given: tension [N], contact speed and quiet speed [m/s], length of a quiet window [s]. A
-    tension limit of 0 is that of the scene: its own, or its utilisation times the MBL.
+    tension limit of 0 is that of the scene: its own, or its utilisation times the MBL of each rope.
 
     Raises:
         InputError: a limit that is not positive, or a window longer than the forecast allows.
     """
     tension_n, contact, quiet, length_s = given
-    own = scene.limits
     longest_s = AHEAD_S - max(BEGINS_S)
     if length_s > longest_s:
         right = f"give at most {longest_s:g} s, so that the latest window ends with the forecast"
         raise InputError(phrase("limit quiet_s", f"it is {length_s:g} s", right))
-    usual_n = own.tension_n or own.utilisation * scene.ropes[0].breaking_load_n
-    return Limits(tension_n or usual_n, contact, quiet, length_s)
+    own_n, others_n = tension_limits(scene, tension_n or None)
+    return Limits(own_n, contact, quiet, length_s, others_n)

@@ -38,7 +38,7 @@ LEAST_ORIGINS = 2
 
 @dataclass(frozen=True)
 class EventScore:
-    """Score of P(top tension > limit) over a span."""
+    """Score of P(top tension > limit) over a span, of the main winch's rope."""
 
     span_s: float
     score: BrierScore
@@ -130,15 +130,18 @@ class RecordingForecaster:
         own, lift = self.settings, self.lift
         before = round(own.burn_in_s / SAMPLE_S)
         at = [sample - before for sample in samples]
-        states = nominal_states(lift.scene, lift.heave_m, lift.line_out_m, at, own)
+        states = nominal_states(lift.scene, lift.heave_m, lift.line_out_m, at, own, lift.lines_m)
         return [one[0] for one in states]
 
     def _forecast(
         self, sample: int, start: FleetState, orders: Sequence[Order]
     ) -> list[TensionForecast]:
         known = self._known(sample)
-        plan = self.lift.plan_at(sample, self.settings, AHEAD_S) if self.planned else None
-        return self._forecaster.forecast(known, start, orders, self.kept.factor(), plan)
+        if not self.planned:
+            return self._forecaster.forecast(known, start, orders, self.kept.factor())
+        own = sample, self.settings, AHEAD_S
+        plans = self.lift.plan_at(*own), self.lift.plans_at(*own)
+        return self._forecaster.forecast(known, start, orders, self.kept.factor(), *plans)
 
     def _known(self, sample: int) -> Known:
         to_contact = line_to_contact_m(self.lift.scene, float(self.lift.line_out_m[sample]))

@@ -136,17 +136,24 @@ def check_order(order: Order, winch: Winch | None, now: LineNow) -> None:
 
 
 def line_path(
-    order: Order, now: LineNow, winch: Winch | None, steps: int, step_s: float
+    order: Order,
+    now: LineNow,
+    winch: Winch | None,
+    steps: int,
+    step_s: float,
+    lead: Floats | None = None,
 ) -> LinePath:
     """Return the commanded line out over the steps after the origin, without compensation.
 
     The speed approaches that of the order with the winch's acceleration (with that of its
-    emergency stop for `stop`) and slows down before its least and most line out.
+    emergency stop for `stop`) and slows down before its least and most line out. lead: line speed
+    at the borders that a winch keeps up with, in place of that of the order, (steps + 1,) [m/s].
 
     Raises:
         InputError: the scene cannot follow the order.
     """
-    check_order(order, winch, now)
+    if lead is None:
+        check_order(order, winch, now)
     acceleration = winch.acceleration_limit_m_per_s2 if winch else USUAL_ACCELERATION
     if order.kind == STOP and winch and winch.emergency_stop:
         acceleration = winch.emergency_stop.deceleration_m_per_s2
@@ -154,7 +161,7 @@ def line_path(
     high = winch.most_line_out_m if winch else math.inf
     if order.kind == LAND and now.to_contact_m is not None:
         high = min(high, now.out_m + now.to_contact_m + SLACK_AFTER_LANDING_M)
-    target = {
+    own = {
         CONTINUE: now.speed_m_per_s, COMPENSATION: now.speed_m_per_s, HOLD: 0.0, STOP: 0.0,
         LOWER: order.speed_m_per_s, LAND: order.speed_m_per_s, HAUL: -order.speed_m_per_s,
     }[order.kind]  # fmt: skip
@@ -162,6 +169,7 @@ def line_path(
     length, rate, note = now.out_m, now.speed_m_per_s, ""
     for k in range(steps + 1):
         out[k], speed[k] = length, rate
+        target = own if lead is None else float(lead[min(k + 1, steps)])
         room = high - length if rate > 0.0 or target > 0.0 else length - low
         fastest = math.sqrt(2.0 * acceleration * max(room, 0.0))
         wanted = math.copysign(min(abs(target), fastest), target)

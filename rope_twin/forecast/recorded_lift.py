@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +25,15 @@ from rope_twin.errors import BagError, InputError, SolverError, phrase
 from rope_twin.forecast.heave_process import PAST_S, RECORD_S, SAMPLE_S, SHORTEST_RECORD_S
 from rope_twin.forecast.orders import LinePath
 from rope_twin.forecast.tension_forecast import ForecastSettings, Known
+from rope_twin.forecast.winches import Lines, below_main_m, other_winches
+from rope_twin.forecast.winches import scene_at_line as scene_at_line
 from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
 from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.recording.recorded_run import read_content
-from rope_twin.scene.load import Change, change_scene, load_scene
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
 from rope_twin.twin.motion.heave_track import ramp
 
@@ -38,22 +41,10 @@ Floats = NDArray[np.float64]
 
 RAMP_S = 10.0  # over which the measured motion sets in
 BATCH_S = 30.0
-LEAST_LANES = 4  # members from which on they share a step
-
-
-def scene_at_line(scene: Scene, line_out_m: float) -> Scene:
-    """Return the scene with this line out at its beginning.
-
-    Raises:
-        SceneError: the line out is not possible.
-    """
-    if line_out_m == scene.ropes[0].length_m:
-        return scene
-    return change_scene(scene, [Change("ropes[0].length_m", float(line_out_m))])
 
 
 class NominalRope:
-    """Ropes that follow measured motion from rest, each in lanes of one fleet."""
+    """Ropes, or systems of them, that follow measured motion from rest, in lanes of one fleet."""
 
     def __init__(self, scene: Scene, settings: ForecastSettings, ropes: int = 1) -> None:
         """Begin at rest at time 0, with the scene's line out.
@@ -63,9 +54,7 @@ class NominalRope:
             SceneError: the scene has no static equilibrium.
         """
         self._settings, self._ropes = settings, ropes
-        count = max(ropes, LEAST_LANES)
-        self._fleet = Fleet(scene, count, elements=settings.elements, step_s=settings.step_s)
-        self._lanes = np.arange(count) % ropes
+        self._fleet = Fleet(scene, ropes, elements=settings.elements, step_s=settings.step_s)
         self._samples = 0  # SAMPLE_S since the beginning
 
     @property
@@ -73,11 +62,19 @@ class NominalRope:
         """Time since the beginning [s]."""
         return self._samples * SAMPLE_S
 
-    def follow(self, until_s: float, from_s: float, heave_m: Floats, line_out_m: Floats) -> None:
+    def follow(
+        self,
+        until_s: float,
+        from_s: float,
+        heave_m: Floats,
+        line_out_m: Floats,
+        lines_m: Lines | None = None,
+    ) -> None:
         """Advance to a time, a whole number of SAMPLE_S.
 
         heave_m: (n,) or (n, ropes), line_out_m: (n,), every SAMPLE_S from `from_s` on; they span
-        the present of the ropes and `until_s`.
+        the present of the ropes and `until_s`. lines_m: line out of other winches, likewise; one
+        that is not named holds.
 
         Raises:
             InputError: they do not.
@@ -96,6 +93,7 @@ class NominalRope:
             right = f"it must span {self.time_s:g} to {until_s:g} s"
             raise InputError(phrase("nominal rope", what, right))
         moved, line = CubicSpline(place, heave), CubicSpline(place, line_out_m)
+        others = {name: CubicSpline(place, own_m) for name, own_m in (lines_m or {}).items()}
         per_sample, per_batch = round(SAMPLE_S / own.step_s), round(BATCH_S / SAMPLE_S)
         while self._samples < target:
             some = min(per_batch, target - self._samples)
@@ -105,9 +103,9 @@ class NominalRope:
             share, slope = shares[:, :1], shares[:, 1:]
             z, v = moved(at), moved(at, 1)
             z, v = share * z, share * v + slope * z
-            record = self._fleet.advance(
-                FleetInputs(z[:, self._lanes], v[:, self._lanes], line(at), line(at, 1)), per_sample
-            )
+            led = {name: (one(at), one(at, 1)) for name, one in others.items()}
+            inputs = FleetInputs(z, v, line(at), line(at, 1), led)
+            record = self._fleet.advance(inputs, per_sample)
             if record.failures:
                 why = next(iter(record.failures.values()))
                 raise SolverError(phrase("nominal rope", why.rstrip("."), "check its motion"))
@@ -124,6 +122,7 @@ def nominal_states(
     line_out_m: Floats,
     samples: list[int],
     settings: ForecastSettings | None = None,
+    lines_m: Lines | None = None,
 ) -> list[list[FleetState]]:
     """Return the states of ropes that follow measured motion from rest, at some samples.
 
@@ -133,6 +132,7 @@ def nominal_states(
         line_out_m: (n,), that of the scene at first.
         samples: numbers of samples, ascending, at which the states are wanted.
         settings: mesh and step.
+        lines_m: of other winches by name, (n,), those of the scene at first.
 
     Returns:
         For each sample a list of the state of each rope.
@@ -148,7 +148,7 @@ def nominal_states(
     rope = NominalRope(scene, settings or ForecastSettings(), heave.shape[1])
     states = []
     for sample in samples:
-        rope.follow(sample * SAMPLE_S, 0.0, heave, line_out_m)
+        rope.follow(sample * SAMPLE_S, 0.0, heave, line_out_m, lines_m)
         states.append(rope.states())
     return states
 
@@ -175,6 +175,7 @@ class RecordedLift:
     peak_n: Floats  # (n,) largest of it
     sources: tuple[str, str, str]  # topics of heave, line out and tension
     compensated: NDArray[np.bool_] | None = None  # (n,) AHC is on; None: not recorded, always on
+    lines_m: Lines = field(default_factory=dict)  # (n,) of other winches, by name
 
     @property
     def first_origin(self) -> int:
@@ -191,6 +192,7 @@ class RecordedLift:
             self.begin_s + sample * SAMPLE_S, self.heave_m[own], self.line_out_m[own],
             self.mean_n[own], compensated=bool(winch and winch.heave_compensation) and is_on,
             to_contact_m=to_contact_m,
+            lines_m={name: line_m[own] for name, line_m in self.lines_m.items()},
         )  # fmt: skip
 
     def plan_at(self, sample: int, settings: ForecastSettings, ahead_s: float) -> LinePath:
@@ -198,14 +200,26 @@ class RecordedLift:
 
         What the heave compensation added is in it. Beyond the recording it stays as at its end.
         """
-        from scipy.interpolate import CubicSpline  # slow to import
+        return _plan(self.line_out_m, sample, settings, ahead_s)
 
-        count = round(ahead_s / SAMPLE_S)
-        own = self.line_out_m[sample : sample + count + 1]
-        own = np.concatenate([own, np.full(count + 1 - len(own), own[-1])])
-        spline = CubicSpline(SAMPLE_S * np.arange(count + 1), own)
-        at = settings.step_s * np.arange(round(ahead_s / settings.step_s) + 1)
-        return LinePath(spline(at), spline(at, 1), is_whole=True)
+    def plans_at(
+        self, sample: int, settings: ForecastSettings, ahead_s: float
+    ) -> dict[str, LinePath]:
+        """Return the same of other winches, by name."""
+        lines = self.lines_m.items()
+        return {name: _plan(line_m, sample, settings, ahead_s) for name, line_m in lines}
+
+
+def _plan(line_m: Floats, sample: int, settings: ForecastSettings, ahead_s: float) -> LinePath:
+    """Return recorded line out after a sample, at the forecast's steps."""
+    from scipy.interpolate import CubicSpline  # slow to import
+
+    count = round(ahead_s / SAMPLE_S)
+    own = line_m[sample : sample + count + 1]
+    own = np.concatenate([own, np.full(count + 1 - len(own), own[-1])])
+    spline = CubicSpline(SAMPLE_S * np.arange(count + 1), own)
+    at = settings.step_s * np.arange(round(ahead_s / settings.step_s) + 1)
+    return LinePath(spline(at), spline(at, 1), is_whole=True)
 
 
 def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
@@ -219,12 +233,23 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
     own = load_scene(scene) if scene is not None else _scene_of(path)
     with BagReader(path) as reader:
         heave = _first(reader, HEAVE_TOPICS, lambda m: float(m.pose.pose.position.z), "heave")
-        line = _first(reader, LINE_TOPICS, lambda m: _number(m.position), "line out")
-        tension = _first(reader, TENSION_TOPICS, lambda m: _number(m.effort), "tension")
+        main = "", WINCH, own.ropes[0].name
+        alone = not is_joined(own)
+
+        def line_of(names: Sequence[str], what: str) -> tuple[str, Floats, Floats]:
+            return _first(reader, LINE_TOPICS, lambda m: _of(m, m.position, names, alone), what)
+
+        line = line_of(main, "line out")
+        tension = _first(reader, TENSION_TOPICS, lambda m: _of(m, m.effort, main, alone), "tension")
+        others = {
+            name: line_of((name, own.ropes[r].name), f"line out of {name}")
+            for name, (r, _) in other_winches(own).items()
+        }
         has_one = own.winch is not None and own.winch.heave_compensation is not None
         switched = _compensation(reader) if has_one else np.empty((0, 2))
-    begin = max(series[1][0] for series in (heave, line, tension))
-    end = min(series[1][-1] for series in (heave, line, tension))
+    known = heave, line, tension, *others.values()
+    begin = max(series[1][0] for series in known)
+    end = min(series[1][-1] for series in known)
     count = math.floor((end - begin) / SAMPLE_S + 1e-6) + 1
     if count * SAMPLE_S < PAST_S + SHORTEST_RECORD_S:
         what = f"{max(end - begin, 0.0):.0f} s of it have heave, line out and tension"
@@ -232,14 +257,20 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
         raise BagError(phrase(f"bag {path}", what, right))
     at = begin + SAMPLE_S * np.arange(count)
     rest_m = own.ship.hang_off_m[2] if heave[0] == HANG_OFF else 0.0
-    known_m = own.measured.line_out.bias if line[0] == LINE_TOPICS[0] else 0.0
+    measured_m = own.measured.line_out.bias
+    known_m = measured_m if line[0] == LINE_TOPICS[0] else 0.0
     known_n = own.measured.tension.bias if tension[0] == TENSION_TOPICS[0] else 0.0
     z = _on_grid(path, *heave[1:], at, "heave") - rest_m
     out = _on_grid(path, *line[1:], at, "line out") - known_m
+    led = {
+        name: _on_grid(path, *one[1:], at, f"line out of {name}")
+        - (measured_m if one[0] == LINE_TOPICS[0] else 0.0)
+        for name, one in others.items()
+    }
     top, mean, peak = (one - known_n for one in _tension_on(*tension[1:], at))
     return RecordedLift(
-        scene_at_line(own, float(out[0])), 0.0, z, out, top, mean, peak,
-        (heave[0], line[0], tension[0]), _on_at(switched, at),
+        scene_at_line(own, float(out[0]), {name: float(m[0]) for name, m in led.items()}), 0.0, z,
+        out, top, mean, peak, (heave[0], line[0], tension[0]), _on_at(switched, at), led,
     )  # fmt: skip
 
 
@@ -255,12 +286,13 @@ def seabed_depth_m(scene: Scene) -> float | None:
 def line_to_contact_m(scene: Scene, line_out_m: float) -> float | None:
     """Return the line to pay out until the payload lands [m], at least 0; None: no seabed.
 
-    The depth that is missing, as if the rope hung straight.
+    line_out_m: of the main winch. The depth that is missing, as if the rope hung straight.
     """
     depth = seabed_depth_m(scene)
     if depth is None:
         return None
-    return max(depth - (line_out_m - scene.ship.hang_off_m[2]), 0.0)
+    hung_m = line_out_m + below_main_m(scene)
+    return max(depth - (hung_m - scene.ship.hang_off_m[2]), 0.0)
 
 
 def _scene_of(path: Path) -> Scene:
@@ -268,8 +300,14 @@ def _scene_of(path: Path) -> Scene:
     return read_content(path).sessions[-1].session.scene()
 
 
-def _number(values: Sequence[float]) -> float:
-    return float(values[0]) if len(values) else math.nan
+def _of(message: Any, values: Sequence[float], names: Sequence[str], alone: bool) -> float:
+    """Return the value of the rope or winch with one of these names; NaN: there is none.
+
+    alone: the scene has one rope, the first of the message.
+    """
+    found = (k for k, name in enumerate(message.name) if name in names)
+    k = 0 if alone else next(found, len(values))
+    return float(values[k]) if k < len(values) else math.nan
 
 
 def _first(

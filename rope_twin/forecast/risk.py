@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.forecast.heave_process import SAMPLE_S
 from rope_twin.forecast.score import coverage
 from rope_twin.forecast.tension_forecast import DEPTH, MARGIN, SPEED, TensionForecast
+from rope_twin.forecast.winches import hung_ropes
+from rope_twin.scene.schema import Scene
 
 Floats = NDArray[np.float64]
 
@@ -138,10 +140,12 @@ FEW = 0.1  # share of members below which a conditional figure is not given
 class Limits:
     """Limits that a risk is the probability of exceeding."""
 
-    tension_n: float  # of the top tension
+    tension_n: float  # of the top tension of the main winch's rope
     contact_m_per_s: float = 0.5  # of the payload's downward speed at contact with the seabed
     quiet_m_per_s: float = 0.3  # of the payload's vertical speed
     quiet_s: float = 10.0  # length of a quiet window
+    # of the top tension of other ropes from a hang-off, by name; else it is tension_n
+    ropes_n: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check the limits.
@@ -149,10 +153,29 @@ class Limits:
         Raises:
             InputError: a limit that is not positive.
         """
-        for name in ("tension_n", "contact_m_per_s", "quiet_m_per_s", "quiet_s"):
-            value = getattr(self, name)
+        names = ("tension_n", "contact_m_per_s", "quiet_m_per_s", "quiet_s")
+        given = [(name, getattr(self, name)) for name in names]
+        given += [(f"tension of {name}", value) for name, value in self.ropes_n.items()]
+        for name, value in given:
             if not (value > 0.0 and math.isfinite(value)):
                 raise InputError(phrase(f"limit {name}", f"it is {value:g}", "give more than 0"))
+
+
+def tension_limits(scene: Scene, given_n: float | None = None) -> tuple[float, dict[str, float]]:
+    """Return the limit of the main winch's rope [N], and those of other ropes from a hang-off.
+
+    given_n: counts for each of them; None: the limit of the scene, or its utilisation times the MBL
+    of the rope.
+    """
+    own, hung = scene.limits, hung_ropes(scene)
+    limit = given_n or own.tension_n
+    found = {
+        line.name: limit or own.utilisation * line.breaking_load_n
+        for line in scene.ropes
+        if line.name in hung
+    }
+    first, *others = found.items()
+    return first[1], dict(others)
 
 
 @dataclass(frozen=True)
@@ -160,7 +183,7 @@ class Risk:
     """Probabilities over a span from the origin on."""
 
     span_s: float
-    tension: float  # P(top tension > limit)
+    tension: float  # P(top tension > limit) of any rope from a hang-off, each by its own limit
     slack: float  # P(an element is slack)
     contact: float  # P(the payload lands faster than the limit); NaN: no seabed
     landing: float  # P(the payload lands); NaN: no seabed
@@ -192,6 +215,9 @@ def risks(
     for span in spans_s:
         count = round(span / SAMPLE_S)
         high = (forecast.peak_n[:count] > limits.tension_n).any(axis=0)
+        for name, rope in forecast.others.items():
+            limit = limits.ropes_n.get(name, limits.tension_n)
+            high |= (rope.peak_n[:count] > limit).any(axis=0)
         loose = (forecast.values[MARGIN][:count] <= 0.0).any(axis=0)
         contact = landing = math.nan
         if touching is not None and speed is not None:
@@ -248,7 +274,10 @@ def quiet_windows(
 
 @dataclass(frozen=True)
 class Difference:
-    """An order against another one, member by member on the same heave."""
+    """An order against another one, member by member on the same heave.
+
+    Tension is that of the main winch's rope.
+    """
 
     order: str
     peak_n: tuple[float, float, float]  # 5, 50, 95 % of the change in the span's largest tension

@@ -23,6 +23,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.core import state as rows
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.forecast.heave_process import (
     AHEAD_S,
@@ -37,6 +38,7 @@ from rope_twin.forecast.heave_process import (
 from rope_twin.forecast.orders import (
     COMPENSATION,
     CONTINUE,
+    WITH_SPEED,
     LineNow,
     LinePath,
     Order,
@@ -44,8 +46,9 @@ from rope_twin.forecast.orders import (
     line_path,
 )
 from rope_twin.forecast.score import member_quantiles
+from rope_twin.forecast.winches import Lines, check_lift_order, other_winches, senses
 from rope_twin.scene.instruments import Learning
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import WINCH, Scene, Winch
 from rope_twin.twin.ensemble.fleet import (
     FIGURES,
     Fleet,
@@ -147,13 +150,16 @@ class Known:
 
     time_s: float  # of the newest sample, the origin
     heave_m: Floats  # (n,) of the hang-off by the motion sensor, at least 2 min
-    line_out_m: Floats  # (n,)
-    tension_n: Floats | None = None  # (n,) means of the load pin over SAMPLE_S; NaN: missing
+    line_out_m: Floats  # (n,) of the main winch
+    tension_n: Floats | None = (
+        None  # (n,) of its rope: means of the load pin over SAMPLE_S; NaN: missing
+    )
     waves: MeasuredWaves | None = None
     response: Response | None = None  # heave per elevation, with `waves`
     compensated: bool = False  # active heave compensation is on
     command_m_per_s: float | None = None  # line speed commanded; None: by the line itself
     to_contact_m: float | None = None  # line until the payload lands
+    lines_m: Lines = field(default_factory=dict)  # (n,) of other winches; one not named holds
 
     def __post_init__(self) -> None:
         """Check lengths and values.
@@ -161,14 +167,27 @@ class Known:
         Raises:
             InputError: rows of different lengths, or not finite.
         """
-        if len(self.line_out_m) != len(self.heave_m):
-            what = f"{len(self.heave_m)} samples of heave, {len(self.line_out_m)} of line out"
-            raise InputError(phrase("forecast", what, "give as many of each"))
-        if not np.isfinite(self.line_out_m).all():
-            raise InputError(phrase("line out", "it has gaps", "fill them before"))
+        for line_m in (self.line_out_m, *self.lines_m.values()):
+            if len(line_m) != len(self.heave_m):
+                what = f"{len(self.heave_m)} samples of heave, {len(line_m)} of line out"
+                raise InputError(phrase("forecast", what, "give as many of each"))
+            if not np.isfinite(line_m).all():
+                raise InputError(phrase("line out", "it has gaps", "fill them before"))
         if self.tension_n is not None and len(self.tension_n) != len(self.heave_m):
             what = f"{len(self.tension_n)} samples of tension, {len(self.heave_m)} of heave"
             raise InputError(phrase("forecast", what, "give as many of each"))
+
+
+@dataclass(frozen=True)
+class HungRope:
+    """Top tension of a rope from a hang-off other than the main winch's."""
+
+    values: Floats  # at each lead, (leads, members)
+    peak_n: Floats  # largest of the SAMPLE_S up to each lead, (leads, members)
+
+    def band(self) -> Floats:
+        """Return the 5, 50 and 95 % quantiles, (3, leads)."""
+        return member_quantiles(self.values, axis=1)
 
 
 @dataclass(frozen=True)
@@ -178,11 +197,13 @@ class TensionForecast:
     origin_s: float
     order: str
     lead_s: Floats  # (leads,)
-    values: Mapping[str, Floats]  # of QUANTITIES, (leads, members), at each lead
+    values: Mapping[str, Floats]  # of QUANTITIES, (leads, members), at each lead; top tension is
+    # that of the main winch's rope, slack margin of all ropes
     peak_n: Floats  # largest top tension of the SAMPLE_S up to each lead, (leads, members)
     heave_skill: Floats  # expected skill of the heave, (leads,)
     factor: Floats  # on the spread of the members, (leads,)
     note: str = ""
+    others: Mapping[str, HungRope] = field(default_factory=dict)  # by name of the rope
 
     @property
     def members(self) -> int:
@@ -221,7 +242,7 @@ def smoother_gain(predicted: Floats, readings: Floats, deviation: float, noise: 
 
 
 class TensionForecaster:
-    """Forecasts one rope again and again, on a fleet of its own."""
+    """Forecasts what hangs in a scene again and again, on a fleet of its own."""
 
     def __init__(self, scene: Scene, settings: ForecastSettings | None = None) -> None:
         """Build the fleet.
@@ -233,6 +254,7 @@ class TensionForecaster:
         own = self.settings = settings or ForecastSettings()
         self.scene = scene
         self.fleet = Fleet(scene, own.members, elements=own.elements, step_s=own.step_s)
+        self._winches, self._senses = other_winches(scene), senses(scene)
         self._steps = round(SAMPLE_S / own.step_s)
         if self._steps < 1 or abs(self._steps * own.step_s - SAMPLE_S) > 1e-9:
             what = f"a step of {own.step_s:g} s"
@@ -249,28 +271,28 @@ class TensionForecaster:
         orders: Sequence[Order] = (Order(CONTINUE),),
         factor: Floats | None = None,
         plan: LinePath | None = None,
+        plans: Mapping[str, LinePath] | None = None,
     ) -> list[TensionForecast]:
         """Return a forecast for each order, all on the same heave paths, member by member.
 
         Args:
             known: measured up to the origin.
             start: state of the rope `burn_in_s` before the origin, on measured heave.
-            orders: what the winch does from the origin on.
+            orders: what the winches do from the origin on; see `forecast.winches`.
             factor: on the spread of top tension at each lead; None: 1.
             plan: line out from the origin on at every step, in place of `continue`.
+            plans: the same of other winches, by name.
 
         Raises:
             InputError: too little is known, or an order that the scene cannot follow.
             SolverError: fewer than LEAST_MEMBERS members came through.
         """
-        winch = self.scene.winch
-        now = self.line_now(known)
-        ahead = len(self.leads) * self._steps
-        lines = [
-            plan if plan is not None and order.kind == CONTINUE
-            else line_path(order, now, winch, ahead, self.settings.step_s)
-            for order in orders
-        ]  # fmt: skip
+        now = self._lines_now(known, start)
+        for order in orders:
+            check_lift_order(order, self.scene, now[WINCH])
+        planned = {WINCH: plan} if plan is not None else {}
+        planned |= plans or {}
+        lines = [self._lines(order, now, planned) for order in orders]
         paths = self._paths(known)
         motion = self._motion(known, paths)
         self._draw_figures()
@@ -279,10 +301,10 @@ class TensionForecaster:
         for order, line in zip(orders, lines, strict=True):
             if records:
                 self.fleet.restore(states)
-            records.append(self._ahead(known, motion, order, line, now))
+            records.append(self._ahead(motion, order, line, now))
         good = self._came_through(records)
         return [
-            self._forecast(known, paths, order, line, record, good, weights, factor)
+            self._forecast(known, paths, order, line[WINCH].note, record, good, weights, factor)
             for order, line, record in zip(orders, lines, records, strict=True)
         ]
 
@@ -340,31 +362,47 @@ class TensionForecaster:
         if factors:
             self.fleet.set_figures(factors)
 
-    def _line_of(self, known: Known) -> tuple[Floats, Floats]:
+    def _line_of(self, line_m: Floats) -> tuple[Floats, Floats]:
         """Return measured line out [m] and rate [m/s] at the borders of the burn-in."""
         from scipy.interpolate import CubicSpline
 
         own = self.settings
         count = round(PAST_S / SAMPLE_S)
-        spline = CubicSpline(SAMPLE_S * np.arange(1 - count, 1), known.line_out_m[-count:])
+        spline = CubicSpline(SAMPLE_S * np.arange(1 - count, 1), line_m[-count:])
         at = own.step_s * np.arange(round(own.burn_in_s / own.step_s) + 1) - own.burn_in_s
         return spline(at), spline(at, 1)
 
     def line_now(self, known: Known) -> LineNow:
-        """Return the line at the origin; its speed without what the compensation adds."""
-        over = round(LINE_SPEED_S / SAMPLE_S)  # by all its samples: one is a counter's step off
-        since = SAMPLE_S * (np.arange(over + 1) - 0.5 * over)
-        speed = float(since @ known.line_out_m[-1 - over :] / (since @ since))
-        params = self.scene.winch.heave_compensation if self.scene.winch else None
-        if known.command_m_per_s is not None:
-            speed = known.command_m_per_s
-        elif known.compensated and params is not None:
-            over = round(20.0 / SAMPLE_S)  # the compensation's mean over some waves is none
-            speed = float(known.line_out_m[-1] - known.line_out_m[-1 - over]) / 20.0
-        return LineNow(
-            float(known.line_out_m[-1]), speed, known.compensated and params is not None, 0.0,
-            known.to_contact_m,
-        )  # fmt: skip
+        """Return the main winch's line at the origin; its speed without the compensation's."""
+        return line_now(known, known.line_out_m, self.scene.winch, known.command_m_per_s)
+
+    def _lines_now(self, known: Known, start: FleetState | LiveState) -> dict[str, LineNow]:
+        """Return the line of each winch at the origin, by name."""
+        found = {WINCH: self.line_now(known)}
+        for name, (r, winch) in self._winches.items():
+            if name in known.lines_m:
+                found[name] = line_now(known, known.lines_m[name], winch)
+            else:
+                held = start.others[r - 1]
+                state = held.rope.state if isinstance(held, LiveState) else held
+                found[name] = LineNow(float(state.s[state.counts[rows.ELEMENTS]]), 0.0)
+        return found
+
+    def _lines(
+        self, order: Order, now: Mapping[str, LineNow], planned: Mapping[str, LinePath]
+    ) -> dict[str, LinePath]:
+        """Return the line out of each winch under an order, by name."""
+        steps, step_s = len(self.leads) * self._steps, self.settings.step_s
+        given = planned if order.kind == CONTINUE else {}
+        main = given.get(WINCH) or line_path(order, now[WINCH], self.scene.winch, steps, step_s)
+        found = {WINCH: main}
+        for name, (_, winch) in self._winches.items():
+            lead = None
+            if order.kind in WITH_SPEED:
+                lead = self._senses[name] * main.speed_m_per_s
+            own = given.get(name) or line_path(order, now[name], winch, steps, step_s, lead)
+            found[name] = own
+        return found
 
     def _through_the_past(
         self, known: Known, motion: tuple[Floats, Floats], start: FleetState | LiveState
@@ -376,9 +414,10 @@ class TensionForecaster:
         else:
             fleet.restore(start)
         borders = round(own.burn_in_s / own.step_s) + 1
-        line, rate = self._line_of(known)
+        line, rate = self._line_of(known.line_out_m)
+        others = {name: self._line_of(line_m) for name, line_m in known.lines_m.items()}
         z, v = motion
-        past = fleet.advance(FleetInputs(z[:borders], v[:borders], line, rate), self._steps)
+        past = fleet.advance(FleetInputs(z[:borders], v[:borders], line, rate, others), self._steps)
         weights = self._pin_weights(known, past)
         states = [fleet.state(k) for k in range(len(fleet))]
         return states, weights
@@ -401,39 +440,55 @@ class TensionForecaster:
 
     def _ahead(
         self,
-        known: Known,
         motion: tuple[Floats, Floats],
         order: Order,
-        line: LinePath,
-        now: LineNow,
+        lines: Mapping[str, LinePath],
+        now: Mapping[str, LineNow],
     ) -> FleetRecord:
+        border = round(self.settings.burn_in_s / self.settings.step_s)
+        z, v = motion
+        winches = {name: winch for name, (_, winch) in self._winches.items()}
+        own = {
+            name: self._with_compensation(v, order, line, now[name].compensated, winch)
+            for name, line in lines.items()
+            for winch in [winches.get(name, self.scene.winch)]
+        }
+        main = own.pop(WINCH)
+        return self.fleet.advance(FleetInputs(z[border:], v[border:], *main, own), self._steps)
+
+    def _with_compensation(
+        self, heave_rate: Floats, order: Order, line: LinePath, begins: bool, winch: Winch | None
+    ) -> tuple[Floats, Floats]:
+        """Return line out [m] and rate [m/s] from the origin on, with active heave compensation.
+
+        heave_rate: from the burn-in on, (borders, members); begins: whether it is on at the origin.
+        """
         own = self.settings
         border = round(own.burn_in_s / own.step_s)
-        z, v = motion
         out, speed = line.out_m, line.speed_m_per_s
-        params = self.scene.winch.heave_compensation if self.scene.winch else None
-        begins, stays = now.compensated, now.compensated
+        params = winch.heave_compensation if winch else None
+        stays = begins
         if order.kind == COMPENSATION:
             stays = bool(order.compensation)
-        if params is not None and (begins or stays) and not line.is_whole:
-            first = max(border - round(20.0 / own.step_s), 0)
-            at = border - first
-            until = len(v) if stays else at + 1
-            added, rate = compensation_path(params, v[first:], at, until, own.step_s)
-            if stays and not begins:  # it begins from rest
-                gone = np.minimum(np.arange(len(rate)) * own.step_s / JOIN_S, 1.0)[:, None]
-                rate = rate * gone
-                steps = 0.5 * own.step_s * (rate[1:] + rate[:-1])
-                added = np.vstack([np.zeros_like(rate[:1]), np.cumsum(steps, axis=0)])
-            out, speed = out[:, None] + added, speed[:, None] + rate
-        return self.fleet.advance(FleetInputs(z[border:], v[border:], out, speed), self._steps)
+        if params is None or not (begins or stays) or line.is_whole:
+            return out, speed
+        first = max(border - round(20.0 / own.step_s), 0)
+        at = border - first
+        until = len(heave_rate) if stays else at + 1
+        added, rate = compensation_path(params, heave_rate[first:], at, until, own.step_s)
+        if stays and not begins:  # it begins from rest
+            gone = np.minimum(np.arange(len(rate)) * own.step_s / JOIN_S, 1.0)[:, None]
+            rate = rate * gone
+            steps = 0.5 * own.step_s * (rate[1:] + rate[:-1])
+            added = np.vstack([np.zeros_like(rate[:1]), np.cumsum(steps, axis=0)])
+        return out[:, None] + added, speed[:, None] + rate
 
     def _forecast(
         self,
         known: Known,
         paths: HeavePaths,
         order: Order,
-        line: LinePath,
+        note: str,
         record: FleetRecord,
         good: NDArray[np.bool_],
         weights: Floats | None,
@@ -451,23 +506,50 @@ class TensionForecaster:
             )
 
         own = np.ones(leads) if factor is None else np.asarray(factor, np.float64)
-        top = shifted(record.top_tension_n, step_lead)
-        middle = np.median(top, axis=1, keepdims=True)
-        top = middle + np.repeat(own, steps)[:, None] * (top - middle)
-        by_lead = top.reshape(leads, steps, -1)
+
+        def spread(tension_n: Floats) -> HungRope:
+            top = shifted(tension_n, step_lead)
+            middle = np.median(top, axis=1, keepdims=True)
+            top = middle + np.repeat(own, steps)[:, None] * (top - middle)
+            by_lead = top.reshape(leads, steps, -1)
+            return HungRope(by_lead[:, -1], by_lead.max(axis=1))
+
+        main, *others = ((name, spread(top_n)) for name, top_n in record.hung_tension_n.items())
         values = {
-            TENSION: by_lead[:, -1],
+            TENSION: main[1].values,
             BOTTOM: shifted(record.payload_tension_n, self.leads),
             DEPTH: shifted(record.payload_depth_m, self.leads),
             SPEED: shifted(record.payload_speed_m_per_s, self.leads),
             MARGIN: record.least_tension_n[:, good],
         }
-        notes = [line.note] if line.note else []
+        notes = [note] if note else []
         if not good.all():
             lost = int((~good).sum())
             out = "they and the load pin are" if weights is not None else "they are"
             notes.append(f"{lost} of {len(good)} members failed; {out} left out")
         return TensionForecast(
-            known.time_s, order.name, self.leads, values, by_lead.max(axis=1),
-            paths.skill()[-leads:], own, "; ".join(notes),
+            known.time_s, order.name, self.leads, values, main[1].peak_n,
+            paths.skill()[-leads:], own, "; ".join(notes), dict(others),
         )  # fmt: skip
+
+
+def line_now(
+    known: Known, line_m: Floats, winch: Winch | None, command_m_per_s: float | None = None
+) -> LineNow:
+    """Return a winch's line at the origin; its speed without what the compensation adds.
+
+    line_m: measured, as `known`; command_m_per_s: commanded speed, None: by the line itself.
+    """
+    over = round(LINE_SPEED_S / SAMPLE_S)  # by all its samples: one is a counter's step off
+    since = SAMPLE_S * (np.arange(over + 1) - 0.5 * over)
+    speed = float(since @ line_m[-1 - over :] / (since @ since))
+    params = winch.heave_compensation if winch else None
+    if command_m_per_s is not None:
+        speed = command_m_per_s
+    elif known.compensated and params is not None:
+        over = round(20.0 / SAMPLE_S)  # the compensation's mean over some waves is none
+        speed = float(line_m[-1] - line_m[-1 - over]) / 20.0
+    return LineNow(
+        float(line_m[-1]), speed, known.compensated and params is not None, 0.0,
+        known.to_contact_m,
+    )  # fmt: skip

@@ -21,6 +21,7 @@ from rope_twin.forecast.live import (
     Heard,
     LiveForecast,
     LiveForecaster,
+    Series,
     orders_of,
     tables_of,
     usual_limits,
@@ -33,6 +34,7 @@ from rope_twin.forecast.tension_forecast import (
     ForecastSettings,
     unlearned_spread,
 )
+from rope_twin.forecast.winches import other_winches
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, read_cloud
 from rope_twin.messages.reports import FORECAST_TOPICS, encode_forecast
 from rope_twin.ros.entry import run_node
@@ -86,6 +88,11 @@ class ForecastNode(Node):
             members=own.members, motion_error=error, spread=unlearned_spread(scene.learning)
         )
         self._winches = ("", WINCH, scene.ropes[0].name)  # as the simulation calls its winch
+        self._others = {
+            called: name
+            for name, (r, _) in other_winches(scene).items()
+            for called in (name, scene.ropes[r].name)
+        }
         self._bias_m, self._bias_n = scene.measured.line_out.bias, scene.measured.tension.bias
         heading = math.radians(own.wave_heading_deg)
         forecaster = LiveForecaster(scene, self._limits, settings, own.wave_noise_m, heading)
@@ -167,6 +174,10 @@ class ForecastNode(Node):
             self._take_line(at, name == WINCH_MEASURED, message)
 
     def _take_line(self, at: float, measured: bool, message: Any) -> None:
+        for k, called in enumerate(message.name):
+            name = self._others.get(called)
+            if name is not None and len(message.position) > k:
+                self._take_other(at, measured, name, float(message.position[k]))
         own = 0
         if measured:  # a message may have the readings of other winches too
             own = next((k for k, name in enumerate(message.name) if name in self._winches), -1)
@@ -184,6 +195,17 @@ class ForecastNode(Node):
                     self._heard.pin_n.add(at, value)
             if measured or at > self._measured_s[what] + _SILENT_S:
                 series.add(at, value)
+
+    def _take_other(self, at: float, measured: bool, name: str, line_out_m: float) -> None:
+        """Append the line out of a winch other than the main one."""
+        if not math.isfinite(line_out_m):
+            return
+        what = f"line of {name}"
+        if measured:
+            self._measured_s[what] = at
+            line_out_m -= self._bias_m
+        if measured or at > self._measured_s.get(what, -math.inf) + _SILENT_S:
+            self._heard.lines_m.setdefault(name, Series()).add(at, line_out_m)
 
     def _publish_diagnostics(self) -> None:
         worker = self.worker

@@ -211,8 +211,8 @@ class ForecastParams:
     interval_s: float = quantity("real time between two forecasts", "s", 0.5, 60.0, default=1.0)
     motion_error_m: float = quantity("coloured error of the motion sensor, standard deviation",
                                      "m", 0.0, 1.0, default=0.02)  # fmt: skip
-    tension_limit_n: float = quantity("tension limit of the risk; 0: the scene's", "N", 0.0, 1e9,
-                                      default=0.0)  # fmt: skip
+    tension_limit_n: float = quantity("tension limit of the risk, of each rope from a hang-off; 0: "
+                                      "the scene's", "N", 0.0, 1e9, default=0.0)  # fmt: skip
     contact_limit_m_per_s: float = quantity("limit of the payload's speed at contact", "m/s", 0.01,
                                             10.0, default=0.5)  # fmt: skip
     quiet_m_per_s: float = quantity("payload speed below which it is quiet", "m/s", 0.01, 10.0,

@@ -311,6 +311,17 @@ def body_payload(scene: Scene) -> str | None:
     return own.payload or scene.payloads[0].name
 
 
+def payload_rope(scene: Scene) -> int:
+    """Return the number of the rope whose lower end stands for the payload, where ropes meet.
+
+    It is the first that ends at the rigid body, else at the first payload; without any it is the
+    first rope.
+    """
+    name = body_payload(scene) or next((one.name for one in scene.payloads), "")
+    ends = [line.to for line in scene.ropes]
+    return ends.index(name) if name in ends else 0
+
+
 def body_holds(scene: Scene) -> Iterator[Fault]:
     """Check that a rigid body has a payload, and that no effect treats it as a point."""
     own = scene.listed(RigidBodyParams)

@@ -166,7 +166,8 @@ def test_why_there_is_no_forecast(open_page: Callable[..., Any], served: Served)
     page = open_page()
     until_shown(page, "risk", "No forecast: waits for 18 s more of heave")
     served.source.several = True
-    until_shown(page, "risk", "No forecast: it is made for a scene of one rope")
+    until_shown(page, "lines", "starboard 6.0 kN · 8.0 m")
+    until_shown(page, "risk", "No forecast: waits for 18 s more of heave")
 
 
 def test_risk_and_quiet_window_of_a_forecast(open_page: Callable[..., Any], served: Served) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from small_scene import small_scene
 
 from rope_twin.errors import InputError, SceneError
 from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
-from rope_twin.forecast.orders import LineNow, LinePath, Order, read_order
+from rope_twin.forecast.orders import LinePath, read_order
 from rope_twin.forecast.recorded_lift import nominal_states, scene_at_line
 from rope_twin.forecast.risk import compare
 from rope_twin.forecast.tension_forecast import (
@@ -25,13 +23,14 @@ from rope_twin.forecast.tension_forecast import (
     Known,
     TensionForecast,
     TensionForecaster,
+    line_now,
     smoother_gain,
     unlearned_spread,
 )
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import HeaveCompensation
-from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
+from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetRecord
 
 STILL_FIGURES = {"axial_damping": 0.0}
 SETTINGS = ForecastSettings(
@@ -215,29 +214,33 @@ def test_figures_have_the_mean_and_spread_that_were_learned() -> None:
 
 def test_line_speed_is_not_a_step_of_the_counter(scene: Scene) -> None:
     """0.2 m/s read in centimetres: a sample off by one shifts the slope by less than 1 cm/s."""
-    forecaster = TensionForecaster.__new__(TensionForecaster)
-    forecaster.scene, forecaster.settings = scene, SETTINGS
     line = 200.0 + 0.2 * SAMPLE_S * np.arange(-299.0, 1.0)
     line[-2] += 0.01
-    now = forecaster.line_now(Known(0.0, np.zeros(300), line))
+    now = line_now(Known(0.0, np.zeros(300), line), line, scene.winch)
     assert now.speed_m_per_s == pytest.approx(0.2, abs=0.01)
 
 
-def test_a_recorded_line_has_the_compensation_in_it(lift_with_compensation: Scene) -> None:
+def test_a_recorded_line_has_the_compensation_in_it(
+    lift_with_compensation: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Every member follows the planned line as it is, and the compensated one besides an order."""
-    forecaster = TensionForecaster.__new__(TensionForecaster)
-    forecaster.scene, forecaster.settings, forecaster._steps = lift_with_compensation, SETTINGS, 10
-    given = list[FleetInputs]()
-    forecaster.fleet = cast("Fleet", SimpleNamespace(advance=lambda own, _: given.append(own)))
-    at = 0.05 * np.arange(1801.0)[:, None]
-    motion = 0.5 * np.sin(0.6 * at), 0.3 * np.cos(0.6 * at)
-    known = Known(0.0, np.zeros(300), np.full(300, 200.0), compensated=True)
-    now, line = LineNow(200.0, 0.0, compensated=True), np.full(1201, 200.0)
+    forecaster = TensionForecaster(lift_with_compensation, SETTINGS)
+    given, advance = list[FleetInputs](), forecaster.fleet.advance
+
+    def spy(own: FleetInputs, look_steps: int) -> FleetRecord:
+        given.append(own)
+        return advance(own, look_steps)
+
+    monkeypatch.setattr(forecaster.fleet, "advance", spy)
+    heave = heave_at(SAMPLE_S * np.arange(300))
+    known = Known(0.0, heave, np.full(300, 200.0), compensated=True)
+    start, line = forecaster.fleet.state(0), np.full(1201, 200.0)
     for is_whole in (True, False):
         plan = LinePath(line, 0.0 * line, is_whole=is_whole)
-        forecaster._ahead(known, motion, Order("continue"), plan, now)
-    assert np.array_equal(given[0].line_out_m, line)
-    assert np.ptp(given[1].line_out_m) > 0.5
+        forecaster.forecast(known, start, plan=plan)
+    _, whole, _, answered = given  # each after a burn-in
+    assert np.array_equal(whole.line_out_m, line)
+    assert np.ptp(answered.line_out_m) > 0.5
 
 
 @pytest.fixture

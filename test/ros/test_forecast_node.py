@@ -16,11 +16,14 @@ from rope_twin.messages import (
     encode_measurement,
     read_cloud,
 )
+from rope_twin.messages.encoder import Encoder
 from rope_twin.messages.reports import encode_estimate, encode_what_if
 from rope_twin.ros.forecast_node import learned_figures
 from rope_twin.ros.params import node_parameters
 from rope_twin.run.options import RunOptions
+from rope_twin.scene.load import load_scene
 from rope_twin.twin.readings import Measurement
+from rope_twin.twin.twin import Twin
 
 pytestmark = pytest.mark.ros
 S = 1_000_000_000
@@ -85,6 +88,29 @@ def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
     assert len(node._heard.waves) > 30
     node.close()
     assert not node.worker._thread.is_alive()
+
+
+def test_it_hears_the_line_of_each_winch(bench: Bench) -> None:
+    """By the name of its hang-off, or by that of its rope from the simulation."""
+    node = bench.make("forecast", scene="two_line_lift", members=19)
+    names = ("ship/heave", "winch/measured", "ropes/length")
+    publishers = {name: bench.publisher(name) for name in names}
+    node.begin()
+    for publisher in publishers.values():
+        bench.until(publisher.get_subscription_count, "the node listens")
+    shot = Twin(load_scene("two_line_lift")).snapshot()
+    publishers["ropes/length"].publish(Encoder(BEGIN_NS).encode("ropes/length", shot))
+    lines = node._heard.lines_m
+    bench.until(lambda: "aft_sheave" in lines, "the simulation's line is heard")
+    ns = BEGIN_NS + S
+    rows = (("aft_sheave", 601.0, 0.0, 1e5), ("winch", 602.0, 0.0, 1e5))
+    reading = Measurement.of_winch(ns)._replace(rows=rows)
+    publishers["winch/measured"].publish(encode_measurement(ns, reading)[1])
+    bench.until(lambda: len(lines["aft_sheave"].rows()) == 2, "the measured line is heard")
+    assert lines["aft_sheave"].rows()[:, 1].tolist() == [600.0, 601.0]
+    assert node._heard.line_out_m.rows()[:, 1].tolist() == [600.0, 602.0]
+    assert list(lines) == ["aft_sheave"]
+    node.close()
 
 
 def test_a_run_without_it_has_no_such_node() -> None:

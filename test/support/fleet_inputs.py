@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.lanes.step import LEAST
 from rope_twin.core.state import Floats
+from rope_twin.scene.rigging import payload_rope, places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import FleetInputs
 from rope_twin.twin.ensemble.live_state import LiveState, live_state
 from rope_twin.twin.ensemble.member import fold_of
+from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.twin import Twin
 
 
@@ -22,12 +26,13 @@ class Driven:
 
     twin: Twin
     inputs: FleetInputs  # at its step borders
-    top_n: Floats  # (steps,)
+    top_n: Floats  # (steps,) of the main winch's rope
     least_n: Floats
     depth_m: Floats
     sinking_m_per_s: Floats
     lowest_n: Floats
     live: LiveState | None  # after the step that was asked for
+    hung_n: dict[str, Floats]  # as top_n, of each rope from a hang-off
 
 
 def heave(height_m: float, period_s: float, times: Floats) -> tuple[Floats, Floats]:
@@ -43,8 +48,12 @@ def driven(
     sea: tuple[float, float] = (0.8, 7.0),
     speed: float = 0.0,
     live_at: int = -1,
+    others: Mapping[str, float] | None = None,
 ) -> Driven:
-    """Run a twin of the scene in a sea (height, period) while its winch runs at a speed."""
+    """Run a twin of the scene in a sea (height, period) while its winch runs at a speed.
+
+    others: speeds of other winches by name.
+    """
     twin = Twin(scene)
     twin.prescribe_motion()
     times = np.arange(steps + round(1.0 / twin.step_s)) * twin.step_s
@@ -52,31 +61,67 @@ def driven(
         assert not twin.offer_heave(round(t * 1e9), float(z), float(v))
     if speed:
         assert not twin.offer_speed(0, speed)
-    view = twin.inspect()
-    values, rates = [view.boundary.value[0].copy()], [view.boundary.rate[0].copy()]
-    outputs, live = [], None
+    for name, own in (others or {}).items():
+        assert not twin.offer_speed(0, own, name)
+    borders, heaves, outputs, tops, live = [border(twin)], [0.0], [], [], None
     for step in range(steps):
         if step == live_at:
             live = live_state(twin)
         twin.advance(1)
-        view = twin.inspect()
-        values.append(view.boundary.value[0].copy())
-        rates.append(view.boundary.rate[0].copy())
-        n = int(view.rope.state.counts[rows.ELEMENTS])
-        outputs.append((twin.top_pull_n, *fold_of(view.rope, view.rope.work[rows.TENSION, :n])))
-    value, rate = np.array(values), np.array(rates)
+        borders.append(border(twin))
+        share, _ = ramp(twin.time_ns * 1e-9, scene.ship.motion_ramp_s)
+        heaves.append(share * twin.inputs.heave.at(twin.time_ns)[0])
+        folds = np.array(
+            [fold_of(one, one.work[rows.TENSION, : elements(one)]) for one in ropes(twin)]
+        )
+        outputs.append((twin.top_pull_n, folds[:, LEAST].min(), *folds[payload_rope(scene), 1:]))
+        tops.append([twin.top_pull_n] if twin.joined is None else twin.joined.pull[:, rows.PULL])
+    value, rate = np.array(borders).transpose(1, 2, 0, 3)
     rest_z = scene.ship.hang_off_m[2]
+    assert np.array_equal(value[0, :, rows.Z], rest_z + np.array(heaves))
+    names = [line.from_ for line in scene.ropes]
+    lines = {
+        name: (value[r, :, rows.LINE], rate[r, :, rows.LINE])
+        for name in others or {}
+        for r in [names.index(name)]
+    }
     inputs = FleetInputs(
-        value[:, rows.Z] - rest_z, rate[:, rows.Z], value[:, rows.LINE], rate[:, rows.LINE]
-    )
-    return Driven(twin, inputs, *np.array(outputs).T, live)
+        np.array(heaves), rate[0, :, rows.Z], value[0, :, rows.LINE],
+        rate[0, :, rows.LINE], lines,
+    )  # fmt: skip
+    hung = {
+        line.name: np.array(tops)[:, r]
+        for r, line in enumerate(scene.ropes)
+        if line.from_ in places(scene)
+    }
+    return Driven(twin, inputs, *np.array(outputs).T, live, hung)
+
+
+def border(twin: Twin) -> Floats:
+    """Hang-offs and payouts of all ropes now, values and rates, (2, ropes, MOTIONS)."""
+    first = twin.inspect().boundary
+    own = [table[:1] for table in first] if twin.joined is None else twin.joined.border(first)
+    return np.array(list(own))
+
+
+def ropes(twin: Twin) -> tuple[rows.Rope, ...]:
+    """All ropes of a twin."""
+    first = twin.inspect().rope
+    return (first,) if twin.joined is None else twin.joined.system(first).ropes
+
+
+def elements(rope: rows.Rope) -> int:
+    """Elements in use."""
+    return int(rope.state.counts[rows.ELEMENTS])
+
+
+def mapped(inputs: FleetInputs, change: Callable[[Floats], Floats]) -> FleetInputs:
+    """Inputs with every array changed in the same way."""
+    lines = {name: (change(one), change(two)) for name, (one, two) in inputs.lines.items()}
+    arrays = (getattr(inputs, one.name) for one in fields(inputs) if one.name != "lines")
+    return FleetInputs(*map(change, arrays), lines)
 
 
 def cut(inputs: FleetInputs, first: int, every: int = 1) -> FleetInputs:
     """Inputs from a step border on, of every so many steps."""
-    return FleetInputs(
-        inputs.heave_m[first::every],
-        inputs.heave_rate_m_per_s[first::every],
-        inputs.line_out_m[first::every],
-        inputs.line_speed_m_per_s[first::every],
-    )
+    return mapped(inputs, lambda one: one[first::every])

@@ -44,7 +44,7 @@ from rope_twin.core.lanes.group import (
     put_state,
     take_state,
 )
-from rope_twin.core.lanes.step import FOLDS, TALLIES, Run
+from rope_twin.core.lanes.step import FOLDS, LEAST, TALLIES, Run
 from rope_twin.core.loads import hooks
 from rope_twin.core.loads.memory import count_known, numbers_carried
 from rope_twin.core.payout import TRIALS
@@ -159,8 +159,12 @@ def _part(data: Any, r: int) -> Any:
 class JoinedGroup:
     """Batch of up to LANES systems of one kind."""
 
-    def __init__(self, system: System, kind: JoinedKind, steps: int) -> None:
-        """Allocate arrays for systems of this kind, as this one, and for this many steps."""
+    def __init__(self, system: System, kind: JoinedKind, steps: int, looks: int = 0) -> None:
+        """Allocate arrays for systems of this kind, as this one, and for this many steps.
+
+        looks: rows of each rope's `folds`, the result of a fleet, which then takes the place of
+        slack samples; 0: none.
+        """
         self.kind, self.steps = kind, steps
         count, one = len(kind.ropes), kind.ropes[0]
         columns = max(own.elements for own in kind.ropes) + 1 + TRIALS
@@ -196,7 +200,7 @@ class JoinedGroup:
         size = (count, steps + 1, MOTIONS, LANES)
         self.boundary = Boundary(aligned(*size), aligned(*size))
         self.pulls = aligned(count, steps, PULL_COLUMNS, LANES)
-        self._folds = aligned(0, FOLDS, LANES)
+        self.folds = aligned(count, looks, FOLDS, LANES)
 
     def _view(self, r: int) -> Rope:
         """Return the arrays of rope r, and write the figures of its model that lanes share."""
@@ -215,13 +219,20 @@ class JoinedGroup:
 
         boundaries: (ropes, steps + 1, MOTIONS) each. Unused lanes get a copy of the first system.
         """
-        self._tally[:] = 0.0
-        self._late = 0
+        self.load(systems)
         for lane in range(LANES):
             of = lane if lane < len(systems) else 0
-            self._put(lane, systems[of])
             for table, own in zip(self.boundary, boundaries[of], strict=True):
                 table[:, : own.shape[1], :, lane] = own
+
+    def load(self, systems: list[System]) -> None:
+        """Copy in systems of the group's kind, and clear counters and folds."""
+        self._tally[:] = 0.0
+        self._late = 0
+        self.folds[:] = 0.0
+        self.folds[:, :, LEAST] = np.inf
+        for lane in range(LANES):
+            self._put(lane, systems[lane if lane < len(systems) else 0])
 
     def _put(self, lane: int, system: System) -> None:
         """Copy in a system with all of its properties."""
@@ -299,7 +310,7 @@ class JoinedGroup:
         """
         own, known = self._stack, (self._place, self._lowest, self._tally)
         joined = Joined(own, self._joints, None)
-        tables = self.boundary, self.pulls, self._folds, run
+        tables = self.boundary, self.pulls, self.folds, run
         return done_and_left(
             advance_batch(own.effects, own.law, joined, self._each, known, *tables)
         )

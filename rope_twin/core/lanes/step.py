@@ -331,9 +331,11 @@ def _finish(system: Any, arrays: Any, known: Any, tables: Any, step: int, of: An
             report_at_connection(rope, pulls, step, stage)
 
 
-@by_kind(lambda system, folds, look, kept: _fold_rope(system, folds, look, kept))
-def _fold(system: Any, folds: Any, look: Any, kept: Any) -> Any:
-    """Fold a step's result into the row of its look, for ropes by themselves."""
+@jit
+def _fold(system: Any, folds: Any, look: int, kept: Any) -> None:
+    """Fold a step's result into the row of its look, that of each rope."""
+    for r in range(count_ropes(system)):
+        _fold_rope(rope_at(system, r), table(part_of(system, folds, r)[0]), look, kept)
 
 
 @jit
@@ -342,7 +344,7 @@ def _advance(
 ) -> int:
     system = hold_system(wide_system(arrays))
     place, lowest, tally = known
-    tallies, folds = table(tally), table(fold)
+    tallies = table(tally)
     first, steps, wanted, time, h = run.first, run.steps, run.wanted, run.time, step_of(system)
     none = 0.0 * tolerance_of(system)
     _begin(system, place, boundary, first)
@@ -366,8 +368,8 @@ def _advance(
         tallies[SOLVES_DONE] = tallies[SOLVES_DONE] + choose(mask, solves, 0.0)
         tallies[SOLVES_MOST] = max(tallies[SOLVES_MOST], choose(mask, most, 0.0))
         tallies[STEPS_DONE] = tallies[STEPS_DONE] + choose(mask, 1.0, 0.0)
-        if fold.shape[0] > 0:  # a fleet looks at every step, an ensemble now and then
-            _fold(system, folds, (run.before + step) // run.look - run.before // run.look, mask)
+        if fold.size > 0:  # a fleet looks at every step, an ensemble now and then
+            _fold(system, fold, (run.before + step) // run.look - run.before // run.look, mask)
         elif (run.before + step + 1) % run.look == 0:
             slack = mask_of(_slack(system) & kept)
             tallies[SLACK_LOOKS] = tallies[SLACK_LOOKS] + choose(slack, 1.0, 0.0)

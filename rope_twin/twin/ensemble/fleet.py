@@ -1,11 +1,11 @@
-"""Fleet: ropes of one scene that begin from any state and take figures and inputs as arrays.
+"""Fleet: members of one scene that begin from any state and take figures and inputs as arrays.
 
-A forecast or an estimator runs many short simulations of the rope that hangs now, each with its own
-heave, line out or payload. The members of a fleet have a mesh and a step of their own, coarser than
-those of the live twin; they are stepped in SIMD lanes like an ensemble's (`core/lanes`), but their
-boundary conditions are arrays, their figures array writes without another scene or statics, and
-the top tension of every step is returned. Least tension and the payload's motion are folded in the
-lanes over each look.
+A forecast or an estimator runs many short simulations of what hangs now, a rope or a system of
+ropes that meet, each with its own heave, line out or payload. The members of a fleet have a mesh
+and a step of their own, coarser than those of the live twin; they are stepped in SIMD lanes like an
+ensemble's (`core/lanes`), but their boundary conditions are arrays, their figures array writes
+without another scene or statics, and the top tension of every step is returned. Least tension and
+the payload's motion are folded in the lanes over each look.
 
 A member is bit-identical to a `Twin` of the same mesh, step, state and inputs. Members of a scene
 whose effects do not step in lanes step alone.
@@ -13,34 +13,27 @@ whose effects do not step in lanes step alone.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
-from rope_twin.core import state as rows
 from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
-from rope_twin.core.state import Floats, State
-from rope_twin.errors import InputError, phrase
+from rope_twin.core.state import Floats
+from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.load import at_setting, load_scene
-from rope_twin.scene.rigging import is_joined
-from rope_twin.scene.rope_model import build
+from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import model_beside
-from rope_twin.twin.ensemble.fleet_stretch import (
-    STRETCH_STEPS,
-    Course,
-    FleetMembers,
-    Record,
-    Scratch,
-    Stretch,
-)
-from rope_twin.twin.ensemble.live_state import LiveState, live_state, on_mesh
+from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetRecord, FleetState, LiveState
+from rope_twin.twin.ensemble.fleet_members import Members
+from rope_twin.twin.ensemble.fleet_ropes import RopeMembers
+from rope_twin.twin.ensemble.fleet_stretch import STRETCH_STEPS, Record, Stretch
+from rope_twin.twin.ensemble.fleet_systems import SystemMembers
+from rope_twin.twin.ensemble.live_state import live_state
 from rope_twin.twin.figures import FIGURES, Factors, checked_factors, figures_of
-from rope_twin.twin.regrid import state_arrays
-from rope_twin.twin.statics import solve_scene_statics
 
 __all__ = [
     "FIGURES", "Fleet", "FleetInputs", "FleetRecord", "FleetState", "LiveState", "live_state",
@@ -49,42 +42,8 @@ __all__ = [
 LEAP_M = 1.0  # of the line out at the beginning: more stretches the top element beyond any rope
 
 
-@dataclass(frozen=True)
-class FleetState:
-    """State of one member, for `Fleet.restore`."""
-
-    time_ns: int
-    rope: State
-    memories: tuple[Floats, ...] = ()  # internal variables of the effects
-
-
-@dataclass(frozen=True)
-class FleetInputs:
-    """Motion at the step borders, the first being the present.
-
-    Each is (steps + 1,) for all members, or (steps + 1, members).
-    """
-
-    heave_m: Floats  # height of the hang-off relative to its rest
-    heave_rate_m_per_s: Floats
-    line_out_m: Floats
-    line_speed_m_per_s: Floats
-
-
-@dataclass(frozen=True)
-class FleetRecord:
-    """Results of `Fleet.advance`. A last look may be shorter than the others."""
-
-    top_tension_n: Floats  # at the end of each step, (steps, members)
-    least_tension_n: Floats  # of any element over each look, (looks, members)
-    payload_depth_m: Floats  # at the end of each look, (looks, members), positive down
-    payload_speed_m_per_s: Floats  # vertical, likewise, positive down
-    payload_tension_n: Floats  # of the lowest element, likewise
-    failures: Mapping[int, str]  # members that failed and why; their values are then NaN
-
-
 class Fleet:
-    """Members of one rope that begin from a given state and take inputs as arrays."""
+    """Members of one scene that begin from a given state and take inputs as arrays."""
 
     def __init__(
         self,
@@ -98,9 +57,10 @@ class Fleet:
         """Build members in the scene's static equilibrium, at time 0.
 
         Args:
-            scene: a scene of one rope, its name, or the path of its file.
+            scene: a scene, its name, or the path of its file.
             members: number of members.
-            elements: number of elements of each member at the scene's paid-out length.
+            elements: number of elements of each member at the scene's paid-out length; where ropes
+                meet, of the main winch's rope, and of the others in proportion.
             step_s: time step [s].
             threads: number of parallel threads.
 
@@ -112,22 +72,17 @@ class Fleet:
         if members < 1 or threads < 1:
             what = f"{members} members, {threads} threads"
             raise InputError(phrase("fleet", what, "give at least one of each"))
-        if is_joined(scene):
-            what = f"the ropes of '{scene.name}' meet, a fleet has members of one rope"
-            raise InputError(phrase("fleet", what, "step them with `rope_twin run`"))
         if model_beside(scene) is not None:
             what = f"the VIV model of '{scene.name}' runs beside the step"
             right = "remove it from the scene; its drag amplification then has no effect"
             raise InputError(phrase("fleet", what, right))
         self.scene = at_setting(scene, elements, step_s)
         self.threads = threads
-        rope = build(self.scene)
-        solve_scene_statics(self.scene, rope)
-        self._marks = rope.state.s[: rope.state.counts[rows.ELEMENTS] + 1].copy()
-        self._members = FleetMembers(rope, members)
+        made = SystemMembers if is_joined(self.scene) else RopeMembers
+        self._members: Members = made(self.scene, members)
         self._step_ns = round(self.scene.time.step_s * 1e9)
         self._time_ns = 0
-        self._scratches = [Scratch(rope) for _ in range(threads)]
+        self._scratches = [self._members.new_scratch() for _ in range(threads)]
 
     def __len__(self) -> int:
         """Return the number of members, including failed ones."""
@@ -141,7 +96,13 @@ class Fleet:
     @property
     def figures(self) -> tuple[str, ...]:
         """Figures that the scene has, in the order of FIGURES."""
-        return figures_of(self._members.rope)
+        known = {name for rope in self._members.ropes for name in figures_of(rope)}
+        return tuple(name for name in FIGURES if name in known)
+
+    @property
+    def why_alone(self) -> str:
+        """Reason why members do not step in SIMD lanes; "": they do."""
+        return self._members.why_alone
 
     # Figures
 
@@ -149,7 +110,8 @@ class Fleet:
         """Set figures of all members as factors on the scene's values; others are kept.
 
         factors: by name of FIGURES, a number or one for each member. The members' motion and state
-        stay as they are: a rope whose weight or stiffness jumps rings.
+        stay as they are: a rope whose weight or stiffness jumps rings. Where ropes meet a factor
+        applies to all ropes of a member, and to all that hangs on them.
 
         Raises:
             InputError: an unknown figure or one that the scene does not have, a factor that is not
@@ -162,9 +124,7 @@ class Fleet:
 
     def state(self, member: int) -> FleetState:
         """Return a copy of a member's state."""
-        members = self._members
-        memories = tuple(array.copy() for array in state_arrays(members.effects_of(member)))
-        return FleetState(self._time_ns, members.state_of(member).copy(), memories)
+        return self._members.state(member, self._time_ns)
 
     def restore(self, states: FleetState | Sequence[FleetState]) -> None:
         """Continue all members from one state, or each from its own; failed ones start again.
@@ -179,33 +139,11 @@ class Fleet:
             raise InputError(phrase("fleet", what, "give one, or one for each"))
         if len({one.time_ns for one in given}) > 1:
             raise InputError(phrase("fleet", "states of different times", "give states of one"))
-        members = self._members
-        room = members.states.nodes.shape[1:]
         for one in given:
-            if one.rope.nodes.shape != room:
-                what = f"a state with space for {one.rope.s.size} nodes, not {room[1]}"
-                right = "give states of a fleet of this scene and mesh"
-                raise InputError(phrase("fleet", what, right))
-        if members.remember:
-            count = sum(1 for _ in state_arrays(members.effects[0]))
-            for one in given:
-                if len(one.memories) != count:
-                    what = f"a state with {len(one.memories)} internal variables, not {count}"
-                    right = "give states that `Fleet.state` returned for this scene"
-                    raise InputError(phrase("fleet", what, right))
-        if isinstance(states, FleetState):
-            members.set_all(states.rope)
-        else:
-            for k, one in enumerate(given):
-                for mine, part in zip(members.states, one.rope, strict=True):
-                    mine[k] = part
-        if members.remember:
-            for k, effects in enumerate(members.effects):
-                memories = given[min(k, len(given) - 1)].memories
-                for array, then in zip(state_arrays(effects), memories, strict=True):
-                    array[...] = then
+            self._members.check(one)
+        self._members.restore(given)
         self._time_ns = given[0].time_ns
-        members.failures = {}
+        self._members.failures = {}
 
     def begin_from(self, live: LiveState) -> None:
         """Continue all members from the state of a live twin, on the fleet's own mesh.
@@ -215,12 +153,9 @@ class Fleet:
         Raises:
             InputError: the state is that of another scene.
         """
-        members = self._members
-        state, effects = on_mesh(live, members.rope, self._marks)
-        members.adopt(effects)
-        members.set_all(state)
+        self._members.begin_from(live)
         self._time_ns = live.time_ns
-        members.failures = {}
+        self._members.failures = {}
 
     # Steps
 
@@ -234,26 +169,26 @@ class Fleet:
                 possible, or a look of no step.
         """
         steps = self._check(inputs, look_steps)
-        made = Record(steps, -(-steps // look_steps), len(self))
-        course = Course(
-            self.scene.ship.hang_off_m[2] + np.asarray(inputs.heave_m, dtype=float),
-            np.asarray(inputs.heave_rate_m_per_s, dtype=float),
-            np.asarray(inputs.line_out_m, dtype=float),
-            np.asarray(inputs.line_speed_m_per_s, dtype=float),
-            look_steps,
-        )
+        members = self._members
+        made = Record(members.lead, steps, -(-steps // look_steps), len(self))
+        course = members.course(inputs)
         for first in range(0, steps, STRETCH_STEPS):
             some = min(STRETCH_STEPS, steps - first)
-            self._run(Stretch(self._members, course, made, first, some, self._time_ns))
+            span = first, some, self._time_ns
+            self._run(Stretch(members, course, made, look_steps, span))
             self._time_ns += some * self._step_ns
         made.close()
+        top = made.top.reshape(-1, *made.top.shape[-2:])  # of each rope
+        folds = made.folds.reshape(-1, *made.folds.shape[-3:])
+        lower = folds[members.payload]
         return FleetRecord(
-            top_tension_n=made.top,
-            least_tension_n=made.folds[:, LEAST],
-            payload_depth_m=made.folds[:, DEPTH],
-            payload_speed_m_per_s=made.folds[:, SINKING],
-            payload_tension_n=made.folds[:, LOWEST],
-            failures=dict(self._members.failures),
+            top_tension_n=top[0],
+            least_tension_n=folds[:, :, LEAST].min(axis=0),
+            payload_depth_m=lower[:, DEPTH],
+            payload_speed_m_per_s=lower[:, SINKING],
+            payload_tension_n=lower[:, LOWEST],
+            failures=dict(members.failures),
+            hung_tension_n={self.scene.ropes[r].name: top[r] for r in members.hung},
         )
 
     def _check(self, inputs: FleetInputs, look_steps: int) -> int:
@@ -265,44 +200,64 @@ class Fleet:
         if look_steps < 1:
             raise InputError(phrase("fleet", f"a look of {look_steps} steps", "give at least 1"))
         first = np.shape(inputs.heave_m)[:1]
-        for field in fields(inputs):
-            value = np.asarray(getattr(inputs, field.name))
+        single = [(one.name, getattr(inputs, one.name)) for one in fields(inputs)]
+        named = [(name, value) for name, value in single if name != "lines"]
+        for winch, line in inputs.lines.items():
+            self._rope_of(winch)
+            words = "line_out_m", "line_speed_m_per_s"
+            named += [(f"{word} of {winch}", own) for word, own in zip(words, line, strict=True)]
+        for name, given in named:
+            value = np.asarray(given)
             if value.shape[:1] != first or value.shape[1:] not in ((), (len(self),)):
                 what = f"shape {value.shape}"
                 right = f"give (steps + 1,) or (steps + 1, {len(self)}), the same steps in all"
-                raise InputError(phrase(f"fleet: {field.name}", what, right))
+                raise InputError(phrase(f"fleet: {name}", what, right))
             if not np.isfinite(value).all():
                 what = "a value is not finite"
-                raise InputError(phrase(f"fleet: {field.name}", what, "fill gaps before"))
+                raise InputError(phrase(f"fleet: {name}", what, "fill gaps before"))
         steps = first[0] - 1 if first else 0
         if steps < 1:
             raise InputError(phrase("fleet", "inputs of no step", "give at least two borders"))
-        self._check_line(np.asarray(inputs.line_out_m))
+        self._check_line("line_out_m", 0, np.asarray(inputs.line_out_m))
+        for winch, (out, _) in inputs.lines.items():
+            self._check_line(f"line_out_m of {winch}", self._rope_of(winch), np.asarray(out))
         return int(steps)
 
-    def _check_line(self, line_m: Floats) -> None:
-        """Check that members can have this line out, (steps + 1,) or (steps + 1, members).
+    def _rope_of(self, winch: str) -> int:
+        """Return the number of the rope from a winch other than the main one.
+
+        Raises:
+            InputError: there is no such winch.
+        """
+        names = [self.scene.ropes[r].from_ for r in self._members.hung[1:]]
+        known = [name for name in winches_by_name(self.scene) if name in names]
+        if winch not in known:
+            right = did_you_mean(winch, known) if known else "the scene has the main winch alone"
+            raise InputError(phrase("fleet: lines", f"there is no other winch '{winch}'", right))
+        return self._members.hung[1 + names.index(winch)]
+
+    def _check_line(self, name: str, r: int, line_m: Floats) -> None:
+        """Check that members can have this line out of rope r, (steps + 1,) or (..., members).
 
         Raises:
             InputError: they cannot.
         """
-        members, winch = self._members, self.scene.winch
-        least = float(self._marks[1])
-        most = winch.most_line_out_m + members.rope.model.element_length if winch else np.inf
+        members, winch = self._members, winch_of(self.scene, self.scene.ropes[r])
+        least = float(members.marks_m[r][1])
+        longest = members.ropes[r].model.element_length
+        most = winch.most_line_out_m + longest if winch else np.inf
         if not (least < line_m.min() and line_m.max() <= most):
             what = f"{float(line_m.min()):g} to {float(line_m.max()):g} m"
             right = f"this mesh takes more than {least:g} m, and at most {most:g} m"
-            raise InputError(phrase("fleet: line_out_m", what, right))
-        all_ = np.arange(len(self))
-        top = members.states.counts[:, rows.ELEMENTS]
-        length, below = members.states.s[all_, top], members.states.s[all_, top - 1]
+            raise InputError(phrase(f"fleet: {name}", what, right))
+        length, below = members.ends(r)
         wrong = (abs(line_m[0] - length) > LEAP_M) | (line_m[0] <= below)
         for k in np.flatnonzero(wrong).tolist():
             if k not in members.failures:
                 first = float(np.broadcast_to(line_m[0], (len(self),))[k])
                 what = f"it begins at {first:g} m, member {k} has {length[k]:g} m of rope out"
                 right = f"begin within {LEAP_M:g} m of the member's state"
-                raise InputError(phrase("fleet: line_out_m", what, right))
+                raise InputError(phrase(f"fleet: {name}", what, right))
 
     def _run(self, stretch: Stretch) -> None:
         """Do the steps of a stretch."""

@@ -4,12 +4,13 @@ The copy is cheap enough to be taken between two paced steps. On the members' me
 position, velocity and acceleration of the live rope's material there; an element has the mean
 tension of what it replaces, the uppermost one that which keeps the force on the hang-off. Where a
 chord is shorter than the curve that it replaces, a length offset gives it its tension and decays,
-as at the sheave (`core.payout`). Paid-out length and payload are kept exactly.
+as at the sheave (`core.payout`). Paid-out length, payload and connections are kept exactly; of
+ropes that meet each has a state of its own.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,52 +20,45 @@ from rope_twin.core.payout import SMALLEST_REST, TRIALS
 from rope_twin.core.state import SAME_PLACE, Floats, Ints, Model, Rope, State, new_state
 from rope_twin.effects.current import profile_of, with_profile
 from rope_twin.errors import InputError, StateError, phrase
-from rope_twin.scene.rigging import is_joined
-from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.fleet_data import LiveState as LiveState
 from rope_twin.twin.figures import copied_law
 from rope_twin.twin.regrid import (
     Elements,
+    UpperEnd,
     elements_of,
     has_state,
     offsets_for,
     on_nodes,
     own_copies,
+    upper_ends,
 )
 from rope_twin.twin.twin import Twin
 
 _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
 
 
-@dataclass(frozen=True)
-class LiveState:
-    """Copy of a twin's rope between two steps."""
-
-    scene: Scene
-    time_ns: int
-    rope: Rope  # state of the nodes in use and own effects; `work` is the tension, (elements,)
-    pull_n: Floats  # force of the rope on the hang-off, (3,) x, y, z
-    payout_m_per_s: float
-
-    @property
-    def line_out_m(self) -> float:
-        """Paid-out length [m]."""
-        return float(self.rope.state.s[self.rope.state.counts[rows.ELEMENTS]])
-
-
 def live_state(twin: Twin) -> LiveState:
     """Return a copy of the twin's rope; call it in the stepping thread, between two steps.
 
     Raises:
-        InputError: ropes that meet.
         StateError: the rope was cut.
     """
-    if is_joined(twin.scene):
-        what = "members of a fleet have one rope, this scene's ropes meet"
-        raise InputError(phrase(twin.scene.name, what, "take a scene of one rope"))
     if twin.cut is not None:
         raise StateError(phrase("live state", "the rope was cut", "a fleet's rope is whole"))
-    view = twin.inspect()
-    rope, state = view.rope, view.rope.state
+    view, joined = twin.inspect(), twin.joined
+    if joined is None:
+        speed = view.boundary.rate[:1, rows.LINE]
+        (end,) = upper_ends(view.rope, view.pull[None], speed)
+        return _copied(twin, view.rope, end)
+    system = joined.system(view.rope)
+    ends = upper_ends(system, joined.pull, joined.border(view.boundary).rate[:, rows.LINE])
+    first, *others = (_copied(twin, *own) for own in zip(system.ropes, ends, strict=True))
+    return replace(first, others=tuple(others), joints=system.joints.nodes.copy())
+
+
+def _copied(twin: Twin, rope: Rope, end: UpperEnd) -> LiveState:
+    """Return a copy of one of the twin's ropes."""
+    state = rope.state
     n = int(state.counts[rows.ELEMENTS])
     copied = State(
         state.nodes[:, : n + 1].copy(),
@@ -77,8 +71,7 @@ def live_state(twin: Twin) -> LiveState:
         state=copied, effects=own_copies(rope.effects), work=rope.work[rows.TENSION, :n].copy(),
         sections=rope.sections.copy(), law=copied_law(rope.law),
     )  # fmt: skip
-    pull = view.pull[rows.PULL_X : rows.PULL_Z + 1].copy()
-    return LiveState(twin.scene, twin.time_ns, own, pull, float(view.boundary.rate[0, rows.LINE]))
+    return LiveState(twin.scene, twin.time_ns, own, end.pull_n, end.payout_m_per_s, end.loaded)
 
 
 def on_mesh(live: LiveState, rope: Rope, marks_m: Floats) -> tuple[State, tuple[Any, ...]]:
@@ -108,19 +101,20 @@ def on_mesh(live: LiveState, rope: Rope, marks_m: Floats) -> tuple[State, tuple[
         state.offset[:n] = own.state.offset
         state.counts[:] = own.state.counts
         state.health[:] = own.state.health
-        marks = own.state.s[:n]
+        coordinates = own.state.s
     else:
         coordinates = mesh_at(rope, marks_m, live.line_out_m)
-        marks = coordinates[:-1]
-        state.counts[rows.ELEMENTS] = len(marks)
+        m = len(coordinates) - 1
+        state.counts[rows.ELEMENTS] = m
         state.s[: len(coordinates)] = coordinates
         old = elements_of(own.state, own.sections, live.payout_m_per_s)
         _interpolate(live, old, coordinates, state)
         new = elements_of(state, rope.sections, live.payout_m_per_s)
         wanted = _wanted_tensions(live, old, new, coordinates)
-        state.offset[: len(marks)] = offsets_for(rope, new, wanted)
+        state.offset[:m] = offsets_for(rope, new, wanted)
     if not (same and _same_shapes(own.effects, rope.effects)):
-        own = own._replace(effects=on_nodes(own.effects, marks, room))
+        carrying = coordinates if live.loaded else coordinates[:-1]
+        own = own._replace(effects=on_nodes(own.effects, carrying, room))
     pairs = zip(rope.effects, own.effects, strict=True)
     return state, tuple(_taken_over(mine, theirs) for mine, theirs in pairs)
 

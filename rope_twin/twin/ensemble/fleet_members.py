@@ -1,0 +1,212 @@
+"""Members of a fleet as its steps see them, be they ropes by themselves or systems of ropes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.jit.wide import LANES
+from rope_twin.core.state import Boundary, Floats, Ints, Rope
+from rope_twin.errors import InputError, phrase
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetState, LiveState
+from rope_twin.twin.figures import FIGURES
+from rope_twin.twin.regrid import state_arrays
+
+KINDS_KEPT = 8  # element counts that a thread keeps arrays for
+
+
+class Course(NamedTuple):
+    """Boundary conditions at the step borders, (steps + 1,) or (steps + 1, members) each."""
+
+    z_m: Floats  # height of the hang-off
+    z_rate: Floats
+    line_out_m: Floats
+    line_speed: Floats
+
+    def fill(self, borders: Boundary, members: Ints, first: int) -> None:
+        """Set heave and line out of lanes from border `first` on, (borders, MOTIONS, lanes)."""
+        (value, rate), count = borders, len(members)
+        part = slice(first, first + len(value))
+        columns = (value, rows.Z), (rate, rows.Z), (value, rows.LINE), (rate, rows.LINE)
+        for (table, column), given in zip(columns, self, strict=True):
+            own = given[part]
+            table[:, column, :count] = own[:, members] if own.ndim > 1 else own[:, None]
+            if count < table.shape[2]:
+                table[:, column, count:] = table[:, column, :1]
+
+    def set_border(self, borders: Boundary, member: int, first: int) -> None:
+        """Set heave and line out of one member over the step from border `first`, (2, MOTIONS)."""
+        (value, rate), part = borders, slice(first, first + 2)
+        columns = (value, rows.Z), (rate, rows.Z), (value, rows.LINE), (rate, rows.LINE)
+        for (table, column), given in zip(columns, self, strict=True):
+            table[:, column] = given[part, member] if given.ndim > 1 else given[part]
+
+
+class Scratch:
+    """Scratch arrays of a thread."""
+
+    def __init__(self, lead: tuple[int, ...], work: Floats | None = None) -> None:
+        """Allocate arrays; lead: axes before those of a rope."""
+        self.work = work  # of the step, for members that have none of their own
+        size = (*lead, 2, rows.MOTIONS)
+        self.borders = Boundary(np.zeros(size), np.zeros(size))
+        self.pull: Floats = np.zeros((*lead, 1, rows.PULL_COLUMNS))
+        self._groups: dict[Any, Any] = {}
+
+    def group(self, members: Members, kind: Any, steps: int, looks: int) -> Any:
+        """Return arrays for members of this kind in lanes."""
+        found = self._groups.get(kind)
+        if found is None or found.steps < steps or found.folds.shape[-3] < looks:
+            if len(self._groups) >= KINDS_KEPT:
+                self._groups.clear()
+            found = self._groups[kind] = members.new_group(kind, steps, looks)
+        return found
+
+
+class Members(ABC):
+    """Members of one scene and mesh."""
+
+    lead: tuple[int, ...]  # axes of results before their own: none, or the ropes
+    hung: tuple[int, ...]  # numbers of the ropes from a hang-off, the main winch's first
+    payload: int = 0  # number of the rope whose lower end is the payload
+
+    def __init__(self, scene: Scene, ropes: Sequence[Rope], count: int) -> None:
+        """Take the scene, its ropes with the scene's figures, and the number of members."""
+        self.scene = scene
+        self.count = count
+        self.step_s = ropes[0].model.step
+        self.factors: dict[str, Floats] = {name: np.ones(count) for name in FIGURES}
+        self.failures: dict[int, str] = {}  # members that failed, and why
+        # coordinates of the nodes at the scene's length, of each rope
+        self.marks_m = [own.state.s[: own.state.counts[rows.ELEMENTS] + 1].copy() for own in ropes]
+
+    @property
+    def going(self) -> list[int]:
+        """Members that have not failed."""
+        return [k for k in range(self.count) if k not in self.failures]
+
+    @property
+    @abstractmethod
+    def ropes(self) -> tuple[Rope, ...]:
+        """Ropes of a member with the scene's figures; their state is not in use."""
+
+    @property
+    @abstractmethod
+    def why_alone(self) -> str:
+        """Reason why members do not step in lanes; "": they do."""
+
+    @abstractmethod
+    def scale(self) -> None:
+        """Apply the factors to the kernel data."""
+
+    @abstractmethod
+    def state(self, member: int, time_ns: int) -> FleetState:
+        """Return a copy of a member's state."""
+
+    @abstractmethod
+    def restore(self, given: Sequence[FleetState]) -> None:
+        """Set states that fit: one for all members, or one for each."""
+
+    @abstractmethod
+    def begin_from(self, live: LiveState) -> None:
+        """Set the state of a live twin, on the members' own mesh.
+
+        Raises:
+            InputError: the state is that of another scene.
+        """
+
+    @abstractmethod
+    def ends(self, r: int) -> tuple[Floats, Floats]:
+        """Return coordinates of the uppermost node of rope r and the one below [m], (members,)."""
+
+    @abstractmethod
+    def course(self, inputs: FleetInputs) -> Any:
+        """Return the boundary conditions of valid inputs; `fill` and `set_border` set them."""
+
+    def check(self, given: FleetState) -> None:
+        """Check that members can have a state.
+
+        Raises:
+            InputError: they cannot.
+        """
+        right = "give states of a fleet of this scene and mesh"
+        states, own = (given.rope, *given.others), self.ropes
+        if len(states) != len(own):
+            what = f"a state of {len(states)} ropes, not {len(own)}"
+            raise InputError(phrase("fleet", what, right))
+        for one, rope in zip(states, own, strict=True):
+            if one.nodes.shape != rope.state.nodes.shape:
+                room = rope.state.nodes.shape[1]
+                what = f"a state with space for {one.s.size} nodes, not {room}"
+                raise InputError(phrase("fleet", what, right))
+        count = sum(len(state_arrays(rope.effects)) for rope in own)
+        if len(given.memories) != count:
+            what = f"a state with {len(given.memories)} internal variables, not {count}"
+            right = "give states that `Fleet.state` returned for this scene"
+            raise InputError(phrase("fleet", what, right))
+
+    # Steps
+
+    @abstractmethod
+    def kind_of(self, member: int) -> Any:
+        """Return what members in lanes must share; None: the member steps alone."""
+
+    def alike(self, members: Ints) -> Iterator[Ints]:
+        """Yield groups of members of one kind, as many as there are lanes, or one alone."""
+        kinds: dict[Any, list[int]] = {}
+        for k in members.tolist():
+            kinds.setdefault(self.kind_of(k) or k, []).append(k)
+        for some in kinds.values():
+            for first in range(0, len(some), LANES):
+                yield np.array(some[first : first + LANES], dtype=np.int64)
+
+    @abstractmethod
+    def new_scratch(self) -> Scratch:
+        """Return scratch arrays of a thread."""
+
+    @abstractmethod
+    def new_group(self, kind: Any, steps: int, looks: int) -> Any:
+        """Return arrays for members of this kind in lanes."""
+
+    @abstractmethod
+    def nodes_of(self, kind: Any) -> int:
+        """Return the number of nodes that members of this kind step."""
+
+    @abstractmethod
+    def load(self, group: Any, members: Ints) -> None:
+        """Copy members into a group, and clear its counters and folds."""
+
+    @abstractmethod
+    def place(self, borders: Boundary, members: Ints, kind: Any) -> None:
+        """Keep the hang-offs of lanes where they are in x and y; borders: of the group."""
+
+    @abstractmethod
+    def take(self, group: Any, members: Ints, lanes: list[int]) -> None:
+        """Copy the states of these lanes back to their members, with solver counts."""
+
+    @abstractmethod
+    def alone(self, member: int) -> Any:
+        """Return a member as its group takes it; it shares its state with the fleet."""
+
+    @abstractmethod
+    def health_of(self, member: int) -> Ints:
+        """Return a member's solver counts."""
+
+    @abstractmethod
+    def has_changed(self, member: int, kind: Any) -> bool:
+        """Return whether a member has other elements than its kind."""
+
+    @abstractmethod
+    def step(
+        self, member: int, course: Any, border: int, time_s: float, own: Scratch
+    ) -> Floats | None:
+        """Do the step from a border for one member by itself.
+
+        Returns what a look folds, (..., FOLDS) after the leading axes, or None: it failed. The
+        forces on the hang-offs are in `own.pull`.
+        """

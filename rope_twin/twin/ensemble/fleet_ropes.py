@@ -1,0 +1,218 @@
+"""Members of a fleet that are one rope each.
+
+Their states are arrays with the members as the first axis. They are what the lanes are filled from
+(`Group.begin_stacked`); a member that takes a step alone does it on views of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone
+from rope_twin.core.state import Boundary, Floats, Ints, Rope, State, columns_for, new_work
+from rope_twin.core.step import advance
+from rope_twin.scene.rope_model import build
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetState, LiveState
+from rope_twin.twin.ensemble.fleet_members import Course, Members, Scratch
+from rope_twin.twin.ensemble.live_state import on_mesh
+from rope_twin.twin.ensemble.member import fold_of
+from rope_twin.twin.figures import scaled_rope, stacked_effects, stacked_sections
+from rope_twin.twin.regrid import has_state, own_copies, state_arrays
+from rope_twin.twin.statics import solve_scene_statics
+
+
+class RopeMembers(Members):
+    """Ropes of one scene and mesh."""
+
+    lead = ()
+    hung = (0,)
+
+    def __init__(self, scene: Scene, count: int) -> None:
+        """Begin in static equilibrium.
+
+        Raises:
+            SceneError: the scene cannot be built, or has no static equilibrium.
+        """
+        rope = build(scene)
+        solve_scene_statics(scene, rope)
+        super().__init__(scene, (rope,), count)
+        self._rope = rope
+        parts: Any = (np.repeat(part[None], count, 0) for part in rope.state)
+        self._states = State(*parts)
+        self._effects: list[tuple[Any, ...]] = []  # of each member; shared if without memory
+        self._adopt(rope.effects)
+
+    @property
+    def ropes(self) -> tuple[Rope, ...]:
+        """The rope of a member."""
+        return (self._rope,)
+
+    @property
+    def _remember(self) -> bool:
+        """Whether effects have internal variables."""
+        return any(has_state(effect) for effect in self._rope.effects)
+
+    @property
+    def why_alone(self) -> str:
+        """Reason why members do not step in lanes; "": they do."""
+        return why_alone(self._rope)
+
+    def _adopt(self, effects: tuple[Any, ...]) -> None:
+        """Take effects with other data for all members, and their internal variables."""
+        self._rope = self._rope._replace(effects=effects)
+        self._effects = [own_copies(effects) for _ in range(self.count)] if self._remember else []
+        self.scale()
+
+    def scale(self) -> None:
+        """Apply the factors to the kernel data."""
+        kind = kind_of(self._rope)
+        sections = stacked_sections(self._rope.sections, self.factors)
+        effects = stacked_effects(self._rope.effects, self.factors) if kind and kind.plain else ()
+        self._kind, self._alone = kind, dict[int, Rope]()
+        self._stack = self._rope._replace(state=self._states, sections=sections, effects=effects)
+
+    def state(self, member: int, time_ns: int) -> FleetState:
+        """Return a copy of a member's state."""
+        memories = tuple(array.copy() for array in state_arrays(self._effects_of(member)))
+        return FleetState(time_ns, self._state_of(member).copy(), memories)
+
+    def restore(self, given: Sequence[FleetState]) -> None:
+        """Set states that fit: one for all members, or one for each."""
+        if len(given) == 1:
+            self._set_all(given[0].rope)
+        else:
+            for k, one in enumerate(given):
+                for mine, part in zip(self._states, one.rope, strict=True):
+                    mine[k] = part
+        for k, effects in enumerate(self._effects):
+            memories = given[min(k, len(given) - 1)].memories
+            for array, then in zip(state_arrays(effects), memories, strict=True):
+                array[...] = then
+
+    def begin_from(self, live: LiveState) -> None:
+        """Set the state of a live twin, on the members' own mesh.
+
+        Raises:
+            InputError: the state is that of another scene.
+        """
+        state, effects = on_mesh(live, self._rope, self.marks_m[0])
+        self._adopt(effects)
+        self._set_all(state)
+
+    def ends(self, r: int) -> tuple[Floats, Floats]:
+        """Return coordinates of the uppermost node and the one below [m], (members,)."""
+        all_, s = np.arange(self.count), self._states.s
+        top = self._states.counts[:, rows.ELEMENTS]
+        return s[all_, top], s[all_, top - 1]
+
+    def course(self, inputs: FleetInputs) -> Course:
+        """Return the boundary conditions of valid inputs."""
+        return Course(
+            self.scene.ship.hang_off_m[2] + np.asarray(inputs.heave_m, dtype=float),
+            np.asarray(inputs.heave_rate_m_per_s, dtype=float),
+            np.asarray(inputs.line_out_m, dtype=float),
+            np.asarray(inputs.line_speed_m_per_s, dtype=float),
+        )
+
+    def _set_all(self, state: State) -> None:
+        """Give all members one state."""
+        for mine, part in zip(self._states, state, strict=True):
+            mine[:] = part
+
+    def _state_of(self, member: int) -> State:
+        """Return views of a member's state."""
+        return State(*(part[member] for part in self._states))
+
+    def _effects_of(self, member: int) -> tuple[Any, ...]:
+        """Return the effects that hold a member's internal variables."""
+        return self._effects[member] if self._effects else self._rope.effects
+
+    # Steps
+
+    def alone(self, member: int) -> Rope:
+        """Return a member's rope, which shares its state and internal variables with the fleet."""
+        found = self._alone.get(member)
+        if found is None:
+            factors = {name: float(value[member]) for name, value in self.factors.items()}
+            rope = scaled_rope(self._rope, factors, self._effects_of(member))
+            found = self._alone[member] = rope._replace(state=self._state_of(member))
+        return found
+
+    def kind_of(self, member: int) -> Kind | None:
+        """Return what members in lanes must share; None: the member steps alone."""
+        if self._kind is None:
+            return None
+        elements = int(self._states.counts[member, rows.ELEMENTS])
+        if not self._kind.place and elements > 1:
+            return self._kind._replace(elements=elements)
+        return kind_of(self._rope._replace(state=self._state_of(member)))
+
+    def new_scratch(self) -> Scratch:
+        """Return scratch arrays of a thread."""
+        room = columns_for(self._rope.state.s.shape[0])
+        return Scratch(self.lead, new_work(room, self._rope.work.shape[0]))
+
+    def new_group(self, kind: Kind, steps: int, looks: int) -> Group:
+        """Return arrays for members of this kind in lanes."""
+        return Group(kind, steps, looks)
+
+    def nodes_of(self, kind: Kind) -> int:
+        """Return the number of nodes that members of this kind step."""
+        return kind.elements
+
+    def load(self, group: Group, members: Ints) -> None:
+        """Copy members into a group, and clear its counters and folds."""
+        if group.kind.plain:
+            group.begin_stacked(self._stack, members)
+        else:
+            group.load([self.alone(k) for k in members.tolist()])
+
+    def place(self, borders: Boundary, members: Ints, kind: Kind) -> None:
+        """Keep the hang-offs of lanes where they are in x and y, (borders, MOTIONS, lanes)."""
+        nodes, count = self._states.nodes[members, : rows.Z, kind.elements].T, len(members)
+        borders.value[:, : rows.Z, :count] = nodes
+        borders.value[:, : rows.Z, count:] = nodes[:, :1]
+
+    def take(self, group: Group, members: Ints, lanes: list[int]) -> None:
+        """Copy the states of these lanes back to their members, with solver counts."""
+        if group.kind.plain:
+            chosen = np.array(lanes, dtype=np.int64)
+            group.take_stacked(self._states, members[chosen], chosen)
+            return
+        for lane in lanes:
+            rope = self.alone(int(members[lane]))
+            group.take(lane, rope)
+            group.account(lane, rope.state.health)
+
+    def health_of(self, member: int) -> Ints:
+        """Return a member's solver counts."""
+        health: Ints = self._states.health[member]
+        return health
+
+    def has_changed(self, member: int, kind: Kind) -> bool:
+        """Return whether a member has other elements than its kind."""
+        return bool(self._states.counts[member, rows.ELEMENTS] != kind.elements)
+
+    def step(
+        self, member: int, course: Course, border: int, time_s: float, own: Scratch
+    ) -> Floats | None:
+        """Do the step from a border for one member by itself.
+
+        Returns what a look folds, (FOLDS,), or None: it failed. The force on the hang-off is in
+        `own.pull`.
+        """
+        work, borders = own.work, own.borders
+        assert work is not None
+        rope = self.alone(member)._replace(work=work)
+        state = rope.state
+        n = int(state.counts[rows.ELEMENTS])
+        course.set_border(borders, member, border)
+        borders.value[:, : rows.Z] = state.nodes[: rows.Z, n]
+        if advance(rope, borders, own.pull, time_s, 1) < 1:
+            return None
+        return fold_of(rope, work[rows.TENSION, : int(state.counts[rows.ELEMENTS])])

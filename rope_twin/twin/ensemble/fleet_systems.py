@@ -1,0 +1,285 @@
+"""Members of a fleet that are systems of ropes that meet.
+
+Each has arrays of its own, all copies of one system in static equilibrium. Members of one kind step
+in lanes (core/lanes/joined_group), the others by themselves.
+
+A figure scales all ropes of a system alike: weight, mass and drag of all that hangs at their lower
+ends, stiffness, damping and tangential drag of all ropes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.joined.joints import LOOSE, System
+from rope_twin.core.lanes.joined_group import (
+    JoinedGroup,
+    JoinedKind,
+    joined_kind_of,
+    why_joined_alone,
+)
+from rope_twin.core.state import Boundary, Floats, Ints, Rope
+from rope_twin.core.step import advance_joined
+from rope_twin.errors import InputError, phrase
+from rope_twin.scene.rigging import payload_rope, places
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetState, LiveState
+from rope_twin.twin.ensemble.fleet_members import Course, Members, Scratch
+from rope_twin.twin.ensemble.live_state import on_mesh
+from rope_twin.twin.ensemble.member import fold_of
+from rope_twin.twin.figures import scaled_law, scaled_rope
+from rope_twin.twin.multi_line import MultiLineRopes
+from rope_twin.twin.regrid import joined_as, own_copies, state_arrays
+
+
+class SystemCourse(NamedTuple):
+    """Boundary conditions of the ropes from a hang-off, by number; the main winch's is the first.
+
+    Tables have the ropes as their first axis.
+    """
+
+    hung: dict[int, Course]
+
+    @property
+    def line_out_m(self) -> Floats:
+        """Line out of the main winch [m]."""
+        return self.hung[0].line_out_m
+
+    def fill(self, borders: Boundary, members: Ints, first: int) -> None:
+        """Set heave and line out of lanes from border `first` on."""
+        for r, own in self.hung.items():
+            own.fill(Boundary(borders.value[r], borders.rate[r]), members, first)
+
+    def set_border(self, borders: Boundary, member: int, first: int) -> None:
+        """Set heave and line out of one member over the step from border `first`."""
+        for r, own in self.hung.items():
+            own.set_border(Boundary(borders.value[r], borders.rate[r]), member, first)
+
+
+def _copy_of(system: System) -> System:
+    """Return a system with arrays of its own."""
+    return joined_as(
+        system, [rope._replace(effects=own_copies(rope.effects)) for rope in system.ropes]
+    )
+
+
+def _memories(system: System) -> list[Floats]:
+    """Return the internal variables of all effects, rope by rope, not copied."""
+    return [array for rope in system.ropes for array in state_arrays(rope.effects)]
+
+
+class SystemMembers(Members):
+    """Systems of one scene and mesh."""
+
+    def __init__(self, scene: Scene, count: int) -> None:
+        """Begin in static equilibrium.
+
+        Raises:
+            SceneError: the scene cannot be built, or has no static equilibrium.
+        """
+        built = MultiLineRopes(scene, 1)
+        built.solve_statics()
+        self._base = _copy_of(built.system(built.first))
+        super().__init__(scene, self._base.ropes, count)
+        self.lead = (len(self._base.ropes),)
+        self.hung = tuple(np.flatnonzero(self._base.joints.upper == LOOSE).tolist())
+        self.payload = payload_rope(scene)
+        self._systems = [_copy_of(self._base) for _ in range(count)]
+        self._kinds: dict[int, tuple[int, JoinedKind | None]] = {}
+
+    @property
+    def ropes(self) -> tuple[Rope, ...]:
+        """The ropes of a member."""
+        return self._base.ropes
+
+    @property
+    def why_alone(self) -> str:
+        """Reason why members do not step in lanes; "": they do."""
+        return why_joined_alone(self._base)
+
+    def scale(self) -> None:
+        """Apply the factors to the kernel data."""
+        for k, system in enumerate(self._systems):
+            factors = {name: float(value[k]) for name, value in self.factors.items()}
+            made = []
+            for base, own in zip(self._base.ropes, system.ropes, strict=True):
+                scaled = scaled_rope(base, factors, own.effects)
+                own.sections[:] = scaled.sections
+                made.append(own._replace(effects=scaled.effects, law=scaled.law))
+            law = scaled_law(self._base.stack.law, factors["axial_stiffness"])
+            self._systems[k] = system._replace(
+                ropes=tuple(made), stack=system.stack._replace(law=law)
+            )
+
+    def state(self, member: int, time_ns: int) -> FleetState:
+        """Return a copy of a member's state."""
+        system = self._systems[member]
+        first, *others = (rope.state.copy() for rope in system.ropes)
+        memories = tuple(array.copy() for array in _memories(system))
+        return FleetState(time_ns, first, memories, tuple(others), system.joints.nodes.copy())
+
+    def restore(self, given: Sequence[FleetState]) -> None:
+        """Set states that fit: one for all members, or one for each."""
+        self._kinds.clear()
+        for k, system in enumerate(self._systems):
+            one = given[min(k, len(given) - 1)]
+            for rope, state in zip(system.ropes, (one.rope, *one.others), strict=True):
+                for mine, part in zip(rope.state, state, strict=True):
+                    mine[...] = part
+            system.joints.nodes[:] = one.joints
+            for array, then in zip(_memories(system), one.memories, strict=True):
+                array[...] = then
+
+    def check(self, given: FleetState) -> None:
+        """Check that members can have a state.
+
+        Raises:
+            InputError: they cannot.
+        """
+        super().check(given)
+        if given.joints is None or given.joints.shape != self._base.joints.nodes.shape:
+            right = "give states of a fleet of this scene and mesh"
+            raise InputError(phrase("fleet", "a state of other connections", right))
+
+    def begin_from(self, live: LiveState) -> None:
+        """Set the state of a live twin, on the members' own mesh; connections keep theirs.
+
+        Raises:
+            InputError: the state is that of another scene.
+        """
+        alive, joints = (live, *live.others), live.joints
+        own = self._base.joints.nodes.shape
+        if len(alive) != len(self.ropes) or joints is None or joints.shape != own:
+            what = f"the live state is that of a twin of '{live.scene.name}', with other ropes"
+            raise InputError(phrase("fleet", what, "begin from a twin of the fleet's scene"))
+        both = zip(alive, self.ropes, self.marks_m, strict=True)
+        states, effects = zip(*(on_mesh(*one) for one in both), strict=True)
+        self._base = _with_effects(self._base, effects)
+        self._systems = [
+            _with_effects(system, [own_copies(one) for one in effects]) for system in self._systems
+        ]
+        self.scale()
+        memories = tuple(_memories(self._base))
+        first, *others = states
+        self.restore([FleetState(live.time_ns, first, memories, tuple(others), joints)])
+
+    def ends(self, r: int) -> tuple[Floats, Floats]:
+        """Return coordinates of the uppermost node of rope r and the one below [m], (members,)."""
+        states = [system.ropes[r].state for system in self._systems]
+        pairs = [
+            own.s[own.counts[rows.ELEMENTS] - 1 : own.counts[rows.ELEMENTS] + 1] for own in states
+        ]
+        below, top = np.array(pairs).T
+        return top, below
+
+    def course(self, inputs: FleetInputs) -> SystemCourse:
+        """Return the boundary conditions of valid inputs; winches without inputs hold."""
+        heave = np.asarray(inputs.heave_m, dtype=float)
+        rate = np.asarray(inputs.heave_rate_m_per_s, dtype=float)
+        hung, at = {}, places(self.scene)
+        for r in self.hung:
+            name = self.scene.ropes[r].from_
+            if r == 0:
+                line = inputs.line_out_m, inputs.line_speed_m_per_s
+            elif name in inputs.lines:
+                line = inputs.lines[name]
+            else:
+                held = np.broadcast_to(self.ends(r)[0], (len(heave), self.count))
+                line = held, np.zeros(len(heave))
+            out, speed = (np.asarray(one, dtype=float) for one in line)
+            hung[r] = Course(at[name][2] + heave, rate, out, speed)
+        return SystemCourse(hung)
+
+    # Steps
+
+    def alone(self, member: int) -> System:
+        """Return a member's system."""
+        return self._systems[member]
+
+    def kind_of(self, member: int) -> JoinedKind | None:
+        """Return what members in lanes must share; None: the member steps alone."""
+        system = self._systems[member]
+        health = [rope.state.health for rope in system.ropes]
+        changes = sum(int(one[rows.SPLITS] + one[rows.MERGES]) for one in health)
+        known = self._kinds.get(member)
+        if known is None or known[0] != changes:
+            known = self._kinds[member] = changes, joined_kind_of(system)
+        return known[1]
+
+    def new_scratch(self) -> Scratch:
+        """Return scratch arrays of a thread."""
+        return Scratch(self.lead)
+
+    def new_group(self, kind: JoinedKind, steps: int, looks: int) -> JoinedGroup:
+        """Return arrays for members of this kind in lanes."""
+        return JoinedGroup(self._base, kind, steps, looks)
+
+    def nodes_of(self, kind: JoinedKind) -> int:
+        """Return the number of nodes that members of this kind step."""
+        return sum(own.elements for own in kind.ropes)
+
+    def load(self, group: JoinedGroup, members: Ints) -> None:
+        """Copy members into a group, and clear its counters and folds."""
+        group.load([self._systems[k] for k in members.tolist()])
+
+    def place(self, borders: Boundary, members: Ints, kind: JoinedKind) -> None:
+        """Keep the hang-offs of lanes where they are, (ropes, borders, MOTIONS, lanes)."""
+        count = len(members)
+        for r in self.hung:
+            n = kind.ropes[r].elements
+            nodes = np.array(
+                [self._systems[k].ropes[r].state.nodes[: rows.Z, n] for k in members.tolist()]
+            ).T
+            borders.value[r, :, : rows.Z, :count] = nodes
+            borders.value[r, :, : rows.Z, count:] = nodes[:, :1]
+
+    def take(self, group: JoinedGroup, members: Ints, lanes: list[int]) -> None:
+        """Copy the states of these lanes back to their members, with solver counts."""
+        for lane in lanes:
+            member = int(members[lane])
+            group.take(lane, self._systems[member])
+            group.account(lane, self.health_of(member))
+
+    def health_of(self, member: int) -> Ints:
+        """Return a member's solver counts, those of its first rope."""
+        return self._systems[member].ropes[0].state.health
+
+    def has_changed(self, member: int, kind: JoinedKind) -> bool:
+        """Return whether a rope of a member has other elements than its kind."""
+        return any(
+            int(rope.state.counts[rows.ELEMENTS]) != own.elements
+            for rope, own in zip(self._systems[member].ropes, kind.ropes, strict=True)
+        )
+
+    def step(
+        self, member: int, course: SystemCourse, border: int, time_s: float, own: Scratch
+    ) -> Floats | None:
+        """Do the step from a border for one member by itself.
+
+        Returns what a look folds, (ropes, FOLDS), or None: it failed. The forces on the upper ends
+        are in `own.pull`.
+        """
+        system, borders = self._systems[member], own.borders
+        course.set_border(borders, member, border)
+        for r in self.hung:
+            state = system.ropes[r].state
+            top = state.nodes[: rows.Z, int(state.counts[rows.ELEMENTS])]
+            borders.value[r, :, : rows.Z] = top
+        if advance_joined(system, borders, own.pull, time_s, 1) < 1:
+            return None
+        return np.array([_fold_of(rope) for rope in system.ropes])
+
+
+def _fold_of(rope: Rope) -> Floats:
+    """Return what a look sees of a rope of a system, (FOLDS,)."""
+    return fold_of(rope, rope.work[rows.TENSION, : int(rope.state.counts[rows.ELEMENTS])])
+
+
+def _with_effects(system: System, effects: Sequence[tuple[Any, ...]]) -> System:
+    """Return the system with other effects of each rope."""
+    pairs = zip(system.ropes, effects, strict=True)
+    return system._replace(ropes=tuple(rope._replace(effects=own) for rope, own in pairs))
