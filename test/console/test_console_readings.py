@@ -28,7 +28,8 @@ from rope_twin.console.readings import (
 from rope_twin.estimation.figures import REPORTED
 from rope_twin.estimation.report import FigureEstimate
 from rope_twin.messages import Level, Status
-from rope_twin.messages.reports import UNITS, encode_alarm, encode_estimate, encode_forecast
+from rope_twin.messages.cdr import encode_text
+from rope_twin.messages.reports import UNITS, encode_estimate, encode_forecast
 from rope_twin.topics import BY_NAME
 
 
@@ -221,7 +222,7 @@ def test_learned_figures_have_units_and_words() -> None:
     pin = FigureEstimate("tension_bias", "N", 0.0, 900.0, -50.0, 1850.0, 2e3, 600.0, "weak")
     data = encode_estimate(EPOCH_NS + 120_000_000_000, [asdict(figure), asdict(pin)])
     readings.take("estimate/figures", data, 11.0)
-    readings.take("estimate/alarms", encode_alarm("snag since 312 s"), 11.0)
+    readings.take("estimate/alarms", encode_text("snag since 312 s"), 11.0)
     for _ in range(SLOW_EVERY):
         readings.update()
     learned = readings.values["learned"]
@@ -231,7 +232,7 @@ def test_learned_figures_have_units_and_words() -> None:
     assert (drag["low"], drag["value"], drag["high"], drag["prior"]) == (13.0, 14.5, 16.0, 12.0)
     assert (bias["name"], bias["unit"], bias["state"]) == ("tension_bias", "N", "weak")
     assert readings.values["fault_alarm"] == "snag since 312 s"
-    readings.take("estimate/alarms", encode_alarm(""), 12.0)
+    readings.take("estimate/alarms", encode_text(""), 12.0)
     assert readings.update()["fault_alarm"] == "", "acknowledged"
 
 
