@@ -7,21 +7,19 @@ Its numbers name the machine that they were measured on.
 
 from __future__ import annotations
 
-import importlib.metadata
 import math
 import os
-import platform
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 from rope_twin.core.jit.decorators import source_digest
 from rope_twin.core.jit.functions import chain
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.recording.session import machine
 from rope_twin.scene.convergence import FORMAT, scene_digest, solver_version
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.rigging import is_joined
@@ -319,7 +317,7 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
     Raises:
         RopeTwinError: the reference cannot be run. A level that cannot is listed as a failure.
     """
-    machine = this_machine()
+    here = this_machine()
     course = Course(scene, plan.seconds, plan.look_s)
     total, done = 5 + 1 + len(plan.settings), 0
 
@@ -341,7 +339,7 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
         except RopeTwinError as error:
             failures.append(f"{setting}: {error}")
     report(total, total, f"{scene.name}: done")
-    return Study(scene, plan, machine, reference, witness, tuple(rows), tuple(failures))
+    return Study(scene, plan, here, reference, witness, tuple(rows), tuple(failures))
 
 
 def as_content(study: Study) -> dict[str, Any]:
@@ -420,7 +418,6 @@ def page_table(rows: Iterable[Sequence[str]]) -> str:
 
 
 LINKS, REPETITIONS = 1_000_000, 15
-_CPUINFO = Path("/proc/cpuinfo")
 
 
 @dataclass(frozen=True)
@@ -446,21 +443,16 @@ class Machine:
 
 def this_machine() -> Machine:
     """Query the machine and measure its speed (about 50 ms)."""
+    own = machine()
     return Machine(
-        processor=_processor(),
+        processor=own["processor"],
         cores=len(os.sched_getaffinity(0)),
         load=os.getloadavg()[0],
         multiply_add_ns=_time_chain(),
-        python=platform.python_version(),
-        numba=importlib.metadata.version("numba"),
+        python=own["python"],
+        numba=own["numba"],
         run=f"{datetime.now(UTC).date()}, solver {source_digest()[:8]}",
     )
-
-
-def _processor() -> str:
-    lines = _CPUINFO.read_text().splitlines() if _CPUINFO.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()
 
 
 def _time_chain() -> float:
