@@ -8,7 +8,6 @@ A truncated bag is read up to its break.
 from __future__ import annotations
 
 import csv
-import importlib.util
 import io
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,7 +19,7 @@ import numpy as np
 from mcap.records import Channel
 
 from rope_twin import messages
-from rope_twin.errors import BagError, InputError, did_you_mean, phrase
+from rope_twin.errors import BagError, InputError, did_you_mean, phrase, require
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.quantity import unit_of
 from rope_twin.recording.bag import find_bag
@@ -182,10 +181,8 @@ def check_ending(path: Path) -> None:
         raise InputError(phrase("--out", f"'{path}' is no table that is written", right))
     needed = {".csv": ((), ""), ".parquet": (("pyarrow",), "plot"),
               ".nc": (("h5netcdf", "h5py"), "planning")}[ending]  # fmt: skip
-    missing = [name for name in needed[0] if importlib.util.find_spec(name) is None]
-    if missing:
-        right = f"install it with `pip install 'rope_twin[{needed[1]}]'`"
-        raise InputError(phrase(missing[0], f"{ending} needs it and it is not there", right))
+    for name in needed[0]:
+        require(name, f"{ending} needs it and it is not there", needed[1])
 
 
 def write_series(table: SeriesTable, path: Path) -> None:
