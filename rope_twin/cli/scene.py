@@ -109,7 +109,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add_coefficients(actions)
     add_import(actions)
     add_export(actions)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
