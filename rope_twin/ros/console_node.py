@@ -21,11 +21,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from rope_twin.console.control import Desk, Token, new_token
+from rope_twin.console.control import Desk, Outcome, Token, new_token
 from rope_twin.console.facts import SeaLimits, scene_facts, session_facts
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import DIAGNOSTICS, SHOWN, Readings, Values
-from rope_twin.console.requests import LEARNING, Log, Outcome, Requests
+from rope_twin.console.requests import LEARNING, Log, Requests
 from rope_twin.console.server import Server, announce, read_address
 from rope_twin.errors import InputError, phrase
 from rope_twin.forecast.orders import read_orders
@@ -241,7 +241,7 @@ class ConsoleNode(Node):
         desk = Desk(pages, time.monotonic, commander, token)
         pages.before_tick.append(desk.look)
         if commander is not None:
-            Requests(pages, desk, commander, time.monotonic)
+            Requests(pages, desk, commander)
         log = Log(pages)
         log.connect(desk)
         if self._params.load_chart:

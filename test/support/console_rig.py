@@ -217,7 +217,7 @@ class ConsoleRig:
         self.silent: set[int] = set()  # pages that hang: they are connected and say nothing
         self.pages.before_tick.append(self.desk.look)
         if control:
-            Requests(self.pages, self.desk, self.commander, self.clock)
+            Requests(self.pages, self.desk, self.commander)
         self.log = Log(self.pages)
         self.log.connect(self.desk)
 
