@@ -23,7 +23,7 @@ from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.ensemble import AFTER_NS, Seas
+from rope_twin.studies.ensemble import Seas
 from rope_twin.studies.study_design import (
     FatigueWish,
     Made,
@@ -129,13 +129,9 @@ def _ensemble(batch: Batch) -> Iterator[Row]:
 
 
 def _variations(batch: Batch) -> Iterator[Variation]:
-    seas = Seas(batch.scene, round(batch.seconds * 1e9) + AFTER_NS)
+    seas = Seas(batch.scene, batch.seconds)
     for run, made in zip(batch.runs, batch.made, strict=True):
-        heave = seas.heave(made.changes, made.sea_offset_s)
-        if heave is not None and heave.end_ns < batch.seconds * 1e9:
-            what = f"the sea of run {run.number} ends after {heave.end_ns * 1e-9:g} s"
-            raise InputError(phrase("seconds", what, "let it loop, or run shorter"))
-        yield Variation(made.changes, heave)
+        yield seas.variation(made.changes, made.sea_offset_s, "seconds", f"run {run.number}")
 
 
 def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeDamage]:
