@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from sample_snapshot import hanging_body, hanging_rope, lifted
 
 from rope_twin import messages
+from rope_twin.console.facts import scene_facts
 from rope_twin.console.pages import POINTS, RopeProfile, Trend
 from rope_twin.console.readings import (
     AHEAD_S,
@@ -30,6 +31,7 @@ from rope_twin.estimation.report import FigureEstimate
 from rope_twin.messages import Level, Status
 from rope_twin.messages.cdr import encode_text
 from rope_twin.messages.reports import UNITS, encode_estimate, encode_forecast
+from rope_twin.scene.load import load_scene
 from rope_twin.topics import BY_NAME
 
 
@@ -264,3 +266,9 @@ def test_each_winch_has_its_own_words() -> None:
     assert of_winch(words, "winch") == words.partition("; aft")[0]
     assert of_winch(words, "aft") == "aft: speed 1 m/s"
     assert of_winch(words, "a") == ""
+
+
+def test_the_sea_of_a_scene_is_that_of_its_spectrum() -> None:
+    sea = scene_facts(load_scene("ship_6dof"))["sea"]
+    assert sea == {"recorded": None, "significant_height_m": 2.5, "peak_period_s": 9.0}
+    assert scene_facts(load_scene("deep_lift"))["sea"]["significant_height_m"] is None
