@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import importlib.util
 from collections.abc import Iterable
 
 
@@ -81,6 +82,17 @@ def phrase(where: str, what: str, right: str) -> str:
     """Return one sentence: `where: what; right.`"""
     end = "" if right.endswith("?") else "."
     return f"{where}: {what}; {right}{end}"
+
+
+def require(module: str, why: str, extra: str, name: str = "") -> None:
+    """Check that an optional package is there; `extra` of rope_twin brings it.
+
+    Raises:
+        InputError: it is not installed; `why` says what needs it.
+    """
+    if importlib.util.find_spec(module) is None:
+        right = f"install it with `pip install 'rope_twin[{extra}]'`"
+        raise InputError(phrase(name or module, why, right))
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:

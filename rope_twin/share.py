@@ -6,6 +6,8 @@ import os
 import sys
 from pathlib import Path
 
+from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
+
 _PACKAGE = "rope_twin"
 
 
@@ -29,3 +31,23 @@ def share_dir() -> Path:
     raise FileNotFoundError(
         f"the files of {_PACKAGE} (config/, bags/) are in none of {prefixes}; reinstall the package"
     )
+
+
+def shipped_file(
+    name_or_path: str | Path, folder: str, noun: str, error: type[RopeTwinError] = InputError
+) -> Path:
+    """Return the file of a path, or of a name in config/FOLDER (without its suffix).
+
+    Raises:
+        RopeTwinError: of the type `error`; there is none of this name.
+    """
+    path = Path(name_or_path)
+    if isinstance(name_or_path, Path) or len(path.parts) > 1 or path.suffix in (".yaml", ".yml"):
+        return path
+    known = {file.stem: file for file in (share_dir() / "config" / folder).glob("*.yaml")}
+    if name_or_path in known:
+        return known[name_or_path]
+    if name_or_path and path.exists():
+        return path
+    right = f"{did_you_mean(name_or_path, known)} (or give the path of a YAML file)"
+    raise error(phrase(f"{noun} '{name_or_path}'", f"there is no such {noun}", right))

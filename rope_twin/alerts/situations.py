@@ -75,22 +75,6 @@ class Kind:
     category: str = "B"  # A: acknowledged only where its cause can be judged
 
 
-def _tension(at: Moment) -> Iterator[Measure]:
-    return at.limits.tension(at.shot)
-
-
-def _payload(at: Moment) -> Iterator[Measure]:
-    return at.limits.payload(at.shot)
-
-
-def _clearance(at: Moment) -> Iterator[Measure]:
-    return at.limits.clearance(at.shot)
-
-
-def _broken(at: Moment) -> Iterator[Measure]:
-    return at.limits.broken(at.shot)
-
-
 def _slack(at: Moment) -> Iterator[Measure]:
     """Find the least tension at the payload in a minute, against its static weight."""
     weight, least = at.scene.weight_n(at.shot.line_out_m), at.least_payload_n
@@ -212,17 +196,6 @@ def _numerics(at: Moment) -> Iterator[Measure]:
         yield present("solver", WARNING, words)
 
 
-def _pace(at: Moment) -> Iterator[Measure]:
-    """Find a twin that is late."""
-    yield from _rows(at, ("simulation: pacing",), WARNING)
-
-
-def _supervision(at: Moment) -> Iterator[Measure]:
-    """Find trouble with saving, clocks, messages or double sources."""
-    names = "saving", "clocks", "sources", "messages", "senders"
-    yield from _rows(at, tuple(f"simulation: {name}" for name in names), CAUTION)
-
-
 def _faults(at: Moment) -> Iterator[Measure]:
     """Find a fault that the tests beside learning have found, or tests that do not run.
 
@@ -250,15 +223,20 @@ def _forecast(at: Moment) -> Iterator[Measure]:
             yield Measure(name, risk[name], levels, text)
 
 
-def _rows(at: Moment, names: tuple[str, ...], priority: Priority) -> Iterator[Measure]:
-    for name in names:
-        row = at.rows.get(name)
-        if row is not None and row.level > Level.OK:
-            yield present(name.removeprefix("simulation: "), priority, row.message)
+def _rows(priority: Priority, *names: str) -> Callable[[Moment], Iterator[Measure]]:
+    """Return what finds trouble in rows of the diagnostics."""
+
+    def find(at: Moment) -> Iterator[Measure]:
+        for name in names:
+            row = at.rows.get(f"simulation: {name}")
+            if row is not None and row.level > Level.OK:
+                yield present(name, priority, row.message)
+
+    return find
 
 
 KINDS = (
-    Kind(10001, "top tension", _tension, hold_s=WAVES_S, category="A"),
+    Kind(10001, "top tension", lambda at: at.limits.tension(at.shot), hold_s=WAVES_S, category="A"),
     Kind(10002, "slack", _slack, category="A", deadband=0.05),
     Kind(10003, "winch at its limit", _winch, hold_s=10.0),
     Kind(10004, "end of stroke", _stroke, hold_s=60.0, category="A"),
@@ -267,18 +245,23 @@ KINDS = (
     Kind(10007, "input", _inputs, delay_s=1.0),
     Kind(10008, "quality", _quality, delay_s=10.0, hold_s=10.0, deadband=0.0),
     Kind(10009, "numerics", _numerics, hold_s=60.0),
-    Kind(10010, "payload limit", _payload, hold_s=WAVES_S, category="A"),
-    Kind(10011, "limit broken", _broken, hold_s=0.0, category="A"),
+    Kind(
+        10010, "payload limit", lambda at: at.limits.payload(at.shot), hold_s=WAVES_S, category="A"
+    ),
+    Kind(10011, "limit broken", lambda at: at.limits.broken(at.shot), hold_s=0.0, category="A"),
     Kind(10012, "emergency stop", _stopped, hold_s=0.0),
     Kind(10013, "rope cut", _cut, category="A"),
-    Kind(10014, "twin late", _pace, delay_s=5.0, hold_s=10.0),
-    Kind(10015, "supervision", _supervision, delay_s=5.0, hold_s=10.0),
+    Kind(10014, "twin late", _rows(WARNING, "pacing"), delay_s=5.0, hold_s=10.0),
+    Kind(
+        10015, "supervision", _rows(CAUTION, "saving", "clocks", "sources", "messages", "senders"),
+        delay_s=5.0, hold_s=10.0,
+    ),
     Kind(10016, "fault alarm", _faults, hold_s=0.0, category="A"),
     Kind(10017, "forecast", _forecast, delay_s=3.0, hold_s=10.0, deadband=0.3),
-    Kind(10018, "clearance", _clearance, hold_s=WAVES_S, category="A"),
+    Kind(10018, "clearance", lambda at: at.limits.clearance(at.shot), hold_s=WAVES_S, category="A"),
     Kind(10019, "line on the drum", _drum, hold_s=10.0, deadband=0.2),
     Kind(10020, "residual heave", _residual, hold_s=10.0, deadband=0.1),
-)
+)  # fmt: skip
 
 
 class _Gate:

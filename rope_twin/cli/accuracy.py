@@ -39,7 +39,6 @@ and NAME.png in the folder `convergence`. `rope_twin run --within` and `--budget
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `accuracy`."""
     about = "convergence study: error, speed and memory over mesh and time step"
     parser = add_command(subparsers, "accuracy", about, EXAMPLES, MORE)
     which = parser.add_mutually_exclusive_group(required=True)
@@ -57,7 +56,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "a finer reference; writes no files")  # fmt: skip
     add("--quantity", metavar="NAME", help="with --within: the quantity (default: tension_rms)")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

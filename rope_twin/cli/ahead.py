@@ -31,7 +31,6 @@ FORCE_HELP = "tension limit (default: that of the scene, by tension or utilisati
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `ahead`."""
     about = "forecast of tension, risk and quiet windows over the next minute; orders compared"
     parser = add_command(subparsers, "ahead", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -55,7 +54,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add_time(parser, "--every", "interval of the origins of --score", 30.0)
     add("--picture", type=Path, metavar="PNG", help="draw the band ahead of the curve")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -164,7 +162,7 @@ def _figures(
     made: list[TensionForecast],
     limits: Limits,
 ) -> dict[str, Any]:
-    """Return the forecasts as one JSON object; NaN becomes null."""
+    """Return the forecasts as one JSON object."""
     from rope_twin.forecast.risk import compare
     from rope_twin.forecast.tension_forecast import QUANTITIES
 
@@ -178,7 +176,7 @@ def _figures(
             "lead_s": forecast.lead_s.tolist(),
             "bands": {name: forecast.band(name).tolist() for name in QUANTITIES},
             "others": {name: own.band().tolist() for name, own in forecast.others.items()},
-            "risks": [_without_nan(asdict(one)) for one in risk],
+            "risks": [asdict(one) for one in risk],
             "quiet": [asdict(one) for one in quiet],
             "against_first": asdict(compare(forecast, made[0])),
         })  # fmt: skip
@@ -188,15 +186,9 @@ def _figures(
     }  # fmt: skip
 
 
-def _without_nan(values: dict[str, float]) -> dict[str, float | None]:
-    return {name: None if math.isnan(value) else value for name, value in values.items()}
-
-
 def _tell_score(args: argparse.Namespace, lift: RecordedLift, scored: RecordingScore) -> None:
     if args.json:
-        events = [
-            {"span_s": one.span_s, **_brier_figures(one.score)} for one in scored.events
-        ]  # fmt: skip
+        events = [{"span_s": one.span_s, **asdict(one.score)} for one in scored.events]
         print_json({
             "bag": args.bag, "sources": lift.sources, "origins": scored.origins,
             "limit_n": scored.limit_n, "coverage": scored.coverage,
@@ -226,11 +218,6 @@ def _tell_score(args: argparse.Namespace, lift: RecordedLift, scored: RecordingS
         rows.append([f"{event.span_s:g} s", f"{own.base_rate:.2f}", f"{own.score:.3f}", gain,
                      classes])  # fmt: skip
     print_table(rows, words_last=True)
-
-
-def _brier_figures(score: Any) -> dict[str, Any]:
-    figures = asdict(score)
-    return {**figures, "gain": None if math.isnan(score.gain) else score.gain}
 
 
 def _draw(path: Path, lift: RecordedLift, sample: int, made: list[TensionForecast]) -> None:

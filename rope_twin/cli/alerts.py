@@ -30,7 +30,6 @@ PORTS = range(1, 65536)
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `alerts`."""
     about = "alerts of a recording and their rates, or alert sentences of a running suite"
     parser = add_command(subparsers, "alerts", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -40,7 +39,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add("--replies", metavar="PORT", type=int, default=0,
         help="with --udp: UDP port of the loopback interface for ACN sentences")  # fmt: skip
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

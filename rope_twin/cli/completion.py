@@ -30,7 +30,6 @@ class Command(NamedTuple):
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `completion`."""
     about = "print a completion script for bash, zsh or fish"
     parser = add_command(subparsers, "completion", about, EXAMPLES, MORE)
     parser.add_argument("shell", metavar="SHELL", choices=tuple(SCRIPTS), help=", ".join(SCRIPTS))

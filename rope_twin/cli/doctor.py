@@ -94,8 +94,11 @@ class Check:
     remedy: str = ""
 
 
+def _judged(name: str, good: bool, found: str, remedy: str, level: str = WARN) -> Check:
+    return Check(name, OK, found) if good else Check(name, level, found, remedy)
+
+
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `doctor`."""
     about = "check this machine: ROS, DDS, graphics, clocks, CPU, compile cache, disk"
     add_json(add_command(subparsers, "doctor", about, EXAMPLES, MORE))
 
@@ -132,9 +135,8 @@ def check_all() -> Iterator[Check]:
 def check_python() -> Check:
     """Check the version of Python."""
     found = f"{platform.python_version()} ({sys.executable})"
-    if sys.version_info[:2] >= OLDEST_PYTHON:
-        return Check("Python", OK, found)
-    return Check("Python", ERROR, found, "install Python 3.11 or newer")
+    new = sys.version_info[:2] >= OLDEST_PYTHON
+    return _judged("Python", new, found, "install Python 3.11 or newer", ERROR)
 
 
 def check_packages() -> Check:
@@ -162,9 +164,8 @@ def check_middleware(load: Callable[[], Any]) -> Check:
         found, _, remedy = str(error).rpartition("; ")
         return Check("ROS", ERROR, f"{name}: {found}", remedy.rstrip("."))
     found = f"{name}: discovery {trip.discovery_s:.2g} s, message {1e3 * trip.latency_s:.2g} ms"
-    if trip.latency_s <= LATENCY_S:
-        return Check("ROS", OK, found)
-    return Check("ROS", WARN, found, "close programs that use the CPU, and check the governor")
+    remedy = "close programs that use the CPU, and check the governor"
+    return _judged("ROS", trip.latency_s <= LATENCY_S, found, remedy)
 
 
 def check_discovery() -> Check:
@@ -205,9 +206,8 @@ def check_monotonic_clock() -> Check:
     """Check the resolution of the clock that paces a run."""
     clock = time.get_clock_info("monotonic")
     found = f"{clock.implementation}, resolution {clock.resolution:g} s"
-    if clock.resolution <= RESOLUTION_S:
-        return Check("steady clock", OK, found)
-    return Check("steady clock", ERROR, found, "use a kernel with high-resolution timers")
+    fine, remedy = clock.resolution <= RESOLUTION_S, "use a kernel with high-resolution timers"
+    return _judged("steady clock", fine, found, remedy, ERROR)
 
 
 def check_synchronisation() -> Check:
@@ -228,11 +228,8 @@ def check_cores() -> Check:
     """Check how many cores this process may use."""
     count = len(os.sched_getaffinity(0))
     found = f"{count} of {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
-    if count >= CORES:
-        return Check("CPU cores", OK, found)
-    return Check(
-        "CPU cores", WARN, found, f"allow at least {CORES}: other threads delay the solver"
-    )
+    remedy = f"allow at least {CORES}: other threads delay the solver"
+    return _judged("CPU cores", count >= CORES, found, remedy)
 
 
 def check_governor() -> Check:
@@ -241,10 +238,8 @@ def check_governor() -> Check:
     names = sorted({file.read_text(encoding="ascii").strip() for file in files})
     if not names:
         return Check("CPU governor", OK, "none (frequency is set by firmware or host)")
-    if names == ["performance"]:
-        return Check("CPU governor", OK, "performance")
     remedy = "cpupower frequency-set --governor performance"
-    return Check("CPU governor", WARN, ", ".join(names), remedy)
+    return _judged("CPU governor", names == ["performance"], ", ".join(names), remedy)
 
 
 def check_cache() -> Check:
@@ -253,9 +248,9 @@ def check_cache() -> Check:
     folder = Path(home or Path.home() / ".cache") / "rope_twin"
     if not folder.exists():
         above = next(one for one in folder.parents if one.exists())
-        if os.access(above, os.W_OK):
-            return Check("compile cache", OK, f"{folder}, created by the first run")
-        return Check("compile cache", WARN, f"{above} is not writable", _CACHE_REMEDY)
+        free = os.access(above, os.W_OK)
+        found = f"{folder}, created by the first run" if free else f"{above} is not writable"
+        return _judged("compile cache", free, found, _CACHE_REMEDY)
     about = folder.stat()
     files = [one.stat().st_size for one in folder.rglob("*") if one.is_file()]
     found = (
@@ -275,7 +270,6 @@ def check_space(folder: Path) -> Check:
     """Check the free disk space for recordings."""
     free = shutil.disk_usage(folder).free
     found = f"{1e-9 * free:.1f} GB free in {folder}"
-    if free >= SPACE_WARN_B:
-        return Check("disk", OK, found)
+    level = WARN if free >= SPACE_ERROR_B else ERROR
     remedy = "free space, or record elsewhere with --out"
-    return Check("disk", WARN if free >= SPACE_ERROR_B else ERROR, found, remedy)
+    return _judged("disk", free >= SPACE_WARN_B, found, remedy, level)

@@ -63,7 +63,6 @@ entry of a list. NUMBERS are LOW..HIGH (drawn at random), or LOW..HIGH:COUNT or 
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `ensemble`."""
     about = "Monte Carlo or grid of many lifts at once; quantiles of top tension and slack"
     parser = add_command(subparsers, "ensemble", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -90,7 +89,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="threads that step members in parallel (default: %(default)s)")  # fmt: skip
     add_out(parser, "FILE", "write a CSV file with a row for each member")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -101,7 +99,10 @@ def run(args: argparse.Namespace) -> int:
     """
     scene = load_scene(args.scene)
     if args.time_step is not None:
-        scene = variant(scene, step_s=_time_step(args.time_step))
+        if not 1e-5 <= args.time_step <= 0.2:
+            what = f"{args.time_step:g} s is not possible"
+            raise InputError(phrase("--time-step", what, "give 1e-05 to 0.2 s"))
+        scene = variant(scene, step_s=args.time_step)
     _check(args)
     axes = [read_axis("--vary", words) for words in args.vary]
     if args.sea_offset is not None:
@@ -136,13 +137,6 @@ def _progress(members: int, time_s: float, duration_s: float, real_s: float) -> 
         f"{time_s:8.1f} of {duration_s:g} s  {members} members  {factor:.2f} × real time  "
         f"{(duration_s - time_s) / factor:.0f} s to go"
     )
-
-
-def _time_step(step_s: float) -> float:
-    if not 1e-5 <= step_s <= 0.2:
-        what = f"{step_s:g} s is not possible"
-        raise InputError(phrase("--time-step", what, "give 1e-05 to 0.2 s"))
-    return step_s
 
 
 def _seconds(numbers: str) -> str:

@@ -21,7 +21,6 @@ xarray.open_dataset read them. Numbers that a topic does not have at a stamp are
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `export`."""
     about = "write the time series of a bag as CSV, Parquet or netCDF"
     parser = add_command(subparsers, "export", about, EXAMPLES, MORE)
     parser.add_argument("bag", metavar="BAG", help="a name in bags/ or a path")
@@ -29,7 +28,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     words = f"topics to export, of {', '.join(SERIES)} (default: all that are there)"
     parser.add_argument("--topics", nargs="+", default=(), metavar="TOPIC", help=words)
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

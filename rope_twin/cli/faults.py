@@ -39,7 +39,6 @@ the top tension."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `faults`."""
     about = "inject faults into every input: what is flagged, how soon, and the error it causes"
     parser = add_command(subparsers, "faults", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -54,7 +53,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add("--sound", type=float, default=None, metavar="HOURS",
         help="no faults: so many hours of twin time; lists drops of the quality index")  # fmt: skip
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

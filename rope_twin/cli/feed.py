@@ -42,7 +42,6 @@ cut, garbled (a byte is another) or delayed (delayed:0.01:0.2s is one in a hundr
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `feed`."""
     about = "read line monitors and motion sensors: print, publish or simulate them"
     parser = add_command(subparsers, "feed", about, EXAMPLES, MORE)
     parser.add_argument("source", metavar="SOURCE", nargs="?", default="", help="source of lines")
@@ -67,7 +66,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )  # fmt: skip
     add_duration(parser, "stop after this real time")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -12,7 +12,7 @@ from rope_twin.interchange.fmu import export_fmu, inputs_of, outputs_of
 from rope_twin.interchange.moordyn import deck_of, scene_of
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
 from rope_twin.interchange.orcaflex import scene_of_model
-from rope_twin.interchange.scene_file import Imported, write_scene
+from rope_twin.interchange.scene_file import write_scene
 from rope_twin.run.arguments import add_command, add_json, add_out, add_scene, measure
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_warnings import sense_checks
@@ -29,7 +29,6 @@ EXPORTS = (
 
 
 def add_import(actions: argparse._SubParsersAction[Any]) -> None:
-    """Add `import`."""
     about = "make a scene of a MoorDyn deck or an OrcaFlex text data file"
     more = (
         "Reads lines, their ends, points or buoys, water, seabed, current and, from OrcaFlex "
@@ -47,7 +46,6 @@ def add_import(actions: argparse._SubParsersAction[Any]) -> None:
 
 
 def add_export(actions: argparse._SubParsersAction[Any]) -> None:
-    """Add `export`."""
     about = "write a scene as the input of another program"
     more = (
         "Points are where the static equilibrium has them. What a deck cannot have is listed; "
@@ -73,7 +71,11 @@ def run_import(args: argparse.Namespace) -> int:
         raise InputError(phrase("--out", f"'{args.out}' is no scene", "end it in .yaml"))
     if Path(args.file).resolve() == args.out.resolve():
         raise InputError(phrase("--out", "it is the file to import", "give another name"))
-    found = _imported(Path(args.file), args.breaking_load, args.out)
+    file, breaking_load_n = Path(args.file), args.breaking_load
+    if file.suffix.lower() in (".yml", ".yaml"):
+        found = scene_of_model(file, breaking_load_n, args.out.parent)
+    else:
+        found = scene_of(read_deck(file), file, breaking_load_n)
     scene = write_scene(found, args.out)
     warnings = sense_checks(scene)
     if args.json:
@@ -85,13 +87,6 @@ def run_import(args: argparse.Namespace) -> int:
     for warning in warnings:
         print(f"warning: {warning}")
     return ExitCode.OK
-
-
-def _imported(path: Path, breaking_load_n: float, out: Path) -> Imported:
-    """Return the scene of a file by its ending. Raises InputError."""
-    if path.suffix.lower() in (".yml", ".yaml"):
-        return scene_of_model(path, breaking_load_n, out.parent)
-    return scene_of(read_deck(path), path, breaking_load_n)
 
 
 def _run_fmu(args: argparse.Namespace) -> int:

@@ -27,7 +27,6 @@ LEAST_S = 120.0
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `learn`."""
     about = "learn weight, mass, drag and stiffness of a recorded lift from its measured tension"
     parser = add_command(subparsers, "learn", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -38,7 +37,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add_time(parser, "--until", "learn from data up to this time after the first tension")
     add_out(parser, "FILE.png", "draw the figures over time, and the residual that is left")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -32,7 +32,6 @@ cross."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `lines`."""
     about = "two lines around one sheave, calm and in a sea state: tension, clearance, crossings"
     parser = add_command(subparsers, "lines", about, EXAMPLES, MORE)
     heights = ", ".join(f"{state} (Hs {hs:g} m)" for state, (hs, _) in SEA_STATES.items())
@@ -44,7 +43,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )  # fmt: skip
     add_out(parser, "DIR", "write two_lines.json and two_lines.png there")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -40,7 +40,6 @@ a whole: the lowest modes, then the first that stretch its lines. A rigid body s
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `modes`."""
     about = "natural frequencies and mode shapes of a scene's lines"
     parser = add_command(subparsers, "modes", about, EXAMPLES, MORE)
     add_scene(parser)
@@ -48,7 +47,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
                         help="number of lowest modes (default: %(default)s)")  # fmt: skip
     add_out(parser, "FILE.png", "draw the mode shapes")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -83,8 +81,7 @@ def _rows(groups: Iterable[tuple[str, Sequence[Mode | SystemMode]]]) -> list[dic
     for group, modes in groups:
         for number, mode in enumerate(modes, 1):
             kept = {k: v for k, v in asdict(mode).items() if k not in ("shape", "shapes")}
-            row = {key: None if value == inf else value for key, value in kept.items()}
-            rows.append({"group": group, "number": number, **row})
+            rows.append({"group": group, "number": number, **kept})
     return rows
 
 

@@ -41,7 +41,6 @@ hindcast."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `operability`."""
     about = "share of time within limiting sea states, weather windows and waiting, by month"
     parser = add_command(subparsers, "operability", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -63,14 +62,14 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     heading.add_argument("--relative", type=float, metavar="DEG", help=words)
     add("--picture", type=Path, metavar="PNG", help="draw shares and waiting by month")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the operability and return the exit code. Raises RopeTwinError."""
     if args.picture is not None:
         check_picture(args.picture)
-    operation = _operation(args)
+    contingency = args.planned_period if args.contingency is None else args.contingency
+    operation = Operation(args.planned_period, contingency, args.bow, args.relative)
     limits = read_limits(args.limits)
     if args.phase:
         limits = limits.only(args.phase)
@@ -89,12 +88,6 @@ def run(args: argparse.Namespace) -> int:
     else:
         _show(found, alpha)
     return ExitCode.OK
-
-
-def _operation(args: argparse.Namespace) -> Operation:
-    """Return the operation of the options. Raises InputError."""
-    contingency = args.planned_period if args.contingency is None else args.contingency
-    return Operation(args.planned_period, contingency, args.bow, args.relative)
 
 
 def _show(found: Operability, alpha: AlphaTable | None) -> None:

@@ -19,7 +19,7 @@ from rope_twin.planning.dataset import check_netcdf, write_netcdf
 from rope_twin.planning.notes import notes
 from rope_twin.planning.pictures import limits_figure, show_cell
 from rope_twin.planning.plan_file import Plan
-from rope_twin.planning.plan_reader import plan_path, read_plan, with_error
+from rope_twin.planning.plan_reader import read_plan, with_error
 from rope_twin.planning.results import (
     result_object,
     summary_lines,
@@ -39,6 +39,7 @@ from rope_twin.planning.tables import further_tables
 from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.schema import Scene
+from rope_twin.share import shipped_file
 from rope_twin.studies.picture import check_picture, write_picture
 from rope_twin.studies.study_run import check_parquet
 
@@ -57,7 +58,6 @@ same command resumes a plan that was interrupted. Examples are in config/plans."
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `plan`."""
     about = "lift planning: limiting sea states, load chart and report of an operation"
     parser = add_command(subparsers, "plan", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -79,7 +79,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add("--cell", default="", metavar="PHASE,TP,HEADING",
         help="run the governing run of one cell again, and draw it")  # fmt: skip
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -89,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         RopeTwinError: one sentence on what cannot be.
     """
     if args.example:
-        print(plan_path(EXAMPLE).read_text(encoding="utf-8"), end="")
+        print(shipped_file(EXAMPLE, "plans", "plan").read_text(encoding="utf-8"), end="")
         return ExitCode.OK
     if not args.plan:
         raise InputError(phrase("plan", "no plan is named", "give a file, or begin with --example"))

@@ -17,14 +17,12 @@ EXAMPLES = (
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `recover`."""
     about = "recover the messages of a bag whose recording was cut off"
     more = "Reads a bag up to the damage and writes a valid one beside it."
     parser = add_command(subparsers, "recover", about, EXAMPLES, more)
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
     add_out(parser, "DIR", "bag directory to create (default: BAG_recovered)")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -24,13 +24,11 @@ simulation published is compared bit by bit."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `replay`."""
     about = "list the sessions of a bag, or run it again and compare every published number"
     parser = add_command(subparsers, "replay", about, EXAMPLES, MORE)
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
     parser.add_argument("--verify", action="store_true", help="run it again and compare")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -50,7 +50,9 @@ def run(args: argparse.Namespace) -> int:
 
         options = choose(args, options)
         progress.say(options.chosen)
-    scene = _scene(options)
+    from rope_twin.scene.load import at_setting, load_scene
+
+    scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
     for words in (check_against_scene(options, scene), _vortex_words(scene)):
         if words:
             progress.say(words)
@@ -114,13 +116,6 @@ def _unpaced(options: RunOptions, scene: Scene, progress: FigureProgress) -> Run
             progress.show(run.summary().as_progress())
 
     return run_unpaced(options, report, say=progress.say)
-
-
-def _scene(options: RunOptions) -> Scene:
-    """Return the scene of the run. Raises SceneError."""
-    from rope_twin.scene.load import at_setting, load_scene
-
-    return at_setting(load_scene(options.scene), options.elements, options.step_s)
 
 
 def _vortex_words(scene: Scene) -> str:

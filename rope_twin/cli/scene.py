@@ -42,12 +42,6 @@ from rope_twin.twin.snapshot import CONTROL_MODES
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import WinchCommand, motion_of
 
-FILES = {
-    "raos": run_raos,
-    "coefficients": run_coefficients,
-    "import": run_import,
-    "export": run_export,
-}
 NARROWEST = 40  # what a line of keys needs
 WIDEST = 100  # columns of the list, on a terminal that has more
 
@@ -109,45 +103,36 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add_coefficients(actions)
     add_import(actions)
     add_export(actions)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the action and return the exit code."""
+    actions = {
+        "list": _list, "keys": _keys, "show": _show, "check": _check, "measure": _measure,
+        "schema": _schema, "raos": run_raos, "coefficients": run_coefficients,
+        "import": run_import, "export": run_export,
+    }  # fmt: skip
     try:
-        if args.action == "list":
-            return _list(args.json)
-        if args.action == "keys":
-            return _keys(args.part, args.json)
-        if args.action == "schema":
-            return _schema(args.json)
-        if args.action in FILES:
-            return FILES[args.action](args)
-        if args.action == "check":
-            return _check(args.scene, args.json)
-        scene = load_scene(args.scene)
-        if args.action == "measure":
-            return _measure(scene, args.duration, args.json)
-        return _show(scene, args.json)
+        return actions[args.action](args)
     except SceneError as error:
         print(error, file=sys.stderr)
         return ExitCode.ERROR
 
 
-def _measure(scene: Scene, seconds: float, as_json: bool) -> int:
-    """Measure the effects. Raises RopeTwinError."""
-    whole_steps("--duration", seconds, scene.time.step_s)
-    study = measure_effects(scene, seconds, CaseProgress().show)
-    if as_json:
+def _measure(args: argparse.Namespace) -> int:
+    scene = load_scene(args.scene)
+    whole_steps("--duration", args.duration, scene.time.step_s)
+    study = measure_effects(scene, args.duration, CaseProgress().show)
+    if args.json:
         print_json(asdict(study))
     else:
         print("\n".join(effect_table(study)))
     return ExitCode.OK
 
 
-def _list(as_json: bool) -> int:
+def _list(args: argparse.Namespace) -> int:
     names = scene_names()
-    if as_json:
+    if args.json:
         scenes = [load_scene(name) for name in names]
         rows = [{"name": one.name, "about": one.about, "path": one.path} for one in scenes]
         print_json({"scenes": rows})
@@ -161,8 +146,9 @@ def _list(as_json: bool) -> int:
     return ExitCode.OK
 
 
-def _keys(part: str, as_json: bool) -> int:
+def _keys(args: argparse.Namespace) -> int:
     """List the keys. Raises SceneError: no key has this in its path."""
+    part = args.part
     every = scene_keys()
     shown = [key for key in every if part in key.path]
     if not shown:
@@ -170,7 +156,7 @@ def _keys(part: str, as_json: bool) -> int:
         raise SceneError(
             phrase(f"'{part}'", "no key of a scene has this", did_you_mean(part, names))
         )
-    if as_json:
+    if args.json:
         print_json({"keys": [asdict(key) for key in shown]})
         return ExitCode.OK
     for key in shown:
@@ -181,9 +167,9 @@ def _keys(part: str, as_json: bool) -> int:
     return ExitCode.OK
 
 
-def _schema(as_json: bool) -> int:
+def _schema(args: argparse.Namespace) -> int:
     schema = scene_schema()
-    if as_json:
+    if args.json:
         print_json(schema)
     else:
         print(json.dumps(schema, indent=2, ensure_ascii=False))
@@ -194,14 +180,14 @@ def _columns() -> int:
     return min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST)
 
 
-def _check(name_or_path: str, as_json: bool) -> int:
+def _check(args: argparse.Namespace) -> int:
     """Check a scene. Raises SceneError: it has one error, or there is no static equilibrium."""
     try:
-        scene = load_scene(name_or_path)
+        scene = load_scene(args.scene)
     except SceneError as error:
         sentences = error.every
-        if as_json:
-            print_json({"scene": name_or_path, "valid": False, "errors": sentences})
+        if args.json:
+            print_json({"scene": args.scene, "valid": False, "errors": sentences})
             return ExitCode.ERROR
         if len(sentences) == 1:
             raise
@@ -210,7 +196,7 @@ def _check(name_or_path: str, as_json: bool) -> int:
     accepted, idle = accepted_warnings(scene)
     warnings = sense_checks(scene) + idle
     broken = Twin(scene).snapshot().breaches
-    if as_json:
+    if args.json:
         found = {"scene": scene.name, "path": scene.path, "valid": True, "errors": []}
         found |= {"warnings": warnings, "accepted": accepted}
         print_json(found | {"limits_exceeded": [breach_words(one) for one in broken]})
@@ -232,8 +218,9 @@ def _counted(count: int, noun: str) -> str:
     return f"{count or 'no'} {noun}{'' if count == 1 else 's'}"
 
 
-def _show(scene: Scene, as_json: bool) -> int:
-    if as_json:
+def _show(args: argparse.Namespace) -> int:
+    scene = load_scene(args.scene)
+    if args.json:
         print_json(_figures(scene))
         return ExitCode.OK
     print(f"{scene.name}: {scene.about}")

@@ -44,7 +44,6 @@ and slamming are no part of it. What a scene shall take stands in `added_mass_kg
 
 
 def add_coefficients(actions: argparse._SubParsersAction[Any]) -> None:
-    """Add `coefficients`."""
     about = "added mass and radiation damping of a payload near the surface, by Capytaine"
     parser = add_command(actions, "coefficients", about, EXAMPLES, MORE)
     add_scene(parser)
@@ -119,7 +118,6 @@ file does not state is given by options; nothing is assumed."""
 
 
 def add_raos(actions: argparse._SubParsersAction[Any]) -> None:
-    """Add `raos`."""
     about = "show the displacement RAOs of a vessel, from a file or of a scene"
     parser = add_command(actions, "raos", about, RAO_EXAMPLES, RAO_MORE)
     words = "file, name of a table in config/responses/, or scene that names one"

@@ -70,7 +70,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     info.add_argument("--motion", choices=("heave", "poses"), default="heave",
                       help="what to describe (default: heave)")  # fmt: skip
     add_json(info)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

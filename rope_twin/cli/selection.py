@@ -344,7 +344,7 @@ def _cheapest(
         raise InputError(phrase(f"--within {target:g}{quantity.unit}", what, "give that or more"))
     bound = sure_bound(level, levels, quantity.name)
     said = (
-        f"--within {target:g} {quantity.unit}: {_setting(level)}, the cheapest with "
+        f"--within {target:g} {quantity.unit}: {level.setting}, the cheapest with "
         f"an error of {quantity.name} within {_bound_words(bound, quantity)} {run}; "
     )
     better = next_better(levels, quantity.name, bound, [1.0 / r.real_time_factor for r in levels])
@@ -364,7 +364,7 @@ def _select(
     most = MOST_ELEMENTS * own[0] // max(own)
     least = min(costs)
     while (level := most_accurate(levels, quantity.name, costs, budget)) is not None:
-        start = Setting(level.elements, level.step_s)
+        start = level.setting
         measure = partial(measure_setting, scene, options, solves_per_step=level.solves_per_step)
         selection = refine(start, budget, most, measure)
         if isinstance(selection, Selection):
@@ -386,7 +386,9 @@ def _bound_of(
     if options.other_sea:
         return f"its error is unknown: {OTHER_SEA}"
     bounds = (
-        sure_bound(level, levels, quantity.name) for level in study.at(*setting) if level in levels
+        sure_bound(level, levels, quantity.name)
+        for level in study.at(setting.elements, setting.step_s)
+        if level in levels
     )
     finest = study.finest
     within = (
@@ -412,11 +414,7 @@ def _budget_words(selection: Selection, budget: float, known: str) -> str:
 
 def _better(level: StudyLevel, levels: list[StudyLevel], quantity: Quantity) -> str:
     bound = _bound_words(sure_bound(level, levels, quantity.name), quantity)
-    return f"next better, {_setting(level)} (within {bound}),"
-
-
-def _setting(level: StudyLevel) -> str:
-    return str(Setting(level.elements, level.step_s))
+    return f"next better, {level.setting} (within {bound}),"
 
 
 def _bound_words(bound: float, quantity: Quantity) -> str:

@@ -31,7 +31,6 @@ the same seas. The same command resumes a study that was interrupted."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `sensitivity`."""
     about = "which uncertain data of a plan is worth measuring (Morris, Sobol)"
     parser = add_command(subparsers, "sensitivity", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -45,7 +44,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add("--threads", type=int, metavar="N", help="samples at a time (default: one a core)")
     add("--scheduler", default="", metavar="ADDRESS", help="Dask scheduler whose workers run it")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

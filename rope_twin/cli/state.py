@@ -25,7 +25,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     info = add_command(actions, "info", "describe a file of `run --save-state`", EXAMPLES)
     info.add_argument("file", metavar="FILE", type=Path, help="the file")
     add_json(info)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -15,10 +15,10 @@ from typing import Any
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.effects.bending import BendingParams
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, phrase
 from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
-from rope_twin.share import share_dir
+from rope_twin.share import shipped_file
 from rope_twin.studies.picture import check_picture
 from rope_twin.studies.study_design import read_study
 from rope_twin.studies.study_results import draw_study, study_lines
@@ -36,7 +36,6 @@ each run. The same command resumes a study that was interrupted. Examples are in
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `study`."""
     about = "parameter study: many runs of a scene over seas, ropes and coefficients"
     parser = add_command(subparsers, "study", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -46,7 +45,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add("--batch-size", type=int, default=LANES, metavar="N",
         help=f"runs that a core steps together (default: {LANES}, one SIMD batch)")  # fmt: skip
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -57,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     """
     if not 1 <= args.batch_size <= 1000:
         raise InputError(phrase("--batch-size", f"{args.batch_size} runs", "give 1 to 1000"))
-    study, scene = read_study(_file(args.study))
+    study, scene = read_study(shipped_file(args.study, "studies", "study"))
     out = args.out or Path(f"study_{study.name}")
     check_parquet()
     check_picture(out / PICTURE)
@@ -90,18 +88,3 @@ def run(args: argparse.Namespace) -> int:
     if failed == len(rows):
         return ExitCode.ERROR
     return ExitCode.NEGATIVE if failed else ExitCode.OK
-
-
-def _file(words: str) -> Path:
-    """Return the path of a study file given by path or by name in config/studies."""
-    path = Path(words)
-    if len(path.parts) > 1 or path.suffix in (".yaml", ".yml"):
-        return path
-    folder = share_dir() / "config" / "studies"
-    known = [file.stem for file in folder.glob("*.yaml")]
-    if words not in known:
-        if words and path.exists():
-            return path
-        right = f"{did_you_mean(words, known)} (or give the path of a YAML file)"
-        raise InputError(phrase(f"study '{words}'", "there is no such study", right))
-    return folder / f"{words}.yaml"

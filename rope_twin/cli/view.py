@@ -22,7 +22,6 @@ plots. Opens a window unless --out names a file."""
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add `view`."""
     about = "show a recorded bag in the rerun viewer, or save it as a recording or picture"
     parser = add_command(subparsers, "view", about, EXAMPLES, MORE)
     parser.add_argument(
@@ -34,7 +33,6 @@ def add_parser(subparsers: Any) -> None:
             action="append", default=[])  # fmt: skip
     add_time(parser, "--at", "show the bag up to this time after its start")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -66,7 +66,6 @@ tension, length and current; the fatigue damage is that of tension and bending."
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `viv`."""
     about = "lock-in, VIV response and fatigue damage of a line in its current profile"
     parser = add_command(subparsers, "viv", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -89,7 +88,6 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "frequency domain)")  # fmt: skip
     add_out(parser, "DIR", "write pictures and Parquet tables there")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

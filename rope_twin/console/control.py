@@ -35,6 +35,7 @@ SHELVED_MOST_S = SHELVED_MOST_NS / SECOND
 TRIES, TRIES_IN_ALL, TRIES_WITHIN_S = 5, 20, 60.0  # wrong tokens of an address, and of all
 
 
+_NO_CONTROL = phrase("console", "this page has no control", "give the token first")
 _ENTRIES = "mark", "new_cast"
 _STOP = WinchCommand(SPEED, 0.0)
 
@@ -92,15 +93,32 @@ def _digest(secret: str) -> bytes:
     return hashlib.sha256(secret.strip().encode()).digest()
 
 
-@dataclass
-class _Awaited:
-    """Command whose effect is awaited."""
+class Refusal(Exception):
+    """A request of a page is refused; the text is the answer."""
 
-    page: Page
-    number: object  # of the page's request
-    winch: str
+
+Outcome = tuple[bool, str]  # whether a request was done, and words
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What a request has sent; its outcome is awaited."""
+
+    outcome: Callable[[], Outcome | None]  # None while it is not seen
+    why_not: Callable[[], str]  # words if none is seen in time
+    words: str = "sent"
+
+
+Act = Callable[[Page, Mapping[str, Any]], str | Sent]  # the words are what was done
+
+
+@dataclass
+class _SetPoint:
+    """Newest set-point of a winch, repeated."""
+
     command: WinchCommand
-    sent_s: float
+    given_s: float
+    confirmed: bool = False  # whether the twin has given the console the winch's seat
 
 
 class Desk:
@@ -119,17 +137,14 @@ class Desk:
         self._token = token
         self._holder: Page | None = None
         self._left_s: float | None = None  # since when the holder's page is gone
-        self._awaited: list[_Awaited] = []
-        self._set_points: dict[str, WinchCommand] = {}  # newest of each winch, repeated
-        self._set_s: dict[str, float] = {}  # when each of them was given
-        self._confirmed: set[str] = (
-            set()
-        )  # winches of which the twin has given the console the seat
+        self._awaited: list[tuple[Page, object, Sent, float]] = []
+        # page, number of its request, and when it was sent
+        self._set_points: dict[str, _SetPoint] = {}
         self._repeated_s = 0.0
         self._entries: deque[float] = deque(maxlen=ENTRIES)  # times of markers and casts
         self.further: dict[str, Callable[[Page, Mapping[str, Any]], str]] = {}
         # further requests of the page with the seat, which answer by themselves
-        self.staged: dict[str, Callable[[Page, Mapping[str, Any]], None]] = {}
+        self.staged: dict[str, Act] = {}
         pages.extra["control"] = self.state
 
     def state(self) -> dict[str, Any]:
@@ -152,9 +167,21 @@ class Desk:
             return
         if isinstance(what, str) and what in self.further:
             words = self._entry_fault(page, what) or self.further[what](page, content)
-            self.answer(page, number, not words, words)
+            self._answer(page, number, not words, words)
             return
-        acts = {
+        try:
+            found = self._act(page, what, content)
+        except Refusal as refusal:
+            self._answer(page, number, False, str(refusal))
+            return
+        if isinstance(found, Sent):
+            self._awaited.append((page, number, found, self._clock()))
+            self._answer(page, number, True, found.words, stage="sent")
+        else:
+            self._answer(page, number, True, found)
+
+    def _act(self, page: Page, what: object, content: Mapping[str, Any]) -> str | Sent:
+        acts: dict[str, Act] = {
             "sign_in": self._sign_in,
             "take_seat": self._take_seat,
             "release_seat": self._release_seat,
@@ -164,18 +191,15 @@ class Desk:
         }
         act = acts.get(what) if isinstance(what, str) else None
         if act is None:
-            words = phrase("console", f"'{what}'", did_you_mean(str(what), acts))
-            self.answer(page, number, False, words)
-        elif self._commander is None:
+            raise Refusal(phrase("console", f"'{what}'", did_you_mean(str(what), acts)))
+        if self._commander is None:
             right = "start it with --control to command the winch"
-            self.answer(page, number, False, phrase("console", "it is read-only", right))
-        elif what != "sign_in" and not page.authorised:
-            words = phrase("console", "this page has no control", "give the token first")
-            self.answer(page, number, False, words)
-        elif what in self.staged and page is not self._holder:
-            self.answer(page, number, False, self._seat_fault(str(what)))
-        else:
-            act(page, content)
+            raise Refusal(phrase("console", "it is read-only", right))
+        if what != "sign_in" and not page.authorised:
+            raise Refusal(_NO_CONTROL)
+        if what in self.staged:
+            self._check_seat(page, str(what))
+        return act(page, content)
 
     def leave(self, page: Page) -> None:
         """Take note that a page has disconnected."""
@@ -195,115 +219,102 @@ class Desk:
         self._repeat(now_s)
         left = []
         for one in self._awaited:
-            if words := self._effect(one):
-                self.answer(one.page, one.number, True, words, stage="done")
-            elif now_s - one.sent_s >= FEEDBACK_S:
-                if not self._commands(one.winch):
-                    self._drop(one.winch)
-                self.answer(one.page, one.number, False, self._why_not(one), stage="done")
-            else:
+            page, number, sent, sent_s = one
+            found = sent.outcome()
+            if found is None and now_s - sent_s < FEEDBACK_S:
                 left.append(one)
+            else:
+                self._answer(page, number, *(found or (False, sent.why_not())))
         self._awaited = left
 
     # -- messages of pages -----------------------------------------------------------------------
 
-    def _sign_in(self, page: Page, content: Mapping[str, Any]) -> None:
+    def _sign_in(self, page: Page, content: Mapping[str, Any]) -> str:
         assert self._token is not None
-        refusal = self._token.check(content.get("token"), page.address)
-        page.authorised = page.authorised or not refusal
-        self.answer(page, content.get("id"), not refusal, refusal or "control allowed")
+        if refusal := self._token.check(content.get("token"), page.address):
+            raise Refusal(refusal)
+        page.authorised = True
+        return "control allowed"
 
-    def _take_seat(self, page: Page, content: Mapping[str, Any]) -> None:
+    def _take_seat(self, page: Page, content: Mapping[str, Any]) -> str:
         assert self._commander is not None
-        holder, number = self._holder, content.get("id")
+        holder = self._holder
         if holder is not None and holder is not page and self._left_s is None:
             self._pages.send(holder, {"type": "seat_wanted", "by": page.name})
-            words = phrase("seat", f"{holder.name} has it", "it was asked to release it")
-            self.answer(page, number, False, words)
-            return
+            raise Refusal(phrase("seat", f"{holder.name} has it", "it was asked to release it"))
         if holder is not page:  # the set-points are those of the page before
-            self._drop_all()
+            self._set_points.clear()
         self._holder, self._left_s = page, None
         for winch in self._winches():
             self._commander.take(winch)
-        words = "this page commands; the first command takes the winch's seat"
-        self.answer(page, number, True, words)
+        return "this page commands; the first command takes the winch's seat"
 
-    def _release_seat(self, page: Page, content: Mapping[str, Any]) -> None:
-        number = content.get("id")
+    def _release_seat(self, page: Page, content: Mapping[str, Any]) -> str:
         if page is not self._holder:
-            words = phrase("seat", "this page does not have it", "take it first")
-            self.answer(page, number, False, words)
-            return
+            raise Refusal(phrase("seat", "this page does not have it", "take it first"))
         self._give_up()
-        self.answer(page, number, True, "seat released")
+        return "seat released"
 
-    def _command(self, page: Page, content: Mapping[str, Any]) -> None:
+    def _command(self, page: Page, content: Mapping[str, Any]) -> Sent:
         assert self._commander is not None
-        number, kind, winch = content.get("id"), content.get("kind"), content.get("winch")
-        fault = self._fault(page, content)
-        if fault:
-            self.answer(page, number, False, fault)
-            return
-        value = content.get("value")
-        command = WinchCommand(str(kind), float(value) if kind in CONTROL_MODES else 0.0)  # type: ignore[arg-type]
+        winch, command = self._read_command(page, content)
         if command.kind in CONTROL_MODES:
-            self._set_points[str(winch)] = command
-            self._set_s[str(winch)] = self._clock()
-        elif command.kind == EMERGENCY_STOP and str(winch) in self._set_points:
-            self._set_points[str(winch)] = _STOP
-        self._commander.send(str(winch), command)
-        sent = _Awaited(page, number, str(winch), command, self._clock())
-        self._awaited.append(sent)
-        self.answer(page, number, True, f"sent: {_words(command)}", stage="sent")
+            now_s = self._clock()
+            own = self._set_points.setdefault(winch, _SetPoint(command, now_s))
+            own.command, own.given_s = command, now_s
+        elif command.kind == EMERGENCY_STOP and winch in self._set_points:
+            self._set_points[winch].command = _STOP
+        self._commander.send(winch, command)
+        return Sent(
+            lambda: self._effect(winch, command),
+            lambda: self._why_not(winch, command),
+            f"sent: {_words(command)}",
+        )
 
-    def _alert(self, page: Page, content: Mapping[str, Any]) -> None:
+    def _alert(self, page: Page, content: Mapping[str, Any]) -> str:
         assert self._commander is not None
-        number, action, which = content.get("id"), content.get("action"), content.get("alert")
+        action, which = content.get("action"), content.get("alert")
         if action not in ALERT_ACTIONS:
-            right = did_you_mean(str(action), ALERT_ACTIONS)
-            self.answer(page, number, False, phrase("alert", f"'{action}'", right))
-            return
+            raise Refusal(phrase("alert", f"'{action}'", did_you_mean(str(action), ALERT_ACTIONS)))
         listed = [row["id"] for row in self._pages.readings.values.get("alerts", ())]
         if which != "all" and which not in listed:
-            what = f"'{which}' is not in the list"
-            self.answer(page, number, False, phrase("alert", what, "it may have ended"))
-            return
+            raise Refusal(phrase("alert", f"'{which}' is not in the list", "it may have ended"))
         seconds = content.get("seconds")
         if action == "shelve":
-            if which == "all" or not _is_finite(seconds) or not 0.0 < seconds <= SHELVED_MOST_S:
+            if which == "all" or not is_finite(seconds) or not 0.0 < seconds <= SHELVED_MOST_S:
                 right = f"give one alert and 1 to {SHELVED_MOST_S:g} s"
-                self.answer(page, number, False, phrase("shelve", f"{which} {seconds!r}", right))
-                return
+                raise Refusal(phrase("shelve", f"{which} {seconds!r}", right))
             which = f"{which} {seconds:g}"
         self._commander.command_alerts(f"{action} {which}")
-        self.answer(page, number, True, f"{action} {which}: sent")
+        return f"{action} {which}: sent"
 
-    def _fault(self, page: Page, content: Mapping[str, Any]) -> str:
-        """Return why a command of a page is not passed on, in one sentence, or ""."""
+    def _read_command(self, page: Page, content: Mapping[str, Any]) -> tuple[str, WinchCommand]:
+        """Return the winch and the command of a page; raise `Refusal`."""
         kind, winch, value = content.get("kind"), content.get("winch"), content.get("value")
         winches = self._winches()
         if not isinstance(winch, str) or winch not in winches:
-            return phrase("command", f"winch '{winch}'", did_you_mean(str(winch), winches))
+            right = did_you_mean(str(winch), winches)
+            raise Refusal(phrase("command", f"winch '{winch}'", right))
         if not isinstance(kind, str) or (kind not in CONTROL_MODES and kind not in SWITCHES):
             known = (*CONTROL_MODES, *SWITCHES)
-            return phrase("command", f"'{kind}'", did_you_mean(str(kind), known))
-        if kind == EMERGENCY_STOP:
-            return ""
-        if page is not self._holder:
-            return self._seat_fault("command")
-        if kind in CONTROL_MODES and not _is_finite(value):
-            return phrase("command", f"{kind} {value!r}", "it must be a finite number")
-        return ""
+            raise Refusal(phrase("command", f"'{kind}'", did_you_mean(str(kind), known)))
+        if kind != EMERGENCY_STOP:
+            self._check_seat(page, "command")
+        if kind not in CONTROL_MODES:
+            return winch, WinchCommand(kind, 0.0)
+        if not is_finite(value):
+            raise Refusal(phrase("command", f"{kind} {value!r}", "it must be a finite number"))
+        return winch, WinchCommand(kind, float(value))
 
-    def _seat_fault(self, what: str) -> str:
-        has = f"{self._holder.name} has the seat" if self._holder else "no page has the seat"
-        return phrase(what, has, "take the seat first")
+    def _check_seat(self, page: Page, what: str) -> None:
+        if page is not self._holder:
+            has = f"{self._holder.name} has the seat" if self._holder else "no page has the seat"
+            raise Refusal(phrase(what, has, "take the seat first"))
 
     def _give_up(self) -> None:
         assert self._commander is not None
         self._holder, self._left_s = None, None
-        self._drop_all()
+        self._set_points.clear()
         self._commander.release()
 
     def _watch_seat(self, now_s: float) -> None:
@@ -311,34 +322,24 @@ class Desk:
 
         Repeated further, it would start the winch once the seat is free again.
         """
-        for winch in list(self._set_points):
+        for winch, own in list(self._set_points.items()):
             if self._commands(winch):
-                self._confirmed.add(winch)
+                own.confirmed = True
                 continue
-            lost = winch in self._confirmed
-            if not lost and now_s - self._set_s[winch] <= FEEDBACK_S + REPEAT_S:
+            if not own.confirmed and now_s - own.given_s <= FEEDBACK_S + REPEAT_S:
                 continue
-            self._drop(winch)
+            del self._set_points[winch]
             if self._holder is not None:
+                lost = own.confirmed
                 what = "another commander has it" if lost else "it was not given to the console"
                 right = "the set-point is no longer repeated; send it again to command"
                 words = phrase(f"seat of {winch}", what, right)
                 self._pages.send(self._holder, {"type": "notice", "words": words})
 
-    def _drop(self, winch: str) -> None:
-        self._set_points.pop(winch, None)
-        self._set_s.pop(winch, None)
-        self._confirmed.discard(winch)
-
-    def _drop_all(self) -> None:
-        self._set_points.clear()
-        self._set_s.clear()
-        self._confirmed.clear()
-
     def _entry_fault(self, page: Page, what: str) -> str:
         """Return why an entry of the log is refused, or ""."""
         if self._token is not None and not page.authorised:
-            return phrase("console", "this page has no control", "give the token first")
+            return _NO_CONTROL
         if what in _ENTRIES:
             now_s = self._clock()
             full = len(self._entries) == ENTRIES
@@ -357,10 +358,10 @@ class Desk:
         ):
             return
         self._repeated_s = now_s
-        for winch in self._set_points:
+        for winch, own in self._set_points.items():
             if self._mode(winch).startswith(f"{winch}: emergency stop"):
-                self._set_points[winch] = _STOP
-            self._commander.send(winch, self._set_points[winch])
+                own.command = _STOP
+            self._commander.send(winch, own.command)
 
     def _commands(self, winch: str) -> bool:
         """Return whether the twin has this console in command of a winch."""
@@ -378,51 +379,53 @@ class Desk:
         named = (row["name"] for row in values.get("winches", ()))
         return tuple(self._pages.facts.get("winches") or named)
 
-    def _effect(self, one: _Awaited) -> str:
-        """Return the twin's words on what a command has done, or "" while it is not seen."""
+    def _effect(self, winch: str, command: WinchCommand) -> Outcome | None:
+        """Return the twin's words on what a command has done, or None while it is not seen."""
         values = self._pages.readings.values
-        own = self._mode(one.winch)
+        own = self._mode(winch)
         row: Mapping[str, Any] = next(
-            (row for row in values.get("winches", ()) if row["name"] == one.winch), {}
+            (row for row in values.get("winches", ()) if row["name"] == winch), {}
         )
-        command, seen = one.command, False
         if command.kind in CONTROL_MODES:
             unit = CONTROL_MODES[command.kind]
-            order_text = f"{one.winch}: {command.kind} {command.value:g} {unit}"
+            order_text = f"{winch}: {command.kind} {command.value:g} {unit}"
             seen = own == order_text or own.startswith(f"{order_text} (")
         elif command.kind == EMERGENCY_STOP:
-            seen = own.startswith(f"{one.winch}: emergency stop")
+            seen = own.startswith(f"{winch}: emergency stop")
         elif command.kind == "reset":
-            seen = bool(own) and not own.startswith(f"{one.winch}: emergency stop")
+            seen = bool(own) and not own.startswith(f"{winch}: emergency stop")
         elif command.kind in ("set_brake", "release_brake"):
             holds = row.get("brake_holds")
             seen = holds is not None and bool(holds) == (command.kind == "set_brake")
-            own = f"{one.winch}: brake {'set' if holds else 'released'}"
+            own = f"{winch}: brake {'set' if holds else 'released'}"
         else:
             on = row.get("compensation_on")
             seen = on is not None and bool(on) == (command.kind == COMPENSATE)
-            own = f"{one.winch}: compensation {'on' if on else 'off'}"
-        return f"the twin reports {own or _words(command)}" if seen else ""
+            own = f"{winch}: compensation {'on' if on else 'off'}"
+        return (True, f"the twin reports {own or _words(command)}") if seen else None
 
     @property
     def _node(self) -> str:
         return self._commander.name if self._commander else ""
 
-    def _why_not(self, one: _Awaited) -> str:
-        """Return what is known of a command without effect."""
+    def _why_not(self, winch: str, command: WinchCommand) -> str:
+        """Return what is known of a command without effect; drop it if another one commands."""
         values = self._pages.readings.values
-        seat = values.get(f"diagnostics simulation: seat {one.winch}")
+        seat = values.get(f"diagnostics simulation: seat {winch}")
         holder = str(values.get("seat", ""))
-        if not self._commands(one.winch) and one.command.kind != EMERGENCY_STOP:
+        commands = self._commands(winch)
+        if not commands:
+            self._set_points.pop(winch, None)
+        if not commands and command.kind != EMERGENCY_STOP:
             last = (seat or {}).get("values", {}).get("last rejection", "")
-            return last or phrase(_words(one.command), f"the seat is not the console's ({holder})",
+            return last or phrase(_words(command), f"the seat is not the console's ({holder})",
                                   "take the seat and send it again")  # fmt: skip
         row = values.get("diagnostics simulation: input winch command", {})
         reason = row.get("message", "") if row.get("level") else ""
         what = f"no effect seen within {FEEDBACK_S:g} s"
-        return phrase(_words(one.command), what, reason or "look at the winch's state")
+        return phrase(_words(command), what, reason or "look at the winch's state")
 
-    def answer(
+    def _answer(
         self, page: Page, number: object, done: bool, words: str, stage: str = "done"
     ) -> None:
         """Answer a request of a page; after the stage `sent` another answer follows."""
@@ -430,7 +433,8 @@ class Desk:
         self._pages.send(page, content)
 
 
-def _is_finite(value: object) -> TypeGuard[float]:
+def is_finite(value: object) -> TypeGuard[float]:
+    """Return whether what a page sent is a finite number."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return is_number and math.isfinite(value)  # type: ignore[arg-type]
 

@@ -7,7 +7,6 @@ measures the sea here: whoever enters it on a page is asked to keep it true.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -40,10 +39,9 @@ _WINCH_FIGURES = (
 def scene_facts(scene: Scene) -> dict[str, Any]:
     """Return the facts of a scene as JSON types, SI with the unit in the name; None: unknown."""
     rules = LoadRules(scene)
-    limits = {
-        field.name: getattr(scene.limits, field.name) for field in dataclasses.fields(scene.limits)
-    }
-    bed = next((one for one in scene.effects if isinstance(one, SeabedParams)), None)
+    bed = scene.listed(SeabedParams)
+    waves = scene.listed(WavesParams)
+    sea = None if waves is None else waves.jonswap
     return {
         "scene": scene.name,
         "about": scene.about,
@@ -59,13 +57,17 @@ def scene_facts(scene: Scene) -> dict[str, Any]:
             }
             for number, line in enumerate(scene.ropes)
         ],
-        "limits": limits,
+        "limits": asdict(scene.limits),
         "crew_limits": _crew_limits(scene),
         "payloads": [_payload(scene, number) for number in range(len(scene.payloads))],
         "winches": {name: _winch(scene, winch) for name, winch in winches_by_name(scene).items()},
         "hang_off_m": list(scene.ship.hang_off_m),
         "bed_m": None if bed is None or bed.depth_m is None else -bed.depth_m,
-        "sea": _sea(scene),
+        "sea": {
+            "recorded": scene.sea_state.bag or None,
+            "significant_height_m": None if sea is None else sea.significant_height_m,
+            "peak_period_s": None if sea is None else sea.peak_period_s,
+        },
     }
 
 
@@ -118,16 +120,6 @@ def _winch(scene: Scene, winch: Winch) -> dict[str, Any]:
     if winch.constant_tension is not None:
         figures["modes"].append("tension")
     return figures
-
-
-def _sea(scene: Scene) -> dict[str, Any]:
-    waves = next((one for one in scene.effects if isinstance(one, WavesParams)), None)
-    height_m = getattr(waves, "significant_height_m", None)
-    return {
-        "recorded": scene.sea_state.bag or None,
-        "significant_height_m": height_m,
-        "peak_period_s": getattr(waves, "peak_period_s", None),
-    }
 
 
 AROUND_M = 1.0  # of a phase's depths: the payload is in it

@@ -29,10 +29,10 @@ from rope_twin.messages.reports import (
 from rope_twin.messages.reports import TENSION_TOPIC as FORECAST
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.topics import ALARM_TOPIC, ALERTS, BY_NAME, ESTIMATE_TOPIC, WHAT_IF_ORDERS
+from rope_twin.twin.motion.ship_motion import turned
 from rope_twin.twin.snapshot import CAUSES
 
 Values = dict[str, Any]
-Triple = tuple[float, float, float]
 Points = NDArray[Any]  # structured: a table
 
 TENSION, NODES, EPOCH = "ropes/tension_top", "ropes/nodes", "twin/epoch"
@@ -240,20 +240,6 @@ def _having(topic: str, wanted: Iterable[str], points: Points) -> Points:
     return points
 
 
-def _tension_top(message: Any) -> Values:
-    return {
-        "ropes": [str(name) for name in message.name],
-        "tension_n": _numbers(message.effort),
-    }
-
-
-def _length(message: Any) -> Values:
-    return {
-        "line_out_m": _numbers(message.position),
-        "line_speed_m_per_s": _numbers(message.velocity),
-    }
-
-
 def _payloads(message: Any) -> Values:
     """Return place, velocity in map and attitude of each payload.
 
@@ -263,8 +249,9 @@ def _payloads(message: Any) -> Values:
     for name, pose, twist in zip(message.joint_names, message.transforms, message.twist,
                                  strict=True):  # fmt: skip
         place, turn = pose.translation, pose.rotation
-        axes, linear = (turn.x, turn.y, turn.z), twist.linear
-        speed = _turned(turn.w, axes, (linear.x, linear.y, linear.z))
+        linear = twist.linear
+        attitude = turn.x, turn.y, turn.z, turn.w
+        speed = turned(attitude, (linear.x, linear.y, linear.z))
         roll = math.atan2(2 * (turn.w * turn.x + turn.y * turn.z),
                           1 - 2 * (turn.x**2 + turn.y**2))  # fmt: skip
         pitch = math.asin(max(-1.0, min(1.0, 2 * (turn.w * turn.y - turn.z * turn.x))))
@@ -279,18 +266,6 @@ def _payloads(message: Any) -> Values:
             }
         )
     return {"payloads": rows}
-
-
-def _turned(w: float, axes: Triple, vector: Triple) -> Triple:
-    """Return a vector in body axes in those of map: v + 2w·(q × v) + 2q × (q × v)."""
-    once = _cross(axes, vector)
-    twice = _cross(axes, once)
-    x, y, z = (v + 2.0 * (w * c + d) for v, c, d in zip(vector, once, twice, strict=True))
-    return x, y, z
-
-
-def _cross(a: Triple, b: Triple) -> Triple:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _hang_off(message: Any) -> Values:
@@ -378,16 +353,6 @@ def _risk(points: Points) -> Values:
     return {"risk": {"rows": rows}}
 
 
-def _quiet(points: Points) -> Values:
-    return {"quiet": {"rows": _rows(_having(QUIET_TOPIC, FORECAST_COLUMNS[QUIET_TOPIC], points))}}
-
-
-def _orders(points: Points) -> Values:
-    return {
-        "orders": {"rows": _rows(_having(WHAT_IF_ORDERS, FORECAST_COLUMNS[WHAT_IF_ORDERS], points))}
-    }
-
-
 def _figures(points: Points) -> Values:
     """Return the learned figures, with their units and state in words."""
     rows = _rows(_having(ESTIMATE_TOPIC, FIGURE_COLUMNS.split(), points))
@@ -403,13 +368,23 @@ def _table(name: str) -> Callable[[Points], Values]:
     return lambda points: {name: _rows(points)}
 
 
+def _forecast_table(name: str, topic: str) -> Callable[[Points], Values]:
+    wanted = FORECAST_COLUMNS[topic]
+    return lambda points: {name: {"rows": _rows(_having(topic, wanted, points))}}
+
+
 def _text(name: str) -> Callable[[Any], Values]:
     return lambda message: {name: str(message.data)}
 
 
 _READERS: Mapping[str, Callable[[Any], Values]] = {
-    TENSION: _tension_top,
-    "ropes/length": _length,
+    TENSION: lambda message: {
+        "ropes": [str(name) for name in message.name], "tension_n": _numbers(message.effort),
+    },
+    "ropes/length": lambda message: {
+        "line_out_m": _numbers(message.position),
+        "line_speed_m_per_s": _numbers(message.velocity),
+    },
     "payloads/state": _payloads,
     "hang_off/odometry": _hang_off,
     "sea/elevation": lambda message: {"elevation_m": number(message.point.z)},
@@ -418,7 +393,7 @@ _READERS: Mapping[str, Callable[[Any], Values]] = {
     DIAGNOSTICS: _diagnostics,
     ALERTS: _alerts,
     ALARM_TOPIC: _text("fault_alarm"),
-}
+}  # fmt: skip
 _TABLES: Mapping[str, Callable[[Points], Values]] = {
     "ropes/tension_top_error": _table("error_interval"),
     "ropes/utilisation": _table("utilisation"),
@@ -433,8 +408,8 @@ _TABLES: Mapping[str, Callable[[Points], Values]] = {
     "twin/quality": _quality,
     FORECAST: _forecast,
     RISK_TOPIC: _risk,
-    QUIET_TOPIC: _quiet,
-    WHAT_IF_ORDERS: _orders,
+    QUIET_TOPIC: _forecast_table("quiet", QUIET_TOPIC),
+    WHAT_IF_ORDERS: _forecast_table("orders", WHAT_IF_ORDERS),
     ESTIMATE_TOPIC: _figures,
 }
 _UNSTAMPED = ("winch/mode", "winch/seat", ALARM_TOPIC)

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Protocol
 
 from rope_twin.alerts.limits import CREW_LIMITS, SCENE
-from rope_twin.console.control import FEEDBACK_S, Desk
+from rope_twin.console.control import Desk, Outcome, Refusal, Sent, is_finite
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import Values, crew_limit
 from rope_twin.errors import did_you_mean, phrase
@@ -27,7 +26,6 @@ MOST_MARKERS, MOST_CASTS = 1000, 500
 LONGEST_TEXT = 200
 SHOWN_MARKERS = 50  # the newest ones, on the pages
 LEARNING = {"tare": TARE_ESTIMATE, "apply": APPLY_ESTIMATE, "acknowledge": ACKNOWLEDGE_ALARM}
-Outcome = tuple[bool, str]  # whether it was done, and words
 
 
 @dataclass
@@ -186,48 +184,18 @@ class Caller(Protocol):
         """Call a service; the result returns its answer, None while there is none."""
 
 
-@dataclass
-class _Awaited:
-    """Request whose outcome is awaited."""
-
-    page: Page
-    number: object  # of the page's request
-    outcome: Callable[[], Outcome | None]
-    why_not: str  # words if there is none in time
-    sent_s: float
-
-
 class Requests:
-    """Takes limits and requests to learning; `look` is called with every row."""
+    """Takes limits and requests to learning."""
 
-    def __init__(
-        self, pages: Pages, desk: Desk, caller: Caller, clock: Callable[[], float]
-    ) -> None:
+    def __init__(self, pages: Pages, desk: Desk, caller: Caller) -> None:
         """Add the requests to those of a desk that commands."""
-        self._pages, self._desk, self._caller, self._clock = pages, desk, caller, clock
-        self._awaited: list[_Awaited] = []
+        self._pages, self._caller = pages, caller
         desk.staged |= {"limit": self._limit, "learning": self._learning}
-        pages.before_tick.append(self.look)
 
-    def look(self) -> None:
-        """Answer the requests whose outcome is known or overdue."""
-        now_s, left = self._clock(), []
-        for one in self._awaited:
-            found = one.outcome()
-            if found is None and now_s - one.sent_s < FEEDBACK_S:
-                left.append(one)
-                continue
-            done, words = found or (False, one.why_not)
-            self._desk.answer(one.page, one.number, done, words)
-        self._awaited = left
-
-    def _limit(self, page: Page, content: Mapping[str, Any]) -> None:
+    def _limit(self, page: Page, content: Mapping[str, Any]) -> Sent:
         """Set a limit, or end it if the value is None."""
-        number, name, value = content.get("id"), content.get("name"), content.get("value")
-        fault = self._limit_fault(name, value)
-        if fault:
-            self._desk.answer(page, number, False, fault)
-            return
+        name, value = content.get("name"), content.get("value")
+        self._check_limit(name, value)
         words = SCENE if value is None else repr(float(value))
         self._caller.command_alerts(f"limit {name} {words}")
 
@@ -237,37 +205,25 @@ class Requests:
 
         why_not = phrase(f"limit {name}", "the twin does not report it", "it must be stricter than "
                          "the scene's")  # fmt: skip
-        self._await(page, number, outcome, why_not)
+        return Sent(outcome, lambda: why_not)
 
-    def _learning(self, page: Page, content: Mapping[str, Any]) -> None:
-        number, what = content.get("id"), content.get("what")
+    def _learning(self, page: Page, content: Mapping[str, Any]) -> Sent:
+        what = content.get("what")
         service = LEARNING.get(what) if isinstance(what, str) else None
         if service is None:
-            words = phrase("learning", f"'{what}'", did_you_mean(str(what), LEARNING))
-            self._desk.answer(page, number, False, words)
-            return
+            raise Refusal(phrase("learning", f"'{what}'", did_you_mean(str(what), LEARNING)))
         why_not = phrase(f"service {service}", "no answer", "learning needs a run with --learn")
-        self._await(page, number, self._caller.call(service), why_not)
+        return Sent(self._caller.call(service), lambda: why_not)
 
-    def _await(
-        self, page: Page, number: object, outcome: Callable[[], Outcome | None], why_not: str
-    ) -> None:
-        self._awaited.append(_Awaited(page, number, outcome, why_not, self._clock()))
-        self._desk.answer(page, number, True, "sent", stage="sent")
-
-    def _limit_fault(self, name: object, value: object) -> str:
-        """Return why a limit is refused, in one sentence, or ""."""
+    def _check_limit(self, name: object, value: object) -> None:
         if not isinstance(name, str) or name not in CREW_LIMITS:
-            return phrase("limit", f"'{name}'", did_you_mean(str(name), CREW_LIMITS))
+            raise Refusal(phrase("limit", f"'{name}'", did_you_mean(str(name), CREW_LIMITS)))
         known = self._pages.facts.get("crew_limits", ())
         lacks = next((row["lacks"] for row in known if row["name"] == name), "")
         if lacks:
-            return phrase(f"limit {name}", f"the scene has not {lacks}", "set another limit")
-        if value is None:
-            return ""
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (number and math.isfinite(value) and value > 0.0):  # type: ignore[arg-type,operator]
+            what = f"the scene has not {lacks}"
+            raise Refusal(phrase(f"limit {name}", what, "set another limit"))
+        if value is not None and not (is_finite(value) and value > 0.0):
             unit = CREW_LIMITS[name].unit
             right = f"give a positive number{unit and f' in {unit}'}"
-            return phrase(f"limit {name}", f"{value!r}", right)
-        return ""
+            raise Refusal(phrase(f"limit {name}", f"{value!r}", right))

@@ -294,19 +294,19 @@ FORMATS: dict[str, Format] = {
         {"sentences": ("", "23", "23 24")},
     ),
     "pashr": Format(
-        MOTION, "Applanix, Trimble and others: $PASHR", lambda s: motion_sensors.pashr(),
+        MOTION, "Applanix, Trimble and others: $PASHR", lambda s: motion_sensors.pashr,
         ("heave",), _MOTION_SIGNS, has_time=True,
     ),
     "tss1": Format(
         MOTION, "TSS1 and CDL: colon and hexadecimal accelerations",
-        lambda s: motion_sensors.tss1(), (), _MOTION_SIGNS,
+        lambda s: motion_sensors.tss1, (), _MOTION_SIGNS,
     ),
     "tss3": Format(
         MOTION, "TSS3: with remote heave, used where heave_of is crane_tip",
         lambda s: motion_sensors.tss3(s.heave_of == CRANE_TIP), (), _MOTION_SIGNS,
     ),
     "em3000": Format(
-        MOTION, "Kongsberg EM3000, binary", lambda s: motion_sensors.em3000(), (), _MOTION_SIGNS
+        MOTION, "Kongsberg EM3000, binary", lambda s: motion_sensors.em3000, (), _MOTION_SIGNS
     ),
     "octans": Format(
         MOTION, "iXblue Octans and Phins: $PHTRO, $PHLIN, $PHSPD, $PHINF",
@@ -318,10 +318,10 @@ FORMATS: dict[str, Format] = {
         lambda s: motion_sensors.phtrh(s.positive["letter"]), (), ("letter",),
     ),
     "smc": Format(
-        MOTION, "SMC: $PSMCE and $PSMCK", lambda s: motion_sensors.smc(), (), _MOTION_SIGNS
+        MOTION, "SMC: $PSMCE and $PSMCK", lambda s: motion_sensors.smc, (), _MOTION_SIGNS
     ),
     "norsub": Format(
-        MOTION, "Norwegian Subsea: $PNORSUB2", lambda s: motion_sensors.norsub(), (), _MOTION_SIGNS
+        MOTION, "Norwegian Subsea: $PNORSUB2", lambda s: motion_sensors.norsub, (), _MOTION_SIGNS
     ),
 }  # fmt: skip
 SIGNS["letter"] = {"O": 1.0, "U": 1.0}  # PHTRH: the letter of a heave that is up

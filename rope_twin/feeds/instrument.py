@@ -80,13 +80,13 @@ class Converter:
         self._factor = {name: UNITS[name][unit] for name, unit in units.items()}
         self._sign = {name: SIGNS[name][word] for name, word in positive.items()}
 
-    def convert(self, reading: Reading, arrival_ns: int) -> Sample | Refusal:
-        """Return the sample of a reading that arrived at this time, or why it is refused."""
+    def convert(self, reading: Reading, arrival_ns: int) -> Sample:
+        """Return the sample of a reading that arrived at this time. Raises Refusal."""
         stamp_ns = self._stamp(reading, arrival_ns)
         if stamp_ns is None:
-            return Refusal(TIME, "the line has no time")
+            raise Refusal(TIME, "the line has no time")
         if not 0 <= stamp_ns < END_OF_TIME_NS:
-            return Refusal(TIME, "its time is not one of 1970 to 2037")
+            raise Refusal(TIME, "its time is not one of 1970 to 2037")
         if isinstance(reading, LineReading):
             return self._line(reading, stamp_ns)
         return self._motion(reading, stamp_ns)
@@ -105,7 +105,7 @@ class Converter:
     def _size(self, name: str) -> float:
         return self._factor.get(name, 1.0) * self._sign.get(name, 1.0)
 
-    def _line(self, reading: LineReading, stamp_ns: int) -> LineSample | Refusal:
+    def _line(self, reading: LineReading, stamp_ns: int) -> LineSample:
         force = self._size("tension")
         tension_n, motor_n = reading.tension * force, reading.motor_tension * force
         if self._settings.tension_of == MOTOR and math.isnan(motor_n):
@@ -118,10 +118,10 @@ class Converter:
             (payout_m, MAX_PAYOUT_M, "m of line out"),
         ):
             if abs(value) > most:
-                return Refusal(RANGE, f"{value:g} {what}")
+                raise Refusal(RANGE, f"{value:g} {what}")
         return LineSample(stamp_ns, tension_n, speed, payout_m, motor_n)
 
-    def _motion(self, reading: MotionReading, stamp_ns: int) -> MotionSample | Refusal:
+    def _motion(self, reading: MotionReading, stamp_ns: int) -> MotionSample:
         size = self._size("heave")
         heave, rate = reading.heave * size, reading.heave_rate * size
         for value, most, what in (
@@ -132,7 +132,7 @@ class Converter:
             (reading.heading, 360.0, "° of heading"),
         ):
             if abs(value) > most:
-                return Refusal(RANGE, f"{value:g} {what}")
+                raise Refusal(RANGE, f"{value:g} {what}")
         # Octans states port and bow by letters, and its parser gives port up, bow up.
         roll = reading.roll * self._sign.get("roll", 1.0)
         pitch = reading.pitch * self._sign.get("pitch", -1.0)
@@ -291,26 +291,22 @@ class Instrument:
         """Return the sample of a line or record, or None."""
         counts = self.counts
         counts.lines += 1
-        reading = self._parse(line)
-        if reading is None:
-            counts.others += 1
-            return None
-        sample = self._sample(reading, line, arrival_ns)
-        if isinstance(sample, Refusal):
-            self._refuse(sample)
+        try:
+            reading = self._parse(line)
+            if reading is None:
+                counts.others += 1
+                return None
+            if self._is_repeated(reading, line, arrival_ns):
+                raise Refusal(DUPLICATE, "the last line again")
+            sample = self._convert(reading, arrival_ns)
+            self._check_order(sample.stamp_ns)
+        except Refusal as refusal:
+            self._refuse(refusal)
             return None
         counts.accepted += 1
         if isinstance(reading, LineReading) and reading.missing is not None:
             self._refuse(reading.missing)
         return sample
-
-    def _sample(self, reading: Reading | Refusal, line: bytes, arrival_ns: int) -> Sample | Refusal:
-        if isinstance(reading, Refusal):
-            return reading
-        if self._is_repeated(reading, line, arrival_ns):
-            return Refusal(DUPLICATE, "the last line again")
-        sample = self._convert(reading, arrival_ns)
-        return sample if isinstance(sample, Refusal) else self._in_order(sample)
 
     def _is_repeated(self, reading: Reading, line: bytes, arrival_ns: int) -> bool:
         """Return whether a line is the last one once more."""
@@ -322,23 +318,22 @@ class Instrument:
             numbered = numbered or reading.counter is not None
         return same and (numbered or close)
 
-    def _in_order(self, sample: Sample) -> Sample | Refusal:
+    def _check_order(self, stamp_ns: int) -> None:
         """Refuse a stamp before the last one, unless a clock was set back, and count holes."""
         counts, last_ns = self.counts, self.counts.last_stamp_ns
         if last_ns is not None:
-            gap_s = (sample.stamp_ns - last_ns) * 1e-9
+            gap_s = (stamp_ns - last_ns) * 1e-9
             if gap_s == 0.0 and self.settings.stamp != ARRIVAL:
-                return Refusal(ORDER, "the stamp of the last one again")
+                raise Refusal(ORDER, "the stamp of the last one again")
             if gap_s < 0.0:
                 self._backward += 1
                 if self._backward < CLOCK_SET_BACK:
-                    return Refusal(ORDER, f"{-gap_s:.3f} s before the last one")
+                    raise Refusal(ORDER, f"{-gap_s:.3f} s before the last one")
             if gap_s > self.settings.silent_after_s:
                 counts.holes += 1
                 counts.longest_hole_s = max(counts.longest_hole_s, gap_s)
         self._backward = 0
-        counts.last_stamp_ns = sample.stamp_ns
-        return sample
+        counts.last_stamp_ns = stamp_ns
 
     def _refuse(self, refusal: Refusal) -> None:
         self.counts.refused[refusal.reason] += 1

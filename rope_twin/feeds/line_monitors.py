@@ -24,8 +24,8 @@ from rope_twin.feeds.readings import (
     INCOMPLETE,
     NUMBER,
     LineReading,
-    Parsed,
     Parser,
+    Reading,
     Refusal,
     clean,
     date_time_ns,
@@ -46,42 +46,43 @@ SUM_KINDS = ("xor", "sum", "none")
 def lci90(channel: str = "") -> Parser:
     """Return the parser of LCI-90 and LCI-90i; `channel`: the two digits nn, empty: all."""
 
-    def parse(line: bytes) -> Parsed:
+    def parse(line: bytes) -> Reading | None:
         text = clean(line)
-        if isinstance(text, Refusal):
-            return text
         starts = list(_RD.finditer(text))[-_MOST_STARTS:]
-        found: list[Parsed] = [_rd(text[one.start() :], one[1] or "") for one in reversed(starts)]
-        best = next((one for one in found if isinstance(one, LineReading)), None)
-        if best is None:
-            return found[0] if found else None
-        return best if not channel or best.channel == channel else None
+        refused: Refusal | None = None
+        for one in reversed(starts):
+            try:
+                best = _rd(text[one.start() :], one[1] or "")
+            except Refusal as refusal:
+                refused = refused or refusal
+            else:
+                return best if not channel or best.channel == channel else None
+        if refused is not None:
+            raise refused
+        return None
 
     return parse
 
 
-def _rd(text: str, digits: str) -> LineReading | Refusal:
+def _rd(text: str, digits: str) -> LineReading:
     fields = text.split(",")
     if not 5 <= len(fields) <= 7:
-        return Refusal(INCOMPLETE, f"{len(fields)} fields in RD")
+        raise Refusal(INCOMPLETE, f"{len(fields)} fields in RD")
     given = fields[-1].strip()
     if not _SUM.fullmatch(given):
-        return Refusal(INCOMPLETE, "RD without its sum")
+        raise Refusal(INCOMPLETE, "RD without its sum")
     covered = text[: text.rindex(",") + 1]
     sums = {sum_of(covered)}
     if len(fields) == 5:
         sums.add(sum_of(covered[len(digits) :]))  # junk before the RD of protocol 1
     if int(given) not in sums:
-        return Refusal(CHECKSUM, f"RD: {given}, computed {sum_of(covered)}")
+        raise Refusal(CHECKSUM, f"RD: {given}, computed {sum_of(covered)}")
     time_ns = None
     if len(fields) > 5:
         time_ns = iso_time_ns(fields[1])
         if time_ns is None:
-            return Refusal(NUMBER, f"'{fields[1][:30]}' is not a time")
-    values = numbers(fields[-4:-1])
-    if isinstance(values, Refusal):
-        return values
-    tension, speed, payout = values
+            raise Refusal(NUMBER, f"'{fields[1][:30]}' is not a time")
+    tension, speed, payout = numbers(fields[-4:-1])
     return LineReading(tension, speed, payout, channel=digits, time_ns=time_ns)
 
 
@@ -91,30 +92,25 @@ def wir(checksum: str) -> Parser:
     `sum` is the decimal sum of all characters before it, the last comma included.
     """
 
-    def parse(line: bytes) -> Parsed:
+    def parse(line: bytes) -> Reading | None:
         text = clean(line)
-        if isinstance(text, Refusal):
-            return text
         at = text.rfind("$WIR,")
         if at < 0:
             return None
         text = text[at:]
         fields = text.split(",")
         if len(fields) != 9:
-            return Refusal(INCOMPLETE, f"{len(fields)} fields in WIR")
+            raise Refusal(INCOMPLETE, f"{len(fields)} fields in WIR")
         archived = not _FLAGS.fullmatch(fields[6]) and bool(_FLAGS.fullmatch(fields[8].strip()))
         place, flags = (6, fields[7:]) if archived else (8, fields[6:8])
         if not all(_FLAGS.fullmatch(one.strip()) for one in flags):
-            return Refusal(NUMBER, "warnings or alarms of WIR are not eight digits 0 or 1")
+            raise Refusal(NUMBER, "warnings or alarms of WIR are not eight digits 0 or 1")
         given = fields[place].strip()
         if checksum == "sum":
             computed = sum_of(",".join(fields[:place]) + ",")
             if not _SUM.fullmatch(given) or int(given) != computed:
-                return Refusal(CHECKSUM, f"WIR: {given[:8]}, computed {computed}")
-        values = numbers(fields[3:6])
-        if isinstance(values, Refusal):
-            return values
-        tension, speed, payout = values
+                raise Refusal(CHECKSUM, f"WIR: {given[:8]}, computed {computed}")
+        tension, speed, payout = numbers(fields[3:6])
         return LineReading(tension, speed, payout, time_ns=date_time_ns(fields[1], fields[2]))
 
     return parse
@@ -123,16 +119,11 @@ def wir(checksum: str) -> Parser:
 def rcwd(length_at: str, channel: str = "") -> Parser:
     """Return the parser of Rapp; `length_at`: `block` or `motor`; `channel`: the winch's number."""
 
-    def parse(line: bytes) -> Parsed:
-        fields = sentence(line, ("RCWD",), "@")
-        if fields is None or isinstance(fields, Refusal):
-            return fields
-        if len(fields) != 9:
-            return Refusal(INCOMPLETE, f"{len(fields)} fields in RCWD")
-        values = numbers(fields[3:])
-        if isinstance(values, Refusal):
-            return values
-        at_motor, motor, speed, _, at_block, cell = values
+    def parse(line: bytes) -> Reading | None:
+        fields = sentence(line, ("RCWD",), "@", counts=(9,))
+        if fields is None:
+            return None
+        at_motor, motor, speed, _, at_block, cell = numbers(fields[3:])
         if channel and fields[1].strip() != channel:
             return None
         payout = at_block if length_at == "block" else at_motor
@@ -152,10 +143,8 @@ def columns(
     """
     quantities = [name for name in places if name != "channel"]
 
-    def parse(line: bytes) -> Parsed:
+    def parse(line: bytes) -> Reading | None:
         text = clean(line)
-        if isinstance(text, Refusal):
-            return text
         at = text.rfind(start)
         if at < 0:
             return None
@@ -163,22 +152,20 @@ def columns(
         if checksum == "xor":
             text, star, given = text.partition("*")
             if not star:
-                return Refusal(INCOMPLETE, f"{start} without its checksum")
+                raise Refusal(INCOMPLETE, f"{start} without its checksum")
             if not re.fullmatch(r"[0-9A-Fa-f]{2}", given) or int(given, 16) != xor_of(text[1:]):
-                return Refusal(CHECKSUM, f"{start}: {given[:4]}, computed {xor_of(text[1:]):02X}")
+                raise Refusal(CHECKSUM, f"{start}: {given[:4]}, computed {xor_of(text[1:]):02X}")
         fields = text.split(separator)
         if checksum == "sum":
             given = fields.pop().strip()
             computed = sum_of(separator.join(fields) + separator)
             if not _SUM.fullmatch(given) or int(given) != computed:
-                return Refusal(CHECKSUM, f"{start}: {given[:8]}, computed {computed}")
+                raise Refusal(CHECKSUM, f"{start}: {given[:8]}, computed {computed}")
         if fields[0] != start:
             return None
         if len(fields) <= max(places.values()):
-            return Refusal(INCOMPLETE, f"{len(fields)} fields after {start}")
+            raise Refusal(INCOMPLETE, f"{len(fields)} fields after {start}")
         values = numbers([fields[places[name]] for name in quantities])
-        if isinstance(values, Refusal):
-            return values
         found = fields[places["channel"]].strip() if "channel" in places else ""
         if channel and found != channel:
             return None
@@ -195,23 +182,21 @@ def polled(start: str, names: tuple[str, ...]) -> Parser:
     value is missing; a line without any value is refused.
     """
 
-    def parse(line: bytes) -> Parsed:
+    def parse(line: bytes) -> Reading | None:
         fields = sentence(line, (start[1:],), start[0])
-        if fields is None or isinstance(fields, Refusal):
-            return fields
+        if fields is None:
+            return None
         if len(fields) != len(names) + 1:
-            return Refusal(INCOMPLETE, f"{len(fields) - 1} values after {start}")
+            raise Refusal(INCOMPLETE, f"{len(fields) - 1} values after {start}")
         given = dict(zip(names, fields[1:], strict=True))
         bad = {name: words for name, words in given.items() if words[:1].isalpha()}
         missing = None
         if bad:
             missing = Refusal(BAD, ", ".join(f"{name} {words}" for name, words in bad.items()))
         if missing is not None and len(bad) == len(given):
-            return missing
+            raise missing
         known = [name for name in given if name not in bad]
         values = numbers([given[name] for name in known])
-        if isinstance(values, Refusal):
-            return values
         measured: dict[str, Any] = dict(zip(known, values, strict=True))
         return LineReading(**measured, missing=missing)
 

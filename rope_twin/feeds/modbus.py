@@ -17,8 +17,6 @@ from rope_twin.feeds.readings import Register, line_of, requests
 from rope_twin.feeds.transports import SERIAL, Address, Source, Take
 
 _TIMEOUT_S = 1.0
-
-
 _PARITIES = {"none": "N", "even": "E", "odd": "O"}
 
 
@@ -45,13 +43,13 @@ class ModbusSource(Source):
         Raises:
             InputError: pymodbus is not installed, or a serial line has no parity.
         """
-        super().__init__(take)
+        super().__init__(address, take)
         if (address.kind == SERIAL) != bool(settings.parity):
             what, right = "parity is missing", f"give {', '.join(_PARITIES)}; there is no default"
             if settings.parity:
                 what, right = f"parity is '{settings.parity}'", "it is of a serial line; remove it"
             raise InputError(phrase(f"source {address}", what, right))
-        self._clients, self._address, self._parity = load_pymodbus(), address, settings.parity
+        self._clients, self._parity = load_pymodbus(), settings.parity
         self._registers = dict(settings.registers)
         self._requests = requests(self._registers)
         self._period_s, self._device = 1.0 / settings.poll_rate_hz, settings.device
@@ -89,9 +87,7 @@ class ModbusSource(Source):
         """Return the values of all registers. Raises OSError where the device refuses."""
         words: dict[tuple[str, int], int] = {}
         for table, first, count in self._requests:
-            read = client.read_holding_registers if table == "holding" else (
-                client.read_input_registers
-            )  # fmt: skip
+            read = getattr(client, f"read_{table}_registers")
             try:
                 reply = read(first, count=count, device_id=self._device)
             except Exception as error:  # pymodbus has its own kinds, for links and for frames

@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import replace
 
 from rope_twin.feeds.readings import (
     INCOMPLETE,
@@ -31,8 +30,8 @@ from rope_twin.feeds.readings import (
     NAN,
     NUMBER,
     MotionReading,
-    Parsed,
     Parser,
+    Reading,
     Refusal,
     clean,
     day_time_ns,
@@ -44,9 +43,9 @@ from rope_twin.feeds.readings import (
 EM3000_BYTES = 10
 EM3000_RECORD = struct.Struct("<BBhhhH")
 _SECOND = 0x90
-_SIGNED = r"([ +-])(\d{4})"
-_TSS1 = re.compile(rf":([0-9A-Fa-f]{{6}}) ?{_SIGNED}([UGHFughf]) ?{_SIGNED} ?{_SIGNED}")
-_TSS3 = re.compile(rf":R ?{_SIGNED} ?{_SIGNED}([UGHFughf]) ?{_SIGNED} ?{_SIGNED}")
+_SIGNED, _QUALITY = r"([ +-]\d{4})", r"(?P<status>[UGHFughf])"
+_TSS1 = re.compile(rf":[0-9A-Fa-f]{{6}} ?{_SIGNED}{_QUALITY} ?{_SIGNED} ?{_SIGNED}")
+_TSS3 = re.compile(rf":R ?{_SIGNED} ?{_SIGNED}{_QUALITY} ?{_SIGNED} ?{_SIGNED}")
 _STATUS = re.compile(r"[0-9A-Fa-f]{1,8}")
 _HEADING_INVALID, _ROLL_INVALID, _PITCH_INVALID = 1, 2, 4  # bits of PHINF
 _HEADINGS = ("HEHDT", "HCHDT", "GPHDT", "GNHDT", "INHDT")  # gyro, compass, GNSS, integrated
@@ -61,29 +60,27 @@ def psxn(with_rates: bool = False) -> Parser:
     """
     state: dict[str, list[float]] = {}
 
-    def parse(line: bytes) -> Parsed:
+    def parse(line: bytes) -> Reading | None:
         fields = sentence(line, ("PSXN",))
-        if fields is None or isinstance(fields, Refusal):
-            return fields
+        if fields is None:
+            return None
         kind, counts = fields[1] if len(fields) > 1 else "", {"20": 4, "23": 4, "24": 4}
         if kind not in counts or (kind == "24" and not with_rates):
             return None
         if len(fields) != 2 + counts[kind]:
-            return Refusal(INCOMPLETE, f"{len(fields)} fields in PSXN,{kind}")
+            raise Refusal(INCOMPLETE, f"{len(fields)} fields in PSXN,{kind}")
         values = numbers(fields[2:])
-        if isinstance(values, Refusal):
-            return values
         state[kind] = values
         if kind == "20":
             state.pop("23", None)  # of a telegram whose sentence 24 was lost
         if kind == "20" or (kind == "23" and with_rates):
             return None
         if "23" not in state:
-            return Refusal(INCOMPLETE, "PSXN,24 without PSXN,23")
+            raise Refusal(INCOMPLETE, "PSXN,24 without PSXN,23")
         roll, pitch, heading, heave = state.pop("23")
         quality = state.get("20", [0.0] * 4)
         if quality[1] >= 2 or quality[3] >= 2:
-            return Refusal(INVALID, "height or attitude by PSXN,20")
+            raise Refusal(INVALID, "height or attitude by PSXN,20")
         if quality[2] >= 2:
             heading = NAN
         rate = state.pop("24")[3] if with_rates else NAN
@@ -92,80 +89,50 @@ def psxn(with_rates: bool = False) -> Parser:
     return parse
 
 
-def pashr() -> Parser:
-    """Return the parser of `$PASHR`; its flags are not judged."""
-
-    def parse(line: bytes) -> Parsed:
-        fields = sentence(line, ("PASHR",))
-        if fields is None or isinstance(fields, Refusal):
-            return fields
-        if len(fields) not in (11, 12):
-            return Refusal(INCOMPLETE, f"{len(fields)} fields in PASHR")
-        time_ns = day_time_ns(fields[1])
-        if time_ns is None:
-            return Refusal(NUMBER, f"'{fields[1][:20]}' is not a time")
-        if not fields[6].strip():
-            return Refusal(INCOMPLETE, "PASHR without heave")
-        values = numbers([fields[2], *fields[4:7]])
-        if isinstance(values, Refusal):
-            return values
-        heading, roll, pitch, heave = values
-        return MotionReading(
-            heave, roll=roll, pitch=pitch, heading=heading, time_ns=time_ns, in_day=True
-        )
-
-    return parse
+def pashr(line: bytes) -> MotionReading | None:
+    """Parse `$PASHR`; its flags are not judged."""
+    fields = sentence(line, ("PASHR",), counts=(11, 12))
+    if fields is None:
+        return None
+    time_ns = day_time_ns(fields[1])
+    if time_ns is None:
+        raise Refusal(NUMBER, f"'{fields[1][:20]}' is not a time")
+    if not fields[6].strip():
+        raise Refusal(INCOMPLETE, "PASHR without heave")
+    heading, roll, pitch, heave = numbers([fields[2], *fields[4:7]])
+    return MotionReading(
+        heave, roll=roll, pitch=pitch, heading=heading, time_ns=time_ns, in_day=True
+    )
 
 
-def _hundredths(sign: str, digits: str) -> float:
-    return (-1.0 if sign == "-" else 1.0) * int(digits) / 100.0
+def _tss(line: bytes, start: str, name: str, telegram: re.Pattern[str]) -> list[float] | None:
+    """Return the heaves [m], roll and pitch [°] of a telegram of TSS; None: it is another."""
+    text = clean(line)
+    at = text.rfind(start)
+    if at < 0:
+        return None
+    found = telegram.fullmatch(text[at:])
+    if not found:
+        raise Refusal(INCOMPLETE, f"'{text[at : at + 30]}' is not {name}")
+    if found["status"].islower():
+        raise Refusal(INVALID, f"{name} is settling ({found['status']})")
+    return [float(one) / 100.0 for one in found.groups() if not one.isalpha()]
 
 
-def tss1() -> Parser:
-    """Return the parser of TSS1."""
-
-    def parse(line: bytes) -> Parsed:
-        text = clean(line)
-        if isinstance(text, Refusal):
-            return text
-        at = text.rfind(":")
-        if at < 0:
-            return None
-        found = _TSS1.fullmatch(text[at:])
-        if not found:
-            return Refusal(INCOMPLETE, f"'{text[at : at + 30]}' is not TSS1")
-        if found[4].islower():
-            return Refusal(INVALID, f"TSS1 is settling ({found[4]})")
-        return MotionReading(
-            _hundredths(found[2], found[3]),
-            roll=_hundredths(found[5], found[6]),
-            pitch=_hundredths(found[7], found[8]),
-        )
-
-    return parse
+def tss1(line: bytes) -> MotionReading | None:
+    """Parse TSS1."""
+    found = _tss(line, ":", "TSS1", _TSS1)
+    return MotionReading(found[0], roll=found[1], pitch=found[2]) if found else None
 
 
 def tss3(remote: bool) -> Parser:
     """Return the parser of TSS3; `remote`: its remote heave, else the heave at the sensor."""
 
-    def parse(line: bytes) -> Parsed:
-        text = clean(line)
-        if isinstance(text, Refusal):
-            return text
-        at = text.rfind(":R")
-        if at < 0:
+    def parse(line: bytes) -> MotionReading | None:
+        found = _tss(line, ":R", "TSS3", _TSS3)
+        if found is None:
             return None
-        found = _TSS3.fullmatch(text[at:])
-        if not found:
-            return Refusal(INCOMPLETE, f"'{text[at : at + 30]}' is not TSS3")
-        if found[5].islower():
-            return Refusal(INVALID, f"TSS3 is settling ({found[5]})")
-        heave = (found[1], found[2]) if remote else (found[3], found[4])
-        return MotionReading(
-            _hundredths(*heave),
-            roll=_hundredths(found[6], found[7]),
-            pitch=_hundredths(found[8], found[9]),
-        )
+        return MotionReading(found[0 if remote else 1], roll=found[2], pitch=found[3])
 
     return parse
 
@@ -175,20 +142,16 @@ def em3000_starts(data: bytes) -> bool:
     return len(data) > 1 and data[1] == _SECOND and (data[0] == 0 or 0x90 <= data[0] <= 0xAF)
 
 
-def em3000() -> Parser:
-    """Return the parser of EM3000 records of 10 bytes."""
-
-    def parse(data: bytes) -> Parsed:
-        if len(data) != EM3000_BYTES or not em3000_starts(data):
-            return Refusal(INCOMPLETE, f"{len(data)} bytes that are no record of EM3000")
-        status, _, roll, pitch, heave, heading = EM3000_RECORD.unpack(data)
-        if status >= 0x9A:
-            return Refusal(INVALID, f"EM3000 has status 0x{status:02X}")
-        return MotionReading(
-            heave / 100.0, roll=roll / 100.0, pitch=pitch / 100.0, heading=heading / 100.0
-        )
-
-    return parse
+def em3000(data: bytes) -> MotionReading:
+    """Parse an EM3000 record of 10 bytes."""
+    if len(data) != EM3000_BYTES or not em3000_starts(data):
+        raise Refusal(INCOMPLETE, f"{len(data)} bytes that are no record of EM3000")
+    status, _, roll, pitch, heave, heading = EM3000_RECORD.unpack(data)
+    if status >= 0x9A:
+        raise Refusal(INVALID, f"EM3000 has status 0x{status:02X}")
+    return MotionReading(
+        heave / 100.0, roll=roll / 100.0, pitch=pitch / 100.0, heading=heading / 100.0
+    )
 
 
 def octans(sentences: tuple[str, ...]) -> Parser:
@@ -200,133 +163,99 @@ def octans(sentences: tuple[str, ...]) -> Parser:
     state: dict[str, list[float]] = {}
     status = {"bits": 0}
 
-    def take(fields: list[str]) -> Refusal | None:
+    def take(fields: list[str]) -> None:
         name = fields[0]
         if name.endswith("HDT"):
             heading = number(fields[1]) if len(fields) == 3 else None
             if heading is None:
-                return Refusal(NUMBER, f"{name} without a heading")
+                raise Refusal(NUMBER, f"{name} without a heading")
             state["HDT"] = [heading]
         elif name == "PHINF":
             if len(fields) != 2 or not _STATUS.fullmatch(fields[1]):
-                return Refusal(NUMBER, "PHINF without its status")
+                raise Refusal(NUMBER, "PHINF without its status")
             status["bits"] = int(fields[1], 16)
         elif name == "PHTRO":
-            turned = _pitch_and_roll(fields, 5)
-            if isinstance(turned, Refusal):
-                return turned
-            state[name] = turned
+            state[name] = _pitch_and_roll(fields, 5)
         elif len(fields) != 4:
-            return Refusal(INCOMPLETE, f"{len(fields)} fields in {name}")
+            raise Refusal(INCOMPLETE, f"{len(fields)} fields in {name}")
         else:
-            values = numbers(fields[1:])
-            if isinstance(values, Refusal):
-                return values
-            state[name] = values
+            state[name] = numbers(fields[1:])
         if name in sentences:  # those after it are of a telegram whose end was lost
             for later in sentences[sentences.index(name) + 1 :]:
                 state.pop(later, None)
-        return None
 
-    def parse(line: bytes) -> Parsed:
+    def parse(line: bytes) -> Reading | None:
         fields = sentence(line, _OCTANS)
-        if fields is None or isinstance(fields, Refusal):
-            return fields
-        refusal = take(fields)
-        if refusal is not None or fields[0] != sentences[-1]:
-            return refusal
+        if fields is None:
+            return None
+        take(fields)
+        if fields[0] != sentences[-1]:
+            return None
         missing = [name for name in sentences if name not in state]
         found = dict(state)
         state.clear()
         if missing:
-            return Refusal(INCOMPLETE, f"{sentences[-1]} without {', '.join(missing)}")
+            raise Refusal(INCOMPLETE, f"{sentences[-1]} without {', '.join(missing)}")
         if status["bits"] & (_ROLL_INVALID | _PITCH_INVALID):
-            return Refusal(INVALID, f"roll or pitch by PHINF {status['bits']:08X}")
-        reading = MotionReading()
-        if "PHTRO" in found:
-            pitch, roll = found["PHTRO"]
-            reading = replace(reading, roll=roll, pitch=pitch)
-        if "PHLIN" in found:
-            reading = replace(reading, heave=found["PHLIN"][2])
-        if "PHSPD" in found:
-            reading = replace(reading, heave_rate=found["PHSPD"][2])
-        if "HDT" in found and not status["bits"] & _HEADING_INVALID:
-            reading = replace(reading, heading=found["HDT"][0])
-        return reading
+            raise Refusal(INVALID, f"roll or pitch by PHINF {status['bits']:08X}")
+        unknown = [NAN] * 3
+        pitch, roll = found.get("PHTRO", unknown[:2])
+        heave, rate = found.get("PHLIN", unknown)[2], found.get("PHSPD", unknown)[2]
+        valid = not status["bits"] & _HEADING_INVALID
+        heading = found.get("HDT", unknown)[0] if valid else NAN
+        return MotionReading(heave, rate, roll, pitch, heading)
 
     return parse
 
 
-def _pitch_and_roll(fields: list[str], count: int) -> list[float] | Refusal:
+def _pitch_and_roll(fields: list[str], count: int) -> list[float]:
     """Return pitch, bow up, and roll, port up, of a number and a letter each [°]."""
     if len(fields) != count:
-        return Refusal(INCOMPLETE, f"{len(fields)} fields in {fields[0]}")
+        raise Refusal(INCOMPLETE, f"{len(fields)} fields in {fields[0]}")
     values = numbers([fields[1], fields[3]])
-    if isinstance(values, Refusal):
-        return values
     signs = _BOW_UP.get(fields[2]), _PORT_UP.get(fields[4])
     if signs[0] is None or signs[1] is None or min(values) < 0.0:
-        return Refusal(NUMBER, f"{fields[0]} with {','.join(fields[1:5])[:30]}")
+        raise Refusal(NUMBER, f"{fields[0]} with {','.join(fields[1:5])[:30]}")
     return [signs[0] * values[0], signs[1] * values[1]]
 
 
 def phtrh(up: str) -> Parser:
     """Return the parser of `$PHTRH`; `up`: the letter, O or U, of a heave that is up."""
 
-    def parse(line: bytes) -> Parsed:
+    def parse(line: bytes) -> Reading | None:
         fields = sentence(line, ("PHTRH",))
-        if fields is None or isinstance(fields, Refusal):
-            return fields
-        turned = _pitch_and_roll(fields, 7)
-        if isinstance(turned, Refusal):
-            return turned
+        if fields is None:
+            return None
+        pitch, roll = _pitch_and_roll(fields, 7)
         heave = number(fields[5])
         if heave is None or heave < 0.0 or fields[6] not in ("O", "U"):
-            return Refusal(NUMBER, f"PHTRH with heave {','.join(fields[5:])[:20]}")
-        pitch, roll = turned
+            raise Refusal(NUMBER, f"PHTRH with heave {','.join(fields[5:])[:20]}")
         return MotionReading(heave if fields[6] == up else -heave, roll=roll, pitch=pitch)
 
     return parse
 
 
-def smc() -> Parser:
-    """Return the parser of `$PSMCE` and `$PSMCK`, one of which a sensor is set to send."""
-
-    def parse(line: bytes) -> Parsed:
-        fields = sentence(line, ("PSMCE", "PSMCK"))
-        if fields is None or isinstance(fields, Refusal):
-            return fields
-        if len(fields) != 7:
-            return Refusal(INCOMPLETE, f"{len(fields)} fields in {fields[0]}")
-        values = numbers(fields[1:])
-        if isinstance(values, Refusal):
-            return values
-        if fields[0] == "PSMCE":
-            roll, pitch, yaw, heave, _, _ = values
-            return MotionReading(heave, roll=roll, pitch=pitch, heading=yaw)
-        heave, rate, _, roll, pitch, counter = values
-        return MotionReading(heave, rate, roll, pitch, counter=int(counter))
-
-    return parse
+def smc(line: bytes) -> MotionReading | None:
+    """Parse `$PSMCE` and `$PSMCK`, one of which a sensor is set to send."""
+    fields = sentence(line, ("PSMCE", "PSMCK"), counts=(7,))
+    if fields is None:
+        return None
+    values = numbers(fields[1:])
+    if fields[0] == "PSMCE":
+        roll, pitch, yaw, heave, _, _ = values
+        return MotionReading(heave, roll=roll, pitch=pitch, heading=yaw)
+    heave, rate, _, roll, pitch, counter = values
+    return MotionReading(heave, rate, roll, pitch, counter=int(counter))
 
 
-def norsub() -> Parser:
-    """Return the parser of `$PNORSUB2`; its status is not judged."""
-
-    def parse(line: bytes) -> Parsed:
-        fields = sentence(line, ("PNORSUB2",))
-        if fields is None or isinstance(fields, Refusal):
-            return fields
-        if len(fields) != 9:
-            return Refusal(INCOMPLETE, f"{len(fields)} fields in PNORSUB2")
-        values = numbers(fields[1:8])
-        if isinstance(values, Refusal):
-            return values
-        time_us, delay_us, roll, pitch, heading, heave, rate = values
-        if not 0.0 <= delay_us <= 10e6:
-            return Refusal(NUMBER, f"PNORSUB2 with a delay of {delay_us:g} µs")
-        return MotionReading(
-            heave, rate, roll, pitch, heading, age_s=delay_us * 1e-6, counter=int(time_us)
-        )
-
-    return parse
+def norsub(line: bytes) -> MotionReading | None:
+    """Parse `$PNORSUB2`; its status is not judged."""
+    fields = sentence(line, ("PNORSUB2",), counts=(9,))
+    if fields is None:
+        return None
+    time_us, delay_us, roll, pitch, heading, heave, rate = numbers(fields[1:8])
+    if not 0.0 <= delay_us <= 10e6:
+        raise Refusal(NUMBER, f"PNORSUB2 with a delay of {delay_us:g} µs")
+    return MotionReading(
+        heave, rate, roll, pitch, heading, age_s=delay_us * 1e-6, counter=int(time_us)
+    )

@@ -75,7 +75,7 @@ class OpcUaSource(Source):
         Raises:
             InputError: asyncua is not installed.
         """
-        super().__init__(take)
+        super().__init__(address, take)
         self._asyncua = load_asyncua()
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # `fault` says it in one sentence
         host = address.name or "127.0.0.1"

@@ -1,7 +1,7 @@
 """Readings of instruments, the reasons to refuse a line, and the parts that all telegrams share.
 
-A parser returns a reading in the units and signs of the telegram, a `Refusal`, or None for a line
-that belongs to something else: several sentences often share a port.
+A parser returns a reading in the units and signs of the telegram, or None for a line that belongs
+to something else: several sentences often share a port. It raises a `Refusal`, and nothing else.
 
 A poll of a PLC becomes a line too, by a map that gives the place of each quantity. Modbus has no
 standard map, so the settings of a feed say where each quantity is: address (counted from 0), table,
@@ -17,7 +17,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import reduce
-from typing import NamedTuple
 
 from rope_twin.quantity import quantity, text
 
@@ -134,11 +133,12 @@ _DATE = re.compile(r"(\d{4})[-/]?(\d\d)[-/]?(\d\d)")
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-class Refusal(NamedTuple):
-    """Reason (one of REASONS) why a line gives no reading, and the fault in words."""
+class Refusal(Exception):
+    """A line gives no reading: the reason (one of REASONS), and the fault in words."""
 
-    reason: str
-    fault: str
+    def __init__(self, reason: str, fault: str) -> None:
+        super().__init__(reason, fault)
+        self.reason, self.fault = reason, fault
 
 
 @dataclass(frozen=True)
@@ -170,8 +170,7 @@ class MotionReading:
 
 
 Reading = LineReading | MotionReading
-Parsed = Reading | Refusal | None
-Parser = Callable[[bytes], Parsed]
+Parser = Callable[[bytes], Reading | None]
 
 
 def xor_of(text: str) -> int:
@@ -193,13 +192,13 @@ def number(text: str) -> float | None:
     return float(stripped) if _NUMBER.fullmatch(stripped) else None
 
 
-def numbers(fields: list[str]) -> list[float] | Refusal:
-    """Return the numbers in fields, or the refusal of the first that is none."""
+def numbers(fields: list[str]) -> list[float]:
+    """Return the numbers in fields. Raises Refusal for the first that is none."""
     found = []
     for one in fields:
         value = number(one)
         if value is None:
-            return Refusal(NUMBER, f"'{one[:20]}' is not a number")
+            raise Refusal(NUMBER, f"'{one[:20]}' is not a number")
         found.append(value)
     return found
 
@@ -261,19 +260,22 @@ _TAG = re.compile(r"\\([^\\]*)\\")
 _CONTROL = dict.fromkeys([*range(0x20), 0x7F])
 
 
-def clean(line: bytes) -> str | Refusal:
+def clean(line: bytes) -> str:
     """Return the text of a line without control characters and without its TAG block.
 
     The LCI-90i puts SOH, at times RS, before its line. The TAG block of IEC 61162-450 before a
     sentence has a checksum of its own.
+
+    Raises:
+        Refusal: the line is too long, or the TAG block is damaged.
     """
     if len(line) > MAX_LINE_BYTES:
-        return Refusal(LENGTH, f"{len(line)} bytes")
+        raise Refusal(LENGTH, f"{len(line)} bytes")
     text = line.decode("latin-1").translate(_CONTROL).strip()
     while found := _TAG.match(text):
         body, star, given = found[1].rpartition("*")
         if not star or not _agrees(body, given):
-            return Refusal(CHECKSUM, "of the TAG block")
+            raise Refusal(CHECKSUM, "of the TAG block")
         text = text[found.end() :]
     return text
 
@@ -282,18 +284,23 @@ def _agrees(body: str, given: str) -> bool:
     return re.fullmatch(r"[0-9A-Fa-f]{2}", given) is not None and int(given, 16) == xor_of(body)
 
 
-def sentence(line: bytes, names: tuple[str, ...], start: str = "$") -> list[str] | Refusal | None:
+def sentence(
+    line: bytes, names: tuple[str, ...], start: str = "$", counts: tuple[int, ...] = ()
+) -> list[str] | None:
     """Return the fields of an NMEA sentence of one of these names, the name first.
 
     The characters between `start` and `*` are covered by the checksum, two hexadecimal digits in
     either case. Of a line that was cut and continues with the next one the last sentence counts.
 
+    counts: of fields that it may have, the name included; empty: any.
+
     Returns:
         None for a sentence of another name.
+
+    Raises:
+        Refusal: it is incomplete, or its checksum is wrong.
     """
     text = clean(line)
-    if isinstance(text, Refusal):
-        return text
     at = text.rfind(start)
     if at < 0:
         return None
@@ -302,9 +309,11 @@ def sentence(line: bytes, names: tuple[str, ...], start: str = "$") -> list[str]
     if fields[0] not in names:
         return None
     if not star or len(given) < 2:
-        return Refusal(INCOMPLETE, f"{fields[0]} without its checksum")
+        raise Refusal(INCOMPLETE, f"{fields[0]} without its checksum")
     if not _agrees(body, given):
-        return Refusal(CHECKSUM, f"{fields[0]}: {given[:4]}, computed {xor_of(body):02X}")
+        raise Refusal(CHECKSUM, f"{fields[0]}: {given[:4]}, computed {xor_of(body):02X}")
+    if counts and len(fields) not in counts:
+        raise Refusal(INCOMPLETE, f"{len(fields)} fields in {fields[0]}")
     return fields
 
 

@@ -90,8 +90,8 @@ def read_address(words: str) -> Address:
 class Source(ABC):
     """Thread that reads bytes until it is closed or its source has ended."""
 
-    def __init__(self, take: Take) -> None:
-        self._take = take
+    def __init__(self, address: Address, take: Take) -> None:
+        self._address, self._take = address, take
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="feed source", daemon=True)
         self.fault = ""  # why nothing can be read at present
@@ -146,10 +146,6 @@ def hand_over(pieces: queue.Queue[Any], piece: Any, source: Source) -> bool:
 class UdpSource(Source):
     """Datagrams of a port; of a multicast address the group is joined."""
 
-    def __init__(self, address: Address, take: Take) -> None:
-        super().__init__(take)
-        self._address = address
-
     def _read(self) -> None:
         with _bound(self._address) as link:
             self.fault = ""
@@ -164,7 +160,7 @@ class UdpSource(Source):
 
 def _bound(address: Address) -> socket.socket:
     host = address.name or "0.0.0.0"
-    link = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
+    link = socket.socket(_family(host), socket.SOCK_DGRAM)
     try:
         if is_multicast(
             host
@@ -190,10 +186,6 @@ def is_multicast(host: str) -> bool:
 
 class TcpSource(Source):
     """Stream of a TCP server."""
-
-    def __init__(self, address: Address, take: Take) -> None:
-        super().__init__(take)
-        self._address = address
 
     def _read(self) -> None:
         with connected(self._address) as link:
@@ -224,10 +216,6 @@ def connected(address: Address) -> socket.socket:
 
 class SerialSource(Source):
     """Bytes of a serial line, 8 data bits, no parity, one stop bit."""
-
-    def __init__(self, address: Address, take: Take) -> None:
-        super().__init__(take)
-        self._address = address
 
     def _read(self) -> None:
         with open_serial(self._address) as line:
@@ -267,7 +255,7 @@ class FileSource(Source):
         rate_hz: float = 0.0,
         binary: bool = False,
     ) -> None:
-        super().__init__(take)
+        super().__init__(Address(FILE, str(path)), take)
         self._path, self._speed, self._start_ns = path, speed, start_ns
         self._period_ns = round(_SECOND_NS / rate_hz) if rate_hz else 0
         self._binary = binary
@@ -372,12 +360,11 @@ def open_source(
         from rope_twin.feeds.opcua import OpcUaSource  # which needs an extra
 
         return OpcUaSource(address, take, settings)
-    if address.kind == UDP:
-        return UdpSource(address, take)
-    if address.kind == TCP:
-        return TcpSource(address, take)
-    if address.kind == SERIAL:
-        return SerialSource(address, take)
+    links: dict[str, Callable[[Address, Take], Source]] = {
+        UDP: UdpSource, TCP: TcpSource, SERIAL: SerialSource
+    }  # fmt: skip
+    if address.kind in links:
+        return links[address.kind](address, take)
     if address.kind == FILE:
         binary, rate_hz = settings.format == EM3000, settings.replay_rate_hz
         return FileSource(Path(address.name), take, speed, start_ns, rate_hz, binary)
@@ -402,9 +389,7 @@ class UdpSink(Sink):
 
     def __init__(self, address: Address) -> None:
         host = address.name or "127.0.0.1"
-        self._link = socket.socket(
-            socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM
-        )
+        self._link = socket.socket(_family(host), socket.SOCK_DGRAM)
         if is_multicast(host):
             self._link.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, struct.pack("b", 1))
         self._end = host, address.number

@@ -10,14 +10,13 @@ those at the step's end.
 
 from __future__ import annotations
 
-import importlib.util
 import shutil
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.errors import InputError, RopeTwinError, phrase, require
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
@@ -211,9 +210,7 @@ def export_fmu(name_or_path: str, out: Path) -> Scene:
     if out.suffix != ".fmu" or not out.stem.isidentifier():
         right = "give a name of letters, digits and _ that ends with .fmu"
         raise InputError(phrase(f"--out {out}", "it is no name of an FMU", right))
-    if importlib.util.find_spec("pythonfmu3") is None:
-        right = "install it with `pip install 'rope_twin[fmu]'`"
-        raise InputError(phrase("pythonfmu3", "an FMU needs it and it is not there", right))
+    require("pythonfmu3", "an FMU needs it and it is not there", "fmu")
     scene = load_scene(name_or_path)
     if is_joined(scene):
         what = f"the ropes of '{scene.name}' meet"

@@ -1,6 +1,6 @@
 """Snapshot <-> standard messages as CDR bytes: pure functions, used by ROS and recording alike."""
 
-from rope_twin.messages.cdr import decode
+from rope_twin.messages.cdr import decode, encode_text
 from rope_twin.messages.diagnostics import statuses
 from rope_twin.messages.encoder import Encoder
 from rope_twin.messages.inputs import (
@@ -13,7 +13,6 @@ from rope_twin.messages.inputs import (
     encode_measurement,
     encode_order,
     encode_pose,
-    encode_seat,
 )
 from rope_twin.messages.status import Level, Status, encode_diagnostics
 from rope_twin.messages.templates import CloudReader, read_cloud
@@ -34,7 +33,7 @@ __all__ = [
     "encode_measurement",
     "encode_order",
     "encode_pose",
-    "encode_seat",
+    "encode_text",
     "read_cloud",
     "statuses",
 ]

@@ -74,6 +74,11 @@ def serialise(message: Any) -> bytes:
     return bytes(data)
 
 
+def encode_text(words: str) -> bytes:
+    """Return a message of a topic of text (std_msgs/String)."""
+    return serialise(new("std_msgs/msg/String", data=words))
+
+
 def deserialise(type_name: str, data: bytes | memoryview) -> Any:
     """Return the message object in CDR bytes.
 

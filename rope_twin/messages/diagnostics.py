@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from rope_twin.core.loads.hooks import FACTORS
@@ -217,7 +218,7 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         (snapshot.cut and snapshot, _cut),
         (snapshot.energy, _energy),
         (snapshot.error_interval and snapshot, _error_interval),
-        (snapshot.no_error_interval, _no_error_interval),
+        (snapshot.no_error_interval, partial(Status, "simulation: error interval", Level.WARN)),
         (snapshot.vibration and snapshot, _vibration),
         (most_damaged(snapshot), _fatigue),
     )
@@ -379,10 +380,6 @@ def cut_words(cut: CutShot) -> str:
     if cut.rope:
         return f"rope '{cut.rope}' {at} its upper end; {cut.lost_m:.1f} m below the cut"
     return f"rope {at} the hang-off; {cut.lost_m:.1f} m released"
-
-
-def _no_error_interval(why: str) -> Status:
-    return Status("simulation: error interval", Level.WARN, why)
 
 
 def _error_interval(snapshot: Snapshot) -> Status:

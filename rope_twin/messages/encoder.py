@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import templates
-from rope_twin.messages.cdr import Template, Templates, new, serialise
+from rope_twin.messages.cdr import Template, Templates, encode_text, new
 from rope_twin.messages.status import QUALITY_COLUMNS, quality_rows
 from rope_twin.messages.templates import RopeMarkers
 from rope_twin.twin.snapshot import (
@@ -86,8 +86,7 @@ class Encoder:
         return encoder(snapshot)
 
     def _stamp(self, snapshot: Snapshot, path: str = "header.stamp") -> dict[str, int]:
-        sec, nanosec = templates.split(self._epoch_ns + snapshot.stamp_ns)
-        return {f"{path}.sec": sec, f"{path}.nanosec": nanosec}
+        return templates.stamp(self._epoch_ns + snapshot.stamp_ns, path)
 
     def _joints(self, topic: str, snapshot: Snapshot, **values: Sequence[float]) -> bytes:
         """Return a JointState with a joint for each rope."""
@@ -290,7 +289,7 @@ def vibration_columns(shaking: RopeVibration) -> dict[str, np.ndarray]:
 def winch_mode(snapshot: Snapshot) -> bytes:
     """Return control mode and active limit of each winch, in words."""
     words = "; ".join(mode_words(winch) for winch in snapshot.winches)
-    return serialise(new("std_msgs/msg/String", data=words))
+    return encode_text(words)
 
 
 def mode_words(winch: WinchShot) -> str:
@@ -305,7 +304,7 @@ def line_events(snapshot: Snapshot) -> bytes:
     m`.
     """
     words = "; ".join(f"{event.time_s:.1f} s: {event.words()}" for event in snapshot.line_events)
-    return serialise(new("std_msgs/msg/String", data=words))
+    return encode_text(words)
 
 
 def _carried(snapshot: Snapshot) -> int:

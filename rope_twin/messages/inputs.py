@@ -47,7 +47,7 @@ def encode_heave(
     """
     return _heave(recorded).fill(
         {
-            **_stamp(stamp_ns),
+            **templates.stamp(stamp_ns),
             "pose.pose.position": (0.0, 0.0, position_m),
             "twist.twist.linear": (0.0, 0.0, velocity_m_per_s),
         }
@@ -60,7 +60,7 @@ def encode_lower_end(
     """Return a lower_end/odometry message: motion of the rope's lower end, in map."""
     return _lower_end().fill(
         {
-            **_stamp(stamp_ns),
+            **templates.stamp(stamp_ns),
             "pose.pose.position": tuple(position_m),
             "twist.twist.linear": tuple(velocity_m_per_s),
         }
@@ -71,7 +71,7 @@ def encode_pose(stamp_ns: int, pose: ShipPose) -> bytes:
     """Return a ship/odometry message: pose of the reference point relative to its rest position."""
     return _pose().fill(
         {
-            **_stamp(stamp_ns),
+            **templates.stamp(stamp_ns),
             "pose.pose.position": pose.position_m,
             "pose.pose.orientation": pose.orientation,
             "twist.twist.linear": pose.velocity_m_per_s,
@@ -85,7 +85,9 @@ def encode_elevation(stamp_ns: int, elevation_m: float, recorded: bool = False) 
 
     recorded: for a sea record, in RECORD_FRAME.
     """
-    return _elevation(recorded).fill({**_stamp(stamp_ns), "point": (0.0, 0.0, elevation_m)})
+    return _elevation(recorded).fill(
+        {**templates.stamp(stamp_ns), "point": (0.0, 0.0, elevation_m)}
+    )
 
 
 def encode_order(stamp_ns: int, order: WinchCommand, winch: str = "winch") -> tuple[str, bytes]:
@@ -94,17 +96,17 @@ def encode_order(stamp_ns: int, order: WinchCommand, winch: str = "winch") -> tu
     Length and depth are positions, a speed a velocity, a tension an effort, a switch a second name.
     """
     topic = ORDER_TOPICS.get(order.kind, SWITCH_TOPIC)
-    values: dict[str, Any] = dict(_stamp(stamp_ns))
+    values: dict[str, Any] = dict(templates.stamp(stamp_ns))
     if topic == SWITCH_TOPIC:
-        return topic, _joint(f"{winch}\n{order.kind}", "").fill(values)
+        return topic, _joints((winch, order.kind), ()).fill(values)
     field = ORDER_FIELDS[order.kind]
-    return topic, _joint(winch, field).fill({**values, field: (order.value,)})
+    return topic, _joints((winch,), (field,)).fill({**values, field: (order.value,)})
 
 
 def encode_cut(stamp_ns: int, below_m: float, rope: str = "") -> tuple[str, bytes]:
     """Return topic and message of a cut below the upper end; a stamp of 0 means immediately."""
-    values = {**_stamp(stamp_ns), "position": (below_m,)}
-    return CUT_TOPIC, _joint(rope or "rope", "position").fill(values)
+    values = {**templates.stamp(stamp_ns), "position": (below_m,)}
+    return CUT_TOPIC, _joints((rope or "rope",), ("position",)).fill(values)
 
 
 def encode_measurement(stamp_ns: int, measurement: Measurement) -> tuple[str, bytes]:
@@ -112,7 +114,7 @@ def encode_measurement(stamp_ns: int, measurement: Measurement) -> tuple[str, by
 
     stamp_ns: ROS time; that of the measurement itself is not used.
     """
-    rows, stamp = measurement.rows, _stamp(stamp_ns)
+    rows, stamp = measurement.rows, templates.stamp(stamp_ns)
     if measurement.source == PAYLOAD:
         depth_m = _nan(rows[0][1])
         return MEASURED_DEPTH, _elevation(False).fill({**stamp, "point": (0.0, 0.0, -depth_m)})
@@ -156,16 +158,6 @@ def encode_epoch(epoch_ns: int) -> bytes:
     return serialise(templates.time(epoch_ns))
 
 
-def encode_seat(words: str) -> bytes:
-    """Return a winch/seat message: the node in command of each winch."""
-    return serialise(new("std_msgs/msg/String", data=words))
-
-
-def _stamp(stamp_ns: int) -> dict[str, int]:
-    sec, nanosec = templates.split(stamp_ns)
-    return {"header.stamp.sec": sec, "header.stamp.nanosec": nanosec}
-
-
 @cache
 def _heave(recorded: bool) -> Template:
     if recorded:
@@ -190,12 +182,6 @@ def _elevation(recorded: bool) -> Template:
 
 
 @cache
-def _joint(names: str, field: str) -> Template:
-    """Return the template of a JointState with these names (lines) and one value in `field`."""
-    return Template(templates.joint_state(names.split("\n"), (field,)))
-
-
-@cache
 def _joints(names: tuple[str, ...], fields: tuple[str, ...]) -> Template:
     """Return the template of a JointState with a value for each name in these fields."""
     return Template(templates.joint_state(names, fields))
@@ -208,8 +194,7 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
         InputError: if the bytes are not such a message, its stamp is invalid, or it does not carry
             a value for each name.
     """
-    message = decode(topic, data)
-    stamp_ns = _stamp_ns(topic, message.header.stamp)
+    message, stamp_ns = _stamped(topic, data)
     if topic == MEASURED_DEPTH:
         return Measurement(PAYLOAD, stamp_ns, (("", _or_none(-message.point.z), None, None),))
     names = [str(name) for name in message.name] or [""]
@@ -243,8 +228,7 @@ def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:
     Raises:
         InputError: if the bytes are not such a message, or its stamp is invalid.
     """
-    message = decode("ship/heave", data)
-    stamp_ns = _stamp_ns("ship/heave", message.header.stamp)
+    message, stamp_ns = _stamped("ship/heave", data)
     return stamp_ns, (message.pose.pose.position.z, message.twist.twist.linear.z)
 
 
@@ -254,8 +238,7 @@ def read_pose(data: bytes) -> tuple[int, ShipPose]:
     Raises:
         InputError: if the bytes are not such a message, or its stamp is invalid.
     """
-    message = decode("ship/odometry", data)
-    stamp_ns = _stamp_ns("ship/odometry", message.header.stamp)
+    message, stamp_ns = _stamped("ship/odometry", data)
     place, turn = message.pose.pose.position, message.pose.pose.orientation
     speed, rate = message.twist.twist.linear, message.twist.twist.angular
     return stamp_ns, ShipPose(
@@ -273,9 +256,8 @@ def read_lower_end(data: bytes) -> tuple[int, Vector3, Vector3]:
     Raises:
         InputError: if the bytes are not such a message, or its stamp is invalid.
     """
-    message = decode(LOWER_END, data)
+    message, stamp_ns = _stamped(LOWER_END, data)
     place, speed = message.pose.pose.position, message.twist.twist.linear
-    stamp_ns = _stamp_ns(LOWER_END, message.header.stamp)
     return stamp_ns, (place.x, place.y, place.z), (speed.x, speed.y, speed.z)
 
 
@@ -326,8 +308,7 @@ def read_cut(data: bytes) -> tuple[int | None, float, str]:
         InputError: if the bytes are not such a message, its stamp is invalid, or it does not carry
             exactly one position.
     """
-    message = decode(CUT_TOPIC, data)
-    stamp_ns = _stamp_ns(CUT_TOPIC, message.header.stamp)
+    message, stamp_ns = _stamped(CUT_TOPIC, data)
     if len(message.position) != 1:
         right = "there must be exactly one, the length of rope between hang-off and cut"
         raise InputError(phrase(CUT_TOPIC, f"{len(message.position)} positions", right))
@@ -363,6 +344,12 @@ def read_current(data: bytes) -> NDArray[np.float64]:
             )
         )
     return numbers.reshape(-1, columns)
+
+
+def _stamped(topic: str, data: bytes) -> tuple[Any, int]:
+    """Return a message and its ROS stamp [ns]. Raises InputError."""
+    message = decode(topic, data)
+    return message, _stamp_ns(topic, message.header.stamp)
 
 
 def _stamp_ns(topic: str, stamp: Any) -> int:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,9 +16,9 @@ import numpy as np
 from rope_twin.alerts.alert_list import Alert, Priority, State
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import templates
-from rope_twin.messages.cdr import Template, decode, new, serialise
+from rope_twin.messages.cdr import decode, serialise
 from rope_twin.messages.status import Level, Status, encode_diagnostics
-from rope_twin.topics import ALERT_COMMAND, ALERTS, FORECAST_RISK, WHAT_IF_ORDERS
+from rope_twin.topics import ALERTS, FORECAST_RISK, WHAT_IF_ORDERS
 
 FIGURE_COLUMNS = "name value low high prior prior_sd sd state correlation"
 STATES = "not observable", "weak", "learned"  # numbers 0, 1, 2 of the column `state`
@@ -46,35 +45,28 @@ _LEVELS = {
 CREW_LIMITS_ROW = "simulation: crew limits"
 
 
-@cache
-def _template(count: int) -> Template:
-    point = templates.point_type(templates.columns(FIGURE_COLUMNS))
-    return Template(templates.cloud("map", count, point))
-
-
 def encode_estimate(stamp_ns: int, rows: Sequence[dict[str, Any]]) -> bytes:
     """Return a message of estimate/figures.
 
     stamp_ns: ROS time of the end of the data that were learned from. rows: values of
     FIGURE_COLUMNS, with `state` one of STATES.
     """
-    points = np.zeros(len(rows), templates.point_type(templates.columns(FIGURE_COLUMNS)))
-    for number, row in enumerate(rows):
-        for name in FIGURE_COLUMNS.split():
-            value = row[name]
-            if name == "name":
-                value = value.encode()
-            elif name == "state":
-                value = STATES.index(value)
-            points[name][number] = value
-    sec, nanosec = templates.split(stamp_ns)
-    stamp = {"header.stamp.sec": sec, "header.stamp.nanosec": nanosec}
-    return _template(len(rows)).fill({**stamp, "data": points.view(np.uint8)})
+    numbered = [row | {"state": STATES.index(row["state"])} for row in rows]
+    return _encode_table(FIGURE_COLUMNS.split(), stamp_ns, "map", numbered)
 
 
-def encode_alarm(words: str) -> bytes:
-    """Return a message of estimate/alarms; words: of the alarm, "": it was acknowledged."""
-    return serialise(new("std_msgs/msg/String", data=words))
+def _encode_table(
+    columns: Sequence[str], stamp_ns: int, frame_id: str, rows: Sequence[Mapping[str, float | str]]
+) -> bytes:
+    """Return a PointCloud2 of rows: values by column, the column name in at most 32 bytes."""
+    points = np.zeros(len(rows), templates.point_type(templates.columns(" ".join(columns))))
+    for name in columns:
+        own = [row.get(name, "" if name == "name" else math.nan) for row in rows]
+        points[name] = [one.encode() if isinstance(one, str) else one for one in own]
+    message: Any = templates.cloud(frame_id, len(rows), points.dtype)
+    message.data = np.frombuffer(points.tobytes(), np.uint8)
+    message.header.stamp = templates.time(stamp_ns)
+    return serialise(message)
 
 
 def alarm_words(alarm: dict[str, Any]) -> str:
@@ -139,21 +131,7 @@ def encode_forecast(
 
     rows: values by column, the column name in at most 32 bytes; a missing one is NaN.
     """
-    described = templates.columns(" ".join(FORECAST_COLUMNS[topic]))
-    points = np.zeros(len(rows), templates.point_type(described))
-    for name in FORECAST_COLUMNS[topic]:
-        own = [row.get(name, "" if name == "name" else math.nan) for row in rows]
-        points[name] = [one.encode() if isinstance(one, str) else one for one in own]
-    message: Any = templates.cloud(frame_id, len(rows), points.dtype)
-    message.data = np.frombuffer(points.tobytes(), np.uint8)
-    sec, nanosec = templates.split(origin_ns)
-    message.header.stamp = new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
-    return serialise(message)
-
-
-def encode_what_if(words: str) -> bytes:
-    """Return a message of forecast/what_if; words: orders, such as `lower:0.5 stop`."""
-    return serialise(new("std_msgs/msg/String", data=words))
+    return _encode_table(FORECAST_COLUMNS[topic], origin_ns, frame_id, rows)
 
 
 def read_risks(data: bytes) -> list[dict[str, float]]:
@@ -254,17 +232,3 @@ def decode_alerts(data: bytes) -> PublishedAlerts:
             raise InputError(phrase(ALERTS, what, right)) from None
     stamp = message.header.stamp
     return PublishedAlerts(stamp.sec * 1_000_000_000 + stamp.nanosec, now_ns, tuple(found))
-
-
-def encode_command(words: str) -> bytes:
-    """Return an `alerts/command` message."""
-    return serialise(new("std_msgs/msg/String", data=words))
-
-
-def read_command(data: bytes) -> str:
-    """Return the words of an `alerts/command` message.
-
-    Raises:
-        InputError: the bytes are not such a message.
-    """
-    return str(decode(ALERT_COMMAND, data).data)

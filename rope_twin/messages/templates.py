@@ -49,6 +49,12 @@ def split(time_ns: int) -> tuple[int, int]:
     return divmod(time_ns, NANOSECONDS)
 
 
+def stamp(time_ns: int, path: str = "header.stamp") -> dict[str, int]:
+    """Return the values of a template's stamp at a path."""
+    sec, nanosec = split(time_ns)
+    return {f"{path}.sec": sec, f"{path}.nanosec": nanosec}
+
+
 def time(time_ns: int) -> Any:
     sec, nanosec = split(time_ns)
     return new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)

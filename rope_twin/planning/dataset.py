@@ -7,7 +7,6 @@ too (CF conventions 1.11); numbers that are not known are NaN.
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import math
 import operator
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rope_twin import __version__
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import require
 from rope_twin.planning.judgement import QUANTITIES, Quantity
 from rope_twin.planning.results import daf
 from rope_twin.quantity import unit_of
@@ -59,9 +58,7 @@ def check_netcdf() -> None:
         InputError: xarray or h5netcdf is not installed.
     """
     for name in ("xarray", "h5netcdf"):
-        if importlib.util.find_spec(name) is None:
-            right = "install it with `pip install 'rope_twin[planning]'`"
-            raise InputError(phrase(name, "netCDF needs it and it is not there", right))
+        require(name, "netCDF needs it and it is not there", "planning")
 
 
 def plan_dataset(result: PlanResult) -> Dataset:

@@ -14,7 +14,7 @@ from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
-from rope_twin.errors import InputError, RopeTwinError, SceneErrors, did_you_mean, phrase
+from rope_twin.errors import InputError, RopeTwinError, SceneErrors, phrase
 from rope_twin.planning.plan_file import (
     BY_TWIN,
     Criteria,
@@ -37,7 +37,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import Responses
 from rope_twin.sea.tables import is_path
-from rope_twin.share import share_dir
+from rope_twin.share import shipped_file
 from rope_twin.twin.motion.boundary_conditions import is_known_in_advance
 from rope_twin.twin.motion.hang_off import arm_from_bow
 
@@ -57,7 +57,7 @@ def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
         SceneError: one sentence with the line on what is wrong in the file.
         InputError: there is no such plan.
     """
-    path = plan_path(name_or_path)
+    path = shipped_file(str(name_or_path), "plans", "plan")
     tree, data = read_document(path)
     digest = hashlib.sha256(data).hexdigest()
     place = Place(path)
@@ -89,23 +89,6 @@ def with_error(plan: Plan, share: float) -> Plan:
     change = Change("method.error_within", share)
     made = change_part(plan, [change], Path("--within"))
     return replace(made, digest=hashlib.sha256(f"{plan.digest} {change}".encode()).hexdigest())
-
-
-def plan_path(name_or_path: str | Path) -> Path:
-    """Return the file of a plan.
-
-    Raises:
-        InputError: there is none.
-    """
-    path, words = Path(name_or_path), str(name_or_path)
-    folder = share_dir() / "config" / "plans"
-    known = {file.stem: file for file in sorted(folder.glob("*.yaml"))}
-    if words in known:
-        return known[words]
-    if len(path.parts) > 1 or path.suffix in (".yaml", ".yml") or path.is_file():
-        return path
-    right = f"{did_you_mean(words, known)} (or give the path of a YAML file)"
-    raise InputError(phrase(f"plan '{words}'", "there is no such plan", right))
 
 
 def _at(tree: Item, place: Place, *keys: str | int) -> Place:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import json
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import require
 from rope_twin.planning.document import Figure, Report
 from rope_twin.planning.report_content import report_of
 from rope_twin.whole_file import write_whole
@@ -28,10 +27,8 @@ def check_report() -> None:
     Raises:
         InputError: Jinja2 or typst is not installed.
     """
-    for module, name in (("jinja2", "Jinja2"), ("typst", "typst")):
-        if importlib.util.find_spec(module) is None:
-            right = "install it with `pip install 'rope_twin[planning]'`"
-            raise InputError(phrase(name, "a report needs it and it is not there", right))
+    require("jinja2", "a report needs it and it is not there", "planning", "Jinja2")
+    require("typst", "a report needs it and it is not there", "planning")
 
 
 def write_report(result: PlanResult, store: RowStore, folder: Path) -> list[Path]:

@@ -11,10 +11,9 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.planning.cells import (
@@ -35,7 +34,7 @@ from rope_twin.planning.settings import choose_setting, find_within
 from rope_twin.scene.convergence import known_error, solver_version
 from rope_twin.scene.error_bound import KnownError, Setting
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.study_run import RowFolder, on_cluster
+from rope_twin.studies.study_run import RowFolder, on_cluster, on_cores
 from rope_twin.twin.ensemble.ensemble import cores
 
 if TYPE_CHECKING:
@@ -85,6 +84,8 @@ class PlanFolder(RowFolder):
     """Folder of a plan's rows, which threads share."""
 
     title = "plan"
+    whole = "run", "leg", "seed", "sea_seed", "elements"
+    words = "phase", "purpose", "failure"
 
     def __init__(self, folder: Path, plan: Plan, stamp: str) -> None:
         """Open the folder.
@@ -113,21 +114,6 @@ class PlanFolder(RowFolder):
         with self._guard:
             super().add(rows)
             self._known |= {int(row["run"]): row for row in rows}
-
-    def _schema(self, row: Row) -> Any:
-        """Return the types by column."""
-        import pyarrow
-
-        whole = {"run", "leg", "seed", "sea_seed", "elements"}
-        kinds = {
-            name: pyarrow.int64()
-            if name in whole
-            else pyarrow.string()
-            if name in ("phase", "purpose", "failure")
-            else pyarrow.float64()
-            for name in row
-        }
-        return pyarrow.schema(list(kinds.items()))
 
 
 def plan_stamp(plan: Plan, scene: Scene) -> str:
@@ -220,18 +206,13 @@ def run_plan(
 def _on_cores(
     plan: Plan, scene: Scene, works: tuple[PhaseWork, ...], counted: _Counted, threads: int
 ) -> Iterator[tuple[int, CellLimit]]:
-    """Yield number and limit of each cell; the first by itself, since it may have to compile."""
-    cells = [cell_of(plan, scene, works, cell, counted) for cell in plan.grid]
-    yield 0, find_within(cells[0])[1]
-    with ThreadPoolExecutor(threads) as pool:
-        rest = {pool.submit(find_within, cells[k]): k for k in range(1, len(cells))}
-        try:
-            for future in as_completed(rest):
-                yield rest[future], future.result()[1]
-        except BaseException:
-            counted.stopped = True
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    """Yield number and limit of each cell, as they come."""
+
+    def find(number: int) -> tuple[int, CellLimit]:
+        cell = cell_of(plan, scene, works, plan.grid[number], counted)
+        return number, find_within(cell)[1]
+
+    return on_cores(find, range(len(plan.grid)), threads, counted.stop)
 
 
 @dataclass(frozen=True)
@@ -285,8 +266,12 @@ class _Counted:
     def __init__(self, store: RowStore) -> None:
         self._store = store
         self.made, self.made_s = 0, 0.0
-        self.stopped = False  # searches in progress end at their next batch
+        self.stopped = False
         self.used: dict[int, Row] = {}
+
+    def stop(self) -> None:
+        """Let searches in progress end at their next batch."""
+        self.stopped = True
 
     def get(self, run: int) -> Row | None:
         """Return the row of a run.

@@ -9,17 +9,15 @@ itself, so that what differs between two samples is the data alone.
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.errors import InputError, RopeTwinError, phrase, require
 from rope_twin.planning.cells import Cell, MemoryStore, PhaseWork, phase_work
 from rope_twin.planning.judgement import QUANTITIES, Quantity
 from rope_twin.planning.phases import legs_of
@@ -32,8 +30,7 @@ from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
 from rope_twin.studies.picture import Line, Panel
-from rope_twin.studies.study_run import RowFolder, on_cluster
-from rope_twin.twin.ensemble.ensemble import cores
+from rope_twin.studies.study_run import RowFolder, spread
 
 Method = Literal["morris", "sobol"]
 LEVELS = 4  # of the grid of Morris
@@ -73,9 +70,7 @@ def check_sensitivity() -> None:
     Raises:
         InputError: it is not installed.
     """
-    if importlib.util.find_spec("SALib") is None:
-        right = "install it with `pip install 'rope_twin[sensitivity]'`"
-        raise InputError(phrase("SALib", "sensitivity needs it and it is not there", right))
+    require("SALib", "sensitivity needs it and it is not there", "sensitivity")
 
 
 def design(method: Method, names: Sequence[str], count: int, seed: int) -> Vector:
@@ -253,13 +248,6 @@ class SampleFolder(RowFolder):
 
     title = "sensitivity study"
 
-    def _schema(self, row: Row) -> Any:
-        """Return the types by column."""
-        import pyarrow
-
-        kinds = {"run": pyarrow.int64(), "failure": pyarrow.string()}
-        return pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in row])
-
 
 @dataclass(frozen=True)
 class SampleTask:
@@ -315,28 +303,12 @@ def run_sensitivity(
         done = folder.done()
         left = [task for task in tasks if task.number not in done]
         report(len(done), len(tasks))
-        made = on_cluster(run_sample, left, scheduler) if scheduler else _on_cores(left, threads)
-        for number, row in enumerate(made, 1):
+        for number, row in enumerate(spread(run_sample, left, scheduler, threads), 1):
             folder.add([row])
             report(len(done) + number, len(tasks))
         folder.close_rows()
         rows = folder.rows()
     return _result(case, method, unit, rows)
-
-
-def _on_cores(tasks: Sequence[SampleTask], threads: int | None) -> Iterator[Row]:
-    """Yield the rows of all tasks; the first by itself, since it may have to compile."""
-    if not tasks:
-        return
-    yield run_sample(tasks[0])
-    with ThreadPoolExecutor(threads or cores()) as pool:
-        futures = [pool.submit(run_sample, task) for task in tasks[1:]]
-        try:
-            for future in as_completed(futures):
-                yield future.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
 
 
 def _result(case: Case, method: Method, unit: Vector, rows: Sequence[Row]) -> Sensitivity:

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from rope_twin.errors import BagError, InputError, phrase
 from rope_twin.messages import decode, encode_measurement
-from rope_twin.messages.cdr import new, serialise
+from rope_twin.messages.cdr import encode_text
 from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.status import counted
 from rope_twin.recording.bag import BagReader, find_bag
@@ -46,7 +46,7 @@ GROUPS = {WINCH_SENSORS: WINCH_MEASURED, MOTOR: MOTOR_TENSION, PAYLOAD: PAYLOAD_
 
 def encode_json(content: Any) -> bytes:
     """Return a std_msgs/String with a JSON text; floats are restored bit by bit."""
-    return serialise(new("std_msgs/msg/String", data=json.dumps(content)))
+    return encode_text(json.dumps(content))
 
 
 def decode_json(topic: str, data: bytes) -> dict[str, Any]:

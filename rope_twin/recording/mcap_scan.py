@@ -14,7 +14,7 @@ import bisect
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -86,6 +86,26 @@ def mcap_files(bag: Path) -> list[Path]:
         return (match[1], int(match[2] or 0)) if match else (path.stem, 0)
 
     return [bag] if bag.is_file() else sorted(bag.glob("*.mcap"), key=order)
+
+
+def topic_messages(
+    files: Iterable[Path], wanted: Collection[str], problems: list[str]
+) -> Iterator[tuple[str, StoredMessage]]:
+    """Yield topic and message of these topics, in any namespace, in file order.
+
+    problems: takes what was lost in the files.
+    """
+    for file in files:
+        scan, names = McapScan(file), dict[int, str]()
+        for record in scan.records():
+            if isinstance(record, Channel):
+                topic = f"/{record.topic}"
+                own = next((one for one in wanted if topic.endswith(f"/{one}")), None)
+                if own is not None:
+                    names[record.id] = own
+            elif isinstance(record, StoredMessage) and record.channel_id in names:
+                yield names[record.channel_id], record
+        problems += scan.problems
 
 
 class McapScan:

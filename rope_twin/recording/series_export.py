@@ -8,7 +8,6 @@ A truncated bag is read up to its break.
 from __future__ import annotations
 
 import csv
-import importlib.util
 import io
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,14 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Channel
 
 from rope_twin import messages
-from rope_twin.errors import BagError, InputError, did_you_mean, phrase
+from rope_twin.errors import BagError, InputError, did_you_mean, phrase, require
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.quantity import unit_of
 from rope_twin.recording.bag import find_bag
-from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
+from rope_twin.recording.mcap_scan import mcap_files, topic_messages
 from rope_twin.sea.tables import Vector
 from rope_twin.whole_file import write_whole
 
@@ -123,9 +121,13 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
     wanted = frozenset(topics or SERIES)
     found: dict[str, dict[int, float]] = {}
     epoch_ns: int | None = None
-    for name, data in _messages(path, wanted | {EPOCH}, problems):
+    files = mcap_files(path)
+    if not files:
+        what = "it holds no .mcap file"
+        raise BagError(phrase(f"bag {path}", what, "give a bag with MCAP storage"))
+    for name, stored in topic_messages(files, wanted | {EPOCH}, problems):
         try:
-            message = messages.decode(name, data)
+            message = messages.decode(name, stored.data)
         except InputError as error:
             problems.append(str(error))
             continue
@@ -149,27 +151,6 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
     return SeriesTable((stamps - begun_ns) / NANOSECONDS, columns, tuple(dict.fromkeys(problems)))
 
 
-def _messages(
-    path: Path, wanted: frozenset[str], problems: list[str]
-) -> Iterator[tuple[str, bytes]]:
-    """Yield topic and bytes of each message of these topics, in file order."""
-    files = mcap_files(path)
-    if not files:
-        what = "it holds no .mcap file"
-        raise BagError(phrase(f"bag {path}", what, "give a bag with MCAP storage"))
-    for file in files:
-        scan, names = McapScan(file), dict[int, str]()
-        for record in scan.records():
-            if isinstance(record, Channel):
-                topic = f"/{record.topic}"
-                own = next((one for one in wanted if topic.endswith(f"/{one}")), None)
-                if own is not None:
-                    names[record.id] = own
-            elif isinstance(record, StoredMessage) and record.channel_id in names:
-                yield names[record.channel_id], record.data
-        problems += scan.problems
-
-
 def check_ending(path: Path) -> None:
     """Check, before a bag is read, that a table can be written at this path.
 
@@ -182,10 +163,8 @@ def check_ending(path: Path) -> None:
         raise InputError(phrase("--out", f"'{path}' is no table that is written", right))
     needed = {".csv": ((), ""), ".parquet": (("pyarrow",), "plot"),
               ".nc": (("h5netcdf", "h5py"), "planning")}[ending]  # fmt: skip
-    missing = [name for name in needed[0] if importlib.util.find_spec(name) is None]
-    if missing:
-        right = f"install it with `pip install 'rope_twin[{needed[1]}]'`"
-        raise InputError(phrase(missing[0], f"{ending} needs it and it is not there", right))
+    for name in needed[0]:
+        require(name, f"{ending} needs it and it is not there", needed[1])
 
 
 def write_series(table: SeriesTable, path: Path) -> None:

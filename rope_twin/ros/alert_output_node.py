@@ -17,7 +17,8 @@ from rclpy.node import Node
 from rope_twin.alerts.alert_list import Alert, State
 from rope_twin.alerts.sentences import COMMANDS, REQUEST, AlertCommand, alc, alf, arc, read_acn
 from rope_twin.errors import InputError, phrase
-from rope_twin.messages.reports import decode_alerts, encode_command
+from rope_twin.messages import encode_text
+from rope_twin.messages.reports import decode_alerts
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.qos import listen, publish
 from rope_twin.topics import ALERT_COMMAND, ALERTS, BY_NAME
@@ -148,7 +149,7 @@ class AlertOutputNode(Node):
             self._send_alert(alert, now_ns)
         else:
             self.taken += 1
-            self._commands.publish(encode_command(f"{COMMANDS[command.letter]} {command.key}"))
+            self._commands.publish(encode_text(f"{COMMANDS[command.letter]} {command.key}"))
 
 
 def _state_of(alert: Alert) -> tuple[Any, ...]:

@@ -21,16 +21,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from rope_twin.console.control import Desk, Token, new_token
+from rope_twin.console.control import Desk, Outcome, Token, new_token
 from rope_twin.console.facts import SeaLimits, scene_facts, session_facts
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import DIAGNOSTICS, SHOWN, Readings, Values
-from rope_twin.console.requests import LEARNING, Log, Outcome, Requests
+from rope_twin.console.requests import LEARNING, Log, Requests
 from rope_twin.console.server import Server, announce, read_address
 from rope_twin.errors import InputError, phrase
 from rope_twin.forecast.orders import read_orders
-from rope_twin.messages import encode_order
-from rope_twin.messages.reports import encode_command, encode_what_if
+from rope_twin.messages import encode_order, encode_text
 from rope_twin.ros.entry import middleware, run_node
 from rope_twin.ros.params import ConsoleParams, declare
 from rope_twin.ros.qos import listen as subscribe
@@ -177,7 +176,7 @@ class WinchCommander:
 
     def command_alerts(self, words: str) -> None:
         """Publish a command to the alert list."""
-        self._alerts.publish(encode_command(words))
+        self._alerts.publish(encode_text(words))
 
     def call(self, service: str) -> Callable[[], Outcome | None]:
         """Call a service of the suite; the result returns its answer, None while there is none."""
@@ -242,7 +241,7 @@ class ConsoleNode(Node):
         desk = Desk(pages, time.monotonic, commander, token)
         pages.before_tick.append(desk.look)
         if commander is not None:
-            Requests(pages, desk, commander, time.monotonic)
+            Requests(pages, desk, commander)
         log = Log(pages)
         log.connect(desk)
         if self._params.load_chart:
@@ -262,7 +261,7 @@ class ConsoleNode(Node):
             return str(error)
         if not self._what_if.get_subscription_count():
             return phrase("what if", "no forecast runs", "start the run with --ahead")
-        self._what_if.publish(encode_what_if(str(words)))
+        self._what_if.publish(encode_text(str(words)))
         return ""
 
     @property

@@ -20,9 +20,9 @@ from uuid import uuid4
 
 from rope_twin.alerts.monitor import AlertMonitor
 from rope_twin.errors import InputError, phrase
-from rope_twin.messages import Encoder, Level, Status, statuses
+from rope_twin.messages import Encoder, Level, Status, encode_text, statuses
 from rope_twin.messages.diagnostics import BreachWords
-from rope_twin.messages.reports import encode_alarm, encode_alerts, encode_estimate
+from rope_twin.messages.reports import encode_alerts, encode_estimate
 from rope_twin.messages.status import counted
 from rope_twin.recording.input_log import InputLog, Mark, encode_json
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
@@ -440,7 +440,7 @@ class PacedTwin:
         if self.learning is not None:
             yield from self._learned(self.learning)
             for words in self.learning.new_alarms():
-                self._publish(ALARM_TOPIC, encode_alarm(words))
+                self._publish(ALARM_TOPIC, encode_text(words))
                 yield f"fault alarm: {words}" if words else "the fault alarm was acknowledged"
 
     def _learned(self, learning: LiveLearning) -> Iterator[str]:

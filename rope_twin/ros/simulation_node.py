@@ -26,8 +26,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import SetBool, Trigger
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
-from rope_twin.messages import Level, Status, encode_diagnostics, encode_epoch, encode_seat
-from rope_twin.messages.reports import read_command
+from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode_epoch, encode_text
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import Clocks, PacedTwin, with_hint
 from rope_twin.ros.params import SimulationParams, declare, read
@@ -281,7 +280,7 @@ class SimulationNode(LifecycleNode):
         words = self.paced.border.seats.words() if self.paced is not None else ""
         if words != self._seat_words:
             self._seat_words = words
-            self._publish(SEAT_TOPIC, encode_seat(words))
+            self._publish(SEAT_TOPIC, encode_text(words))
 
     def _offer_services(self, paced: PacedTwin) -> None:
         """Create the services of the table for each winch, and the one that saves the state."""
@@ -373,7 +372,8 @@ class SimulationNode(LifecycleNode):
             if self.paced is None:
                 return
             try:
-                self.get_logger().info(self.paced.alerts.command(read_command(data)))
+                words = str(decode(ALERT_COMMAND, data).data)
+                self.get_logger().info(self.paced.alerts.command(words))
             except InputError as error:
                 self.get_logger().warning(str(error))
 

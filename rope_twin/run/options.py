@@ -10,10 +10,10 @@ import os
 import socket
 import time
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import read_quantity
@@ -285,65 +285,49 @@ def read_options(args: argparse.Namespace) -> RunOptions:
            f"it must be 0 (as fast as possible) or {SPEED_LOW:g} to {SPEED_HIGH:g}")  # fmt: skip
     _check("--sea-offset", args.sea_offset, args.sea_offset >= 0.0,
            "it must be a time of at least 0 s")  # fmt: skip
-    if args.speed == 0.0 and args.duration is None:
-        raise InputError(phrase("--speed 0", "the run would never end", "give a --duration too"))
-    if args.speed == 0.0 and args.processes:
-        raise InputError(phrase("--processes", "--speed 0 runs without ROS", "leave one out"))
-    if args.measured and args.speed != 0.0:
-        right = "give --speed 0 too, or play the bag with `ros2 bag play`"
-        raise InputError(phrase("--measured", "a paced run takes it from topics", right))
-    if args.follow_measured and not args.measured:
-        right = "name a recording with --measured, or set the node's parameter follow_measured"
-        raise InputError(phrase("--follow-measured", "nothing is measured", right))
-    if args.console and args.speed == 0.0:
-        raise InputError(phrase("--console", "--speed 0 runs without ROS", "leave one out"))
-    if args.control and not args.console:
-        raise InputError(phrase("--control", "there is no console", "give --console too"))
-    if args.learn and args.speed == 0.0:
-        what = "--speed 0 runs without ROS, so no measured tension comes in"
-        raise InputError(phrase("--learn", what, "learn from a bag with `rope_twin learn`"))
-    if args.apply_learned and not args.learn:
-        raise InputError(phrase("--apply-learned", "nothing is learned", "give --learn too"))
-    if args.speed == 0.0 and args.ahead:
-        right = "forecast its bag: `rope_twin ahead BAG`"
-        raise InputError(phrase("--ahead", "--speed 0 runs without ROS", right))
+    alone, no_ros = args.speed == 0.0, "--speed 0 runs without ROS"
+    for broken, option, what, right in (
+        (alone and args.duration is None, "--speed 0", "the run would never end",
+         "give a --duration too"),
+        (alone and args.processes, "--processes", no_ros, "leave one out"),
+        (args.measured and not alone, "--measured", "a paced run takes it from topics",
+         "give --speed 0 too, or play the bag with `ros2 bag play`"),
+        (args.follow_measured and not args.measured, "--follow-measured", "nothing is measured",
+         "name a recording with --measured, or set the node's parameter follow_measured"),
+        (alone and args.console, "--console", no_ros, "leave one out"),
+        (args.control and not args.console, "--control", "there is no console",
+         "give --console too"),
+        (alone and args.learn, "--learn", f"{no_ros}, so no measured tension comes in",
+         "learn from a bag with `rope_twin learn`"),
+        (args.apply_learned and not args.learn, "--apply-learned", "nothing is learned",
+         "give --learn too"),
+        (alone and args.ahead, "--ahead", no_ros, "forecast its bag: `rope_twin ahead BAG`"),
+    ):  # fmt: skip
+        if broken:
+            raise InputError(phrase(option, what, right))
     if args.save_state is not None:
         check_place(args.save_state, f"--save-state {args.save_state}")
-    begin = None if args.from_state is None else _begin(args.from_state)
+    begin = None
+    if args.from_state is not None:
+        from rope_twin.twin.state import load_state  # brings the compiler
+
+        begin = load_state(args.from_state).about
     begins_s = begin.time_s if begin else 0.0
     end_s = None if args.duration is None else begins_s + args.duration
     cut = _read_cut(args.cut, begins_s, end_s)
     args.scene = _scene_argument(args.scene or (_scene_of(begin) if begin else "deep_lift"))
-    return RunOptions(
-        scene=args.scene,
-        end_s=end_s,
-        speed=args.speed,
-        headless=args.headless,
-        bag=args.bag,
-        topic=args.topic,
-        poses=args.poses,
-        sea_offset_s=args.sea_offset,
-        measured=args.measured,
-        follow_measured=args.follow_measured,
-        record=_record_directory(args),
-        json=args.json,
-        processes=args.processes,
-        save=args.save_state and Path(args.save_state).resolve(),
-        start_from=args.from_state and Path(args.from_state).resolve(),
-        begins_s=begins_s,
-        energy=args.energy,
-        error_interval=args.error_interval,
-        cut=cut,
-        ahead=args.ahead,
-        allow_cut=args.allow_cut,
-        network=args.network,
-        watch=MonitorSettings(args.vibration, args.fatigue) or None,
-        learn=args.learn,
-        apply_learned=args.apply_learned,
-        allow_overload=args.allow_overload,
-        console=args.console,
-        control=args.control,
-    )
+    given = {one.name: getattr(args, one.name) for one in fields(RunOptions) if one.name in args}
+    own: dict[str, Any] = {
+        "end_s": end_s,
+        "sea_offset_s": args.sea_offset,
+        "record": _record_directory(args),
+        "save": args.save_state and Path(args.save_state).resolve(),
+        "start_from": args.from_state and Path(args.from_state).resolve(),
+        "begins_s": begins_s,
+        "cut": cut,
+        "watch": MonitorSettings(args.vibration, args.fatigue) or None,
+    }
+    return RunOptions(**given | own)
 
 
 def check_against_scene(options: RunOptions, scene: Scene) -> str:
@@ -411,13 +395,6 @@ def _without_units(cut: str) -> str:
 def _check(option: str, value: object, holds: bool, right: str) -> None:
     if not holds:
         raise InputError(phrase(option, f"{value} is not possible", right))
-
-
-def _begin(state: Path) -> StateDescription:
-    """Return the description of a saved state. Raises StateError if it is not sound."""
-    from rope_twin.twin.state import load_state
-
-    return load_state(state).about
 
 
 def _scene_of(about: StateDescription) -> str:

@@ -93,11 +93,8 @@ class CommandSeat:
             return Verdict()
         is_reserved = now_s < self._reserved_until_s and self.rank(sender) <= self.rank(self.holder)
         if self.holder and not is_reserved and self.rank(sender) >= self.rank(self.holder):
-            what = f"'{order.kind}' from node {sender} rejected: {self.holder} has the seat"
             right = f"request the seat with the service {service_name(self.winch, TAKE)}"
-            self._refusal = phrase(f"winch {self.winch}", what, right)
-            self.refused, self._refused_s = self.refused + 1, now_s
-            return Verdict(self._refusal)
+            return Verdict(self._refuse(f"'{order.kind}' from node {sender}", right, now_s))
         is_new = self._former not in ("", sender)
         self.holder = self._former = sender
         self._reserved_until_s = 0.0
@@ -109,8 +106,11 @@ class CommandSeat:
         """Accept ("") or reject (why) a switch that comes by a service, which has no sender."""
         if kind == EMERGENCY_STOP or not self.holder:
             return ""
-        what = f"'{kind}' by service rejected: {self.holder} has the seat"
         right = f"release it with the service {service_name(self.winch, RELEASE)}"
+        return self._refuse(f"'{kind}' by service", right, now_s)
+
+    def _refuse(self, command: str, right: str, now_s: float) -> str:
+        what = f"{command} rejected: {self.holder} has the seat"
         self._refusal = phrase(f"winch {self.winch}", what, right)
         self.refused, self._refused_s = self.refused + 1, now_s
         return self._refusal

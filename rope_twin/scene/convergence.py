@@ -162,13 +162,13 @@ def known_error(scene: Scene) -> KnownError:
         return KnownError(words="unknown: no study")
     why = study.age(scene)
     around = () if why else study.at(scene.ropes[0].elements, scene.time.step_s)
-    rms = max((level.error_rms_pct for level in around), default=math.nan)
-    peak = max((level.error_peak_pct for level in around), default=math.nan)
+    rms = max((level.bound(RMS) for level in around), default=math.nan)
+    peak = max((level.bound(PEAK) for level in around), default=math.nan)
     if why or not around:
         return KnownError(
             words=f"unknown: {why or 'this setting is not one of the convergence study'}"
         )
-    if any(math.isnan(level.error_rms_pct) for level in around):
+    if any(math.isnan(level.bound(RMS)) for level in around):
         return KnownError(peak_pct=peak, words="unknown: the run does not converge (see its study)")
     words = f"at most, in the study's run of {study.seconds:g} s"
     finest = study.finest

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 RMS, PEAK = "tension_rms", "tension_peak"  # quantities of every study
 
 
 class Setting(NamedTuple):
-    """Mesh and time step of a run; in a multi-line system the elements of the first rope."""
+    """Mesh, time step and tolerance of a run."""
 
-    elements: int
+    elements: int  # of the first rope; the others' in proportion
     step_s: float
+    tolerance_n: float | None = None  # None: the scene's own
 
     def __str__(self) -> str:
-        return f"{self.elements} elements at {1e3 * self.step_s:g} ms"
+        tolerance = "" if self.tolerance_n is None else f", tolerance {self.tolerance_n:g} N"
+        return f"{self.elements} elements at {1e3 * self.step_s:g} ms{tolerance}"
 
 
 @dataclass(frozen=True)
@@ -25,11 +27,6 @@ class Figure:
 
     error: float | None  # relative to the reference, signed; None: nothing to compare
     at_most: float | None  # magnitude plus the reference's uncertainty; None: not converged
-
-    @property
-    def known(self) -> float:
-        """Return the bound; NaN where there is none."""
-        return math.nan if self.at_most is None else self.at_most
 
 
 @dataclass(frozen=True)
@@ -43,26 +40,18 @@ class StudyLevel:
     solves_per_step: float
     memory_mb: float  # of the rope's arrays
     figures: dict[str, Figure]  # by quantity
+    unconverged_substeps: int = 0
+    values: dict[str, float | None] = field(default_factory=dict)  # of the run itself
 
-    def place(self) -> tuple[int, float, float | None]:
-        """Return elements, step [s] and tolerance [N] (None: the scene's own)."""
-        return self.elements, self.step_s, self.newton_tolerance_n
+    @property
+    def setting(self) -> Setting:
+        """Return mesh, step and tolerance."""
+        return Setting(self.elements, self.step_s, self.newton_tolerance_n)
 
     def bound(self, name: str) -> float:
         """Return the upper bound of a quantity's error, in its unit; NaN where it is unknown."""
-        return self.figures[name].known if name in self.figures else math.nan
-
-    @property
-    def error_rms_pct(self) -> float:
-        """Return the bound of the RMS error of the top tension [% of its standard deviation], or
-        NaN.
-        """
-        return self.figures[RMS].known
-
-    @property
-    def error_peak_pct(self) -> float:
-        """Return the bound of the error of the maximum tension [%]; NaN: unknown."""
-        return self.figures[PEAK].known
+        at_most = self.figures[name].at_most if name in self.figures else None
+        return math.nan if at_most is None else at_most
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes import SHAPES
 from rope_twin.scene.winch import FOLLOWS_MEASURED
 from rope_twin.sea.tables import is_path
-from rope_twin.share import share_dir
+from rope_twin.share import share_dir, shipped_file
 
 _STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+|\*)\]")
 _KINDS = {
@@ -149,7 +149,8 @@ def load_scene(name_or_path: str | Path) -> Scene:
             errors of the file: those of single values, or if there are none, those between values.
     """
     _scene_folder()  # raises at once if the package's files are missing
-    path, errors = _scene_path(name_or_path), SceneErrors()
+    path = shipped_file(name_or_path, "scenes", "scene", SceneError)
+    errors = SceneErrors()
     tree, data = read_document(path, errors)
     with errors:
         scene: Scene = read_object(
@@ -198,22 +199,6 @@ def _scene_folder() -> Path:
         return share_dir() / "config" / "scenes"
     except FileNotFoundError as error:
         raise SceneError(str(error)) from error
-
-
-def _scene_path(name_or_path: str | Path) -> Path:
-    """Return the file of a path, or of a name in config/scenes."""
-    if isinstance(name_or_path, Path):
-        return name_or_path
-    path = Path(name_or_path)
-    if len(path.parts) > 1 or path.suffix in (".yaml", ".yml"):
-        return path
-    names = scene_names()
-    if name_or_path in names:
-        return _scene_folder() / f"{name_or_path}.yaml"
-    if name_or_path and path.exists():
-        return path
-    right = f"{did_you_mean(name_or_path, names)} (or give the path of a YAML file)"
-    raise SceneError(phrase(f"scene '{name_or_path}'", "there is no such scene", right))
 
 
 def _read_rope(item: Item, place: Place) -> Rope:

@@ -166,6 +166,13 @@ def _damping(scene: Scene) -> Iterator[Fault]:
             yield f"ropes[{number}].damping", f"{what} given", right
 
 
+_NEEDED = (  # effect, another that it cannot be without, why, and how to list that
+    ("bed_friction", "seabed", "acts on the seabed, which is not listed", "{depth_m: ...}"),
+    ("wetting", "weight", "corrects the buoyancy of `weight`, which is not listed", "{}"),
+    ("wind", "wetting", "acts on the rope out of the water, and without `wetting` none is", "{}"),
+)
+
+
 def _effects(scene: Scene) -> Iterator[Fault]:
     names = {effect.params: effect.name for effect in EFFECTS}
     listed = [names[type(params)] for params in scene.effects]
@@ -175,15 +182,9 @@ def _effects(scene: Scene) -> Iterator[Fault]:
     if len(shedding) > 1:
         what = f"{' and '.join(shedding)} are models of the same vortex shedding"
         yield "effects", what, "keep one of them"
-    if "bed_friction" in listed and "seabed" not in listed:
-        what = "`bed_friction` acts on the seabed, which is not listed"
-        yield "effects", what, "add `- seabed: {depth_m: ...}`"
-    if "wetting" in listed and "weight" not in listed:
-        what = "`wetting` corrects the buoyancy of `weight`, which is not listed"
-        yield "effects", what, "add `- weight: {}`"
-    if "wind" in listed and "wetting" not in listed:
-        what = "`wind` acts on the rope out of the water, and without `wetting` none is"
-        yield "effects", what, "add `- wetting: {}`"
+    for name, needed, what, right in _NEEDED:
+        if name in listed and needed not in listed:
+            yield "effects", f"`{name}` {what}", f"add `- {needed}: {right}`"
     if ramp := scene.listed(FluidRampParams):
         yield from _ramped(scene, ramp, listed)
     drag = scene.listed(DragParams)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rope_twin.scene.error_bound import PEAK, RMS, format_bound
+from rope_twin.scene.error_bound import PEAK, RMS, Setting, StudyLevel, format_bound
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import model_beside, vortex_words
 from rope_twin.studies.accuracy_run import QUANTITIES, STILL
-from rope_twin.studies.accuracy_study import FORMAL_ORDER, Doubt, Row, Study, page_table
+from rope_twin.studies.accuracy_study import FORMAL_ORDER, Doubt, Study, page_table
 from rope_twin.studies.accuracy_within import cheapest_within
 from rope_twin.studies.picture import check_picture, mark_decades, write_picture
 
@@ -97,14 +97,14 @@ def summary(study: Study) -> list[str]:
             f"{_bound(own, PEAK, study)} at its highest, at {own.real_time_factor:.0f} times real "
             "time."
         )
-    bought: dict[Row, list[str]] = {}
+    bought: dict[Setting, tuple[StudyLevel, list[str]]] = {}
     for target in TARGETS_PCT:
         row = cheapest_within(study.rows, RMS, target)
         if row is not None:
-            bought.setdefault(row, []).append(f"{target:g} %")
+            bought.setdefault(row.setting, (row, []))[1].append(f"{target:g} %")
         elif study.reference.doubts[RMS].uncertainty is not None:
             lines.append(f"No setting is within {target:g} % rms.")
-    for row, (*first, last) in bought.items():
+    for row, (*first, last) in bought.values():
         targets = f"{', '.join(first)} and {last}" if first else last
         lines.append(
             f"Within {targets} rms the cheapest is {row.setting}: "
@@ -173,9 +173,9 @@ def doubt_table(study: Study) -> Table:
     return table
 
 
-def shown(row: Row, name: str) -> str:
+def shown(row: StudyLevel, name: str) -> str:
     """Return a cell: the error, its bound if it is below the uncertainty, or a value."""
-    error, at_most = row.errors[name], row.at_most[name]
+    error, at_most = row.figures[name].error, row.figures[name].at_most
     if error is None or at_most is None:
         value = row.values.get({PEAK: "tension_max_n", "snap_peak": "snap_peak_n"}.get(name, ""))
         return "–" if value is None else f"{1e-3 * value:.1f} kN"
@@ -187,8 +187,8 @@ def shown(row: Row, name: str) -> str:
     return f"{error:{sign}.2g}"
 
 
-def _bound(row: Row, name: str, study: Study) -> str:
-    at_most = row.at_most[name]
+def _bound(row: StudyLevel, name: str, study: Study) -> str:
+    at_most = row.figures[name].at_most
     if at_most is None:
         return f"does not converge ({_spread(name, study.reference.doubts[name])})"
     return f"within {format_bound(at_most)} %"
@@ -249,7 +249,7 @@ def draw_accuracy(study: Study, path: Path) -> None:
 
 def _draw_panel(axes: Any, study: Study, name: str) -> None:
     doubt = study.reference.doubts[name].uncertainty
-    rows = [row for row in study.rows if row.setting.tolerance_n is None]
+    rows = [row for row in study.rows if row.newton_tolerance_n is None]
     if doubt is None or is_still(study):
         words = "does not converge:\nsee the spread in the study" if doubt is None else (
             "nothing moves:\nevery setting is right to round-off"
@@ -275,31 +275,31 @@ def _draw_panel(axes: Any, study: Study, name: str) -> None:
     axes.grid(True, which="major", linewidth=0.3)
 
 
-def _draw_rungs(axes: Any, rows: list[Row], name: str) -> None:
+def _draw_rungs(axes: Any, rows: list[StudyLevel], name: str) -> None:
     """Draw a line for each number of elements, with a marker for each time step."""
     from matplotlib import colormaps
 
-    counts = sorted({row.setting.elements for row in rows})
-    steps = sorted({row.setting.step_s for row in rows})
+    counts = sorted({row.elements for row in rows})
+    steps = sorted({row.step_s for row in rows})
     for number, count in enumerate(counts):
         colour = colormaps["viridis"](0.92 * number / max(len(counts) - 1, 1))
         own = sorted(
-            (row for row in rows if row.setting.elements == count),
-            key=lambda row: row.setting.step_s,
+            (row for row in rows if row.elements == count),
+            key=lambda row: row.step_s,
         )
         places = [(row.real_time_factor, _height(row, name)) for row in own]
         axes.plot(
             *zip(*places, strict=True), color=colour, linewidth=0.9, label=f"{count} elements"
         )
         for row, (x, y) in zip(own, places, strict=True):
-            axes.plot(x, y, MARKERS[steps.index(row.setting.step_s) % len(MARKERS)], color=colour,
+            axes.plot(x, y, MARKERS[steps.index(row.step_s) % len(MARKERS)], color=colour,
                       markersize=5)  # fmt: skip
     for number, step_s in enumerate(steps):
         axes.plot([], [], MARKERS[number % len(MARKERS)], color="0.4", markersize=5,
                   label=f"{1e3 * step_s:g} ms")  # fmt: skip
 
 
-def _draw_front(axes: Any, rows: list[Row], name: str) -> None:
+def _draw_front(axes: Any, rows: list[StudyLevel], name: str) -> None:
     """Draw the Pareto front of error and speed."""
     ordered = sorted(rows, key=lambda row: -row.real_time_factor)
     front: list[tuple[float, float]] = []
@@ -310,6 +310,6 @@ def _draw_front(axes: Any, rows: list[Row], name: str) -> None:
               label="best for the cost")  # fmt: skip
 
 
-def _height(row: Row, name: str) -> float:
-    at_most = row.at_most[name]
+def _height(row: StudyLevel, name: str) -> float:
+    at_most = row.figures[name].at_most
     return max(LEAST_PCT, LEAST_PCT if at_most is None else at_most)

@@ -27,7 +27,7 @@ from rope_twin.core.step import advance, advance_joined
 from rope_twin.errors import SolverError, phrase
 from rope_twin.recording.heave import sample_of
 from rope_twin.recording.motion_source import FIRST_NS, open_sea, series_of
-from rope_twin.scene.error_bound import PEAK, RMS
+from rope_twin.scene.error_bound import PEAK, RMS, Setting
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.rigging import is_joined, places, winch_of
 from rope_twin.scene.rope_model import build
@@ -50,19 +50,6 @@ Vector = NDArray[np.float64]
 AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
 PIECE_NODE_STEPS = 40_000  # a timed piece takes some 4 ms at least
 ENOUGH_S, FEWEST_RUNS, MOST_RUNS = 0.6, 2, 7  # of timing
-
-
-@dataclass(frozen=True)
-class Setting:
-    """Variable settings of a run."""
-
-    elements: int  # of the first rope; the others' in proportion
-    step_s: float
-    tolerance_n: float | None = None  # None: the scene's own
-
-    def __str__(self) -> str:
-        tolerance = "" if self.tolerance_n is None else f", tolerance {self.tolerance_n:g} N"
-        return f"{self.elements} elements at {1e3 * self.step_s:g} ms{tolerance}"
 
 
 @dataclass(frozen=True)

@@ -7,22 +7,21 @@ Its numbers name the machine that they were measured on.
 
 from __future__ import annotations
 
-import importlib.metadata
 import math
 import os
-import platform
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 from rope_twin.core.jit.decorators import source_digest
 from rope_twin.core.jit.functions import chain
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.recording.session import machine
 from rope_twin.scene.convergence import FORMAT, scene_digest, solver_version
+from rope_twin.scene.error_bound import PEAK, RMS, Figure, Setting, StudyLevel
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
@@ -33,7 +32,6 @@ from rope_twin.studies.accuracy_run import (
     QUANTITIES,
     Course,
     Series,
-    Setting,
     Trial,
     Values,
     differences,
@@ -272,29 +270,6 @@ def _spread(name: str, seen: list[Values], apart: list[Values]) -> tuple[float, 
 Report = Callable[[int, int, str], None]  # done, of how many, what comes next
 
 
-@dataclass(frozen=True, eq=False)
-class Row:
-    """One accuracy level."""
-
-    setting: Setting
-    real_time_factor: float
-    solves_per_step: float
-    unconverged: int
-    memory_mb: float
-    values: Values
-    errors: Values  # against the reference; None: not converged, or nothing to compare
-    at_most: Values  # their magnitudes and the reference's uncertainty
-
-    def place(self) -> tuple[int, float, float | None]:
-        """Return elements, time step [s] and tolerance [N] (None: the scene's own)."""
-        return self.setting.elements, self.setting.step_s, self.setting.tolerance_n
-
-    def bound(self, name: str) -> float:
-        """Return the error bound of a quantity, in its unit; NaN if it is unknown."""
-        at_most = self.at_most[name]
-        return math.nan if at_most is None else at_most
-
-
 @dataclass(frozen=True)
 class Study:
     """Results of a convergence study."""
@@ -304,11 +279,11 @@ class Study:
     machine: Machine
     reference: Reference
     witness: Witness | str
-    rows: tuple[Row, ...]
+    rows: tuple[StudyLevel, ...]
     failures: tuple[str, ...]  # settings that cannot be run, and why
 
     @property
-    def own(self) -> Row | None:
+    def own(self) -> StudyLevel | None:
         """Return the level of the scene's own setting."""
         return next((row for row in self.rows if row.setting == self.plan.own), None)
 
@@ -319,7 +294,7 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
     Raises:
         RopeTwinError: the reference cannot be run. A level that cannot is listed as a failure.
     """
-    machine = this_machine()
+    here = this_machine()
     course = Course(scene, plan.seconds, plan.look_s)
     total, done = 5 + 1 + len(plan.settings), 0
 
@@ -337,11 +312,11 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
     for setting in plan.settings:
         tell(str(setting))
         try:
-            rows.append(_row(course, setting, reference, timed))
+            rows.append(_level(course, setting, reference, timed))
         except RopeTwinError as error:
             failures.append(f"{setting}: {error}")
     report(total, total, f"{scene.name}: done")
-    return Study(scene, plan, machine, reference, witness, tuple(rows), tuple(failures))
+    return Study(scene, plan, here, reference, witness, tuple(rows), tuple(failures))
 
 
 def as_content(study: Study) -> dict[str, Any]:
@@ -360,7 +335,7 @@ def as_content(study: Study) -> dict[str, Any]:
         "machine": study.machine.as_text(),
         "own": {"elements": study.plan.own.elements, "step_s": study.plan.own.step_s},
         "reference": {
-            **asdict(reference.setting),
+            **reference.setting._asdict(),
             "values": reference.values,
             "doubts": {name: asdict(doubt) for name, doubt in reference.doubts.items()},
         },
@@ -371,44 +346,39 @@ def as_content(study: Study) -> dict[str, Any]:
     }
 
 
-def _as_row(row: Row) -> dict[str, Any]:
+def _as_row(row: StudyLevel) -> dict[str, Any]:
     return {
-        "elements": row.setting.elements,
-        "step_s": row.setting.step_s,
-        "newton_tolerance_n": row.setting.tolerance_n,
+        "elements": row.elements,
+        "step_s": row.step_s,
+        "newton_tolerance_n": row.newton_tolerance_n,
         "real_time_factor": row.real_time_factor,
-        "error_rms_pct": row.at_most["tension_rms"],
-        "error_peak_pct": row.at_most["tension_peak"],
+        "error_rms_pct": row.figures[RMS].at_most,
+        "error_peak_pct": row.figures[PEAK].at_most,
         "memory_mb": row.memory_mb,
         "solves_per_step": row.solves_per_step,
-        "unconverged_substeps": row.unconverged,
+        "unconverged_substeps": row.unconverged_substeps,
         "values": row.values,
-        "figures": {
-            name: {"error": row.errors[name], "at_most": row.at_most[name]} for name in BY_NAME
-        },
+        "figures": {name: asdict(row.figures[name]) for name in BY_NAME},
     }
 
 
-def _row(course: Course, setting: Setting, reference: Reference, timed: bool) -> Row:
+def _level(course: Course, setting: Setting, reference: Reference, timed: bool) -> StudyLevel:
     trial = Trial(course, setting)
     series = trial.look()
-    found = differences(series, reference.series)
-    errors: Values = {}
-    at_most: Values = {}
-    for name, error in found.items():
+    figures = {}
+    for name, error in differences(series, reference.series).items():
         doubt = reference.doubts[name].uncertainty
-        known = error is not None and doubt is not None
-        errors[name] = error if known else None
-        at_most[name] = abs(error) + doubt if error is not None and doubt is not None else None
-    return Row(
-        setting,
+        figures[name] = Figure(None, None)
+        if error is not None and doubt is not None:
+            figures[name] = Figure(error, abs(error) + doubt)
+    return StudyLevel(
+        *setting,
         trial.real_time_factor() if timed else 0.0,
         series.solves_per_step,
-        series.unconverged,
         series.memory_mb,
+        figures,
+        series.unconverged,
         values(series),
-        errors,
-        at_most,
     )
 
 
@@ -420,7 +390,6 @@ def page_table(rows: Iterable[Sequence[str]]) -> str:
 
 
 LINKS, REPETITIONS = 1_000_000, 15
-_CPUINFO = Path("/proc/cpuinfo")
 
 
 @dataclass(frozen=True)
@@ -446,21 +415,16 @@ class Machine:
 
 def this_machine() -> Machine:
     """Query the machine and measure its speed (about 50 ms)."""
+    own = machine()
     return Machine(
-        processor=_processor(),
+        processor=own["processor"],
         cores=len(os.sched_getaffinity(0)),
         load=os.getloadavg()[0],
         multiply_add_ns=_time_chain(),
-        python=platform.python_version(),
-        numba=importlib.metadata.version("numba"),
+        python=own["python"],
+        numba=own["numba"],
         run=f"{datetime.now(UTC).date()}, solver {source_digest()[:8]}",
     )
-
-
-def _processor() -> str:
-    lines = _CPUINFO.read_text().splitlines() if _CPUINFO.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()
 
 
 def _time_chain() -> float:

@@ -9,42 +9,41 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.convergence import read_study
-from rope_twin.scene.error_bound import StudyLevel, format_bound
+from rope_twin.scene.error_bound import Setting, StudyLevel, format_bound
 from rope_twin.scene.load import argument_for
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy_run import Course, Quantity, Setting, Trial, differences
-from rope_twin.studies.accuracy_study import Row, make_plan
+from rope_twin.studies.accuracy_run import Course, Quantity, Trial, differences
+from rope_twin.studies.accuracy_study import make_plan
 
 NOTHING = 1e-6  # below, errors are round-off
-Priced = StudyLevel | Row  # accuracy levels with a speed
-P = TypeVar("P", StudyLevel, Row)
 
 
-def sure_bound(level: Priced, levels: Iterable[Priced], name: str) -> float:
+def sure_bound(level: StudyLevel, levels: Iterable[StudyLevel], name: str) -> float:
     """Return the bound without coincidental cancellation; NaN if a finer level has none."""
-    elements, step_s, tolerance = level.place()
+    elements, step_s, tolerance = level.setting
     finer = [
         other.bound(name)
         for other in levels
-        if (place := other.place())[2] == tolerance and place[0] >= elements and place[1] <= step_s
+        if other.newton_tolerance_n == tolerance
+        and other.elements >= elements
+        and other.step_s <= step_s
     ]
     return math.nan if any(map(math.isnan, finer)) else max(finer)
 
 
-def cheapest_within(levels: Sequence[P], name: str, target: float) -> P | None:
+def cheapest_within(levels: Sequence[StudyLevel], name: str, target: float) -> StudyLevel | None:
     """Return the fastest level with the scene's own tolerance whose bound is at most `target`."""
-    own = [level for level in levels if level.place()[2] is None]
+    own = [level for level in levels if level.newton_tolerance_n is None]
     good = [level for level in own if sure_bound(level, own, name) <= target]
     return max(good, key=lambda level: level.real_time_factor, default=None)
 
 
 def most_accurate(
-    levels: Sequence[P], name: str, costs: Sequence[float], budget: float
-) -> P | None:
+    levels: Sequence[StudyLevel], name: str, costs: Sequence[float], budget: float
+) -> StudyLevel | None:
     """Return the level with the smallest bound among those whose cost is within the budget.
 
     Of levels whose bounds differ by less than a tenth, the cheapest is returned.
@@ -62,7 +61,9 @@ def most_accurate(
     return min(alike, key=lambda entry: entry[1])[2]
 
 
-def next_better(levels: Sequence[P], name: str, bound: float, costs: Sequence[float]) -> P | None:
+def next_better(
+    levels: Sequence[StudyLevel], name: str, bound: float, costs: Sequence[float]
+) -> StudyLevel | None:
     """Return the cheapest level with a bound smaller by at least a tenth; None if there is none."""
     better = [
         (cost, number)
@@ -144,7 +145,7 @@ def check_scene(scene: Scene, wanted: Wanted) -> Selected:
     plan = make_plan(scene, wanted.seconds or study.seconds)
     course = Course(scene, plan.seconds, plan.look_s)
     finer = _finer(plan.reference)
-    seen = Trial(course, Setting(level.elements, level.step_s)).look()
+    seen = Trial(course, level.setting).look()
     error = differences(seen, Trial(course, finer).look())[quantity.name]
     return Selected(
         scene.name, quantity.name, within, plan.seconds, level.elements, level.step_s,

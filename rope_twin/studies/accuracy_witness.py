@@ -19,11 +19,12 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
+from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.grid import find_payload, section_damping
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.studies.accuracy_run import Course, Setting, Trial
+from rope_twin.studies.accuracy_run import Course, Trial
 from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.statics import solve_scene_statics
 

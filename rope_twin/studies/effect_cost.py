@@ -25,12 +25,13 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.environment import bed_at
+from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.lift import listed_effects
 from rope_twin.scene.relations import faults
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene, SeaState, Triple
 from rope_twin.scene.vortex import model_beside
-from rope_twin.studies.accuracy_run import Course, Setting, Trial
+from rope_twin.studies.accuracy_run import Course, Trial
 from rope_twin.studies.driven_twin import fed, with_effect
 from rope_twin.twin.twin import Twin
 

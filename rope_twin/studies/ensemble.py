@@ -13,7 +13,7 @@ import numpy as np
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.recording.heave import open_heave
-from rope_twin.recording.motion_source import FIRST_NS, open_sea, series_of
+from rope_twin.recording.motion_source import FIRST_NS, Sea, open_sea, series_of
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene, SeaState
@@ -249,25 +249,37 @@ def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
         InputError: a sea ends before the run does.
     """
     made = []
-    seas = Seas(scene, round(seconds * 1e9) + AFTER_NS)
+    seas = Seas(scene, seconds)
     for number, row in enumerate(plan.rows):
         pairs = list(zip(plan.axes, row, strict=True))
         changes = tuple(axis.change(value) for axis, value in pairs if axis.path != SEA_OFFSET)
         offset_s = sum(value for axis, value in pairs if axis.path == SEA_OFFSET)
-        heave = seas.heave(changes, offset_s)
-        if heave is not None and heave.end_ns < seconds * 1e9:
-            what = f"the sea of member {number} ends after {heave.end_ns * 1e-9:g} s"
-            raise InputError(phrase(f"--duration {seconds:g}", what, "let it loop, or run shorter"))
-        made.append(Variation(changes, heave))
+        where = f"--duration {seconds:g}"
+        made.append(seas.variation(changes, offset_s, where, f"member {number}"))
     return made
 
 
 class Seas:
     """The heave of members; those of one record share its samples."""
 
-    def __init__(self, scene: Scene, length_ns: int) -> None:
-        self._scene, self._length_ns = scene, length_ns
+    def __init__(self, scene: Scene, seconds: float) -> None:
+        self._scene, self._seconds = scene, seconds
+        self._length_ns = round(seconds * 1e9) + AFTER_NS
         self._records: dict[SeaState, HeaveSeries] = {}
+
+    def variation(
+        self, changes: tuple[Change, ...], offset_s: float, where: str, member: str
+    ) -> Variation:
+        """Return a member's changes and its section of the sea.
+
+        Raises:
+            RopeTwinError: there is no such sea, or it ends before the run does (`where`).
+        """
+        heave = self.heave(changes, offset_s)
+        if heave is not None and heave.end_ns < self._seconds * 1e9:
+            what = f"the sea of {member} ends after {heave.end_ns * 1e-9:g} s"
+            raise InputError(phrase(where, what, "let it loop, or run shorter"))
+        return Variation(changes, heave)
 
     def heave(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries | None:
         """Return the ship motion of a member, from `offset_s` after the scene's own start.
@@ -309,18 +321,17 @@ class Seas:
 def _sampled(scene: Scene, until_ns: int) -> HeaveSeries:
     sea = open_sea(scene)
     assert sea is not None
-    samples = sea.between(FIRST_NS, until_ns)
-    series = series_of(samples)
-    assert series is not None
-    return series
+    return _series(sea, until_ns)
 
 
 @lru_cache(maxsize=8)
 def _recorded(state: SeaState, until_ns: int) -> HeaveSeries:
     """Return a bag's samples, read once for all ensembles of a process."""
-    sea = open_heave(state.bag, None, state.start_s, state.loop)
-    samples = sea.between(FIRST_NS, until_ns)
-    series = series_of(samples)
+    return _series(open_heave(state.bag, None, state.start_s, state.loop), until_ns)
+
+
+def _series(sea: Sea, until_ns: int) -> HeaveSeries:
+    series = series_of(sea.between(FIRST_NS, until_ns))
     assert series is not None
     return series
 

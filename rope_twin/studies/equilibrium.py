@@ -49,20 +49,44 @@ HOOK, CENTRE, TURN = slice(0, 3), slice(3, 6), slice(6, 9)  # of the unknowns
 
 
 @dataclass(frozen=True)
-class AtRest:
-    """A rope at rest; n free nodes from the lower end up, in the matrices' order."""
+class StillLine:
+    """One of the ropes, n elements from its lower end up; both of its ends are nodes."""
+
+    name: str
+    place: Floats  # (3, n + 1)
+    s: Floats  # unstretched from the upper end [m], (n + 1,)
+    tension: Floats  # (n,)
+    stiffness: Floats  # dT/dl of the elements [N/m], (n,)
+    mass: Floats  # of the nodes, (n + 1, 3, 3)
+    couplings: Couplings | None  # of bending
+
+    @property
+    def directions(self) -> tuple[Floats, Floats]:
+        """Return unit vectors (3, n) and lengths [m] of the elements."""
+        span = np.diff(self.place, axis=1)
+        length = np.sqrt((span * span).sum(axis=0))
+        return span / length, length
+
+
+@dataclass(frozen=True)
+class AtRest(StillLine):
+    """The rope of a scene at rest, whose last node is the hang-off."""
 
     scene: Scene
-    first: int
-    place: Floats  # (3, nodes)
-    tension: Floats
-    stiffness: Floats  # dT/dl of the elements [N/m]
-    mass: Floats  # (3, 3, n)
-    couplings: Couplings | None  # of bending, at all nodes but the hang-off's
+    first: int  # free node
     tangent: Floats  # at the free nodes, (3, n)
-    s: Floats  # unstretched, of the free nodes from the hang-off [m]
     rest: Floats  # unstretched lengths of the elements [m]
     body: HungBody | None  # below node 0, whose mass is then that of rope and hook alone
+
+    @property
+    def free_mass(self) -> Floats:
+        """Return the mass of the free nodes, from the lower end up, (n, 3, 3)."""
+        return self.mass[self.first : -1]
+
+    @property
+    def free_count(self) -> int:
+        """Return the number of free nodes."""
+        return len(self.free_mass)
 
 
 def bring_to_rest(scene: Scene) -> AtRest:
@@ -81,12 +105,7 @@ def bring_to_rest(scene: Scene) -> AtRest:
     place = still.place.copy()
     forces = still.forces(place)
     body = _body_of(scene, rope)  # as it rests at this place
-    if not (forces.tension > 0.0).all():
-        slack = int((forces.tension <= 0.0).sum())
-        what = f"{slack} of {still.n} elements are slack at rest, so it has no natural frequency"
-        raise SceneError(
-            phrase(f"{scene.path}: ropes[0]", what, "give it weight, tension or a payload")
-        )
+    _check_taut(scene, 0, forces.tension)
     span = np.diff(place, axis=1)
     law: Elastic = still.elastic(np.sqrt((span * span).sum(axis=0)))
     direction = span / np.sqrt((span * span).sum(axis=0))
@@ -94,16 +113,29 @@ def bring_to_rest(scene: Scene) -> AtRest:
     mean[:, 1:] += direction[:, :-1]
     first = still.first
     tangent = mean / np.sqrt((mean * mean).sum(axis=0))
-    s = np.cumsum(still.rest[::-1])[::-1]
     mass = forces.mass[SYMMETRIC]
     if body is not None:
         mass = StillRope(without_body(rope), line.length_m).forces(place).mass[SYMMETRIC]
     still.rest_at(place)
     couplings = still.couplings() if still.reach > 1 else None
+    of_nodes = np.append(np.moveaxis(mass, 2, 0), np.zeros((1, 3, 3)), axis=0)
     return AtRest(
-        scene, first, place, forces.tension, law.stiffness, mass[:, :, first:], couplings,
-        tangent[:, first:], s[first:], still.rest, body,
+        line.name, place, _from_top(still), forces.tension, law.stiffness, of_nodes, couplings,
+        scene, first, tangent[:, first:], still.rest, body,
     )  # fmt: skip
+
+
+def _from_top(still: StillRope) -> Floats:
+    """Return the unstretched length from the upper end to each node [m], (n + 1,)."""
+    return np.append(np.cumsum(still.rest[::-1])[::-1], 0.0)
+
+
+def _check_taut(scene: Scene, number: int, tension: Floats) -> None:
+    if not (tension > 0.0).all():
+        slack = f"{(tension <= 0.0).sum()} of {len(tension)} elements are slack at rest"
+        what = f"{slack}, so it has no natural frequency"
+        right = "give it weight, tension or a payload"
+        raise SceneError(phrase(f"{scene.path}: ropes[{number}]", what, right))
 
 
 def _body_of(scene: Scene, rope: Rope) -> HungBody | None:
@@ -123,26 +155,6 @@ def water_at(scene: Scene, z: Floats) -> Floats:
             for k in range(3):
                 water[k] += np.interp(z, rows[:, 0], rows[:, 1 + k])
     return water
-
-
-@dataclass(frozen=True)
-class StillLine:
-    """One of the ropes, n elements from its lower end up; both of its ends are nodes."""
-
-    name: str
-    place: Floats  # (3, n + 1)
-    s: Floats  # unstretched from the upper end [m], (n + 1,)
-    tension: Floats  # (n,)
-    stiffness: Floats  # dT/dl of the elements [N/m], (n,)
-    mass: Floats  # of the nodes, (n + 1, 3, 3)
-    couplings: Couplings | None  # of bending
-
-    @property
-    def directions(self) -> tuple[Floats, Floats]:
-        """Return unit vectors (3, n) and lengths [m] of the elements."""
-        span = np.diff(self.place, axis=1)
-        length = np.sqrt((span * span).sum(axis=0))
-        return span / length, length
 
 
 @dataclass(frozen=True)
@@ -187,45 +199,49 @@ def bring_system_to_rest(scene: Scene) -> StillSystem:
 
 def _with_body(still: StillSystem, r: int, body: HungBody) -> StillSystem:
     """Return the system with six more unknowns for the body below rope r."""
-    from scipy.sparse import block_diag, coo_array, csr_array, hstack
+    from scipy.sparse import csr_array, hstack
 
     joints, count = still.system.joints, still.follow.shape[1]
     wheels = 0 if still.system.sheaves is None else still.system.sheaves.figures.shape[1]
     at, _ = _numbers(still.system, still.lines, joints.nodes.shape[1] - wheels)
-    own = np.concatenate([3 * int(at[r][0]) + np.arange(3), count + np.arange(6)])
-    row, column = np.meshgrid(own, own, indexing="ij")
-    size = (count + 6, count + 6)
-    K, M = (
-        coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=size).tocsr()
-        for values in (body.stiffness, body.mass)
-    )
-    none = csr_array((6, 6))
+    hook = 3 * int(at[r][0])
     return replace(
         still,
         follow=hstack([still.follow, csr_array((still.follow.shape[0], 6))]).tocsr(),
         joint_mass=np.append(still.joint_mass, np.zeros(6)),
-        tied=block_diag([still.tied, none]).tocsr() + K,
+        tied=with_body(still.tied, body.stiffness, hook),
         body=body,
-        body_mass=M,
+        body_mass=with_body(csr_array((count, count)), body.mass, hook),
     )
+
+
+def with_body(ropes: Any, own: Floats, hook: int) -> Any:
+    """Return a sparse matrix of ropes with that of a body, (9, 9), whose rotation and centre are
+    six more unknowns.
+
+    hook: the first of its node's three unknowns.
+    """
+    from scipy.sparse import block_diag, coo_array, csr_array
+
+    count = ropes.shape[0]
+    at = np.concatenate([hook + np.arange(3), count + np.arange(6)])
+    row, column = np.meshgrid(at, at, indexing="ij")
+    size = (count + 6, count + 6)
+    added = coo_array((own.ravel(), (row.ravel(), column.ravel())), shape=size)
+    return block_diag([ropes, csr_array((6, 6))]).tocsr() + added.tocsr()
 
 
 def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:
     """Return one rope as weighed in the equilibrium."""
     n = int(rope.state.counts[ELEMENTS])
     tension, name = rope.work[TENSION, :n].copy(), scene.ropes[number].name
-    if not (tension > 0.0).all():
-        slack = int((tension <= 0.0).sum())
-        what = f"{slack} of {n} elements are slack at rest, so it has no natural frequency"
-        right = "give it weight, tension or a payload"
-        raise SceneError(phrase(f"{scene.path}: ropes[{number}]", what, right))
+    _check_taut(scene, number, tension)
     still = StillRope(rope, length_m)
     place: Floats = still.place.copy()
-    s = np.append(np.cumsum(still.rest[::-1])[::-1], 0.0)
     mass = np.moveaxis(rope.work[BLOCK : BLOCK + 6, : n + 1][SYMMETRIC], 2, 0).copy()
     couplings = still.couplings() if still.reach > 1 else None
     stiffness = rope.work[STIFFNESS, :n].copy()
-    return StillLine(name, place, s, tension, stiffness, mass, couplings)
+    return StillLine(name, place, _from_top(still), tension, stiffness, mass, couplings)
 
 
 def _numbers(system: System, lines: tuple[StillLine, ...], points: int) -> tuple[list[Any], int]:

@@ -28,7 +28,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.recording.heave import HeaveSample
-from rope_twin.recording.motion_source import FIRST_NS, open_sea
+from rope_twin.recording.motion_source import FIRST_NS, Sea, open_sea
 from rope_twin.run.border import InputBorder
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.schema import Scene
@@ -49,7 +49,6 @@ from rope_twin.studies.fault_injection import (
     readings,
     truth_of,
 )
-from rope_twin.studies.fault_injection import WINCH as WINCH_TOPIC
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.monitors import ERROR_INTERVAL, NO_MONITORS, Monitors
 from rope_twin.twin.motion.ship_motion import ShipPose
@@ -77,19 +76,28 @@ def motion(scene: Scene, until_s: float, posed: bool) -> list[Message]:
     Raises:
         InputError: the scene's ship lies still.
     """
-    sea = open_sea(scene)
-    if sea is None:
-        what, right = "its ship lies still", "name a scene with a sea"
-        raise InputError(phrase(f"scene {scene.name}", what, right))
-    samples = sea.between(FIRST_NS, round(until_s * SECOND_NS))
+    samples = _sea_of(scene).between(FIRST_NS, round(until_s * SECOND_NS))
     if posed:
         poses = [one.pose or _pitched(one) for one in samples]
         return [Message(ODOMETRY, one.stamp_ns + LATENCY_NS, one.stamp_ns, one) for one in poses]
+    return _heaving(samples)
+
+
+def _heaving(samples: Sequence[HeaveSample]) -> list[Message]:
     return [
         Message(HEAVE, one.stamp_ns + LATENCY_NS, one.stamp_ns,
                 (one.position_m, one.velocity_m_per_s))
         for one in samples
     ]  # fmt: skip
+
+
+def _sea_of(scene: Scene) -> Sea:
+    """Return the scene's sea. Raises InputError if its ship lies still."""
+    sea = open_sea(scene)
+    if sea is None:
+        what, right = "its ship lies still", "name a scene with a sea"
+        raise InputError(phrase(f"scene {scene.name}", what, right))
+    return sea
 
 
 def _pitched(sample: HeaveSample) -> ShipPose:
@@ -117,7 +125,7 @@ def commands(scene: Scene, until_s: float) -> list[Message]:
     for stamp_ns in stamps:
         turn = int(stamp_ns * 1e-9 / SPEED_FOR_S) % len(SPEEDS_M_PER_S)
         order = WinchCommand(SPEED, SPEEDS_M_PER_S[turn])
-        found.append(Message(WINCH_TOPIC, stamp_ns + LATENCY_NS, stamp_ns, order, "console"))
+        found.append(Message(WINCH, stamp_ns + LATENCY_NS, stamp_ns, order, "console"))
     return found
 
 
@@ -490,19 +498,12 @@ def sound_run(
 
 def _traffic(scene: Scene) -> Iterator[Message]:
     """Yield the messages of heave, winch and current without end, in the order of arrival."""
-    sea = open_sea(scene)
-    if sea is None:
-        what, right = "its ship lies still", "name a scene with a sea"
-        raise InputError(phrase(f"scene {scene.name}", what, right))
+    sea = _sea_of(scene)
     orders, currents = commands(scene, PERIOD_NS * 1e-9), profiles(scene, PERIOD_NS * 1e-9)
     for number in count():
         begin_ns = number * PERIOD_NS
         samples = sea.between(begin_ns if number else FIRST_NS, begin_ns + PERIOD_NS)
-        moved = [
-            Message(HEAVE, one.stamp_ns + LATENCY_NS, one.stamp_ns,
-                    (one.position_m, one.velocity_m_per_s))
-            for one in samples
-        ]  # fmt: skip
+        moved = _heaving(samples)
         later = (
             [replace(one, received_ns=one.received_ns + begin_ns, stamp_ns=one.stamp_ns + begin_ns)
              for one in given]

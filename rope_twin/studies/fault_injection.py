@@ -107,10 +107,6 @@ def _both(one: Fault, other: Fault) -> Fault:
 # -- what becomes of messages, whatever they say ------------------------------------------------
 
 
-def _off(given: list[Message], rng: random.Random) -> list[Message]:
-    return []
-
-
 def _stuck(given: list[Message], rng: random.Random) -> list[Message]:
     return [replace(one, content=given[0].content) for one in given]
 
@@ -122,13 +118,6 @@ def _random_bytes(given: list[Message], rng: random.Random) -> list[Message]:
 def _cut_short(given: list[Message], rng: random.Random) -> list[Message]:
     whole = [(one, one.encoded(0)) for one in given]
     return [replace(one, garbage=data[: len(data) // 2]) for one, data in whole]
-
-
-def _all_numbers(value: float) -> Change:
-    def change(given: list[Message], rng: random.Random) -> list[Message]:
-        return _scaled_by(lambda _: value)(given, rng)
-
-    return change
 
 
 def _slow(given: list[Message], rng: random.Random) -> list[Message]:
@@ -234,16 +223,11 @@ def _times(factor: float, rate: float | None = None) -> Change:
 
 def _leap(leap_m: float) -> Change:
     """Move every position by so much at once; rates stay true."""
-    return _scaled_by(lambda value: value + leap_m, lambda value: value)
+    return _scaled_by(lambda value: value + leap_m, _same)
 
 
 def _noise(sigma_m: float) -> Change:
-    def change(given: list[Message], rng: random.Random) -> list[Message]:
-        return _scaled_by(lambda value: value + rng.gauss(0.0, sigma_m), lambda rate: rate)(
-            given, rng
-        )
-
-    return change
+    return lambda given, rng: _scaled_by(lambda z: z + rng.gauss(0.0, sigma_m), _same)(given, rng)
 
 
 def _turned(turn: Callable[[ShipPose], ShipPose]) -> Change:
@@ -318,12 +302,12 @@ def _spikes(column: int, size: Value) -> Change:
 
 _ALIKE = "position and rate are changed alike, as in a smaller sea"
 _ANY = [
-    Fault("off", _off),
+    Fault("off", lambda given, rng: []),
     Fault("random bytes", _random_bytes),
     Fault("cut short", _cut_short),
-    Fault("not a number", _all_numbers(math.nan)),
-    Fault("infinite", _all_numbers(math.inf)),
-    Fault("1e300", _all_numbers(1e300)),
+    Fault("not a number", _scaled_by(lambda _: math.nan)),
+    Fault("infinite", _scaled_by(lambda _: math.inf)),
+    Fault("1e300", _scaled_by(lambda _: 1e300)),
     Fault("another sender", _other_sender),
 ]
 _STAMPED = [
@@ -355,7 +339,7 @@ _MEASURED = [
     Fault("rate times 10", _times(1.0, 10.0)),
     Fault("rate times 100", _times(1.0, 100.0)),
     Fault("rate of opposite sign", _times(1.0, -1.0)),
-    Fault("rate +15 m/s", _scaled_by(lambda z: z, lambda v: v + 15.0)),
+    Fault("rate +15 m/s", _scaled_by(_same, lambda v: v + 15.0)),
     Fault("leap by 5 m", _leap(5.0)),
     Fault("leap by 29 m", _leap(29.0)),
     Fault("leap by 500 m", _leap(500.0)),

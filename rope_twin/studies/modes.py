@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.core.still_rope import SYMMETRIC, Couplings
+from rope_twin.core.still_rope import SYMMETRIC
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.equilibrium import (
@@ -33,6 +33,7 @@ from rope_twin.studies.equilibrium import (
     bring_system_to_rest,
     bring_to_rest,
     water_at,
+    with_body,
 )
 
 WAVE_PERIODS_S = (4.0, 20.0)  # of wind sea and swell
@@ -78,9 +79,9 @@ def find_modes(scene: Scene, count: int) -> Modes:
         SceneError: the rope cannot rest, or is slack somewhere: it then has no natural frequency.
     """
     rest = bring_to_rest(scene)
-    most = 3 * len(rest.s) - NEAR
+    most = 3 * rest.free_count - NEAR
     if not 1 <= count <= most:
-        what = f"{count} of a rope with {len(rest.s)} free nodes"
+        what = f"{count} of a rope with {rest.free_count} free nodes"
         raise InputError(phrase("--count", what, f"give 1 to {most}"))
     K, M = _matrices(rest)
     near = 0.0 if rest.body is None else NEAR_FREE  # nothing holds a body's turn about the rope
@@ -97,56 +98,11 @@ def find_modes(scene: Scene, count: int) -> Modes:
 
 def _matrices(rest: AtRest) -> tuple[Any, Any]:
     """Return K and M as sparse matrices with 3 unknowns per free node, and a body's 6."""
-    from scipy.sparse import bsr_array
-
-    span = np.diff(rest.place, axis=1)
-    length = np.sqrt((span * span).sum(axis=0))
-    t = span / length
-    lateral = rest.tension / length
-    blocks = np.einsum("e,ke,ce->ekc", rest.stiffness - lateral, t, t)
-    blocks += lateral[:, None, None] * np.eye(3)
-    n, first = len(rest.s), rest.first
-    diagonal = blocks[first:].copy()
-    diagonal[1 - first :] += blocks[: len(blocks) - 1]
-    between = -blocks[first:-1]
-    i = np.arange(n)
-    row = np.concatenate([i, i[:-1], i[1:]])
-    column = np.concatenate([i, i[1:], i[:-1]])
-    data = np.concatenate([diagonal, between, between])
-    order = np.lexsort((column, row))
-    starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=n))])
-    K = bsr_array((data[order], column[order], starts), shape=(3 * n, 3 * n))
-    M = bsr_array((np.moveaxis(rest.mass, 2, 0), i, np.arange(n + 1)), shape=(3 * n, 3 * n))
-    if rest.couplings is not None:
-        K = K + _coupled(rest.couplings, first)
+    free = slice(3 * rest.first, -3)
+    K, M = (whole.tocsr()[free, free] for whole in (_stretch(rest) + _turn(rest), _masses(rest)))
     if rest.body is not None:
-        K, M = (
-            _with_body(rope, own) for rope, own in ((K, rest.body.stiffness), (M, rest.body.mass))
-        )
+        K, M = with_body(K, rest.body.stiffness, 0), with_body(M, rest.body.mass, 0)
     return K.tocsc(), M.tocsc()
-
-
-def _with_body(rope: Any, own: Floats) -> Any:
-    """Return a rope's matrix with that of a body, (9, 9), whose hook is the first node."""
-    from scipy.sparse import block_diag, coo_array, csr_array
-
-    count = rope.shape[0]
-    at = np.concatenate([np.arange(3), count + np.arange(6)])
-    row, column = np.meshgrid(at, at, indexing="ij")
-    size = (count + 6, count + 6)
-    added = coo_array((own.ravel(), (row.ravel(), column.ravel())), shape=size)
-    return block_diag([rope, csr_array((6, 6))]).tocsr() + added.tocsr()
-
-
-def _coupled(couplings: Couplings, first: int) -> Any:
-    """Return the stiffness of effects that couple second neighbours, as a sparse matrix."""
-    from scipy.sparse import block_diag, diags_array, eye_array, kron
-
-    near, far = couplings.near[first:-1], couplings.far[first:-2]
-    n = couplings.own.shape[1] - first
-    between = diags_array([near, near, far, far], offsets=[1, -1, 2, -2], shape=(n, n))
-    own = np.moveaxis(couplings.own[SYMMETRIC], 2, 0)[first:]
-    return kron(between, eye_array(3)) + block_diag(own)
 
 
 def solve(K: Any, M: Any, count: int, near: float) -> tuple[Floats, Floats]:
@@ -169,7 +125,7 @@ def _axial_guesses(rest: AtRest) -> Floats:
     """
     from scipy.linalg import eigh_tridiagonal
 
-    mass = np.einsum("kn,kcn,cn->n", rest.tangent, rest.mass, rest.tangent)
+    mass = np.einsum("kn,nkc,cn->n", rest.tangent, rest.free_mass, rest.tangent)
     if rest.body is not None:
         t = rest.tangent[:, 0]
         mass[0] += t @ rest.body.mass[CENTRE, CENTRE] @ t
@@ -192,7 +148,10 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
     speed = _speed_across(rest)
     diameter = rest.scene.ropes[0].thinnest_m
     for w, vector in zip(omega, vectors.T, strict=True):
-        motion, hung = vector[: 3 * len(rest.s)].reshape(-1, 3).T, HungMotion.of(rest.body, vector)
+        motion, hung = (
+            vector[: 3 * rest.free_count].reshape(-1, 3).T,
+            HungMotion.of(rest.body, vector),
+        )
         energy = _energy(rest, motion) + hung.energy
         along = (motion * rest.tangent).sum(axis=0)
         out = normal @ motion
@@ -215,7 +174,7 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
             in_plane_share=float(max(in_plane, 0.0)),
             out_of_plane_share=float(sideways),
             turning_share=float(turning),
-            largest_at_m=float(rest.s[at]),
+            largest_at_m=float(rest.s[rest.first + at]),
             wave_ratio=near_waves(period),
             strouhal_hz=float(STROUHAL * speed[at] / diameter),
             shape=shape[::-1].copy(),
@@ -230,7 +189,7 @@ def near_waves(period_s: float) -> float:
 
 def _energy(rest: AtRest, motion: Floats) -> float:
     """Return twice the kinetic energy of a motion at ω = 1."""
-    return float((motion * np.einsum("kcn,cn->kn", rest.mass, motion)).sum())
+    return float((motion * np.einsum("nkc,cn->kn", rest.free_mass, motion)).sum())
 
 
 def _normal(rest: AtRest) -> Floats:
@@ -253,9 +212,9 @@ def _separate(rest: AtRest, omega: Floats, vectors: Floats, normal: Floats) -> F
         if end < len(omega) and omega[end] - omega[end - 1] <= SAME * omega[end]:
             continue
         group = vectors[:, start:end]
-        motion = group.T[:, : 3 * len(rest.s)].reshape(end - start, -1, 3)
+        motion = group.T[:, : 3 * rest.free_count].reshape(end - start, -1, 3)
         out = motion @ normal
-        mass = np.einsum("k,kcn,c->n", normal, rest.mass, normal)
+        mass = np.einsum("k,nkc,c->n", normal, rest.free_mass, normal)
         _, turn = np.linalg.eigh((out * mass) @ out.T)
         turned[:, start:end] = group @ turn
         start = end
@@ -382,7 +341,7 @@ def _bent(line: StillLine) -> Any:
     near, far = bent.near[:n], bent.far[: n - 1]
     between = diags_array([near, near, far, far], offsets=[1, -1, 2, -2], shape=(n + 1, n + 1))
     last = -(near[-1] + far[-1]) * np.eye(3)
-    return kron(between, eye_array(3)) + block_diag([*np.moveaxis(bent.own, 1, 0), last])
+    return kron(between, eye_array(3)) + block_diag([*np.moveaxis(bent.own[SYMMETRIC], 2, 0), last])
 
 
 def _masses(line: StillLine) -> Any:

@@ -11,13 +11,12 @@ with the square of their size (Roache 1998).
 
 from __future__ import annotations
 
-import importlib.util
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError, phrase, require
 from rope_twin.scene.shapes import Box, Cylinder
 
 PANELS = 16  # along the longest side
@@ -36,17 +35,6 @@ class NearSurface:
     error: float  # of the panels, over the added mass, the larger of both
 
 
-def check_capytaine() -> None:
-    """Check, before any computation, that Capytaine is there.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    if importlib.util.find_spec("capytaine") is None:
-        right = "install it with `pip install 'rope_twin[hydrodynamics]'`"
-        raise InputError(phrase("capytaine", "coefficients near the surface need it", right))
-
-
 def near_surface(
     shape: Box | Cylinder,
     depth_m: float,
@@ -63,7 +51,7 @@ def near_surface(
         InputError: Capytaine is not installed, a period is not positive, or the body is out of the
             water.
     """
-    check_capytaine()
+    require("capytaine", "coefficients near the surface need it", "hydrodynamics")
     if wrong := [one for one in periods_s if not one > 0.0]:
         raise InputError(phrase("period", f"{wrong[0]:g} s", "give positive ones"))
     half = 0.5 * shape.height_m

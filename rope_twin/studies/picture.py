@@ -5,7 +5,6 @@ RAOs are shown back as a table in the conventions of this package, and as a pict
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError, phrase, require
 from rope_twin.sea.raos import FREEDOMS, SHIFTS, Point, Responses
 
 if TYPE_CHECKING:
@@ -79,9 +78,7 @@ def check_picture(path: Path) -> None:
     if path.is_dir() or not place.is_dir() or not os.access(place, os.W_OK):
         right = "give a place that can be written"
         raise InputError(phrase(str(path), "it cannot be written", right))
-    if importlib.util.find_spec("matplotlib") is None:
-        right = "install it with `pip install 'rope_twin[plot]'`"
-        raise InputError(phrase("matplotlib", "a plot needs it and it is not there", right))
+    require("matplotlib", "a plot needs it and it is not there", "plot")
 
 
 def write_picture(figure: Figure, path: Path, dpi: float) -> None:

@@ -27,7 +27,7 @@ from rope_twin.scene.joined_model import over_sheaves
 from rope_twin.scene.load import Change, change_scene, load_scene, rope_preset
 from rope_twin.scene.reader import Place, read_document, read_object
 from rope_twin.scene.relations import faults
-from rope_twin.scene.schema import Rope, Scene
+from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import feed
 from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation, whole_steps
 from rope_twin.twin.ensemble.member import MemberResults
@@ -306,9 +306,7 @@ def _changes(variable: Variable, value: Value) -> list[Change]:
     return [Change(variable.path, float(value), variable.multiply)]
 
 
-@lru_cache(maxsize=64)
-def _preset(name: str) -> Rope:
-    return rope_preset(name)
+_preset = lru_cache(maxsize=64)(rope_preset)
 
 
 def _named(scene: Scene, path: str, name: str) -> Scene:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
-import importlib.util
 import json
 import math
 import socket
 import time
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,14 +16,14 @@ from typing import IO, TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.joined_group import why_joined_alone
-from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.errors import InputError, RopeTwinError, phrase, require
 from rope_twin.scene.convergence import known_error, solver_version
 from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.ensemble import AFTER_NS, Seas
+from rope_twin.studies.ensemble import Seas
 from rope_twin.studies.study_design import (
     FatigueWish,
     Made,
@@ -131,13 +129,9 @@ def _ensemble(batch: Batch) -> Iterator[Row]:
 
 
 def _variations(batch: Batch) -> Iterator[Variation]:
-    seas = Seas(batch.scene, round(batch.seconds * 1e9) + AFTER_NS)
+    seas = Seas(batch.scene, batch.seconds)
     for run, made in zip(batch.runs, batch.made, strict=True):
-        heave = seas.heave(made.changes, made.sea_offset_s)
-        if heave is not None and heave.end_ns < batch.seconds * 1e9:
-            what = f"the sea of run {run.number} ends after {heave.end_ns * 1e-9:g} s"
-            raise InputError(phrase("seconds", what, "let it loop, or run shorter"))
-        yield Variation(made.changes, heave)
+        yield seas.variation(made.changes, made.sea_offset_s, "seconds", f"run {run.number}")
 
 
 def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeDamage]:
@@ -195,9 +189,6 @@ def _damage(counted: RopeDamage) -> Row:
 
 
 WHOLE, MARK, LOCK = "runs.parquet", "study.json", "lock"
-_NUMBERS = ("run", "steps", "unconverged_substeps", "elements")
-_WORDS = ("study_error_words", "damage_worst_rope", "failure")
-_LISTS = ("damage", "damage_from_lower_end_m")  # after the name of a rope in multi-line scenes
 
 
 def check_parquet() -> None:
@@ -206,9 +197,7 @@ def check_parquet() -> None:
     Raises:
         InputError: pyarrow is not installed.
     """
-    if importlib.util.find_spec("pyarrow") is None:
-        right = "install it with `pip install 'rope_twin[study]'`"
-        raise InputError(phrase("pyarrow", "a study writes its rows with it", right))
+    require("pyarrow", "a study writes its rows with it", "study")
 
 
 class Titled(Protocol):
@@ -223,10 +212,17 @@ class Titled(Protocol):
         """Return the name of its scene."""
 
 
-class RowFolder(ABC):
-    """The folder of the rows of one study or plan; held by one process at a time."""
+class RowFolder:
+    """The folder of the rows of one study or plan; held by one process at a time.
+
+    `whole`, `words` and `lists` name the columns that are no numbers with a fraction; those of
+    lists may follow the name of a rope.
+    """
 
     title = "study"
+    whole: Collection[str] = ("run",)
+    words: Collection[str] = ("failure",)
+    lists: Collection[str] = ()
 
     def __init__(self, folder: Path, study: Titled, stamp: str) -> None:
         """Open the folder; `stamp` identifies study, scene and solver of the rows found there.
@@ -311,34 +307,32 @@ class RowFolder(ABC):
         parquet.write_table(table, sink)
         write_whole(path, sink.getvalue().to_pybytes())
 
-    @abstractmethod
     def _schema(self, row: Row) -> pyarrow.Schema:
         """Return the types by column, whichever values the first row lacks."""
+        import pyarrow
+
+        def kind(name: str) -> Any:
+            if name in self.whole:
+                return pyarrow.int64()
+            if name in self.words:
+                return pyarrow.string()
+            listed = name.rpartition(".")[2] in self.lists
+            return pyarrow.list_(pyarrow.float64()) if listed else pyarrow.float64()
+
+        return pyarrow.schema([(name, kind(name)) for name in row])
 
 
 class StudyFolder(RowFolder):
     """The folder of a parameter study."""
 
+    whole = "run", "steps", "unconverged_substeps", "elements"
+    lists = "damage", "damage_from_lower_end_m"
+
     def __init__(self, folder: Path, study: Study, stamp: str) -> None:
         """Open the folder, as any of rows."""
         super().__init__(folder, study, stamp)
-        self._study = study
-
-    def _schema(self, row: Row) -> pyarrow.Schema:
-        """Return the types by column, whichever values the first row lacks."""
-        import pyarrow
-
-        words = {one.column for one in self._study.vary if one.names or one.cases}
-
-        def kind(name: str) -> Any:
-            if name in _NUMBERS:
-                return pyarrow.int64()
-            if name in _WORDS or name in words:
-                return pyarrow.string()
-            listed = name.rpartition(".")[2] in _LISTS
-            return pyarrow.list_(pyarrow.float64()) if listed else pyarrow.float64()
-
-        return pyarrow.schema([(name, kind(name)) for name in row])
+        named = (one.column for one in study.vary if one.names or one.cases)
+        self.words = {"study_error_words", "damage_worst_rope", "failure", *named}
 
 
 Report = Callable[[int, int], None]  # runs done, runs in all
@@ -386,9 +380,8 @@ def run_parameter_study(
             [(run, made) for run, made in runs if run.number not in done],
             1 if _steps_alone(scene) else at_once,
         )
-        results = on_cluster(run_batch, batches, scheduler) if scheduler else _on_cores(batches)
         count = len(done)
-        for rows in results:
+        for rows in spread(run_batch, batches, scheduler):
             folder.add(rows)
             count += len(rows)
             report(count, len(runs))
@@ -409,18 +402,40 @@ def _check_times(study: Study, steps_s: set[float]) -> None:
                 raise InputError(phrase(f"{study.path}: fatigue.sample_s", what, right))
 
 
-def _on_cores(batches: Sequence[Batch]) -> Iterator[list[Row]]:
-    """Run one batch per core; the first by itself, since it may have to compile."""
-    if not batches:
+def on_cores(
+    work: Callable[[Item], Result],
+    items: Sequence[Item],
+    threads: int | None = None,
+    stop: Callable[[], None] = lambda: None,
+) -> Iterator[Result]:
+    """Yield results of the work on each item, as they come.
+
+    The first item is worked on by itself, since it may have to compile.
+
+    threads: None: one a core. stop: called on an error, to end the work in progress early.
+    """
+    if not items:
         return
-    yield run_batch(batches[0])
-    with ThreadPoolExecutor(cores()) as pool:
+    yield work(items[0])
+    with ThreadPoolExecutor(threads or cores()) as pool:
         try:
-            for future in as_completed([pool.submit(run_batch, one) for one in batches[1:]]):
+            for future in as_completed([pool.submit(work, one) for one in items[1:]]):
                 yield future.result()
         except BaseException:
+            stop()
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+def spread(
+    work: Callable[[Item], Result], items: Sequence[Item], address: str, threads: int | None = None
+) -> Iterator[Result]:
+    """Yield results of the work on each item, of a cluster if an address is given, else `on_cores`.
+
+    Raises:
+        RopeTwinError: there is no such cluster, or the work cannot be done; one sentence.
+    """
+    return on_cluster(work, items, address) if address else on_cores(work, items, threads)
 
 
 def on_cluster(
@@ -433,9 +448,7 @@ def on_cluster(
     Raises:
         RopeTwinError: there is no such cluster, or the work cannot be done; one sentence.
     """
-    if importlib.util.find_spec("distributed") is None:
-        right = "install it with `pip install 'rope_twin[study]'`"
-        raise InputError(phrase("distributed", "--scheduler needs it", right))
+    require("distributed", "--scheduler needs it", "study")
     import distributed
 
     try:

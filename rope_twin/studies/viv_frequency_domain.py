@@ -270,7 +270,7 @@ def span_of(scene: Scene) -> SceneSpan:
     )
     if rest.first == 0:
         normal = _across(scene, rest.place)
-        whole = float(normal @ rest.mass[:, :, 0] @ normal)
+        whole = float(normal @ rest.mass[0] @ normal)
         span = span._replace(end_mass=max(whole - float(span.node_mass[0]), 0.0))
     length_m = float(unstretched[-1])
     return SceneSpan(span, rest.place, length_m - unstretched, (0,), (length_m,))

@@ -133,16 +133,10 @@ def _motion(figure: Any, run: FrequencyDomainRun) -> None:
     shown = run.motion(places)
     if frequency > 0.0:
         shown = shown[-max(8, int(PERIODS / frequency / step)) :]
-    axes = figure.subplots()
-    last, top = run.time_s[-1], run.from_top_m[places.astype(int)]
-    largest = float(np.abs(shown).max(initial=1e-9))
-    image = axes.imshow(
-        shown.T[::-1], aspect="auto", cmap="RdBu_r", vmin=-largest, vmax=largest,
-        extent=(last - step * len(shown), last, float(top[0]), float(top[-1])),
-    )  # fmt: skip
-    figure.colorbar(image, ax=axes, label="y/d")
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("rope below the hang-off [m]")
+    last, largest = run.time_s[-1], float(np.abs(shown).max(initial=1e-9))
+    colours = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest}
+    ends = last - step * len(shown), last
+    _map(figure, shown, ends, run.from_top_m[places.astype(int)], "time [s]", "y/d", **colours)
 
 
 def _spectra(figure: Any, run: FrequencyDomainRun) -> None:
@@ -151,15 +145,21 @@ def _spectra(figure: Any, run: FrequencyDomainRun) -> None:
     if (mean_hz := float(run.frequency_hz().max(initial=0.0))) > 0.0:
         some = frequency < ABOVE * mean_hz
         frequency, power = frequency[some], power[some]
+    level = np.log10(np.maximum(power, 1e-6 * float(power.max(initial=1e-30))))
+    ends, top = (float(frequency[0]), float(frequency[-1])), run.from_top_m[places.astype(int)]
+    _map(figure, level, ends, top, "frequency [Hz]", "log10 of power [d²/Hz]")
+
+
+def _map(
+    figure: Any, values: Any, ends: tuple[float, float], top: Floats, x: str, label: str,
+    **colours: Any,
+) -> None:  # fmt: skip
+    """Draw values (along x, places) in colours; ends: of the axis x; top: of the places [m]."""
     axes = figure.subplots()
-    top = run.from_top_m[places.astype(int)]
-    floor = 1e-6 * float(power.max(initial=1e-30))
-    image = axes.imshow(
-        np.log10(np.maximum(power.T[::-1], floor)), aspect="auto",
-        extent=(float(frequency[0]), float(frequency[-1]), float(top[0]), float(top[-1])),
-    )  # fmt: skip
-    figure.colorbar(image, ax=axes, label="log10 of power [d²/Hz]")
-    axes.set_xlabel("frequency [Hz]")
+    extent = (*ends, float(top[0]), float(top[-1]))
+    image = axes.imshow(values.T[::-1], aspect="auto", extent=extent, **colours)
+    figure.colorbar(image, ax=axes, label=label)
+    axes.set_xlabel(x)
     axes.set_ylabel("rope below the hang-off [m]")
 
 
@@ -391,6 +391,14 @@ def _motion_table(run: TimeDomainRun) -> dict[str, Any]:
     return columns
 
 
+def _mode_panels(count: int, wide: float) -> tuple[Any, Any]:
+    """Return a figure and its panels side by side, so many inches wide each."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(wide * count + 1.0, 5.0), layout="constrained")
+    return figure, np.atleast_1d(figure.subplots(1, count, sharey=True))
+
+
 def draw_modes(scene: str, found: Modes, path: Path) -> None:
     """Draw a panel per mode: amplitude along the rope, signed by its main direction.
 
@@ -398,11 +406,8 @@ def draw_modes(scene: str, found: Modes, path: Path) -> None:
         InputError: matplotlib is not there, or the picture cannot be written.
     """
     check_picture(path)
-    from matplotlib.figure import Figure
-
     modes = [*found.lowest, *found.axial]
-    figure = Figure(figsize=(1.2 * len(modes) + 1.0, 5.0), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(modes), sharey=True))
+    figure, panels = _mode_panels(len(modes), 1.2)
     span = np.linalg.norm(np.diff(found.place, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(span)])
     for axes, mode in zip(panels, modes, strict=True):
@@ -431,11 +436,8 @@ def draw_system_modes(scene: str, found: SystemModes, path: Path) -> None:
         InputError: matplotlib is not there, or the picture cannot be written.
     """
     check_picture(path)
-    from matplotlib.figure import Figure
-
     modes = [*found.lowest, *found.stretching]
-    figure = Figure(figsize=(1.5 * len(modes) + 1.0, 5.0), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(modes), sharey=True))
+    figure, panels = _mode_panels(len(modes), 1.5)
     places = [line.place[:, ::-1].T for line in found.still.lines]
     corners = np.concatenate(places)
     size = float(np.ptp(corners, axis=0).max())

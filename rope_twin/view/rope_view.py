@@ -7,21 +7,19 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Channel
 from numpy.typing import NDArray
 
 from rope_twin import messages
 from rope_twin.errors import BagError, InputError, phrase
 from rope_twin.messages.templates import NANOSECONDS, read_cloud, scale_above
 from rope_twin.recording.bag import find_bag
-from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
+from rope_twin.recording.mcap_scan import mcap_files, topic_messages
 from rope_twin.topics import TOPICS
 from rope_twin.view.blueprint import (
     AHEAD_CURVES,
@@ -80,9 +78,11 @@ class RopeView:
         self._elements: NDArray[Any] = np.zeros(0, [("tension_n", "f8"), ("rope", "f4")])
         self._scale_n = 0.0
         self._show: dict[str, Callable[[Any, int], None]] = {
-            "ropes/tension_top": self._tension_top,
-            "ropes/tension_bottom": self._tension_bottom,
-            "ropes/length": self._length,
+            "ropes/tension_top": self._curve("plots/tension/top", lambda m: m.effort[0] / 1000.0),
+            "ropes/tension_bottom": self._curve(
+                "plots/tension/payload", lambda m: m.effort[0] / 1000.0
+            ),
+            "ropes/length": self._curve("plots/line_out", lambda m: m.position[0]),
             "ropes/tension_top_error": self._tension_top_error,
             "ropes/element_tension": self._element_tension,
             "ropes/nodes": self._nodes,
@@ -100,8 +100,8 @@ class RopeView:
             "lines/crossings": self._crossings,
             "lines/events": self._line_events,
             "seabed/touchdown": self._touchdown,
-            "ship/heave": self._heave,
-            "ship/odometry": self._heave,
+            "ship/heave": self._curve("plots/heave", lambda m: m.pose.pose.position.z),
+            "ship/odometry": self._curve("plots/heave", lambda m: m.pose.pose.position.z),
             "sea/elevation": self._elevation,
             "diagnostics": self._diagnostics,
         }
@@ -179,14 +179,9 @@ class RopeView:
             self._timelines.set(time_ns)
         return due
 
-    def _tension_top(self, message: Any, time_ns: int) -> None:
-        self._series["plots/tension/top"].add(time_ns, float(message.effort[0]) / 1000.0)
-
-    def _tension_bottom(self, message: Any, time_ns: int) -> None:
-        self._series["plots/tension/payload"].add(time_ns, float(message.effort[0]) / 1000.0)
-
-    def _length(self, message: Any, time_ns: int) -> None:
-        self._series["plots/line_out"].add(time_ns, float(message.position[0]))
+    def _curve(self, path: str, value: Callable[[Any], Any]) -> Callable[[Any, int], None]:
+        """Return what adds a value of each message to a curve."""
+        return lambda message, time_ns: self._series[path].add(time_ns, float(value(message)))
 
     def _tension_top_error(self, message: Any, time_ns: int) -> None:
         """Add the interval of the first rope, if the run computes it."""
@@ -339,9 +334,6 @@ class RopeView:
         self._timelines.set(time_ns)
         self._log.write(f"lines: {message.data}")
 
-    def _heave(self, message: Any, time_ns: int) -> None:
-        self._series["plots/heave"].add(time_ns, float(message.pose.pose.position.z))
-
     def _elevation(self, message: Any, time_ns: int) -> None:
         if self._is_time("sea", time_ns):
             self._surface.show_sea(float(message.point.z))
@@ -402,7 +394,10 @@ def play(bag: str | os.PathLike[str], view: RopeView, until_s: float | None = No
     played = Played()
     undecoded: dict[str, int] = {}
     ended = False
-    for name, stored in _messages(path, played):
+    files = mcap_files(path)
+    if not files or any(file.suffix != ".mcap" for file in files):
+        raise BagError(phrase(f"bag {path}", "it holds no .mcap file", "record with MCAP storage"))
+    for name, stored in topic_messages(files, SHOWN_TOPICS, played.problems):
         try:
             message = messages.decode(name, stored.data)
             if name == "twin/epoch" and not played.shown:
@@ -421,36 +416,10 @@ def play(bag: str | os.PathLike[str], view: RopeView, until_s: float | None = No
         played.end_ns = max(played.end_ns, stored.log_ns)
     played.problems += [f"{count} × {words}" for words, count in undecoded.items()]
     if not played.shown:
-        raise BagError(_nothing(path, played))
+        what = "no topic to show" + "".join(f"; {words}" for words in played.problems)
+        raise BagError(phrase(f"bag {path}", what, f"name a bag with {', '.join(SHOWN_TOPICS)}"))
     if until_s is not None and not ended and played.duration_s < until_s - 0.5:
         what = f"{until_s:g} s is after its end"
         right = f"it lasts {played.duration_s:.1f} s"
         raise InputError(phrase(f"bag {path}", what, right))
     return played
-
-
-def _messages(path: Path, played: Played) -> Iterator[tuple[str, StoredMessage]]:
-    """Return topic name and message of the topics that the view shows, in recorded order."""
-    files = mcap_files(path)
-    if not files or any(file.suffix != ".mcap" for file in files):
-        raise BagError(phrase(f"bag {path}", "it holds no .mcap file", "record with MCAP storage"))
-    for file in files:
-        scan = McapScan(file)
-        names: dict[int, str] = {}
-        for record in scan.records():
-            if isinstance(record, Channel):
-                if name := _shown_name(record.topic):
-                    names[record.id] = name
-            elif isinstance(record, StoredMessage) and record.channel_id in names:
-                yield names[record.channel_id], record
-        played.problems += scan.problems
-
-
-def _shown_name(recorded: str) -> str:
-    """Return the topic's name in the table, without its namespace; "" if it is not shown."""
-    return next((name for name in SHOWN_TOPICS if f"/{recorded}".endswith(f"/{name}")), "")
-
-
-def _nothing(path: Path, played: Played) -> str:
-    what = "no topic to show" + "".join(f"; {words}" for words in played.problems)
-    return phrase(f"bag {path}", what, f"name a bag with {', '.join(SHOWN_TOPICS)}")

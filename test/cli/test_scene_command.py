@@ -14,7 +14,7 @@ def command(*words: str) -> int:
     parser = argparse.ArgumentParser(prog="rope_twin")
     scene.add_parser(parser.add_subparsers(required=True))
     args = parser.parse_args(["scene", *words])
-    code = args.run(args)
+    code = scene.run(args)
     assert isinstance(code, int)
     return code
 

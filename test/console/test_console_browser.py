@@ -64,7 +64,7 @@ class Served:
         self.desk = Desk(self.pages, time.monotonic, self.commander, Token(TOKEN, time.monotonic))
         self.desk.further["what_if"] = self.source.compare
         self.pages.before_tick.append(self.desk.look)
-        Requests(self.pages, self.desk, self.commander, time.monotonic)
+        Requests(self.pages, self.desk, self.commander)
         log = Log(self.pages)
         log.connect(self.desk)
         self.server = Server(self.pages, self.desk, log, port=0)

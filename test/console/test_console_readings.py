@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from sample_snapshot import hanging_body, hanging_rope, lifted
 
 from rope_twin import messages
+from rope_twin.console.facts import scene_facts
 from rope_twin.console.pages import POINTS, RopeProfile, Trend
 from rope_twin.console.readings import (
     AHEAD_S,
@@ -28,7 +29,9 @@ from rope_twin.console.readings import (
 from rope_twin.estimation.figures import REPORTED
 from rope_twin.estimation.report import FigureEstimate
 from rope_twin.messages import Level, Status
-from rope_twin.messages.reports import UNITS, encode_alarm, encode_estimate, encode_forecast
+from rope_twin.messages.cdr import encode_text
+from rope_twin.messages.reports import UNITS, encode_estimate, encode_forecast
+from rope_twin.scene.load import load_scene
 from rope_twin.topics import BY_NAME
 
 
@@ -221,7 +224,7 @@ def test_learned_figures_have_units_and_words() -> None:
     pin = FigureEstimate("tension_bias", "N", 0.0, 900.0, -50.0, 1850.0, 2e3, 600.0, "weak")
     data = encode_estimate(EPOCH_NS + 120_000_000_000, [asdict(figure), asdict(pin)])
     readings.take("estimate/figures", data, 11.0)
-    readings.take("estimate/alarms", encode_alarm("snag since 312 s"), 11.0)
+    readings.take("estimate/alarms", encode_text("snag since 312 s"), 11.0)
     for _ in range(SLOW_EVERY):
         readings.update()
     learned = readings.values["learned"]
@@ -231,7 +234,7 @@ def test_learned_figures_have_units_and_words() -> None:
     assert (drag["low"], drag["value"], drag["high"], drag["prior"]) == (13.0, 14.5, 16.0, 12.0)
     assert (bias["name"], bias["unit"], bias["state"]) == ("tension_bias", "N", "weak")
     assert readings.values["fault_alarm"] == "snag since 312 s"
-    readings.take("estimate/alarms", encode_alarm(""), 12.0)
+    readings.take("estimate/alarms", encode_text(""), 12.0)
     assert readings.update()["fault_alarm"] == "", "acknowledged"
 
 
@@ -263,3 +266,9 @@ def test_each_winch_has_its_own_words() -> None:
     assert of_winch(words, "winch") == words.partition("; aft")[0]
     assert of_winch(words, "aft") == "aft: speed 1 m/s"
     assert of_winch(words, "a") == ""
+
+
+def test_the_sea_of_a_scene_is_that_of_its_spectrum() -> None:
+    sea = scene_facts(load_scene("ship_6dof"))["sea"]
+    assert sea == {"recorded": None, "significant_height_m": 2.5, "peak_period_s": 9.0}
+    assert scene_facts(load_scene("deep_lift"))["sea"]["significant_height_m"] is None

@@ -11,8 +11,8 @@ from test_live_learning import new_learning
 from rope_twin.estimation.causes import STUCK_PIN, STUCK_SENSOR
 from rope_twin.estimation.live import ROW
 from rope_twin.estimation.worker import Motion
-from rope_twin.messages.cdr import typestore
-from rope_twin.messages.reports import alarm_words, encode_alarm
+from rope_twin.messages.cdr import encode_text, typestore
+from rope_twin.messages.reports import alarm_words
 from rope_twin.messages.status import Level
 from rope_twin.topics import ALARM_TOPIC, BY_NAME
 from rope_twin.twin.readings import Measurement
@@ -97,6 +97,6 @@ def test_a_stuck_motion_sensor_is_found_though_the_twin_moves_on(tmp_path: Path)
 
 def test_the_message_is_the_alarm_in_words() -> None:
     """A string, as the topic table says."""
-    data = encode_alarm("line slip, since 12 s")
+    data = encode_text("line slip, since 12 s")
     message = typestore().deserialize_cdr(data, BY_NAME[ALARM_TOPIC].type_name)
     assert message.data == "line slip, since 12 s"

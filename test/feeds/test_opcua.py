@@ -18,7 +18,7 @@ from rope_twin.errors import InputError, SceneError
 from rope_twin.feeds.configuration import FeedSettings, read_settings
 from rope_twin.feeds.instrument import Instrument, LineSample
 from rope_twin.feeds.opcua import NO_TIMESTAMP, STALE, Freshness
-from rope_twin.feeds.readings import OPCUA_START, OpcNode, line_of
+from rope_twin.feeds.readings import OPCUA_START, OpcNode, Refusal, line_of
 from rope_twin.feeds.transports import Address, Source, open_source, read_address
 
 pytest.importorskip("asyncua", reason="asyncua is missing: pip install '.[opcua]'")
@@ -238,8 +238,9 @@ def test_a_line_with_missing_values() -> None:
     assert (found.payout, found.tension, found.motor_tension) == (1.0, -2.5, 3.0)
     assert math.isnan(found.speed)
     assert found.missing.fault == "speed BadNoCommunication"
-    short: Any = parse(line_of([1.0, 2.0, 3.0], OPCUA_START))
-    assert (short.reason, short.fault) == ("incomplete", "3 values after $OPCUA")
+    with pytest.raises(Refusal) as short:
+        parse(line_of([1.0, 2.0, 3.0], OPCUA_START))
+    assert (short.value.reason, short.value.fault) == ("incomplete", "3 values after $OPCUA")
 
 
 def test_addresses_of_endpoints() -> None:

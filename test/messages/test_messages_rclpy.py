@@ -11,11 +11,11 @@ from sample_snapshot import hanging_body, rolled_ship
 
 from rope_twin import messages
 from rope_twin.alerts.alert_list import Alert, AlertList, Priority, Situation
+from rope_twin.messages.cdr import encode_text
 from rope_twin.messages.reports import (
     FIGURE_COLUMNS,
     FORECAST_TOPICS,
     STATES,
-    encode_alarm,
     encode_alerts,
     encode_estimate,
     encode_forecast,
@@ -58,7 +58,7 @@ def encoded(topic: str, nodes: int) -> bytes:
         **dict(messages.encode_order(STAMP_NS, order, "aft") for order in ONE_OF_EACH),
         **dict([messages.encode_cut(STAMP_NS, 1500.0)]),
         "twin/epoch": messages.encode_epoch(STAMP_NS),
-        "winch/seat": messages.encode_seat("winch: console"),
+        "winch/seat": messages.encode_text("winch: console"),
         "twin/session": encode_json({"session": 1, "files": {"a.yaml": "about: ä\n"}}),
         "twin/inputs": encode_json({"number": 1, "calls": [["offer_heave", [1, 0.1, -0.0], {}]]}),
         **{
@@ -66,7 +66,7 @@ def encoded(topic: str, nodes: int) -> bytes:
             for name in FORECAST_TOPICS
         },
         "estimate/figures": encode_estimate(STAMP_NS, nodes * [LEARNED]),
-        "estimate/alarms": encode_alarm("payload lost since 12.0 s"),
+        "estimate/alarms": encode_text("payload lost since 12.0 s"),
         "alerts": encode_alerts(STAMP_NS, STAMP_NS, alerts_of(nodes)),
         "diagnostics": messages.encode_diagnostics(STAMP_NS, messages.statuses(snapshot, None)),
     }[topic]

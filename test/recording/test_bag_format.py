@@ -22,20 +22,16 @@ from rope_twin.messages import (
     encode_measurement,
     encode_order,
     encode_pose,
-    encode_seat,
     statuses,
 )
-from rope_twin.messages.cdr import deserialise, new, serialise
+from rope_twin.messages.cdr import deserialise, encode_text, new, serialise
 from rope_twin.messages.reports import (
     FIGURE_COLUMNS,
     FORECAST_TOPICS,
     STATES,
-    encode_alarm,
     encode_alerts,
-    encode_command,
     encode_estimate,
     encode_forecast,
-    encode_what_if,
 )
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
@@ -75,15 +71,15 @@ def all_messages(stamp_ns: int) -> dict[str, bytes]:
         **dict([encode_cut(stamp_ns, 1500.0)]),
         **dict(encode_measurement(stamp_ns, one) for one in MEASURED),
         "twin/epoch": encode_epoch(EPOCH_NS),
-        "winch/seat": encode_seat("winch: console"),
+        "winch/seat": encode_text("winch: console"),
         "twin/session": encode_json({"session": 1}),
         "twin/inputs": encode_json({"number": 1}),
         "sea/measured_elevation": encode_elevation(stamp_ns, 1.5),
         "estimate/figures": encode_estimate(stamp_ns, [LEARNED]),
-        "estimate/alarms": encode_alarm("payload lost since 12.0 s"),
+        "estimate/alarms": encode_text("payload lost since 12.0 s"),
         "alerts": encode_alerts(stamp_ns, 0, []),
-        "alerts/command": encode_command("acknowledge all"),
-        "forecast/what_if": encode_what_if("lower:0.5 stop"),
+        "alerts/command": encode_text("acknowledge all"),
+        "forecast/what_if": encode_text("lower:0.5 stop"),
         **{
             name: encode_forecast(name, stamp_ns, "map", [{"age_s": 0.2}])
             for name in FORECAST_TOPICS

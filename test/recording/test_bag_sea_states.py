@@ -35,7 +35,7 @@ def run(*words: str) -> int:
     parser = argparse.ArgumentParser()
     sea_state.add_parser(parser.add_subparsers())
     args = parser.parse_args(words)
-    return int(args.run(args))
+    return int(sea_state.run(args))
 
 
 def messages(path):

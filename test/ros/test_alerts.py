@@ -14,7 +14,7 @@ from small_scene import SMALL_SCENE
 from rope_twin.alerts.sentences import framed
 from rope_twin.cli import main
 from rope_twin.cli.console import ExitCode
-from rope_twin.messages.reports import encode_command
+from rope_twin.messages.cdr import encode_text
 from rope_twin.ros.alert_output_node import AlertOutputNode
 
 pytestmark = pytest.mark.ros
@@ -58,7 +58,7 @@ def test_an_alert_over_topics_and_sentences(
             return any(what in one for one in sentences)
 
     bench.until(lambda: arrived(b",A,A,V,RPT,10001,1,1,0,top tension"), "its sentence")
-    commands.publish(encode_command("silence 10001.1"))
+    commands.publish(encode_text("silence 10001.1"))
     bench.until(lambda: states(heard[-1])["10001"] == "silenced", "silence")
     bench.until(lambda: arrived(b",A,A,S,RPT,10001,1,2,"), "its sentence")
     for sentence in (framed("BNACN,120000.00,RPT,10001,1,A,C"), framed("BNACN,,RPT,10999,1,A,C")):
@@ -66,7 +66,7 @@ def test_an_alert_over_topics_and_sentences(
     bench.until(lambda: states(heard[-1])["10001"] == "acknowledged", "acknowledgement")
     bench.until(lambda: arrived(b"IIARC,"), "a refusal of what there is not")
     assert (output.taken, output.refused) == (1, 1)
-    commands.publish(encode_command("nonsense"))
+    commands.publish(encode_text("nonsense"))
     bench.until(lambda: node.paced.last.stamp_ns > 1_500_000_000, "it runs on")
     for one in (node, recorder, output):
         one.close()

@@ -16,8 +16,9 @@ from rope_twin.messages import (
     encode_measurement,
     read_cloud,
 )
+from rope_twin.messages.cdr import encode_text
 from rope_twin.messages.encoder import Encoder
-from rope_twin.messages.reports import encode_estimate, encode_what_if
+from rope_twin.messages.reports import encode_estimate
 from rope_twin.ros.forecast_node import learned_figures
 from rope_twin.ros.params import node_parameters
 from rope_twin.run.options import RunOptions
@@ -63,8 +64,8 @@ def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
             )
         bench._spin(0.002)
     bench.until(lambda: all(tables[name] for name in ("tension", "risk", "quiet")), "forecasts")
-    publishers["forecast/what_if"].publish(encode_what_if("swim"))  # a warning, and no more
-    publishers["forecast/what_if"].publish(encode_what_if("lower:0.5 stop"))
+    publishers["forecast/what_if"].publish(encode_text("swim"))  # a warning, and no more
+    publishers["forecast/what_if"].publish(encode_text("lower:0.5 stop"))
     bench.until(lambda: node._heard.asked, "the orders are heard")
     ns += round(0.5e9)
     publishers["ship/heave"].publish(encode_heave(ns, 0.1, 0.0))

@@ -76,7 +76,7 @@ def test_luck_is_not_bought(tmp_path: Path) -> None:
     write_study(scene, content)
     levels = levels_of_study(scene)
     lucky = levels[2]
-    assert lucky.error_rms_pct == 1e-3
+    assert lucky.bound(convergence.RMS) == 1e-3
     assert sure_bound(lucky, levels, convergence.RMS) == pytest.approx(
         error_pct(10, 0.01) + UNCERTAINTY_PCT
     )

@@ -19,11 +19,11 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.scene import convergence
 from rope_twin.scene.convergence import known_error, read_study
+from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.studies.accuracy_run import (
     Course,
     Series,
-    Setting,
     Trial,
     differences,
     snap_peak_n,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 from dataclasses import replace
@@ -96,7 +97,8 @@ def test_the_command_tells_it_as_json(
         "still_water", 2.0, 50, 0.01, effect_cost.Ran(9.0, 2e5, 3e5), 0.1, (row,)
     )
     monkeypatch.setattr(command, "measure_effects", lambda *given: study)
-    assert command._measure(load_scene("still_water"), 2.0, True) == 0
+    args = argparse.Namespace(action="measure", scene="still_water", duration=2.0, json=True)
+    assert command.run(args) == 0
     reported = json.loads(capsys.readouterr().out)
     assert reported["as_it_is"] == {"us_per_step": 9.0, "mean_n": 2e5, "max_n": 3e5}
     assert reported["rows"][0]["why_not"] == "no data"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 
@@ -11,7 +12,6 @@ import pytest
 from rope_twin.cli import main
 from rope_twin.errors import InputError
 from rope_twin.scene.shapes import Box, Cylinder
-from rope_twin.studies import near_surface as module
 from rope_twin.studies.near_surface import near_surface
 
 CUBE = Box(length_m=2.0, width_m=2.0, height_m=2.0)
@@ -19,7 +19,7 @@ CUBE = Box(length_m=2.0, width_m=2.0, height_m=2.0)
 
 def test_a_missing_capytaine_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """It says what to install."""
-    monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"install it with `pip install 'rope_twin\[hydrodyn"):
         near_surface(CUBE, 4.0, [8.0])
 

@@ -90,7 +90,7 @@ class SnapshotSource:
                 readings.take(topic, self._encoder.encode(topic, self.shot), now_s)
         text = encode_text(self.mode)
         readings.take("winch/mode", text, now_s)
-        readings.take("winch/seat", messages.encode_seat(self.seat), now_s)
+        readings.take("winch/seat", messages.encode_text(self.seat), now_s)
         stamp_ns = EPOCH_NS + self.shot.stamp_ns
         alerts = encode_alerts(stamp_ns, self.shot.stamp_ns, self.alerts)
         readings.take("alerts", alerts, now_s)
@@ -119,7 +119,7 @@ class SnapshotSource:
 
 def encode_text(words: str) -> bytes:
     """A std_msgs/String."""
-    return messages.encode_seat(words)
+    return messages.encode_text(words)
 
 
 def order_row(name: str, change_n: float) -> dict[str, float | str]:
@@ -217,7 +217,7 @@ class ConsoleRig:
         self.silent: set[int] = set()  # pages that hang: they are connected and say nothing
         self.pages.before_tick.append(self.desk.look)
         if control:
-            Requests(self.pages, self.desk, self.commander, self.clock)
+            Requests(self.pages, self.desk, self.commander)
         self.log = Log(self.pages)
         self.log.connect(self.desk)
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, offer, open_sea
 from rope_twin.scene.convergence import read_study
-from rope_twin.scene.error_bound import AccuracyLevel
+from rope_twin.scene.error_bound import RMS, AccuracyLevel
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march, variant
 from rope_twin.twin.level import (
@@ -252,7 +252,7 @@ def test_down_and_up_the_tension_stays_within_the_error_that_is_published() -> N
     scale = np.std([shot.tension_top_n for shot in alone.values()])
     study = read_study(load_scene("deep_lift"))
     assert study is not None
-    published = sum(study.at(*own)[0].error_rms_pct for own in ((50, 0.05), (100, 0.01)))
+    published = sum(study.at(*own)[0].bound(RMS) for own in ((50, 0.05), (100, 0.01)))
     for begin, end in ((15.0, 30.0), (30.0, 40.0)):
         stamps = [ns for ns in moved if begin < ns * 1e-9 <= end]
         apart = [moved[ns].tension_top_n - alone[ns].tension_top_n for ns in stamps]

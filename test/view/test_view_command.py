@@ -28,7 +28,7 @@ def command(*words: str) -> int:
     parser = argparse.ArgumentParser()
     view.add_parser(parser.add_subparsers())
     args = parser.parse_args(["view", *words])
-    return int(args.run(args))
+    return int(view.run(args))
 
 
 @pytest.fixture
