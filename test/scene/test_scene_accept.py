@@ -5,7 +5,7 @@ from math import pi
 from pathlib import Path
 
 import pytest
-from scene_text import GOOD, assert_refused, spoilt, written
+from scene_text import GOOD, STEPPED, assert_refused, spoilt, written
 
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
@@ -149,7 +149,7 @@ def test_no_bag_is_made_of_a_sea_that_would_break(
 
 def test_a_strong_live_current_is_taken_with_a_warning(tmp_path: Path) -> None:
     """Its row warns as long as it is in force."""
-    twin = Twin(load_scene(written(tmp_path, GOOD)))
+    twin = Twin(load_scene(written(tmp_path, STEPPED)))
 
     def row() -> Status:
         rows = statuses(twin.snapshot(), None)
