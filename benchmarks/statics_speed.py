@@ -19,7 +19,7 @@ from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from validation.rigs import Rig
+from validation.rigs import Rig, with_nothing_below
 
 NODES = 1000
 SCENES = ("deep_lift", "hmpe_lift", "storm", "smooth_2km", "slack_5km")
@@ -116,7 +116,9 @@ def _on_a_bed(name: str) -> Scene:
         density=1025.0, fixed_at=(230.0, 0.0, -100.0),
     )  # fmt: skip
     effects = rig.scene().effects
-    return replace(rig.scene(), effects=(*effects[:4], SeabedParams(depth_m=100.0), *effects[4:]))
+    bed = SeabedParams(depth_m=100.0)
+    scene = replace(rig.scene(), effects=(*effects[:4], bed, *effects[4:]))
+    return with_nothing_below(scene)  # the step of `landing`
 
 
 def _timed(scene: Scene, guess: str) -> tuple[float, Equilibrium]:

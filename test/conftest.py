@@ -20,8 +20,8 @@ ROS = Path(__file__).parent / "ros"
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.append(str(Path(__file__).resolve().parent / "support"))  # fixtures of several folders
 # Files whose entries reach the same kernels: of a step read as assembly or in lanes, of ropes that
-# meet, of them in water that changes, of every scene. Side by side two of them would compile the
-# same code at the same moment.
+# meet, of water that changes, of every scene. Side by side two of them would compile the same code
+# at the same moment.
 ALIKE = {
     "test_compiled_effects.py": "assembly",
     "test_bench_command.py": "assembly",
@@ -31,6 +31,10 @@ ALIKE = {
     "test_joined_bending.py": "joined",
     "test_depth_profiles.py": "profiles",
     "test_fluid_ramp.py": "profiles",
+    "test_current_and_drag.py": "profiles",
+    "test_payload_shedding.py": "profiles",
+    "test_oscillating_drag.py": "oscillating",
+    "test_payload_oscillation.py": "oscillating",
     "test_golden_states.py": "scenes",
     "test_scenes_run.py": "scenes",
 }

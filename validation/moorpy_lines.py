@@ -27,7 +27,7 @@ from rope_twin.studies.picture import Line, Panel
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from validation.case import Case, Finding, Found, shown, within_pct
-from validation.rigs import WATER, Rig
+from validation.rigs import WATER, Rig, with_nothing_below
 
 GRAVITY = Rig.gravity
 FIRM = 1e8  # N/m³: the lying line sinks by 0.1 mm, MoorPy's not at all
@@ -100,13 +100,17 @@ def rig_of(line: Lying, elements: int) -> Rig:
     )  # fmt: skip
 
 
+def bed_of(line: Lying) -> SeabedParams:
+    """Return a bed at A."""
+    return SeabedParams(depth_m=DEEP + line.up, friction=0.0, stiffness_n_per_m3=FIRM)
+
+
 def scene_of(line: Lying, rig: Rig) -> Scene:
-    """Return the scene of a rig, on a bed at A if the line lies."""
+    """Return the scene of a rig, on a bed at A if the line lies: by the step of a payload there."""
     scene = rig.scene()
     if not line.on_bed:
         return scene
-    bed = SeabedParams(depth_m=DEEP + line.up, friction=0.0, stiffness_n_per_m3=FIRM)
-    return replace(scene, effects=(*scene.effects, bed))
+    return with_nothing_below(replace(scene, effects=(*scene.effects, bed_of(line))))
 
 
 def sectioned(elements: int) -> Scene:
@@ -133,9 +137,9 @@ def hauled(elements: int) -> Snapshot:
         rig_of(RUBBING, elements), length=RUBBING.length + HAULED_M, damping=1e7, step=0.05,
         drag=(1.2, 0.02), winch=HAULING,
     )  # fmt: skip
-    scene = scene_of(RUBBING, rig)
+    scene = rig.scene()
     friction = BedFrictionParams(axial=FRICTION, lateral=FRICTION, slip_m=1e-4)
-    twin = Twin(replace(scene, effects=(*scene.effects, friction)))
+    twin = Twin(replace(scene, effects=(*scene.effects, bed_of(RUBBING), friction)))
     lasts_s = HAULED_M / SPEED
     speeds = [(1.0, -SPEED), (1.0 + lasts_s, 0.0)]
     *_, last = march(twin, still, lasts_s + WAIT_S, EVERY, speeds)

@@ -15,7 +15,7 @@ from rope_twin.studies.modes import find_modes
 from rope_twin.studies.picture import Line, Panel, Vector
 from rope_twin.twin.twin import Twin
 from validation.case import Case, Finding, Found, derived, within, within_pct
-from validation.rigs import NOTHING, Rig
+from validation.rigs import CALM, NOTHING, Rig, with_nothing_below
 
 SOLIDITY, SPEED = 0.2, 0.5
 NET = NetCurtainParams(
@@ -34,9 +34,14 @@ TAUT = replace(
 )  # fmt: skip
 
 
+def _scene(net: NetCurtainParams, rig: Rig) -> Scene:
+    """Return the rig's scene with the net, in waves of no height: the step of net_curtain."""
+    return with_effect(with_effect(rig.scene(), CALM), net)
+
+
 def _forces(net: NetCurtainParams, rig: Rig) -> Vector:
     """Return the horizontal force of the net over ½·ρ·A·U², east and north."""
-    pull = Twin(with_effect(rig.scene(), net)).snapshot().hang_off_force_n
+    pull = Twin(_scene(net, rig)).snapshot().hang_off_force_n
     area = net.width_m * (net.to_m - net.from_m)
     return np.asarray(pull[:2] / (0.5 * rig.density * area * SPEED**2))
 
@@ -90,7 +95,7 @@ def solve_line(net: NetCurtainParams, rig: Rig, s: Vector) -> Vector:
 
 
 def _hanging(net: NetCurtainParams, name: str) -> tuple[list[Finding], Line, Line]:
-    shot = Twin(with_effect(BARE.scene(), net)).snapshot()
+    shot = Twin(_scene(net, BARE)).snapshot()
     place = shot.node_position_m[::-1]
     steps = np.diff(place, axis=0)
     leans = np.degrees(np.arctan2(-steps[:, 0], steps[:, 2]))
@@ -119,7 +124,7 @@ def _taut(scene: Scene) -> list[float]:
 def _vibrating() -> list[Finding]:
     """Return the first mode along and across the panel: f = 1/(2·L)·√(T/m)."""
     net = replace(NET, to_m=TAUT.length)
-    scene = with_effect(TAUT.scene(), net)
+    scene = with_nothing_below(_scene(net, TAUT))
     length = -TAUT.fixed_at[2] if TAUT.fixed_at else 0.0
     tension = TAUT.EA * (length / TAUT.length - 1.0)
     section = 0.25 * math.pi * net.twine_m**2 * 2.0 / net.bar_m * net.width_m

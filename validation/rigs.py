@@ -8,7 +8,7 @@ only where its stiffness is given.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rope_twin.effects.bending import BendingParams
@@ -16,6 +16,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
+from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.schema import (
     Damping,
     Environment,
@@ -37,6 +38,8 @@ Profile = tuple[tuple[float, tuple[float, float]], ...]
 NOTHING: Triple = (0.0, 0.0, 0.0)
 STILL_WATER: Profile = ((0.0, (0.0, 0.0)),)
 WATER = 1025.0
+# For rigs whose step is compiled with waves anyway: these move no water at all.
+CALM = WavesParams(regular=RegularWave(height_m=0.0, period_s=8.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +148,25 @@ class Rig:
         """Return the depth of the lower end of the hanging rope [m]: L + (W + w·L/2)·L/EA."""
         L = self.length
         return L + (self.load_weight + 0.5 * self.weight * L) * L / self.EA
+
+
+def with_nothing_below(scene: Scene) -> Scene:
+    """A rig's scene whose lower end is held, with a payload of no mass there.
+
+    No load on a node that is held counts. Its step is the one that scenes with a payload are
+    compiled for anyway.
+    """
+    (line,) = scene.ropes
+    nothing = Payload(
+        name="nothing", mass_kg=0.0, displaced_volume_m3=0.0, added_mass_kg=(0.0, 0.0, 0.0),
+        drag_area_m2=(0.0, 0.0, 0.0),
+    )  # fmt: skip
+    return replace(
+        scene,
+        ropes=(replace(line, to=nothing.name),),
+        payloads=(nothing,),
+        effects=(*scene.effects, PayloadParams()),
+    )
 
 
 def sine(amplitude: float, period: float) -> Motion:

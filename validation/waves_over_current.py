@@ -18,6 +18,7 @@ from rope_twin.studies.picture import Line, Panel, Vector
 from rope_twin.twin.twin import Twin
 from validation.case import Case, Finding, Found, between, shown, within_pct
 from validation.published_ropes import LCD_CABLE, LCD_RISER, PublishedRope
+from validation.rigs import CALM
 from validation.wave_lines import CABLE_EA, RISER_EA, rig
 from validation.wave_readings import tried
 
@@ -79,7 +80,7 @@ def motion_of(line: _Line, model: Any, wave: bool, inverted: bool, periods: int)
     """Return the motion across the flow over d, second half of a run, (times, PLACES)."""
     own = rig(line.rope, line.EA, line.elements[model], line.step_s[model])
     scene = own.scene()
-    effects = [*scene.effects, model, *([WAVE] if wave else [])]
+    effects = [*scene.effects, model, WAVE if wave else CALM]  # one step for both
     if inverted:
         effects = [INVERTED if isinstance(own, CurrentParams) else own for own in effects]
     twin = Twin(replace(scene, effects=tuple(effects)))

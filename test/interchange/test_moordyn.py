@@ -15,7 +15,9 @@ from rope_twin import Twin
 from rope_twin.cli import main
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.errors import InputError
 from rope_twin.interchange.moordyn import deck_of, scene_of
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
@@ -187,6 +189,14 @@ def test_a_deck_by_another_hand_is_read(tmp_path: Path) -> None:
     # the pull on the crane: masses of 500 and 600 kg, a wire of 800 kg, two legs of 25 kg, in water
     area = np.pi / 4.0 * np.array([0.05**2 * 100.0, 0.04**2 * 10.0])
     weight = (1100.0 + 800.0 + 50.0 - 1025.0 * (0.2 + area.sum())) * 9.81
+    # in a current and waves of none, and far below the surface: the step of two_line_landing
+    idle = (
+        CurrentParams(profile=((0.0, (0.0, 0.0)),)),
+        WavesParams(regular=RegularWave(height_m=0.0, period_s=8.0)),
+        SplashZoneParams(height_m=1.0, bottom_area_m2=1.0),
+    )
+    assert {type(own) for own in idle}.isdisjoint(type(own) for own in scene.effects)
+    scene = replace(scene, effects=(*scene.effects, *idle))
     assert Twin(scene).snapshot().tension_top_n == pytest.approx(weight, rel=1e-3)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from rope_twin import Twin
 from rope_twin.cli import main
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.interchange.orcaflex import scene_of_model
@@ -119,7 +121,10 @@ def test_a_model_becomes_a_scene_in_si_units(tmp_path: Path) -> None:
     assert waves.heading_deg == 150.0
     assert waves.also[0].regular is not None
     assert waves.also[0].regular.height_m == 0.5
-    assert math.isfinite(Twin(scene).snapshot().tension_top_n)
+    # with a splash zone far above the manifold: the step of two_line_landing
+    zone = SplashZoneParams(height_m=1.0, bottom_area_m2=1.0)
+    twin = Twin(replace(scene, effects=(*scene.effects, zone)))
+    assert math.isfinite(twin.snapshot().tension_top_n)
 
 
 def test_the_vessel_rides_on_the_raos_of_the_same_file(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_cases import NODES, apply, some_work
+from ramp_rigs import in_time
 from rigs import Rig, Vector, march, still
 
 from rope_twin.core import state as rows
@@ -71,7 +72,7 @@ def test_a_ramp_starts_from_rest_and_ends_in_the_tow() -> None:
     steady = Twin(rig.scene()).snapshot().payload_position_m
     scene = rig.scene()
     current = replace(scene.effects[0], over_time=((0.0, 0.0), (60.0, 1.0)))
-    twin = Twin(replace(scene, effects=(current, *scene.effects[1:])))
+    twin = Twin(in_time(scene, current))
     assert np.abs(twin.snapshot().payload_position_m[:2]).max() < 1e-9
     for shot in march(twin, still, 400.0, every=400):
         last = shot.payload_position_m
@@ -126,7 +127,7 @@ def test_a_rope_that_hangs_in_a_vertical_current(upward: float) -> None:
         area=(4.0, 4.0, 5.0), damping=1e5, diameter=0.04, EA=5e7, tolerance=1e-6,
         current=((0.0, (0.0, 0.0, upward)),),
     )  # fmt: skip
-    shot = Twin(rig.scene()).snapshot()
+    shot = Twin(in_time(rig.scene())).snapshot()
     square = 0.5 * 1025.0 * upward * abs(upward)
     below = rig.load_weight - square * 5.0
     each = rig.weight - square * math.pi * 0.04 * 0.02

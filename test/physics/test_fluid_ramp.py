@@ -9,6 +9,7 @@ import numba
 import numpy as np
 import pytest
 from effect_cases import apply, data_of, some_stage, some_work
+from ramp_rigs import in_time
 from rigs import Rig, march, sine, still
 from shedding_rigs import HAULED
 from small_scene import SMALL_SCENE
@@ -37,8 +38,8 @@ TABLE = LoadCurve(over_time=((2.0, 0.5), (4.0, 1.5), (10.0, 1.0)))
 
 
 def ramped(scene: Scene, **curves: LoadCurve) -> Scene:
-    """The scene with a fluid ramp."""
-    return replace(scene, effects=(*scene.effects, FluidRampParams(**curves)))
+    """A rig's scene with a fluid ramp, by the step of all that builds up."""
+    return in_time(scene, FluidRampParams(**curves))
 
 
 @pytest.mark.parametrize(
@@ -115,10 +116,11 @@ def test_ropes_that_meet_begin_as_in_still_water() -> None:
 
     A profile of the scene's own density changes nothing: test_depth_profiles has this step too.
     """
-    scene = ramped(load_scene("bridle_lift"), water=LoadCurve(ramp_s=4.0))
+    scene = load_scene("bridle_lift")
     density = scene.environment.water_density_kg_per_m3
     alike = DepthProfilesParams(density_kg_per_m3=((0.0, density),))
-    twin = Twin(replace(scene, effects=(*scene.effects, alike)))
+    ramp = FluidRampParams(water=LoadCurve(ramp_s=4.0))
+    twin = Twin(replace(scene, effects=(*scene.effects, alike, ramp)))
     first = twin.snapshot()
     assert first.fluid_factors == (0.0, 0.0, 0.0)
     twin.advance(round(6.0 / twin.step_s))
@@ -169,7 +171,7 @@ def test_diagnostics_say_that_forces_are_scaled(tmp_path: Path) -> None:
     path = tmp_path / "ramp.yaml"
     own = "  - fluid_ramp: {water: {ramp_s: 2.0}}\ntime: {step"
     path.write_text(SMALL_SCENE.replace("time: {step", own))
-    twin = Twin(load_scene(path))
+    twin = Twin(in_time(load_scene(path)))
     twin.advance(100)
     shot = twin.snapshot()
     assert shot.fluid_factors == pytest.approx((0.5, 0.5, 0.5))

@@ -26,6 +26,7 @@ from rope_twin.effects.hull_contact import (
     build,
     contact_forces,
 )
+from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.twin.monitors import Monitors
 
@@ -43,8 +44,12 @@ MU, SLIP = 0.3, 0.01
 
 
 def scene_of(rig: Rig, *boxes: HullBox, **params: Any) -> Scene:
+    """A rig's scene with a hull. All of the rope is below the surface, where wetting does nothing:
+    with it the step is that of the shipped moonpool_lift.
+    """
     scene = rig.scene()
-    return replace(scene, effects=(*scene.effects, HullContactParams(boxes=boxes, **params)))
+    hull = HullContactParams(boxes=boxes, **params)
+    return replace(scene, effects=(*scene.effects, WettingParams(), hull))
 
 
 def hull_of(twin: Twin) -> HullContact:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from effect_cases import CURTAINS, NODES, acting, loads, some_work
-from rigs import Rig, march, sine
+from rigs import CALM, Rig, march, sine
 from test_energy_accounts import DT, seen, stored, three
 
 from rope_twin import Twin
@@ -40,9 +40,12 @@ RIG = Rig(
 )  # fmt: skip
 
 
-def hung(net: NetCurtainParams, rig: Rig = RIG) -> Scene:
-    """A weight below a rope that has no drag itself, so that all that pulls aside is net."""
-    return with_effect(rig.scene(), net)
+def hung(net: NetCurtainParams, rig: Rig = RIG, sea: WavesParams = CALM) -> Scene:
+    """A weight below a rope that has no drag itself, so that all that pulls aside is net.
+
+    Also where it is calm there are waves, of no height: one step serves all.
+    """
+    return with_effect(with_effect(rig.scene(), sea), net)
 
 
 def curtain(twin: Twin) -> NetCurtain:
@@ -190,7 +193,7 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str) -> None:
 def test_the_energy_of_a_net_in_waves_closes() -> None:
     """Waves of 2 m, heave, payout: 5e-5 of what passes; found: 1.7e-5, falling with step²."""
     waves = WavesParams(regular=RegularWave(height_m=2.0, period_s=7.0), ramp_s=2.0)
-    scene = with_effect(hung(NET, replace(RIG, ramp=5.0)), waves)
+    scene = hung(NET, replace(RIG, ramp=5.0), waves)
     twin = Twin(replace(scene, time=replace(scene.time, newton_tolerance_n=0.01)), ENERGY)
     *_, shot = march(twin, faded(sine(0.8, 6.0), 5.0), 12.0, speeds=[(2.0, 0.8), (8.0, 0.0)])
     assert shot.energy is not None

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigs import Rig, march, sine, still
+from oscillation_rigs import by_one, in_time, oscillating
+from rigs import Rig, march, sine, still, with_nothing_below
 
 from rope_twin import Twin
 from rope_twin.core.state import ELEMENTS
 from rope_twin.effects.current import CurrentParams
-from rope_twin.effects.drag import DragParams, KeuleganCarpenter, RoughTable
+from rope_twin.effects.drag import DragParams, KeuleganCarpenter, OscillatingDrag, RoughTable
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
@@ -38,10 +39,7 @@ def drag_of(*tables: RoughTable, roughness: float | None = None) -> DragParams:
 def scene_of(rig: Rig, *more: object) -> Scene:
     """A rig's scene with further effects, each in the place of the rig's own of its kind."""
     scene = rig.scene()
-    kinds = {type(own) for own in more}
-    return replace(
-        scene, effects=(*(own for own in scene.effects if type(own) not in kinds), *more)
-    )
+    return in_time(scene if rig.fixed_at is None else with_nothing_below(scene), *more)
 
 
 def tide(of_time: object, seconds: float) -> CurrentParams:
@@ -54,7 +52,7 @@ def tide(of_time: object, seconds: float) -> CurrentParams:
 
 
 def memory_of(twin: Twin) -> np.ndarray:
-    (own,) = (effect for effect in twin.rope.effects if hasattr(effect, "memory"))
+    (own,) = (effect for effect in twin.rope.effects if isinstance(effect, OscillatingDrag))
     return np.asarray(own.memory)
 
 
@@ -137,13 +135,10 @@ def test_a_factor_of_one_changes_nothing() -> None:
     """To the rounding, in waves."""
     sea = WavesParams(regular=RegularWave(height_m=4.0, period_s=8.0), ramp_s=4.0)
     rig = replace(PIPE, fixed_at=None, load=8e3, volume=1.0, EA=4e7, drag=(1.1, 0.02))
-    one = RoughTable(roughness=1e-3, rows=((5.0, 1.0),))
-    by_number = KeuleganCarpenter(tables=(one,))
-    drag = DragParams(normal=1.1, tangential=0.02, over_keulegan_carpenter=by_number)
+    plain = replace(rig.scene(), effects=(*rig.scene().effects, sea))
     places = []
-    for more in ((), (drag,)):
-        twin = Twin(scene_of(rig, sea, *more))
-        *_, shot = march(twin, still, 12.0)
+    for scene in (plain, in_time(plain)):
+        *_, shot = march(Twin(scene), still, 12.0)
         places.append(shot.node_position_m)
     assert np.ptp(places[0][:, 0]) > 0.1
     assert np.abs(places[0] - places[1]).max() < 1e-9
@@ -154,18 +149,14 @@ def test_ropes_that_meet_have_numbers_of_their_own() -> None:
     scene = load_scene("bridle_lift")
     own = scene.listed(DragParams)
     assert own is not None
-    one = RoughTable(roughness=1e-3, rows=((5.0, 1.0),))
-    places, factors = [], np.zeros(1)
-    for table in (None, one, SMOOTH):
-        by_number = KeuleganCarpenter(tables=(table,)) if table else None
-        drag = replace(own, over_keulegan_carpenter=by_number)
-        effects = tuple(drag if each is own else each for each in scene.effects)
-        twin = Twin(replace(scene, effects=effects))
+    table = replace(own, over_keulegan_carpenter=KeuleganCarpenter(tables=(SMOOTH,)))
+    places = []
+    for each in (scene, oscillating(scene, by_one(own)), oscillating(scene, table)):
+        twin = Twin(each)
         *_, shot = march(twin, sine(1.0, 5.0), 4.0)
         places.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
-        if table is SMOOTH:
-            n = int(twin.rope.state.counts[ELEMENTS])
-            factors = memory_of(twin)[MORE, 1:n]
+    n = int(twin.rope.state.counts[ELEMENTS])
+    factors = memory_of(twin)[MORE, 1:n]
     assert np.abs(places[0] - places[1]).max() < 1e-9
     assert np.abs(places[0] - places[2]).max() > 1e-4
     assert np.ptp(factors) > 1e-3

@@ -6,12 +6,15 @@ import re
 from dataclasses import replace
 from math import asinh, pi, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from rigs import CALM
 from scipy.optimize import brentq
 
 from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.effects.current import CurrentParams
 from rope_twin.scene.load import rope_preset
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Rope
@@ -22,12 +25,18 @@ BUOY, CRANES, CABLE, TOW = re.findall(WHOLE, PAGE.read_text(), re.DOTALL)
 G, RHO = 9.80665, 1025.0
 
 
-def at_rest(text: str, folder: Path) -> Snapshot:
-    """How the scene begins; nobody warns of it."""
+STILL = CurrentParams(profile=((0.0, (0.0, 0.0)),))
+
+
+def at_rest(text: str, folder: Path, *idle: Any) -> Snapshot:
+    """How the scene begins; nobody warns of it.
+
+    idle: effects besides that do nothing, by which its step is one that is compiled anyway.
+    """
     (folder / "own.yaml").write_text(text)
     scene = load_scene(folder / "own.yaml")
     assert sense_checks(scene) == []
-    return Twin(scene).snapshot()
+    return Twin(replace(scene, effects=(*scene.effects, *idle))).snapshot()
 
 
 def in_water(rope: Rope) -> float:
@@ -36,7 +45,8 @@ def in_water(rope: Rope) -> float:
 
 
 def test_a_buoy_floats_on_what_its_chain_leaves_it(tmp_path: Path) -> None:
-    shot = at_rest(BUOY, tmp_path)
+    """By the step of test_cut_joined."""
+    shot = at_rest(BUOY, tmp_path, STILL, CALM)
     assert shot.seabed is not None
     lying_m = shot.seabed.rope_on_bed_m
     assert lying_m == pytest.approx(60.0 - 49.3, abs=1.5)  # to half an element
@@ -50,10 +60,8 @@ def test_a_buoy_floats_on_what_its_chain_leaves_it(tmp_path: Path) -> None:
 
 
 def test_each_crane_carries_its_end(tmp_path: Path) -> None:
-    """In a current of none besides: its step is then that of bridle_lift, compiled already."""
-    still = "effects:\n  - current: {profile: [[0.0, [0.0, 0.0]]]}\n"
-    assert CRANES.count("effects:\n") == 1
-    shot = at_rest(CRANES.replace("effects:\n", still), tmp_path)
+    """By the step of bridle_lift."""
+    shot = at_rest(CRANES, tmp_path, STILL)
     beam = 20000.0 * (1.0 - RHO / 7850.0)
     wire = 100.0 * in_water(rope_preset("steel_wire_76mm"))
     for rope, load in zip(shot.ropes, (120000.0 - 15.0 * RHO, 60000.0 - 7.5 * RHO), strict=True):

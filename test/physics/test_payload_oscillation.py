@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from oscillation_rigs import EVEN, in_time, oscillating, payload_by
 from rigs import Rig, march, sine
 
 from rope_twin import Twin
@@ -34,15 +35,17 @@ DRAG = ((1.0, 2.0), (5.0, 1.5), (9.0, 1.5), (20.0, 1.0))
 ADDED = ((1.0, 0.6), (5.0, 1.3), (9.0, 1.3), (20.0, 1.8))
 
 
-def scene_of(rig: Rig, *more: object) -> Scene:
+def plain_of(rig: Rig, *more: object) -> Scene:
     scene = rig.scene()
     return replace(scene, effects=(*scene.effects, *more))
 
 
+def scene_of(rig: Rig, *more: object) -> Scene:
+    return in_time(rig.scene(), *more)
+
+
 def by_number(drag: object = DRAG, added: object = ADDED) -> PayloadOscillationParams:
-    return PayloadOscillationParams(
-        size_m=(SIZE,) * 3, drag=drag, added_mass=added, window_s=30.0  # type: ignore[arg-type]
-    )  # fmt: skip
+    return payload_by(drag, added, SIZE)
 
 
 def memory_of(twin: Twin) -> np.ndarray:
@@ -85,11 +88,9 @@ SOFT = replace(STIFF, length=30.0, EA=4e7, diameter=0.05, mass=9.0, hang_off=(0.
 
 def test_factors_of_one_change_nothing() -> None:
     """To the rounding, in waves."""
-    one = ((3.0, 1.0),)
     places = []
-    for more in ((), (by_number(one, one),)):
-        twin = Twin(scene_of(SOFT, SEA, *more))
-        *_, shot = march(twin, sine(0.5, 5.0), 10.0)
+    for scene in (plain_of(SOFT, SEA), scene_of(SOFT, SEA, by_number(EVEN, EVEN))):
+        *_, shot = march(Twin(scene), sine(0.5, 5.0), 10.0)
         places.append(shot.node_position_m)
     assert np.abs(places[0] - places[1]).max() < 1e-9
 
@@ -97,11 +98,11 @@ def test_factors_of_one_change_nothing() -> None:
 def test_payloads_of_ropes_that_meet_have_their_own() -> None:
     """A bridle: with factors of one as without; with tables it moves otherwise."""
     scene = load_scene("bridle_lift")
-    one = ((3.0, 1.0),)
     places = []
-    for more in ((), (by_number(one, one),), (by_number(),)):
-        twin = Twin(replace(scene, effects=(*scene.effects, *more)))
-        *_, shot = march(twin, sine(1.0, 5.0), 4.0)
+    for each in (
+        scene, oscillating(scene, by_number(EVEN, EVEN)), oscillating(scene, by_number())
+    ):  # fmt: skip
+        *_, shot = march(Twin(each), sine(1.0, 5.0), 4.0)
         places.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
     assert np.abs(places[0] - places[1]).max() < 1e-9
     assert np.abs(places[0] - places[2]).max() > 1e-4
@@ -114,7 +115,7 @@ def test_constant_factors_are_other_figures() -> None:
         SOFT, added=tuple(1.5 * a for a in SOFT.added), area=tuple(2.0 * a for a in SOFT.area)
     )
     places = []
-    for scene in (scene_of(SOFT, SEA, more), scene_of(other, SEA), scene_of(SOFT, SEA)):
+    for scene in (scene_of(SOFT, SEA, more), plain_of(other, SEA), plain_of(SOFT, SEA)):
         *_, shot = march(Twin(scene), sine(0.5, 5.0), 10.0)
         places.append(shot.node_position_m)
     assert np.abs(places[0] - places[1]).max() < 1e-7

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from body_rigs import body_in, scene_of
+from ramp_rigs import in_time
 from rigs import Rig, march, still
 from scene_text import GOOD
 
@@ -42,17 +43,12 @@ def shedding(
     factor: float = 1.0,
     **changes: float,
 ) -> Scene:
-    """The rig's scene, whose payload sheds vortices, with a factor on the current and on these.
-
-    Both are there where they are 1, and every current has a vertical part, so that all these scenes
-    are compiled once.
-    """
+    """The rig's scene, whose payload sheds vortices, with a factor on the current and on these."""
     scene = rig.scene()
-    (current, *others) = scene.effects
+    current = replace(scene.effects[0], over_time=over_time)
     assert isinstance(current, CurrentParams)
-    current = replace(current, over_time=over_time)
     ramp = FluidRampParams(vortices=LoadCurve(over_time=((0.0, factor),)))
-    return replace(scene, effects=(current, *others, replace(SHEDS, **changes), ramp))
+    return in_time(scene, current, replace(SHEDS, **changes), ramp)
 
 
 def of_payload(twin: Twin) -> PayloadShedding:

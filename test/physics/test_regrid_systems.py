@@ -17,7 +17,7 @@ from rope_twin.core.joined.joints import loaded_ends
 from rope_twin.core.loads.memory import numbers_carried
 from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
-from rope_twin.effects.wake_oscillator import WakeOscillatorParams
+from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.recording.motion_source import FIRST_NS, offer, open_sea
 from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.rigging import winches_by_name
@@ -29,7 +29,7 @@ from rope_twin.twin.winch.commands import schedule_samples
 SECOND_NS = 1_000_000_000
 SHAKEN = {  # multi-line scenes that get a VIV model
     "bridle_lift shaken by modes": ModalVibrationParams(),
-    "two_line_loop with wakes": WakeOscillatorParams(),
+    "two_line_loop with strumming": StrouhalForcingParams(),  # as two_line_ascent
 }
 SCENES = ["manifold_lift", "viv_calm", "vortices_modal", "bridle_lift", "two_line_loop", *SHAKEN]
 WITH_VARIABLES = ["viv_calm", "vortices_modal", *SHAKEN]  # of their effects, at the nodes
@@ -160,7 +160,7 @@ def wakes(twin: Twin) -> list[tuple[Any, int]]:
 
 
 @pytest.mark.parametrize("moving", list(SHAKEN), indirect=True)
-def test_every_rope_takes_its_wakes_to_another_level(moving: Twin) -> None:
+def test_every_rope_takes_its_variables_to_another_level(moving: Twin) -> None:
     """At nodes that stay, and where it ends at a connection, which carries loads too."""
     twin = moving.branch()
     before = [(rope, memory_of(rope)) for rope in ropes_of(moving)]

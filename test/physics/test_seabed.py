@@ -11,7 +11,7 @@ import pytest
 from effect_cases import NODES, apply, some_stage, some_work
 from hypothesis import given
 from hypothesis import strategies as st
-from rigs import Rig, march, still
+from rigs import Rig, march, still, with_nothing_below
 from scipy.integrate import solve_ivp
 
 from rope_twin.core import state as rows
@@ -83,7 +83,8 @@ def test_a_rope_laid_on_the_bed_is_a_catenary() -> None:
     Hanging part s = √(h² + 2·h·H/w), its span H/w·asinh(w·s/H), the rest lies straight under H
     (Irvine 1981). 2 m elements: 0.2 %.
     """
-    twin = Twin(on_bed(MOORED, replace(BED, friction=0.0, stiffness_n_per_m3=1e6)))
+    scene = on_bed(MOORED, replace(BED, friction=0.0, stiffness_n_per_m3=1e6))
+    twin = Twin(with_nothing_below(scene))  # the step of the shipped landing
     shot = twin.snapshot()
     w, h = MOORED.weight, 100.0
     tension = shot.element_tension_n

@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 import pytest
 from effect_cases import apply
-from rigs import Rig, march, sine, with_nothing_below
+from rigs import CALM, Rig, march, sine, with_nothing_below
 from scipy.optimize import brentq
 
 from rope_twin import Twin
@@ -31,14 +31,16 @@ NO_AIR = WindParams(velocity_m_per_s=(0.0, 0.0), normal=0.0)
 def scene_of(rig: Rig, *more: object) -> Scene:
     """A rig's scene with further effects.
 
-    A rope through the surface always has a wind, be it without a force, and a payload, be it of no
-    mass: so all these scenes are compiled once, and once more with waves.
+    A rope through the surface always has waves, be they of no height, a wind, be it without a
+    force, and a payload, be it of no mass: so all these scenes are compiled once.
     """
     scene = rig.scene()
     if not more:
         return scene
-    air = () if any(isinstance(own, WindParams) for own in more) else (NO_AIR,)
-    scene = replace(scene, effects=(*scene.effects, *more, *air))
+    given = {type(own): own for own in (CALM, *more)}
+    waves, air = given[WavesParams], (given[WettingParams], given.get(WindParams, NO_AIR))
+    current, *others = scene.effects
+    scene = replace(scene, effects=(current, waves, *air, *others))
     return scene if rig.fixed_at is None else with_nothing_below(scene)
 
 

@@ -248,26 +248,41 @@ def test_the_scene_comes_from_the_bag_where_its_file_has_changed(tmp_path: Path)
     assert verify(second).outcome is Outcome.EQUAL
 
 
-def test_tables_beside_a_scene_come_from_the_bag_too(tmp_path: Path) -> None:
-    """Forces and the spectrum of a swell in a folder of their own; with both, replay needs none."""
+FORCES = {"decomposed_force: {}": "decomposed_force: {table: {path: tables/fitted_forces.csv}}"}
+SWELL = "{measured: {file: ./tables/ndbc_46042_1996.csv, column: 1996-10-16T00Z}}"
+SEA = {
+    "responses: vessel_120m": "responses: ./tables/vessel_120m.csv",
+    "      spreading: 6.0\n": f"      spreading: 6.0\n      also: [{SWELL}]\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("scene", "changes", "tables"),
+    [
+        ("vortices_decomposed", FORCES, ["viv/fitted_forces.csv"]),
+        ("ship_6dof", SEA, ["responses/vessel_120m.csv", "sea_states/ndbc_46042_1996.csv"]),
+    ],
+    ids=["forces", "responses and the spectrum of a swell"],
+)
+def test_tables_beside_a_scene_come_from_the_bag_too(
+    tmp_path: Path, scene: str, changes: dict[str, str], tables: list[str]
+) -> None:
+    """In a folder of their own; with what the bag has, replay needs none of it."""
     share, folder = share_dir() / "config", tmp_path / "scene"
     (folder / "tables").mkdir(parents=True)
-    for name in ("viv/fitted_forces.csv", "sea_states/ndbc_46042_1996.csv"):
-        shutil.copy(share / name, folder / "tables")
-    swell = "{measured: {file: ./tables/ndbc_46042_1996.csv, column: 1996-10-16T00Z}}"
-    waves = f"waves: {{regular: {{height_m: 0.5, period_s: 7.0}}, also: [{swell}]}}"
-    forces = "decomposed_force: {table: {path: tables/fitted_forces.csv}}"
+    copies = [Path(shutil.copy(share / name, folder / "tables")) for name in tables]
     path = folder / "own.yaml"
-    text = (share / "scenes" / "vortices_decomposed.yaml").read_text(encoding="utf-8")
-    assert text.count("decomposed_force: {}") == 1
-    text = text.replace("decomposed_force: {}", f"{forces}\n  - {waves}")
+    text = (share / "scenes" / f"{scene}.yaml").read_text(encoding="utf-8")
+    for old, new in changes.items():
+        assert text.count(old) == 1
+        text = text.replace(old, new)
     path.write_text(text, encoding="utf-8")
     bag = record(tmp_path / "bag", 1.0, scene=str(path))
     kept = read_content(bag)
     session = next(one for one in kept.messages((SESSION_TOPIC,)) if one.topic == SESSION_TOPIC)
     files = decode_json(SESSION_TOPIC, session.data)["scene"]["files"]
-    assert {"own.yaml", "tables/fitted_forces.csv", "tables/ndbc_46042_1996.csv"} <= set(files)
-    (folder / "tables" / "fitted_forces.csv").write_text("another table\n")
+    assert {"own.yaml", *(f"tables/{copy.name}" for copy in copies)} <= set(files)
+    copies[0].write_text("another table\n")
     assert verify(bag).outcome is Outcome.EQUAL
     shutil.rmtree(folder)
     assert verify(bag).outcome is Outcome.EQUAL

@@ -5,7 +5,7 @@ from math import pi
 from pathlib import Path
 
 import pytest
-from scene_text import GOOD, assert_refused, spoilt, written
+from scene_text import GOOD, STEPPED, assert_refused, spoilt, written
 
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
@@ -149,7 +149,7 @@ def test_no_bag_is_made_of_a_sea_that_would_break(
 
 def test_a_strong_live_current_is_taken_with_a_warning(tmp_path: Path) -> None:
     """Its row warns as long as it is in force."""
-    twin = Twin(load_scene(written(tmp_path, GOOD)))
+    twin = Twin(load_scene(written(tmp_path, STEPPED)))
 
     def row() -> Status:
         rows = statuses(twin.snapshot(), None)
@@ -185,7 +185,7 @@ def test_an_accepted_warning_is_shown_as_such(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One by its place and words; an entry without a warning is a warning itself."""
-    undamped = spoilt("fraction_of_first_axial_mode: 0.02", "newton_seconds: 0.0")
+    undamped = STEPPED.replace("fraction_of_first_axial_mode: 0.02", "newton_seconds: 0.0")
     path = written(tmp_path, undamped + ACCEPT)
     assert sense_checks(load_scene(path)) == []
     assert main(["scene", "check", str(path)]) == 0
@@ -196,7 +196,7 @@ def test_an_accepted_warning_is_shown_as_such(
     coarse = written(tmp_path, undamped.replace("elements: 50", "elements: 9") + ACCEPT)
     (left,) = sense_checks(load_scene(coarse))
     assert left.startswith("ropes[0].elements: ")
-    assert main(["scene", "check", str(written(tmp_path, GOOD + ACCEPT))]) == 0
+    assert main(["scene", "check", str(written(tmp_path, STEPPED + ACCEPT))]) == 0
     assert "warning: accept[0]: the scene has no warning at 'rop" in capsys.readouterr().out
     with pytest.raises(SceneError, match=r"accept\[0\]: key, says or reason is empty"):
         load_scene(written(tmp_path, GOOD + ACCEPT.replace("no limit", '""')))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ramp_rigs import in_time
 from small_scene import SMALL_SCENE, not_finite, small_scene
 
 from rope_twin import load_scene
@@ -86,7 +87,7 @@ def test_a_vertical_component_comes_and_goes(tmp_path: Path) -> None:
     """The rope feels it: 2 m/s down add the drag on the payload's face to the tension."""
     path = tmp_path / "up.yaml"
     path.write_text(SMALL_SCENE.replace(OWN, "[[0.0, [0.0, 0.0, 0.0]]]"))
-    twin = Twin(load_scene(path))
+    twin = Twin(in_time(load_scene(path)))  # the step of test_fluid_ramp
     still = twin.snapshot().tension_top_n
     assert twin.offer_current([[0.0, 0.0, 0.0, -2.0], [-500.0, 0.0, 0.0, -2.0]]) == ""
     twin.advance(1)

@@ -127,10 +127,15 @@ def test_any_number_of_members(
     assert groups == (expected if members >= LANES else [])
 
 
-def test_a_fixed_lower_end(tmp_path: Path) -> None:
-    """Its node stands in every lane where it is held, so that no step is given up."""
+def test_a_fixed_lower_end_in_a_vertical_current(tmp_path: Path) -> None:
+    """Its node stands in every lane where it is held, so that no step is given up.
+
+    The currents well up, each by its own rows: both in one step.
+    """
     path, (head, tail) = tmp_path / "held.yaml", SMALL_SCENE.split("payloads:")
     text = head.replace("to: tool", "fixed_at_m: [60.0, 20.0, -185.0]")
+    tail = tail.replace("[0.1, 0.3]]", "[0.1, 0.3, 0.2]]")
+    assert "0.2]]" in tail
     path.write_text(text + tail[tail.index("winch:") :].replace("  - payload: {}\n", ""))
     scene = load_scene(path)
     own = [
@@ -160,16 +165,6 @@ def test_ropes_paid_out_alike_stay_together(tmp_path: Path) -> None:
     lanes = ensemble.lanes()
     assert lanes.steps + lanes.given_up == 1400 * LANES
     assert lanes.given_up <= (splits + 1 + 14) * LANES
-
-
-def test_a_vertical_current(tmp_path: Path) -> None:
-    """Members whose currents well up, each by its own rows."""
-    path = tmp_path / "up.yaml"
-    path.write_text(SMALL_SCENE.replace("[0.1, 0.3]]", "[0.1, 0.3, 0.2]]"))
-    scene, own = load_scene(path), [calm(number) for number in range(LANES)]
-    ensemble = Ensemble(scene, own, threads=1)
-    ensemble.advance(4)
-    assert not unequal(scene, ensemble, own, 4)
 
 
 def test_what_a_turn_needs_is_compiled_before_it(

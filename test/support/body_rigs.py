@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rigs import NOTHING, STILL_WATER, Rig
+from rigs import CALM, NOTHING, STILL_WATER, Rig
 from scipy.spatial.transform import Rotation
 
 from rope_twin import Twin
@@ -78,12 +78,12 @@ class Hung:
 
 
 def between(rig: Rig, body: RigidBodyParams, bed: SeabedParams, bottom_m2: float = 0.0) -> Scene:
-    """The body between surface and bed."""
+    """The body between surface and bed, in waves of no height, as in the shipped manifold_lift."""
     zone = SplashZoneParams(height_m=body.size_m[2], bottom_area_m2=bottom_m2)
     scene = scene_of(rig, body)
     own = next(i for i, one in enumerate(scene.effects) if one is body)
     return replace(
-        scene, effects=(*scene.effects[:own], bed, body, zone, *scene.effects[own + 1 :])
+        scene, effects=(CALM, *scene.effects[:own], bed, body, zone, *scene.effects[own + 1 :])
     )
 
 

@@ -42,6 +42,9 @@ effects:
 time: {step_s: 0.01, newton_tolerance_n: 100.0}
 """
 
+# The same with added mass: what most scenes that are stepped have, so that it is compiled anyway.
+STEPPED = GOOD.replace("  - weight: {}\n", "  - weight: {}\n  - added_mass: {normal: 1.0}\n")
+
 
 def spoilt(old: str, new: str) -> str:
     """GOOD with its one occurrence of `old` replaced."""

@@ -66,7 +66,7 @@ def test_force_follows_the_stretch() -> None:
         damping=Damping(fraction_of_first_axial_mode=0.05),
     )  # fmt: skip
     environment = replace(scene.environment, gravity_m_per_s2=0.0, water_density_kg_per_m3=0.0)
-    twin = Twin(replace(scene, ropes=(line,), effects=(), environment=environment))
+    twin = Twin(replace(scene, ropes=(line,), environment=environment))
     for _ in range(60):
         twin.advance(50)
         shot = twin.snapshot()

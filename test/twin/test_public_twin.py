@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from scene_text import GOOD, written
+from scene_text import STEPPED, written
 
 from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError, SceneError
@@ -43,7 +43,7 @@ REFUSED: dict[str, tuple[Callable[[Twin], str], str]] = {
 
 @pytest.fixture(scope="module")
 def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written(tmp_path_factory.mktemp("scene"), GOOD)
+    return written(tmp_path_factory.mktemp("scene"), STEPPED)
 
 
 @pytest.mark.parametrize("name", REFUSED)
