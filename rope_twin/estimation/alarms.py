@@ -13,9 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
-from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.estimation.causes import (
     BEFORE_ALARM_S,
@@ -45,14 +43,20 @@ from rope_twin.estimation.fault_tests import (
     StuckEncoder,
     Suspicion,
 )
-from rope_twin.estimation.figures import HEAVE_DELAY, HEAVE_SHIFTS, INDEX, NAMES, factors_of
+from rope_twin.estimation.figures import (
+    HEAVE_DELAY,
+    HEAVE_SHIFTS,
+    INDEX,
+    NAMES,
+    factors_of,
+    static_top_n,
+)
+from rope_twin.estimation.hanging import hanging_of
 from rope_twin.estimation.lift_model import Prediction
 from rope_twin.estimation.measured_lift import MEAN_S
-from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.twin.ensemble.fleet import FleetState
 from rope_twin.twin.residual_tests import SlowDrift
-from rope_twin.twin.statics import solve_scene_statics
 
 THRESHOLD = 42.0  # of ℓ: one false alarm a week, by `python -m validation --faults --clean-hours`
 NIS_THRESHOLD = 9.0  # standard deviations: for what no signature describes
@@ -120,10 +124,8 @@ class FaultWatch:
         """
         self._threshold = threshold
         self._scene, self._model, self._lift = scene, estimator.model, estimator.model.lift
-        rope = build(scene)
-        static_n = float(solve_scene_statics(scene, rope)[rows.PULL])
-        payloads = (one.W for one in rope.effects if isinstance(one, (Payload, TwoWayPayload)))
-        self._payload_n = next(payloads, 0.0)  # submerged weight
+        static_n = static_top_n(scene)
+        self._payload_n = hanging_of(scene).weight_n
         self._rope_n_per_m = (static_n - self._payload_n) / scene.ropes[0].length_m
         self.alarm: Alarm | None = None
         self.now_s = -np.inf  # end of the newest means that were tested

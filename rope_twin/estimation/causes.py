@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -151,7 +151,7 @@ class FaultLanes:
         first_s = begin_s + MEAN_S * first
         if first > 0:
             state = self._model.state_at(theta, state, begin_s, first_s)
-        self._fleet.restore(FleetState(round(first_s * 1e9), state.rope, state.memories))
+        self._fleet.restore(replace(state, time_ns=round(first_s * 1e9)))
         tension, line = self._step(theta, [one - first for one in starts], first_s, total - first)
         changes = np.zeros((total, len(self.pairs)))
         pin = self._model.pin

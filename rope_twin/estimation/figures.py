@@ -26,10 +26,9 @@ from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.instruments import Learning
-from rope_twin.scene.rigging import is_joined
-from rope_twin.scene.rope_model import build
+from rope_twin.scene.rigging import is_joined, places
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.statics import solve_scene_statics
+from rope_twin.twin.ropes import ropes_of
 
 _CANNOT = {
     RigidBodyParams: "its payload is a rigid body",
@@ -44,14 +43,40 @@ def check_learnable(scene: Scene) -> None:
     Raises:
         InputError: one sentence, if they cannot be learned yet.
     """
-    right = "one rope with a point payload in open water can be learned"
+    right = "point payloads in open water on one rope from one hang-off can be learned"
     if is_joined(scene):
-        raise InputError(phrase(f"learn {scene.name}", "its ropes meet", right))
+        what = _why_not_joined(scene)
+        if what:
+            raise InputError(phrase(f"learn {scene.name}", what, right))
     for kind, what in _CANNOT.items():
         if scene.listed(kind) is not None:
             raise InputError(phrase(f"learn {scene.name}", what, right))
-    if scene.ropes[0].to not in [one.name for one in scene.payloads]:
+    if scene.ropes[0].fixed_at_m or not scene.payloads:
         raise InputError(phrase(f"learn {scene.name}", "its rope carries no payload", right))
+
+
+def _why_not_joined(scene: Scene) -> str:
+    """Return why what hangs together cannot be learned yet, or ""."""
+    hung = sum(line.from_ in places(scene) for line in scene.ropes)
+    if hung > 1:
+        return (
+            f"its load hangs on {hung} ropes from the ship, and a load pin on each cannot tell a "
+            "shift of the load between them from offsets of their line counters"
+        )
+    if scene.sheaves:
+        return "a rope of it runs over a sheave below the winch"
+    if any(line.fixed_at_m for line in scene.ropes[1:]):
+        return "a rope holds it to a fixed point, so that no tension is the load's alone"
+    return ""
+
+
+def static_top_n(scene: Scene) -> float:
+    """Return the static tension at the hang-off of the first rope [N].
+
+    Raises:
+        SceneError: the scene has no static equilibrium.
+    """
+    return float(ropes_of(scene, 1).solve_statics()[rows.PULL])
 
 
 def scene_prior(scene: Scene, tared: bool = False) -> Prior:
@@ -62,8 +87,7 @@ def scene_prior(scene: Scene, tared: bool = False) -> Prior:
     Raises:
         SceneError: the scene has no static equilibrium.
     """
-    static_n = float(solve_scene_statics(scene, build(scene))[rows.PULL])
-    prior = prior_of(scene.learning, static_n)
+    prior = prior_of(scene.learning, static_top_n(scene))
     return prior.tared() if tared else prior
 
 

@@ -36,11 +36,13 @@ from rope_twin.estimation.figures import (
     check_learnable,
     factors_of,
 )
+from rope_twin.estimation.hanging import hanging_of
 from rope_twin.estimation.measured_lift import FORGETTING_S, MEAN_S, LineTrack, MeasuredLift
 from rope_twin.estimation.noise import Bar, ExpectedHeave, bar_of
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState, LiveState
+from rope_twin.twin.figures import figures_of
 
 
 def dahl_states(travel_m: Floats, slip_m: float, state: float | Floats = 0.0) -> Floats:
@@ -138,7 +140,7 @@ def elements_of(bar: Bar) -> int:
 
 
 class LiftModel:
-    """A fleet of one rope that follows a measured lift."""
+    """A fleet of one rope, and of all that hangs on it, that follows a measured lift."""
 
     def __init__(self, scene: Scene, lift: MeasuredLift) -> None:
         """Build the lanes of a scene, in its static equilibrium.
@@ -152,7 +154,8 @@ class LiftModel:
         self.bar: Bar = bar_of(scene)
         self.elements = elements_of(self.bar)
         self._lone = Fleet(scene, 1, elements=self.elements, step_s=STEP_S)
-        self._known = self._lone.figures
+        # of the rope itself: slings may have a figure that it has not, the stiffness of steel
+        self._known = figures_of(hanging_of(scene).rope)
         present = {*self._known, HEAVE_GAIN, HEAVE_DELAY, *HEAVE_ERRORS}
         self.lanes = tuple(name for name in LANE_STEPS if name in present)
         members = 1 + len(self.lanes)
@@ -165,15 +168,15 @@ class LiftModel:
         self.live: LiveState | None = None  # from which it began, with the current in force
 
     def hanging_kg(self, theta: Floats) -> float:
-        """Return the mass of rope and payload with figures θ, with added mass [kg]."""
+        """Return the mass of rope and all that hangs on it with figures θ, with added mass [kg]."""
         bar = self.bar
         payload_kg = float(factors_of(theta)["oscillating_mass"]) * bar.end_mass_kg
-        return payload_kg + float(bar.mass_kg_per_m @ bar.length_m)
+        return payload_kg + bar.slings_kg + float(bar.mass_kg_per_m @ bar.length_m)
 
     def begin_at_rest(self, time_s: float) -> FleetState:
         """Return the static equilibrium as the state at a time; the ship's motion builds up."""
         self.ramp_begin_s = time_s
-        return FleetState(round(time_s * 1e9), self.rest.rope, self.rest.memories)
+        return replace(self.rest, time_ns=round(time_s * 1e9))
 
     def begin_live(self, live: LiveState) -> FleetState:
         """Return the state of a live twin on the members' mesh; its current applies to them.

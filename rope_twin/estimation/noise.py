@@ -40,9 +40,7 @@ from scipy.special import erf
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
-from rope_twin.effects.payload import Payload, TwoWayPayload
-from rope_twin.effects.rope_mass import AddedMassParams
-from rope_twin.scene.rope_model import build
+from rope_twin.estimation.hanging import hanging_of
 from rope_twin.scene.schema import Scene
 
 Complexes = NDArray[np.complex128]
@@ -64,6 +62,12 @@ class Bar:
     drag_kg_per_m2: Floats  # β of the force per metre β·|v|·v along the rope
     end_mass_kg: float  # with added mass
     end_drag_kg_per_m: float  # β of the force on the lower end
+    slings_kg: float = 0.0  # at the lower end too, with added mass; no figure scales it
+
+    @property
+    def lower_mass_kg(self) -> float:
+        """Return the whole mass at the lower end [kg]."""
+        return self.end_mass_kg + self.slings_kg
 
     def with_factors(self, factors: dict[str, float]) -> Bar:
         """Return the bars with the rope's figures multiplied, by the names of ROPE_FIGURES."""
@@ -85,26 +89,25 @@ class Bar:
 
 
 def bar_of(scene: Scene) -> Bar:
-    """Return the bars of a scene's rope at its length, with the mass at the lower end.
+    """Return the bars of a scene's first rope at its length, with all that hangs on it.
 
     Raises:
-        SceneError: the scene cannot be built, or has ropes that meet.
+        SceneError: the scene cannot be built.
     """
-    rope = build(scene)
+    hanging = hanging_of(scene)
+    rope = hanging.rope
     ends = [0.0, *rope.sections[rows.END][:-1], float(scene.ropes[0].length_m)]
     lengths = np.array([high - low for low, high in pairwise(ends)])
-    mass, volume, _, skin, _ = rope.sections[rows.PER_METRE :]
-    density = scene.environment.water_density_kg_per_m3
-    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
-    body = next((e for e in rope.effects if isinstance(e, Payload | TwoWayPayload)), None)
+    _, _, _, skin, _ = rope.sections[rows.PER_METRE :]
     return Bar(
         lengths,
         rope.sections[rows.EA].copy(),
         rope.sections[rows.C].copy(),
-        mass + along * density * volume,
+        hanging.metre_kg,
         _tangential(rope.effects) * skin,
-        body.Mz if body else 0.0,
-        body.kz if body else 0.0,
+        hanging.mass_kg,
+        hanging.drag_kg_per_m,
+        hanging.slings_kg,
     )
 
 
@@ -145,10 +148,10 @@ def top_impedance(
     )
     d_end, d = 0.0, np.zeros(len(cut))
     if heave_psd is None:
-        return _response(bar.end_mass_kg, w, cut, EA, C, mu, d_end, d)[0]
+        return _response(bar.lower_mass_kg, w, cut, EA, C, mu, d_end, d)[0]
     df = float(frequency_hz[1] - frequency_hz[0])
     for _ in range(MOST_ITERATIONS):
-        impedance, motion = _response(bar.end_mass_kg, w, cut, EA, C, mu, d_end, d)
+        impedance, motion = _response(bar.lower_mass_kg, w, cut, EA, C, mu, d_end, d)
         sigma = np.sqrt((np.abs(motion) ** 2 * w**2 * heave_psd).sum(axis=1) * df)
         per_beta = linear_drag(np.append(0.5 * (sigma[1:] + sigma[:-1]), sigma[0]), speeds)
         new_end, new = bar.end_drag_kg_per_m * per_beta[-1], beta * per_beta[:-1]

@@ -20,7 +20,6 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.effects.current import CurrentParams
-from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, BlockResult, Estimator
 from rope_twin.estimation.figures import (
     BIAS,
@@ -32,11 +31,11 @@ from rope_twin.estimation.figures import (
     Gaussian,
     Prior,
 )
+from rope_twin.estimation.hanging import hanging_of
 from rope_twin.estimation.least_squares import TEMPER, inverse
 from rope_twin.estimation.measured_lift import LINE_HZ, MeasuredLift, Series
 from rope_twin.estimation.noise import bar_of
 from rope_twin.messages.reports import UNITS as FIGURE_UNITS
-from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 
 MINUTES = 1  # that a manoeuvre takes
@@ -158,16 +157,18 @@ class FigureEstimate:
 def base_values(scene: Scene) -> dict[str, float]:
     """Return the scene's own value of each figure, in FIGURE_UNITS.
 
-    Drag is the payload's Cd·A; tangential drag the force per metre over the squared speed. Of a
-    rope of several sections they are those of the uppermost. A scene without a figure has 0.
+    Weight, mass and drag are those of the payload, of a bridle the sums over all that hangs below
+    the rope from the winch, slings left out. Drag is Cd·A; tangential drag the force per metre over
+    the squared speed. Of a rope of several sections they are those of the uppermost. A scene
+    without a figure has 0.
     """
-    rope, bar = build(scene), bar_of(scene)
-    body = next((e for e in rope.effects if isinstance(e, Payload | TwoWayPayload)), None)
+    hanging, bar = hanging_of(scene), bar_of(scene)
+    rope = hanging.rope
     density = scene.environment.water_density_kg_per_m3
     return {
-        "submerged_weight": body.W if body else 0.0,
-        "oscillating_mass": body.Mz if body else 0.0,
-        "payload_drag": 2.0 * body.kz / density if body and density else 0.0,
+        "submerged_weight": hanging.weight_n,
+        "oscillating_mass": hanging.mass_kg,
+        "payload_drag": 2.0 * hanging.drag_kg_per_m / density if density else 0.0,
         "axial_stiffness": float(rope.sections[rows.EA, -1]),
         "axial_damping": float(rope.sections[rows.C, -1]),
         "tangential_drag": float(bar.drag_kg_per_m2[-1]),
@@ -283,15 +284,14 @@ def derived_mass_kg(base: dict[str, float], posterior: Gaussian, scene: Scene) -
     """Return mass in air and vertical added mass [kg] that follow from weight and mass.
 
     No tension depends on the mass in air by itself: m = W/g + ρ·V with the scene's volume V, and
-    the added mass is what is left of the oscillating mass.
+    the added mass is what is left of the oscillating mass. Of a bridle they are those of hook, bars
+    and payloads together.
     """
-    rope = build(scene)
-    body = next((e for e in rope.effects if isinstance(e, Payload | TwoWayPayload)), None)
-    if body is None:
+    hanging = hanging_of(scene)
+    if not hanging.bodies:
         return {}
     water = scene.environment
-    own = next(one for one in scene.payloads if one.name == scene.ropes[0].to)
-    displaced = own.mass_kg - base["submerged_weight"] / water.gravity_m_per_s2
+    displaced = hanging.air_kg - base["submerged_weight"] / water.gravity_m_per_s2
     factor = np.exp(posterior.mean[: len(ROPE_FIGURES)])
     air = base["submerged_weight"] * factor[0] / water.gravity_m_per_s2 + displaced
     return {

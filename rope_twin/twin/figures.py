@@ -280,7 +280,7 @@ def _fault(
 
 
 class FigureBase:
-    """The scene's own figures of the first rope, and the factors that are in use."""
+    """The scene's own figures of a rope, and the factors that are in use."""
 
     def __init__(self, rope: Rope) -> None:
         """Keep what factors apply to."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -83,6 +84,9 @@ class RopesWithWinches(Protocol):
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest command of each winch [ns]."""
+
+    def scale(self, factors: Mapping[str, float]) -> None:
+        """Set the figures of the other ropes as factors on the scene's; the first has them."""
 
     def needs_feedback(self, time_ns: int) -> bool:
         """Return whether a winch needs the present tension."""
@@ -260,7 +264,10 @@ class TwinInputs:
             return self.measured.offer(named, self._clock.time_ns, self._follow, received_ns)
 
     def offer_figures(self, /, ramp_s: float = RAMP_S, **factors: float) -> str:
-        """Lead the first rope's figures over to factors on the scene's; return "" or the rejection.
+        """Lead the figures over to factors on the scene's; return "" or the rejection.
+
+        Where ropes meet a factor applies to all of them and to all that hangs on them, as in a
+        fleet.
 
         ramp_s: time that it takes [s]; factors: by the names of FIGURES, without the current.
         """
@@ -301,6 +308,7 @@ class TwinInputs:
             factors = self.figures.at(self._clock.time_ns)
             first = self.ropes.first
             self.current.effects = self._base.apply(factors, first, self.current.effects)
+            self.ropes.scale(factors)
 
     def take_remark(self, words: str) -> str:
         """Report inputs that were kept from the twin, as WARN for a minute; return ""."""

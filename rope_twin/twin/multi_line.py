@@ -23,6 +23,7 @@ from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.rigging import runs_over_sheave, winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import system_contacts
+from rope_twin.twin.figures import FigureBase, copied_law, scaled_law
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line_snapshot import (
     Payouts,
@@ -75,6 +76,8 @@ class MultiLineRopes:
         self._owners, self._hang_offs = built.owners, built.hang_off_m
         self._lines = report_on(scene)
         self.first = built.system.ropes[0]
+        self._bases = [FigureBase(rope) for rope in self._ropes]
+        self._law = copied_law(self._stack.law)
         self._winches = tuple(winch_of_rope(scene, line) for line in scene.ropes)
         self._hung = self._find_hung()
         size = (len(scene.ropes), steps + 1, rows.MOTIONS)
@@ -131,6 +134,21 @@ class MultiLineRopes:
         for winch in self._winches[1:]:
             newest |= winch.newest_ns()
         return newest
+
+    def scale(self, factors: Mapping[str, float]) -> None:
+        """Set the figures of the other ropes as factors on the scene's; the first has them."""
+        self._ropes = tuple(
+            rope._replace(effects=base.apply(factors, rope, rope.effects))
+            for rope, base in zip(self._ropes, self._bases, strict=True)
+        )
+        self._stack = self._stack._replace(law=scaled_law(self._law, factors["axial_stiffness"]))
+        self._stack_sections()
+
+    def _stack_sections(self) -> None:
+        """Copy the ropes' sections to where the steps read them."""
+        for r in self._numbers:
+            sections = self._rope(r).sections
+            self._stack.sections[r, :, : sections.shape[1]] = sections
 
     def needs_feedback(self, time_ns: int) -> bool:
         """Return whether a winch but the first needs tension feedback for the step from then on."""
@@ -360,6 +378,8 @@ class MultiLineRopes:
             parts = {name: getattr(rope, name) for name in changing_parts(rope)}
             kept |= {f"joined/{r}/{name}": part for name, part in parts.items()}
             kept[f"joined/{r}/memories"] = state_arrays(rope.effects)
+            if self._is_cut:  # parts keep the figures of their rope
+                kept[f"joined/{r}/effects"] = rope.effects
             kept[f"joined/{r}/tension"] = self._tension(rope)
         return kept
 
@@ -377,14 +397,14 @@ class MultiLineRopes:
         ropes = []
         for r, rope in enumerate(self._ropes, start=1):
             parts = {name: values.pop(f"joined/{r}/{name}") for name in changing_parts(rope)}
+            rope = rope._replace(effects=values.pop(f"joined/{r}/effects", rope.effects))
             ropes.append(rope._replace(**parts))
             memories = values.pop(f"joined/{r}/memories")
             for own, memory in zip(state_arrays(rope.effects), memories, strict=True):
                 own[...] = memory
             self._tension(ropes[-1])[:] = values.pop(f"joined/{r}/tension")
         self._ropes = tuple(ropes)
-        for r in self._numbers:  # a cut moves the ends of sections
-            self._stack.sections[r, :, : self._rope(r).sections.shape[1]] = self._rope(r).sections
+        self._stack_sections()  # a cut moves their ends
 
     def _find_hung(self) -> tuple[int, ...]:
         """Return the ropes but the first whose upper end is a hang-off."""

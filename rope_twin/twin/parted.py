@@ -16,7 +16,7 @@ advanced in one step, whether the part below the cut is still held by other rope
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -80,6 +80,9 @@ class SingleWinch:
     def newest_ns(self) -> dict[str, int]:
         """Return no stamps, as there is no other winch."""
         return {}
+
+    def scale(self, factors: Mapping[str, float]) -> None:
+        """Do nothing, as there is no other rope; a cut one keeps its figures."""
 
     def needs_feedback(self, time_ns: int) -> bool:
         """Return False, as there is no other winch."""

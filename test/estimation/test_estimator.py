@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from learned_lift import NOISE_N, SECONDS, lift, recorded, scene
 
-from rope_twin import load_scene
-from rope_twin.errors import InputError
 from rope_twin.estimation.estimator import BLOCK_S, Estimator
 from rope_twin.estimation.figures import (
     BIAS,
@@ -217,12 +215,6 @@ def test_impedance_of_the_stepped_rope(period_s: float) -> None:
     share = 8.0 / (3.0 * np.pi) / np.sqrt(4.0 / np.pi)
     assert amplitude.real == pytest.approx(closed.real, rel=0.002)
     assert amplitude.imag == pytest.approx(share * closed.imag, rel=0.04)
-
-
-def test_ropes_that_meet_cannot_be_learned() -> None:
-    """One sentence says so."""
-    with pytest.raises(InputError, match="meet"):
-        LiftModel(load_scene("bridle_lift"), MeasuredLift(1.0))
 
 
 def test_what_a_slack_rope_leaves_is_not_learned() -> None:

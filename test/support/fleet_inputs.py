@@ -49,10 +49,11 @@ def driven(
     speed: float = 0.0,
     live_at: int = -1,
     others: Mapping[str, float] | None = None,
+    figures: Mapping[str, float] | None = None,
 ) -> Driven:
     """Run a twin of the scene in a sea (height, period) while its winch runs at a speed.
 
-    others: speeds of other winches by name.
+    others: speeds of other winches by name; figures: factors that it takes over at once.
     """
     twin = Twin(scene)
     twin.prescribe_motion()
@@ -63,6 +64,8 @@ def driven(
         assert not twin.offer_speed(0, speed)
     for name, own in (others or {}).items():
         assert not twin.offer_speed(0, own, name)
+    if figures:
+        assert not twin.offer_figures(ramp_s=0.0, **figures)
     borders, heaves, outputs, tops, live = [border(twin)], [0.0], [], [], None
     for step in range(steps):
         if step == live_at:

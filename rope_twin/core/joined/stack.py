@@ -372,7 +372,8 @@ def _compose_at(data: Any, r: Any) -> Any:
     if isinstance(data, types.NoneType):
         return lambda data, r: None
     scope: dict[str, Any] = {"wide": wide, "table": table}
-    text = struct_text(data, "data", scope, _widened)
+    kind = data.inner if isinstance(data, HeldType) else data
+    text = struct_text(kind, "data", scope, _widened)
     return written_out("data, r", [f"return {text}"], {}, **scope)
 
 

@@ -1,0 +1,73 @@
+"""All that hangs on the one rope from the ship: a payload, or a bridle with its hook and loads.
+
+The axial model of the lift is the rope from the hang-off with all of it as one mass at its lower
+end. Of a bridle these are hook, rings, bars and payloads, summed, as the figures scale them
+together. Its slings count with their mass: they are short, so their stretch, their drag and the
+added mass across them are neglected beside those of the rope and the payloads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats, Rope
+from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.rope_mass import AddedMassParams
+from rope_twin.scene.joined_model import build_joined
+from rope_twin.scene.lift import point_figures
+from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rope_model import build
+from rope_twin.scene.schema import Scene
+
+
+@dataclass(frozen=True)
+class Hanging:
+    """The rope from the hang-off and what hangs on it, at the scene's figures."""
+
+    rope: Rope
+    metre_kg: Floats  # mass of each section of the rope with added mass [kg/m], (sections,)
+    bodies: tuple[Payload | TwoWayPayload, ...]  # all payloads and connections below it
+    slings_kg: float  # mass of the ropes below it, with added mass along them
+    air_kg: float  # mass in air of payloads, connections and bars
+
+    @property
+    def weight_n(self) -> float:
+        """Return the submerged weight of the bodies [N]."""
+        return float(sum(one.W for one in self.bodies))
+
+    @property
+    def mass_kg(self) -> float:
+        """Return the mass of the bodies with added mass along z [kg]."""
+        return float(sum(one.Mz for one in self.bodies))
+
+    @property
+    def drag_kg_per_m(self) -> float:
+        """Return ½·ρ·CdA of the bodies along z [kg/m]."""
+        return float(sum(one.kz for one in self.bodies))
+
+
+def hanging_of(scene: Scene) -> Hanging:
+    """Return what hangs on a scene's first rope.
+
+    Raises:
+        SceneError: the scene cannot be built.
+    """
+    ropes = build_joined(scene).system.ropes if is_joined(scene) else (build(scene),)
+    metres = [_metre_kg(scene, rope) for rope in ropes]
+    slings_kg = sum(
+        float(kg @ line.lengths_m(line.length_m))
+        for line, kg in zip(scene.ropes[1:], metres[1:], strict=True)
+    )
+    bodies = [e for rope in ropes for e in rope.effects if isinstance(e, Payload | TwoWayPayload)]
+    air_kg = sum(one.mass_kg for one in point_figures(scene).values())
+    return Hanging(ropes[0], metres[0], tuple(bodies), slings_kg, air_kg)
+
+
+def _metre_kg(scene: Scene, rope: Rope) -> Floats:
+    """Return the mass of each section with added mass along the rope [kg/m], (sections,)."""
+    mass, volume, _, _, _ = rope.sections[rows.PER_METRE :]
+    density = scene.environment.water_density_kg_per_m3
+    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
+    made: Floats = mass + along * density * volume
+    return made
