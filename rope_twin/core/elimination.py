@@ -32,11 +32,13 @@ from typing import Any
 
 from rope_twin.core.jit.decorators import jit_ordered_within, jit_within
 from rope_twin.core.jit.rows import gather, lane, load, pair, row, rows, span, store
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
     CORRECTION,
     DIRECTION,
+    ELIMINATED,
     GEOMETRIC,
     RESIDUAL,
     ZERO,
@@ -448,3 +450,52 @@ def substitute_pair(record: Any, at: int, p: Any) -> Any:
         (load(record, at + 22) + load(record, at + 12) * px)
         + (load(record, at + 14) * py + load(record, at + 16) * pz),
     )
+
+
+# A batch of ropes, one in each lane; the factors of node i are in its column.
+INVERSE = ELIMINATED + 12
+
+
+@jit_ordered_within
+def force_on(work: Any, i: int, f: Any) -> Any:
+    """Return the force on node i, including that of the eliminated part, f."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    return f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i]
+
+
+@jit_ordered_within
+def keep_factors(work: Any, i: int, gain: Any, own: Any, inverse: Any, moved: Any) -> None:
+    """Store the factors of node i in the lanes of `moved`, its own part in all."""
+    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
+    gxx[i] = choose(moved, gain[0], gxx[i])
+    gxy[i] = choose(moved, gain[1], gxy[i])
+    gxz[i] = choose(moved, gain[2], gxz[i])
+    gyx[i] = choose(moved, gain[3], gyx[i])
+    gyy[i] = choose(moved, gain[4], gyy[i])
+    gyz[i] = choose(moved, gain[5], gyz[i])
+    gzx[i] = choose(moved, gain[6], gzx[i])
+    gzy[i] = choose(moved, gain[7], gzy[i])
+    gzz[i] = choose(moved, gain[8], gzz[i])
+    px[i] = own[0]
+    py[i] = own[1]
+    pz[i] = own[2]
+    keep_six(work, i, inverse, moved)
+
+
+@jit_ordered_within
+def keep_six(work: Any, i: int, inverse: Any, moved: Any) -> None:
+    """Store the inverse of node i, or the block of the middle node, in the lanes of `moved`."""
+    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
+    xx[i] = choose(moved, inverse[0], xx[i])
+    xy[i] = choose(moved, inverse[1], xy[i])
+    xz[i] = choose(moved, inverse[2], xz[i])
+    yy[i] = choose(moved, inverse[3], yy[i])
+    yz[i] = choose(moved, inverse[4], yz[i])
+    zz[i] = choose(moved, inverse[5], zz[i])
+
+
+@jit_ordered_within
+def nothing_at(work: Any, i: int) -> Any:
+    """Return a zero force in all lanes."""
+    zero = row(work, RESIDUAL, 0)[i] * 0.0
+    return zero, zero, zero

@@ -18,15 +18,19 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.elimination import (
+    INVERSE,
     add,
     add_nine,
     add_six,
     eliminate_coupled_node,
+    force_on,
     ground,
     hold_ends,
+    keep_factors,
     lanes,
     link_less,
     load_three,
+    nothing_at,
     onto_next,
     push_coupled_node,
     pushed_on,
@@ -55,7 +59,6 @@ from rope_twin.core.state import (
     RESIDUAL,
     Floats,
 )
-from rope_twin.core.tridiagonal import INVERSE, force_on, keep_factors, nothing_at
 
 SECOND = LINK + 1  # coupling with the second next node
 

@@ -17,13 +17,18 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.elimination import (
+    INVERSE,
     RECORD,
     add_six,
     eliminate_node,
     eliminate_pair,
+    force_on,
     ground,
     hold_ends,
+    keep_factors,
+    keep_six,
     lanes,
+    nothing_at,
     push_node,
     push_pair,
     pushed_on,
@@ -37,7 +42,6 @@ from rope_twin.core.elimination import (
 )
 from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within
 from rope_twin.core.jit.rows import lane, pair, row, rows, span
-from rope_twin.core.jit.wide import choose
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
@@ -122,9 +126,6 @@ def _substitute_all(work: Floats, first: int, n: int, low: Any, high: Any) -> No
     hold_ends(work, first, n)
 
 
-INVERSE = ELIMINATED + 12
-
-
 @jit_ordered_within
 def eliminate_wide_node(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -> Any:
     """Eliminate node i through element e; return Z and force on the neighbour.
@@ -149,44 +150,6 @@ def pivot_of(work: Any, i: int, e: int, Z: Any) -> Any:
         Z[3] + (Ayy[i] + b), Z[4] + Ayz[i], Z[5] + (Azz[i] + b),
     )  # fmt: skip
     return S, (x[e], y[e], z[e]), axial[e], b
-
-
-@jit_ordered_within
-def force_on(work: Any, i: int, f: Any) -> Any:
-    """Return the force on node i, including that of the eliminated part, f."""
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    return f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i]
-
-
-@jit_ordered_within
-def keep_factors(work: Any, i: int, gain: Any, own: Any, inverse: Any, moved: Any) -> None:
-    """Store the factors of node i in the lanes of `moved`, its own part in all."""
-    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
-    gxx[i] = choose(moved, gain[0], gxx[i])
-    gxy[i] = choose(moved, gain[1], gxy[i])
-    gxz[i] = choose(moved, gain[2], gxz[i])
-    gyx[i] = choose(moved, gain[3], gyx[i])
-    gyy[i] = choose(moved, gain[4], gyy[i])
-    gyz[i] = choose(moved, gain[5], gyz[i])
-    gzx[i] = choose(moved, gain[6], gzx[i])
-    gzy[i] = choose(moved, gain[7], gzy[i])
-    gzz[i] = choose(moved, gain[8], gzz[i])
-    px[i] = own[0]
-    py[i] = own[1]
-    pz[i] = own[2]
-    keep_six(work, i, inverse, moved)
-
-
-@jit_ordered_within
-def keep_six(work: Any, i: int, inverse: Any, moved: Any) -> None:
-    """Store the inverse of node i, or the block of the middle node, in the lanes of `moved`."""
-    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
-    xx[i] = choose(moved, inverse[0], xx[i])
-    xy[i] = choose(moved, inverse[1], xy[i])
-    xz[i] = choose(moved, inverse[2], xz[i])
-    yy[i] = choose(moved, inverse[3], yy[i])
-    yz[i] = choose(moved, inverse[4], yz[i])
-    zz[i] = choose(moved, inverse[5], zz[i])
 
 
 @jit_ordered_within
@@ -252,13 +215,6 @@ def push_wide(work: Any, first: int, n: int) -> None:
     if rounds > pairs:
         f_high = push_wide_node(work, middle + 1, f_high)
     _solve_middle(work, first, n, f_low, f_high)
-
-
-@jit_ordered_within
-def nothing_at(work: Any, i: int) -> Any:
-    """Return a zero force in all lanes."""
-    zero = row(work, RESIDUAL, 0)[i] * 0.0
-    return zero, zero, zero
 
 
 @jit_ordered_within

@@ -21,6 +21,7 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.elimination import (
+    INVERSE,
     RECORD,
     add,
     add_nine,
@@ -269,7 +270,6 @@ def substitute_between(work: Any, n: int) -> None:
         dz[i], dz[j] = lane(pz, 0), lane(pz, 1)
 
 
-INVERSE = ELIMINATED + 12  # after own and G: 6 rows, S⁻¹ of a node
 _NOTHING = (0.0, 0.0, 0.0)
 _NIL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _NONE = (_NOTHING, _NOTHING, _NOTHING)

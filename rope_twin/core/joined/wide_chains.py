@@ -11,9 +11,14 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.elimination import (
+    INVERSE,
     add,
     add_six,
     eliminate_node,
+    force_on,
+    keep_factors,
+    keep_six,
+    nothing_at,
     six,
     solve_symmetric,
     spring,
@@ -23,16 +28,7 @@ from rope_twin.core.jit.rows import column, span
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.joined.chains import dot, ends_of, less_product, plus_product, solve_columns
 from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, FAR, RESIDUAL, ZERO
-from rope_twin.core.tridiagonal import (
-    INVERSE,
-    force_on,
-    keep_factors,
-    keep_six,
-    nothing_at,
-    pivot_of,
-    push_wide_node,
-    substitute_wide_node,
-)
+from rope_twin.core.tridiagonal import pivot_of, push_wide_node, substitute_wide_node
 
 OWN = ELIMINATED + 9  # y of the middle node
 

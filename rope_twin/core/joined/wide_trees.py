@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.elimination import six, solve_symmetric, spring
+from rope_twin.core.elimination import nothing_at, six, solve_symmetric, spring
 from rope_twin.core.jit.decorators import jit_ordered
 from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose
@@ -41,12 +41,7 @@ from rope_twin.core.joined.tree_sums import (
     spread,
 )
 from rope_twin.core.state import BLOCK, CORRECTION, RESIDUAL, ZERO
-from rope_twin.core.tridiagonal import (
-    eliminate_wide_node,
-    nothing_at,
-    push_wide_node,
-    substitute_wide_node,
-)
+from rope_twin.core.tridiagonal import eliminate_wide_node, push_wide_node, substitute_wide_node
 
 
 @jit_ordered
