@@ -43,8 +43,10 @@ from rope_twin.core.state import (
     RESIDUAL,
     VELOCITY,
     WORK_ROWS,
+    Rope,
 )
 from rope_twin.core.tridiagonal import eliminate, eliminate_wide, push, push_wide, substitute_wide
+from rope_twin.effects.bed_friction import CARRIED, PlaneFriction
 from rope_twin.errors import InputError
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rope_model import build
@@ -288,6 +290,47 @@ def test_bent_ropes(tmp_path: Path) -> None:
     assert lanes.steps > lanes.given_up
 
 
+@pytest.mark.parametrize("by_half_waves", ["true", "false"])
+def test_chains_that_stick_and_slide(tmp_path: Path, by_half_waves: str) -> None:
+    """They lie below ropes that shed vortices: calm, paid out and in, and snapping ones."""
+    text = load_scene("chain_on_bottom").path.read_text()
+    effects = "bed_friction: {axial: 0.3, lateral: 0.6}\n"
+    effects += f"  - travelling_waves: {{by_half_waves: {by_half_waves}}}"
+    path = tmp_path / "lying.yaml"
+    path.write_text(text.replace("bed_friction: {}", effects))
+    scene, own = load_scene(path), []
+    for k in range(LANES):
+        changes = (
+            Change("effects.bed_friction.slip_m", 1e-3 * (k + 1)),
+            Change("effects.current.profile[*][1][*]", 0.5 + 0.3 * k, multiply=True),
+        )
+        heave = HeaveSeries.of(sea((0.5, 1.0, 5.0)[k % 3], 6.0 + 0.3 * k, 30.0))
+        speed = 0.5 if k % 3 == 1 else 0.0
+        orders = ((0, speed), (10, -speed))
+        commands = (CommandSample(at * SECOND_NS, WinchCommand(SPEED, v)) for at, v in orders)
+        own.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), tuple(commands)))
+    ensemble = Ensemble(scene, own, threads=1)
+    assert ensemble.lanes().members == LANES
+    for seconds in (1, 12):
+        ensemble.advance(seconds)
+    assert not unequal(scene, ensemble, own, 13)
+    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
+    assert shots[1].splits > 0
+    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
+    lanes = ensemble.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+    slid = np.array([_share_of_slip(member.rope) for member in ensemble._members])
+    assert (slid > 0.0).all()
+    assert slid.max() > 0.999 > slid.min()
+
+
+def _share_of_slip(rope: Rope) -> float:
+    """Return the largest displacement of the soil over the slip distance."""
+    (rub,) = (one for one in rope.effects if isinstance(one, PlaneFriction))
+    dragged = rub.memory[:CARRIED]
+    return float(np.sqrt((dragged * dragged).sum(axis=0)).max() / rub.slip)
+
+
 def test_heave_compensators() -> None:
     """Units between their stops and at them, driven and sticking, while rope is paid out."""
     few = Change("ropes[0].elements", 20)
@@ -324,11 +367,13 @@ def test_heave_compensators() -> None:
         ("landing", ""),
         ("lift_off", ""),
         ("manifold_lift", ""),
-        ("chain_on_bottom", "bed_friction"),
+        ("chain_on_bottom", ""),
+        ("cable_waves", ""),
+        ("moonpool_lift", "hull_contact"),
     ],
 )
 def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
-    """Ropes with a dynamic stiffness, friction that sticks."""
+    """Ropes with a dynamic stiffness, contact with the hull."""
     rope = build(load_scene(name))
     assert why_alone(rope) == reason
     assert (kind_of(rope) is None) == bool(reason)
