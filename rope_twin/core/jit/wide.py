@@ -231,7 +231,12 @@ def _either(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
     return builder.or_(*arguments)
 
 
-for _function in (operator.and_, operator.or_):
+@lower_builtin(operator.xor, MaskType, MaskType)
+def _one(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+    return builder.xor(*arguments)
+
+
+for _function in (operator.and_, operator.or_, operator.xor):
     infer_global(_function)(_Both)
 
 
