@@ -47,6 +47,7 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.tridiagonal import eliminate, eliminate_wide, push, push_wide, substitute_wide
 from rope_twin.effects.bed_friction import CARRIED, PlaneFriction
+from rope_twin.effects.hull_contact import HullContact
 from rope_twin.errors import InputError
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rope_model import build
@@ -319,16 +320,51 @@ def test_chains_that_stick_and_slide(tmp_path: Path, by_half_waves: str) -> None
     assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
     lanes = ensemble.lanes()
     assert lanes.given_up < 0.2 * lanes.steps
-    slid = np.array([_share_of_slip(member.rope) for member in ensemble._members])
+    slid = np.array([_share_of_slip(member.rope, PlaneFriction) for member in ensemble._members])
     assert (slid > 0.0).all()
     assert slid.max() > 0.999 > slid.min()
 
 
-def _share_of_slip(rope: Rope) -> float:
-    """Return the largest displacement of the soil over the slip distance."""
-    (rub,) = (one for one in rope.effects if isinstance(one, PlaneFriction))
+def _share_of_slip(rope: Rope, kind: type) -> float:
+    """Return the largest displacement along the bed or hull over the slip distance."""
+    (rub,) = (one for one in rope.effects if isinstance(one, kind))
     dragged = rub.memory[:CARRIED]
     return float(np.sqrt((dragged * dragged).sum(axis=0)).max() / rub.slip)
+
+
+@pytest.mark.parametrize("heading", ["", ", heading_deg: 70.0"])
+def test_ropes_in_moonpools_with_nets(tmp_path: Path, heading: str) -> None:
+    """They stick to walls and slide there, nets trail or are held: calm, moving, snapping ones."""
+    text = load_scene("moonpool_lift").path.read_text()
+    net = f"net_curtain: {{to_m: 30.0, width_m: 2.0, twine_m: 0.003, bar_m: 0.03{heading}}}"
+    path = tmp_path / "nets.yaml"
+    path.write_text(text.replace("payload: {}", f"payload: {{}}\n  - {net}"))
+    scene, own = load_scene(path), []
+    for k in range(LANES):
+        changes = (
+            Change("effects.hull_contact.slip_m", 2e-3 * (k + 1)),
+            Change("effects.hull_contact.payload_stiffness_n_per_m", 1e5 * (k + 1)),
+            Change("effects.net_curtain.from_m", 2.0 * k),
+            Change("effects.current.profile[*][1][*]", 0.7 + 0.1 * k, multiply=True),
+        )
+        heave = HeaveSeries.of(sea((0.5, 1.0, 9.0)[k % 3], 6.0 + 0.3 * k, 30.0))
+        speed = 1.0 if k % 3 == 1 else 0.0
+        orders = ((0, speed), (5, -speed))
+        commands = (CommandSample(at * SECOND_NS, WinchCommand(SPEED, v)) for at, v in orders)
+        own.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), tuple(commands)))
+    ensemble = Ensemble(scene, own, threads=1)
+    assert ensemble.lanes().members == LANES
+    for seconds in (1, 8):
+        ensemble.advance(seconds)
+    assert not unequal(scene, ensemble, own, 9)
+    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
+    assert shots[1].splits > 0
+    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
+    lanes = ensemble.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+    slid = np.array([_share_of_slip(member.rope, HullContact) for member in ensemble._members])
+    assert slid.max() > 0.999
+    assert ((slid > 0.0) & (slid < 0.999)).any()
 
 
 def test_heave_compensators() -> None:
@@ -369,11 +405,12 @@ def test_heave_compensators() -> None:
         ("manifold_lift", ""),
         ("chain_on_bottom", ""),
         ("cable_waves", ""),
-        ("moonpool_lift", "hull_contact"),
+        ("moonpool_lift", ""),
+        ("net_curtain", ""),
     ],
 )
 def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
-    """Ropes with a dynamic stiffness, contact with the hull."""
+    """Ropes with a dynamic stiffness."""
     rope = build(load_scene(name))
     assert why_alone(rope) == reason
     assert (kind_of(rope) is None) == bool(reason)
