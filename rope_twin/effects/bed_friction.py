@@ -28,7 +28,9 @@ import numpy as np
 from rope_twin.core.bed import Grid, Plane, beds_at, grid_bed, plane_bed
 from rope_twin.core.integrator import TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.loads.memory import new_memory, remembering
@@ -130,13 +132,13 @@ def _normal(east: float, north: float) -> Any:
 
 
 @jit_within
-def _pushed(soil: Any, k: float, above: float, normal: Any, v: Any) -> float:
+def _pushed(soil: Any, k: Any, above: Any, normal: Any, v: Any) -> Any:
     """Return the normal force of the seabed, as its own kernel has it [N]."""
     away = v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]
-    return float(k * max(-above * normal[2], 0.0) * max(1.0 - soil.chi * away, 0.0))
+    return k * max(-above * normal[2], 0.0) * max(1.0 - soil.chi * away, 0.0)
 
 
-def _register(kind: type, bed_at: Any) -> None:
+def _register(kind: type, bed_at: Any, *, wide: bool) -> None:
     """Register the kernels of a kind of seabed; bed_at(bed, x, y): height and slopes."""
 
     @kernel("start", kind)
@@ -147,22 +149,23 @@ def _register(kind: type, bed_at: Any) -> None:
                 rub.memory[k, i] = 0.0
             rub.memory[KNOWN, i] = 0.0
 
-    @kernel("predict", kind)
+    @kernel("predict", kind, wide=wide)
     def predict(rub: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
         """Set e and position before the stage; before time 0 there is no friction."""
         memory, nodes = rub.memory, rope.state.nodes
         acts = 1.0 if stage.time > 0.0 else 0.0
         for k in range(3):
             e = memory[k if what == TRAPEZOID else CARRIED + k, low:]
-            x = nodes[POSITION + k, low:] if what == TRAPEZOID else memory[REACHED + k, low:]
+            reached = memory[REACHED + k, low:]
             before, place = memory[BEFORE + k, low:], memory[PLACE + k, low:]
             for i in range(high - low):
-                before[i], place[i] = e[i], x[i]
+                before[i] = e[i]
+                place[i] = nodes[POSITION + k, low + i] if what == TRAPEZOID else reached[i]
         known = memory[KNOWN, low:]
         for i in range(high - low):
             known[i] = acts
 
-    @kernel("load_nodes", kind)
+    @kernel("load_nodes", kind, wide=wide)
     def load_nodes(rub: Any, work: Any, stage: Any, low: int, high: int) -> None:
         """Add the friction, and its block (N/s)·p·(μ_l·(I - nnᵀ - ττᵀ) + μ_a·ττᵀ) less slip."""
         memory, soil, frontal = rub.memory, rub.bed.soil, row(work, FRONTAL, low)
@@ -172,13 +175,15 @@ def _register(kind: type, bed_at: Any) -> None:
         Rx, Ry, Rz = rows(work, RESIDUAL, low)
         Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
         for i in range(high - low):
-            if memory[KNOWN, low + i] == 0.0:
+            acts = memory[KNOWN, low + i] > 0.0
+            if not anywhere(acts):
                 continue
             height, east, north = bed_at(rub.bed, x[i], y[i])
             n = _normal(east, north)
             k = soil.k * frontal[i] + (rub.k_payload if low + i == 0 else 0.0)
             N = _pushed(soil, k, z[i] - height, n, (vx[i], vy[i], vz[i]))
-            if N == 0.0:
+            N = choose(acts, N, 0.0)
+            if not anywhere(N > 0.0):
                 continue
             (ex, ey, ez), size, share = _dragged(memory, low + i, (x[i], y[i], z[i]), n, rub.slip)
             out = tx[i] * n[0] + ty[i] * n[1] + tz[i] * n[2]
@@ -192,8 +197,8 @@ def _register(kind: type, bed_at: Any) -> None:
             Rz[i] -= less * ez + more * along * az
             # stuck: the whole stiffness; sliding: that across e alone, shrunk with the return
             q, w = stage.p * share * less, stage.p * share * more
-            slide = q / (size * size) if share < 1.0 else 0.0
-            w = w if share == 1.0 else 0.0
+            slide = choose(share < 1.0, q / (size * size), 0.0)
+            w = choose(share == 1.0, w, 0.0)
             fx, fy, fz = ex / share, ey / share, ez / share
             Axx[i] += q * (1.0 - n[0] * n[0]) - slide * fx * fx + w * ax * ax
             Axy[i] += -q * n[0] * n[1] - slide * fx * fy + w * ax * ay
@@ -202,7 +207,7 @@ def _register(kind: type, bed_at: Any) -> None:
             Ayz[i] += -q * n[1] * n[2] - slide * fy * fz + w * ay * az
             Azz[i] += q * (1.0 - n[2] * n[2]) - slide * fz * fz + w * az * az
 
-    @kernel("settle", kind)
+    @kernel("settle", kind, wide=wide)
     def settle(rub: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
         """Store e and position of the stage; e is 0 where nothing touches."""
         memory, work, soil = rub.memory, rope.work, rub.bed.soil
@@ -215,7 +220,7 @@ def _register(kind: type, bed_at: Any) -> None:
             k = soil.k * frontal[i] + (rub.k_payload if i == 0 else 0.0)
             N = _pushed(soil, k, z[i] - height, n, (vx[i], vy[i], vz[i]))
             (ex, ey, ez), _, _ = _dragged(memory, i, (x[i], y[i], z[i]), n, rub.slip)
-            acts = memory[KNOWN, i] if N > 0.0 else 0.0
+            acts = choose(N > 0.0, memory[KNOWN, i], 0.0)
             memory[CARRIED, i], memory[CARRIED + 1, i] = acts * ex, acts * ey
             memory[CARRIED + 2, i] = acts * ez
             memory[REACHED, i], memory[REACHED + 1, i], memory[REACHED + 2, i] = x[i], y[i], z[i]
@@ -243,5 +248,5 @@ def power(rub: Any, place: Any) -> Any:
     return -N * (force * v).sum(axis=0)
 
 
-_register(PlaneFriction, plane_bed)
-_register(GridFriction, grid_bed)
+_register(PlaneFriction, plane_bed, wide=True)
+_register(GridFriction, grid_bed, wide=False)

@@ -38,11 +38,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.boxes import depth_inside, is_beyond, is_near, part_inside
 from rope_twin.core.integrator import GAMMA, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_entry, jit_within
+from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.wide import ALL, bits, choose, whole
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import kernel, switching
+from rope_twin.core.loads.hooks import kernel, switching, wide_kernel
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import (
     BLOCK,
@@ -68,7 +71,8 @@ BEFORE, PLACE, REACHED = KNOWN + 1, KNOWN + 4, KNOWN + 7
 LOW, UP, BLOCK_LOW, BLOCK_UP, NORMAL = KNOWN + 10, KNOWN + 13, KNOWN + 16, KNOWN + 22, KNOWN + 28
 SHARE, OUT, FRICTION = NORMAL + 1, NORMAL + 2, NORMAL + 5  # FRICTION: whether it acts, last column
 SHIP = FRICTION + 1  # last column: position and velocity of the hang-off
-OWN_ROWS = SHIP + 6 - KNOWN - 1
+COUNT = SHIP + 6  # last column: number of elements
+OWN_ROWS = COUNT - KNOWN
 WALL_M = 5.0  # thickness of the walls of an opening
 _AT, _WEIGHT = np.polynomial.legendre.leggauss(4)
 AT = tuple(float(0.5 + 0.5 * x) for x in _AT)
@@ -188,7 +192,7 @@ def _solids(box: HullBox) -> list[Floats]:
 
 
 @jit_within
-def _in_hull(hull: Any, x: float, y: float, z: float) -> Any:
+def _in_hull(hull: Any, x: Any, y: Any, z: Any) -> Any:
     """Return a position relative to the hang-off, along the hull's axes."""
     memory, last = hull.memory, hull.memory.shape[1] - 1
     x, y, z = x - memory[SHIP, last], y - memory[SHIP + 1, last], z - memory[SHIP + 2, last]
@@ -196,54 +200,10 @@ def _in_hull(hull: Any, x: float, y: float, z: float) -> Any:
 
 
 @jit_within
-def _is_level(hull: Any, z: float, other: float) -> bool:
+def _is_level(hull: Any, z: Any, other: Any) -> Any:
     """Return whether an element between two heights reaches into those of the boxes."""
     ship = hull.memory[SHIP + 2, hull.memory.shape[1] - 1]
-    return bool(min(z, other) < ship + hull.bounds[5] and max(z, other) > ship + hull.bounds[2])
-
-
-@jit_within
-def _is_near(bounds: Any, a: Any, b: Any) -> bool:
-    """Return whether the box around two points meets the one around all boxes."""
-    return bool(
-        min(a[2], b[2]) < bounds[5] and max(a[2], b[2]) > bounds[2]
-        and min(a[0], b[0]) < bounds[3] and max(a[0], b[0]) > bounds[0]
-        and min(a[1], b[1]) < bounds[4] and max(a[1], b[1]) > bounds[1]
-    )  # fmt: skip
-
-
-@jit_within
-def _slab(start: float, end: float, a: float, b: float, half: float) -> Any:
-    """Return the part of start <= t <= end in which |a + t·(b - a)| < half."""
-    step = b - a
-    if abs(step) <= 1e-12 * half:
-        return (start, end) if abs(a) < half else (1.0, 0.0)
-    one, two = (-half - a) / step, (half - a) / step
-    return max(start, min(one, two)), min(end, max(one, two))
-
-
-@jit_within
-def _part_inside(boxes: Any, j: int, a: Any, b: Any) -> Any:
-    """Return the range of t of the element from a to b that is inside box j; empty: end < start."""
-    start, end = _slab(0.0, 1.0, a[0] - boxes[j, 0], b[0] - boxes[j, 0], boxes[j, 3])
-    start, end = _slab(start, end, a[1] - boxes[j, 1], b[1] - boxes[j, 1], boxes[j, 4])
-    return _slab(start, end, a[2] - boxes[j, 2], b[2] - boxes[j, 2], boxes[j, 5])
-
-
-@jit_within
-def _depth(x: float, y: float, z: float, a: float, b: float, c: float) -> Any:
-    """Return d and m of a point in a box of half sizes a, b, c about the origin; outside: zeros."""
-    near = min(a - abs(x), b - abs(y), c - abs(z))
-    if near <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    x1, x2, y1, y2 = near / (a - x), near / (a + x), near / (b - y), near / (b + y)
-    z1, z2 = near / (c - z), near / (c + z)
-    share = 1.0 / sqrt(x1 * x1 + x2 * x2 + y1 * y1 + y2 * y2 + z1 * z1 + z2 * z2)
-    cube = share * share * share
-    return (
-        near * share, cube * (x1 * x1 * x1 - x2 * x2 * x2), cube * (y1 * y1 * y1 - y2 * y2 * y2),
-        cube * (z1 * z1 * z1 - z2 * z2 * z2),
-    )  # fmt: skip
+    return (min(z, other) < ship + hull.bounds[5]) & (max(z, other) > ship + hull.bounds[2])
 
 
 @jit
@@ -257,16 +217,17 @@ def _press_point(
     """
     (i, j), (stiffness, radius), (p, q) = column, k, weights
     memory, boxes = hull.memory, hull.boxes
-    d, X, Y, mz = _depth(
+    d, X, Y, mz = depth_inside(
         where[0] - boxes[j, 0], where[1] - boxes[j, 1], where[2] - boxes[j, 2],
         boxes[j, 3] + radius, boxes[j, 4] + radius, boxes[j, 5] + radius,
     )  # fmt: skip
     mx, my = hull.cosine * X - hull.sine * Y, hull.sine * X + hull.cosine * Y
     gain = max(1.0 - hull.chi * (v[0] * mx + v[1] * my + v[2] * mz), 0.0)
     N = stiffness * d * gain
-    if N == 0.0:
+    pressed = N > 0.0
+    if not anywhere(pressed):
         return
-    along = p * stiffness * gain + q * hull.chi * stiffness * d
+    along = choose(pressed, p * stiffness * gain + q * hull.chi * stiffness * d, 0.0)
     low = 1.0 - t
     memory[NORMAL, i] += N
     memory[SHARE, i] += N * t
@@ -280,35 +241,30 @@ def _press_point(
 
 
 @jit
-def _press(hull: Any, i: int, ends: Any, rates: Any, length: float, weights: Any) -> bool:
+def _press(hull: Any, i: int, ends: Any, rates: Any, length: Any, weights: Any) -> Any:
     """Set the rows of element i without friction; return whether it is pressed.
 
     ends, rates: positions and velocities of its nodes; length: unstretched [m], or of a single node
     (both ends alike) that of the rope lumped there.
     """
     memory, boxes, last = hull.memory, hull.boxes, hull.memory.shape[1] - 1
-    if not _is_level(hull, ends[0][2], ends[1][2]):
-        return False
+    here = _is_level(hull, ends[0][2], ends[1][2])
+    if not anywhere(here):
+        return here
     a, b = _in_hull(hull, *ends[0]), _in_hull(hull, *ends[1])
-    if not _is_near(hull.bounds, a, b):
-        return False
+    here = here & is_near(hull.bounds, a, b)
+    if not anywhere(here):
+        return here
     for r in range(LOW, FRICTION):
         memory[r, i] = 0.0
     (ux, uy, uz), (wx, wy, wz) = rates
-    ux, uy, uz = (
-        ux - memory[SHIP + 3, last],
-        uy - memory[SHIP + 4, last],
-        uz - memory[SHIP + 5, last],
-    )
-    wx, wy, wz = (
-        wx - memory[SHIP + 3, last],
-        wy - memory[SHIP + 4, last],
-        wz - memory[SHIP + 5, last],
-    )
+    sx, sy, sz = memory[SHIP + 3, last], memory[SHIP + 4, last], memory[SHIP + 5, last]
+    ux, uy, uz, wx, wy, wz = ux - sx, uy - sy, uz - sz, wx - sx, wy - sy, wz - sz
     for j in range(boxes.shape[0]):
-        start, end = _part_inside(boxes, j, a, b)
-        inside = end - start
-        if inside > 0.0:
+        start, end = part_inside(boxes, j, a, b)
+        cuts = here & (end - start > 0.0)
+        if anywhere(cuts):
+            start, inside = choose(cuts, start, 0.0), choose(cuts, end - start, 0.0)
             for g in range(4):
                 t = start + inside * AT[g]
                 low = 1.0 - t
@@ -316,9 +272,17 @@ def _press(hull: Any, i: int, ends: Any, rates: Any, length: float, weights: Any
                 v = (low * ux + t * wx, low * uy + t * wy, low * uz + t * wz)
                 k = (hull.k * length * inside * WEIGHT[g], 0.0)
                 _press_point(hull, (i, j), t, where, v, k, weights)
-        if i == 0 and hull.k_payload > 0.0:
-            _press_point(hull, (i, j), 0.0, a, (ux, uy, uz), (hull.k_payload, hull.radius), weights)
-    return bool(memory[NORMAL, i] > 0.0)
+        if i == 0 and anywhere(hull.k_payload > 0.0):
+            k = (choose(here, hull.k_payload, 0.0), hull.radius)
+            _press_point(hull, (i, j), 0.0, a, (ux, uy, uz), k, weights)
+    return memory[NORMAL, i] > 0.0
+
+
+@jit_within
+def _share_up(memory: Any, i: int) -> Any:
+    """Return the share of its upper node in what presses on an element."""
+    N = memory[NORMAL, i]
+    return memory[SHARE, i] / choose(N > 0.0, N, 1.0)
 
 
 @jit_within
@@ -327,7 +291,7 @@ def _dragged(hull: Any, i: int, ends: Any) -> Any:
     memory, last = hull.memory, hull.memory.shape[1] - 1
     (ax, ay, az), (bx, by, bz) = ends
     sx, sy, sz = memory[SHIP, last], memory[SHIP + 1, last], memory[SHIP + 2, last]
-    t = memory[SHARE, i] / memory[NORMAL, i]
+    t = _share_up(memory, i)
     low = 1.0 - t
     ex = memory[BEFORE, i] + low * (ax - sx - memory[PLACE, i])
     ey = memory[BEFORE + 1, i] + low * (ay - sy - memory[PLACE + 1, i])
@@ -352,7 +316,7 @@ def _normal(memory: Any, i: int) -> Any:
 
 
 @jit
-def _rub(hull: Any, i: int, e: Any, size: float, share: float, p: float) -> None:
+def _rub(hull: Any, i: int, e: Any, size: Any, share: Any, p: float) -> None:
     """Add the friction of a pressed element with displacement e to its rows.
 
     The block is p·μ·N/s·(I - nnᵀ) while it sticks; while it slides that across e, shrunk with the
@@ -360,10 +324,10 @@ def _rub(hull: Any, i: int, e: Any, size: float, share: float, p: float) -> None
     """
     memory = hull.memory
     N = memory[NORMAL, i]
-    t = memory[SHARE, i] / N
+    t = _share_up(memory, i)
     nx, ny, nz = _normal(memory, i)
     q = p * share * hull.rub * N
-    slide = q / (share * share * size * size) if share < 1.0 else 0.0
+    slide = choose(share < 1.0, q / (share * share * size * size), 0.0)
     ex, ey, ez = e
     blocks = (
         q * (1.0 - nx * nx) - slide * ex * ex, -q * nx * ny - slide * ex * ey,
@@ -387,7 +351,7 @@ def start(hull: Any, rope: Any, upto: int) -> None:
             hull.memory[k, i] = 0.0
 
 
-@kernel("predict", HullContact)
+@kernel("predict", HullContact, wide=True)
 def predict(hull: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
     """Set the hang-off's motion, e and position before the stage; before time 0 no friction acts.
 
@@ -397,6 +361,7 @@ def predict(hull: Any, rope: Any, stage: Any, what: int, low: int, high: int) ->
     n, last = rope.state.counts[ELEMENTS], memory.shape[1] - 1
     for k in range(6):
         memory[SHIP + k, last] = work[POSITION + k, n]
+    memory[COUNT, last] = 1.0 * n
     memory[FRICTION, last] = 1.0 if stage.time > 0.0 else 0.0
     for k in range(3):
         for i in range(low, high + 1):
@@ -422,8 +387,22 @@ def predict(hull: Any, rope: Any, stage: Any, what: int, low: int, high: int) ->
 @kernel("load_nodes", HullContact)
 def load_nodes(hull: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Add the contact forces of the elements at these nodes; a node without elements is a point."""
-    memory, last = hull.memory, hull.memory.shape[1] - 1
-    n, acts = int(memory[KNOWN, last]), memory[FRICTION, last] > 0.0
+    n = int(hull.memory[KNOWN, hull.memory.shape[1] - 1])
+    _load(hull, work, stage, n, low, high)
+
+
+@wide_kernel("load_nodes", HullContact)
+def load_nodes_wide(hull: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Do the same in lanes, some of which may wait for the single-rope solver with other nodes."""
+    n = whole(hull.memory[COUNT, hull.memory.shape[1] - 1])
+    _load(hull, work, stage, n, low, high)
+
+
+@jit
+def _load(hull: Any, work: Any, stage: Any, n: int, low: int, high: int) -> None:
+    """Add the contact forces at the nodes low <= i < high; n: number of elements."""
+    memory = hull.memory
+    acts = anywhere(memory[FRICTION, memory.shape[1] - 1] > 0.0)
     x, y, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
@@ -435,7 +414,7 @@ def load_nodes(hull: Any, work: Any, stage: Any, low: int, high: int) -> None:
         ends = ((x[e], y[e], z[e]), (x[top], y[top], z[top]))
         rates = ((vx[e], vy[e], vz[e]), (vx[top], vy[top], vz[top]))
         length = rest[e] if e < n else lump[e]
-        if not _press(hull, e, ends, rates, length, (stage.p, stage.q)):
+        if not anywhere(_press(hull, e, ends, rates, length, (stage.p, stage.q))):
             continue
         if acts and e < n:
             drag, size, share = _dragged(hull, e, ends)
@@ -456,7 +435,7 @@ def load_nodes(hull: Any, work: Any, stage: Any, low: int, high: int) -> None:
             Azz[i] += memory[block + 5, e]
 
 
-@kernel("settle", HullContact)
+@kernel("settle", HullContact, wide=True)
 def settle(hull: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
     """Store e and position of the stage; e is 0 where nothing touches."""
     memory, work, last = hull.memory, rope.work, hull.memory.shape[1] - 1
@@ -468,10 +447,11 @@ def settle(hull: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
         rates = ((vx[i], vy[i], vz[i]), (vx[i + 1], vy[i + 1], vz[i + 1]))
         for k in range(CARRIED):
             memory[CARRIED + k, i] = 0.0
-        if _press(hull, i, ends, rates, rest[i], (stage.p, stage.q)):
+        pressed = _press(hull, i, ends, rates, rest[i], (stage.p, stage.q))
+        if anywhere(pressed):
             drag, _, _ = _dragged(hull, i, ends)
             for k in range(CARRIED):
-                memory[CARRIED + k, i] = acts * drag[k]
+                memory[CARRIED + k, i] = choose(pressed, acts * drag[k], 0.0)
     for i in range(upto + 1):
         memory[REACHED, i] = x[i] - memory[SHIP, last]
         memory[REACHED + 1, i] = y[i] - memory[SHIP + 1, last]
@@ -479,55 +459,77 @@ def settle(hull: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
 
 
 @jit_within
-def _meets(hull: Any, a: Any, b: Any, radius: float) -> bool:
+def _meets(hull: Any, a: Any, b: Any, radius: Any) -> Any:
     """Return whether the element from a to b, or a point a of this radius, is inside a box."""
-    if not _is_level(hull, a[2], b[2]):
-        return False
+    here = _is_level(hull, a[2], b[2])
+    if not anywhere(here):
+        return here
     a, b = _in_hull(hull, *a), _in_hull(hull, *b)
-    if not _is_near(hull.bounds, a, b):
-        return False
-    boxes = hull.boxes
+    here = here & is_near(hull.bounds, a, b)
+    if not anywhere(here):
+        return here
+    boxes, left = hull.boxes, here
     for j in range(boxes.shape[0]):
-        start, end = _part_inside(boxes, j, a, b)
-        if not end < start:
-            return True
-        if radius >= 0.0 and not (
-            abs(a[0] - boxes[j, 0]) > boxes[j, 3] + radius
-            or abs(a[1] - boxes[j, 1]) > boxes[j, 4] + radius
-            or abs(a[2] - boxes[j, 2]) > boxes[j, 5] + radius
-        ):
-            return True
-    return False
+        start, end = part_inside(boxes, j, a, b)
+        left = left & (end < start)
+        if anywhere(radius >= 0.0):
+            left = left & ((radius < 0.0) | is_beyond(boxes, j, a, radius))
+        if not anywhere(left):
+            return here
+    return here ^ left
+
+
+@jit_within
+def _places(work: Any, p: Any, n: int, e: int) -> Any:
+    """Return the ends of element e, now and after moving by p·delta."""
+    x, y, z = rows(work, POSITION, 0)
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    last = p if e + 1 < n else 0.0 * p
+    a, b = (x[e], y[e], z[e]), (x[e + 1], y[e + 1], z[e + 1])
+    c = (a[0] + p * dx[e], a[1] + p * dy[e], a[2] + p * dz[e])
+    d = (b[0] + last * dx[e + 1], b[1] + last * dy[e + 1], b[2] + last * dz[e + 1])
+    return (a, b), (c, d)
+
+
+@jit_within
+def _radius(hull: Any, e: int) -> Any:
+    """Return the radius of the point at the lower end of element e; -1: there is none."""
+    return choose(hull.k_payload > 0.0, hull.radius, -1.0) if e == 0 else -1.0
 
 
 @kernel("calm", HullContact)
 def calm(hull: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     """Return whether nothing touches the hull, now and after the correction."""
-    x, y, z = rows(work, POSITION, 0)
-    dx, dy, dz = rows(work, CORRECTION, 0)
-    p = share * stage.p
     for e in range(n):
-        last = p if e + 1 < n else 0.0
-        a, b = (x[e], y[e], z[e]), (x[e + 1], y[e + 1], z[e + 1])
-        c = (a[0] + p * dx[e], a[1] + p * dy[e], a[2] + p * dz[e])
-        d = (b[0] + last * dx[e + 1], b[1] + last * dy[e + 1], b[2] + last * dz[e + 1])
-        radius = hull.radius if e == 0 and hull.k_payload > 0.0 else -1.0
+        (a, b), (c, d) = _places(work, share * stage.p, n, e)
+        radius = _radius(hull, e)
         if _meets(hull, a, b, radius) or _meets(hull, c, d, radius):
             return False
     return True
 
 
+@wide_kernel("calm", HullContact)
+def calm_wide(hull: Any, work: Any, stage: Any, n: int, share: Any) -> int:
+    """Return the lanes in which nothing does, as bits."""
+    found = 0
+    for e in range(n):
+        (a, b), (c, d) = _places(work, share * stage.p, n, e)
+        radius = _radius(hull, e)
+        found |= bits(_meets(hull, a, b, radius) | _meets(hull, c, d, radius))
+    return ALL - found
+
+
 @jit
-def _force_on(hull: Any, i: int, ends: Any, rates: Any, length: float) -> bool:
+def _force_on(hull: Any, i: int, ends: Any, rates: Any, length: Any) -> Any:
     """Set the rows of element i, with friction of its present e; return whether it is pressed."""
-    if not _press(hull, i, ends, rates, length, (1.0, 0.0)):
-        return False
-    memory = hull.memory
-    _rub(hull, i, (memory[0, i], memory[1, i], memory[2, i]), 1.0, 1.0, 1.0)
-    return True
+    pressed, memory = _press(hull, i, ends, rates, length, (1.0, 0.0)), hull.memory
+    if anywhere(pressed):
+        stuck = 1.0 + 0.0 * memory[NORMAL, i]
+        _rub(hull, i, (memory[0, i], memory[1, i], memory[2, i]), stuck, stuck, 1.0)
+    return pressed
 
 
-@kernel("pull", HullContact)
+@kernel("pull", HullContact, wide=True)
 def pull(hull: Any, work: Any, n: int) -> Any:
     """Return the share of the hang-off in what presses on the element below it [N]."""
     x, y, z = rows(work, POSITION, 0)
@@ -535,10 +537,12 @@ def pull(hull: Any, work: Any, n: int) -> Any:
     i = n - 1
     ends = ((x[i], y[i], z[i]), (x[n], y[n], z[n]))
     rates = ((vx[i], vy[i], vz[i]), (vx[n], vy[n], vz[n]))
-    if not _force_on(hull, i, ends, rates, row(work, REST, 0)[i]):
-        return 0.0, 0.0, 0.0
-    memory = hull.memory
-    return memory[UP, i], memory[UP + 1, i], memory[UP + 2, i]
+    pressed, memory = _force_on(hull, i, ends, rates, row(work, REST, 0)[i]), hull.memory
+    return (
+        choose(pressed, memory[UP, i], 0.0),
+        choose(pressed, memory[UP + 1, i], 0.0),
+        choose(pressed, memory[UP + 2, i], 0.0),
+    )
 
 
 @jit_entry

@@ -35,7 +35,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import row, rows
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import Load, grows, kernel
@@ -202,7 +204,7 @@ def facing(net: NetCurtain, neighbours: Sequence[int]) -> NetCurtain:
 
 
 @jit_within
-def _covered(low: float, high: float, below: float, above: float) -> float:
+def _covered(low: Any, high: Any, below: Any, above: Any) -> Any:
     """Return the share of a length of rope from `below` to `above` that carries net."""
     overlap = max(min(high, above) - max(low, below), 0.0)
     return overlap / (above - below + DIVISOR_MIN)
@@ -228,7 +230,7 @@ def _normal(net: Any, t: Any, c: Any) -> Any:
 
 
 @jit_within
-def _panel(net: Any, size: float, vectors: Any, q: float) -> Any:
+def _panel(net: Any, size: Any, vectors: Any, q: float) -> Any:
     """Return the load of `size` metres of net; vectors: t, c, relative velocity, accelerations."""
     t, c, w, (x, y, z), (wx, wy, wz) = vectors
     n = _normal(net, t, c)
@@ -297,13 +299,13 @@ def start(net: Any, rope: Any, upto: int) -> None:
         net.memory[PLACE, i] = base + rope.state.s[i]
 
 
-@kernel("predict", NetCurtain)
+@kernel("predict", NetCurtain, wide=True)
 def predict(net: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
     """Set the nodes' shares of net, which the winch changes."""
     _set_shares(net, rope.state, low, high)
 
 
-@kernel("load_nodes", NetCurtain)
+@kernel("load_nodes", NetCurtain, wide=True)
 def load_nodes(net: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Add the forces of flow, weight and inertia; the block: q·dF/dw + m·I + added mass."""
     memory = net.memory
@@ -316,7 +318,7 @@ def load_nodes(net: Any, work: Any, stage: Any, low: int, high: int) -> None:
     for i in range(high - low):
         for side in range(2):
             size = share[i] * length[i] * (net.near if side == 0 else net.far)
-            if size == 0.0:
+            if not anywhere(size > 0.0):
                 continue
             at = TOWARDS + 3 * side
             dx, dy, dz = memory[at, low + i], memory[at + 1, low + i], memory[at + 2, low + i]
@@ -330,7 +332,7 @@ def load_nodes(net: Any, work: Any, stage: Any, low: int, high: int) -> None:
             add_to_node(work, low + i, _panel(net, size, vectors, stage.q))
 
 
-@kernel("settle", NetCurtain)
+@kernel("settle", NetCurtain, wide=True)
 def settle(net: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
     """Carry the places over; the ghost nodes take net where the hang-off is in the stretch."""
     memory, state = net.memory, rope.state
@@ -339,7 +341,7 @@ def settle(net: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
         memory[PLACE_NEXT, i] = base + state.s[i]
     _set_shares(net, state, upto, n + 1)
     top = base + state.s[n]
-    set_trials(memory, SHARE, 1.0 if net.low < top <= net.high else 0.0, rope)
+    set_trials(memory, SHARE, choose((net.low < top) & (top <= net.high), 1.0, 0.0), rope)
 
 
 @account("kinetic", NetCurtain)

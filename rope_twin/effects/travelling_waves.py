@@ -28,9 +28,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.integrator import BDF2, K1, K2, TRAPEZOID
-from rope_twin.core.jit.decorators import jit
-from rope_twin.core.jit.functions import cosine
+from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.functions import anywhere, by_width, cosine, renewed
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.wide import bits, choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import VORTICES, grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
@@ -62,10 +63,10 @@ CARRIED = 4  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate
 PHASE, OMEGA, SQUARE, SQUARE_RATE = range(CARRIED)
 # Further rows: cosine of the stage's phase, its phase and ω, explicit part of s, its weight,
 # damping c [kg/s], ½·ρ·d·l [kg/m], 1/d [1/m], ω of the node's half wave (0: unknown), its length,
-# scratch.
+# scratch (two).
 (COSINE, PHASE_NOW, OMEGA_NOW, SQUARE_HAT, SHARE, DAMPING, STRENGTH, PER_DIAMETER, HELD, LENGTH,
- SCRATCH) = range(3 * CARRIED + 1, 3 * CARRIED + 12)  # fmt: skip
-OWN_ROWS = SCRATCH - 3 * CARRIED
+ SCRATCH, MARK) = range(3 * CARRIED + 1, 3 * CARRIED + 13)  # fmt: skip
+OWN_ROWS = MARK - 3 * CARRIED
 PHASES = ("standing", "travelling")
 
 
@@ -112,8 +113,8 @@ class TravellingWaves(NamedTuple):
     averaging: float  # 1/(2π·periods)
     ramp: float  # [s]
     EI: float  # [N·m²]
-    by_half_waves: bool
-    standing: bool
+    by_half_waves: float  # 1, or 0
+    standing: float  # 1, or 0
 
 
 def build(params: TravellingWavesParams, payload: Any, around: Any) -> TravellingWaves:
@@ -130,8 +131,8 @@ def build(params: TravellingWavesParams, payload: Any, around: Any) -> Travellin
         averaging=1.0 / (2.0 * pi * params.periods),
         ramp=float(params.ramp_s),
         EI=float(around.bending_n_m2),
-        by_half_waves=bool(params.by_half_waves),
-        standing=params.initial_phase == "standing",
+        by_half_waves=float(params.by_half_waves),
+        standing=float(params.initial_phase == "standing"),
     )
 
 
@@ -158,15 +159,37 @@ def start(waves: Any, rope: Any, upto: int) -> None:
     _set_figures(waves, work, n - n, n)
     length, omega = memory[LENGTH], memory[OMEGA]
     set_paces(waves.turns, work, memory[PER_DIAMETER], omega, n - n, n)
-    if waves.by_half_waves:
-        hold_frequencies(waves, work, length, omega, n)
+    halves = waves.by_half_waves > 0.0
+    if halves:
+        hold_frequencies(waves, work, length, omega, memory[MARK], n)
     phase = 0.0
     for i in range(n - 1, -1, -1):
         per_metre = (work[MASS, i] + waves.added * work[VOLUME, i]) / length[i]
         phase += wave_number(waves.EI, work[TENSION, i], per_metre, omega[i]) * length[i]
-        memory[HELD, i] = omega[i] if waves.by_half_waves else 0.0
-        memory[PHASE, i] = -pi * floor(phase / pi) if waves.standing else -phase
+        memory[HELD, i] = omega[i] if halves else 0.0
+        memory[PHASE, i] = -pi * floor(phase / pi) if waves.standing > 0.0 else -phase
         memory[SQUARE, i] = memory[SQUARE_RATE, i] = 0.0
+
+
+@jit_within
+def _count_unknown(held: Any, low: int, high: int) -> int:
+    """Return the number of nodes low <= i < high without a half wave."""
+    unknown = 0
+    for i in range(low, high):
+        unknown += 1 if held[HELD, i] == 0.0 else 0
+    return unknown
+
+
+@jit_within
+def _find_unknown(held: Any, low: int, high: int) -> int:
+    """Return the lanes that have such a node, as bits."""
+    unknown = 0
+    for i in range(low, high):
+        unknown |= bits(held[HELD, i] == 0.0)
+    return unknown
+
+
+_unknown = by_width(_count_unknown, _find_unknown)
 
 
 @jit
@@ -174,18 +197,16 @@ def _set_omega(waves: Any, work: Any, low: int, high: int) -> None:
     """Set OMEGA_NOW to that of the half wave, or the node's own (without, or at a new node)."""
     memory = waves.memory
     held, now = memory[HELD, low:], memory[OMEGA_NOW, low:]
-    unknown = 0
     for i in range(high - low):
         now[i] = held[i]
-        unknown += 1 if held[i] == 0.0 else 0
-    if unknown > 0:
+    if _unknown(memory, low, high) > 0:
         own = memory[SCRATCH, low:]
         set_paces(waves.turns, work, memory[PER_DIAMETER, low:], own, low, high)
         for i in range(high - low):
-            now[i] = own[i] if held[i] == 0.0 else held[i]
+            now[i] = choose(held[i] == 0.0, own[i], held[i])
 
 
-@kernel("predict", TravellingWaves)
+@kernel("predict", TravellingWaves, wide=True)
 def predict(waves: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set phase and frequency of the stage, the explicit part of s, and stage constants."""
     memory, work, c = waves.memory, rope.work, stage.q
@@ -216,7 +237,7 @@ def predict(waves: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -
         lift[i] = grown * cosine(phase[i])
 
 
-@kernel("load_nodes", TravellingWaves)
+@kernel("load_nodes", TravellingWaves, wide=True)
 def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Add F = (L·(C0 - C1·A) - c·y')·e and the block q·(L·C1·dA/dy' + c)·e ⊗ e.
 
@@ -253,7 +274,7 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
         Azz[i] += k * z * z
 
 
-@kernel("settle", TravellingWaves)
+@kernel("settle", TravellingWaves, wide=True)
 def settle(waves: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store phase, frequency and mean square of the stage; update half waves once a step."""
     memory, work, n = waves.memory, rope.work, upto
@@ -270,10 +291,13 @@ def settle(waves: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         square = max(hat[i] + share[i] * rate * rate, 0.0)
         phase1[i], omega1[i], square1[i] = phase[i], omega[i], square
         rate1[i] = omega[i] * waves.averaging * (rate * rate - square)
-    if waves.by_half_waves and kind == BDF2:
-        held = memory[HELD]
-        set_paces(waves.turns, work, memory[PER_DIAMETER], held, n - n, n)
-        hold_frequencies(waves, work, memory[LENGTH], held, n)
+    halves = waves.by_half_waves > 0.0
+    if kind == BDF2 and anywhere(halves):
+        held, new = memory[HELD], memory[SCRATCH]
+        set_paces(waves.turns, work, memory[PER_DIAMETER], new, n - n, n)
+        hold_frequencies(waves, work, memory[LENGTH], new, memory[MARK], n)
+        for i in range(n):
+            held[i] = renewed(stage, choose(halves, new[i], 0.0), held[i])
     _set_trials(waves, rope, n - 1)
 
 

@@ -35,6 +35,7 @@ from typing import Any
 
 from rope_twin.core.elements import end_rope, stretch_all
 from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.balance import set_flow
@@ -147,6 +148,7 @@ def set_shedding(wake: Any, work: Any, own: Any, low: int, high: int) -> None:
         bx[i], by[i], bz[i] = scale * x, scale * y, scale * z
 
 
+UNENDED = -1.0  # marks a node above the lower end of its half wave
 WAVES = 24  # number of half waves along the rope that compose the smooth noise
 GOLDEN = 2.399963  # rad, phase increment between them
 FASTEST = 40.0  # A·dy/dτ at which the driving term is halved
@@ -236,26 +238,31 @@ def set_paces(turns: float, work: Any, per_diameter: Any, pace: Any, low: int, h
 
 
 @jit_within
-def wave_number(EI: float, T: float, m: float, omega: float) -> Any:
+def wave_number(EI: Any, T: Any, m: Any, omega: Any) -> Any:
     """Return k of a wave of this frequency [1/m]; 0 where the rope is slack. m: mass per metre."""
     inertia = m * omega * omega
     square = 2.0 * inertia / (T + sqrt(T * T + 4.0 * EI * inertia) + RATE_MIN)
-    return sqrt(square) if T > 0.0 else 0.0
+    return choose(T > 0.0, sqrt(square), 0.0)
 
 
 @jit
-def hold_frequencies(waves: Any, work: Any, length: Any, held: Any, n: int) -> None:
+def hold_frequencies(waves: Any, work: Any, length: Any, held: Any, mark: Any, n: int) -> None:
     """Hold the largest ω of each half wave over it, from the hang-off down.
 
-    held: each node's own ω, replaced by that of its half wave.
+    held: each node's own ω, replaced by that of its half wave; mark: scratch, one number a node.
     """
     T, mass, volume = row(work, TENSION, 0), row(work, MASS, 0), row(work, VOLUME, 0)
-    turned, omega, upper = 0.0, 0.0, n
+    for i in range(n):
+        mark[i] = UNENDED
+    turned, omega = 0.0 * length[0], 0.0 * length[0]
     for i in range(n - 1, -1, -1):
         omega = max(omega, held[i])
         per_metre = (mass[i] + waves.added * volume[i]) / length[i]
         turned += length[i] * wave_number(waves.EI, T[i], per_metre, omega)
-        if turned >= pi or i == 0:
-            for j in range(i, upper):
-                held[j] = omega
-            turned, omega, upper = turned - pi, 0.0, i
+        ends = turned >= pi
+        if anywhere(ends):
+            mark[i] = choose(ends, omega, UNENDED)
+            turned, omega = choose(ends, turned - pi, turned), choose(ends, 0.0, omega)
+    for i in range(n):  # the lowest half wave has what is left
+        omega = choose(mark[i] > UNENDED, mark[i], omega)
+        held[i] = omega

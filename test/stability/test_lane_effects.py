@@ -79,7 +79,8 @@ time: {step_s: 0.01}
 SHIPPED = (
     "rov_tether", "hybrid_lift", "landing", "wave_zone", "splash_zone", "viv_in_heave",
     "tow_with_net", "lift_off", "riser_300m", "strouhal_lift",
-    "active_over_passive_lift",
+    "active_over_passive_lift", "cable_waves", "chain_on_bottom",
+    "moonpool_lift", "net_curtain",
 )  # fmt: skip
 PLACES = (12.0, 16.0, 18.5, 20.02)  # through the surface, below it, and from the bed on
 

@@ -43,8 +43,11 @@ from rope_twin.core.state import (
     RESIDUAL,
     VELOCITY,
     WORK_ROWS,
+    Rope,
 )
 from rope_twin.core.tridiagonal import eliminate, eliminate_wide, push, push_wide, substitute_wide
+from rope_twin.effects.bed_friction import CARRIED, PlaneFriction
+from rope_twin.effects.hull_contact import HullContact
 from rope_twin.errors import InputError
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rope_model import build
@@ -283,6 +286,82 @@ def test_bent_ropes(tmp_path: Path) -> None:
     assert lanes.steps > lanes.given_up
 
 
+@pytest.mark.parametrize("by_half_waves", ["true", "false"])
+def test_chains_that_stick_and_slide(tmp_path: Path, by_half_waves: str) -> None:
+    """They lie below ropes that shed vortices: calm, paid out and in, and snapping ones."""
+    text = load_scene("chain_on_bottom").path.read_text()
+    effects = "bed_friction: {axial: 0.3, lateral: 0.6}\n"
+    effects += f"  - travelling_waves: {{by_half_waves: {by_half_waves}}}"
+    path = tmp_path / "lying.yaml"
+    path.write_text(text.replace("bed_friction: {}", effects))
+    scene, own = load_scene(path), []
+    for k in range(LANES):
+        changes = (
+            Change("effects.bed_friction.slip_m", 1e-3 * (k + 1)),
+            Change("effects.current.profile[*][1][*]", 0.5 + 0.3 * k, multiply=True),
+        )
+        heave = HeaveSeries.of(sea((0.5, 1.0, 5.0)[k % 3], 6.0 + 0.3 * k, 30.0))
+        speed = 0.5 if k % 3 == 1 else 0.0
+        orders = ((0, speed), (10, -speed))
+        commands = (CommandSample(at * SECOND_NS, WinchCommand(SPEED, v)) for at, v in orders)
+        own.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), tuple(commands)))
+    ensemble = Ensemble(scene, own, threads=1)
+    assert ensemble.lanes().members == LANES
+    for seconds in (1, 12):
+        ensemble.advance(seconds)
+    assert not unequal(scene, ensemble, own, 13)
+    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
+    assert shots[1].splits > 0
+    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
+    lanes = ensemble.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+    slid = np.array([_share_of_slip(member.rope, PlaneFriction) for member in ensemble._members])
+    assert (slid > 0.0).all()
+    assert slid.max() > 0.999 > slid.min()
+
+
+def _share_of_slip(rope: Rope, kind: type) -> float:
+    """Return the largest displacement along the bed or hull over the slip distance."""
+    (rub,) = (one for one in rope.effects if isinstance(one, kind))
+    dragged = rub.memory[:CARRIED]
+    return float(np.sqrt((dragged * dragged).sum(axis=0)).max() / rub.slip)
+
+
+@pytest.mark.parametrize("heading", ["", ", heading_deg: 70.0"])
+def test_ropes_in_moonpools_with_nets(tmp_path: Path, heading: str) -> None:
+    """They stick to walls and slide there, nets trail or are held: calm, moving, snapping ones."""
+    text = load_scene("moonpool_lift").path.read_text()
+    net = f"net_curtain: {{to_m: 30.0, width_m: 2.0, twine_m: 0.003, bar_m: 0.03{heading}}}"
+    path = tmp_path / "nets.yaml"
+    path.write_text(text.replace("payload: {}", f"payload: {{}}\n  - {net}"))
+    scene, own = load_scene(path), []
+    for k in range(LANES):
+        changes = (
+            Change("effects.hull_contact.slip_m", 2e-3 * (k + 1)),
+            Change("effects.hull_contact.payload_stiffness_n_per_m", 1e5 * (k + 1)),
+            Change("effects.net_curtain.from_m", 2.0 * k),
+            Change("effects.current.profile[*][1][*]", 0.7 + 0.1 * k, multiply=True),
+        )
+        heave = HeaveSeries.of(sea((0.5, 1.0, 9.0)[k % 3], 6.0 + 0.3 * k, 30.0))
+        speed = 1.0 if k % 3 == 1 else 0.0
+        orders = ((0, speed), (5, -speed))
+        commands = (CommandSample(at * SECOND_NS, WinchCommand(SPEED, v)) for at, v in orders)
+        own.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), tuple(commands)))
+    ensemble = Ensemble(scene, own, threads=1)
+    assert ensemble.lanes().members == LANES
+    for seconds in (1, 8):
+        ensemble.advance(seconds)
+    assert not unequal(scene, ensemble, own, 9)
+    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
+    assert shots[1].splits > 0
+    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
+    lanes = ensemble.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+    slid = np.array([_share_of_slip(member.rope, HullContact) for member in ensemble._members])
+    assert slid.max() > 0.999
+    assert ((slid > 0.0) & (slid < 0.999)).any()
+
+
 def test_heave_compensators() -> None:
     """Units between their stops and at them, driven and sticking, while rope is paid out."""
     few = Change("ropes[0].elements", 20)
@@ -319,11 +398,14 @@ def test_heave_compensators() -> None:
         ("landing", ""),
         ("lift_off", ""),
         ("manifold_lift", ""),
-        ("chain_on_bottom", "bed_friction"),
+        ("chain_on_bottom", ""),
+        ("cable_waves", ""),
+        ("moonpool_lift", ""),
+        ("net_curtain", ""),
     ],
 )
 def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
-    """Ropes with a dynamic stiffness, friction that sticks."""
+    """Ropes with a dynamic stiffness."""
     rope = build(load_scene(name))
     assert why_alone(rope) == reason
     assert (kind_of(rope) is None) == bool(reason)

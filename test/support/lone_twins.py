@@ -58,7 +58,8 @@ def alone(scene: Scene, own: Variation, seconds: int) -> Snapshot:
 def differing(found: Snapshot, expected: Snapshot) -> list[str]:
     """The figures of which a bit differs; the tensions since the last snapshot too."""
     a, b = figures(found), figures(expected)
-    kept = [name for name in b if name in a or not name.startswith("bend of")]  # a twin's record
+    recorded = ("bend of", "touchdown of")  # by twins only
+    kept = [name for name in b if name in a or not name.startswith(recorded)]
     names = [name for name in kept if a[name].tobytes() != b[name].tobytes()]
     for name in ("solves", "substeps", "splits", "merges"):
         if getattr(found.solver, name) != getattr(expected.solver, name):

@@ -258,13 +258,20 @@ def check_equal_to_twin(fleet: Fleet, expected: Driven, at: int, look: int) -> N
             assert np.array_equal(record.payload_tension_n[:, k], expected.lowest_n[ends])
 
 
+SHEDS = "{strouhal: 0.2, lift_coefficient: 0.3, diameter_m: 2.0, area_m2: 3.0}"
+
+
 @pytest.mark.parametrize(
-    ("effect", "reason"), [("wake_oscillator", ""), ("travelling_waves", "travelling_waves")]
+    ("effect", "reason"),
+    [
+        ("wake_oscillator: {}", ""),
+        (f"payload_shedding: {SHEDS}", "payload_shedding"),
+    ],
 )
 def test_members_with_internal_variables(tmp_path: Path, effect: str, reason: str) -> None:
     """In lanes, or alone where the effect is: equal to the twin to the bit."""
     path = tmp_path / "vortices.yaml"
-    text = SMALL_SCENE.replace("  - payload: {}\n", f"  - {effect}: {{}}\n  - payload: {{}}\n")
+    text = SMALL_SCENE.replace("  - payload: {}\n", f"  - {effect}\n  - payload: {{}}\n")
     path.write_text(text.replace("elements: 20", "elements: 8"))
     scene = load_scene(path)
     assert why_alone(build(scene)) == reason

@@ -1,7 +1,7 @@
 """Wide numbers: LANES doubles, one of each rope of a group, in one SIMD register.
 
-The kernels of one rope run on them unchanged: `+ - * /`, sqrt, abs, min and max work lane by lane,
-comparisons give a mask, a bit for each lane, and `choose(mask, a, b)` picks by it. A mask is
+The kernels of one rope run on them unchanged: `+ - * /`, sqrt, floor, abs, min and max work lane by
+lane, comparisons give a mask, a bit for each lane, and `choose(mask, a, b)` picks by it. A mask is
 neither true nor false: a kernel that branches on a wide number does not compile. Only compiled code
 can use them.
 
@@ -20,6 +20,7 @@ import math
 import operator
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from llvmlite.binding import get_host_cpu_features
 from numba import config, types
@@ -208,6 +209,7 @@ def _negative(context: Any, builder: Any, a: Any) -> Any:
 
 
 register(math.sqrt, 1, WIDE, _call("sqrt"))
+register(np.floor, 1, WIDE, _call("floor"))
 register(abs, 1, WIDE, _call("fabs"))
 register(operator.neg, 1, WIDE, _negative)
 
@@ -229,7 +231,12 @@ def _either(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
     return builder.or_(*arguments)
 
 
-for _function in (operator.and_, operator.or_):
+@lower_builtin(operator.xor, MaskType, MaskType)
+def _one(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+    return builder.xor(*arguments)
+
+
+for _function in (operator.and_, operator.or_, operator.xor):
     infer_global(_function)(_Both)
 
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.hooks import Load
 from rope_twin.core.state import SPEED2_MIN, Floats
 
@@ -80,7 +81,7 @@ def panel_load(net: Any, w: Any, n: Any, q: float) -> Any:
     c = p / s  # cos α, signed by the side of the normal
     even = net.along * s + net.facing * abs(p) - net.lift * p * c
     # dF/dw = even·I + w·(g_w·w + g_n·n)ᵀ + n·(h_w·w + h_n·n)ᵀ
-    side = 1.0 if p > 0.0 else -1.0
+    side = choose(p > 0.0, 1.0, -1.0)
     g_w = net.along / s + net.lift * c * c / s
     g_n = net.facing * side - 2.0 * net.lift * c
     h_w, h_n = net.lift * c, net.lift * s
