@@ -41,12 +41,19 @@ def tabled(scene: Scene) -> Scene:
     return replace(scene, ropes=tuple(made))
 
 
-@pytest.mark.parametrize("change", [lambda scene: scene, tabled], ids=["number", "table"])
-def test_a_twin_with_figures_is_a_member_with_them(bridle: Scene, change) -> None:
+@pytest.mark.parametrize(
+    ("change", "members"),
+    [
+        pytest.param(lambda scene: scene, 4, id="number"),
+        pytest.param(tabled, 1, id="table"),
+        pytest.param(tabled, 4, id="table in lanes", marks=pytest.mark.long),
+    ],
+)
+def test_a_twin_with_figures_is_a_member_with_them(bridle: Scene, change, members: int) -> None:
     """Top tension and the nodes of all ropes are equal to the bit, while the winch pays out."""
     scene = change(bridle)
     expected = driven(scene, STEPS, speed=0.5, figures=FACTORS)
-    fleet = Fleet(scene, 4, elements=ELEMENTS, step_s=STEP_S)
+    fleet = Fleet(scene, members, elements=ELEMENTS, step_s=STEP_S)
     assert not fleet.why_alone
     fleet.set_figures(FACTORS)
     record = fleet.advance(expected.inputs, LOOK)

@@ -99,7 +99,7 @@ def test_winches_that_are_not_named_hold(two_lines: Scene) -> None:
     ("name", "alone"),
     [
         ("bridle_lift", ""),
-        ("two_line_landing", ""),
+        pytest.param("two_line_landing", "", marks=pytest.mark.long),
         ("two_line_loop", "a sheave"),
         ("load_transfer", "a rigid body"),
         ("cage_and_clump", "payload_contact"),
