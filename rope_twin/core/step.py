@@ -114,7 +114,7 @@ def _stage_at(system: Any, boundary: Any, row: Any, part: Any, time: Any, c: Any
 def _size(rope: Rope) -> Any:
     """Return the sum of absolute values of a stage's motion; not finite if one is not."""
     total = 0.0
-    for k in range(NODE_ROWS):
+    for k in range(min(NODE_ROWS, rope.work.shape[0])):
         row = rope.work[k]
         for i in range(rope.state.counts[ELEMENTS]):
             total += abs(row[i])

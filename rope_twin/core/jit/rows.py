@@ -235,7 +235,7 @@ def stack_rows(scope: str, sizes: tuple[int, ...]) -> Any:
 @jit
 def copy(source: Any, first: int, target: Any, first_target: int, n: int) -> None:
     """Copy position, velocity and acceleration of the nodes 0 <= i < n."""
-    for k in range(NODE_ROWS):
+    for k in range(min(NODE_ROWS, source.shape[0])):  # counted: unrolled, it compiles for longer
         a, b = source[first + k], target[first_target + k]
         for i in range(n):
             b[i] = a[i]
