@@ -102,7 +102,7 @@ Outcome = tuple[bool, str]  # whether a request was done, and words
 
 @dataclass(frozen=True)
 class Sent:
-    """What a request has sent; its outcome is awaited."""
+    """A request that was sent, whose outcome is awaited."""
 
     outcome: Callable[[], Outcome | None]  # None while it is not seen
     why_not: Callable[[], str]  # words if none is seen in time

@@ -100,7 +100,7 @@ def truths() -> tuple[Floats, Floats, Floats]:
 
 
 def lift(number: int) -> MeasuredLift:
-    """What the sensors measured of one truth."""
+    """A lift as the sensors measured it, of one truth."""
     thetas, t, tension = truths()
     made, at = MeasuredLift(NOISE_N), np.arange(0.0, SECONDS, SENSOR_S)
     z, v, line, _ = motion(at)
@@ -113,7 +113,7 @@ def lift(number: int) -> MeasuredLift:
 
 
 def test_hidden_figures_lie_in_their_intervals() -> None:
-    """Of eight truths: 90 % intervals hold 80 % or more, and errors are as large as stated."""
+    """Intervals of 90 % hold 80 % or more of eight truths, with errors as large as stated."""
     thetas, _, _ = truths()
     errors, sds = [], []
     for number, theta in enumerate(thetas):

@@ -70,7 +70,7 @@ def test_winches_go_together(scene: Scene) -> None:
 
 
 def test_line_out_at_the_beginning(scene: Scene) -> None:
-    """Of each winch by its name."""
+    """Each winch has its own, by its name."""
     assert scene_at_line(scene, 600.0) is scene
     own = scene_at_line(scene, 500.0, {"aft_sheave": 510.0})
     assert [line.length_m for line in own.ropes] == [500.0, 510.0]
@@ -165,7 +165,7 @@ def test_the_load_goes_down_with_both(made: Made) -> None:
 
 
 def test_the_forecast_is_what_then_happens(scene: Scene, made: Made) -> None:
-    """Of both ropes, while the known swell goes on and the winches do what they did."""
+    """Both ropes follow the run, while swell and winches go on as they did."""
     _, (going, *_), _ = made
     at = PERIOD_S * np.arange(round((200.0 + 60.0) / PERIOD_S) + 1)
     z, v = heave(0.6, 11.0, at)
@@ -278,7 +278,7 @@ def bag(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_recorded_lift_of_two_winches(bag: Path, scene: Scene) -> None:
-    """Winches are told apart by their names; the plan of the recording moves both."""
+    """Winches are known by their names; the plan of the recording moves both."""
     lift = read_lift(bag, str(scene.path))
     assert (lift.line_out_m == 600.0).all()
     assert lift.lines_m["aft_sheave"][-1] == pytest.approx(600.4)

@@ -514,7 +514,7 @@ def eliminate_bent_one(work: Any, first: int, n: int) -> None:
 
 @jit_entry
 def push_bent_one(work: Any, first: int, n: int) -> None:
-    """Likewise."""
+    """The push of one rope, and the effect of its couplings on the residual."""
     push_coupled(end_to_end(work), first, n)
     take_links(work, n)
 
