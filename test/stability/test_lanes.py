@@ -104,6 +104,32 @@ def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int
     ]
 
 
+def one_of_three(
+    k: int, changes: tuple[Change, ...], snapping_m: float, speed: float, turn_s: int
+) -> Variation:
+    """A member that is calm, or pays out and hauls in from `turn_s` on, or snaps in high waves."""
+    heave = HeaveSeries.of(sea((0.5, 1.0, snapping_m)[k % 3], 6.0 + 0.3 * k, 30.0))
+    own = speed if k % 3 == 1 else 0.0
+    orders = ((0, own), (turn_s, -own))
+    commands = (CommandSample(at * SECOND_NS, WinchCommand(SPEED, v)) for at, v in orders)
+    return Variation(changes, heave.starting_at(k * SECOND_NS // 3), tuple(commands))
+
+
+def stepped_as_alone(scene: Scene, own: list[Variation], seconds: int) -> Ensemble:
+    """Members that went in lanes and are equal to lone twins, through splits and snaps."""
+    ensemble = Ensemble(scene, own, threads=1)
+    assert ensemble.lanes().members == LANES
+    for some in (1, seconds - 1):
+        ensemble.advance(some)
+    assert not unequal(scene, ensemble, own, seconds)
+    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
+    assert shots[1].splits > 0
+    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
+    lanes = ensemble.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+    return ensemble
+
+
 @pytest.mark.parametrize("members", [1, LANES - 1, LANES, LANES + 1, 2 * LANES + 5])
 def test_any_number_of_members(
     tmp_path: Path, members: int, monkeypatch: pytest.MonkeyPatch
@@ -300,21 +326,8 @@ def test_chains_that_stick_and_slide(tmp_path: Path, by_half_waves: str) -> None
             Change("effects.bed_friction.slip_m", 1e-3 * (k + 1)),
             Change("effects.current.profile[*][1][*]", 0.5 + 0.3 * k, multiply=True),
         )
-        heave = HeaveSeries.of(sea((0.5, 1.0, 5.0)[k % 3], 6.0 + 0.3 * k, 30.0))
-        speed = 0.5 if k % 3 == 1 else 0.0
-        orders = ((0, speed), (10, -speed))
-        commands = (CommandSample(at * SECOND_NS, WinchCommand(SPEED, v)) for at, v in orders)
-        own.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), tuple(commands)))
-    ensemble = Ensemble(scene, own, threads=1)
-    assert ensemble.lanes().members == LANES
-    for seconds in (1, 12):
-        ensemble.advance(seconds)
-    assert not unequal(scene, ensemble, own, 13)
-    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
-    assert shots[1].splits > 0
-    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
-    lanes = ensemble.lanes()
-    assert lanes.given_up < 0.2 * lanes.steps
+        own.append(one_of_three(k, changes, 5.0, 0.5, 10))
+    ensemble = stepped_as_alone(scene, own, 13)
     slid = np.array([_share_of_slip(member.rope, PlaneFriction) for member in ensemble._members])
     assert (slid > 0.0).all()
     assert slid.max() > 0.999 > slid.min()
@@ -342,21 +355,8 @@ def test_ropes_in_moonpools_with_nets(tmp_path: Path, heading: str) -> None:
             Change("effects.net_curtain.from_m", 2.0 * k),
             Change("effects.current.profile[*][1][*]", 0.7 + 0.1 * k, multiply=True),
         )
-        heave = HeaveSeries.of(sea((0.5, 1.0, 9.0)[k % 3], 6.0 + 0.3 * k, 30.0))
-        speed = 1.0 if k % 3 == 1 else 0.0
-        orders = ((0, speed), (5, -speed))
-        commands = (CommandSample(at * SECOND_NS, WinchCommand(SPEED, v)) for at, v in orders)
-        own.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), tuple(commands)))
-    ensemble = Ensemble(scene, own, threads=1)
-    assert ensemble.lanes().members == LANES
-    for seconds in (1, 8):
-        ensemble.advance(seconds)
-    assert not unequal(scene, ensemble, own, 9)
-    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
-    assert shots[1].splits > 0
-    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
-    lanes = ensemble.lanes()
-    assert lanes.given_up < 0.2 * lanes.steps
+        own.append(one_of_three(k, changes, 9.0, 1.0, 5))
+    ensemble = stepped_as_alone(scene, own, 9)
     slid = np.array([_share_of_slip(member.rope, HullContact) for member in ensemble._members])
     assert slid.max() > 0.999
     assert ((slid > 0.0) & (slid < 0.999)).any()

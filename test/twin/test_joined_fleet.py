@@ -89,7 +89,7 @@ def test_members_equal_the_live_twin_that_they_begin_from(two_lines: Scene, unev
 
 
 def test_winches_that_are_not_named_hold(two_lines: Scene) -> None:
-    """As those of a twin without commands."""
+    """Their lines stay as they are, as in a twin without commands."""
     expected = driven(two_lines, 60, speed=0.5)
     fleet = Fleet(two_lines, 4, elements=ELEMENTS, step_s=STEP_S)
     check_equal(fleet, fleet.advance(expected.inputs, LOOK), expected)
