@@ -240,6 +240,11 @@ TOPICS: tuple[Topic, ...] = (
           "5, 50 and 95 % of top_tension, payload_tension, payload_depth, payload_speed and "
           "slack_margin (least tension of an element), such as top_tension_5_n; heave_skill; "
           "factor, on the spread; age_s of the inputs", of_snapshot=False),
+    Topic("forecast/ropes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
+          "where several ropes come from hang-offs, a row for each of them and lead_s, stamped "
+          "with the origin: rope, its number as in ropes/nodes; top_tension_5_n, _50_n and _95_n; "
+          "above, probability that it exceeds tension_limit_n until then; age_s", of_snapshot=False,
+          in_view=False),
     Topic("forecast/risk", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
           "probabilities within span_s of the origin: tension above tension_limit_n, where ropes "
           "meet that of any rope from a hang-off above its own limit; slack; "
@@ -252,12 +257,14 @@ TOPICS: tuple[Topic, ...] = (
           "below speed_limit_m_per_s; age_s", of_snapshot=False, in_view=False),
     Topic("forecast/what_if", "std_msgs/msg/String", Qos.COMMAND, 0.0, "",
           "orders that the next forecast compares with hold, such as: lower:0.5 stop "
-          "compensation:off; nothing is commanded (text)", of_snapshot=False, in_view=False),
+          "compensation:off hold@aft_sheave; nothing is commanded (text)",
+          of_snapshot=False, in_view=False),
     Topic("forecast/orders", "sensor_msgs/msg/PointCloud2", Qos.COMMAND, 0.0, "forecast",
           "answer to forecast/what_if, stamped with its origin, a row for each order and span_s: "
-          "name of the order; tension, slack, contact, landing as in forecast/risk; change of the "
-          "span's highest tension against hold on the same heave, 5, 50 and 95 %: "
-          "peak_change_5_n ...; lower, share of members whose highest tension is lower",
+          "name of the order; tension, slack, contact, landing as in forecast/risk; number "
+          "of a rope from a hang-off, and the change of its highest tension in the span against "
+          "hold on the same heave, 5, 50 and 95 %: rope, peak_change_5_n ...; lower, share of "
+          "members in which that is lower",
           of_snapshot=False, in_view=False),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
           "pacing, solver and inputs: OK, WARN or ERROR with the reason; also of the recorder",

@@ -68,8 +68,9 @@ export function draw() {
 
 // The forecast band after now. Its leads count from its origin, which is older than the newest tension.
 function ahead(now) {
-  const { at_s: origin, lead_s: leads, low_n: low, median_n: median, high_n: high } = state.values.forecast ?? {};
-  if (!known(origin) || state.line || stale("forecast/tension")) return []; // it is of the first rope
+  const { forecast, forecast_ropes: ropes } = state.values, origin = (state.line ? ropes : forecast)?.at_s;
+  const { lead_s: leads, low_n: low, median_n: median, high_n: high } = (state.line ? ropes?.bands[state.line] : forecast) ?? {};
+  if (!known(origin) || !leads || stale(state.line ? "forecast/ropes" : "forecast/tension")) return [];
   return leads.map((lead, number) => ({ at: origin + lead - now, low: low[number], median: median[number], high: high[number] }))
     .filter((row) => row.at > 0 && row.at <= AHEAD_S);
 }

@@ -25,7 +25,8 @@ EXAMPLES = (
 MORE = """Heave is forecast from its last ten minutes, and tension by ropes that each follow one
 possible heave. Beyond the horizon that is printed the band is what this sea does to this rope at
 any time. ORDER is hold, stop, lower:SPEED, haul:SPEED, land:SPEED, compensation:on or
-compensation:off; all are compared on the same heave, and nothing is commanded."""
+compensation:off, for all winches or, as in stop@WINCH, for one of them; all are compared on the
+same heave, and nothing is commanded."""
 SHOWN_S = (2.0, 5.0, 10.0, 20.0, 30.0, 60.0)
 FORCE_HELP = "tension limit (default: that of the scene, by tension or utilisation)"
 
@@ -149,9 +150,11 @@ def _tell_differences(made: list[TensionForecast]) -> None:
     print()
     rows = [["peak of 30 s against hold [kN]", "5 %", "50 %", "95 %", "lower in"]]
     for other in made[1:]:
-        found = compare(other, made[0])
-        words = [f"{value * 1e-3:+.1f}" for value in found.peak_n]
-        rows.append([other.order, *words, f"{100.0 * found.lower:.0f} %"])
+        for rope in other.hung:
+            found = compare(other, made[0], rope=rope)
+            words = [f"{value * 1e-3:+.1f}" for value in found.peak_n]
+            whose = f" in {rope}" if other.others else ""
+            rows.append([f"{other.order}{whose}", *words, f"{100.0 * found.lower:.0f} %"])
     print_table(rows)
 
 
@@ -175,7 +178,13 @@ def _figures(
             "horizon_s": forecast.horizon_s,
             "lead_s": forecast.lead_s.tolist(),
             "bands": {name: forecast.band(name).tolist() for name in QUANTITIES},
-            "others": {name: own.band().tolist() for name, own in forecast.others.items()},
+            "others": {
+                name: {
+                    "band": own.band().tolist(),
+                    "against_first": asdict(compare(forecast, made[0], rope=name)),
+                }
+                for name, own in forecast.others.items()
+            },
             "risks": [asdict(one) for one in risk],
             "quiet": [asdict(one) for one in quiet],
             "against_first": asdict(compare(forecast, made[0])),

@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
@@ -22,6 +23,7 @@ from rope_twin.messages.reports import (
     FORECAST_TOPICS,
     QUIET_TOPIC,
     RISK_TOPIC,
+    ROPES_TOPIC,
     STATES,
     UNITS,
     band_columns,
@@ -41,6 +43,7 @@ SHORTEST_LIMIT_S = 0.7  # age above which a value of a fast topic is stale
 PERIODS = 3.0  # of its topic: age above which a value of a slow one is stale
 SLOW_EVERY, NUMBERS_EVERY = 4, 2  # calls of `update`: of figures in tables, and of large ones
 AHEAD_S = 30.0  # of a forecast that is drawn
+_TOP = band_columns("top_tension_n")
 _BAND_S = AHEAD_S + 5.0  # of its lead: it counts from an origin some seconds ago
 _DIGITS = 8  # significant digits of a number on the page's side
 
@@ -335,13 +338,22 @@ def _alerts(message: Any) -> Values:
 
 
 def _forecast(points: Points) -> Values:
-    """Return the band of the top tension over the lead, a list for each column that is drawn."""
-    low, median, high = columns = band_columns("top_tension_n")
-    ahead = _having(FORECAST, ("lead_s", *columns), points)
-    ahead = ahead[ahead["lead_s"] <= _BAND_S]
-    found = _columns(ahead, ("lead_s", *columns))
-    return {"forecast": {"lead_s": found["lead_s"], "low_n": found[low], "median_n": found[median],
-                         "high_n": found[high]}}  # fmt: skip
+    """Return the band of the main winch's rope."""
+    return {"forecast": _band(_having(FORECAST, ("lead_s", *_TOP), points))}
+
+
+def _forecast_ropes(points: Points) -> Values:
+    """Return the band of each rope from a hang-off, by its number."""
+    ahead = _having(ROPES_TOPIC, ("rope", "lead_s", *_TOP), points)
+    numbers = np.unique(ahead["rope"][np.isfinite(ahead["rope"])])
+    bands = {f"{number:g}": _band(ahead[ahead["rope"] == number]) for number in numbers}
+    return {"forecast_ropes": {"bands": bands}}
+
+
+def _band(ahead: Points) -> dict[str, list[Any]]:
+    """Return a band of the top tension over the lead, a list for each column that is drawn."""
+    found = _columns(ahead[ahead["lead_s"] <= _BAND_S], ("lead_s", *_TOP))
+    return dict(zip(("lead_s", "low_n", "median_n", "high_n"), found.values(), strict=True))
 
 
 def _risk(points: Points) -> Values:
@@ -407,6 +419,7 @@ _TABLES: Mapping[str, Callable[[Points], Values]] = {
     "residuals": _residuals,
     "twin/quality": _quality,
     FORECAST: _forecast,
+    ROPES_TOPIC: _forecast_ropes,
     RISK_TOPIC: _risk,
     QUIET_TOPIC: _forecast_table("quiet", QUIET_TOPIC),
     WHAT_IF_ORDERS: _forecast_table("orders", WHAT_IF_ORDERS),

@@ -59,6 +59,7 @@ from rope_twin.messages.reports import (
     QUANTITIES,
     QUIET_TOPIC,
     RISK_TOPIC,
+    ROPES_TOPIC,
     TENSION_TOPIC,
     band_columns,
 )
@@ -376,13 +377,30 @@ def orders_of(made: LiveForecast, limits: Limits, seabed_m: float | None) -> lis
     rows = list[Row]()
     for forecast in made.orders:
         for one in risks(forecast, limits, seabed_m):
-            change = compare(forecast, made.orders[0], one.span_s)
-            peaks = zip(band_columns("peak_change_n"), change.peak_n, strict=True)
-            rows.append(
-                {"name": forecast.order, "span_s": one.span_s, "tension": one.tension,
-                 "slack": one.slack, "contact": one.contact, "landing": one.landing, **dict(peaks),
-                 "lower": change.lower}
-            )  # fmt: skip
+            for name, rope in forecast.hung.items():
+                change = compare(forecast, made.orders[0], one.span_s, name)
+                peaks = zip(band_columns("peak_change_n"), change.peak_n, strict=True)
+                rows.append(
+                    {"name": forecast.order, "span_s": one.span_s, "tension": one.tension,
+                     "slack": one.slack, "contact": one.contact, "landing": one.landing,
+                     "rope": rope.number, **dict(peaks), "lower": change.lower}
+                )  # fmt: skip
+    return rows
+
+
+def _ropes_of(made: LiveForecast, limits: Limits) -> list[Row]:
+    """Return the band of each rope from a hang-off at each lead, and its risk until then."""
+    own, rows = made.forecast, list[Row]()
+    for name, rope in own.hung.items():
+        limit = limits.of(name)
+        above = np.logical_or.accumulate(rope.peak_n > limit).mean(axis=1)
+        bands = dict(zip(band_columns("top_tension_n"), rope.band(), strict=True))
+        rows += [
+            {"rope": rope.number, "lead_s": float(lead), "above": float(above[k]),
+             "tension_limit_n": limit, "age_s": made.age_s,
+             **{column: float(values[k]) for column, values in bands.items()}}
+            for k, lead in enumerate(own.lead_s)
+        ]  # fmt: skip
     return rows
 
 
@@ -412,7 +430,8 @@ def tables_of(made: LiveForecast, limits: Limits) -> dict[str, list[Row]]:
          "speed_limit_m_per_s": limits.quiet_m_per_s, "age_s": made.age_s}
         for one in made.quiet
     ]  # fmt: skip
-    return {TENSION_TOPIC: tension, RISK_TOPIC: risk, QUIET_TOPIC: quiet}
+    tables = {TENSION_TOPIC: tension, RISK_TOPIC: risk, QUIET_TOPIC: quiet}
+    return tables | ({ROPES_TOPIC: _ropes_of(made, limits)} if own.others else {})
 
 
 class ForecastWorker:

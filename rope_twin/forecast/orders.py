@@ -30,7 +30,7 @@ SLACK_AFTER_LANDING_M = 2.0  # line paid out beyond first contact
 MOST_ORDERS = 6  # compared at once: each takes as long as a forecast
 USUAL_ACCELERATION = 0.3  # m/s², of a scene without a winch
 USUAL_SPEED = 0.5  # m/s, of `lower`, `haul` and `land` without one
-_WORD = re.compile(r"([a-z]+)(?::(.+))?")
+_WORD = re.compile(r"([a-z]+)(?::([^@]+))?(?:@(.+))?")
 
 
 @dataclass(frozen=True)
@@ -40,36 +40,42 @@ class Order:
     kind: str  # of KINDS
     speed_m_per_s: float = 0.0  # above 0, of WITH_SPEED
     compensation: bool | None = None  # of COMPENSATION; None: as it is
+    winch: str = ""  # that obeys, while the others go on as they do; "": all of them
 
     @property
     def name(self) -> str:
         """The order as it is written."""
+        value = ""
         if self.kind in WITH_SPEED:
-            return f"{self.kind}:{self.speed_m_per_s:g}"
-        if self.kind == COMPENSATION:
-            return f"{self.kind}:{'on' if self.compensation else 'off'}"
-        return self.kind
+            value = f":{self.speed_m_per_s:g}"
+        elif self.kind == COMPENSATION:
+            value = f":{'on' if self.compensation else 'off'}"
+        return f"{self.kind}{value}{'@' if self.winch else ''}{self.winch}"
+
+    def of(self, winch: str) -> Order:
+        """Return the order as it concerns one winch."""
+        return self if self.winch in ("", winch) else Order(CONTINUE)
 
 
 def read_order(word: str) -> Order:
-    """Return the order that a word like `hold`, `lower:0.5` or `compensation:off` stands for.
+    """Return the order that a word such as `hold`, `lower:0.5` or `stop@aft` stands for.
 
     Raises:
         InputError: no such order, or a speed that is none.
     """
     found = _WORD.fullmatch(word.strip())
-    kind, value = (found[1], found[2]) if found else (word, None)
+    kind, value, winch = (found[1], found[2], found[3] or "") if found else (word, None, "")
     if kind not in KINDS:
         raise InputError(phrase("order", f"there is no '{kind}'", did_you_mean(kind, KINDS)))
     if kind == COMPENSATION:
         if value not in ("on", "off"):
             right = "give compensation:on or compensation:off"
             raise InputError(phrase("order", f"'{word}' says neither on nor off", right))
-        return Order(kind, compensation=value == "on")
+        return Order(kind, compensation=value == "on", winch=winch)
     if kind not in WITH_SPEED:
         if value is not None:
             raise InputError(phrase("order", f"'{kind}' takes no value", f"write {kind}"))
-        return Order(kind)
+        return Order(kind, winch=winch)
     try:
         speed = USUAL_SPEED if value is None else float(value)
     except ValueError:
@@ -77,7 +83,7 @@ def read_order(word: str) -> Order:
     if not (math.isfinite(speed) and speed > 0.0):
         right = f"give metres per second above 0, like {kind}:0.5"
         raise InputError(phrase("order", f"the speed of '{word}' is {value}", right))
-    return Order(kind, speed)
+    return Order(kind, speed, winch=winch)
 
 
 def read_orders(words: str) -> tuple[Order, ...]:

@@ -160,6 +160,10 @@ class Limits:
             if not (value > 0.0 and math.isfinite(value)):
                 raise InputError(phrase(f"limit {name}", f"it is {value:g}", "give more than 0"))
 
+    def of(self, rope: str) -> float:
+        """Return the tension limit of a rope [N]."""
+        return self.ropes_n.get(rope, self.tension_n)
+
 
 def tension_limits(scene: Scene, given_n: float | None = None) -> tuple[float, dict[str, float]]:
     """Return the limit of the main winch's rope [N], and those of other ropes from a hang-off.
@@ -214,10 +218,10 @@ def risks(
         speed, touching = first_contact(forecast, seabed_depth_m)
     for span in spans_s:
         count = round(span / SAMPLE_S)
-        high = (forecast.peak_n[:count] > limits.tension_n).any(axis=0)
-        for name, rope in forecast.others.items():
-            limit = limits.ropes_n.get(name, limits.tension_n)
-            high |= (rope.peak_n[:count] > limit).any(axis=0)
+        high = np.any(
+            [(rope.peak_n[:count] > limits.of(name)).any(axis=0)
+             for name, rope in forecast.hung.items()], axis=0,
+        )  # fmt: skip
         loose = (forecast.values[MARGIN][:count] <= 0.0).any(axis=0)
         contact = landing = math.nan
         if touching is not None and speed is not None:
@@ -274,10 +278,7 @@ def quiet_windows(
 
 @dataclass(frozen=True)
 class Difference:
-    """An order against another one, member by member on the same heave.
-
-    Tension is that of the main winch's rope.
-    """
+    """An order against another one, member by member on the same heave, in one rope's tension."""
 
     order: str
     peak_n: tuple[float, float, float]  # 5, 50, 95 % of the change in the span's largest tension
@@ -285,9 +286,11 @@ class Difference:
 
 
 def compare(
-    forecast: TensionForecast, against: TensionForecast, span_s: float = 30.0
+    forecast: TensionForecast, against: TensionForecast, span_s: float = 30.0, rope: str = ""
 ) -> Difference:
-    """Return by how much the largest tension of a span differs between two orders.
+    """Return by how much the largest top tension of a span differs between two orders.
+
+    rope: name of the rope; "": that of the main winch.
 
     Raises:
         InputError: the forecasts are not of the same members.
@@ -296,7 +299,8 @@ def compare(
         what = f"{forecast.members} and {against.members} members"
         raise InputError(phrase("orders", what, "compare forecasts of one call"))
     count = round(span_s / SAMPLE_S)
-    change = forecast.peak_n[:count].max(axis=0) - against.peak_n[:count].max(axis=0)
+    own, other = (one.hung[rope or one.rope] for one in (forecast, against))
+    change = own.peak_n[:count].max(axis=0) - other.peak_n[:count].max(axis=0)
     low, middle, high = np.quantile(change, (0.05, 0.5, 0.95), method="weibull")
     return Difference(
         forecast.order, (float(low), float(middle), float(high)), float((change < 0.0).mean())

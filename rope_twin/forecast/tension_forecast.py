@@ -180,10 +180,11 @@ class Known:
 
 @dataclass(frozen=True)
 class HungRope:
-    """Top tension of a rope from a hang-off other than the main winch's."""
+    """Top tension of a rope from a hang-off."""
 
     values: Floats  # at each lead, (leads, members)
     peak_n: Floats  # largest of the SAMPLE_S up to each lead, (leads, members)
+    number: int = 0  # of the rope in the scene
 
     def band(self) -> Floats:
         """Return the 5, 50 and 95 % quantiles, (3, leads)."""
@@ -203,7 +204,9 @@ class TensionForecast:
     heave_skill: Floats  # expected skill of the heave, (leads,)
     factor: Floats  # on the spread of the members, (leads,)
     note: str = ""
-    others: Mapping[str, HungRope] = field(default_factory=dict)  # by name of the rope
+    # of ropes from a hang-off other than the main winch's, by name
+    others: Mapping[str, HungRope] = field(default_factory=dict)
+    rope: str = ""  # name of the main winch's rope
 
     @property
     def members(self) -> int:
@@ -213,6 +216,11 @@ class TensionForecast:
     def band(self, quantity: str = TENSION) -> Floats:
         """Return the 5, 50 and 95 % quantiles of a quantity, (3, leads)."""
         return member_quantiles(self.values[quantity], axis=1)
+
+    @property
+    def hung(self) -> dict[str, HungRope]:
+        """Each rope from a hang-off by name, that of the main winch first."""
+        return {self.rope: HungRope(self.values[TENSION], self.peak_n), **self.others}
 
     @property
     def horizon_s(self) -> float:
@@ -304,7 +312,9 @@ class TensionForecaster:
             records.append(self._ahead(motion, order, line, now))
         good = self._came_through(records)
         return [
-            self._forecast(known, paths, order, line[WINCH].note, record, good, weights, factor)
+            self._forecast(
+                known, paths, order, line[order.winch or WINCH].note, record, good, weights, factor
+            )
             for order, line, record in zip(orders, lines, records, strict=True)
         ]
 
@@ -394,14 +404,17 @@ class TensionForecaster:
         """Return the line out of each winch under an order, by name."""
         steps, step_s = len(self.leads) * self._steps, self.settings.step_s
         given = planned if order.kind == CONTINUE else {}
-        main = given.get(WINCH) or line_path(order, now[WINCH], self.scene.winch, steps, step_s)
+        main = given.get(WINCH) or line_path(
+            order.of(WINCH), now[WINCH], self.scene.winch, steps, step_s
+        )
         found = {WINCH: main}
         for name, (_, winch) in self._winches.items():
             lead = None
-            if order.kind in WITH_SPEED:
+            if order.kind in WITH_SPEED and not order.winch:
                 lead = self._senses[name] * main.speed_m_per_s
-            own = given.get(name) or line_path(order, now[name], winch, steps, step_s, lead)
-            found[name] = own
+            found[name] = given.get(name) or line_path(
+                order.of(name), now[name], winch, steps, step_s, lead
+            )
         return found
 
     def _through_the_past(
@@ -449,7 +462,7 @@ class TensionForecaster:
         z, v = motion
         winches = {name: winch for name, (_, winch) in self._winches.items()}
         own = {
-            name: self._with_compensation(v, order, line, now[name].compensated, winch)
+            name: self._with_compensation(v, order.of(name), line, now[name].compensated, winch)
             for name, line in lines.items()
             for winch in [winches.get(name, self.scene.winch)]
         }
@@ -507,16 +520,20 @@ class TensionForecaster:
 
         own = np.ones(leads) if factor is None else np.asarray(factor, np.float64)
 
-        def spread(tension_n: Floats) -> HungRope:
+        numbers = {line.name: number for number, line in enumerate(self.scene.ropes)}
+
+        def spread(name: str, tension_n: Floats) -> HungRope:
             top = shifted(tension_n, step_lead)
             middle = np.median(top, axis=1, keepdims=True)
             top = middle + np.repeat(own, steps)[:, None] * (top - middle)
             by_lead = top.reshape(leads, steps, -1)
-            return HungRope(by_lead[:, -1], by_lead.max(axis=1))
+            return HungRope(by_lead[:, -1], by_lead.max(axis=1), numbers[name])
 
-        main, *others = ((name, spread(top_n)) for name, top_n in record.hung_tension_n.items())
+        hung = {name: spread(name, top_n) for name, top_n in record.hung_tension_n.items()}
+        first = next(iter(hung))
+        main = hung.pop(first)
         values = {
-            TENSION: main[1].values,
+            TENSION: main.values,
             BOTTOM: shifted(record.payload_tension_n, self.leads),
             DEPTH: shifted(record.payload_depth_m, self.leads),
             SPEED: shifted(record.payload_speed_m_per_s, self.leads),
@@ -528,8 +545,8 @@ class TensionForecaster:
             out = "they and the load pin are" if weights is not None else "they are"
             notes.append(f"{lost} of {len(good)} members failed; {out} left out")
         return TensionForecast(
-            known.time_s, order.name, self.leads, values, main[1].peak_n,
-            paths.skill()[-leads:], own, "; ".join(notes), dict(others),
+            known.time_s, order.name, self.leads, values, main.peak_n,
+            paths.skill()[-leads:], own, "; ".join(notes), hung, first,
         )  # fmt: skip
 
 

@@ -1,9 +1,10 @@
 """Winches of a scene beside the main one, as a forecast moves them.
 
-An order of a forecast is one to the whole lift. `hold`, `stop`, `continue` and the compensation
-apply to each winch by itself; with `lower`, `haul` and `land` the other winches keep up with the
-line speed of the main one, within their own acceleration and line out: those that carry the load
-beside it pay out as it does, one at the other end of a loop over a sheave takes in what it gives.
+An order of a forecast is one to the whole lift, unless it names a winch. `hold`, `stop`, `continue`
+and the compensation apply to each winch by itself; with `lower`, `haul` and `land` the other
+winches keep up with the line speed of the main one, within their own acceleration and line out:
+those that carry the load beside it pay out as it does, one at the other end of a loop over a sheave
+takes in what it gives. Under an order to one winch the others go on at their speed.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
-from rope_twin.forecast.orders import WITH_SPEED, LineNow, Order, check_order
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.forecast.orders import LAND, WITH_SPEED, LineNow, Order, check_order
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rigging import meeting_points, payload_rope, places, winches_by_name
 from rope_twin.scene.schema import WINCH, Scene, Winch
@@ -66,13 +67,24 @@ def _neighbours(scene: Scene, r: int) -> list[tuple[int, bool]]:
 
 
 def check_lift_order(order: Order, scene: Scene, now: LineNow) -> None:
-    """Check that all winches of a scene can follow an order; now: line of the main one.
+    """Check that the winches of a scene can follow an order; now: line of the main one.
 
     Raises:
-        InputError: they cannot.
+        InputError: they cannot, or there is no such winch.
     """
+    others = other_winches(scene)
+    if order.winch:
+        known = {WINCH: scene.winch} | {name: winch for name, (_, winch) in others.items()}
+        if order.winch not in known:
+            right = did_you_mean(order.winch, known)
+            raise InputError(phrase(f"order {order.name}", f"no winch '{order.winch}'", right))
+        if order.kind == LAND and others:
+            right = "leave the winch out, or lower with it"
+            raise InputError(phrase(f"order {order.name}", "all winches land the load", right))
+        check_order(order, known[order.winch], now)
+        return
     check_order(order, scene.winch, now)
-    for name, (_, winch) in other_winches(scene).items():
+    for name, (_, winch) in others.items():
         if order.kind in WITH_SPEED and order.speed_m_per_s > winch.speed_limit_m_per_s:
             right = f"it reaches {winch.speed_limit_m_per_s:g} m/s"
             raise InputError(phrase(f"order {order.name}", f"too fast for '{name}'", right))

@@ -31,8 +31,9 @@ UNITS = {
 }  # fmt: skip
 ROW = "simulation: learned figures"
 TENSION_TOPIC, RISK_TOPIC, QUIET_TOPIC = "forecast/tension", FORECAST_RISK, "forecast/quiet"
+ROPES_TOPIC = "forecast/ropes"
 SCORE = "coverage", "judged", "factor", "age_s"  # how the last forecasts turned out
-FORECAST_TOPICS = TENSION_TOPIC, RISK_TOPIC, QUIET_TOPIC, WHAT_IF_ORDERS
+FORECAST_TOPICS = TENSION_TOPIC, ROPES_TOPIC, RISK_TOPIC, QUIET_TOPIC, WHAT_IF_ORDERS
 QUANTITIES = (
     "top_tension_n", "payload_tension_n", "payload_depth_m", "payload_speed_m_per_s",
     "slack_margin_n",
@@ -112,14 +113,17 @@ def band_columns(quantity: str) -> tuple[str, ...]:
 _BANDS = [column for quantity in QUANTITIES for column in band_columns(quantity)]
 FORECAST_COLUMNS = {
     TENSION_TOPIC: ("lead_s", *_BANDS, "heave_skill", "factor", "age_s"),
+    ROPES_TOPIC: (
+        "rope", "lead_s", *band_columns("top_tension_n"), "above", "tension_limit_n", "age_s",
+    ),
     RISK_TOPIC: (
         "span_s", "tension", "slack", "contact", "landing", "tension_limit_n",
         "contact_limit_m_per_s", "horizon_s", "coverage", "judged", "factor", "age_s",
     ),
     QUIET_TOPIC: ("begin_s", "length_s", "probability", "speed_limit_m_per_s", "age_s"),
     WHAT_IF_ORDERS: (
-        "name", "span_s", "tension", "slack", "contact", "landing", *band_columns("peak_change_n"),
-        "lower",
+        "name", "span_s", "tension", "slack", "contact", "landing", "rope",
+        *band_columns("peak_change_n"), "lower",
     ),
 }  # fmt: skip
 

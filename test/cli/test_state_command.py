@@ -33,7 +33,8 @@ NOT_REPORTED = {
     "current", "ship/odometry", "lower_end/odometry", "seabed/contact", "ropes/vibration",
     "ropes/fatigue", "ropes/cut", *WINCH_TOPICS, *MEASURED_TOPICS, MEASURED_ELEVATION,
     "estimate/figures", "estimate/alarms", "alerts/command",
-    "forecast/tension", "forecast/risk", "forecast/quiet", "forecast/what_if", "forecast/orders",
+    "forecast/tension", "forecast/ropes", "forecast/risk", "forecast/quiet", "forecast/what_if",
+    "forecast/orders",
 } - {"winch/speed_command"}  # fmt: skip
 COMPARED = [topic.name for topic in TOPICS if topic.name not in OF_ONE_BAG and not topic.only_with]
 

@@ -188,6 +188,11 @@ def test_a_forecast_is_shown_from_its_origin() -> None:
     assert len(band["lead_s"]) == len(band["low_n"]) == len(band["median_n"])
     assert AHEAD_S <= band["lead_s"][-1] < 60.0, "as far as it is drawn"
     assert (band["lead_s"][3], band["low_n"][3], band["high_n"][3]) == (2.0, 3.192e5, 3.208e5)
+    ropes = values["forecast_ropes"]
+    assert ropes["at_s"] == pytest.approx(1.5)
+    assert list(ropes["bands"]) == ["0", "1"]
+    assert ropes["bands"]["0"] == {name: band[name] for name in ropes["bands"]["0"]}
+    assert ropes["bands"]["1"]["median_n"][0] == 1e5
     risk = values["risk"]
     assert risk["at_s"] == pytest.approx(1.5)
     assert [row["climatology"] for row in risk["rows"]] == [False, False, True, True]

@@ -15,11 +15,11 @@ from fleet_inputs import heave
 from rope_twin.cli import main
 from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
-from rope_twin.forecast.live import Heard, LiveForecaster, Series
+from rope_twin.forecast.live import Heard, LiveForecaster, Series, orders_of, tables_of
 from rope_twin.forecast.offline import RecordingForecaster
 from rope_twin.forecast.orders import LineNow, read_order, read_orders
 from rope_twin.forecast.recorded_lift import line_to_contact_m, nominal_states, read_lift
-from rope_twin.forecast.risk import Limits, risks, tension_limits
+from rope_twin.forecast.risk import Limits, compare, risks, tension_limits
 from rope_twin.forecast.tension_forecast import (
     BOTTOM,
     DEPTH,
@@ -109,12 +109,12 @@ def known_of(scene: Scene) -> Known:
 
 
 Made = tuple[TensionForecaster, list[TensionForecast], list[FleetInputs]]
-ORDERS = ("continue", "hold", "lower:0.4", "haul:0.4")
+ORDERS = ("continue", "hold", "lower:0.4", "haul:0.4", "lower:0.4@aft_sheave")
 
 
 @pytest.fixture(scope="module")
 def made(scene: Scene) -> Made:
-    """Four orders on the same heave, and the inputs that the fleet got."""
+    """Five orders on the same heave, and the inputs that the fleet got."""
     known = known_of(scene)
     forecaster = TensionForecaster(scene, SETTINGS)
     states = nominal_states(
@@ -134,11 +134,11 @@ def made(scene: Scene) -> Made:
 
 def test_orders_move_all_winches(made: Made) -> None:
     """Lowering and hauling bring the slow winch to the speed of the main one; hold stops it."""
-    _, _, (past, going, holding, lowering, hauling) = made
+    _, _, (past, going, holding, lowering, hauling, _) = made
     assert past.lines["aft_sheave"][0][-1] == pytest.approx(600.4)
     speeds = {
         name: (inputs.line_speed_m_per_s[-1], inputs.lines["aft_sheave"][1][-1])
-        for name, inputs in zip(ORDERS, (going, holding, lowering, hauling), strict=True)
+        for name, inputs in zip(ORDERS[:4], (going, holding, lowering, hauling), strict=True)
     }
     assert speeds["continue"] == pytest.approx((0.0, SLOW), abs=1e-6)
     assert speeds["hold"] == pytest.approx((0.0, 0.0), abs=1e-9)
@@ -151,7 +151,7 @@ def test_orders_move_all_winches(made: Made) -> None:
 
 def test_the_load_goes_down_with_both(made: Made) -> None:
     """By the line of both, with the tensions of both ropes beside each other."""
-    _, (_, holding, lowering, hauling), _ = made
+    _, (_, holding, lowering, hauling, _), _ = made
     down = (lowering.values[DEPTH] - holding.values[DEPTH])[-1]
     up = (hauling.values[DEPTH] - holding.values[DEPTH])[-1]
     assert down == pytest.approx(0.4 * (60.0 - 1.0), abs=0.2)
@@ -162,6 +162,25 @@ def test_the_load_goes_down_with_both(made: Made) -> None:
     assert load_n < both.mean() < 1.5 * load_n
     assert (holding.values[BOTTOM] < holding.values[TENSION]).all()
     assert (holding.others["aft"].peak_n >= holding.others["aft"].values).all()
+
+
+def test_an_order_to_one_winch_leaves_the_others(scene: Scene, made: Made) -> None:
+    """The main winch goes on; its rope takes what the other one gives."""
+    _, (going, *_, lowering), (_, as_it_is, *_, alone) = made
+    assert alone.line_out_m == pytest.approx(as_it_is.line_out_m, abs=0.0)
+    assert alone.lines["aft_sheave"][1][-1] == pytest.approx(0.4)
+    shed, taken = (compare(lowering, going, 10.0, name) for name in ("aft", "fore"))
+    assert shed.lower == 1.0
+    assert shed.peak_n[2] < 0.0 < 2e4 < taken.peak_n[0]
+    load_n = (25000.0 - 5.0 * 1025.0) * 9.80665
+    end_n = lowering.others["aft"].values[-1]
+    assert np.median(end_n) < 0.2 * load_n < np.median(lowering.values[TENSION][-1])
+    assert compare(lowering, going, 10.0) == taken
+    now = LineNow(600.0, 0.0)
+    for word, right in (("stop@aft_sheve", "did you mean 'aft_sheave'"), ("land@winch", "leave"),
+                        ("lower:0.9@aft_sheave", "the winch reaches")):  # fmt: skip
+        with pytest.raises(InputError, match=right):
+            check_lift_order(read_order(word), scene, now)
 
 
 def test_the_forecast_is_what_then_happens(scene: Scene, made: Made) -> None:
@@ -245,6 +264,22 @@ def test_a_live_forecast_follows_all_winches(scene: Scene) -> None:
     holding, lowering = made.orders
     gone = np.median((lowering.values[DEPTH] - holding.values[DEPTH])[-1])
     assert gone == pytest.approx(0.3 * 59.0, abs=0.3)
+    limits = Limits(2e5, ropes_n={"aft": 9e4})
+    rows = tables_of(made, limits)["forecast/ropes"]
+    fore, aft = rows[:120], rows[120:]
+    assert {row["rope"] for row in fore} == {0}
+    assert [row["top_tension_50_n"] for row in fore] == pytest.approx(made.forecast.band()[1])
+    assert [row["top_tension_95_n"] for row in aft] == pytest.approx(
+        made.forecast.others["aft"].band()[2]
+    )
+    assert {(row["rope"], row["tension_limit_n"]) for row in aft} == {(1, 9e4)}
+    assert fore[-1]["above"] == 0.0 < aft[-1]["above"]
+    assert (np.diff([row["above"] for row in aft]) >= 0.0).all()
+    ordered = orders_of(made, limits, None)
+    assert [(row["name"], row["rope"]) for row in ordered[:3]] == [
+        ("hold", 0), ("hold", 1), ("hold", 0),
+    ]  # fmt: skip
+    assert len(ordered) == 2 * 2 * 4
     heard.clear()
     assert not heard.lines_m
 
@@ -303,6 +338,9 @@ def test_command(bag: Path, scene: Scene, capsys: pytest.CaptureFixture[str]) ->
         assert part in printed
     assert main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert np.shape(found["forecasts"][0]["others"]["aft"]) == (3, 120)
+    aft = found["forecasts"][1]["others"]["aft"]
+    assert np.shape(aft["band"]) == (3, 120)
+    assert aft["against_first"]["order"] == "lower:0.3"
+    assert "lower:0.3 in aft" in printed
     assert found["limits"]["ropes_n"] == {"aft": scene.ropes[1].breaking_load_n}
     assert math.isfinite(found["forecasts"][0]["risks"][0]["tension"])

@@ -34,17 +34,22 @@ STILL = LineNow(3000.0, 0.0)
 
 def test_words_of_orders() -> None:
     """Each order reads back what it is written as."""
-    words = ["continue", "hold", "stop", "lower:0.5", "haul:1", "land:0.3", "compensation:on"]
+    words = ["continue", "hold", "stop", "lower:0.5", "haul:1", "land:0.3", "compensation:on",
+             "stop@aft", "lower:0.5@aft sheave", "compensation:off@winch"]  # fmt: skip
     assert [read_order(word).name for word in words] == words
     assert {read_order(word).kind for word in words} == set(KINDS)
     assert read_order("lower").speed_m_per_s == 0.5
+    alone = read_order("lower:0.4@aft")
+    assert (alone.winch, alone.speed_m_per_s) == ("aft", 0.4)
+    assert alone.of("aft") is alone
+    assert alone.of("winch") == read_order("continue")
 
 
 @pytest.mark.parametrize(
     ("word", "fault"),
     [("lower_it", "there is no"), ("hall", "did you mean"), ("lower:fast", "speed"),
      ("haul:-1", "speed"),
-     ("hold:2", "value"),
+     ("hold:2", "value"), ("hold:2@aft", "value"), ("@aft", "there is no"), ("stop@", "no 'stop@'"),
      ("lower:nan", "speed"), ("compensation:maybe", "neither"), ("", "no ''")],
 )  # fmt: skip
 def test_words_that_are_none(word: str, fault: str) -> None:

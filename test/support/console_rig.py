@@ -125,7 +125,8 @@ def encode_text(words: str) -> bytes:
 def order_row(name: str, change_n: float) -> dict[str, float | str]:
     """A row of forecast/orders, 30 s ahead."""
     changes = {f"peak_change_{k}_n": change_n + 100.0 * (k - 50) for k in (5, 50, 95)}
-    return {"name": name, "span_s": 30.0, "tension": 0.25, "slack": 0.0, "lower": 0.1, **changes}
+    return {"name": name, "span_s": 30.0, "tension": 0.25, "slack": 0.0, "rope": 0.0, "lower": 0.1,
+            **changes}  # fmt: skip
 
 
 def forecast_tables(horizon_s: float) -> dict[str, list[dict[str, float]]]:
@@ -134,6 +135,11 @@ def forecast_tables(horizon_s: float) -> dict[str, list[dict[str, float]]]:
     return {
         "forecast/tension": [
             {"lead_s": 0.5 * k, low: 3.2e5 - 200 * k, median: 3.2e5, high: 3.2e5 + 200 * k}
+            for k in range(1, 121)
+        ],
+        "forecast/ropes": [
+            {"rope": rope, "lead_s": 0.5 * k, low: top - 200 * k, median: top, high: top + 200 * k}
+            for rope, top in ((0.0, 3.2e5), (1.0, 1e5))
             for k in range(1, 121)
         ],
         "forecast/risk": [
