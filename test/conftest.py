@@ -8,6 +8,7 @@ is a wish for no bytecode: each worker and each of some hundred processes would 
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -52,6 +53,9 @@ FIRST = (
 for name in ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "PYTHONWARNINGS",
              "PYTHONDONTWRITEBYTECODE"):  # fmt: skip
     os.environ.pop(name, None)
+
+# Thousands of tests and of types stay: to look through them at every 700 new objects takes 4 %.
+gc.set_threshold(50_000, 20, 50)
 
 # A counterexample is printed as found: shrinking it takes minutes where an example is a simulation.
 PHASES = (Phase.explicit, Phase.reuse, Phase.generate)
