@@ -20,7 +20,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rope_twin.core.jit.decorators import kind_of
-from rope_twin.errors import RopeTwinError, phrase
+from rope_twin.errors import RopeTwinError
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.lift import listed_effects
 from rope_twin.scene.load import load_scene, scene_names
@@ -118,6 +118,6 @@ def _start(scene: Scene, cache: str) -> tuple[float, float]:
     if finished.returncode:
         reason = finished.stderr.strip().rpartition("\n")[2]
         right = f"`rope_twin scene check {scene.path}` may say why"
-        raise RopeTwinError(phrase(f"scene {scene.name}", f"it did not start: {reason}", right))
+        raise RopeTwinError(f"scene {scene.name}", f"it did not start: {reason}", right)
     cpu_s, clock_s = json.loads(finished.stdout)
     return float(cpu_s), float(clock_s)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from benchmarks.console_speed import CHROMIUM, HangingRope, Row, browsing_tools, serve
 from rope_twin.console.pages import RATE_HZ
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 PACE = 12.0  # times real time: more than that, one core is too slow for page and server
 LOOKS = 30  # in all
@@ -26,7 +26,7 @@ def endure(hours: float, show: Callable[[int, int, str], None]) -> list[Row]:
         InputError: Chromium or Playwright is missing, or the hours are no positive number.
     """
     if not 0.0 < hours < 1000.0:
-        raise InputError(phrase("--hours", f"{hours:g}", "give a positive number below 1000"))
+        raise InputError("--hours", f"{hours:g}", "give a positive number below 1000")
     psutil, sync_playwright = browsing_tools()
     served = serve(time.time_ns(), PACE)
     me = psutil.Process()

@@ -27,7 +27,7 @@ from rope_twin.console.pages import Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.console.requests import Log
 from rope_twin.console.server import FOLDER
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status
 from rope_twin.twin.snapshot import CAUSES, Quality, RopeStrength, Snapshot, WinchShot
 
@@ -244,10 +244,9 @@ def browsing_tools() -> tuple[Any, Any]:
         from playwright.sync_api import sync_playwright
     except ImportError as error:
         right = "install it with `pip install '.[test]'`"
-        raise InputError(phrase("browser", f"{error.name} is not installed", right)) from error
+        raise InputError("browser", f"{error.name} is not installed", right) from error
     if not CHROMIUM.exists():
-        what = f"{CHROMIUM} does not exist"
-        raise InputError(phrase("browser", what, "install the package chromium"))
+        raise InputError("browser", f"{CHROMIUM} does not exist", "install the package chromium")
     return psutil, sync_playwright
 
 

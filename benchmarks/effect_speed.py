@@ -39,7 +39,7 @@ from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
@@ -151,9 +151,7 @@ def choose_names(wanted: Sequence[str]) -> tuple[str, ...]:
     for name in wanted:
         if name not in all_names():
             right = did_you_mean(name, all_names())
-            raise InputError(
-                phrase("python -m benchmarks effects", f"there is no effect `{name}`", right)
-            )
+            raise InputError("python -m benchmarks effects", f"there is no effect `{name}`", right)
     return tuple(name for name in all_names() if name in wanted) or all_names()
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rope_twin.core import state as rows
 from rope_twin.core.statics import find_equilibrium
 from rope_twin.core.step import advance
-from rope_twin.errors import InputError, SolverError, phrase
+from rope_twin.errors import InputError, SolverError
 from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_model import build
@@ -74,7 +74,7 @@ class Trial:
             busy_s += time.thread_time() - busy
             if done < count:
                 what = f"step {first + done + 1} is not finite"
-                raise SolverError(phrase(f"scene {self.scene.name}", what, "shorten the step"))
+                raise SolverError(f"scene {self.scene.name}", what, "shorten the step")
         health = rope.state.health
         return Outcome(
             self._pull[:, rows.PULL].copy(),
@@ -91,7 +91,7 @@ def _motion(scene: Scene, steps: int) -> rows.Boundary:
     """Return the hang-off motion at every step boundary; the line out is constant."""
     if scene.sea_state.heave is None:
         what = "its sea is not a regular heave"
-        raise InputError(phrase(f"scene {scene.name}", what, "give `sea_state: {heave: ...}`"))
+        raise InputError(f"scene {scene.name}", what, "give `sea_state: {heave: ...}`")
     sea = RegularSea(scene.sea_state.heave, scene.sea_state.start_s)
     x, y, rest_z = scene.ship.hang_off_m
     value = np.tile([x, y, rest_z, scene.ropes[0].length_m], (steps + 1, 1))

@@ -10,6 +10,10 @@ from collections.abc import Iterable
 class RopeTwinError(Exception):
     """Base of every error that a user can mend; its text is one sentence."""
 
+    def __init__(self, *parts: str) -> None:
+        """Take the sentence, or where the error is, what is wrong and what would be right."""
+        super().__init__(phrase(*parts) if len(parts) > 1 else "".join(parts))
+
 
 class SceneError(RopeTwinError):
     """A scene (or a file that a scene names) is wrong.
@@ -18,8 +22,8 @@ class SceneError(RopeTwinError):
     were found independently of it. `line`: of the file; 0 if there is none.
     """
 
-    def __init__(self, sentence: str, line: int = 0, others: tuple[SceneError, ...] = ()) -> None:
-        super().__init__(sentence)
+    def __init__(self, *parts: str, line: int = 0, others: tuple[SceneError, ...] = ()) -> None:
+        super().__init__(*parts)
         self.line, self.others = line, others
 
     @property
@@ -92,7 +96,7 @@ def require(module: str, why: str, extra: str, name: str = "") -> None:
     """
     if importlib.util.find_spec(module) is None:
         right = f"install it with `pip install 'rope_twin[{extra}]'`"
-        raise InputError(phrase(name or module, why, right))
+        raise InputError(name or module, why, right)
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan, nan
 from typing import Protocol, TypeVar
 
-from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
+from rope_twin.errors import InputError, RopeTwinError, did_you_mean
 from rope_twin.run.progress import columns
 from rope_twin.studies.picture import Panel
 
@@ -159,8 +159,7 @@ def choose(command: str, cases: Sequence[C], ids: Sequence[str]) -> tuple[C, ...
     known = list(dict.fromkeys(case.id for case in cases))
     for name in ids:
         if name not in known:
-            what = f"there is no case '{name}'"
-            raise InputError(phrase(command, what, did_you_mean(name, known)))
+            raise InputError(command, f"there is no case '{name}'", did_you_mean(name, known))
     return tuple(case for case in cases if not ids or case.id in ids)
 
 

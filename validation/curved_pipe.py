@@ -8,7 +8,7 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.effects.wake_oscillator import WakeOscillator, WakeOscillatorParams
-from rope_twin.errors import SolverError, phrase
+from rope_twin.errors import SolverError
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import Field, Line, Panel
 from validation.case import Case, Found, between, limited, shown
@@ -81,7 +81,7 @@ def watch(
     bench = Bench(replace(scene, ropes=(line,), time=replace(scene.time, step_s=step_s)))
     wake = next((own for own in bench.rope.effects if isinstance(own, WakeOscillator)), None)
     if wake is None:
-        raise SolverError(phrase("curved_pipe", "it lists no wake oscillator", "mend the scene"))
+        raise SolverError("curved_pipe", "it lists no wake oscillator", "mend the scene")
     n, every = bench.n, round(SAMPLE_S / step_s)
     rest = bench.position.copy()
     tangent = np.gradient(rest, axis=1)

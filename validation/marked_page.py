@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 Row = TypeVar("Row")
 
@@ -29,7 +29,7 @@ class MarkedPage(NamedTuple):
         text = path.read_text("utf-8") if path.exists() else ""
         if self.begin not in text or self.end not in text:
             what = f"it has no lines '{self.begin}' and '{self.end}'"
-            raise InputError(phrase(str(path), what, f"give a folder with docs/{self.name}"))
+            raise InputError(str(path), what, f"give a folder with docs/{self.name}")
         before, rest = text.split(self.begin, 1)
         return before, rest.split(self.end, 1)[1]
 
@@ -55,7 +55,7 @@ def read_json(path: Path) -> Any:
         return json.loads(path.read_text("utf-8")) if path.exists() else None
     except ValueError as error:
         what = f"it is no result ({error})"
-        raise InputError(phrase(str(path), what, "delete it and run it again")) from error
+        raise InputError(str(path), what, "delete it and run it again") from error
 
 
 def write_json(path: Path, data: Any) -> None:
@@ -77,4 +77,4 @@ def read_stored(path: Path, as_row: Callable[[dict[str, Any]], Row], command: st
         return [as_row(dict(row)) for row in json.loads(path.read_text("utf-8"))["rows"]]
     except (ValueError, KeyError, TypeError) as error:
         right = f"delete it and run `{command}` again"
-        raise InputError(phrase(str(path), f"it holds no rows ({error})", right)) from error
+        raise InputError(str(path), f"it holds no rows ({error})", right) from error

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rope_twin.errors import SolverError, phrase
+from rope_twin.errors import SolverError
 from rope_twin.studies.driven_twin import march
 from rope_twin.studies.picture import Line, Panel, Vector
 from rope_twin.twin.motion.heave_track import ramp
@@ -88,9 +88,9 @@ def drop(rig: Rig, height: float, seconds: float) -> Caught:
         before = shot
         if speed and shot.payload_velocity_m_per_s[2] > 0.0:
             if shot.solver.unconverged_substeps:
-                raise SolverError(phrase("snap", "a substep did not converge", "shorten the step"))
+                raise SolverError("snap", "a substep did not converge", "shorten the step")
             return Caught(speed, max(pulls), times, pulls)
-    raise SolverError(phrase("snap", "the rope was never caught", "watch it for longer"))
+    raise SolverError("snap", "the rope was never caught", "watch it for longer")
 
 
 def snap(weight: float, stiffness: float, mass: float, speed: float) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rope_twin.core import state as rows
 from rope_twin.core.statics import find_equilibrium
 from rope_twin.core.step import advance
-from rope_twin.errors import SolverError, phrase
+from rope_twin.errors import SolverError
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import Motion
@@ -78,7 +78,7 @@ class Bench:
         move = find_equilibrium(self.rope, self.length)
         if not move <= AT_REST * self.length:
             what = f"no static equilibrium found (the last move was {move:.3g} m)"
-            raise SolverError(phrase("the rope at rest", what, "check what holds it"))
+            raise SolverError("the rope at rest", what, "check what holds it")
 
     def find_acceleration(self) -> None:
         """Solve the acceleration that is consistent with a given state, by a step of 1 µs."""
@@ -106,7 +106,7 @@ class Bench:
         pull = np.zeros((steps, rows.PULL_COLUMNS))
         done = advance(self.rope, boundary, pull, self.time, steps)
         if done < steps:
-            raise SolverError(phrase(f"step {done + 1}", "it is not finite", "shorten the step"))
+            raise SolverError(f"step {done + 1}", "it is not finite", "shorten the step")
         self.time += steps * self.rope.model.step
         self.length = float(boundary.value[-1, rows.LINE])
         return pull[:, rows.PULL]
@@ -179,7 +179,7 @@ def frequency(values: Vector, step: float) -> float:
     x = values - values.mean()
     k = np.flatnonzero((x[1:-2] < 0.0) & (x[2:-1] >= 0.0)) + 1
     if len(k) < 3:
-        raise SolverError(phrase("oscillation", f"{len(k)} crossings", "watch it for longer"))
+        raise SolverError("oscillation", f"{len(k)} crossings", "watch it for longer")
     times = []
     for i in k:
         roots = np.polynomial.polynomial.polyroots(

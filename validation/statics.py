@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rope_twin.errors import SolverError, phrase
+from rope_twin.errors import SolverError
 from rope_twin.studies.picture import Line, Panel, Vector
 from validation.case import Case, Finding, Found, between, within, within_pct
 from validation.rigs import Rig
@@ -57,7 +57,7 @@ def solve_catenary(rig: Rig, across: float, up: float) -> tuple[float, float]:
     start = [np.log(0.5 * w * across / slope), 0.5 * (up / length / np.tanh(slope) - 1.0)]
     solution, info, ok, text = fsolve(miss, start, full_output=True, xtol=1e-14)
     if ok != 1 and np.abs(info["fvec"]).max() >= 1e-12:
-        raise SolverError(phrase("catenary", str(text), "start from another guess"))
+        raise SolverError("catenary", str(text), "start from another guess")
     return float(np.exp(solution[0])), float(solution[1] * w * length)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.decks import cabledyn_deck, current_table, figures, moordyn_deck
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE
 from rope_twin.recording.motion_source import RegularSea
 from rope_twin.scene.schema import Scene
@@ -88,7 +88,7 @@ def require_peers(names: Sequence[str] = tuple(PEERS), command: str = "bench pee
         what = f"{' and '.join(missing)}, which rope_twin does not need itself, cannot be imported"
         wanted = " ".join(f"{name}=={PEERS[name]}" for name in names)
         them = "them" if len(names) > 1 else "it"
-        raise InputError(phrase(command, what, f"get {them} with `pip install {wanted}`"))
+        raise InputError(command, what, f"get {them} with `pip install {wanted}`")
 
 
 def run_moordyn(job: Job, setting: Setting) -> History:

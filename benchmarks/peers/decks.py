@@ -13,7 +13,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.interchange.moordyn import ABOVE_M
 from rope_twin.interchange.moordyn_deck import (
     COUPLED,
@@ -89,10 +89,10 @@ def figures(scene: Scene) -> Figures:
     strange = sorted(kind.__name__ for kind in effects if kind not in SAYS)
     points = current.points if isinstance(current, CurrentParams) else ()
     if any(len(velocity) > 2 for _, velocity in points):
-        raise InputError(phrase(f"scene {scene.name}", "its current has a vertical part", _RIGHT))
+        raise InputError(f"scene {scene.name}", "its current has a vertical part", _RIGHT)
     if strange or rope is None or rope.axial_stiffness_n is None or line.damping is None:
         what = f"its {', '.join(strange)} cannot" if strange else "its rope cannot"
-        raise InputError(phrase(f"scene {scene.name}", f"{what} be written in a deck", _RIGHT))
+        raise InputError(f"scene {scene.name}", f"{what} be written in a deck", _RIGHT)
     area, mass = _load_figures(scene.name, load)
     displaced = water.water_density_kg_per_m3 * float(load.displaced_volume_m3 or 0.0)
     return Figures(
@@ -121,8 +121,7 @@ def _load_figures(name: str, load: Payload) -> tuple[float, float]:
     """Return drag area and added mass, the same along all axes."""
     area, mass = set(load.drag_area_m2 or ()), set(load.added_mass_kg or ())
     if len(area) != 1 or len(mass) != 1:
-        what = "its payload is not the same along all axes"
-        raise InputError(phrase(f"scene {name}", what, _RIGHT))
+        raise InputError(f"scene {name}", "its payload is not the same along all axes", _RIGHT)
     return area.pop(), mass.pop()
 
 

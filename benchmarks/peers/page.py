@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.peers.race import LIMIT_PCT, SEARCHED, PeerRace, PeerRow
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.studies.accuracy_study import Machine, page_table
 from rope_twin.studies.picture import check_picture, write_picture
 
@@ -191,5 +191,5 @@ def read_race(path: Path) -> PeerRace:
     except (OSError, ValueError, KeyError, TypeError) as error:
         what = f"it is no race of the peers ({error})"
         raise InputError(
-            phrase(str(path), what, "write one with `python -m benchmarks peers --json`")
+            str(path), what, "write one with `python -m benchmarks peers --json`"
         ) from error

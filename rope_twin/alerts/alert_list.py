@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 SECOND = 1_000_000_000
 SILENCE_NS = 30 * SECOND  # MSC.302(87), 7.3: then the sound starts again
@@ -242,7 +242,7 @@ class AlertList:
         most = SHELVED_MOST_NS // SECOND
         if not 0.0 <= seconds <= most:
             right = f"give 0 to {most} s; 0 lists it again"
-            raise InputError(phrase(f"alert {key}", f"shelving for {seconds:g} s", right))
+            raise InputError(f"alert {key}", f"shelving for {seconds:g} s", right)
         at = self._find(key)
         until = self.now_ns + round(seconds * SECOND) if seconds else 0
         self._alerts[at] = replace(self._alerts[at], shelved_until_ns=until)
@@ -259,7 +259,7 @@ class AlertList:
             state = self._alerts[chosen[0]].state.name.lower()
             if chosen[0] not in every:
                 right = f"only {', '.join(one.name.lower() for one in of)} alarms and warnings"
-                raise InputError(phrase(f"alert {key}", f"it is {state}", f"{right} are {word}"))
+                raise InputError(f"alert {key}", f"it is {state}", f"{right} are {word}")
         for at in chosen:
             alert = self._alerts[at]
             gone = alert.state is State.RECTIFIED
@@ -273,7 +273,7 @@ class AlertList:
             if one.key == key:
                 return at
         known = ", ".join(one.key for one in self.listed()) or "none is listed"
-        raise InputError(phrase("alert", f"there is no '{key}'", f"listed: {known}"))
+        raise InputError("alert", f"there is no '{key}'", f"listed: {known}")
 
 
 def _revised(alert: Alert, state: State, now_ns: int) -> Alert:

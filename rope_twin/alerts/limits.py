@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from rope_twin.alerts.alert_list import Priority
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.messages.reports import crew_limits_row
 from rope_twin.messages.status import Status
@@ -116,11 +116,11 @@ class CrewLimits:
         """
         where = f"limit {name}"
         if name not in CREW_LIMITS:
-            raise InputError(phrase(where, "no such limit", did_you_mean(name, CREW_LIMITS)))
+            raise InputError(where, "no such limit", did_you_mean(name, CREW_LIMITS))
         unit, at_least, _ = CREW_LIMITS[name]
         if name in self._impossible:
             what = f"the scene has not {self._impossible[name]}"
-            raise InputError(phrase(where, what, "set another limit"))
+            raise InputError(where, what, "set another limit")
         if words == SCENE:
             self._set.pop(name, None)
             return f"{where}: that of the scene"
@@ -130,13 +130,11 @@ class CrewLimits:
             value = math.nan
         if not (value > 0.0 and math.isfinite(value)):
             right = f"give a positive number{unit and f' in {unit}'}, or {SCENE}"
-            raise InputError(phrase(where, f"'{words}'", right))
+            raise InputError(where, f"'{words}'", right)
         scene = self._of_scene.get(name)
         if scene is not None and (value <= scene if at_least else value >= scene):
             what = f"{_of(value, unit)} is not stricter than the scene's {_of(scene, unit)}"
-            raise InputError(
-                phrase(where, what, f"give {'more' if at_least else 'less'}, or {SCENE}")
-            )
+            raise InputError(where, what, f"give {'more' if at_least else 'less'}, or {SCENE}")
         self._set[name] = value
         return f"{where}: {_of(value, unit)}"
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 from rope_twin.alerts.alert_list import EVERY, SECOND, Alert, AlertList, Priority
 from rope_twin.alerts.situations import Watch
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages.status import Status
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.snapshot import Snapshot
@@ -176,11 +176,11 @@ class AlertMonitor:
         verb, *rest = words.split() or [""]
         if verb not in COMMANDS:
             right = did_you_mean(verb, COMMANDS)
-            raise InputError(phrase("alerts/command", f"there is no '{verb}'", right))
+            raise InputError("alerts/command", f"there is no '{verb}'", right)
         wanted = 2 if verb in _EXAMPLES else 1
         if len(rest) != wanted:
             example = _EXAMPLES.get(verb, f"{verb} 10001.1, or {EVERY}")
-            raise InputError(phrase("alerts/command", f"'{words}'", f"write {example}"))
+            raise InputError("alerts/command", f"'{words}'", f"write {example}")
         with self._lock:
             answer = self._execute(verb, rest)
             self._commanded = True
@@ -199,7 +199,7 @@ class AlertMonitor:
                 seconds = float(rest[1])
             except ValueError:
                 what = f"'{rest[1]}' is no time"
-                raise InputError(phrase("alerts/command", what, "give seconds")) from None
+                raise InputError("alerts/command", what, "give seconds") from None
             return self._list.shelve(rest[0], seconds)
         if verb == UNSHELVE:
             return self._list.shelve(rest[0], 0.0)

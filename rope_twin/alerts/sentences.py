@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rope_twin.alerts.alert_list import Alert, State
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 TALKER = "II"  # integrated instrumentation
 MAKER = "RPT"
@@ -106,15 +106,14 @@ def read_acn(line: bytes) -> AlertCommand | None:
     body = body.encode("ascii", "replace").decode("ascii")
     right = "send $--ACN,hhmmss.ss,RPT,identifier,instance,A|Q|O|S,C*hh"
     if not star or framed(body)[-4:-2].decode() != given.upper():
-        raise InputError(phrase("ACN sentence", "its checksum is wrong", right))
+        raise InputError("ACN sentence", "its checksum is wrong", right)
     fields = body.split(",")
     if len(fields) > 2 and fields[2] != MAKER:
         return None
     if len(fields) != 7 or fields[6] != "C" or fields[5] not in (*COMMANDS, REQUEST):
-        raise InputError(phrase("ACN sentence", f"'{text[:SENTENCE_MOST]}'", right))
+        raise InputError("ACN sentence", f"'{text[:SENTENCE_MOST]}'", right)
     if not (fields[3].isdecimal() and fields[4].isdecimal()):
-        what = f"identifier '{fields[3]}', instance '{fields[4]}'"
-        raise InputError(phrase("ACN sentence", what, right))
+        raise InputError("ACN sentence", f"identifier '{fields[3]}', instance '{fields[4]}'", right)
     return AlertCommand(int(fields[3]), int(fields[4]), fields[5])
 
 

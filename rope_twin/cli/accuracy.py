@@ -16,7 +16,7 @@ from typing import Any
 
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_table
 from rope_twin.cli.selection import find_quantity, read_amount
-from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
+from rope_twin.errors import InputError, RopeTwinError, SceneError
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
 from rope_twin.scene.convergence import known_error, read_study, study_path
 from rope_twin.scene.error_bound import format_bound
@@ -64,12 +64,11 @@ def run(args: argparse.Namespace) -> int:
         return _status(args.json)
     if args.duration is not None and not 0.0 < args.duration <= 3600.0:
         what = f"{args.duration:g} s is not possible"
-        raise InputError(phrase("--duration", what, "give a time above 0 s, at most 3600 s"))
+        raise InputError("--duration", what, "give a time above 0 s, at most 3600 s")
     if args.within is not None:
         return _check(args)
     if args.quantity is not None:
-        what = "a study has every quantity"
-        raise InputError(phrase("--quantity", what, "give --within 1% too"))
+        raise InputError("--quantity", "a study has every quantity", "give --within 1% too")
     if not args.all:
         content = _make(args, load_scene(args.scene))
         if args.json:
@@ -90,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> int:
     """Verify what `run --within` selects for these scenes; NEGATIVE if a target is missed."""
     if args.out is not None:
-        raise InputError(phrase("--out", "--within writes no files", "leave one of them out"))
+        raise InputError("--out", "--within writes no files", "leave one of them out")
     quantity = find_quantity(args.quantity)
     within = read_amount("--within", args.within, quantity.name, quantity.unit)
     names = scene_names() if args.all else [args.scene]
@@ -159,7 +158,7 @@ def _check_place(path: Path) -> None:
 
 def _unwritable(path: Path, error: OSError) -> InputError:
     what = f"the study cannot be written ({error.strerror})"
-    return InputError(phrase(str(path), what, "choose a folder with --out, or give --no-write"))
+    return InputError(str(path), what, "choose a folder with --out, or give --no-write")
 
 
 def _as_text(content: dict[str, Any]) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 
 from rope_twin.alerts.monitor import CHATTER, FLOOD, STEADY, AlertRates, rates
 from rope_twin.cli.console import ExitCode, print_json
-from rope_twin.errors import BagError, InputError, phrase
+from rope_twin.errors import BagError, InputError
 from rope_twin.messages.reports import PublishedAlerts, decode_alerts
 from rope_twin.recording.bag import BagReader
 from rope_twin.run.arguments import add_command, add_json
@@ -50,11 +50,11 @@ def run(args: argparse.Namespace) -> int:
     """
     if bool(args.udp) == (args.bag is not None):
         what = "both BAG and --udp" if args.udp else "neither BAG nor --udp"
-        raise InputError(phrase("alerts", what, "give one of them"))
+        raise InputError("alerts", what, "give one of them")
     if args.udp:
         host, port = address_of(args.udp)
         if args.replies and args.replies not in PORTS:
-            raise InputError(phrase("--replies", str(args.replies), "give a port, 1 to 65535"))
+            raise InputError("--replies", str(args.replies), "give a port, 1 to 65535")
         # rclpy takes a second to import and is needed here only
         from rope_twin.ros.alert_output_node import run_output
         from rope_twin.ros.middleware import keep_to_loopback
@@ -78,7 +78,7 @@ def address_of(words: str) -> tuple[str, int]:
     """
     host, colon, port = words.rpartition(":")
     if not (colon and host and port.isdecimal() and int(port) in PORTS):
-        raise InputError(phrase("--udp", f"'{words}'", "give HOST:PORT, such as 127.0.0.1:60001"))
+        raise InputError("--udp", f"'{words}'", "give HOST:PORT, such as 127.0.0.1:60001")
     return host, int(port)
 
 
@@ -93,12 +93,11 @@ def read_rates(bag: Path) -> AlertRates:
         name = recorded_name(ALERTS)
         if name not in reader.topics:
             what = f"it has no topic {ALERTS}"
-            right = "record it with this or a later version of rope_twin"
-            raise BagError(phrase(str(bag), what, right))
+            raise BagError(str(bag), what, "record it with this or a later version of rope_twin")
         try:
             lists += [decode_alerts(data) for _, data in reader.messages(name)]
         except InputError as error:
-            raise BagError(phrase(str(bag), str(error), "record it again")) from error
+            raise BagError(str(bag), str(error), "record it again") from error
         span_ns = reader.duration_ns
     end_ns = max([span_ns, *(one.now_ns for one in lists)])
     return rates([(one.now_ns, one.alerts) for one in lists], end_ns)

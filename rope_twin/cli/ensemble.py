@@ -18,7 +18,7 @@ from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.quantity import read_quantity
 from rope_twin.run.arguments import (
     add_command,
@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     if args.time_step is not None:
         if not 1e-5 <= args.time_step <= 0.2:
             what = f"{args.time_step:g} s is not possible"
-            raise InputError(phrase("--time-step", what, "give 1e-05 to 0.2 s"))
+            raise InputError("--time-step", what, "give 1e-05 to 0.2 s")
         scene = variant(scene, step_s=args.time_step)
     _check(args)
     axes = [read_axis("--vary", words) for words in args.vary]
@@ -153,16 +153,16 @@ def _check(args: argparse.Namespace) -> None:
     """Refuse what would fail only after a long run."""
     if not 0.0 < args.duration <= 1e6:
         what = f"{args.duration:g} s is not possible"
-        raise InputError(phrase("--duration", what, "give a time above 0 s, at most 1e6 s"))
+        raise InputError("--duration", what, "give a time above 0 s, at most 1e6 s")
     if args.seed < 0:
-        raise InputError(phrase("--seed", f"{args.seed} is negative", "give 0 or more"))
+        raise InputError("--seed", f"{args.seed} is negative", "give 0 or more")
     if args.out is None:
         return
     folder = args.out.resolve().parent
     if not folder.is_dir():
-        raise InputError(phrase("--out", f"there is no folder {folder}", "create it first"))
+        raise InputError("--out", f"there is no folder {folder}", "create it first")
     if args.out.is_dir() or not os.access(folder, os.W_OK):
-        raise InputError(phrase("--out", f"{args.out} cannot be written", "choose another file"))
+        raise InputError("--out", f"{args.out} cannot be written", "choose another file")
 
 
 def _rows(result: StudyResult) -> list[dict[str, Any]]:
@@ -191,7 +191,7 @@ def _write_csv(path: Path, result: StudyResult) -> None:
             table.writerows(rows)
     except OSError as error:
         what = f"{path} cannot be written ({error.strerror})"
-        raise InputError(phrase("--out", what, "choose another file")) from error
+        raise InputError("--out", what, "choose another file") from error
 
 
 def _figures(scene: Scene, result: StudyResult) -> dict[str, Any]:

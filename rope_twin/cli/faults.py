@@ -10,7 +10,7 @@ from dataclasses import asdict
 from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.run.arguments import add_command, add_json, add_scene
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     for name in args.input:
         if name not in INPUTS:
             where = f"--input {name}"
-            raise InputError(phrase(where, "there is no such input", did_you_mean(name, INPUTS)))
+            raise InputError(where, "there is no such input", did_you_mean(name, INPUTS))
     if args.sound is not None:
         return _run_sound(scene, args.sound, args.json)
     runs = plan(scene, args.input or INPUTS, pairs=not args.single)
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         for name in args.fault:
             if name not in known:
                 what = "there is no such fault"
-                raise InputError(phrase(f"--fault {name}", what, did_you_mean(name, known)))
+                raise InputError(f"--fault {name}", what, did_you_mean(name, known))
         runs = [(topic, fault) for topic, fault in runs if fault.name in args.fault]
     progress = FigureProgress()
     found: list[Finding] = []
@@ -98,7 +98,7 @@ def _run_sound(scene: Scene, hours: float, as_json: bool) -> int:
     """Run without a fault, and print each drop of the quality index."""
     if not 0.0 < hours <= MOST_HOURS:
         what = f"{hours:g} h is no duration of a run"
-        raise InputError(phrase("--sound", what, f"give more than 0 and at most {MOST_HOURS:g}"))
+        raise InputError("--sound", what, f"give more than 0 and at most {MOST_HOURS:g}")
     progress = FigureProgress()
 
     def report(now_s: float) -> None:

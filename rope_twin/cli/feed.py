@@ -71,9 +71,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Read, publish or simulate; return the exit code. Raises RopeTwinError."""
     if not (math.isfinite(args.speed) and 0.0 <= args.speed <= 1000.0):
-        raise InputError(phrase("--speed", f"{args.speed:g}", "it must be 0 to 1000"))
+        raise InputError("--speed", f"{args.speed:g}", "it must be 0 to 1000")
     if args.duration is not None and not 0.0 < args.duration <= 1e7:
-        raise InputError(phrase("--duration", f"{args.duration:g} s", "it must be above 0"))
+        raise InputError("--duration", f"{args.duration:g} s", "it must be above 0")
     faults = read_faults(args.faults)
     if args.publish or args.simulate:
         return _run_node(args)
@@ -120,7 +120,7 @@ def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace, faults: Lin
     sources: dict[str, Source] = {}
     for number, (name, settings) in enumerate(feeds.items()):
         if not settings.source:
-            raise InputError(phrase(f"feed '{name}'", "it has no source", "name one"))
+            raise InputError(f"feed '{name}'", "it has no source", "name one")
         instruments[name] = Instrument(settings)
 
         def take(data: bytes, arrival_ns: int, whole: bool, name: str = name) -> None:

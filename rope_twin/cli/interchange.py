@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.interchange.fmu import export_fmu, inputs_of, outputs_of
 from rope_twin.interchange.moordyn import deck_of, scene_of
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
@@ -66,11 +66,11 @@ def run_import(args: argparse.Namespace) -> int:
     low, high = 1e2, 1e9
     if not low <= args.breaking_load <= high:
         what = f"it is {args.breaking_load:g} N"
-        raise InputError(phrase("--breaking-load", what, f"right is {low:g} to {high:g} N"))
+        raise InputError("--breaking-load", what, f"right is {low:g} to {high:g} N")
     if args.out.suffix not in (".yaml", ".yml"):
-        raise InputError(phrase("--out", f"'{args.out}' is no scene", "end it in .yaml"))
+        raise InputError("--out", f"'{args.out}' is no scene", "end it in .yaml")
     if Path(args.file).resolve() == args.out.resolve():
-        raise InputError(phrase("--out", "it is the file to import", "give another name"))
+        raise InputError("--out", "it is the file to import", "give another name")
     file, breaking_load_n = Path(args.file), args.breaking_load
     if file.suffix.lower() in (".yml", ".yaml"):
         found = scene_of_model(file, breaking_load_n, args.out.parent)
@@ -104,7 +104,7 @@ def run_export(args: argparse.Namespace) -> int:
     """Write a deck or an FMU and return the exit code. Raises RopeTwinError."""
     if args.moordyn == args.fmu:
         what = "two formats are named" if args.fmu else "no format is named"
-        raise InputError(phrase("scene export", what, "give --moordyn or --fmu"))
+        raise InputError("scene export", what, "give --moordyn or --fmu")
     if args.fmu:
         return _run_fmu(args)
     deck, left_out = deck_of(load_scene(args.scene))
@@ -117,8 +117,7 @@ def run_export(args: argparse.Namespace) -> int:
             files[1].write_text(current_text(deck), encoding="utf-8")
     except OSError as error:
         right = "give a place that can be written"
-        what = f"it cannot be written ({error.strerror})"
-        raise InputError(phrase(str(args.out), what, right)) from None
+        raise InputError(str(args.out), f"it cannot be written ({error.strerror})", right) from None
     if args.json:
         print_json({"files": files, "left_out": list(left_out)})
         return ExitCode.OK

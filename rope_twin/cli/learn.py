@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.run.arguments import add_command, add_json, add_out, add_time
 from rope_twin.run.progress import FigureProgress
 
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     if not estimator.results:
         what = f"{min(known_s, until_s) - recorded.lift.begin_s:.0f} s of data"
         right = f"give at least {LEAST_S:g} s with tension, heave and line out"
-        raise InputError(phrase(f"bag {args.bag}", what, right))
+        raise InputError(f"bag {args.bag}", what, right)
     posterior = estimator.results[-1].posterior
     actions = report.expected_after(estimator, scene)
     if not args.tared:

@@ -8,7 +8,7 @@ import sys
 from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import check_picture
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     """Run both and print the results. Raises RopeTwinError."""
     if not LEAST_S <= args.duration <= MOST_S or args.duration % 1.0:
         right = f"give a whole number of seconds from {LEAST_S} to {MOST_S}"
-        raise InputError(phrase("--duration", f"{args.duration:g} s is not possible", right))
+        raise InputError("--duration", f"{args.duration:g} s is not possible", right)
     seconds = int(args.duration)
     if args.out is not None:
         check_picture(args.out / "two_lines.png")

@@ -11,7 +11,7 @@ from contextlib import closing
 
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.console.server import announce
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.run.arguments import Parsers, add_command, add_json
 from rope_twin.run.options import CONSOLE
 from rope_twin.run.progress import StopSignal
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
         return _live(args)
     if args.control:
         what = "a recorded run has no winch to command"
-        raise InputError(phrase("--control", what, "leave it out, or leave BAG out"))
+        raise InputError("--control", what, "leave it out, or leave BAG out")
     return _recorded(args)
 
 
@@ -109,16 +109,15 @@ def _terminal(args: argparse.Namespace) -> int:
     }  # fmt: skip
     if given := next((name for name, there in named.items() if there), ""):
         what = "the terminal console only shows, and serves no page"
-        raise InputError(phrase(f"--terminal {given}", what, f"leave {given} out"))
+        raise InputError(f"--terminal {given}", what, f"leave {given} out")
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         what = "standard input and output are no terminal"
-        raise InputError(phrase("--terminal", what, "run it in one, over SSH with `ssh -t`"))
+        raise InputError("--terminal", what, "run it in one, over SSH with `ssh -t`")
     try:
         from rope_twin.console.terminal import TerminalConsole
     except ImportError as error:
-        what = f"{error.name} is not installed"
         right = "install it with `pip install 'rope_twin[console]'`"
-        raise InputError(phrase("--terminal", what, right)) from error
+        raise InputError("--terminal", f"{error.name} is not installed", right) from error
     from rope_twin.console.control import Desk
     from rope_twin.console.facts import session_facts
     from rope_twin.console.pages import Pages

@@ -14,7 +14,7 @@ from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.cli.selection import read_amount
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.planning.dataset import check_netcdf, write_netcdf
 from rope_twin.planning.notes import notes
 from rope_twin.planning.pictures import limits_figure, show_cell
@@ -91,9 +91,9 @@ def run(args: argparse.Namespace) -> int:
         print(shipped_file(EXAMPLE, "plans", "plan").read_text(encoding="utf-8"), end="")
         return ExitCode.OK
     if not args.plan:
-        raise InputError(phrase("plan", "no plan is named", "give a file, or begin with --example"))
+        raise InputError("plan", "no plan is named", "give a file, or begin with --example")
     if args.threads is not None and not 1 <= args.threads <= 256:
-        raise InputError(phrase("--threads", f"{args.threads}", "give 1 to 256"))
+        raise InputError("--threads", f"{args.threads}", "give 1 to 256")
     plan, scene = read_plan(args.plan)
     if args.within is not None:
         plan = with_error(plan, 0.01 * read_amount("--within", args.within, "the error", "%"))

@@ -19,7 +19,7 @@ from typing import Any
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json
 from rope_twin.cli.interchange import add_export, add_import, run_export, run_import
 from rope_twin.cli.scene_hydrodynamics import add_coefficients, add_raos, run_coefficients, run_raos
-from rope_twin.errors import SceneError, did_you_mean, phrase
+from rope_twin.errors import SceneError, did_you_mean
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
 from rope_twin.scene.convergence import known_error
@@ -153,9 +153,7 @@ def _keys(args: argparse.Namespace) -> int:
     shown = [key for key in every if part in key.path]
     if not shown:
         names = {name for key in every for name in key.path.replace("[]", "").split(".")}
-        raise SceneError(
-            phrase(f"'{part}'", "no key of a scene has this", did_you_mean(part, names))
-        )
+        raise SceneError(f"'{part}'", "no key of a scene has this", did_you_mean(part, names))
     if args.json:
         print_json({"keys": [asdict(key) for key in shown]})
         return ExitCode.OK

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.run.arguments import add_command, add_json, add_scene, measure
 from rope_twin.scene.environment import vessel_raos
 from rope_twin.scene.load import load_scene, scene_names
@@ -90,17 +90,13 @@ def _body(scene: Scene, name: str) -> tuple[Payload, Box | Cylinder]:
     """Return a payload and its shape. Raises InputError."""
     known = {one.name: one for one in scene.payloads}
     if not known:
-        what = f"'{scene.name}' has no payload"
-        raise InputError(phrase("scene", what, "give a scene with one"))
+        raise InputError("scene", f"'{scene.name}' has no payload", "give a scene with one")
     if name and name not in known:
-        what = "there is no such payload"
-        raise InputError(phrase(f"--payload {name}", what, did_you_mean(name, known)))
+        raise InputError(f"--payload {name}", "there is no such payload", did_you_mean(name, known))
     payload = known[name] if name else scene.payloads[0]
     if not isinstance(payload.shape, Box | Cylinder):
         what = f"the payload '{payload.name}' is neither a box nor a cylinder"
-        raise InputError(
-            phrase("shape", what, "give it `shape: {box: {...}}` or `{cylinder: ...}`")
-        )
+        raise InputError("shape", what, "give it `shape: {box: {...}}` or `{cylinder: ...}`")
     return payload, payload.shape
 
 
@@ -184,12 +180,12 @@ def _read(name: str, given: RaoConventions) -> tuple[Responses, Point | None]:
         return read_responses(name, given), None
     if given != RaoConventions():
         what = "a scene states the conventions of its own file"
-        raise InputError(phrase(name, what, "leave the options out"))
+        raise InputError(name, what, "leave the options out")
     scene = load_scene(name)
     raos, riding = vessel_raos(scene), scene.sea_state.on_waves
     if raos is None or riding is None:
         what = "its ship is not moved by a table of RAOs"
-        raise InputError(phrase(name, what, "name `responses` under sea_state.on_waves"))
+        raise InputError(name, what, "name `responses` under sea_state.on_waves")
     return raos, riding.crane_tip_m
 
 

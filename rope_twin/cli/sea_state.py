@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.cli.console import ExitCode, print_json
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.quantity import read_quantity
 from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.recording.heave import (
@@ -122,8 +122,7 @@ def _make(args: argparse.Namespace) -> int:
     hull = BoxHull(length_m=length, breadth_m=breadth, draught_m=draught, block_coefficient=block)
     if args.elevation_rate <= 2.0 * spectrum.frequency_hz[-1]:
         right = f"right is above {2.0 * spectrum.frequency_hz[-1]:g} Hz, twice the spectrum's end"
-        what = f"it is {args.elevation_rate:g} Hz"
-        raise InputError(phrase("elevation rate", what, right))
+        raise InputError("elevation rate", f"it is {args.elevation_rate:g} Hz", right)
     sea = synthesise(spectrum, hull, args.seed, args.duration, args.rate)
     notes = {
         "spectrum": spectrum.source,
@@ -141,10 +140,10 @@ def _choose_spectrum(args: argparse.Namespace) -> WaveSpectrum:
     if args.jonswap is not None:
         if args.column is not None or len(args.jonswap) not in (2, 3):
             what = f"{len(args.jonswap)} numbers" + (" and a column" if args.column else "")
-            raise InputError(phrase("--jonswap", what, "right are Hs, Tp and perhaps gamma alone"))
+            raise InputError("--jonswap", what, "right are Hs, Tp and perhaps gamma alone")
         return jonswap(*_numbers("--jonswap", args.jonswap, ("m", "s", "")))
     if args.column is None:
-        raise InputError(phrase("--column", "it is missing", "name an hour of the spectrum"))
+        raise InputError("--column", "it is missing", "name an hour of the spectrum")
     return read_spectrum(args.spectrum, args.column)
 
 
@@ -161,7 +160,7 @@ def _numbers(option: str, words: Sequence[str | float], units: Sequence[str]) ->
         except ValueError as error:
             what = str(error).partition("; ")[0] if unit else f"'{word}' is not a number"
             right = f"give {unit}" if unit else "give a number without unit"
-            raise InputError(phrase(option, what, right)) from error
+            raise InputError(option, what, right) from error
     return numbers
 
 
@@ -172,7 +171,7 @@ def _check_steepness(args: argparse.Namespace, spectrum: WaveSpectrum) -> None:
     where = " ".join([option, *given])
     fault = breaking_fault(spectrum)
     if fault is not None:
-        raise InputError(phrase(where, *fault))
+        raise InputError(where, *fault)
     if warning := steepness_warning(where, spectrum):
         print(f"warning: {warning}", file=sys.stderr)
 

@@ -11,7 +11,7 @@ from functools import partial
 from statistics import mean, median
 from typing import NamedTuple
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages import Encoder
 from rope_twin.run.options import RunOptions
 from rope_twin.scene.convergence import OTHER_SEA, ConvergenceStudy, read_study
@@ -207,8 +207,7 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
     """
     if args.within is None and args.budget is None:
         if args.quantity is not None:
-            what = "there is nothing to select"
-            raise InputError(phrase("--quantity", what, "give --within 1% too"))
+            raise InputError("--quantity", "there is nothing to select", "give --within 1% too")
         return options
     option = "--budget" if args.within is None else "--within"
     quantity = find_quantity(args.quantity)
@@ -217,10 +216,10 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
     wanted = read_amount(option, args.budget or args.within, name, unit)
     if option == "--budget" and (options.speed == 0.0 or wanted > 100.0):
         what = f"{wanted:g} % of one core" if options.speed else "--speed 0 takes a whole core"
-        raise InputError(phrase("--budget", what, "give up to 100 % and a --speed above 0"))
+        raise InputError("--budget", what, "give up to 100 % and a --speed above 0")
     if options.start_from is not None:
         what = "a saved state has its elements and its step already"
-        raise InputError(phrase(option, what, "leave out --from-state, or this"))
+        raise InputError(option, what, "leave out --from-state, or this")
     scene = load_scene(options.scene)
     study = _current_study(scene, option)
     levels = _known_levels(study, quantity, options.speed > 0.0, option)
@@ -253,7 +252,7 @@ def read_amount(option: str, words: str, name: str, unit: str) -> float:
         amount = math.nan
     if not (0.0 < amount < math.inf) or number == words.strip():
         right = f"write a number above 0 and its unit, like {_LIKE[unit]}"
-        raise InputError(phrase(f"{option} {words}", f"{name} is in {unit}", right))
+        raise InputError(f"{option} {words}", f"{name} is in {unit}", right)
     return amount
 
 
@@ -264,8 +263,7 @@ def find_quantity(name: str | None) -> Quantity:
         InputError: there is no such quantity.
     """
     if name is not None and name not in BY_NAME:
-        what = f"unknown quantity '{name}'"
-        raise InputError(phrase("--quantity", what, did_you_mean(name, BY_NAME)))
+        raise InputError("--quantity", f"unknown quantity '{name}'", did_you_mean(name, BY_NAME))
     return BY_NAME[name or "tension_rms"]
 
 
@@ -274,7 +272,7 @@ def _current_study(scene: Scene, option: str) -> ConvergenceStudy:
     why = "it has no convergence study" if study is None else study.age(scene)
     if study is None or why:
         right = f"make it with `rope_twin accuracy {argument_for(scene)}`"
-        raise InputError(phrase(f"{option}, scene {scene.name}", why, right))
+        raise InputError(f"{option}, scene {scene.name}", why, right)
     return study
 
 
@@ -289,7 +287,7 @@ def _known_levels(
         )
         where = f"{option}, scene {study.scene}"
         what = f"its convergence study has no error of {quantity.name}"
-        raise InputError(phrase(where, what, f"give --quantity with one of {', '.join(others)}"))
+        raise InputError(where, what, f"give --quantity with one of {', '.join(others)}")
     return [level for level in known if not paced or level.step_s <= SLOT_S]
 
 
@@ -303,18 +301,16 @@ def _refuse_other_run(scene: Scene, study: ConvergenceStudy, options: RunOptions
         )
         what = f"its convergence study is for its own sea, not for {option} {value}"
         right = f"leave out {option}, or make the study of a scene that has that sea"
-        raise InputError(phrase(f"--within, scene {scene.name}", what, right))
+        raise InputError(f"--within, scene {scene.name}", what, right)
     needed_s = make_plan(scene).seconds
     if study.seconds < needed_s and _goes_on(study, options):
-        what = (
+        raise InputError(
+            f"--within, scene {scene.name}",
             f"its convergence study is for {study.seconds:g} s, but the events of the scene take "
-            f"{needed_s:g} s"
-        )
-        right = (
+            f"{needed_s:g} s",
             f"make it again with `rope_twin accuracy {argument_for(scene)}`, "
-            f"or give --duration {study.seconds:g}"
+            f"or give --duration {study.seconds:g}",
         )
-        raise InputError(phrase(f"--within, scene {scene.name}", what, right))
 
 
 def _goes_on(study: ConvergenceStudy, options: RunOptions) -> bool:
@@ -341,7 +337,7 @@ def _cheapest(
         what = (
             f"no setting of the study is that accurate, the best is {_bound_words(best, quantity)}"
         )
-        raise InputError(phrase(f"--within {target:g}{quantity.unit}", what, "give that or more"))
+        raise InputError(f"--within {target:g}{quantity.unit}", what, "give that or more")
     bound = sure_bound(level, levels, quantity.name)
     said = (
         f"--within {target:g} {quantity.unit}: {level.setting}, the cheapest with "
@@ -372,7 +368,7 @@ def _select(
         costs[levels.index(level)] = math.inf  # with its messages it does not fit
         least = selection.pct
     what = f"the cheapest setting of the study needs {least:.2g} % here"
-    raise InputError(phrase(f"--budget {budget:g}%", what, "give more"))
+    raise InputError(f"--budget {budget:g}%", what, "give more")
 
 
 def _bound_of(

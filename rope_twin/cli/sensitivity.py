@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.run import cell_named
 from rope_twin.run.arguments import add_command, add_json, add_out
@@ -59,12 +59,12 @@ def run(args: argparse.Namespace) -> int:
 
     check_sensitivity()
     if args.threads is not None and not 1 <= args.threads <= 256:
-        raise InputError(phrase("--threads", f"{args.threads}", "give 1 to 256"))
+        raise InputError("--threads", f"{args.threads}", "give 1 to 256")
     count = COUNTS[args.method] if args.count is None else args.count
     if not 2 <= count <= 100_000:
-        raise InputError(phrase("--count", f"{count}", "give 2 to 100,000"))
+        raise InputError("--count", f"{count}", "give 2 to 100,000")
     if args.method == "sobol" and count & (count - 1):
-        raise InputError(phrase("--count", f"{count}", "give a power of 2 for Sobol's sequence"))
+        raise InputError("--count", f"{count}", "give a power of 2 for Sobol's sequence")
     plan, scene = read_plan(args.plan)
     out = args.out or Path(f"sensitivity_{plan.name}")
     check_picture(out / PICTURE)

@@ -15,7 +15,7 @@ from typing import Any
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.effects.bending import BendingParams
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.share import shipped_file
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
         RopeTwinError: one sentence on what cannot be.
     """
     if not 1 <= args.batch_size <= 1000:
-        raise InputError(phrase("--batch-size", f"{args.batch_size} runs", "give 1 to 1000"))
+        raise InputError("--batch-size", f"{args.batch_size} runs", "give 1 to 1000")
     study, scene = read_study(shipped_file(args.study, "studies", "study"))
     out = args.out or Path(f"study_{study.name}")
     check_parquet()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.cli.console import ExitCode, print_json
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.run.arguments import add_command, add_json, add_out, add_time
 
 EXAMPLES = (
@@ -69,9 +69,9 @@ def _outputs(files: list[Path]) -> tuple[Path | None, Path | None]:
     for file in files:
         kind = file.suffix.lower()
         if kind not in (".rrd", ".png"):
-            raise InputError(phrase(f"--out {file}", "unknown file type", "end it in .rrd or .png"))
+            raise InputError(f"--out {file}", "unknown file type", "end it in .rrd or .png")
         if kind in chosen:
-            raise InputError(phrase(f"--out {file}", f"a second {kind} file", "give one of a type"))
+            raise InputError(f"--out {file}", f"a second {kind} file", "give one of a type")
         chosen[kind] = file
     return chosen.get(".rrd"), chosen.get(".png")
 
@@ -83,18 +83,17 @@ def _check(args: argparse.Namespace, save: Path | None, screenshot: Path | None)
 
     sinks.load_rerun()
     if args.at is not None and not args.at > 0.0:
-        what = f"{args.at:g} s is not a time in the bag"
-        raise InputError(phrase("--at", what, "give a time above 0 s"))
+        raise InputError("--at", f"{args.at:g} s is not a time in the bag", "give a time above 0 s")
     path = Path(args.file)
     if path.suffix != ".rrd":
         find_bag(args.file)
     elif not path.is_file():
-        raise InputError(phrase(f"file {path}", "it does not exist", "name an .rrd file or a bag"))
+        raise InputError(f"file {path}", "it does not exist", "name an .rrd file or a bag")
     elif save is not None or args.at is not None:
         what = "--at and a recording as --out need the bag"
-        raise InputError(phrase(f"file {path}", what, "name the bag of that run"))
+        raise InputError(f"file {path}", what, "name the bag of that run")
     elif fault := sinks.recording_fault(path):
-        raise InputError(phrase(f"file {path}", fault, "name an .rrd file of a run, or a bag"))
+        raise InputError(f"file {path}", fault, "name an .rrd file of a run, or a bag")
     missing = ""
     if screenshot is not None:
         missing = sinks.what_a_picture_lacks()

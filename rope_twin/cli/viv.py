@@ -13,7 +13,7 @@ import numpy as np
 
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.run.arguments import (
     add_command,
     add_duration,
@@ -147,8 +147,7 @@ def _checked(args: argparse.Namespace) -> StressCurve:
         ("--damping", args.damping, 0.0, 0.5),
     ):
         if value is not None and not low <= value <= high:
-            what = f"{value:g} is not possible"
-            raise InputError(phrase(name, what, f"give {low:g} to {high:g}"))
+            raise InputError(name, f"{value:g} is not possible", f"give {low:g} to {high:g}")
     curve = find_stress_curve("--fatigue", args.fatigue)
     if args.out is not None:
         check_folder(args.out)

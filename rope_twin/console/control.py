@@ -191,10 +191,10 @@ class Desk:
         }
         act = acts.get(what) if isinstance(what, str) else None
         if act is None:
-            raise Refusal(phrase("console", f"'{what}'", did_you_mean(str(what), acts)))
+            raise Refusal("console", f"'{what}'", did_you_mean(str(what), acts))
         if self._commander is None:
             right = "start it with --control to command the winch"
-            raise Refusal(phrase("console", "it is read-only", right))
+            raise Refusal("console", "it is read-only", right)
         if what != "sign_in" and not page.authorised:
             raise Refusal(_NO_CONTROL)
         if what in self.staged:
@@ -241,7 +241,7 @@ class Desk:
         holder = self._holder
         if holder is not None and holder is not page and self._left_s is None:
             self._pages.send(holder, {"type": "seat_wanted", "by": page.name})
-            raise Refusal(phrase("seat", f"{holder.name} has it", "it was asked to release it"))
+            raise Refusal("seat", f"{holder.name} has it", "it was asked to release it")
         if holder is not page:  # the set-points are those of the page before
             self._set_points.clear()
         self._holder, self._left_s = page, None
@@ -251,7 +251,7 @@ class Desk:
 
     def _release_seat(self, page: Page, content: Mapping[str, Any]) -> str:
         if page is not self._holder:
-            raise Refusal(phrase("seat", "this page does not have it", "take it first"))
+            raise Refusal("seat", "this page does not have it", "take it first")
         self._give_up()
         return "seat released"
 
@@ -275,15 +275,15 @@ class Desk:
         assert self._commander is not None
         action, which = content.get("action"), content.get("alert")
         if action not in ALERT_ACTIONS:
-            raise Refusal(phrase("alert", f"'{action}'", did_you_mean(str(action), ALERT_ACTIONS)))
+            raise Refusal("alert", f"'{action}'", did_you_mean(str(action), ALERT_ACTIONS))
         listed = [row["id"] for row in self._pages.readings.values.get("alerts", ())]
         if which != "all" and which not in listed:
-            raise Refusal(phrase("alert", f"'{which}' is not in the list", "it may have ended"))
+            raise Refusal("alert", f"'{which}' is not in the list", "it may have ended")
         seconds = content.get("seconds")
         if action == "shelve":
             if which == "all" or not is_finite(seconds) or not 0.0 < seconds <= SHELVED_MOST_S:
                 right = f"give one alert and 1 to {SHELVED_MOST_S:g} s"
-                raise Refusal(phrase("shelve", f"{which} {seconds!r}", right))
+                raise Refusal("shelve", f"{which} {seconds!r}", right)
             which = f"{which} {seconds:g}"
         self._commander.command_alerts(f"{action} {which}")
         return f"{action} {which}: sent"
@@ -293,23 +293,22 @@ class Desk:
         kind, winch, value = content.get("kind"), content.get("winch"), content.get("value")
         winches = self._winches()
         if not isinstance(winch, str) or winch not in winches:
-            right = did_you_mean(str(winch), winches)
-            raise Refusal(phrase("command", f"winch '{winch}'", right))
+            raise Refusal("command", f"winch '{winch}'", did_you_mean(str(winch), winches))
         if not isinstance(kind, str) or (kind not in CONTROL_MODES and kind not in SWITCHES):
             known = (*CONTROL_MODES, *SWITCHES)
-            raise Refusal(phrase("command", f"'{kind}'", did_you_mean(str(kind), known)))
+            raise Refusal("command", f"'{kind}'", did_you_mean(str(kind), known))
         if kind != EMERGENCY_STOP:
             self._check_seat(page, "command")
         if kind not in CONTROL_MODES:
             return winch, WinchCommand(kind, 0.0)
         if not is_finite(value):
-            raise Refusal(phrase("command", f"{kind} {value!r}", "it must be a finite number"))
+            raise Refusal("command", f"{kind} {value!r}", "it must be a finite number")
         return winch, WinchCommand(kind, float(value))
 
     def _check_seat(self, page: Page, what: str) -> None:
         if page is not self._holder:
             has = f"{self._holder.name} has the seat" if self._holder else "no page has the seat"
-            raise Refusal(phrase(what, has, "take the seat first"))
+            raise Refusal(what, has, "take the seat first")
 
     def _give_up(self) -> None:
         assert self._commander is not None

@@ -48,7 +48,7 @@ class Recording:
         files = mcap_files(self._path)
         if not files or any(file.suffix != ".mcap" for file in files):
             what, right = "it holds no .mcap file", "record with MCAP storage"
-            raise BagError(phrase(f"bag {self._path}", what, right))
+            raise BagError(f"bag {self._path}", what, right)
         self._scans = [McapScan(file) for file in files]
         self._times: dict[str, list[int]] = {name: [] for name in SHOWN}
         self._data: dict[str, list[bytes]] = {name: [] for name in SHOWN}
@@ -66,7 +66,7 @@ class Recording:
         self._enough.wait()
         if not self._last_ns:
             what = "no topic of a twin to show"
-            raise BagError(phrase(f"bag {self._path}", what, f"name a bag with {SHOWN[3]}"))
+            raise BagError(f"bag {self._path}", what, f"name a bag with {SHOWN[3]}")
 
     @property
     def duration_s(self) -> float:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.messages import CloudReader, decode
 from rope_twin.messages.reports import (
     CREW_LIMITS_ROW,
@@ -239,7 +239,7 @@ def _having(topic: str, wanted: Iterable[str], points: Points) -> Points:
     missing = [name for name in wanted if name not in (points.dtype.names or ())]
     if missing:
         what = f"the table has no column {', '.join(missing)}"
-        raise InputError(phrase(topic, what, "publish it with this version of rope_twin"))
+        raise InputError(topic, what, "publish it with this version of rope_twin")
     return points
 
 
@@ -333,7 +333,7 @@ def _alerts(message: Any) -> Values:
             )
         except (KeyError, ValueError) as error:
             what = f"row '{one.name}' is no alert ({error})"
-            raise InputError(phrase(ALERTS, what, "only the simulation publishes here")) from None
+            raise InputError(ALERTS, what, "only the simulation publishes here") from None
     return {"alerts": rows}
 
 

@@ -211,19 +211,18 @@ class Requests:
         what = content.get("what")
         service = LEARNING.get(what) if isinstance(what, str) else None
         if service is None:
-            raise Refusal(phrase("learning", f"'{what}'", did_you_mean(str(what), LEARNING)))
+            raise Refusal("learning", f"'{what}'", did_you_mean(str(what), LEARNING))
         why_not = phrase(f"service {service}", "no answer", "learning needs a run with --learn")
         return Sent(self._caller.call(service), lambda: why_not)
 
     def _check_limit(self, name: object, value: object) -> None:
         if not isinstance(name, str) or name not in CREW_LIMITS:
-            raise Refusal(phrase("limit", f"'{name}'", did_you_mean(str(name), CREW_LIMITS)))
+            raise Refusal("limit", f"'{name}'", did_you_mean(str(name), CREW_LIMITS))
         known = self._pages.facts.get("crew_limits", ())
         lacks = next((row["lacks"] for row in known if row["name"] == name), "")
         if lacks:
-            what = f"the scene has not {lacks}"
-            raise Refusal(phrase(f"limit {name}", what, "set another limit"))
+            raise Refusal(f"limit {name}", f"the scene has not {lacks}", "set another limit")
         if value is not None and not (is_finite(value) and value > 0.0):
             unit = CREW_LIMITS[name].unit
             right = f"give a positive number{unit and f' in {unit}'}"
-            raise Refusal(phrase(f"limit {name}", f"{value!r}", right))
+            raise Refusal(f"limit {name}", f"{value!r}", right)

@@ -29,7 +29,7 @@ from urllib.parse import urlsplit
 from rope_twin.console.control import Desk
 from rope_twin.console.pages import Page, Pages, Source
 from rope_twin.console.requests import Log
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 LOOPBACK, PORT = "127.0.0.1", 8420
 MOST_PAGES = 60
@@ -100,7 +100,7 @@ def read_address(words: str) -> tuple[str, int]:
     if match and int(match[2]) < 65536:
         return (match[1] or LOOPBACK).strip("[]"), int(match[2])
     right = f"give HOST:PORT, such as {LOOPBACK}:{PORT}, or a port"
-    raise InputError(phrase(f"console address {words}", "not an address", right))
+    raise InputError(f"console address {words}", "not an address", right)
 
 
 def announce(address: str, token: str = "") -> None:
@@ -322,10 +322,10 @@ def _bound(host: str, port: int) -> socket.socket:
         made.listen(128)
     except OSError as error:
         what = f"the address cannot be used ({error.strerror or error})"
-        raise InputError(phrase(f"console {host}:{port}", what, "name another one")) from error
+        raise InputError(f"console {host}:{port}", what, "name another one") from error
     return made
 
 
 def _not_installed(error: ImportError) -> InputError:
     right = "install it with `pip install 'rope_twin[console]'`"
-    return InputError(phrase("console", f"{error.name} is not installed", right))
+    return InputError("console", f"{error.name} is not installed", right)

@@ -44,7 +44,7 @@ from rope_twin.core.state import (
     VELOCITY,
     Floats,
 )
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.quantity import quantity
 
 CARRIED = 3  # e [m]
@@ -100,7 +100,7 @@ def build(params: BedFrictionParams, payload: Any, around: Any) -> PlaneFriction
         InputError: the scene has no seabed.
     """
     if around.bed is None:
-        raise InputError(phrase("bed_friction", "the scene has no seabed", "add `- seabed: {}`"))
+        raise InputError("bed_friction", "the scene has no seabed", "add `- seabed: {}`")
     axial = around.friction if params.axial is None else params.axial
     lateral = around.friction if params.lateral is None else params.lateral
     kind = PlaneFriction if isinstance(around.bed, Plane) else GridFriction

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.errors import InputError, SolverError, phrase
+from rope_twin.errors import InputError, SolverError
 from rope_twin.estimation.causes import (
     BEFORE_ALARM_S,
     PAYLOAD,
@@ -395,7 +395,7 @@ def _named(gains: list[tuple[str, float]]) -> tuple[str, ...]:
         InputError: nothing is suspected.
     """
     if not gains:
-        raise InputError(phrase("fault", "nothing is suspected", "name causes after an alarm"))
+        raise InputError("fault", "nothing is suspected", "name causes after an alarm")
     if len(gains) == 1 or gains[0][1] - gains[1][1] > LEAD:
         return (gains[0][0],)
     first, second = gains[0][0], gains[1][0]

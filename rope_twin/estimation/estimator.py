@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.core.state import Floats, Ints
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.estimation.counter_error import CounterErrors, ErrorMemory
 from rope_twin.estimation.figures import (
     COUNT,
@@ -406,7 +406,7 @@ def begin_at_rest(scene: Scene, lift: MeasuredLift, *, tared: bool = False) -> E
     begin_s = lift.begin_s
     if not np.isfinite(begin_s):
         what = "tension, heave or line out has no sample"
-        raise InputError(phrase("measured lift", what, "give all three"))
+        raise InputError("measured lift", what, "give all three")
     line, _ = lift.line_motion(np.array([begin_s]))
     if abs(float(line[0]) - scene.ropes[0].length_m) > SAME_LENGTH_M:
         scene = change_scene(scene, [Change("ropes[0].length_m", float(line[0]))])

@@ -36,7 +36,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from rope_twin.core.state import Floats, Ints
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 REPEATED_S = 1.0
 LEAST_REPEATS = 5  # samples: a slow sensor has not repeated after two
@@ -307,7 +307,7 @@ class FaultTests:
         first, total = self._numbers, self._numbers + len(residual_n)
         if total > self.capacity:
             what = f"{total} samples do not fit into {self.capacity}"
-            raise InputError(phrase("fault tests", what, "restart them with a new reference"))
+            raise InputError("fault tests", what, "restart them with a new reference")
         self._numbers = total
         good = np.isfinite(residual_n) & np.isfinite(columns).all(axis=1)
         if not good.any():
@@ -337,7 +337,7 @@ class FaultTests:
         except np.linalg.LinAlgError as error:
             what = "the covariance of the innovations is not positive definite"
             right = "give a positive noise of the load pin"
-            raise InputError(phrase("fault tests", what, right)) from error
+            raise InputError("fault tests", what, right) from error
         own_inverse = np.linalg.inv(factor)
         self._inverse[new, :n] = -own_inverse @ (link @ inverse)
         self._inverse[new, new] = own_inverse
@@ -427,13 +427,12 @@ class FaultTests:
 def _along(one: Signature, names: Sequence[str]) -> Floats:
     """Return the direction of a signature in the order of the names of the figures."""
     if bool(one.direction) == bool(one.ramp_n_per_s):
-        what = "it has no signature, or two"
-        raise InputError(phrase(one.cause, what, "give a direction or a ramp"))
+        raise InputError(one.cause, "it has no signature, or two", "give a direction or a ramp")
     row = np.zeros(len(names))
     for name, value in one.direction.items():
         if name not in names:
             right = f"known: {', '.join(names)}"
-            raise InputError(phrase(one.cause, f"there is no figure '{name}'", right))
+            raise InputError(one.cause, f"there is no figure '{name}'", right)
         row[names.index(name)] = value
     return row
 

@@ -24,7 +24,7 @@ from rope_twin.core.state import Floats
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.rigging import is_joined, places
 from rope_twin.scene.schema import Scene
@@ -47,12 +47,12 @@ def check_learnable(scene: Scene) -> None:
     if is_joined(scene):
         what = _why_not_joined(scene)
         if what:
-            raise InputError(phrase(f"learn {scene.name}", what, right))
+            raise InputError(f"learn {scene.name}", what, right)
     for kind, what in _CANNOT.items():
         if scene.listed(kind) is not None:
-            raise InputError(phrase(f"learn {scene.name}", what, right))
+            raise InputError(f"learn {scene.name}", what, right)
     if scene.ropes[0].fixed_at_m or not scene.payloads:
-        raise InputError(phrase(f"learn {scene.name}", "its rope carries no payload", right))
+        raise InputError(f"learn {scene.name}", "its rope carries no payload", right)
 
 
 def _why_not_joined(scene: Scene) -> str:
@@ -157,10 +157,10 @@ class Gaussian:
             InputError: there is no such figure, or a number is not finite or not positive.
         """
         if name not in INDEX:
-            raise InputError(phrase(name, "there is no such figure", did_you_mean(name, NAMES)))
+            raise InputError(name, "there is no such figure", did_you_mean(name, NAMES))
         if not (np.isfinite(mean) and np.isfinite(sd) and sd > 0.0):
             what = f"a mean of {mean:g} with a standard deviation of {sd:g} is not possible"
-            raise InputError(phrase(name, what, "give finite numbers, and a positive deviation"))
+            raise InputError(name, what, "give finite numbers, and a positive deviation")
         k = INDEX[name]
         new_mean, covariance = self.mean.copy(), self.covariance.copy()
         new_mean[k] = mean

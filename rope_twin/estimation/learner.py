@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.errors import InputError, SolverError, phrase
+from rope_twin.errors import InputError, SolverError
 from rope_twin.estimation import report
 from rope_twin.estimation.estimator import BURN_IN_S, LEAST_USED, SPECTRUM_S, Estimator, Innovation
 from rope_twin.estimation.figures import ROPE_FIGURES, check_learnable, factors_of, scene_prior
@@ -177,9 +177,8 @@ class Learner:
         newest = self.newest
         if newest is None:
             right = "wait for two minutes of tension, heave and line out"
-            raise InputError(phrase("learned figures", "nothing was learned yet", right))
+            raise InputError("learned figures", "nothing was learned yet", right)
         if newest.held:
             what = f"{', '.join(newest.held)} is at the limit of its prior"
-            right = "check scene, units and signs"
-            raise InputError(phrase("learned figures", what, right))
+            raise InputError("learned figures", what, "check scene, units and signs")
         return newest.factors

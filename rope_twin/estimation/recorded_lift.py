@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.errors import BagError, InputError, phrase
+from rope_twin.errors import BagError, InputError
 from rope_twin.estimation.figures import ROPE_FIGURES
 from rope_twin.estimation.measured_lift import MeasuredLift, Series
 from rope_twin.messages.cdr import typestore
@@ -48,7 +48,7 @@ class RecordedLift:
         """
         if self.session is None:
             what = f"it has no {SESSION_TOPIC}, so no scene"
-            raise BagError(phrase("bag", what, "name the scene with --scene"))
+            raise BagError("bag", what, "name the scene with --scene")
         return self.session.scene()
 
 
@@ -107,7 +107,7 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
         if len(series.table) < LEAST_SAMPLES:
             what = f"{len(series.table)} samples of {name}"
             of = f" of winch '{winch}'" if winch else ""
-            raise BagError(phrase(f"bag {path}{of}", what, f"record {wanted}"))
+            raise BagError(f"bag {path}{of}", what, f"record {wanted}")
     if sources["heave"] == HANG_OFF:
         lift.heave = _relative(hang_off, session, rest_z)
     _count_from(float(lift.tension.table[0, 0]), lift)
@@ -132,7 +132,7 @@ def _applied(entry: dict[str, Any]) -> dict[str, float]:
     try:
         calls = calls_of(entry.get("calls", []))
     except ValueError as error:
-        raise InputError(phrase(INPUT_LOG_TOPIC, str(error), "give the bag as recorded")) from error
+        raise InputError(INPUT_LOG_TOPIC, str(error), "give the bag as recorded") from error
     given = (one.named for one in calls if one.method == "offer_figures")
     return {
         name: float(value)
@@ -152,7 +152,7 @@ def _decoded(topic: str, data: bytes) -> Any:
         return typestore().deserialize_cdr(data, BY_NAME[topic].type_name)
     except Exception as error:
         what = f"a message cannot be decoded ({type(error).__name__})"
-        raise InputError(phrase(topic, what, "give the bag as recorded")) from error
+        raise InputError(topic, what, "give the bag as recorded") from error
 
 
 def _stamp_s(message: Any) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.feeds import line_monitors, motion_sensors
 from rope_twin.feeds.readings import OPCUA_START, START, OpcNode, Parser, Register
 from rope_twin.quantity import quantity, text
@@ -355,9 +355,7 @@ def read_settings(name_or_path: str) -> dict[str, FeedSettings]:
     path = folder / f"{name_or_path}.yaml" if name_or_path in names else Path(name_or_path)
     if not path.is_file():
         what = "there is no such file or name in config/feeds/"
-        raise InputError(
-            phrase(f"settings '{name_or_path}'", what, did_you_mean(name_or_path, names))
-        )
+        raise InputError(f"settings '{name_or_path}'", what, did_you_mean(name_or_path, names))
     item, _ = read_document(path)
     read: FeedsFile = read_object(FeedsFile, item, Place(path))
     return read.feeds
@@ -373,11 +371,9 @@ def with_source(
     """
     if not name and len(feeds) != 1:
         what = f"the settings have {len(feeds)} feeds"
-        raise InputError(phrase(f"source {source}", what, f"name one: {', '.join(feeds)}"))
+        raise InputError(f"source {source}", what, f"name one: {', '.join(feeds)}")
     chosen = name or next(iter(feeds))
     if chosen not in feeds:
-        raise InputError(
-            phrase(f"feed '{chosen}'", "not in the settings", did_you_mean(chosen, feeds))
-        )
+        raise InputError(f"feed '{chosen}'", "not in the settings", did_you_mean(chosen, feeds))
     one = feeds[chosen]
     return {chosen: dataclasses.replace(one, source=source) if source else one}

@@ -18,7 +18,7 @@ import time
 from collections import Counter
 from dataclasses import dataclass
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.feeds.configuration import EM3000, FeedSettings
 from rope_twin.feeds.transports import FILE, FileSink, Sink, Take, UdpSink, read_address
 from rope_twin.quantity import read_quantity
@@ -64,12 +64,12 @@ def read_faults(words: str) -> LineFaults:
         name, colon, value = part.partition(":")
         where = f"--faults {part}"
         if name not in known:
-            raise InputError(phrase(where, "there is no such fault", did_you_mean(name, known)))
+            raise InputError(where, "there is no such fault", did_you_mean(name, known))
         if name in given or not colon:
-            raise InputError(phrase(where, "given twice or without a value", f"give {FORM}"))
+            raise InputError(where, "given twice or without a value", f"give {FORM}")
         if name == "seed":
             if not value.isdecimal() or len(value) > 9:
-                raise InputError(phrase(where, f"seed '{value}'", "give a whole number"))
+                raise InputError(where, f"seed '{value}'", "give a whole number")
             given[name] = int(value)
             continue
         share, colon, delay = value.rpartition(":") if name == DELAYED else (value, "", "")
@@ -84,7 +84,7 @@ def _share(where: str, words: str) -> float:
         share = float(words)
         if 0.0 <= share <= 1.0:
             return share
-    raise InputError(phrase(where, f"share '{words}'", "give a number from 0 to 1"))
+    raise InputError(where, f"share '{words}'", "give a number from 0 to 1")
 
 
 def _delay_s(where: str, words: str) -> float:
@@ -93,7 +93,7 @@ def _delay_s(where: str, words: str) -> float:
         if 0.0 < delay_s <= MOST_DELAY_S:
             return delay_s
     right = f"give a time above 0, at most {MOST_DELAY_S:g} s, such as 0.2s"
-    raise InputError(phrase(where, f"delay '{words}'", right))
+    raise InputError(where, f"delay '{words}'", right)
 
 
 class FaultyLine:
@@ -211,7 +211,7 @@ def replay_with_faults(
         return take
     if read_address(settings.source).kind != FILE:
         what = "faults are laid over a replayed file, or over what --simulate sends"
-        raise InputError(phrase(f"source {settings.source}", what, "leave --faults out"))
+        raise InputError(f"source {settings.source}", what, "leave --faults out")
     return FaultyReplay(take, faults, settings.format == EM3000, number).take
 
 

@@ -11,7 +11,7 @@ import contextlib
 import time
 from typing import Any
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import FeedSettings
 from rope_twin.feeds.readings import Register, line_of, requests
 from rope_twin.feeds.transports import SERIAL, Address, Source, Take
@@ -30,7 +30,7 @@ def load_pymodbus() -> Any:
         from pymodbus import client
     except ImportError as error:
         right = "install it with: pip install '.[modbus]'"
-        raise InputError(phrase("source modbus", f"pymodbus is missing ({error})", right)) from None
+        raise InputError("source modbus", f"pymodbus is missing ({error})", right) from None
     return client
 
 
@@ -48,7 +48,7 @@ class ModbusSource(Source):
             what, right = "parity is missing", f"give {', '.join(_PARITIES)}; there is no default"
             if settings.parity:
                 what, right = f"parity is '{settings.parity}'", "it is of a serial line; remove it"
-            raise InputError(phrase(f"source {address}", what, right))
+            raise InputError(f"source {address}", what, right)
         self._clients, self._parity = load_pymodbus(), settings.parity
         self._registers = dict(settings.registers)
         self._requests = requests(self._registers)

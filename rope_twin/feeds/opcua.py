@@ -19,7 +19,7 @@ from collections.abc import Awaitable
 from datetime import datetime
 from typing import Any, TypeVar
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import FeedSettings
 from rope_twin.feeds.readings import OPCUA_START, line_of
 from rope_twin.feeds.transports import Address, Source, Take
@@ -42,7 +42,7 @@ def load_asyncua() -> Any:
         import asyncua
     except ImportError as error:
         right = "install it with: pip install '.[opcua]'"
-        raise InputError(phrase("source opc.tcp", f"asyncua is missing ({error})", right)) from None
+        raise InputError("source opc.tcp", f"asyncua is missing ({error})", right) from None
     return asyncua
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import EM3000, FeedSettings
 from rope_twin.feeds.configuration import OPCUA as OPCUA_FORMAT
 from rope_twin.feeds.motion_sensors import EM3000_BYTES
@@ -78,12 +78,12 @@ def read_address(words: str) -> Address:
         kind, host, digits = found.groups()[:3] if found[1] else found.groups()[3:6]
         port = int(digits)
         if not 1 <= port <= 65535:
-            raise InputError(phrase(words, f"port {port}", "it must be 1 to 65535"))
+            raise InputError(words, f"port {port}", "it must be 1 to 65535")
         return Address(kind, host.strip("[]"), port, found[7] or "")
     if found := _SERIAL.fullmatch(words):
         return Address(SERIAL, found[1], int(found[2]))
     if "://" in words or words.startswith("serial:") or not words.strip():
-        raise InputError(phrase(f"source '{words}'", "it is no address", f"give {ADDRESSES}"))
+        raise InputError(f"source '{words}'", "it is no address", f"give {ADDRESSES}")
     return Address(FILE, words)
 
 
@@ -261,14 +261,12 @@ class FileSource(Source):
         self._binary = binary
         if not path.is_file():
             what, right = "there is no such file", f"give {ADDRESSES}"
-            raise InputError(phrase(f"source '{path}'", what, right))
+            raise InputError(f"source '{path}'", what, right)
         if binary and not rate_hz:
             what = "records of this format have no time"
-            raise InputError(phrase(f"source '{path}'", what, "set replay_rate_hz"))
+            raise InputError(f"source '{path}'", what, "set replay_rate_hz")
         if not rate_hz and not _has_time(path):
-            raise InputError(
-                phrase(f"source '{path}'", "no line of it has a time", "set replay_rate_hz")
-            )
+            raise InputError(f"source '{path}'", "no line of it has a time", "set replay_rate_hz")
 
     def _read(self) -> None:
         try:
@@ -327,7 +325,7 @@ def _has_time(path: Path) -> bool:
             return any(_logged(line)[0] is not None for line in lines)
     except OSError as error:
         what, right = error.strerror or str(error), "name a file that can be read"
-        raise InputError(phrase(f"source '{path}'", what, right)) from error
+        raise InputError(f"source '{path}'", what, right) from error
 
 
 def _logged(line: bytes) -> tuple[int | None, bytes]:
@@ -351,7 +349,7 @@ def open_source(
     if (kinds and address.kind not in kinds) or (not kinds and address.kind in (MODBUS, OPCUA)):
         form = settings.format if kinds else {MODBUS: MODBUS, OPCUA: OPCUA_FORMAT}[address.kind]
         right = f"the format {form} takes {' or '.join(_POLLED[form].values())}"
-        raise InputError(phrase(settings.source, f"format {settings.format}", right))
+        raise InputError(settings.source, f"format {settings.format}", right)
     if settings.format == MODBUS:
         from rope_twin.feeds.modbus import ModbusSource  # which needs an extra
 
@@ -369,7 +367,7 @@ def open_source(
         binary, rate_hz = settings.format == EM3000, settings.replay_rate_hz
         return FileSource(Path(address.name), take, speed, start_ns, rate_hz, binary)
     right = f"give {ADDRESSES.replace(', tcp-server://HOST:PORT', '')}"
-    raise InputError(phrase(settings.source, "a server is a way out, not in", right))
+    raise InputError(settings.source, "a server is a way out, not in", right)
 
 
 class Sink(ABC):
@@ -415,7 +413,7 @@ class SerialSink(Sink):
             self._line.write_timeout = _POLL_S
         except OSError as error:
             raise InputError(
-                phrase(str(address), error.strerror or str(error), "name a serial device")
+                str(address), error.strerror or str(error), "name a serial device"
             ) from error
 
     def send(self, data: bytes) -> None:
@@ -439,7 +437,7 @@ class TcpServer(Sink):
             self._server = socket.create_server(end, family=_family(end[0]))
         except OSError as error:
             raise InputError(
-                phrase(str(address), error.strerror or str(error), "name a free port")
+                str(address), error.strerror or str(error), "name a free port"
             ) from error
         self._server.settimeout(_POLL_S)
         self.port: int = self._server.getsockname()[1]
@@ -523,4 +521,4 @@ def open_sink(words: str) -> Sink:
         return SerialSink(address)
     if address.kind == FILE:
         return FileSink(Path(address.name))
-    raise InputError(phrase(words, "lines are not sent to a server", "give tcp-server://HOST:PORT"))
+    raise InputError(words, "lines are not sent to a server", "give tcp-server://HOST:PORT")

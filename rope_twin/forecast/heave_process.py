@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 Floats = NDArray[np.float64]
 Response = NDArray[np.complex128]
@@ -62,13 +62,13 @@ class MotionError:
         low, high = self.band_hz
         if not (self.white_m > 0.0 and math.isfinite(self.white_m)):
             what = f"the white part is {self.white_m:g} m"
-            raise InputError(phrase("motion error", what, "give a positive length"))
+            raise InputError("motion error", what, "give a positive length")
         if not (self.coloured_m >= 0.0 and math.isfinite(self.coloured_m)):
             what = f"the coloured part is {self.coloured_m:g} m"
-            raise InputError(phrase("motion error", what, "give 0 m or more"))
+            raise InputError("motion error", what, "give 0 m or more")
         if not 0.0 < low < high < math.inf:
             what = f"the band is {low:g} to {high:g} Hz"
-            raise InputError(phrase("motion error", what, "give two ascending frequencies"))
+            raise InputError("motion error", what, "give two ascending frequencies")
 
     def density(self, frequency_hz: Floats) -> Floats:
         """Return the one-sided density [m²/Hz] of the coloured part at ascending frequencies (n,).
@@ -125,8 +125,7 @@ def heave_spectrum(
     least = round(SHORTEST_RECORD_S / sample_s)
     if len(record) < least:
         what = f"{len(record) * sample_s:g} s of it are known"
-        right = f"a spectrum needs {SHORTEST_RECORD_S:g} s"
-        raise InputError(phrase("heave", what, right))
+        raise InputError("heave", what, f"a spectrum needs {SHORTEST_RECORD_S:g} s")
     count = min(len(record), round(window_s / sample_s))
     hop = max(count - count // 2, 1)
     windows = np.lib.stride_tricks.sliding_window_view(record, count)[::hop]
@@ -138,7 +137,7 @@ def heave_spectrum(
     frequency: Floats = np.asarray(LOWEST_HZ + lines_hz)
     own = np.interp(frequency, np.fft.rfftfreq(count, sample_s), density)
     if not own.any():
-        raise InputError(phrase("heave", "the ship lies still", "a spectrum needs a moving ship"))
+        raise InputError("heave", "the ship lies still", "a spectrum needs a moving ship")
     return HeaveSpectrum(frequency, own)
 
 
@@ -160,12 +159,12 @@ class MeasuredWaves:
         rows = (self.time_s, self.distance_m, self.elevation_m)
         if len({len(row) for row in rows}) != 1:
             what = f"{', '.join(str(len(row)) for row in rows)} times, distances and elevations"
-            raise InputError(phrase("measured waves", what, "give as many of each"))
+            raise InputError("measured waves", what, "give as many of each")
         for name, row in zip(("time", "distance", "elevation"), rows, strict=True):
             _checked(row, f"measured waves, {name}")
         if not (self.noise_m > 0.0 and math.isfinite(self.noise_m)):
             what = f"their noise is {self.noise_m:g} m"
-            raise InputError(phrase("measured waves", what, "give a positive length"))
+            raise InputError("measured waves", what, "give a positive length")
 
 
 @dataclass(frozen=True)
@@ -282,7 +281,7 @@ class HeaveProcess:
         record = _checked(heave_m, "heave")
         if len(record) < count:
             what = f"{len(record) * sample_s:g} s of it are known"
-            raise InputError(phrase("heave", what, f"a forecast needs {past_s:g} s"))
+            raise InputError("heave", what, f"a forecast needs {past_s:g} s")
         number = np.arange(count + ahead)
         between = np.abs(number[:, None] - number)
         lag_s: Floats = np.asarray(number * sample_s, np.float64)
@@ -325,19 +324,19 @@ class _WaveBlock:
         frequency = spectrum.frequency_hz
         if response is None or len(response) != len(frequency):
             right = "give the ship's heave response at the frequencies of the process"
-            raise InputError(phrase("measured waves", "no response belongs to them", right))
+            raise InputError("measured waves", "no response belongs to them", right)
         omega = 2.0 * np.pi * frequency
         fastest = GRAVITY / (2.0 * omega[0])  # group velocity of the longest waves
         reach = float(np.max(np.abs(waves.time_s), initial=0.0))
         reach += float(np.max(np.abs(waves.distance_m), initial=0.0)) / fastest
         if reach > REACH_S:
             what = f"they are {reach:.0f} s from the origin, by time and distance"
-            raise InputError(phrase("measured waves", what, f"right is at most {REACH_S:g} s"))
+            raise InputError("measured waves", what, f"right is at most {REACH_S:g} s")
         size = np.abs(response)
         follows = np.flatnonzero(size > SMALLEST_RESPONSE)
         if not len(follows):
             right = "waves up-sea say nothing about it"
-            raise InputError(phrase("measured waves", "the ship answers none of them", right))
+            raise InputError("measured waves", "the ship answers none of them", right)
         line_hz = float(frequency[1] - frequency[0])
         heave = spectrum.density_m2_per_hz * line_hz
         variance = np.interp(frequency, frequency[follows], (heave / size**2)[follows], right=0.0)
@@ -372,5 +371,5 @@ def _checked(values: Floats, what: str) -> Floats:
     vector = np.asarray(values, np.float64)
     if vector.ndim != 1 or not np.isfinite(vector).all():
         right = "give one row of finite numbers"
-        raise InputError(phrase(what, "it has gaps, or is not a row of numbers", right))
+        raise InputError(what, "it has gaps, or is not a row of numbers", right)
     return vector

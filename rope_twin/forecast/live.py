@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.forecast.heave_process import (
     AHEAD_S,
     GRAVITY,
@@ -237,7 +237,7 @@ class LiveForecaster:
         """
         own = _sampled(heard)  # once: the series grow, or begin again, meanwhile
         if words := self._missing(own):
-            raise InputError(phrase("forecast", f"it waits for {words}", "wait"))
+            raise InputError("forecast", f"it waits for {words}", "wait")
         assert own is not None
         grid, heave, line, mean = own.time_s, own.heave_m, own.line_out_m, own.mean_n
         if grid[-1] < self._last_s:  # the clock went back: what is kept is of another run
@@ -502,6 +502,6 @@ def usual_limits(scene: Scene, given: Sequence[float]) -> Limits:
     longest_s = AHEAD_S - max(BEGINS_S)
     if length_s > longest_s:
         right = f"give at most {longest_s:g} s, so that the latest window ends with the forecast"
-        raise InputError(phrase("limit quiet_s", f"it is {length_s:g} s", right))
+        raise InputError("limit quiet_s", f"it is {length_s:g} s", right)
     own_n, others_n = tension_limits(scene, tension_n or None)
     return Limits(own_n, contact, quiet, length_s, others_n)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import AHEAD_S, SAMPLE_S
 from rope_twin.forecast.orders import CONTINUE, Order
 from rope_twin.forecast.recorded_lift import (
@@ -92,7 +92,7 @@ class RecordingForecaster:
         if not first <= sample <= last:
             low, high = first * SAMPLE_S, last * SAMPLE_S
             what = f"{time_s:g} s is not possible"
-            raise InputError(phrase("origin", what, f"give {low:g} to {high:g} s"))
+            raise InputError("origin", what, f"give {low:g} to {high:g} s")
         return sample
 
     def at(self, sample: int, orders: Sequence[Order]) -> list[TensionForecast]:
@@ -113,7 +113,7 @@ class RecordingForecaster:
         samples = list(range(lift.first_origin, len(lift.heave_m) - ahead, step))
         if len(samples) < LEAST_ORIGINS:
             what = f"{len(samples)} origins {every_s:g} s apart fit"
-            raise InputError(phrase("score", what, "give a longer recording or a shorter interval"))
+            raise InputError("score", what, "give a longer recording or a shorter interval")
         made = []
         for number, (sample, states) in enumerate(zip(samples, self._states(samples), strict=True)):
             progress(number, len(samples), f"forecast at {lift.begin_s + sample * SAMPLE_S:g} s")
@@ -156,7 +156,7 @@ class RecordingForecaster:
         whole = np.isfinite(truth).all(axis=1)
         if int(whole.sum()) < LEAST_ORIGINS:
             right = "give a recording of it without gaps"
-            raise InputError(phrase("score", "the tension after the origins is missing", right))
+            raise InputError("score", "the tension after the origins is missing", right)
         known = lift.tension_n[np.isfinite(lift.tension_n)]
         members = np.array([one.values[TENSION].T for one in made])[whole]
         bands = np.array([one.band() for one in made])[whole]

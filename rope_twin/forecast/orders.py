@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.scene.schema import Winch
 from rope_twin.scene.winch import HeaveCompensation
 
@@ -66,15 +66,15 @@ def read_order(word: str) -> Order:
     found = _WORD.fullmatch(word.strip())
     kind, value, winch = (found[1], found[2], found[3] or "") if found else (word, None, "")
     if kind not in KINDS:
-        raise InputError(phrase("order", f"there is no '{kind}'", did_you_mean(kind, KINDS)))
+        raise InputError("order", f"there is no '{kind}'", did_you_mean(kind, KINDS))
     if kind == COMPENSATION:
         if value not in ("on", "off"):
             right = "give compensation:on or compensation:off"
-            raise InputError(phrase("order", f"'{word}' says neither on nor off", right))
+            raise InputError("order", f"'{word}' says neither on nor off", right)
         return Order(kind, compensation=value == "on", winch=winch)
     if kind not in WITH_SPEED:
         if value is not None:
-            raise InputError(phrase("order", f"'{kind}' takes no value", f"write {kind}"))
+            raise InputError("order", f"'{kind}' takes no value", f"write {kind}")
         return Order(kind, winch=winch)
     try:
         speed = USUAL_SPEED if value is None else float(value)
@@ -82,7 +82,7 @@ def read_order(word: str) -> Order:
         speed = math.nan
     if not (math.isfinite(speed) and speed > 0.0):
         right = f"give metres per second above 0, like {kind}:0.5"
-        raise InputError(phrase("order", f"the speed of '{word}' is {value}", right))
+        raise InputError("order", f"the speed of '{word}' is {value}", right)
     return Order(kind, speed, winch=winch)
 
 
@@ -95,7 +95,7 @@ def read_orders(words: str) -> tuple[Order, ...]:
     asked = words.split()
     if not 0 < len(asked) <= MOST_ORDERS:
         right = f"give one to {MOST_ORDERS}, like lower:0.5 stop"
-        raise InputError(phrase("orders", f"there are {len(asked)}", right))
+        raise InputError("orders", f"there are {len(asked)}", right)
     return tuple(dict.fromkeys([Order(HOLD), *map(read_order, asked)]))
 
 
@@ -130,15 +130,15 @@ def check_order(order: Order, winch: Winch | None, now: LineNow) -> None:
         return
     if winch is None:
         right = "the scene has no winch; ask for hold"
-        raise InputError(phrase(f"order {order.name}", "nothing pays out or hauls in", right))
+        raise InputError(f"order {order.name}", "nothing pays out or hauls in", right)
     if order.kind in WITH_SPEED and order.speed_m_per_s > winch.speed_limit_m_per_s:
         right = f"the winch reaches {winch.speed_limit_m_per_s:g} m/s"
-        raise InputError(phrase(f"order {order.name}", "it is too fast", right))
+        raise InputError(f"order {order.name}", "it is too fast", right)
     if order.kind == LAND and now.to_contact_m is None:
-        raise InputError(phrase("order land", "the scene has no seabed", "add one to the scene"))
+        raise InputError("order land", "the scene has no seabed", "add one to the scene")
     if order.kind == COMPENSATION and winch.heave_compensation is None:
         right = "give the scene's winch heave_compensation"
-        raise InputError(phrase(f"order {order.name}", "there is no compensation", right))
+        raise InputError(f"order {order.name}", "there is no compensation", right)
 
 
 def line_path(

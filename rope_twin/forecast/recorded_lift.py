@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.errors import BagError, InputError, SolverError, phrase
+from rope_twin.errors import BagError, InputError, SolverError
 from rope_twin.forecast.heave_process import PAST_S, RECORD_S, SAMPLE_S, SHORTEST_RECORD_S
 from rope_twin.forecast.orders import LinePath
 from rope_twin.forecast.tension_forecast import ForecastSettings, Known
@@ -90,8 +90,7 @@ class NominalRope:
             return
         if place[0] > self.time_s + 1e-6 or place[-1] < until_s - 1e-6:
             what = f"motion from {place[0]:g} to {place[-1]:g} s"
-            right = f"it must span {self.time_s:g} to {until_s:g} s"
-            raise InputError(phrase("nominal rope", what, right))
+            raise InputError("nominal rope", what, f"it must span {self.time_s:g} to {until_s:g} s")
         moved, line = CubicSpline(place, heave), CubicSpline(place, line_out_m)
         others = {name: CubicSpline(place, own_m) for name, own_m in (lines_m or {}).items()}
         per_sample, per_batch = round(SAMPLE_S / own.step_s), round(BATCH_S / SAMPLE_S)
@@ -108,7 +107,7 @@ class NominalRope:
             record = self._fleet.advance(inputs, per_sample)
             if record.failures:
                 why = next(iter(record.failures.values()))
-                raise SolverError(phrase("nominal rope", why.rstrip("."), "check its motion"))
+                raise SolverError("nominal rope", why.rstrip("."), "check its motion")
             self._samples += some
 
     def states(self) -> list[FleetState]:
@@ -144,7 +143,7 @@ def nominal_states(
     heave = np.asarray(heave_m, np.float64).reshape(len(heave_m), -1)
     if sorted(set(samples)) != samples or (samples and not 0 < samples[-1] < len(heave)):
         what = f"samples {samples} of {len(heave)}"
-        raise InputError(phrase("nominal rope", what, "give ascending numbers within the record"))
+        raise InputError("nominal rope", what, "give ascending numbers within the record")
     rope = NominalRope(scene, settings or ForecastSettings(), heave.shape[1])
     states = []
     for sample in samples:
@@ -253,8 +252,7 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
     count = math.floor((end - begin) / SAMPLE_S + 1e-6) + 1
     if count * SAMPLE_S < PAST_S + SHORTEST_RECORD_S:
         what = f"{max(end - begin, 0.0):.0f} s of it have heave, line out and tension"
-        right = f"a forecast needs {PAST_S + SHORTEST_RECORD_S:g} s"
-        raise BagError(phrase(f"bag {path}", what, right))
+        raise BagError(f"bag {path}", what, f"a forecast needs {PAST_S + SHORTEST_RECORD_S:g} s")
     at = begin + SAMPLE_S * np.arange(count)
     rest_m = own.ship.hang_off_m[2] if heave[0] == HANG_OFF else 0.0
     measured_m = own.measured.line_out.bias
@@ -334,7 +332,7 @@ def _first(
             if int(rising.sum()) > 1:
                 return wanted, table[rising, 0], table[rising, 1]
     words = " nor ".join(topics)
-    raise BagError(phrase(f"bag {reader.path}", f"it has no {what}", f"neither {words} has one"))
+    raise BagError(f"bag {reader.path}", f"it has no {what}", f"neither {words} has one")
 
 
 def _compensation(reader: BagReader) -> Floats:
@@ -367,7 +365,7 @@ def _on_grid(path: Path, time: Floats, values: Floats, at: Floats, what: str) ->
     if (gaps[inside] > LARGEST_GAP_S).any():
         k = int(np.argmax(np.where(inside, gaps, 0.0)))
         what = f"{what} is missing for {gaps[k]:.1f} s from {time[k] - at[0]:.1f} s on"
-        raise BagError(phrase(f"bag {path}", what, f"right are gaps up to {LARGEST_GAP_S:g} s"))
+        raise BagError(f"bag {path}", what, f"right are gaps up to {LARGEST_GAP_S:g} s")
     return np.asarray(np.interp(at, time, values))
 
 

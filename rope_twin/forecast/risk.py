@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import SAMPLE_S
 from rope_twin.forecast.score import coverage
 from rope_twin.forecast.tension_forecast import DEPTH, MARGIN, SPEED, TensionForecast
@@ -158,7 +158,7 @@ class Limits:
         given += [(f"tension of {name}", value) for name, value in self.ropes_n.items()]
         for name, value in given:
             if not (value > 0.0 and math.isfinite(value)):
-                raise InputError(phrase(f"limit {name}", f"it is {value:g}", "give more than 0"))
+                raise InputError(f"limit {name}", f"it is {value:g}", "give more than 0")
 
     def of(self, rope: str) -> float:
         """Return the tension limit of a rope [N]."""
@@ -270,7 +270,7 @@ def quiet_windows(
         if begin > latest or last > len(slow):
             what = f"a window from {begin:g} to {begin + limits.quiet_s:g} s"
             right = f"begin it within {latest:g} s and end it within {forecast.lead_s[-1]:g} s"
-            raise InputError(phrase("quiet window", what, right))
+            raise InputError("quiet window", what, right)
         share = float(slow[first:last].all(axis=0).mean())
         found.append(QuietWindow(begin, limits.quiet_s, share))
     return found
@@ -297,7 +297,7 @@ def compare(
     """
     if forecast.members != against.members or forecast.origin_s != against.origin_s:
         what = f"{forecast.members} and {against.members} members"
-        raise InputError(phrase("orders", what, "compare forecasts of one call"))
+        raise InputError("orders", what, "compare forecasts of one call")
     count = round(span_s / SAMPLE_S)
     own, other = (one.hung[rope or one.rope] for one in (forecast, against))
     change = own.peak_n[:count].max(axis=0) - other.peak_n[:count].max(axis=0)

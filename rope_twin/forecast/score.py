@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -119,10 +119,9 @@ def brier(probability: Floats, happened: Bools, bins: int = BINS) -> BrierScore:
     p, o = np.asarray(probability, np.float64), np.asarray(happened, np.float64)
     if p.shape != o.shape or p.ndim != 1 or not len(p):
         what = f"{p.size} probabilities of {o.size} events"
-        raise InputError(phrase("Brier score", what, "give as many of each, and at least one"))
+        raise InputError("Brier score", what, "give as many of each, and at least one")
     if not ((p >= 0.0) & (p <= 1.0)).all():
-        right = "right is 0 to 1"
-        raise InputError(phrase("Brier score", "a value is no probability", right))
+        raise InputError("Brier score", "a value is no probability", "right is 0 to 1")
     base = float(o.mean())
     group = np.minimum((p * bins).astype(np.int64), bins - 1)
     classes, reliability, resolution, within = [], 0.0, 0.0, 0.0
@@ -168,8 +167,7 @@ def score_lead(lead_s: float, members: Floats, truth: Floats, climate: Floats) -
     """
     if not len(members) or float(np.var(climate)) <= 0.0:
         what = f"{len(members)} forecasts, {len(climate)} values of climatology"
-        right = "give at least one forecast and a quantity that varies"
-        raise InputError(phrase("score", what, right))
+        raise InputError("score", what, "give at least one forecast and a quantity that varies")
     low, high = member_quantiles(members, axis=1)[::2]
     own = float(crps_members(np.moveaxis(members, 1, 0), truth).mean())
     some = np.quantile(climate, (np.arange(200) + 0.5) / 200)

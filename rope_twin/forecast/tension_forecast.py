@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
-from rope_twin.errors import InputError, SolverError, phrase
+from rope_twin.errors import InputError, SolverError
 from rope_twin.forecast.heave_process import (
     AHEAD_S,
     PAST_S,
@@ -106,24 +106,21 @@ class ForecastSettings:
         """
         if self.members < LEAST_MEMBERS:
             right = f"a 90 % band needs {LEAST_MEMBERS}"
-            raise InputError(phrase("forecast", f"{self.members} members", right))
+            raise InputError("forecast", f"{self.members} members", right)
         if not JOIN_S < self.burn_in_s < PAST_S:
-            what = f"a burn-in of {self.burn_in_s:g} s"
             right = f"right is more than {JOIN_S:g} s and less than {PAST_S:g} s"
-            raise InputError(phrase("forecast", what, right))
+            raise InputError("forecast", f"a burn-in of {self.burn_in_s:g} s", right)
         if not (self.load_pin_deviation_n > 0.0 and self.fading_s > 0.0):
             what = f"load pin {self.load_pin_deviation_n:g} N, fading {self.fading_s:g} s"
-            raise InputError(phrase("forecast", what, "give positive numbers"))
+            raise InputError("forecast", what, "give positive numbers")
         for name, value in self.spread.items():
             if name not in FIGURES or not 0.0 <= value <= MOST_SPREAD:
-                what = f"the spread of {name} is {value:g}"
                 right = f"give 0 to {MOST_SPREAD:g} for {', '.join(FIGURES)}"
-                raise InputError(phrase("forecast", what, right))
+                raise InputError("forecast", f"the spread of {name} is {value:g}", right)
         for name, value in self.mean.items():
             if name not in FIGURES or not math.isfinite(value):
                 what = f"the mean logarithm of {name} is {value:g}"
-                right = f"give a finite number for {', '.join(FIGURES)}"
-                raise InputError(phrase("forecast", what, right))
+                raise InputError("forecast", what, f"give a finite number for {', '.join(FIGURES)}")
 
     def with_figures(self, mean: Mapping[str, float], spread: Mapping[str, float]) -> Self:
         """Return settings with these means and standard deviations of the figures' logarithms.
@@ -170,12 +167,12 @@ class Known:
         for line_m in (self.line_out_m, *self.lines_m.values()):
             if len(line_m) != len(self.heave_m):
                 what = f"{len(self.heave_m)} samples of heave, {len(line_m)} of line out"
-                raise InputError(phrase("forecast", what, "give as many of each"))
+                raise InputError("forecast", what, "give as many of each")
             if not np.isfinite(line_m).all():
-                raise InputError(phrase("line out", "it has gaps", "fill them before"))
+                raise InputError("line out", "it has gaps", "fill them before")
         if self.tension_n is not None and len(self.tension_n) != len(self.heave_m):
             what = f"{len(self.tension_n)} samples of tension, {len(self.heave_m)} of heave"
-            raise InputError(phrase("forecast", what, "give as many of each"))
+            raise InputError("forecast", what, "give as many of each")
 
 
 @dataclass(frozen=True)
@@ -266,7 +263,7 @@ class TensionForecaster:
         self._steps = round(SAMPLE_S / own.step_s)
         if self._steps < 1 or abs(self._steps * own.step_s - SAMPLE_S) > 1e-9:
             what = f"a step of {own.step_s:g} s"
-            raise InputError(phrase("forecast", what, f"give a whole part of {SAMPLE_S:g} s"))
+            raise InputError("forecast", what, f"give a whole part of {SAMPLE_S:g} s")
         self._random = np.random.default_rng(own.seed)
         self.leads: Floats = np.asarray(
             SAMPLE_S * np.arange(1, round(AHEAD_S / SAMPLE_S) + 1, dtype=np.float64)
@@ -328,8 +325,7 @@ class TensionForecaster:
         if int(good.sum()) < LEAST_MEMBERS:
             why = next((w for one in records for w in one.failures.values()), "no reason is known")
             what = f"{int((~good).sum())} of {len(good)} members failed ({why.rstrip('.')})"
-            right = "check the scene at this line out and in this sea"
-            raise SolverError(phrase("forecast", what, right))
+            raise SolverError("forecast", what, "check the scene at this line out and in this sea")
         return np.asarray(good)
 
     def _paths(self, known: Known) -> HeavePaths:

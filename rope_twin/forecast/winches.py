@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.forecast.orders import LAND, WITH_SPEED, LineNow, Order, check_order
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rigging import meeting_points, payload_rope, places, winches_by_name
@@ -77,17 +77,17 @@ def check_lift_order(order: Order, scene: Scene, now: LineNow) -> None:
         known = {WINCH: scene.winch} | {name: winch for name, (_, winch) in others.items()}
         if order.winch not in known:
             right = did_you_mean(order.winch, known)
-            raise InputError(phrase(f"order {order.name}", f"no winch '{order.winch}'", right))
+            raise InputError(f"order {order.name}", f"no winch '{order.winch}'", right)
         if order.kind == LAND and others:
             right = "leave the winch out, or lower with it"
-            raise InputError(phrase(f"order {order.name}", "all winches land the load", right))
+            raise InputError(f"order {order.name}", "all winches land the load", right)
         check_order(order, known[order.winch], now)
         return
     check_order(order, scene.winch, now)
     for name, (_, winch) in others.items():
         if order.kind in WITH_SPEED and order.speed_m_per_s > winch.speed_limit_m_per_s:
             right = f"it reaches {winch.speed_limit_m_per_s:g} m/s"
-            raise InputError(phrase(f"order {order.name}", f"too fast for '{name}'", right))
+            raise InputError(f"order {order.name}", f"too fast for '{name}'", right)
 
 
 def scene_at_line(

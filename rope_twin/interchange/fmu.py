@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import InputError, RopeTwinError, phrase, require
+from rope_twin.errors import InputError, RopeTwinError, require
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
@@ -108,11 +108,11 @@ class SceneModel:
         twin, steps = self.twin, round(step_s / self.twin.step_s)
         if steps < 1 or abs(steps * twin.step_s - step_s) > STEP_TOL * twin.step_s:
             right = f"give a multiple of the scene's time step, {twin.step_s:g} s"
-            raise InputError(phrase("FMU", f"a communication step of {step_s:g} s", right))
+            raise InputError("FMU", f"a communication step of {step_s:g} s", right)
         at_ns, until_ns = twin.time_ns, twin.time_ns + steps * twin.step_ns
         if abs(time_s - at_ns * 1e-9) > STEP_TOL:
             what = f"a step from {time_s:g} s, where the twin is at {at_ns * 1e-9:g} s"
-            raise InputError(phrase("FMU", what, "step without gaps, from 0 on"))
+            raise InputError("FMU", what, "step without gaps, from 0 on")
         now, ahead = _motion(inputs, MOTIONS, 0.0), _motion(inputs, MOTIONS, step_s)
         if at_ns == 0:
             _taken(twin.offer_pose(ShipPose(0, *now)))
@@ -209,12 +209,11 @@ def export_fmu(name_or_path: str, out: Path) -> Scene:
     """
     if out.suffix != ".fmu" or not out.stem.isidentifier():
         right = "give a name of letters, digits and _ that ends with .fmu"
-        raise InputError(phrase(f"--out {out}", "it is no name of an FMU", right))
+        raise InputError(f"--out {out}", "it is no name of an FMU", right)
     require("pythonfmu3", "an FMU needs it and it is not there", "fmu")
     scene = load_scene(name_or_path)
     if is_joined(scene):
-        what = f"the ropes of '{scene.name}' meet"
-        raise InputError(phrase("FMU", what, "give a scene of one rope"))
+        raise InputError("FMU", f"the ropes of '{scene.name}' meet", "give a scene of one rope")
     from pythonfmu3 import FmuBuilder  # an optional package
 
     with tempfile.TemporaryDirectory(prefix="rope_twin_fmu_") as folder:
@@ -227,5 +226,5 @@ def export_fmu(name_or_path: str, out: Path) -> Scene:
             shutil.copy(built, out)
         except OSError as error:
             what = f"it cannot be written ({error.strerror})"
-            raise InputError(phrase(str(out), what, "give a place that can be written")) from None
+            raise InputError(str(out), what, "give a place that can be written") from None
     return scene

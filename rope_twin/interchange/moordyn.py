@@ -22,7 +22,7 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.interchange.moordyn_deck import (
     COUPLED,
     FIXED,
@@ -69,11 +69,11 @@ def deck_of(scene: Scene) -> tuple[Deck, tuple[str, ...]]:
     for name, parts in (("sheaves", scene.sheaves), ("struts", scene.struts)):
         if parts:
             what = f"its {name} have no equal in a MoorDyn deck"
-            raise InputError(phrase(where, what, "export a scene without them"))
+            raise InputError(where, what, "export a scene without them")
     effects = listed_effects(scene)
     if "rigid_body" in effects:
         what = "its rigid body has no equal among a deck's lines"
-        raise InputError(phrase(where, what, "give the payload as a point"))
+        raise InputError(where, what, "give the payload as a point")
     left_out = [*_left_out(scene, effects)]
     writer = _Writer(scene, left_out)
     writer.write()
@@ -304,7 +304,7 @@ class _Reader:
         chains = sorted(self._chains(), key=lambda chain: chain[0] != first)
         if not chains or not self._hang_offs:
             what = "no line of it leads down from a coupled or fixed point"
-            raise InputError(phrase(str(self._where), what, "give a deck with one"))
+            raise InputError(str(self._where), what, "give a deck with one")
         scene: Keys = {
             "about": self._deck.title or self._where.stem,
             "source": f"MoorDyn deck {self._where.name}",

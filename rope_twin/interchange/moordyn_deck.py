@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 CURRENT_FILE = "current_profile.txt"  # the name that MoorDyn looks for beside its deck
 LARGEST_FILE_BYTES = 10_000_000
@@ -168,7 +168,7 @@ def read_deck(path: Path) -> Deck:
     for name in ("types", "points", "lines"):
         if name not in found:
             what = f"there is no section {name.upper() if name != 'types' else 'LINE TYPES'}"
-            raise InputError(phrase(str(path), what, "give a deck of MoorDyn 2"))
+            raise InputError(str(path), what, "give a deck of MoorDyn 2")
     types = tuple(_types(path, found["types"], unread))
     points = tuple(_points(path, found["points"], unread))
     lines = tuple(_read_lines(path, found["lines"]))
@@ -181,11 +181,10 @@ def read_deck(path: Path) -> Deck:
 def _lines(path: Path) -> list[str]:
     try:
         if path.stat().st_size > LARGEST_FILE_BYTES:
-            raise InputError(phrase(str(path), "it is larger than 10 MB", "give a deck"))
+            raise InputError(str(path), "it is larger than 10 MB", "give a deck")
         return path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        what = f"it cannot be read ({error})"
-        raise InputError(phrase(str(path), what, "give a text file")) from None
+        raise InputError(str(path), f"it cannot be read ({error})", "give a text file") from None
 
 
 Rows = Sequence[tuple[int, list[str]]]
@@ -197,7 +196,7 @@ def _table(
     """Yield place, cells by name and cells beyond the known ones of each row."""
     if len(rows) < 2:
         what = "a section has no names and units of its columns"
-        raise InputError(phrase(str(path), what, "give both lines, as in MoorDyn 2"))
+        raise InputError(str(path), what, "give both lines, as in MoorDyn 2")
     number, names = rows[0]
     header = [name.lower() for name in names]
     at = dict[str, int]()
@@ -207,13 +206,11 @@ def _table(
             at[name] = place
         elif name not in optional:
             what = f"there is no column {' or '.join(known)}"
-            right = "give a deck of MoorDyn 2"
-            raise InputError(phrase(f"{path}, line {number}", what, right))
+            raise InputError(f"{path}, line {number}", what, "give a deck of MoorDyn 2")
     for number, cells in rows[2:]:
         where = f"{path}, line {number}"
         if len(cells) <= max(at.values()):
-            what = f"{len(cells)} values"
-            raise InputError(phrase(where, what, f"the columns are {' '.join(names)}"))
+            raise InputError(where, f"{len(cells)} values", f"the columns are {' '.join(names)}")
         yield where, {name: cells[k] for name, k in at.items()}, cells[max(at.values()) + 1 :]
 
 
@@ -227,7 +224,7 @@ def _types(path: Path, rows: Rows, unread: list[str]) -> Iterator[LineType]:
         numbers = {key: _number(where, cell, key) for key, cell in cells.items()}
         for key, value in numbers.items():
             if value < 0.0 and key != "damping":
-                raise InputError(phrase(where, f"{key} is {value:g}", "give 0 or more"))
+                raise InputError(where, f"{key} is {value:g}", "give 0 or more")
         if more:
             unread.append(f"line type {name}: further columns {' '.join(more)}")
         yield LineType(
@@ -241,9 +238,8 @@ def _points(path: Path, rows: Rows, unread: list[str]) -> Iterator[Point]:
     for where, cells, _ in _table(path, rows, _POINT, ("mass_kg", "volume_m3", "CdA_m2", "Ca")):
         number, kind = _whole(where, cells.pop("number")), cells.pop("kind").lower()
         if kind not in _KINDS:
-            what = f"a point of type {kind}"
             right = "give Coupled, Free or Fixed points; bodies and rods have no equal"
-            raise InputError(phrase(where, what, right))
+            raise InputError(where, f"a point of type {kind}", right)
         at = tuple(_number(where, cells.pop(axis), axis) for axis in "xyz")
         numbers = {key: _number(where, cell, key) for key, cell in cells.items()}
         yield Point(number, _KINDS[kind], (at[0], at[1], at[2]), **numbers)
@@ -255,7 +251,7 @@ def _read_lines(path: Path, rows: Rows) -> Iterator[Line]:
         segments = _whole(where, cells["segments"])
         if length <= 0.0 or segments < 1:
             what = f"a line of {length:g} m in {segments} segments"
-            raise InputError(phrase(where, what, "give a length above 0 and a segment or more"))
+            raise InputError(where, what, "give a length above 0 and a segment or more")
         number, end_a, end_b = (_whole(where, cells[key]) for key in ("number", "end_a", "end_b"))
         yield Line(number, cells["type_name"], end_a, end_b, length, segments)
 
@@ -264,25 +260,23 @@ def _check_names(
     path: Path, types: Sequence[LineType], points: Sequence[Point], lines: Sequence[Line]
 ) -> None:
     if not lines:
-        raise InputError(phrase(str(path), "it has no lines", "give one or more"))
+        raise InputError(str(path), "it has no lines", "give one or more")
     for words, names in (("line type", [own.name for own in types]),
                          ("point", [own.number for own in points]),
                          ("line", [own.number for own in lines])):  # fmt: skip
         double = next((name for name in names if list(names).count(name) > 1), None)
         if double is not None:
-            raise InputError(phrase(str(path), f"{words} {double} is double", "rename one"))
+            raise InputError(str(path), f"{words} {double} is double", "rename one")
     known, numbers = {own.name for own in types}, {own.number for own in points}
     for line in lines:
         where = f"{path}, line {line.number} of LINES"
         if line.type_name not in known:
             what = f"there is no line type {line.type_name}"
-            raise InputError(phrase(where, what, f"known: {', '.join(sorted(known))}"))
+            raise InputError(where, what, f"known: {', '.join(sorted(known))}")
         for end in (line.end_a, line.end_b):
             if end not in numbers:
                 known_points = ", ".join(map(str, sorted(numbers)))
-                raise InputError(
-                    phrase(where, f"there is no point {end}", f"known: {known_points}")
-                )
+                raise InputError(where, f"there is no point {end}", f"known: {known_points}")
 
 
 def _has_current(options: Sequence[tuple[str, str]]) -> bool:
@@ -298,11 +292,11 @@ def _current(path: Path) -> list[tuple[float, float, float, float]]:
             continue
         where = f"{path}, line {number}"
         if len(cells) != 4:
-            raise InputError(phrase(where, f"{len(cells)} values", "a row is z ux uy uz"))
+            raise InputError(where, f"{len(cells)} values", "a row is z ux uy uz")
         z, x, y, up = (_number(where, cell, "a velocity") for cell in cells)
         rows.append((z, x, y, up))
     if not rows:
-        raise InputError(phrase(str(path), "it has no rows", "give rows z ux uy uz after 3 lines"))
+        raise InputError(str(path), "it has no rows", "give rows z ux uy uz after 3 lines")
     return sorted(rows)
 
 
@@ -312,13 +306,12 @@ def _number(where: str, cell: str, name: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(phrase(where, f"{name} is '{cell}'", "give a finite number"))
+        raise InputError(where, f"{name} is '{cell}'", "give a finite number")
     return value
 
 
 def _whole(where: str, cell: str) -> int:
     if not cell.isdigit():
         what = f"'{cell}' is not the number of a point or line"
-        right = "give numbers, as bodies, rods and turbines have no equal"
-        raise InputError(phrase(where, what, right))
+        raise InputError(where, what, "give numbers, as bodies, rods and turbines have no equal")
     return int(cell)

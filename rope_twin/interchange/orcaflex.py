@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.interchange.scene_file import STEP_S, Imported, Keys
 from rope_twin.scene.schema import WINCH
 from rope_twin.sea.orcaflex_raos import load_model
@@ -121,7 +121,7 @@ class _Model:
         ropes = [rope for line in self._lines for rope in self._rope(line)]
         if not ropes:
             what = "none of its Lines hangs from a vessel or a fixed point"
-            raise InputError(phrase(str(self._path), what, "give a model with such a line"))
+            raise InputError(str(self._path), what, "give a model with such a line")
         ropes.sort(key=lambda rope: rope["from"] != WINCH)
         used = {rope.get("to") for rope in ropes} | {rope["from"] for rope in ropes}
         payloads = [self._payload(own) for name, own in self._buoys.items() if name in used]
@@ -155,7 +155,7 @@ class _Model:
         listed = self._model.get(key) or []
         if not isinstance(listed, list) or not all(isinstance(one, Mapping) for one in listed):
             what = f"{key} is not a list of objects"
-            raise InputError(phrase(str(self._path), what, "give a model as OrcaFlex saves it"))
+            raise InputError(str(self._path), what, "give a model as OrcaFlex saves it")
         return [_Object(one, f"{key} {one.get('Name', '')}") for one in listed]
 
     def _check_units(self) -> None:
@@ -163,10 +163,10 @@ class _Model:
         if system != "SI":
             what = f"its UnitsSystem is {'not stated' if system is None else system}"
             right = "save it in SI (te, kN, m), with `General: {UnitsSystem: SI}`"
-            raise InputError(phrase(str(self._path), what, right))
+            raise InputError(str(self._path), what, right)
         if self._environment.number("WaterSurfaceZ", 0.0) != 0.0:
             what = "its water surface is not at z = 0"
-            raise InputError(phrase(str(self._path), what, "give a model with WaterSurfaceZ 0"))
+            raise InputError(str(self._path), what, "give a model with WaterSurfaceZ 0")
 
     # lines
 
@@ -237,7 +237,7 @@ class _Model:
     def _depth(self, where: str) -> float:
         if not math.isfinite(self._depth_m):
             what = "the water depth is not stated"
-            raise InputError(phrase(where, what, "add WaterDepth to the Environment"))
+            raise InputError(where, what, "add WaterDepth to the Environment")
         return self._depth_m
 
     def _upper(self, line: _Object, kind: str, at: list[float]) -> str:
@@ -278,7 +278,7 @@ class _Model:
         if kind not in self._types:
             known = ", ".join(self._types) or "none"
             what = f"there is no line type '{kind}'"
-            raise InputError(phrase(f"{self._path}, {line.where}", what, f"known: {known}"))
+            raise InputError(f"{self._path}, {line.where}", what, f"known: {known}")
         own = self._types[kind]
         OD, ID = own.number("OD"), own.number("ID", 0.0)
         contents = TE * line.number("ContentsDensity", 0.0) * 0.25 * math.pi * ID**2
@@ -413,9 +413,8 @@ class _Model:
             ratio = 0.6673 + 0.05037 * gamma - 0.006230 * gamma**2 + 0.0003341 * gamma**3
             period = train.number("WaveTz") / ratio
         else:
-            what = "its peak period is not stated"
             right = "add WaveTp, or WaveTz and WaveGamma"
-            raise InputError(phrase(f"{self._path}, {train.where}", what, right))
+            raise InputError(f"{self._path}, {train.where}", "its peak period is not stated", right)
         sea = {"significant_height_m": train.number("WaveHs"), "peak_period_s": period}
         sea |= {} if gamma is None else {"gamma": gamma}
         self._left_out.append(f"{train.where}: its random phases, they are those of seed {SEED}")
@@ -472,4 +471,4 @@ def _number(value: Any, where: str) -> float:
         if math.isfinite(number):
             return number
     words = "not stated" if value is None else f"'{value}'"
-    raise InputError(phrase(where, f"it is {words}", "give a finite number"))
+    raise InputError(where, f"it is {words}", "give a finite number")

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from rope_twin.errors import InputError, SceneError, phrase
+from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 
@@ -63,7 +63,7 @@ def write_scene(imported: Imported, path: Path) -> Scene:
         handle, name = tempfile.mkstemp(suffix=".yaml", dir=path.parent)
     except OSError as error:
         right = "give a place that can be written"
-        raise InputError(phrase(str(path), f"it cannot be written ({error})", right)) from None
+        raise InputError(str(path), f"it cannot be written ({error})", right) from None
     draft = Path(name)
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
@@ -73,9 +73,7 @@ def write_scene(imported: Imported, path: Path) -> Scene:
     except SceneError as error:
         words = str(error).replace(str(draft), "the scene").removesuffix(".")
         what, _, right = words.rpartition("; ")
-        raise InputError(
-            phrase(str(path), f"the model gives no valid scene ({what})", right)
-        ) from None
+        raise InputError(str(path), f"the model gives no valid scene ({what})", right) from None
     finally:
         draft.unlink(missing_ok=True)
     return load_scene(path)

@@ -22,7 +22,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.topics import BY_NAME
 
 Table = NDArray[np.float64]
@@ -97,16 +97,14 @@ def decode(topic_name: str, data: bytes | memoryview) -> Any:
     name = topic_name.removeprefix("/")
     topic = BY_NAME.get(name)
     if topic is None:
-        raise InputError(phrase("decode", f"unknown topic '{name}'", did_you_mean(name, BY_NAME)))
+        raise InputError("decode", f"unknown topic '{name}'", did_you_mean(name, BY_NAME))
     try:
         return deserialise(topic.type_name, data)
     except SerdeError as error:
         raise InputError(
-            phrase(
-                f"topic {name}",
-                f"{len(data)} bytes that do not decode ({error})",
-                f"it must be a {topic.type_name} in CDR",
-            )
+            f"topic {name}",
+            f"{len(data)} bytes that do not decode ({error})",
+            f"it must be a {topic.type_name} in CDR",
         ) from error
 
 

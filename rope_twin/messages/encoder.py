@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates, encode_text, new
 from rope_twin.messages.status import QUALITY_COLUMNS, quality_rows
@@ -82,7 +82,7 @@ class Encoder:
         encoder = self._encoders.get(topic_name)
         if encoder is None:
             what = f"topic '{topic_name}' is not made from a snapshot"
-            raise InputError(phrase("encode", what, did_you_mean(topic_name, self._encoders)))
+            raise InputError("encode", what, did_you_mean(topic_name, self._encoders))
         return encoder(snapshot)
 
     def _stamp(self, snapshot: Snapshot, path: str = "header.stamp") -> dict[str, int]:
@@ -170,7 +170,7 @@ class Encoder:
                 tables.append(np.column_stack([rope.node_position_m, *columns.values(), of_rope]))
                 names = " ".join(("x", "y", "z", *columns, "rope"))
         if not tables:
-            raise InputError(phrase("encode", "the snapshot has no vibration", "ask for it"))
+            raise InputError("encode", "the snapshot has no vibration", "ask for it")
         kind = templates.point_type(templates.columns(names, "<f4"))
         points = np.vstack(tables).astype("<f4")
         return self._cloud("ropes/vibration", snapshot, points.view(kind).ravel())
@@ -190,7 +190,7 @@ class Encoder:
                 )  # fmt: skip
                 tables.append(np.column_stack(columns))
         if not tables:
-            raise InputError(phrase("encode", "the snapshot has no fatigue", "ask for it"))
+            raise InputError("encode", "the snapshot has no fatigue", "ask for it")
         names = "from_lower_end_m from_hang_off_m damage rope bends bend_damage discard_fraction"
         kind = templates.point_type(templates.columns(names))
         points = np.concatenate(tables).view(kind).ravel()
@@ -206,7 +206,7 @@ class Encoder:
     def _lower_end_wrench(self, snapshot: Snapshot) -> bytes:
         if not snapshot.lower_end_force_n:
             what = "the snapshot has no force on a lower end"
-            raise InputError(phrase("encode", what, "give a scene with `end_motion`"))
+            raise InputError("encode", what, "give a scene with `end_motion`")
         return self._wrench.fill(
             {**self._stamp(snapshot), "wrench.force": np.array(snapshot.lower_end_force_n)}
         )
@@ -316,8 +316,7 @@ def _carried(snapshot: Snapshot) -> int:
 
 def _body(snapshot: Snapshot) -> BodyShot:
     if snapshot.body is None:
-        right = "list the effect `rigid_body`"
-        raise InputError(phrase("encode", "the payload is no rigid body", right))
+        raise InputError("encode", "the payload is no rigid body", "list the effect `rigid_body`")
     return snapshot.body
 
 
@@ -375,14 +374,14 @@ COMPENSATOR_COLUMNS = (
 
 def _compensator(snapshot: Snapshot) -> Rows:
     if snapshot.compensator is None:
-        raise InputError(phrase("encode", "the scene has no compensator", "list the effect"))
+        raise InputError("encode", "the scene has no compensator", "list the effect")
     yield tuple(getattr(snapshot.compensator, name) for name in COMPENSATOR_COLUMNS)
 
 
 def _seabed_contact(snapshot: Snapshot) -> Rows:
     bed = snapshot.seabed
     if bed is None:
-        raise InputError(phrase("encode", "the scene has no seabed", "list the effect"))
+        raise InputError("encode", "the scene has no seabed", "list the effect")
     yield bed.payload_height_m, bed.payload_push_n, bed.rope_on_bed_m, bed.rope_push_n
 
 

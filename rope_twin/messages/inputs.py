@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, decode, new, serialise
 from rope_twin.messages.templates import NANOSECONDS
@@ -205,11 +205,11 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
         if len(values) not in (0, len(names)):
             what = f"{len(values)} values of {field} for {len(names)} winches"
             right = "give one for each name, NaN where nothing is measured, or none"
-            raise InputError(phrase(topic, what, right))
+            raise InputError(topic, what, right)
         columns[field] = [_or_none(float(one)) for one in values] or [None] * len(names)
     if len(names) > MOST_WINCHES or len(set(names)) < len(names):
         what = f"{len(names)} names"
-        raise InputError(phrase(topic, what, f"give each winch once, {MOST_WINCHES} at most"))
+        raise InputError(topic, what, f"give each winch once, {MOST_WINCHES} at most")
     source = MOTOR if topic == MOTOR_TENSION else WINCH_SENSORS
     rows = zip(names, columns["position"], columns["velocity"], columns["effort"], strict=True)
     return Measurement(source, stamp_ns, tuple(rows))
@@ -280,16 +280,16 @@ def read_order(topic: str, data: bytes) -> tuple[int | None, WinchCommand, str]:
     if topic == SWITCH_TOPIC:
         if len(names) != 2:
             right = f"give two: the winch's, and one of {', '.join(SWITCHES)}"
-            raise InputError(phrase(topic, f"{len(names)} names", right))
+            raise InputError(topic, f"{len(names)} names", right)
         if names[1] in COMMANDER_EVENTS:  # internal commands, not allowed in a message
             right = did_you_mean(names[1], SWITCHES)
-            raise InputError(phrase(topic, f"'{names[1]}' is not a switch", right))
+            raise InputError(topic, f"'{names[1]}' is not a switch", right)
         return stamp_ns or None, WinchCommand(names[1]), winch
     kind = next(kind for kind, own in ORDER_TOPICS.items() if own == topic)
     values = getattr(message, ORDER_FIELDS[kind])
     if len(values) != 1:
         plural, right = _VALUES[kind]
-        raise InputError(phrase(topic, f"{len(values)} {plural}", right))
+        raise InputError(topic, f"{len(values)} {plural}", right)
     return stamp_ns or None, WinchCommand(kind, float(values[0])), winch
 
 
@@ -311,7 +311,7 @@ def read_cut(data: bytes) -> tuple[int | None, float, str]:
     message, stamp_ns = _stamped(CUT_TOPIC, data)
     if len(message.position) != 1:
         right = "there must be exactly one, the length of rope between hang-off and cut"
-        raise InputError(phrase(CUT_TOPIC, f"{len(message.position)} positions", right))
+        raise InputError(CUT_TOPIC, f"{len(message.position)} positions", right)
     rope = str(message.name[0]) if len(message.name) else ""
     return stamp_ns or None, float(message.position[0]), rope
 
@@ -335,13 +335,11 @@ def read_current(data: bytes) -> NDArray[np.float64]:
         fits = sizes in ([rows, columns], [len(numbers)]) and math.prod(sizes) == len(numbers)
     if not fits:
         raise InputError(
-            phrase(
-                "current",
-                f"{len(numbers)} numbers with a layout of {sizes or 'no'} dimensions "
-                f"and offset {offset}",
-                "it must be rows of z, east, north: sizes [k, 3] (or none), or with a vertical "
-                "component [k, 4]; offset 0",
-            )
+            "current",
+            f"{len(numbers)} numbers with a layout of {sizes or 'no'} dimensions "
+            f"and offset {offset}",
+            "it must be rows of z, east, north: sizes [k, 3] (or none), or with a vertical "
+            "component [k, 4]; offset 0",
         )
     return numbers.reshape(-1, columns)
 
@@ -354,7 +352,5 @@ def _stamped(topic: str, data: bytes) -> tuple[Any, int]:
 
 def _stamp_ns(topic: str, stamp: Any) -> int:
     if not 0 <= stamp.nanosec < NANOSECONDS:
-        raise InputError(
-            phrase(topic, f"a stamp with {stamp.nanosec} ns", "they must be below 1000000000")
-        )
+        raise InputError(topic, f"a stamp with {stamp.nanosec} ns", "they must be below 1000000000")
     return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.alerts.alert_list import Alert, Priority, State
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import decode, serialise
 from rope_twin.messages.status import Level, Status, encode_diagnostics
@@ -148,7 +148,7 @@ def read_risks(data: bytes) -> list[dict[str, float]]:
     columns = FORECAST_COLUMNS[RISK_TOPIC]
     if not len(table) or not set(columns).issubset(table.dtype.names or ()):
         what, right = f"{len(table)} rows without {', '.join(SCORE)}", "send the forecast node's"
-        raise InputError(phrase(RISK_TOPIC, what, right))
+        raise InputError(RISK_TOPIC, what, right)
     return [{name: float(row[name]) for name in columns} for row in table]
 
 
@@ -232,7 +232,6 @@ def decode_alerts(data: bytes) -> PublishedAlerts:
             )
         except (KeyError, ValueError) as error:
             what = f"row '{one.name}' is no alert ({error})"
-            right = "only the simulation publishes here"
-            raise InputError(phrase(ALERTS, what, right)) from None
+            raise InputError(ALERTS, what, "only the simulation publishes here") from None
     stamp = message.header.stamp
     return PublishedAlerts(stamp.sec * 1_000_000_000 + stamp.nanosec, now_ns, tuple(found))

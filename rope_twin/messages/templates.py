@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.messages.cdr import HEADER_BYTES, Template, Templates, decode, new
 from rope_twin.twin.snapshot import BodyShot, Snapshot
 
@@ -176,7 +176,7 @@ def read_cloud(message: Any) -> NDArray[Any]:
         return np.frombuffer(np.asarray(message.data, dtype=np.uint8).tobytes(), point)
     except (KeyError, ValueError, TypeError) as error:
         right = "it must be one that rope_twin publishes"
-        raise InputError(phrase("point cloud", f"fields not known ({error})", right)) from error
+        raise InputError("point cloud", f"fields not known ({error})", right) from error
 
 
 class CloudReader:

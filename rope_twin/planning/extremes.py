@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 Floats = NDArray[np.float64]
 
@@ -118,12 +118,12 @@ def characteristic_maximum(
     sample = np.asarray(maxima, dtype=float)
     if sample.ndim != 1 or len(sample) < LEAST_SEEDS:
         what = f"{sample.size} maxima"
-        raise InputError(phrase("extremes", what, f"give at least {LEAST_SEEDS}, one of each seed"))
+        raise InputError("extremes", what, f"give at least {LEAST_SEEDS}, one of each seed")
     if not np.isfinite(sample).all():
-        raise InputError(phrase("extremes", "a maximum is not finite", "leave its seed out"))
+        raise InputError("extremes", "a maximum is not finite", "leave its seed out")
     if not (0.0 < percentile < 100.0 and 0.0 < confidence < 1.0):
         what = f"percentile {percentile:g} with confidence {confidence:g}"
-        raise InputError(phrase("extremes", what, "give 0 to 100 % and 0 to 1, between the ends"))
+        raise InputError("extremes", what, "give 0 to 100 % and 0 to 1, between the ends")
     probability = 0.01 * percentile
     fitted = fit_gumbel(sample)
     value, scale = float(fitted.quantile(probability)), float(fitted.scale)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.planning.weather_files import AlphaTable, Hindcast, LimitTable
 from rope_twin.sea.tables import Vector
 from rope_twin.studies.picture import Line, Panel
@@ -46,16 +46,16 @@ class Operation:
         """Check the periods and that at most one heading is given. Raises InputError."""
         if not (math.isfinite(self.planned_s) and self.planned_s > 0.0):
             what = f"it is {self.planned_s / SECONDS_PER_HOUR:g} h"
-            raise InputError(phrase("planned period", what, "give a time above 0"))
+            raise InputError("planned period", what, "give a time above 0")
         if not (math.isfinite(self.contingency_s) and self.contingency_s >= 0.0):
             what = f"it is {self.contingency_s / SECONDS_PER_HOUR:g} h"
-            raise InputError(phrase("contingency", what, "give 0 or more"))
+            raise InputError("contingency", what, "give 0 or more")
         if self.bow_deg is not None and self.relative_deg is not None:
             what = "the heading is given over ground and relative to the waves"
-            raise InputError(phrase("heading", what, "keep one of them"))
+            raise InputError("heading", what, "keep one of them")
         for angle in (self.bow_deg, self.relative_deg):
             if angle is not None and not math.isfinite(angle):
-                raise InputError(phrase("heading", "it is not finite", "give degrees"))
+                raise InputError("heading", "it is not finite", "give degrees")
 
     @property
     def reference_s(self) -> float:
@@ -134,7 +134,7 @@ def operability(
     if steps >= len(hindcast.hs_m):
         hours = operation.reference_s / SECONDS_PER_HOUR
         what = f"it is shorter than T_R = {hours:g} h"
-        raise InputError(phrase(hindcast.source, what, "give a longer one"))
+        raise InputError(hindcast.source, what, "give a longer one")
     known = np.isfinite(hindcast.hs_m)
     heading = _headings(hindcast, limits, operation)
     each = {name: limits.at(name, hindcast.tp_s, heading) for name in limits.phases}
@@ -192,11 +192,10 @@ def _headings(hindcast: Hindcast, limits: LimitTable, operation: Operation) -> V
     if operation.bow_deg is None:
         what = "the limits depend on the heading of the waves"
         right = "give the compass heading of the bow (--bow), or that relative to the waves"
-        raise InputError(phrase(limits.source, what, f"{right} (--relative)"))
+        raise InputError(limits.source, what, f"{right} (--relative)")
     if hindcast.towards_deg is None:
-        what = "it has no direction of the waves"
         right = "add direction_from_deg or direction_to_deg, or give --relative"
-        raise InputError(phrase(hindcast.source, what, right))
+        raise InputError(hindcast.source, "it has no direction of the waves", right)
     return np.asarray(operation.bow_deg - hindcast.towards_deg)
 
 

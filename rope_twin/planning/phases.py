@@ -15,7 +15,7 @@ from typing import NamedTuple
 from rope_twin.core import state as rows
 from rope_twin.core.bed import clearance
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.planning.plan_file import LiftOff, Phase, Plan
 from rope_twin.planning.plan_reader import deck_of
 from rope_twin.planning.seas import DeckTransfer
@@ -294,4 +294,4 @@ def _check_line(scene: Scene, longest_m: float) -> None:
     most = scene.winch.most_line_out_m
     if longest_m > most:
         what = f"it takes {longest_m:.1f} m of line, the winch has {most:g} m"
-        raise InputError(phrase("winch", what, "raise most_line_out_m of the scene"))
+        raise InputError("winch", what, "raise most_line_out_m of the scene")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rope_twin.effects.current import CurrentParams
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.planning.phases import hung_at
 from rope_twin.planning.runs import AT_DEPTH, AT_LOWEST, sea_seed, watch_seed
 from rope_twin.planning.simplified import lift_of, resonance_period_s
@@ -297,7 +297,7 @@ def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
     shown = limit.judged or limit.beyond
     if shown is None or shown.governing_seed < 0:
         what = limit.governing or "no height could be run"
-        raise InputError(phrase(f"cell of '{limit.phase}'", what, "choose another cell"))
+        raise InputError(f"cell of '{limit.phase}'", what, "choose another cell")
     time_s, series = governing_series(search, limit)
     stem = f"cell_{limit.phase}_{limit.period_s:g}s_{limit.heading_deg:g}deg".replace("/", "_")
     table = out / f"{stem}.csv"

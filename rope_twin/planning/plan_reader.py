@@ -14,7 +14,7 @@ from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
-from rope_twin.errors import InputError, RopeTwinError, SceneErrors, phrase
+from rope_twin.errors import InputError, RopeTwinError, SceneErrors
 from rope_twin.planning.plan_file import (
     BY_TWIN,
     Criteria,
@@ -83,7 +83,7 @@ def with_error(plan: Plan, share: float) -> Plan:
     """
     if plan.method.elements is not None:
         what = f"'{plan.name}' gives elements and step_s"
-        raise InputError(phrase("--within", what, "leave them out of its `method`"))
+        raise InputError("--within", what, "leave them out of its `method`")
     if share == plan.method.error_within:
         return plan
     change = Change("method.error_within", share)

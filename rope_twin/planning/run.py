@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.planning.cells import (
     Cell,
     CellLimit,
@@ -348,11 +348,10 @@ def cell_named(plan: Plan, words: str) -> tuple[int, int, int]:
     parts = [part.strip() for part in words.split(",")]
     where = f"--cell {words}"
     if len(parts) != 3:
-        raise InputError(phrase(where, "it is no cell", "write PHASE,TP,HEADING"))
+        raise InputError(where, "it is no cell", "write PHASE,TP,HEADING")
     titles = [phase.title for phase in plan.phases]
     if parts[0] not in titles:
-        right = f"known: {', '.join(titles)}"
-        raise InputError(phrase(where, f"there is no phase '{parts[0]}'", right))
+        raise InputError(where, f"there is no phase '{parts[0]}'", f"known: {', '.join(titles)}")
     found = [titles.index(parts[0])]
     axes: Mapping[str, tuple[float, ...]] = {
         "Tp": plan.sea.tp_s, "heading": plan.sea.headings_deg
@@ -362,5 +361,5 @@ def cell_named(plan: Plan, words: str) -> tuple[int, int, int]:
             found.append(values.index(float(word)))
         except ValueError:
             right = f"known: {', '.join(f'{value:g}' for value in values)}"
-            raise InputError(phrase(where, f"there is no {name} '{word}'", right)) from None
+            raise InputError(where, f"there is no {name} '{word}'", right) from None
     return found[0], found[1], found[2]

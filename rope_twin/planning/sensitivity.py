@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rope_twin.errors import InputError, RopeTwinError, phrase, require
+from rope_twin.errors import InputError, RopeTwinError, require
 from rope_twin.planning.cells import Cell, MemoryStore, PhaseWork, phase_work
 from rope_twin.planning.judgement import QUANTITIES, Quantity
 from rope_twin.planning.phases import legs_of
@@ -200,9 +200,8 @@ def case_of(plan: Plan, scene: Scene, cell: tuple[int, int, int]) -> Case:
         RopeTwinError: the plan has fewer than two uncertain numbers, or cannot be run.
     """
     if len(plan.uncertainties) < 2:
-        what = f"{len(plan.uncertainties)} uncertain numbers"
         right = "list two or more under `uncertainties`, with key, distribution and source"
-        raise InputError(phrase(str(plan.path), what, right))
+        raise InputError(str(plan.path), f"{len(plan.uncertainties)} uncertain numbers", right)
     seeds = plan.method.seeds.start
     method = replace(plan.method, seeds=Seeds(start=seeds, most=seeds), height_within_m=None)
     own = replace(plan, method=method)
@@ -233,7 +232,7 @@ def outputs_at(case: Case, values: Sequence[float]) -> dict[str, float]:
     """
     plan, scene = with_values(case.plan, case.scene, case.plan.uncertainties, values)
     for keys, what, right in faults(plan, scene):
-        raise InputError(phrase(f"{plan.path}: {'.'.join(map(str, keys))}", what, right))
+        raise InputError(f"{plan.path}: {'.'.join(map(str, keys))}", what, right)
     number = case.cell[0]
     legs = legs_of(plan, scene, plan.phases[number])
     settings = [case.settings[min(k, len(case.settings) - 1)] for k in range(len(legs))]
@@ -316,7 +315,7 @@ def _result(case: Case, method: Method, unit: Vector, rows: Sequence[Row]) -> Se
     if lost:
         why = lost[0]["failure"] or "it has no limit"
         what = f"{len(lost)} of {len(rows)} samples cannot be run, the first: {why.rstrip('.')}"
-        raise InputError(phrase(str(case.plan.path), what, "narrow the distributions"))
+        raise InputError(str(case.plan.path), what, "narrow the distributions")
     columns = {name: np.array([row[name] for row in rows]) for name in OUTPUTS}
     whole = {name: own for name, own in columns.items() if np.isfinite(own).all()}
     ends = {

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.sea.tables import Vector
 
 LARGEST_HS_M, LARGEST_TP_S = 30.0, 40.0
@@ -75,7 +75,7 @@ class LimitTable:
         for name in phases:
             if name not in self.tables:
                 right = did_you_mean(name, self.tables)
-                raise InputError(phrase(self.source, f"there is no phase '{name}'", right))
+                raise InputError(self.source, f"there is no phase '{name}'", right)
         return LimitTable(self.source, {name: self.tables[name] for name in phases})
 
     def at(self, phase: str, tp_s: Vector, heading_deg: Vector) -> Vector:
@@ -158,11 +158,11 @@ class AlphaTable:
         if period > self.period_s[-1]:
             what = f"it ends at {self.period_s[-1] / SECONDS_PER_HOUR:g} h"
             right = f"give alpha factors up to {period / SECONDS_PER_HOUR:g} h"
-            raise InputError(phrase(self.where, what, right))
+            raise InputError(self.where, what, right)
         least = float(limit_hs_m.min(initial=math.inf))
         if least < self.hs_m[0]:
             what = f"it begins at Hs {self.hs_m[0]:g} m, and a limit is {least:.3g} m"
-            raise InputError(phrase(self.where, what, "give alpha factors for that height"))
+            raise InputError(self.where, what, "give alpha factors for that height")
         own = [np.interp(period, self.period_s, row) for row in self.alpha]
         return np.asarray(np.interp(limit_hs_m, self.hs_m, own))
 
@@ -189,10 +189,10 @@ def read_limits(path: Path) -> LimitTable:
         table = found.setdefault(name, {})
         if key in table:
             what = f"{_pair_words(*key)} is double in phase '{name}'"
-            raise InputError(phrase(at, what, "give each once"))
+            raise InputError(at, what, "give each once")
         table[key] = _ranged(at, row, "limit_hs_m", 0.0, LARGEST_HS_M)
     if not found:
-        raise InputError(phrase(where, "it has no limits", "give rows of tp_s and limit_hs_m"))
+        raise InputError(where, "it has no limits", "give rows of tp_s and limit_hs_m")
     tables = {name: _grid(where, name, table, mirrored) for name, table in found.items()}
     return LimitTable(where, tables)
 
@@ -213,12 +213,12 @@ def _grid(
     periods = sorted({period for period, _ in table})
     headings = sorted({heading for _, heading in table})
     if len(periods) < 2:
-        raise InputError(phrase(at, "one Tp", "give two or more"))
+        raise InputError(at, "one Tp", "give two or more")
     for period in periods:
         for heading in headings:
             if (period, heading) not in table:
                 what = f"{_pair_words(period, heading)} is missing"
-                raise InputError(phrase(at, what, "give a full grid"))
+                raise InputError(at, what, "give a full grid")
     values = np.array([[table[period, heading] for heading in headings] for period in periods])
     axis = np.array(headings)
     if headings == [ANY_HEADING]:
@@ -228,7 +228,7 @@ def _grid(
         image = (360.0 - axis[other]) % 360.0
         if set(image.tolist()) & set(headings):
             what = "it is symmetric and has headings of both sides"
-            raise InputError(phrase(at, what, "give those of one side"))
+            raise InputError(at, what, "give those of one side")
         axis, values = np.append(axis, image), np.hstack([values, values[:, other]])
         order = np.argsort(axis)
         axis, values = axis[order], values[:, order]
@@ -253,10 +253,10 @@ def read_hindcast(path: Path) -> Hindcast:
         hs, tp = _ranged(at, row, "hs_m", 0.0, LARGEST_HS_M), _ranged(at, row, "tp_s", 0.0, 60.0)
         towards = _ranged(at, row, column, -360.0, 360.0) + turn if column != "none" else 0.0
         if len(times) > 1 and times[-1] <= times[-2]:
-            raise InputError(phrase(at, "its time is not after the one above", "order the rows"))
+            raise InputError(at, "its time is not after the one above", "order the rows")
         numbers.append((hs, tp, towards))
     if len(times) < 2:
-        raise InputError(phrase(where, "it has fewer than two rows", "give a time series"))
+        raise InputError(where, "it has fewer than two rows", "give a time series")
     columns = np.array(numbers).T
     return _series(where, times, columns[0], columns[1], columns[2] if column != "none" else None)
 
@@ -273,11 +273,10 @@ def _series(
     if off.any():
         when = f"{times[int(np.argmax(off))]:%Y-%m-%d %H:%M}"
         what = f"{when} is not at a step of {step / 60.0:g} min"
-        raise InputError(phrase(where, what, "give equal steps; rows may be missing"))
+        raise InputError(where, what, "give equal steps; rows may be missing")
     if step > LONGEST_STEP_S:
         what = f"steps of {step / SECONDS_PER_HOUR:g} h"
-        right = f"give at most {LONGEST_STEP_S / SECONDS_PER_HOUR:g} h"
-        raise InputError(phrase(where, what, right))
+        raise InputError(where, what, f"give at most {LONGEST_STEP_S / SECONDS_PER_HOUR:g} h")
 
     def filled(values: Vector) -> Vector:
         whole = np.full(index[-1] + 1, np.nan)
@@ -304,13 +303,13 @@ def read_spectra(path: Path, reader: str) -> Hindcast:
     where = str(path)
     if importlib.util.find_spec("wavespectra") is None:
         what = "reading spectra needs wavespectra, and it is not there"
-        raise InputError(phrase(where, what, "install it with `pip install wavespectra`"))
+        raise InputError(where, what, "install it with `pip install wavespectra`")
     import wavespectra  # optional, and slow to import
 
     known = [name.removeprefix("read_") for name in dir(wavespectra) if name.startswith("read_")]
     if reader not in known:
         what = f"wavespectra has no reader '{reader}'"
-        raise InputError(phrase("--reader", what, did_you_mean(reader, known)))
+        raise InputError("--reader", what, did_you_mean(reader, known))
     try:
         spectra = getattr(wavespectra, f"read_{reader}")(where)
         found = [getattr(spectra.spec, name)().squeeze() for name in ("hs", "tp", "dpm")]
@@ -319,17 +318,17 @@ def read_spectra(path: Path, reader: str) -> Hindcast:
     except Exception as error:  # a reader fails in any way on a file of another format
         words = " ".join(str(error).split())[:120] or type(error).__name__
         right = f"give a file of the format {reader}"
-        raise InputError(phrase(where, f"it cannot be read ({words})", right)) from None
+        raise InputError(where, f"it cannot be read ({words})", right) from None
     if any(one.shape != stamps.shape or one.ndim != 1 for one in rows):
         what = f"its spectra are an array of {' x '.join(map(str, rows[0].shape))}"
-        raise InputError(phrase(where, what, "give a time series at one place"))
+        raise InputError(where, what, "give a time series at one place")
     kept = np.isfinite(rows).all(axis=0)
     if kept.sum() < 2:
-        raise InputError(phrase(where, "it has fewer than two spectra", "give a time series"))
+        raise InputError(where, "it has fewer than two spectra", "give a time series")
     order = np.argsort(stamps[kept])
     stamps, (hs, tp, come_from) = stamps[kept][order], (one[kept][order] for one in rows)
     if (np.diff(stamps) <= np.timedelta64(0, "s")).any():
-        raise InputError(phrase(where, "a time is double", "give each once"))
+        raise InputError(where, "a time is double", "give each once")
     times = [one.astype(datetime).replace(tzinfo=UTC) for one in stamps]
     return _series(where, times, hs, tp, (come_from + 180.0) % 360.0)
 
@@ -339,12 +338,11 @@ def _direction_column(at: str, row: Mapping[str, Any]) -> tuple[str, float]:
     _need(at, row, ("time", "hs_m", "tp_s"))
     given = [name for name in ("direction_from_deg", "direction_to_deg") if name in row]
     if len(given) == 2:
-        what = "both direction_from_deg and direction_to_deg"
-        raise InputError(phrase(at, what, "keep one of them"))
+        raise InputError(at, "both direction_from_deg and direction_to_deg", "keep one of them")
     if not given:
         if other := [name for name in row if "dir" in name]:
             what = f"the column {other[0]} does not say which direction it is"
-            raise InputError(phrase(at, what, "name it direction_from_deg or direction_to_deg"))
+            raise InputError(at, what, "name it direction_from_deg or direction_to_deg")
         return "none", 0.0
     return given[0], 180.0 if given[0] == "direction_from_deg" else 0.0
 
@@ -354,7 +352,7 @@ def _time(at: str, words: str) -> datetime:
         found = datetime.fromisoformat(words.strip())
     except ValueError:
         right = "give ISO 8601, like 2015-01-31T06:00"
-        raise InputError(phrase(at, f"'{words}' is not a time", right)) from None
+        raise InputError(at, f"'{words}' is not a time", right) from None
     return found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
 
 
@@ -368,26 +366,24 @@ def read_alpha(path: Path) -> AlphaTable:
     comments = _comments(path)
     source = next((one[7:].strip() for one in comments if one.lower().startswith("source:")), "")
     if not source:
-        what = "it names no source"
         right = "add a line `# source: ...` with the standard or forecast service"
-        raise InputError(phrase(where, what, right))
+        raise InputError(where, "it names no source", right)
     column = ""
     for at, row in _csv_rows(path):
         given = [name for name in ("planned_h", "reference_h") if name in row]
         if len(given) != 1:
             what = "there is not one column of periods"
-            right = "name it planned_h (T_POP) or reference_h (T_R)"
-            raise InputError(phrase(at, what, right))
+            raise InputError(at, what, "name it planned_h (T_POP) or reference_h (T_R)")
         column = given[0]
         _need(at, row, ("hs_m", "alpha"))
         key = (_ranged(at, row, "hs_m", 0.0, LARGEST_HS_M), _ranged(at, row, column, 0.0, 1e4))
         if key in found:
-            raise InputError(phrase(at, "its height and period are double", "give each once"))
+            raise InputError(at, "its height and period are double", "give each once")
         found[key] = _ranged(at, row, "alpha", 0.0, 1.0)
     heights, periods = (sorted({key[k] for key in found}) for k in (0, 1))
     if not found or len(found) != len(heights) * len(periods):
         what = f"{len(found)} rows of {len(heights)} heights and {len(periods)} periods"
-        raise InputError(phrase(where, what, "give a full grid"))
+        raise InputError(where, what, "give a full grid")
     alpha = np.array([[found[height, period] for period in periods] for height in heights])
     hours = np.array(periods)
     return AlphaTable(where, source, column == "reference_h", np.array(heights),
@@ -397,11 +393,10 @@ def read_alpha(path: Path) -> AlphaTable:
 def _text(path: Path) -> list[str]:
     try:
         if path.stat().st_size > LARGEST_FILE_BYTES:
-            raise InputError(phrase(str(path), "it is larger than 200 MB", "give a smaller table"))
+            raise InputError(str(path), "it is larger than 200 MB", "give a smaller table")
         return path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        what = f"it cannot be read ({error})"
-        raise InputError(phrase(str(path), what, "give a text file")) from None
+        raise InputError(str(path), f"it cannot be read ({error})", "give a text file") from None
 
 
 def _comments(path: Path) -> list[str]:
@@ -414,14 +409,14 @@ def _csv_rows(path: Path) -> list[tuple[str, dict[str, str]]]:
     lines = [(k, line) for k, line in enumerate(_text(path), 1)
             if line.strip() and not line.lstrip().startswith("#")]  # fmt: skip
     if not lines:
-        raise InputError(phrase(str(path), "it is empty", "give a header and rows"))
+        raise InputError(str(path), "it is empty", "give a header and rows")
     head = [name.strip() for name in next(csv.reader([lines[0][1]]))]
     rows = list[tuple[str, dict[str, str]]]()
     read = csv.reader(line for _, line in lines[1:])
     for (number, _), cells in zip(lines[1:], read, strict=True):
         where = f"{path}, line {number}"
         if len(cells) != len(head):
-            raise InputError(phrase(where, f"{len(cells)} values", f"the header has {len(head)}"))
+            raise InputError(where, f"{len(cells)} values", f"the header has {len(head)}")
         rows.append((where, dict(zip(head, cells, strict=True))))
     return rows
 
@@ -432,10 +427,10 @@ def _json_rows(path: Path) -> tuple[list[tuple[str, dict[str, Any]]], bool]:
     try:
         content = json.loads("\n".join(_text(path)))
     except ValueError as error:
-        raise InputError(phrase(str(path), f"it is not JSON ({error})", right)) from None
+        raise InputError(str(path), f"it is not JSON ({error})", right) from None
     listed = content.get("limits") if isinstance(content, dict) else None
     if not isinstance(listed, list) or not all(isinstance(one, dict) for one in listed):
-        raise InputError(phrase(str(path), "there is no list `limits`", right))
+        raise InputError(str(path), "there is no list `limits`", right)
     rows = [(f"{path}, limits[{number}]", one) for number, one in enumerate(listed)]
     return rows, content.get("symmetric") is True
 
@@ -443,8 +438,7 @@ def _json_rows(path: Path) -> tuple[list[tuple[str, dict[str, Any]]], bool]:
 def _need(at: str, row: Mapping[str, Any], names: Sequence[str]) -> None:
     for name in names:
         if name not in row:
-            right = f"needed are {', '.join(names)}"
-            raise InputError(phrase(at, f"there is no {name}", right))
+            raise InputError(at, f"there is no {name}", f"needed are {', '.join(names)}")
 
 
 def _ranged(at: str, row: Mapping[str, Any], name: str, low: float, high: float) -> float:
@@ -455,5 +449,5 @@ def _ranged(at: str, row: Mapping[str, Any], name: str, low: float, high: float)
     except (TypeError, ValueError):
         value = math.nan
     if not (math.isfinite(value) and low <= value <= high):
-        raise InputError(phrase(at, f"{name} is {given!r}", f"give {low:g} to {high:g}"))
+        raise InputError(at, f"{name} is {given!r}", f"give {low:g} to {high:g}")
     return value

@@ -18,7 +18,7 @@ from typing import Any, Self
 import yaml
 from rosbags.rosbag2 import Reader
 
-from rope_twin.errors import BagError, did_you_mean, phrase
+from rope_twin.errors import BagError, did_you_mean
 from rope_twin.messages.cdr import typestore
 from rope_twin.share import share_dir
 from rope_twin.topics import QOS_ROWS, Qos, Topic, recorded_name
@@ -62,11 +62,9 @@ def describe_topic(topic: Topic) -> RecordedTopic:
     store = typestore()
     if topic.type_name not in store.fielddefs:
         raise BagError(
-            phrase(
-                f"topic {topic.name}",
-                f"unknown message type '{topic.type_name}'",
-                did_you_mean(topic.type_name, store.fielddefs),
-            )
+            f"topic {topic.name}",
+            f"unknown message type '{topic.type_name}'",
+            did_you_mean(topic.type_name, store.fielddefs),
         )
     definition, _ = store.generate_msgdef(topic.type_name, ros_version=2)
     return RecordedTopic(
@@ -236,7 +234,7 @@ def find_bag(bag: str | Path) -> Path:
     path = Path(bag)
     if not str(bag).strip() or not path.exists():
         right = did_you_mean(bag, known) if known else "give the path of a bag"
-        raise BagError(phrase(f"bag {bag}", "there is no such file or name in bags/", right))
+        raise BagError(f"bag {bag}", "there is no such file or name in bags/", right)
     return path
 
 
@@ -300,7 +298,7 @@ class BagReader(ClosableBag):
         wanted = [c for c in self._reader.connections if c.topic == topic_name]
         if not wanted:
             right = did_you_mean(topic_name, self.topics) if self.topics else "the bag is empty"
-            raise BagError(phrase(f"bag {self.path}", f"it has no topic {topic_name}", right))
+            raise BagError(f"bag {self.path}", f"it has no topic {topic_name}", right)
         try:
             for _, stamp_ns, data in self._reader.messages(wanted):
                 yield int(stamp_ns), bytes(data)
@@ -316,23 +314,21 @@ def _check_outside(path: Path) -> None:
     """Report faults that are visible without parsing, each with its own sentence."""
     where = f"bag {path}"
     if not path.exists():
-        raise BagError(phrase(where, "it does not exist", "give the path of a bag"))
+        raise BagError(where, "it does not exist", "give the path of a bag")
     if path.is_dir():
         files = sorted(path.glob("*.mcap"))
         if not (path / "metadata.yaml").is_file():
             if files:
-                raise BagError(phrase(where, "it has no metadata.yaml", _recover(path)))
-            raise BagError(phrase(where, "it is a folder without metadata.yaml", "a bag has one"))
+                raise BagError(where, "it has no metadata.yaml", _recover(path))
+            raise BagError(where, "it is a folder without metadata.yaml", "a bag has one")
     elif path.suffix in (".mcap", ".db3"):
         files = [path] if path.suffix == ".mcap" else []
     else:
-        raise BagError(
-            phrase(where, "it is not a bag", "right is a rosbag2 directory or an .mcap file")
-        )
+        raise BagError(where, "it is not a bag", "right is a rosbag2 directory or an .mcap file")
     for file in files:
         fault = _fault_at_ends(file)
         if fault:
-            raise BagError(phrase(where, f"{file.name} {fault}", _recover(path)))
+            raise BagError(where, f"{file.name} {fault}", _recover(path))
 
 
 def _fault_at_ends(file: Path) -> str:
@@ -361,4 +357,4 @@ def _recover(path: Path) -> str:
 def _unreadable(path: Path, error: Exception) -> BagError:
     reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
     reason = reason if len(reason) <= 160 else f"{reason[:157]}..."
-    return BagError(phrase(f"bag {path}", f"it is damaged ({reason})", _recover(path)))
+    return BagError(f"bag {path}", f"it is damaged ({reason})", _recover(path))

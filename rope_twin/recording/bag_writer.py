@@ -436,7 +436,7 @@ class BagWriter(ClosableBag):
         )
 
     def _error(self, what: str, right: str = "name a place that can be written") -> BagError:
-        return BagError(phrase(f"bag {self._directory}", what, right))
+        return BagError(f"bag {self._directory}", what, right)
 
 
 @dataclass(frozen=True)

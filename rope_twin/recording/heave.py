@@ -110,7 +110,7 @@ def _refuse_poses(bag: BagReader) -> None:
     if posed and not heard:
         what = f"it has the ship's pose ({posed[0]}) and no heave"
         right = "replay it by --poses, or by `sea_state: {poses: {bag: ...}}`"
-        raise BagError(phrase(f"bag {bag.path}", what, right))
+        raise BagError(f"bag {bag.path}", what, right)
 
 
 def read_elevation(bag: BagReader) -> tuple[Stamps, Vector, list[str]]:
@@ -174,11 +174,9 @@ def _check_velocity(where: str, stamp_ns: Stamps, values: Table) -> tuple[Vector
     agreement = float(slope @ velocity / np.sqrt((slope @ slope) * (velocity @ velocity)))
     if agreement < 0.0:
         raise BagError(
-            phrase(
-                where,
-                f"twist.linear.z runs against pose.position.z (correlation {agreement:.2f})",
-                "both count up as positive",
-            )
+            where,
+            f"twist.linear.z runs against pose.position.z (correlation {agreement:.2f})",
+            "both count up as positive",
         )
     if agreement < 0.5:
         return velocity, f"{where}: rate and position agree poorly (correlation {agreement:.2f})."
@@ -282,9 +280,8 @@ def write_sea_bag(
     """
     ratio = sea.rate_hz / elevation_rate_hz if elevation_rate_hz > 0.0 else 0.0
     if ratio < 1.0 or abs(ratio - round(ratio)) > 1e-9:
-        what = f"it is {elevation_rate_hz:g} Hz"
         right = f"right is {sea.rate_hz:g} Hz divided by a whole number"
-        raise InputError(phrase("elevation rate", what, right))
+        raise InputError("elevation rate", f"it is {elevation_rate_hz:g} Hz", right)
     every = round(ratio)
     heave, velocity = _round(sea.heave_m), _round(sea.heave_velocity_m_per_s)
     elevation = _round(sea.elevation_m)
@@ -332,8 +329,7 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
         name = choose_topic(bag, recorded.topic or None, "ship/odometry", types)
         if not recorded.topic and f"/{name}".endswith("/ship/heave"):
             what = f"it has heave of the hang-off ({name}) and no pose of the ship"
-            right = "replay it by --bag, or by `sea_state: {bag: ...}`"
-            raise BagError(phrase(f"bag {path}", what, right))
+            raise BagError(f"bag {path}", what, "replay it by --bag, or by `sea_state: {bag: ...}`")
         twisted = bag.topics[name].type_name == _ODOMETRY
         rows = StampedRows(bag, name, "odometry", _ODOMETRY_FIELDS if twisted else _POSE_FIELDS)
         stamp_ns, values = rows.usable(_judge)
@@ -442,7 +438,7 @@ def _agreement(where: str, name: str, recorded: Table, found: Table) -> str:
     if close < 0.0:
         what = f"twist.{name} runs against the pose (correlation {close:.2f})"
         right = "it must be the pose's rate of change in the ship's axes, x to the bow, z up"
-        raise BagError(phrase(where, what, right))
+        raise BagError(where, what, right)
     if close < 0.5:
         words = f"twist.{name} and pose agree poorly (correlation {close:.2f})"
         return f"{where}: {words}; a twist is in the ship's turned axes."
@@ -476,7 +472,7 @@ def _far_from_rest(where: str, place: Table, turn: Table) -> str:
     height = float(place[:, 2].mean())
     right = "give where it rests in the record: `rest_m`, `heading_deg` of `poses`"
     if abs(height) > HEAVE_LIMIT_M:
-        raise BagError(phrase(where, f"the ship lies {height:.1f} m above its rest", right))
+        raise BagError(where, f"the ship lies {height:.1f} m above its rest", right)
     x, y, z, w = turn[0]
     off_deg = abs(np.degrees(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))))
     off_m = float(np.hypot(*place[0, :2]))

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from rope_twin.errors import BagError, InputError, phrase
+from rope_twin.errors import BagError, InputError
 from rope_twin.messages import decode, encode_measurement
 from rope_twin.messages.cdr import encode_text
 from rope_twin.messages.inputs import read_measurement
@@ -170,7 +170,7 @@ def read_log(data: bytes) -> tuple[tuple[str, int], LoggedCalls | Skipped]:
 
 def _damaged(topic: str, why: str) -> BagError:
     right = "give a bag that rope_twin recorded"
-    return BagError(phrase(f"topic {topic}", f"a message does not make sense ({why})", right))
+    return BagError(f"topic {topic}", f"a message does not make sense ({why})", right)
 
 
 class MeasuredReplay:
@@ -203,7 +203,7 @@ def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
     if not readings:
         right = f"name one with {', '.join(MEASURED_TOPICS)}, whose messages are stamped"
         faults = [one for one in found if isinstance(one, str)]
-        raise BagError(phrase(where, faults[0] if faults else "it has no measurements", right))
+        raise BagError(where, faults[0] if faults else "it has no measurements", right)
     first_ns, last_ns = (pick(one.stamp_ns for one in readings) for pick in (min, max))
     zero_ns = begins_ns or epoch_ns or first_ns
     if last_ns < zero_ns or first_ns > zero_ns + APART_NS:
@@ -211,8 +211,7 @@ def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
         what = (
             f"its readings begin {abs(early_s):.6g} s {'before' if early_s > 0 else 'after'} t = 0"
         )
-        right = "heave and measurements must be of the same time, by one clock"
-        raise BagError(phrase(where, what, right))
+        raise BagError(where, what, "heave and measurements must be of the same time, by one clock")
     counts = Counter(one.source for one in readings)
     parts = [counted(counts[source], group.replace("_", " ") + " reading")
              for source, group in GROUPS.items() if counts[source]]  # fmt: skip
@@ -235,8 +234,7 @@ def _measurements(reader: BagReader) -> Iterator[Measurement | str]:
         names = [name for name in reader.topics if f"/{name}".endswith(f"/{topic}")]
         if len(names) > 1:
             what = f"{topic} is there in {len(names)} namespaces"
-            right = f"keep one of {', '.join(names)}"
-            raise BagError(phrase(f"bag {reader.path}", what, right))
+            raise BagError(f"bag {reader.path}", what, f"keep one of {', '.join(names)}")
         for name in names:
             for _, data in reader.messages(name):
                 try:

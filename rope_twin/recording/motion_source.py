@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.effects.waves import WavesParams, components_of
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.messages import encode_heave, encode_pose
 from rope_twin.recording.heave import HeaveSample, open_heave, open_poses, sample_of
 from rope_twin.scene.schema import RecordedPoses, RegularHeave, Scene
@@ -73,7 +73,7 @@ def open_sea(
     """
     if bag and poses:
         right = "give heave or poses of the ship, not both"
-        raise InputError(phrase(f"bag {bag}", f"poses of {poses} are named too", right))
+        raise InputError(f"bag {bag}", f"poses of {poses} are named too", right)
     if bag:
         return open_heave(bag, topic or None, start_s, loop)
     sea = scene.sea_state
@@ -87,7 +87,7 @@ def open_sea(
         return open_heave(sea.bag, topic or None, sea.start_s + start_s, loop and sea.loop)
     if topic:
         what = f"scene {scene.name} has no bag to look for it in"
-        raise InputError(phrase(f"topic '{topic}'", what, "name a bag too, or leave the topic out"))
+        raise InputError(f"topic '{topic}'", what, "name a bag too, or leave the topic out")
     if sea.path:
         return WayOfHangOff(read_way(sea.path), sea.start_s + start_s)
     if sea.heave is not None:

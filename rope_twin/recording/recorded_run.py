@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from mcap.records import Channel, Metadata
 
-from rope_twin.errors import BagError, InputError, phrase
+from rope_twin.errors import BagError, InputError
 from rope_twin.messages.inputs import (
     read_current,
     read_cut,
@@ -294,13 +294,12 @@ def read_content(bag: Path) -> BagContent:
     files = mcap_files(bag)
     if not files:
         what = "it holds no .mcap file" if bag.is_dir() else "it does not exist"
-        raise BagError(phrase(f"bag {bag}", what, "give a bag that rope_twin recorded"))
+        raise BagError(f"bag {bag}", what, "give a bag that rope_twin recorded")
     content = BagContent(bag, files)
     content.read()
     if not content.sessions:
         what = f"it has no {SESSION_TOPIC}, which says what was run"
-        right = "give a bag that this version of rope_twin recorded"
-        raise BagError(phrase(f"bag {bag}", what, right))
+        raise BagError(f"bag {bag}", what, "give a bag that this version of rope_twin recorded")
     return content
 
 

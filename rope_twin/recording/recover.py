@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 from mcap.records import Channel, Metadata, Schema
 
-from rope_twin.errors import BagError, phrase
+from rope_twin.errors import BagError
 from rope_twin.recording.bag import (
     CHANNELS_RECORD,
     OWN_RECORD,
@@ -96,7 +96,7 @@ def _find_files(bag: Path) -> _Source:
     if bag.is_file():
         return _Source([bag])
     if not bag.is_dir():
-        raise BagError(phrase(f"bag {bag}", "it does not exist", "give a bag or an .mcap file"))
+        raise BagError(f"bag {bag}", "it does not exist", "give a bag or an .mcap file")
     source = _Source(mcap_files(bag))
     if not source.files:
         source.lost.append(f"{bag} holds no .mcap file")

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin import messages
-from rope_twin.errors import BagError, InputError, did_you_mean, phrase, require
+from rope_twin.errors import BagError, InputError, did_you_mean, require
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.quantity import unit_of
 from rope_twin.recording.bag import find_bag
@@ -115,16 +115,14 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
     """
     for name in topics:
         if name not in SERIES:
-            right = did_you_mean(name, SERIES)
-            raise InputError(phrase(f"topic '{name}'", "it has no time series", right))
+            raise InputError(f"topic '{name}'", "it has no time series", did_you_mean(name, SERIES))
     path, problems = find_bag(bag), list[str]()
     wanted = frozenset(topics or SERIES)
     found: dict[str, dict[int, float]] = {}
     epoch_ns: int | None = None
     files = mcap_files(path)
     if not files:
-        what = "it holds no .mcap file"
-        raise BagError(phrase(f"bag {path}", what, "give a bag with MCAP storage"))
+        raise BagError(f"bag {path}", "it holds no .mcap file", "give a bag with MCAP storage")
     for name, stored in topic_messages(files, wanted | {EPOCH}, problems):
         try:
             message = messages.decode(name, stored.data)
@@ -140,7 +138,7 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
             found.setdefault(f"{name}/{part}", {})[stamp] = value
     if not found:
         right = f"it must have one of {', '.join(sorted(wanted))}"
-        raise BagError(phrase(f"bag {path}", "no topic with a time series", right))
+        raise BagError(f"bag {path}", "no topic with a time series", right)
     stamps = np.array(sorted({stamp for own in found.values() for stamp in own}), np.int64)
     columns = dict[str, Vector]()
     for column, own in found.items():
@@ -160,7 +158,7 @@ def check_ending(path: Path) -> None:
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         right = f"end it in {', '.join(ENDINGS)}"
-        raise InputError(phrase("--out", f"'{path}' is no table that is written", right))
+        raise InputError("--out", f"'{path}' is no table that is written", right)
     needed = {".csv": ((), ""), ".parquet": (("pyarrow",), "plot"),
               ".nc": (("h5netcdf", "h5py"), "planning")}[ending]  # fmt: skip
     for name in needed[0]:
@@ -180,7 +178,7 @@ def write_series(table: SeriesTable, path: Path) -> None:
         write_whole(path, form(table))
     except OSError as error:
         right = "give a place that can be written"
-        raise InputError(phrase(str(path), f"it cannot be written ({error})", right)) from None
+        raise InputError(str(path), f"it cannot be written ({error})", right) from None
 
 
 def _csv(table: SeriesTable) -> bytes:

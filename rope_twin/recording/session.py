@@ -28,7 +28,7 @@ from typing import Any
 
 from rope_twin import __version__
 from rope_twin.core.jit.decorators import source_digest
-from rope_twin.errors import BagError, InputError, RopeTwinError, StateError, phrase
+from rope_twin.errors import BagError, InputError, RopeTwinError, StateError
 from rope_twin.recording.input_log import encode_json
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.convergence import OTHER_SEA, study_path
@@ -396,4 +396,4 @@ def _seeds(value: Any, at: str) -> Iterator[tuple[str, int]]:
 
 
 def _refusal(what: str, right: str) -> BagError:
-    return BagError(phrase(f"topic {SESSION_TOPIC}", what, right))
+    return BagError(f"topic {SESSION_TOPIC}", what, right)

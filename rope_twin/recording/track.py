@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 
-from rope_twin.errors import BagError, did_you_mean, phrase
+from rope_twin.errors import BagError, did_you_mean
 from rope_twin.messages.cdr import deserialise, table
 from rope_twin.recording.bag import BagReader, TopicContent
 
@@ -46,10 +46,10 @@ def choose_topic(bag: BagReader, topic: str | None, usual: str, types: Sequence[
         name = topic if topic in topics else f"/{topic}"
         if name not in topics:
             near = did_you_mean(topic, topics) if topics else "the bag is empty"
-            raise BagError(phrase(where, f"it has no topic '{topic}'", near))
+            raise BagError(where, f"it has no topic '{topic}'", near)
         if name not in fitting:
             what = f"topic {name} is a {topics[name].type_name}"
-            raise BagError(phrase(where, what, f"{wanted} must be a {right}"))
+            raise BagError(where, what, f"{wanted} must be a {right}")
         return name
     named = [name for name in fitting if f"/{name}".endswith(f"/{usual}")]
     for found in (named, fitting):
@@ -57,9 +57,9 @@ def choose_topic(bag: BagReader, topic: str | None, usual: str, types: Sequence[
             return found[0]
     if fitting:
         what = f"several topics could be the {wanted}: {', '.join(sorted(fitting))}"
-        raise BagError(phrase(where, what, "name one of them"))
+        raise BagError(where, what, "name one of them")
     held = ", ".join(f"{name} ({content.type_name})" for name, content in sorted(topics.items()))
-    raise BagError(phrase(where, f"no topic is a {right}", f"it holds {held or 'nothing'}"))
+    raise BagError(where, f"no topic is a {right}", f"it holds {held or 'nothing'}")
 
 
 class StampedRows:
@@ -110,8 +110,7 @@ class StampedRows:
         """
         total = len(self._values) + self._undecodable
         if total == 0:
-            right = f"{self._wanted} needs at least 2"
-            raise BagError(phrase(self.where, "it holds no message", right))
+            raise BagError(self.where, "it holds no message", f"{self._wanted} needs at least 2")
         stamp_ns, log_ns = self._stamps
         if 2 * np.count_nonzero(stamp_ns) < len(stamp_ns):
             stamp_ns = log_ns
@@ -130,7 +129,7 @@ class StampedRows:
         if kept < 2 or skipped > _TOLERATED_SHARE * total:
             what = f"{skipped} of {total} samples cannot be used ({reasons or 'too few'})"
             right = f"right are 2 or more, at most {_TOLERATED_SHARE:.0%} bad"
-            raise BagError(phrase(self.where, what, right))
+            raise BagError(self.where, what, right)
         if skipped:
             self.notes.append(f"{self.where}: skipped {skipped} of {total} samples ({reasons}).")
         promised = self._content.messages
@@ -147,7 +146,7 @@ class StampedRows:
         gap = f"the longest {steps[longest] * 1e-9:.4g} s at {at_s:.3f} s"
         if steps[longest] > _LONGEST_GAP_S * 1e9:
             right = f"right is one recording without a gap above {_LONGEST_GAP_S:g} s"
-            raise BagError(phrase(self.where, f"gaps in time, {gap}", right))
+            raise BagError(self.where, f"gaps in time, {gap}", right)
         return f"{self.where}: gaps in time: {int(gaps.sum())}, {gap}."
 
 
@@ -257,7 +256,7 @@ class RecordReplay:
         if not (np.isfinite(start_s) and 0.0 <= start_s < self.duration_s):
             right = f"right is 0 to less than {self.duration_s:g} s"
             where = f"start of the record at {start_s:g} s"
-            raise BagError(phrase(where, f"it lasts {self.duration_s:g} s", right))
+            raise BagError(where, f"it lasts {self.duration_s:g} s", right)
         self._start_ns, self._time_ns = round(start_s * 1e9), track.time_ns
         # ROS time of t = 0, by which other records of the same time are placed; 0: unknown
         self.begins_ns = record.began_ns + self._start_ns if record.began_ns else 0

@@ -16,7 +16,7 @@ from rclpy.node import Node
 
 from rope_twin.alerts.alert_list import Alert, State
 from rope_twin.alerts.sentences import COMMANDS, REQUEST, AlertCommand, alc, alf, arc, read_acn
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.messages import encode_text
 from rope_twin.messages.reports import decode_alerts
 from rope_twin.ros.entry import run_node
@@ -67,7 +67,7 @@ class AlertOutputNode(Node):
         except OSError as error:
             where = f"udp {self._host}:{self._port}, replies {self._replies or 'none'}"
             what = str(error.strerror or error)
-            raise InputError(phrase(where, what, "give a free port and a known host")) from error
+            raise InputError(where, what, "give a free port and a known host") from error
         listen(self, BY_NAME[ALERTS], self._take)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LIST_S, self._send_list, clock=steady)

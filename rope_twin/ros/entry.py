@@ -27,7 +27,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.qos import listen
 from rope_twin.run.progress import StopSignal
@@ -84,9 +84,9 @@ def initialise(args: list[str] | None) -> None:
         others = remove_ros_args(given)[1:]
     except Exception as error:  # rcl raises RuntimeErrors of several kinds
         reason = str(error).splitlines()[0].partition(", at /")[0].rstrip(".")
-        raise InputError(phrase("arguments", reason, _USAGE)) from error
+        raise InputError("arguments", reason, _USAGE) from error
     if others:
-        raise InputError(phrase("arguments", f"unknown argument '{others[0]}'", _USAGE))
+        raise InputError("arguments", f"unknown argument '{others[0]}'", _USAGE)
 
 
 def run_node(
@@ -270,9 +270,7 @@ def lock_instance(node: Node) -> InstanceLock:
     if discovered and not (locked and _is_silent(namespace)):
         lock.release()
         what = "another simulation is running there, and both would use the same inputs"
-        raise InputError(
-            phrase(f"ROS domain {domain}", what, "end it, or set another ROS_DOMAIN_ID")
-        )
+        raise InputError(f"ROS domain {domain}", what, "end it, or set another ROS_DOMAIN_ID")
     return lock
 
 

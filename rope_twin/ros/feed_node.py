@@ -18,7 +18,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
 from rope_twin.feeds.instrument import FeedCounts, Instrument, LineSample, MotionSample, Sample
 from rope_twin.feeds.line_faults import (
@@ -260,13 +260,13 @@ def chosen_feeds(settings: str, feed: str, source: str) -> dict[str, FeedSetting
         RopeTwinError: the settings are invalid, or a feed has no source.
     """
     if not settings:
-        raise InputError(phrase("settings", "none", "name a file or one of config/feeds/"))
+        raise InputError("settings", "none", "name a file or one of config/feeds/")
     feeds = read_settings(settings)
     if feed or source:
         feeds = with_source(feeds, source, feed)
     for name, one in feeds.items():
         if not one.source:
-            raise InputError(phrase(f"feed '{name}'", "it has no source", "give one"))
+            raise InputError(f"feed '{name}'", "it has no source", "give one")
     return feeds
 
 

@@ -11,7 +11,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.share import share_dir
 
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
@@ -60,9 +60,8 @@ def round_trip(timeout_s: float) -> RoundTrip:
     except InputError:
         raise
     except Exception as error:  # rcl raises RuntimeErrors of several kinds
-        reason = str(error).splitlines()[0].rstrip(".")
         right = "check RMW_IMPLEMENTATION and that ROS is sourced or its wheels are installed"
-        raise InputError(phrase("ROS", reason, right)) from error
+        raise InputError("ROS", str(error).splitlines()[0].rstrip("."), right) from error
     finally:
         for context in contexts:
             if context.ok():
@@ -85,8 +84,7 @@ def _exchange(contexts: tuple[Context, Context], timeout_s: float) -> RoundTrip:
             sent_s = time.monotonic()
             if sent_s - began_s > timeout_s:
                 what = f"no message from one node to another within {timeout_s:g} s"
-                right = "allow UDP on the loopback interface"
-                raise InputError(phrase("DDS", what, right))
+                raise InputError("DDS", what, "allow UDP on the loopback interface")
             publisher.publish(Float64(data=sent_s))
             while sent_s not in heard and time.monotonic() - sent_s < _PATIENCE_S:
                 executor.spin_once(timeout_sec=_PATIENCE_S)

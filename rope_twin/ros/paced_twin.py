@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from uuid import uuid4
 
 from rope_twin.alerts.monitor import AlertMonitor
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.messages import Encoder, Level, Status, encode_text, statuses
 from rope_twin.messages.diagnostics import BreachWords
 from rope_twin.messages.reports import encode_alerts, encode_estimate
@@ -547,5 +547,5 @@ def _steps_to_do(twin: Twin, stop_after_s: float) -> int:
     if left <= 0:
         where = f"node simulation, parameter stop_after_s {stop_after_s:g}"
         what = f"the saved state is at {twin.time_ns * 1e-9:g} s already"
-        raise InputError(phrase(where, what, "set a later end"))
+        raise InputError(where, what, "set a later end")
     return left

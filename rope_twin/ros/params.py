@@ -333,7 +333,7 @@ def _sentence(node: Node, field: dataclasses.Field[Any], kind: type) -> InputErr
     right = f"it must be {_TYPES[kind]}"
     if about is not None:
         right += f", {about.range_text()} ({about.about})"
-    return InputError(phrase(f"node {node.get_name()}, parameter {field.name}", repr(given), right))
+    return InputError(f"node {node.get_name()}, parameter {field.name}", repr(given), right)
 
 
 def _warn_of_unknown(node: Node, known: list[str]) -> None:

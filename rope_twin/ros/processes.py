@@ -354,8 +354,11 @@ class _Supervisor:
         code = self._codes.get("simulation", 0)
         summary = self._monitor.summary
         if summary is None:
-            raise InputError(phrase("simulation", f"ended ({_words(code)}) before it started",
-                                    "see its own messages above"))  # fmt: skip
+            raise InputError(
+                "simulation",
+                f"ended ({_words(code)}) before it started",
+                "see its own messages above",
+            )
         error = summary.error or (f"the simulation ended ({_words(code)})" if code else "")
         bag = str(options.record) if options.record else None
         not_kept = summary.not_kept if options.save else ""

@@ -25,7 +25,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import SetBool, Trigger
 
-from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
+from rope_twin.errors import InputError, RopeTwinError, did_you_mean
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode_epoch, encode_text
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import Clocks, PacedTwin, with_hint
@@ -146,11 +146,11 @@ class SimulationNode(LifecycleNode):
             known = (*self._inputs, *self._own_publishers)
             if self._params.lockstep and not self.get_parameter("use_sim_time").value:
                 where = "node simulation, parameter lockstep"
-                raise InputError(phrase(where, "it needs the time of /clock", "set use_sim_time"))
+                raise InputError(where, "it needs the time of /clock", "set use_sim_time")
             unknown = [name for name in self._params.wait_for.split() if name not in known]
             if unknown:
                 where = "node simulation, parameter wait_for"
-                raise InputError(phrase(where, f"'{unknown[0]}'", did_you_mean(unknown[0], known)))
+                raise InputError(where, f"'{unknown[0]}'", did_you_mean(unknown[0], known))
             scene = load_scene(self._params.scene)
             scene = at_setting(scene, self._params.elements or None, self._params.step_s or None)
             scene = following_measured(scene) if self._params.follow_measured else scene

@@ -304,7 +304,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         (alone and args.ahead, "--ahead", no_ros, "forecast its bag: `rope_twin ahead BAG`"),
     ):  # fmt: skip
         if broken:
-            raise InputError(phrase(option, what, right))
+            raise InputError(option, what, right)
     if args.save_state is not None:
         check_place(args.save_state, f"--save-state {args.save_state}")
     begin = None
@@ -344,14 +344,14 @@ def check_against_scene(options: RunOptions, scene: Scene) -> str:
     if options.sea_offset_s > 0.0 and not (options.bag or options.poses or sea.bag or sea.poses):
         where = f"--sea-offset {options.sea_offset_s:g}"
         what = f"there is no bag to start in: scene {scene.name} has none, and none is named"
-        raise InputError(phrase(where, what, "name one with --bag or --poses, or leave it out"))
+        raise InputError(where, what, "name one with --bag or --poses, or leave it out")
     if options.end_s is None:
         return ""
     step_s, left_s = scene.time.step_s, options.end_s - options.begins_s
     where = f"--duration {left_s:.9g}"
     if left_s < step_s * (1.0 - STEP_TOL):
         what = f"the run would be shorter than one time step of {step_s:g} s"
-        raise InputError(phrase(where, what, f"give at least {step_s:.9g} s"))
+        raise InputError(where, what, f"give at least {step_s:.9g} s")
     steps, together = round(left_s / step_s), steps_in_slot(step_s)
     end_s = options.begins_s + math.ceil(steps / together) * together * step_s
     if abs(end_s - options.end_s) <= STEP_TOL * step_s:
@@ -378,7 +378,7 @@ def _read_cut(words: str, begins_s: float, end_s: float | None) -> str:
     if at_s < begins_s or (end_s is not None and at_s >= end_s):
         end = "" if end_s is None else f" to {end_s:g} s"
         what = f"the run goes from {begins_s:g} s{end or ' on'}"
-        raise InputError(phrase(f"--cut {words}", what, "cut within it"))
+        raise InputError(f"--cut {words}", what, "cut within it")
     return words
 
 
@@ -394,7 +394,7 @@ def _without_units(cut: str) -> str:
 
 def _check(option: str, value: object, holds: bool, right: str) -> None:
     if not holds:
-        raise InputError(phrase(option, f"{value} is not possible", right))
+        raise InputError(option, f"{value} is not possible", right)
 
 
 def _scene_of(about: StateDescription) -> str:
@@ -409,7 +409,7 @@ def _scene_of(about: StateDescription) -> str:
         return about.scene_path
     if about.scene not in scene_names():
         what = f"its scene {about.scene_path} does not exist"
-        raise InputError(phrase("--from-state", what, "give the path of the scene too"))
+        raise InputError("--from-state", what, "give the path of the scene too")
     return about.scene
 
 

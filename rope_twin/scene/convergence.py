@@ -16,7 +16,7 @@ from typing import Any
 
 from rope_twin.core import CONNECTIONS_VERSION, SOLVER_VERSION
 from rope_twin.effects import EFFECTS
-from rope_twin.errors import SceneError, phrase
+from rope_twin.errors import SceneError
 from rope_twin.scene.error_bound import (
     PEAK,
     RMS,
@@ -134,16 +134,16 @@ def read_study(scene: Scene) -> ConvergenceStudy | None:
     except FileNotFoundError:
         return None
     except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(phrase(str(path), f"it cannot be read ({error})", _REMAKE)) from error
+        raise SceneError(str(path), f"it cannot be read ({error})", _REMAKE) from error
     try:
         found = json.loads(text)
         if found["format"] != FORMAT:
             what = f"a study of format {found['format']}, this version reads {FORMAT}"
-            raise SceneError(phrase(str(path), what, _REMAKE))
+            raise SceneError(str(path), what, _REMAKE)
         return _study_of(found)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SceneError(
-            phrase(str(path), f"it is not a convergence study ({error!r})", _REMAKE)
+            str(path), f"it is not a convergence study ({error!r})", _REMAKE
         ) from error
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from rope_twin.effects import EFFECTS
-from rope_twin.errors import SceneError, SceneErrors, did_you_mean, phrase
+from rope_twin.errors import SceneError, SceneErrors, did_you_mean
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.environment import beside, is_bag_path
 from rope_twin.scene.grid import elements_with
@@ -137,7 +137,7 @@ def rope_preset(name: str) -> Rope:
     presets = rope_presets()
     if name not in presets:
         what = "there is no such preset in config/ropes.yaml"
-        raise SceneError(phrase(f"rope '{name}'", what, did_you_mean(name, presets)))
+        raise SceneError(f"rope '{name}'", what, did_you_mean(name, presets))
     return presets[name]
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 
 FORMAT = 1
 REMAKE = "give a load_chart.json of `rope_twin plan`"
@@ -53,8 +53,11 @@ class LoadChart:
             InputError: there is no such phase.
         """
         if phase not in self.phases:
-            raise InputError(phrase(f"phase '{phase}'", "the load chart has no such phase",
-                                    did_you_mean(phase, self.phases)))  # fmt: skip
+            raise InputError(
+                f"phase '{phase}'",
+                "the load chart has no such phase",
+                did_you_mean(phase, self.phases),
+            )
         table = self.phases[phase].limiting_hs_m
         rows = _neighbours(self.tp_s, period_s)
         sides = (heading_deg, -heading_deg) if self.symmetric else (heading_deg,)
@@ -82,13 +85,13 @@ def read_load_chart(path: str | Path) -> LoadChart:
     try:
         found = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(phrase(where, f"it cannot be read ({error})", REMAKE)) from error
+        raise InputError(where, f"it cannot be read ({error})", REMAKE) from error
     except ValueError as error:
-        raise InputError(phrase(where, f"it is not JSON ({error})", REMAKE)) from error
+        raise InputError(where, f"it is not JSON ({error})", REMAKE) from error
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         held = found.get("format") if isinstance(found, dict) else None
         what = f"a load chart of format {held}, this version reads {FORMAT}"
-        raise InputError(phrase(where, what, REMAKE))
+        raise InputError(where, what, REMAKE)
     try:
         periods, headings = _axis(found["tp_s"]), _axis(found["heading_deg"])
         phases = {str(name): _phase(own, len(periods), len(headings))
@@ -104,9 +107,9 @@ def read_load_chart(path: str | Path) -> LoadChart:
             phases=phases,
         )
     except KeyError as error:
-        raise InputError(phrase(where, f"it lacks the key {error}", REMAKE)) from error
+        raise InputError(where, f"it lacks the key {error}", REMAKE) from error
     except (AttributeError, TypeError, ValueError) as error:
-        raise InputError(phrase(where, f"it is not a load chart ({error})", REMAKE)) from error
+        raise InputError(where, f"it is not a load chart ({error})", REMAKE) from error
 
 
 def _axis(values: Any) -> tuple[float, ...]:

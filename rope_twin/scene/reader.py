@@ -91,7 +91,7 @@ class Place:
     def refuse(self, what: str, right: str) -> SceneError:
         """Return the error to raise: place, fault and remedy, always on one line."""
         sentence = phrase(str(self), what, right).replace("?.", "?")
-        return SceneError(" ".join(sentence.split()), self.line)
+        return SceneError(" ".join(sentence.split()), line=self.line)
 
 
 class _Loader(yaml.SafeLoader):

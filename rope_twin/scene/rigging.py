@@ -12,7 +12,7 @@ from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.effects.payload import PayloadParams, SplashZoneParams
 from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.errors import SceneError, did_you_mean, phrase
+from rope_twin.errors import SceneError, did_you_mean
 from rope_twin.quantity import text
 from rope_twin.scene.schema import WINCH, Fault, RopeLine, Rule, Scene, Triple, Winch
 
@@ -44,7 +44,7 @@ def refuse_joined(scene: Scene) -> None:
     """
     if is_joined(scene):
         right = "give a scene of one rope, or step this one with `rope_twin run`"
-        raise SceneError(phrase(f"{scene.path}: ropes", "ropes meet here", right))
+        raise SceneError(f"{scene.path}: ropes", "ropes meet here", right)
 
 
 def places(scene: Scene) -> dict[str, Triple]:
@@ -300,7 +300,7 @@ def refuse_body(scene: Scene, what: str) -> None:
     """
     if scene.listed(RigidBodyParams) is not None:
         right = "use `payload`, a point, instead"
-        raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
+        raise SceneError(f"{scene.path}: effects.rigid_body", what, right)
 
 
 def body_payload(scene: Scene) -> str | None:

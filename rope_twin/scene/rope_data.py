@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rope_twin.core.state import Floats, Table
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.vortex.fatigue import CURVES, OWN, Endurance, TensionCurve
 
@@ -298,10 +298,10 @@ def own_curve(line: RopeLine) -> TensionCurve:
     where = f"fatigue {OWN}: rope '{line.name}'"
     if None in curves:
         right = f"give it `fatigue: {{tension: {{...}}}}`, or take one of {', '.join(CURVES)}"
-        raise InputError(phrase(where, "it has no curve of tension of its own", right))
+        raise InputError(where, "it has no curve of tension of its own", right)
     if len(curves) > 1:
         what = "its sections have different curves of tension"
-        raise InputError(phrase(where, what, "give all of them the same"))
+        raise InputError(where, what, "give all of them the same")
     (curve,) = curves
     assert curve is not None
     return curve

@@ -43,7 +43,7 @@ from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.effects.rope_mass import AddedMassParams, Weight
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.errors import SceneError, phrase
+from rope_twin.errors import SceneError
 from rope_twin.scene.grid import (
     TOLERANCE_LEAST_N,
     TOLERANCE_MOST_N,
@@ -215,9 +215,7 @@ def build_effects(
                 if params is bed:
                     around = around._replace(bed=built[-1])
                 if not hooks_of(type(built[-1])):
-                    raise SceneError(
-                        phrase(f"effect '{effect.name}'", "it has no kernel", "register one")
-                    )
+                    raise SceneError(f"effect '{effect.name}'", "it has no kernel", "register one")
     if any(one.rope.is_fibre for line in scene.ropes for one in line.made_of):
         built.append(new_fibre(room))
     if line.end_motion is not None:

@@ -7,7 +7,7 @@ from math import cos, exp, pi, sqrt
 
 import numpy as np
 
-from rope_twin.errors import SceneError, phrase
+from rope_twin.errors import SceneError
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.schema import Payload, Rising, Shape, Triple, TwoWayShape
 
@@ -400,5 +400,5 @@ def payload_figures(payload: Payload, water_density_kg_per_m3: float) -> Payload
     if volume is None or added is None or drag is None:
         what = "without a shape its volume, added mass or drag area cannot be known"
         right = "add a shape, or displaced_volume_m3, added_mass_kg and drag_area_m2"
-        raise SceneError(phrase(f"payload '{payload.name}'", what, right))
+        raise SceneError(f"payload '{payload.name}'", what, right)
     return PayloadFigures(payload.mass_kg, volume, added, drag, own.added_mass_kg, rising_drag)

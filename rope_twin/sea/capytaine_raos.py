@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.sea.raos import FREEDOMS, Answers, RaoConventions, Written
 from rope_twin.sea.tables import Vector
 
@@ -44,7 +44,7 @@ class _DataSet:
         """
         if not self.has(name):
             what = f"there is no variable {name}"
-            raise InputError(phrase(self.where, what, "give a data set as Capytaine exports it"))
+            raise InputError(self.where, what, "give a data set as Capytaine exports it")
         variable = self._file.variables[name]
         own, numbers = list(variable.dimensions), np.asarray(variable[...], np.float64)
         for axis in reversed(range(len(own))):
@@ -53,7 +53,7 @@ class _DataSet:
                 del own[axis]
         if sorted(own) != sorted(dimensions):
             what = f"{name} has the dimensions {', '.join(variable.dimensions) or 'none'}"
-            raise InputError(phrase(self.where, what, f"needed are {', '.join(dimensions)}"))
+            raise InputError(self.where, what, f"needed are {', '.join(dimensions)}")
         return np.transpose(numbers, [own.index(one) for one in dimensions])
 
     def complex(self, name: str, *dimensions: str) -> Answers:
@@ -62,7 +62,7 @@ class _DataSet:
         names = self.names("complex")
         if names != ["re", "im"]:
             what = f"the dimension complex is {', '.join(names)}"
-            raise InputError(phrase(self.where, what, "it must be re, im"))
+            raise InputError(self.where, what, "it must be re, im")
         return np.asarray(parts[0] + 1j * parts[1], np.complex128)
 
     def names(self, name: str) -> list[str]:
@@ -84,14 +84,11 @@ def read_capytaine(path: Path, conventions: RaoConventions) -> Written:
     where = str(path)
     if importlib.util.find_spec("h5netcdf") is None or importlib.util.find_spec("h5py") is None:
         what = "reading netCDF needs h5netcdf and h5py, and they are not there"
-        raise InputError(
-            phrase(where, what, "install them with `pip install 'rope_twin[planning]'`")
-        )
+        raise InputError(where, what, "install them with `pip install 'rope_twin[planning]'`")
     with path.open("rb") as stream:
         if stream.read(len(_HDF5)) != _HDF5:
-            what = "it is not a netCDF 4 file"
             right = "export it with `capytaine.export_dataset` or xarray's engine h5netcdf"
-            raise InputError(phrase(where, what, right))
+            raise InputError(where, "it is not a netCDF 4 file", right)
     import h5netcdf  # optional
 
     try:
@@ -100,7 +97,7 @@ def read_capytaine(path: Path, conventions: RaoConventions) -> Written:
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
         words = " ".join(str(error).split())[:120]
         right = "give a data set as Capytaine exports it"
-        raise InputError(phrase(where, f"it cannot be read ({words})", right)) from None
+        raise InputError(where, f"it cannot be read ({words})", right) from None
 
 
 def _written(data: _DataSet, conventions: RaoConventions) -> Written:
@@ -112,26 +109,25 @@ def _written(data: _DataSet, conventions: RaoConventions) -> Written:
     convention = str(data._file.attrs.get("incoming_waves_convention", "Nemoh"))
     if convention.lower() != "nemoh":
         what = f"incoming_waves_convention is '{convention}'"
-        raise InputError(phrase(where, what, "give a data set with Capytaine's own, exp(-iωt)"))
+        raise InputError(where, what, "give a data set with Capytaine's own, exp(-iωt)")
     if data.has("forward_speed") and data.values("forward_speed").any():
         what = "its RAOs are those of a vessel with forward speed"
-        raise InputError(phrase(where, what, "give RAOs at zero speed"))
+        raise InputError(where, what, "give RAOs at zero speed")
     direction = data.values("wave_direction", "wave_direction")
     variable = "RAO" if data.has("RAO") else "excitation_force"
     if not data.has(variable):
         variable = "Froude_Krylov_force"
     if not data.has(variable):
         what = "there is neither RAO nor excitation_force"
-        right = "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`"
-        raise InputError(phrase(where, what, right))
+        raise InputError(where, what, "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`")
     axis = next((one for one in _FREQUENCIES if one in data.dimensions(variable)), None)
     if axis is None:
         what = f"{variable} has no dimension omega, freq or period"
-        raise InputError(phrase(where, what, "give a data set over wave frequencies"))
+        raise InputError(where, what, "give a data set over wave frequencies")
     given = data.values(axis, axis)
     if not (np.isfinite(given).all() and (given > 0.0).all()):
         what = f"{axis} is not finite and above 0 everywhere"
-        raise InputError(phrase(where, what, "leave the limits of 0 and infinity out"))
+        raise InputError(where, what, "leave the limits of 0 and infinity out")
     frequency = {"omega": given / (2.0 * np.pi), "freq": given, "period": 1.0 / given}[axis]
     answer = np.conj(_raos(data, axis, frequency))
     origin = conventions.origin_m
@@ -139,7 +135,7 @@ def _written(data: _DataSet, conventions: RaoConventions) -> Written:
         x, y, z = (float(one) for one in data.values("rotation_center", "space_coordinate"))
         origin = (x, y, z)
     if not np.isfinite(origin).all():
-        raise InputError(phrase(where, "rotation_center is not finite", "give one in the data set"))
+        raise InputError(where, "rotation_center is not finite", "give one in the data set")
     return Written(where, f"{where}, Capytaine", np.degrees(direction), frequency, answer,
                    conventions.symmetry, origin, (0.0, 0.0, 0.0))  # fmt: skip
 
@@ -153,8 +149,7 @@ def _raos(data: _DataSet, axis: str, frequency: Vector) -> Answers:
     missing = [name for name in _COEFFICIENTS if not data.has(name)]
     if missing:
         what = f"there is no RAO, and no {', '.join(missing)} to solve it from"
-        right = "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`"
-        raise InputError(phrase(data.where, what, right))
+        raise InputError(data.where, what, "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`")
     pair = ("influenced_dof", "radiating_dof")
     rows, columns = (_order(data, dof) for dof in pair)
     A, B = (
@@ -176,8 +171,7 @@ def _raos(data: _DataSet, axis: str, frequency: Vector) -> Answers:
         solved = np.linalg.solve(impedance, F[:, rows])
     except np.linalg.LinAlgError:
         what = "its equations of motion are singular"
-        right = "give the inertia of a body that floats"
-        raise InputError(phrase(data.where, what, right)) from None
+        raise InputError(data.where, what, "give the inertia of a body that floats") from None
     return np.asarray(np.moveaxis(solved, 0, 2))
 
 
@@ -187,5 +181,5 @@ def _order(data: _DataSet, dof: str) -> list[int]:
     if sorted(names) != sorted(FREEDOMS):
         what = f"its degrees of freedom are {', '.join(data.names(dof)) or 'not named'}"
         right = "give one rigid body with Surge, Sway, Heave, Roll, Pitch, Yaw"
-        raise InputError(phrase(data.where, what, right))
+        raise InputError(data.where, what, right)
     return [names.index(name) for name in FREEDOMS]

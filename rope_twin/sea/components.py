@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.sea.spectrum import WaveSpectrum
 from rope_twin.sea.tables import Vector
 
@@ -28,7 +28,7 @@ def random_shares(seed: int, count: int) -> Vector:
         InputError: a negative seed.
     """
     if seed < 0:
-        raise InputError(phrase("seed", f"it is {seed}", "right is a whole number from 0"))
+        raise InputError("seed", f"it is {seed}", "right is a whole number from 0")
     words = np.random.PCG64(seed).random_raw(count)
     return (words >> np.uint64(11)).astype(np.float64) * 2.0**-53
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.sea.raos import (
     FREEDOMS,
     GRAVITY_M_PER_S2,
@@ -61,12 +61,12 @@ def load_model(path: Path) -> Keys:
         with path.open("rb") as stream:
             found = yaml.load(stream, Loader=loader)
     except OSError as error:
-        raise InputError(phrase(str(path), f"it cannot be read ({error})", right)) from None
+        raise InputError(str(path), f"it cannot be read ({error})", right) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         words = " ".join(str(error).split())[:120]
-        raise InputError(phrase(str(path), f"it is not YAML ({words})", right)) from None
+        raise InputError(str(path), f"it is not YAML ({words})", right) from None
     if not isinstance(found, Mapping):
-        raise InputError(phrase(str(path), "its top is not a mapping", right))
+        raise InputError(str(path), "its top is not a mapping", right)
     return found
 
 
@@ -82,9 +82,8 @@ def length_unit_m(model: Keys, where: str) -> float:
     known = {"SI": "m", "US": "ft", "User": general.get("LengthUnits")}
     unit = known.get(str(system))
     if unit not in ("m", "ft"):
-        what = f"the unit of length is not stated (UnitsSystem {system})"
         right = "add `General: {UnitsSystem: SI}`, or User with LengthUnits m or ft"
-        raise InputError(phrase(where, what, right))
+        raise InputError(where, f"the unit of length is not stated (UnitsSystem {system})", right)
     return 1.0 if unit == "m" else FOOT_M
 
 
@@ -108,7 +107,7 @@ def read_orcaflex(path: Path, conventions: RaoConventions) -> Written:
     table = draught.get("DisplacementRAOs")
     if not isinstance(table, Mapping) or not isinstance(table.get("RAOs"), Sequence):
         what = "there are no DisplacementRAOs with a list RAOs"
-        raise InputError(phrase(where, what, "give a vessel type with displacement RAOs"))
+        raise InputError(where, what, "give a vessel type with displacement RAOs")
     unit_m = length_unit_m(model, where)
     headings, waves, numbers = _numbers(table["RAOs"], where)
     frequency = _frequencies(_word(kind, "WavesReferredToBy", where), waves, where)
@@ -127,16 +126,16 @@ def _chosen(listed: Any, wanted: str, where: str, key: str, option: str) -> Keys
     """Return the one of this name, or the only one. Raises InputError."""
     if not isinstance(listed, Sequence) or not all(isinstance(one, Mapping) for one in listed):
         what = f"there is no list {key}"
-        raise InputError(phrase(where, what, "give a vessel type as OrcaFlex saves it"))
+        raise InputError(where, what, "give a vessel type as OrcaFlex saves it")
     names = [str(one.get("Name", "")) for one in listed]
     if wanted:
         if wanted in names:
             found: Keys = listed[names.index(wanted)]
             return found
-        raise InputError(phrase(where, f"no {option} '{wanted}'", did_you_mean(wanted, names)))
+        raise InputError(where, f"no {option} '{wanted}'", did_you_mean(wanted, names))
     if len(listed) != 1:
         what = f"{len(listed)} of {key}: {', '.join(names)}"
-        raise InputError(phrase(where, what, f"name one with `{option}`"))
+        raise InputError(where, what, f"name one with `{option}`")
     only: Keys = listed[0]
     return only
 
@@ -145,7 +144,7 @@ def _word(kind: Keys, key: str, where: str) -> str:
     """Return the text of a convention, in small letters, without hyphens. Raises InputError."""
     if kind.get(key) is None:
         right = "add it, as OrcaFlex writes it"
-        raise InputError(phrase(where, f"the convention {key} is not stated", right))
+        raise InputError(where, f"the convention {key} is not stated", right)
     return " ".join(str(kind[key]).replace("-", " ").lower().split())
 
 
@@ -153,8 +152,7 @@ def _choice(kind: Keys, key: str, known: Mapping[str, Any], where: str) -> Any:
     """Return the meaning of a convention. Raises InputError."""
     word = _word(kind, key, where)
     if word not in known:
-        what = f"{key} is '{kind[key]}'"
-        raise InputError(phrase(where, what, f"what is read is {', '.join(known)}"))
+        raise InputError(where, f"{key} is '{kind[key]}'", f"what is read is {', '.join(known)}")
     return known[word]
 
 
@@ -164,37 +162,37 @@ def _numbers(tables: Any, where: str) -> tuple[Vector, Vector, Vector]:
     for table in tables:
         if not isinstance(table, Mapping) or "RAODirection" not in table:
             what = "an entry of RAOs has no RAODirection"
-            raise InputError(phrase(where, what, "give the direction of every table"))
+            raise InputError(where, what, "give the direction of every table")
         heading = _number(table["RAODirection"], f"{where}, RAODirection")
         at = f"{where}, RAODirection {heading:g}"
         key = next((one for one in table if str(one).startswith(_COLUMNS[0])), None)
         if key is None or tuple(part.strip() for part in str(key).split(",")) != _COLUMNS:
             what = "its columns are not period or frequency and six amplitudes and phases"
-            raise InputError(phrase(at, what, f"the key must be '{', '.join(_COLUMNS)}'"))
+            raise InputError(at, what, f"the key must be '{', '.join(_COLUMNS)}'")
         rows = table[key]
         if not isinstance(rows, Sequence) or not rows or isinstance(rows, str):
-            raise InputError(phrase(at, "it has no rows", "give rows of 13 numbers"))
+            raise InputError(at, "it has no rows", "give rows of 13 numbers")
         for row in rows:
             if not isinstance(row, Sequence) or len(row) != len(_COLUMNS):
                 count = len(row) if isinstance(row, Sequence) else 1
-                raise InputError(phrase(at, f"a row of {count} values", "a row has 13 numbers"))
+                raise InputError(at, f"a row of {count} values", "a row has 13 numbers")
         block = np.array([[_number(cell, at) for cell in row] for row in rows])
         order = np.argsort(block[:, 0], kind="stable")
         block = block[order]
         if headings and not np.array_equal(waves, block[:, 0]):
             what = f"other periods or frequencies than at {headings[0]:g}"
-            raise InputError(phrase(at, what, "give the same for every direction"))
+            raise InputError(at, what, "give the same for every direction")
         waves = block[:, 0]
         if (block[:, 1::2] < 0.0).any():
-            raise InputError(phrase(at, "an amplitude is negative", "give 0 or more, and a phase"))
+            raise InputError(at, "an amplitude is negative", "give 0 or more, and a phase")
         if not np.isfinite(block[:, 1:]).all():
-            raise InputError(phrase(at, "a number is not finite", "give finite numbers"))
+            raise InputError(at, "a number is not finite", "give finite numbers")
         headings.append(heading)
         blocks.append(block[:, 1:])
     if not headings:
-        raise InputError(phrase(where, "RAOs is empty", "give a table for every direction"))
+        raise InputError(where, "RAOs is empty", "give a table for every direction")
     if not np.isfinite(headings).all():
-        raise InputError(phrase(where, "a RAODirection is not finite", "give degrees"))
+        raise InputError(where, "a RAODirection is not finite", "give degrees")
     return np.array(headings), waves, np.stack(blocks)
 
 
@@ -205,14 +203,13 @@ def _number(value: Any, where: str) -> float:
             return float(value)
         except ValueError:
             pass
-    raise InputError(phrase(where, f"'{value}' is not a number", "give a number"))
+    raise InputError(where, f"'{value}' is not a number", "give a number")
 
 
 def _frequencies(referred: str, waves: Vector, where: str) -> Vector:
     """Return frequencies [Hz] in the order of the rows; a period of 0 is infinite."""
     if (waves < 0.0).any() or np.isnan(waves).any():
-        what = "a period or frequency is below 0"
-        raise InputError(phrase(where, what, "give 0 or more"))
+        raise InputError(where, "a period or frequency is below 0", "give 0 or more")
     with np.errstate(divide="ignore"):
         match referred:
             case "period (s)":
@@ -221,9 +218,8 @@ def _frequencies(referred: str, waves: Vector, where: str) -> Vector:
                 return waves / (2.0 * np.pi)
             case "frequency (hz)":
                 return waves
-    what = f"WavesReferredToBy is '{referred}'"
     right = "what is read is period (s), frequency (rad/s) and frequency (Hz)"
-    raise InputError(phrase(where, what, right))
+    raise InputError(where, f"WavesReferredToBy is '{referred}'", right)
 
 
 def _responses(
@@ -247,8 +243,7 @@ def _responses(
     scale = {"a": turns / unit_m, "ka": k, "h/l": k / np.pi}[unit]
     gone = np.isinf(frequency)
     if gone.any() and amplitude[:, :, gone].any():
-        what = "RAOs at the period 0 are not 0"
-        raise InputError(phrase(where, what, "give 0, or leave that row out"))
+        raise InputError(where, "RAOs at the period 0 are not 0", "give 0, or leave that row out")
     answer: Answers = amplitude * np.exp(1j * sign * phase) / relative
     answer[3:] = answer[3:] * scale
     for number, (key, (positive, negative)) in enumerate(_DIRECTIONS.items()):
@@ -260,9 +255,9 @@ def _point(table: Keys, key: str, where: str, usual: Point | None = None) -> Poi
     """Return a point, written as one list or as three keys; `~`: as of `usual`."""
     given = table.get(key, [table.get(f"{key}{axis}", "") for axis in "XYZ"])
     if not isinstance(given, Sequence) or isinstance(given, str) or len(given) != 3:
-        raise InputError(phrase(where, f"{key} is not three numbers", "give x, y, z"))
+        raise InputError(where, f"{key} is not three numbers", "give x, y, z")
     if "" in given:
-        raise InputError(phrase(where, f"{key} is not stated", f"add {key}, as OrcaFlex writes it"))
+        raise InputError(where, f"{key} is not stated", f"add {key}, as OrcaFlex writes it")
     found = list[float]()
     for number, value in enumerate(given):
         if value is None and usual is not None:
@@ -270,7 +265,7 @@ def _point(table: Keys, key: str, where: str, usual: Point | None = None) -> Poi
         else:
             found.append(_number(value, f"{where}, {key}"))
     if not np.isfinite(found).all():
-        raise InputError(phrase(where, f"{key} is not finite", "give x, y, z"))
+        raise InputError(where, f"{key} is not finite", "give x, y, z")
     return found[0], found[1], found[2]
 
 

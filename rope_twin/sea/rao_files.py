@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.sea.capytaine_raos import read_capytaine
 from rope_twin.sea.orcaflex_raos import read_orcaflex
 from rope_twin.sea.raos import (
@@ -57,7 +57,7 @@ def read_responses(name_or_path: str, conventions: RaoConventions = NO_CONVENTIO
     about = path.stat()
     if about.st_size > LARGEST_FILE_BYTES:
         what = f"it is larger than {LARGEST_FILE_BYTES // 1_000_000} MB"
-        raise InputError(phrase(str(path), what, "give a table of RAOs"))
+        raise InputError(str(path), what, "give a table of RAOs")
     return _read(path, conventions, about.st_mtime_ns, about.st_size)
 
 
@@ -86,13 +86,12 @@ def read_csv(path: Path, conventions: RaoConventions) -> Responses:
     headings, frequencies, columns = read_grid(path, (HEADING, FREQUENCY), names)
     if headings[0] != 0.0 or headings[-1] not in (180.0, 360.0):
         what = f"headings from {headings[0]:g}° to {headings[-1]:g}°"
-        raise InputError(phrase(where, what, "they must reach from 0° to 180°, or to 360°"))
+        raise InputError(where, what, "they must reach from 0° to 180°, or to 360°")
     if frequencies[0] <= 0.0:
-        what = f"frequencies from {frequencies[0]:g} Hz"
-        raise InputError(phrase(where, what, "give them above 0"))
+        raise InputError(where, f"frequencies from {frequencies[0]:g} Hz", "give them above 0")
     for name in AMPLITUDES:
         if (columns[name] < 0.0).any():
-            raise InputError(phrase(where, f"{name} is negative", "give 0 or more, and a phase"))
+            raise InputError(where, f"{name} is negative", "give 0 or more, and a phase")
     amplitude = np.stack([columns[name] for name in AMPLITUDES])
     amplitude[3:] = np.radians(amplitude[3:])
     phases = np.radians(np.stack([columns[name] for name in PHASES]))
@@ -100,7 +99,7 @@ def read_csv(path: Path, conventions: RaoConventions) -> Responses:
     mirrored = headings[-1] == 180.0
     if not mirrored and not np.allclose(answer[:, 0], answer[:, -1], rtol=1e-6, atol=1e-9):
         what = "RAOs at 0° and at 360° differ"
-        raise InputError(phrase(where, what, "give the same, they are one heading"))
+        raise InputError(where, what, "give the same, they are one heading")
     return Responses(headings, frequencies, answer, where, mirrored, conventions.origin_m)
 
 
@@ -127,14 +126,14 @@ def read_wamit(path: Path, conventions: RaoConventions) -> Written:
         k, h, t = (int(one[0]) for one in np.nonzero(counts != 1))
         fault = "is missing" if counts[k, h, t] == 0 else "is double"
         what = f"mode {k + 1} at PER {period[t]:g} and BETA {heading[h]:g} {fault}"
-        raise InputError(phrase(where, what, "give six modes for each period and heading once"))
+        raise InputError(where, what, "give six modes for each period and heading once")
     value = rows[:, 5] + 1j * rows[:, 6]
     polar = rows[:, 3] * np.exp(1j * np.radians(rows[:, 4]))
     off = np.abs(value - polar) > _ROUNDED * np.abs(value) + 1e-6
     if off.any():
         what = "modulus and phase are not those of real and imaginary part"
         right = "give them as WAMIT writes them, the phase in degrees"
-        raise InputError(phrase(f"{where}, line {lines[int(np.argmax(off))]}", what, right))
+        raise InputError(f"{where}, line {lines[int(np.argmax(off))]}", what, right)
     answer = np.zeros(counts.shape, np.complex128)
     answer[mode, i, j] = value
     answer[3:] /= conventions.scale_length_m
@@ -147,8 +146,7 @@ def _wamit_rows(path: Path) -> tuple[Vector, list[int]]:
     try:
         text = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        what = f"it cannot be read ({error})"
-        raise InputError(phrase(str(path), what, "give a text file")) from None
+        raise InputError(str(path), f"it cannot be read ({error})", "give a text file") from None
     rows, lines = list[list[float]](), list[int]()
     for number, line in enumerate(text, 1):
         where = f"{path}, line {number}"
@@ -161,23 +159,23 @@ def _wamit_rows(path: Path) -> tuple[Vector, list[int]]:
             if number == 1:
                 continue  # titles
             what = f"'{line.strip()[:40]}' are not numbers"
-            raise InputError(phrase(where, what, f"a row is {_WAMIT}")) from None
+            raise InputError(where, what, f"a row is {_WAMIT}") from None
         if len(values) != 7:
-            raise InputError(phrase(where, f"{len(values)} numbers", f"a row is {_WAMIT}"))
+            raise InputError(where, f"{len(values)} numbers", f"a row is {_WAMIT}")
         if not np.isfinite(values).all():
-            raise InputError(phrase(where, "a number is not finite", f"a row is {_WAMIT}"))
+            raise InputError(where, "a number is not finite", f"a row is {_WAMIT}")
         if values[0] <= 0.0:
             right = "give periods in seconds above 0 (WAMIT: IPEROUT = 1)"
-            raise InputError(phrase(where, f"PER is {values[0]:g}", right))
+            raise InputError(where, f"PER is {values[0]:g}", right)
         if values[2] not in range(1, _MODES + 1):
             right = "give the six rigid modes of one body, 1 to 6"
-            raise InputError(phrase(where, f"mode {values[2]:g}", right))
+            raise InputError(where, f"mode {values[2]:g}", right)
         if values[3] < 0.0:
-            raise InputError(phrase(where, f"modulus {values[3]:g}", "give 0 or more"))
+            raise InputError(where, f"modulus {values[3]:g}", "give 0 or more")
         rows.append(values)
         lines.append(number)
     if not rows:
-        raise InputError(phrase(str(path), "it has no rows", f"a row is {_WAMIT}"))
+        raise InputError(str(path), "it has no rows", f"a row is {_WAMIT}")
     return np.array(rows), lines
 
 

@@ -85,14 +85,14 @@ class RaoConventions(SparingRepr):
         """
         if fault := self.check():
             what, _, right = fault.partition("; ")
-            raise InputError(phrase(where, what, right))
+            raise InputError(where, what, right)
         for name in needed:
             if getattr(self, name) in (None, ""):
                 right = f"give it as `{name}` in the scene's `conventions`, or as an option"
-                raise InputError(phrase(where, f"the file does not state its {name}", right))
+                raise InputError(where, f"the file does not state its {name}", right)
         for name in self._later:
             if name not in needed and getattr(self, name) not in (None, ""):
-                raise InputError(phrase(where, f"`{name}` is given, and {states}", "remove it"))
+                raise InputError(where, f"`{name}` is given, and {states}", "remove it")
 
 
 NO_CONVENTIONS = RaoConventions()
@@ -146,7 +146,7 @@ class Responses:
         """
         if self.origin_m is None:
             what = "its RAOs are those of a point that is not stated"
-            raise InputError(phrase(self.source, what, "give `origin_m`"))
+            raise InputError(self.source, what, "give `origin_m`")
         own = self.around()
         return replace(own, answer=moved_by(own.answer, _arm(self.origin_m, to_m)))
 
@@ -240,15 +240,15 @@ def assemble(written: Written) -> Responses:
     """
     where, answer = written.where, written.answer
     if not np.isfinite(answer).all():
-        raise InputError(phrase(where, "an RAO is not a finite number", "give finite numbers"))
+        raise InputError(where, "an RAO is not a finite number", "give finite numbers")
     order = np.argsort(written.frequency_hz)
     frequencies = written.frequency_hz[order]
     if len(frequencies) < 2:
-        raise InputError(phrase(where, "it has one wave period", "give two or more"))
+        raise InputError(where, "it has one wave period", "give two or more")
     if not (np.isfinite(frequencies).all() and frequencies[0] >= 0.0):
-        raise InputError(phrase(where, "a wave period is not above 0", "give positive periods"))
+        raise InputError(where, "a wave period is not above 0", "give positive periods")
     if (np.diff(frequencies) <= 1e-9 * frequencies[1:]).any():
-        raise InputError(phrase(where, "a wave period is double", "give each once"))
+        raise InputError(where, "a wave period is double", "give each once")
     answer = answer[:, :, order]
     if written.symmetry == NO_SYMMETRY:
         headings, answer = _full_circle(where, written.heading_deg, answer)
@@ -260,7 +260,7 @@ def assemble(written: Written) -> Responses:
     if gaps[widest] > WIDEST_GAP_DEG + SAME_DEG:
         pair = f"{headings[widest] % 360.0:g}° and {headings[widest + 1] % 360.0:g}°"
         what = f"no heading between {pair}, with symmetry {written.symmetry}"
-        raise InputError(phrase(where, what, f"give them at most {WIDEST_GAP_DEG:g}° apart"))
+        raise InputError(where, what, f"give them at most {WIDEST_GAP_DEG:g}° apart")
     arm = _arm(written.origin_m, written.phase_origin_m)
     across = (written.symmetry != NO_SYMMETRY and abs(arm[1]) > SAME_M) or (
         written.symmetry == XZ_AND_YZ_PLANES and abs(arm[0]) > SAME_M
@@ -268,7 +268,7 @@ def assemble(written: Written) -> Responses:
     if across:
         what = f"the points of motion and of phase are not both in the {written.symmetry}"
         right = "give points on the plane of symmetry, or symmetry none with all headings"
-        raise InputError(phrase(where, what, right))
+        raise InputError(where, what, right)
     return Responses(
         headings, frequencies, moved_by(answer, arm), written.source,
         written.symmetry != NO_SYMMETRY, written.phase_origin_m,
@@ -293,14 +293,14 @@ def _one_side(
     inner = (np.abs(turn) > SAME_DEG) & (np.abs(turn) < 180.0 - SAME_DEG)
     if (turn[inner] > 0.0).any() and (turn[inner] < 0.0).any():
         what = "headings on both sides of the plane of symmetry"
-        raise InputError(phrase(where, what, "give one side, or symmetry none"))
+        raise InputError(where, what, "give one side, or symmetry none")
     port = np.where(turn < 0.0, -1.0, 1.0)[:, None]
     answer = np.where(port < 0.0, MIRRORED[:, None, None] * answer, answer)
     headings, answer = _ascending(where, np.abs(turn), answer)
     if fore_and_aft:
         if headings[0] < 90.0 - SAME_DEG and headings[-1] > 90.0 + SAME_DEG:
             what = "headings from ahead and from astern, and the yz plane is one of symmetry"
-            raise InputError(phrase(where, what, "give one quarter, or symmetry xz_plane"))
+            raise InputError(where, what, "give one quarter, or symmetry xz_plane")
         other = np.abs(headings - 90.0) > SAME_DEG
         more = MIRRORED_FORE_AND_AFT[:, None, None] * answer[:, other]
         headings, answer = _ascending(
@@ -325,7 +325,7 @@ def _ascending(where: str, headings: Vector, answer: Answers) -> tuple[Vector, A
     for k in double.tolist():
         if not np.allclose(answer[:, k], answer[:, k + 1], rtol=1e-6, atol=1e-12):
             what = f"the heading {headings[k]:g}° is double, with other RAOs"
-            raise InputError(phrase(where, what, "give each once"))
+            raise InputError(where, what, "give each once")
     return np.delete(headings, double), np.delete(answer, double, axis=1)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.quantity import Quantity, quantity
 from rope_twin.sea.tables import Vector, find_table, read_columns
 
@@ -37,7 +37,7 @@ class BoxHull:
             value = getattr(self, field.name)
             if not rule.admits(value):
                 raise InputError(
-                    phrase(f"hull {field.name}", f"it is {value}", f"right is {rule.range_text()}")
+                    f"hull {field.name}", f"it is {value}", f"right is {rule.range_text()}"
                 )
 
     def describe(self) -> str:
@@ -103,11 +103,11 @@ class Way:
         if len(time_s) < 2 or time_s[0] != 0.0:
             first = f"it begins at t = {time_s[0]:g} s" if len(time_s) else "it is empty"
             what = first if len(time_s) != 1 else "it has one row"
-            raise InputError(phrase(self.source, what, "give two rows or more from t_s = 0 on"))
+            raise InputError(self.source, what, "give two rows or more from t_s = 0 on")
         late = np.flatnonzero(np.diff(time_s) <= 0.0)
         if late.size:
             what = f"{time_s[late[0] + 1]:g} s follows {time_s[late[0]]:g} s"
-            raise InputError(phrase(self.source, what, "t_s must ascend from row to row"))
+            raise InputError(self.source, what, "t_s must ascend from row to row")
 
     def _check_speed(self, trials: Vector, time_s: Vector, place: NDArray[np.float64]) -> None:
         right = f"a ship moves by at most {FASTEST_M_PER_S:g} m/s"
@@ -116,12 +116,12 @@ class Way:
         if leap.size:
             k = int(leap[0])
             what = f"it jumps by {between[k]:.1f} m from {time_s[k]:g} s to {time_s[k + 1]:g} s"
-            raise InputError(phrase(self.source, what, right))
+            raise InputError(self.source, what, right)
         speed = np.sqrt((self._spline(trials, 1) ** 2).sum(axis=1))
         if speed.max() > FASTEST_M_PER_S:
             k = int(np.argmax(speed))
             what = f"the spline through it reaches {speed[k]:.1f} m/s at {trials[k]:g} s"
-            raise InputError(phrase(self.source, what, f"{right}; give more rows there"))
+            raise InputError(self.source, what, f"{right}; give more rows there")
 
 
 def read_way(name_or_path: str) -> Way:

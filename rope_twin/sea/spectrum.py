@@ -101,7 +101,7 @@ def _usual_gamma(height_m: float, peak_period_s: float) -> float:
 def _require(name: str, value: float, low: float, high: float, unit: str) -> None:
     if not (math.isfinite(value) and low <= value <= high):
         right = f"right is {low:g} to {high:g} {unit}".rstrip()
-        raise InputError(phrase("spectrum", f"{name} is {value:g} {unit}".rstrip(), right))
+        raise InputError("spectrum", f"{name} is {value:g} {unit}".rstrip(), right)
 
 
 def read_spectrum(name_or_path: str | Path, column: str) -> WaveSpectrum:
@@ -116,7 +116,7 @@ def read_spectrum(name_or_path: str | Path, column: str) -> WaveSpectrum:
     table = read_table(path)
     if _FREQUENCY not in table.columns:
         right = f"the header must begin with {_FREQUENCY}"
-        raise InputError(phrase(str(path), f"there is no column {_FREQUENCY}", right))
+        raise InputError(str(path), f"there is no column {_FREQUENCY}", right)
     known = {
         name.removeprefix(_PREFIX).removesuffix(_SUFFIX): values
         for name, values in table.columns.items()
@@ -124,8 +124,7 @@ def read_spectrum(name_or_path: str | Path, column: str) -> WaveSpectrum:
     }
     wanted = column.removeprefix(_PREFIX).removesuffix(_SUFFIX)
     if wanted not in known:
-        hint = did_you_mean(wanted, known)
-        raise InputError(phrase(str(path), f"there is no column '{column}'", hint))
+        raise InputError(str(path), f"there is no column '{column}'", did_you_mean(wanted, known))
     frequency, density = table.columns[_FREQUENCY], known[wanted]
     _check(path, table, density, column)
     return WaveSpectrum(frequency, density, f"{path.stem}, {wanted}")
@@ -140,15 +139,14 @@ def _check(path: Path, table: Table, density: Vector, column: str) -> None:
         where = f"{path}, line {line}"
         if step <= 0.0:
             what = f"the frequency {hz:g} Hz is not ascending"
-            raise InputError(phrase(where, what, "give positive, ascending frequencies"))
+            raise InputError(where, what, "give positive, ascending frequencies")
         if value < 0.0:
             what = f"the density of '{column}' is {value:g} m²/Hz"
-            raise InputError(phrase(where, what, "give 0 or more"))
+            raise InputError(where, what, "give 0 or more")
     if len(frequency) < 2:
-        raise InputError(phrase(str(path), "it has one frequency", "give two or more"))
+        raise InputError(str(path), "it has one frequency", "give two or more")
     if not np.any(density > 0.0):
-        what = f"'{column}' is zero everywhere"
-        raise InputError(phrase(str(path), what, "give a spectrum with energy"))
+        raise InputError(str(path), f"'{column}' is zero everywhere", "give a spectrum with energy")
 
 
 BREAKING = 0.142  # height over length of a breaking wave in deep water

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.share import share_dir
 
 Vector = NDArray[np.float64]
@@ -32,9 +32,9 @@ def find_table(name_or_path: str, folder: str) -> Path:
     if path.is_file():
         return path
     if is_path(name_or_path):
-        raise InputError(phrase(str(path), "there is no such file", "give the path of a table"))
+        raise InputError(str(path), "there is no such file", "give the path of a table")
     right = did_you_mean(name_or_path, known)
-    raise InputError(phrase(f"'{name_or_path}'", f"no table of config/{folder}/", right))
+    raise InputError(f"'{name_or_path}'", f"no table of config/{folder}/", right)
 
 
 def is_path(name_or_path: str) -> bool:
@@ -59,8 +59,7 @@ def read_table(path: Path) -> Table:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        what = f"it cannot be read ({error})"
-        raise InputError(phrase(str(path), what, "give a text file")) from None
+        raise InputError(str(path), f"it cannot be read ({error})", "give a text file") from None
     filled = [
         (k, line) for k, line in enumerate(lines, 1) if line.strip() and line.strip()[0] != "#"
     ]
@@ -68,7 +67,7 @@ def read_table(path: Path) -> Table:
     rows = [_numbers(f"{path}, line {k}", line, len(head)) for k, line in filled[1:]]
     if not rows:
         what = "it has a header and no rows" if head else "it is empty"
-        raise InputError(phrase(str(path), what, "give a header and rows of numbers"))
+        raise InputError(str(path), what, "give a header and rows of numbers")
     columns = dict(zip(head, np.array(rows).T.copy(), strict=True))
     return Table(columns, tuple(k for k, _ in filled[1:]))
 
@@ -83,7 +82,7 @@ def read_columns(path: Path, names: Sequence[str]) -> dict[str, Vector]:
     for name in names:
         if name not in columns:
             right = f"the header must name {', '.join(names)}"
-            raise InputError(phrase(str(path), f"there is no column {name}", right))
+            raise InputError(str(path), f"there is no column {name}", right)
     return {name: columns[name] for name in names}
 
 
@@ -101,14 +100,14 @@ def read_grid(
     first, second = (np.unique(columns[name]) for name in axes)
     for name, axis in zip(axes, (first, second), strict=True):
         if len(axis) < 2:
-            raise InputError(phrase(str(path), f"one value of {name}", "give two or more"))
+            raise InputError(str(path), f"one value of {name}", "give two or more")
     order = np.lexsort((columns[axes[1]], columns[axes[0]]))
     found = np.stack([columns[name][order] for name in axes])
     full = np.stack([np.repeat(first, len(second)), np.tile(second, len(first))])
     if found.shape != full.shape or (found != full).any():
         what = f"{len(order)} rows of {len(first)} {axes[0]} and {len(second)} {axes[1]}"
         right = f"each once for each: {full.shape[1]} rows, {_uneven(found, full, axes)}"
-        raise InputError(phrase(str(path), what, right))
+        raise InputError(str(path), what, right)
     shape = len(first), len(second)
     return first, second, {name: columns[name][order].reshape(shape) for name in names}
 
@@ -128,11 +127,11 @@ def _numbers(where: str, line: str, count: int) -> list[float]:
     """Return the numbers of one line. Raises InputError."""
     cells = next(csv.reader([line]))
     if len(cells) != count:
-        raise InputError(phrase(where, f"{len(cells)} values", f"the header names {count}"))
+        raise InputError(where, f"{len(cells)} values", f"the header names {count}")
     values = [_number(cell) for cell in cells]
     for cell, value in zip(cells, values, strict=True):
         if not isfinite(value):
-            raise InputError(phrase(where, f"'{cell.strip()}'", "give a finite number"))
+            raise InputError(where, f"'{cell.strip()}'", "give a finite number")
     return values
 
 

@@ -24,7 +24,7 @@ from rope_twin.core.joined.joints import LOOSE, loaded_ends
 from rope_twin.core.joined.statics import solve_reeved_statics
 from rope_twin.core.state import Boundary, Floats, Ints
 from rope_twin.core.step import advance, advance_joined
-from rope_twin.errors import SolverError, phrase
+from rope_twin.errors import SolverError
 from rope_twin.recording.heave import sample_of
 from rope_twin.recording.motion_source import FIRST_NS, open_sea, series_of
 from rope_twin.scene.error_bound import PEAK, RMS, Setting
@@ -223,8 +223,7 @@ class Trial:
         self._tension[first : first + count] = tension
         if done < count:
             where = f"scene {self._course.scene.name}, {self.setting}"
-            what = f"step {first + done + 1} is not finite"
-            raise SolverError(phrase(where, what, "shorten the step"))
+            raise SolverError(where, f"step {first + done + 1} is not finite", "shorten the step")
 
 
 STILL = 1e-4  # of the mean: a tension that varies by less is still, and the mean is the scale

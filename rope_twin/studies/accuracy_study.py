@@ -18,7 +18,7 @@ from typing import Any
 from rope_twin.core.jit.decorators import source_digest
 from rope_twin.core.jit.functions import chain
 from rope_twin.effects.fluid_ramp import FluidRampParams
-from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.recording.session import machine
 from rope_twin.scene.convergence import FORMAT, scene_digest, solver_version
 from rope_twin.scene.error_bound import PEAK, RMS, Figure, Setting, StudyLevel
@@ -96,7 +96,7 @@ def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
     where = f"scene {scene.name}"
     if any(line.grading is not None and line.grading.nodes_m is not None for line in scene.ropes):
         right = "give the lowest element's length and its growth instead"
-        raise InputError(phrase(where, "grading.nodes_m holds the elements fixed", right))
+        raise InputError(where, "grading.nodes_m holds the elements fixed", right)
     usual = _plan(scene, seconds, USUAL)
     dear = dearness(scene) > DEAR or usual.work > MOST_WORK
     return _plan(scene, seconds, SHORT) if dear else usual
@@ -118,9 +118,7 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
     span = _whole(math.floor(span / look_s + 1e-6) * look_s)
     least = _whole(SHORTEST_WINDOW * look_s)
     if span < least:
-        raise InputError(
-            phrase("--duration", f"{seconds:g} s is too short", f"give {least:g} or more")
-        )
+        raise InputError("--duration", f"{seconds:g} s is too short", f"give {least:g} or more")
     counts = _counts(own.elements, reach.doublings)
     ropes = sum(line.elements for line in scene.ropes) / own.elements
     first = build_joined(scene).system.ropes[0] if is_joined(scene) else build(scene)

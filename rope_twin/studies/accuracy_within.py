@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from rope_twin.errors import SceneError, phrase
+from rope_twin.errors import SceneError
 from rope_twin.scene.convergence import read_study
 from rope_twin.scene.error_bound import Setting, StudyLevel, format_bound
 from rope_twin.scene.load import argument_for
@@ -137,7 +137,7 @@ def check_scene(scene: Scene, wanted: Wanted) -> Selected:
     why = "it has no convergence study" if study is None else study.age(scene)
     if study is None or why:
         right = f"make it with `rope_twin accuracy {argument_for(scene)}`"
-        raise SceneError(phrase(f"scene {scene.name}", why, right))
+        raise SceneError(f"scene {scene.name}", why, right)
     known = [level for level in study.own_levels if not math.isnan(level.bound(quantity.name))]
     level = cheapest_within(known, quantity.name, within)
     if level is None:

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.recording.heave import open_heave
 from rope_twin.recording.motion_source import FIRST_NS, Sea, open_sea, series_of
 from rope_twin.scene.lift import lift_figures
@@ -67,7 +67,7 @@ def read_axis(option: str, words: str) -> Axis:
     multiply = path.endswith("*")
     path = path.removesuffix("*")
     if not sign or not path or not numbers:
-        raise InputError(phrase(f"{option} '{words}'", "it names no path or no numbers", RIGHT))
+        raise InputError(f"{option} '{words}'", "it names no path or no numbers", RIGHT)
     return read_range(option, path, numbers, multiply)
 
 
@@ -84,12 +84,12 @@ def read_range(option: str, path: str, numbers: str, multiply: bool = False) -> 
     ends, colon, count = numbers.partition(":")
     low, high = (_read_number(where, word) for word in ends.split("..", 1))
     if low >= high:
-        raise InputError(phrase(where, f"{low:g} is not below {high:g}", "give the lesser first"))
+        raise InputError(where, f"{low:g} is not below {high:g}", "give the lesser first")
     if not colon:
         return Axis(path, low, high, (), multiply)
     if not count.isdecimal() or not 2 <= int(count) <= MEMBERS_MOST:
         what = f"'{count}' is no number of values"
-        raise InputError(phrase(where, what, f"give 2 to {MEMBERS_MOST} after the colon"))
+        raise InputError(where, what, f"give 2 to {MEMBERS_MOST} after the colon")
     values = tuple(np.linspace(low, high, int(count)).tolist())
     return Axis(path, low, high, values, multiply)
 
@@ -107,20 +107,19 @@ def make_plan(axes: Sequence[Axis], members: int | None, seed: int) -> Plan:
     """
     drawn = [axis for axis in axes if not axis.values]
     if not axes:
-        right = "say what does, with --vary or --sea-offset"
-        raise InputError(phrase("ensemble", "nothing varies", right))
+        raise InputError("ensemble", "nothing varies", "say what does, with --vary or --sea-offset")
     paths = [axis.path for axis in axes if not axis.multiply]
     twice = next((path for path in paths if paths.count(path) > 1), "")
     if twice:
-        raise InputError(phrase(f"--vary {twice}", "it is set twice", "keep one of them"))
+        raise InputError(f"--vary {twice}", "it is set twice", "keep one of them")
     each = members if members is not None else (MEMBERS_USUAL if drawn else 1)
     points = math.prod(len(axis.values) for axis in axes if axis.values)
     if not 1 <= each * points <= MEMBERS_MOST:
         what = f"{each} members at each of {points} points of the grid"
-        raise InputError(phrase("--members", what, f"give 1 to {MEMBERS_MOST} in all"))
+        raise InputError("--members", what, f"give 1 to {MEMBERS_MOST} in all")
     if each > 1 and not drawn:
         what = f"{each} members at each point would all be equal"
-        raise InputError(phrase("--members", what, "leave it out, or draw a number at random"))
+        raise InputError("--members", what, "leave it out, or draw a number at random")
     random = np.random.default_rng(seed).random((each * points, len(drawn)))
     rows = []
     grid = itertools.product(*(axis.values for axis in axes if axis.values))
@@ -141,7 +140,7 @@ def _read_number(where: str, word: str) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise InputError(phrase(where, f"'{word.strip()}' is no finite number", RIGHT))
+        raise InputError(where, f"'{word.strip()}' is no finite number", RIGHT)
     return number
 
 
@@ -216,7 +215,7 @@ def run_study(
     whole_steps("--duration", seconds, scene.time.step_s)
     whole_steps("--slack-interval", look_s, scene.time.step_s)
     if not scene.sea_state.moves and any(axis.path == SEA_OFFSET for axis in plan.axes):
-        raise InputError(phrase("--sea-offset", "the scene's ship lies still", "leave it out"))
+        raise InputError("--sea-offset", "the scene's ship lies still", "leave it out")
     ensemble = Ensemble(scene, variations(scene, plan, seconds), look_s, threads)
     lanes = ensemble.lanes()
     ensemble.make_ready()
@@ -278,7 +277,7 @@ class Seas:
         heave = self.heave(changes, offset_s)
         if heave is not None and heave.end_ns < self._seconds * 1e9:
             what = f"the sea of {member} ends after {heave.end_ns * 1e-9:g} s"
-            raise InputError(phrase(where, what, "let it loop, or run shorter"))
+            raise InputError(where, what, "let it loop, or run shorter")
         return Variation(changes, heave)
 
     def heave(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries | None:
@@ -297,7 +296,7 @@ class Seas:
             return None
         if state.start_s + offset_s < 0.0:
             what = f"{offset_s:g} s lies before the sea's beginning"
-            raise InputError(phrase("--sea-offset", what, f"give {-state.start_s:g} or more"))
+            raise InputError("--sea-offset", what, f"give {-state.start_s:g} or more")
         if not state.bag:
             sooner = replace(state, start_s=state.start_s + offset_s)
             return _sampled(replace(self._scene, sea_state=sooner), self._length_ns)
@@ -314,7 +313,7 @@ class Seas:
         """Return the motion of a ship on the member's own waves, which any change may affect."""
         if offset_s != 0.0:
             what = "the ship rides on waves, which begin with the scene"
-            raise InputError(phrase("--sea-offset", what, "vary effects.waves.seed instead"))
+            raise InputError("--sea-offset", what, "vary effects.waves.seed instead")
         return _sampled(change_scene(self._scene, changes), self._length_ns)
 
 

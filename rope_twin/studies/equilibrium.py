@@ -39,7 +39,7 @@ from rope_twin.core.state import (
 from rope_twin.core.statics import solve_statics
 from rope_twin.core.still_rope import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
-from rope_twin.errors import SceneError, phrase
+from rope_twin.errors import SceneError
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
@@ -99,7 +99,7 @@ def bring_to_rest(scene: Scene) -> AtRest:
     end = solve_statics(rope, line.length_m)
     if not end.found:
         raise SceneError(
-            phrase(f"{scene.path}: ropes[0]", "no static equilibrium", "check what holds the rope")
+            f"{scene.path}: ropes[0]", "no static equilibrium", "check what holds the rope"
         )
     still = StillRope(rope, line.length_m)
     place = still.place.copy()
@@ -135,7 +135,7 @@ def _check_taut(scene: Scene, number: int, tension: Floats) -> None:
         slack = f"{(tension <= 0.0).sum()} of {len(tension)} elements are slack at rest"
         what = f"{slack}, so it has no natural frequency"
         right = "give it weight, tension or a payload"
-        raise SceneError(phrase(f"{scene.path}: ropes[{number}]", what, right))
+        raise SceneError(f"{scene.path}: ropes[{number}]", what, right)
 
 
 def _body_of(scene: Scene, rope: Rope) -> HungBody | None:
@@ -184,7 +184,7 @@ def bring_system_to_rest(scene: Scene) -> StillSystem:
     held[:, LINE] = [line.length_m for line in scene.ropes]
     if not solve_reeved_statics(system, held).found:
         right = "check what holds the ropes"
-        raise SceneError(phrase(f"{scene.path}: ropes", "no static equilibrium", right))
+        raise SceneError(f"{scene.path}: ropes", "no static equilibrium", right)
     found = [_body_of(scene, rope) for rope in system.ropes]
     weigh(system._replace(ropes=tuple(without_body(rope) for rope in system.ropes)), held)
     lines = tuple(
@@ -352,7 +352,7 @@ def hung_body(scene: Scene, body: RigidBody, hook: Floats) -> HungBody:
     what = _held_otherwise(body, pose)
     if what:
         right = "lower or lift it until it hangs clear"
-        raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
+        raise SceneError(f"{scene.path}: effects.rigid_body", what, right)
     K = np.zeros((9, 9))
     for leg in body.legs:
         arm = pose.turn @ leg[:3]

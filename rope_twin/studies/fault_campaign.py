@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.effects.current import CurrentParams
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.recording.heave import HeaveSample
 from rope_twin.recording.motion_source import FIRST_NS, Sea, open_sea
@@ -96,7 +96,7 @@ def _sea_of(scene: Scene) -> Sea:
     sea = open_sea(scene)
     if sea is None:
         what, right = "its ship lies still", "name a scene with a sea"
-        raise InputError(phrase(f"scene {scene.name}", what, right))
+        raise InputError(f"scene {scene.name}", what, right)
     return sea
 
 

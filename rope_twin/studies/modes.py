@@ -22,7 +22,7 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.core.still_rope import SYMMETRIC
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.equilibrium import (
     CENTRE,
@@ -82,7 +82,7 @@ def find_modes(scene: Scene, count: int) -> Modes:
     most = 3 * rest.free_count - NEAR
     if not 1 <= count <= most:
         what = f"{count} of a rope with {rest.free_count} free nodes"
-        raise InputError(phrase("--count", what, f"give 1 to {most}"))
+        raise InputError("--count", what, f"give 1 to {most}")
     K, M = _matrices(rest)
     near = 0.0 if rest.body is None else NEAR_FREE  # nothing holds a body's turn about the rope
     lowest = list(_modes(rest, *solve(K, M, count, near)))
@@ -278,7 +278,7 @@ def find_system_modes(scene: Scene, count: int) -> SystemModes:
     most = size - 2
     if not 1 <= count <= most:
         what = f"{count} of ropes with {size} ways to move"
-        raise InputError(phrase("--count", what, f"give 1 to {most}"))
+        raise InputError("--count", what, f"give 1 to {most}")
     from scipy.sparse import diags_array
 
     stretch, turn, local_mass = (_whole(still, part) for part in (_stretch, _turn, _masses))

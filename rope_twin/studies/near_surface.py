@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rope_twin.errors import InputError, phrase, require
+from rope_twin.errors import InputError, require
 from rope_twin.scene.shapes import Box, Cylinder
 
 PANELS = 16  # along the longest side
@@ -53,11 +53,11 @@ def near_surface(
     """
     require("capytaine", "coefficients near the surface need it", "hydrodynamics")
     if wrong := [one for one in periods_s if not one > 0.0]:
-        raise InputError(phrase("period", f"{wrong[0]:g} s", "give positive ones"))
+        raise InputError("period", f"{wrong[0]:g} s", "give positive ones")
     half = 0.5 * shape.height_m
     if depth_m <= -half:
         what = f"its middle is {-depth_m:g} m above the water, and it is {shape.height_m:g} m high"
-        raise InputError(phrase("depth", what, f"give more than {-half:g} m"))
+        raise InputError("depth", what, f"give more than {-half:g} m")
     fine, coarse = (_body(shape, depth_m, panels) for panels in (PANELS, PANELS // 2))
     water = {"rho": density_kg_per_m3, "g": gravity_m_per_s2}
     return [_at(period, fine, coarse, water) for period in periods_s]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, phrase, require
+from rope_twin.errors import InputError, require
 from rope_twin.sea.raos import FREEDOMS, SHIFTS, Point, Responses
 
 if TYPE_CHECKING:
@@ -73,11 +73,10 @@ def check_picture(path: Path) -> None:
     """
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         what = f"'{path.suffix}' is no picture that can be drawn"
-        raise InputError(phrase(str(path), what, "end it in .png, .svg or .pdf"))
+        raise InputError(str(path), what, "end it in .png, .svg or .pdf")
     place = next(folder for folder in path.absolute().parents if folder.exists())
     if path.is_dir() or not place.is_dir() or not os.access(place, os.W_OK):
-        right = "give a place that can be written"
-        raise InputError(phrase(str(path), "it cannot be written", right))
+        raise InputError(str(path), "it cannot be written", "give a place that can be written")
     require("matplotlib", "a plot needs it and it is not there", "plot")
 
 
@@ -93,7 +92,7 @@ def write_picture(figure: Figure, path: Path, dpi: float) -> None:
         figure.savefig(path, dpi=dpi, metadata=metadata)
     except OSError as error:
         right = "give a place that can be written"
-        raise InputError(phrase(str(path), str(error.strerror), right)) from error
+        raise InputError(str(path), str(error.strerror), right) from error
 
 
 def mark_decades(axes: Axes) -> None:
@@ -164,7 +163,7 @@ def own_headings(responses: Responses, wanted_deg: Sequence[float] = ()) -> Vect
     """
     if wanted_deg:
         if not np.isfinite(wanted_deg).all():
-            raise InputError(phrase("--heading", "it is not finite", "give degrees"))
+            raise InputError("--heading", "it is not finite", "give degrees")
         return np.array(wanted_deg, dtype=float)
     end = 180.0 if responses.mirrored else 359.9999
     return responses.heading_deg[(responses.heading_deg >= 0.0) & (responses.heading_deg <= end)]

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.errors import InputError, RopeTwinError, SceneError, SolverError, phrase
+from rope_twin.errors import InputError, RopeTwinError, SceneError, SolverError
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.joined_model import over_sheaves
 from rope_twin.scene.load import Change, change_scene, load_scene, rope_preset
@@ -191,9 +191,8 @@ def design_runs(study: Study) -> list[StudyRun]:
         sizes = [_choices(one) for one in study.vary]
         count = math.prod(len(one) for one in sizes)
         if count > RUNS_MOST:
-            what = f"the grid has {count} points"
             right = f"give fewer values ({RUNS_MOST} points at most), or draw a latin_hypercube"
-            raise InputError(phrase(f"{study.path}: vary", what, right))
+            raise InputError(f"{study.path}: vary", f"the grid has {count} points", right)
         rows: Iterator[tuple[Value, ...]] = itertools.product(*sizes)
     else:
         from scipy.stats import qmc  # a second to load, and only studies want it
@@ -275,9 +274,9 @@ def _offset_s(scene: Scene, value: float) -> float:
     """
     if scene.sea_state.on_waves is not None:
         right = "vary effects.waves.seed instead"
-        raise InputError(phrase(SEA_OFFSET_S, "the ship rides on waves that begin with it", right))
+        raise InputError(SEA_OFFSET_S, "the ship rides on waves that begin with it", right)
     if not scene.sea_state.moves:
-        raise InputError(phrase(SEA_OFFSET_S, "the scene's ship lies still", "leave it out"))
+        raise InputError(SEA_OFFSET_S, "the scene's ship lies still", "leave it out")
     return value
 
 
@@ -324,9 +323,9 @@ def _named(scene: Scene, path: str, name: str) -> Scene:
         made = replace(scene, sea_state=replace(scene.sea_state, bag=name))
     else:
         right = f"names serve {', '.join(ropes)} and sea_state.bag"
-        raise InputError(phrase(path, "it takes no name", right))
+        raise InputError(path, "it takes no name", right)
     for where, what, right in faults(made):
-        raise InputError(phrase(where, what, right))
+        raise InputError(where, what, right)
     key = f"{scene.digest}\n{path}={name}"
     return dataclasses.replace(made, digest=hashlib.sha256(key.encode()).hexdigest())
 

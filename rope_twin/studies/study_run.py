@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.joined_group import why_joined_alone
-from rope_twin.errors import InputError, RopeTwinError, phrase, require
+from rope_twin.errors import InputError, RopeTwinError, require
 from rope_twin.scene.convergence import known_error, solver_version
 from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.joined_model import build_joined
@@ -237,13 +237,13 @@ class RowFolder:
             self._lock: IO[str] = (folder / LOCK).open("w")
         except OSError as error:
             what = f"it cannot be written ({error.strerror})"
-            raise InputError(phrase(str(folder), what, "choose another one with --out")) from error
+            raise InputError(str(folder), what, "choose another one with --out") from error
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             self._lock.close()
             what = f"another process is at this {self.title}"
-            raise InputError(phrase(str(folder), what, "let it end, or stop it")) from error
+            raise InputError(str(folder), what, "let it end, or stop it") from error
         self._claim(stamp)
 
     def __enter__(self) -> Self:
@@ -261,7 +261,7 @@ class RowFolder:
                 of = f"another {self.title}, scene or solver"
                 what = f"its rows are of {of} ('{found['study']}')"
                 right = "give another folder with --out, or remove this one"
-                raise InputError(phrase(str(self._folder), what, right))
+                raise InputError(str(self._folder), what, right)
             return
         content = {"study": self._titled.name, "scene": self._titled.scene, "stamp": stamp}
         write_whole(mark, json.dumps(content, ensure_ascii=False).encode())
@@ -399,7 +399,7 @@ def _check_times(study: Study, steps_s: set[float]) -> None:
             if abs(samples - round(samples)) > 1e-6:
                 what = f"{study.seconds:g} s are no whole number of samples"
                 right = f"give a part of {study.seconds:g} s"
-                raise InputError(phrase(f"{study.path}: fatigue.sample_s", what, right))
+                raise InputError(f"{study.path}: fatigue.sample_s", what, right)
 
 
 def on_cores(
@@ -457,11 +457,11 @@ def on_cluster(
     except OSError as error:
         what = f"no Dask scheduler answers there within {CONNECT_S} s"
         right = "start one with `dask scheduler` and workers with `dask worker ADDRESS`"
-        raise InputError(phrase(f"--scheduler {address}", what, right)) from error
+        raise InputError(f"--scheduler {address}", what, right) from error
     with client:
         if not client.scheduler_info()["workers"]:
             right = "start some with `dask worker ADDRESS --nthreads 1`"
-            raise InputError(phrase(f"--scheduler {address}", "it has no workers", right))
+            raise InputError(f"--scheduler {address}", "it has no workers", right)
         futures = client.map(work, items, pure=False, retries=RETRIES)
         for future in distributed.as_completed(futures, loop=client.loop):
             yield _result(future, address)
@@ -480,7 +480,7 @@ def _knock(address: str) -> None:
         place = get_address_host_port(address)
     except (ValueError, KeyError, NotImplementedError) as error:
         right = "give host and port as the scheduler tells them, like tcp://10.0.0.5:8786"
-        raise InputError(phrase(f"--scheduler {address}", "it is no address", right)) from error
+        raise InputError(f"--scheduler {address}", "it is no address", right) from error
     socket.create_connection(place, CONNECT_S).close()
 
 
@@ -492,6 +492,6 @@ def _result(future: Any, address: str) -> Any:
     except Exception as error:  # whatever went wrong on a worker, this process is to say it
         right = "see its log; the rows that are done stay"
         raise InputError(
-            phrase(f"--scheduler {address}", f"a worker could not go on ({error!r})", right)
+            f"--scheduler {address}", f"a worker could not go on ({error!r})", right
         ) from error
     return found

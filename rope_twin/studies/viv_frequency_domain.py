@@ -28,7 +28,7 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.effects.rope_mass import AddedMassParams
-from rope_twin.errors import SceneError, phrase
+from rope_twin.errors import SceneError
 from rope_twin.scene.grid import ends_m
 from rope_twin.scene.rigging import is_joined, refuse_body
 from rope_twin.scene.rope_model import build
@@ -279,7 +279,7 @@ def span_of(scene: Scene) -> SceneSpan:
 def _check_current(scene: Scene) -> None:
     if not any(isinstance(params, CurrentParams) for params in scene.effects):
         what = "no current, so no vortices"
-        raise SceneError(phrase(f"{scene.path}: effects", what, "add the effect 'current'"))
+        raise SceneError(f"{scene.path}: effects", what, "add the effect 'current'")
 
 
 def _at_nodes(of_elements: Floats) -> Floats:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.studies.modes import TURNING, UNHELD, Mode, Modes, SystemMode, SystemModes
 from rope_twin.studies.picture import Field, Line, Panel, check_picture, draw_panels, write_picture
 from rope_twin.studies.viv_frequency_domain import (
@@ -43,13 +43,13 @@ def check_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         what = str(error.strerror)
-        raise InputError(phrase(str(folder), what, "give a place that can be written")) from error
+        raise InputError(str(folder), what, "give a place that can be written") from error
     check_picture(folder / "motion.png")
     try:
         import pyarrow.parquet  # noqa: F401
     except ImportError as error:
         right = "install it: pip install 'rope_twin[plot]'"
-        raise InputError(phrase("tables", "pyarrow is not there", right)) from error
+        raise InputError("tables", "pyarrow is not there", right) from error
 
 
 def write_all(name: str, run: FrequencyDomainRun, fatigue: Fatigue, folder: Path) -> list[Path]:
@@ -211,8 +211,7 @@ def write_table(path: Path, columns: dict[str, Any]) -> Path:
     try:
         pyarrow.parquet.write_table(pyarrow.table(columns), path)
     except OSError as error:
-        right = "give a place that can be written"
-        raise InputError(phrase(str(path), str(error), right)) from error
+        raise InputError(str(path), str(error), "give a place that can be written") from error
     return path
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.scene.rigging import runs_over_sheave
 from rope_twin.studies.driven_twin import Motion, Speeds, march
 from rope_twin.twin.snapshot import Snapshot
@@ -89,7 +89,7 @@ def samplers_of(twin: Twin, vortices_hz: float) -> list[Sampler]:
             f"{vortices_hz:.3g} Hz"
         )
         right = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --time-domain"
-        raise InputError(phrase(f"{twin.scene.path}: time.step_s", what, right))
+        raise InputError(f"{twin.scene.path}: time.step_s", what, right)
     return [_ModelSampler(rope, twin.viv_drag) for rope in ropes]
 
 

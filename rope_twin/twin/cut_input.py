@@ -39,17 +39,15 @@ def plan_for(scene: Scene, words: str) -> PlannedCut | None:
     if plan is None:
         return None
     if why := _reason_not_possible(scene):
-        raise InputError(phrase(f"cut {words}", why, "run another scene for that"))
+        raise InputError(f"cut {words}", why, "run another scene for that")
     if wrong := _unknown(scene, plan.rope):
-        raise InputError(phrase(f"cut {words}", *wrong))
+        raise InputError(f"cut {words}", *wrong)
     line = scene.ropes[rope_number(scene, plan.rope)]
     winch = winch_of(scene, line)
     most = winch.most_line_out_m if winch else line.length_m
     if most < plan.below_m < AT_LOWER_END:
         what = f"this rope is never longer than {most:g} m"
-        raise InputError(
-            phrase(f"cut {words}", what, f"give up to {most - MIN_LENGTH_M:g} m, or end")
-        )
+        raise InputError(f"cut {words}", what, f"give up to {most - MIN_LENGTH_M:g} m, or end")
     return plan
 
 
@@ -190,9 +188,9 @@ def read_plan(words: str) -> PlannedCut | None:
         below_m = AT_LOWER_END if place.strip() == "end" else float(place)
         at_s = float(time)
     except ValueError as error:
-        raise InputError(phrase(f"cut {words}", "that is no place and time", _FORM)) from error
+        raise InputError(f"cut {words}", "that is no place and time", _FORM) from error
     if not (below_m >= MIN_LENGTH_M and 0.0 <= at_s < math.inf):
         what = f"at {at_s:g} s, {below_m:g} m below the hang-off is not possible"
         right = f"the time is 0 or later, and at least {MIN_LENGTH_M:g} m of rope hang on"
-        raise InputError(phrase(f"cut {words}", what, right))
+        raise InputError(f"cut {words}", what, right)
     return PlannedCut(round(at_s * 1e9), below_m, name.strip())

@@ -97,19 +97,19 @@ def checked_factors(given: Factors, known: tuple[str, ...], members: int) -> dic
     found = {}
     for name, value in given.items():
         if name not in FIGURES:
-            raise InputError(phrase("figures", f"'{name}' is none", did_you_mean(name, FIGURES)))
+            raise InputError("figures", f"'{name}' is none", did_you_mean(name, FIGURES))
         if name not in known:
             right = f"this scene has {', '.join(known)}"
-            raise InputError(phrase(f"figures: {name}", "the scene has no such number", right))
+            raise InputError(f"figures: {name}", "the scene has no such number", right)
         factor = np.asarray(value, dtype=float)
         if factor.ndim > 1 or factor.size not in (1, members):
             what = f"{factor.size} factors for {members} members"
-            raise InputError(phrase(f"figures: {name}", what, "give one, or one for each"))
+            raise InputError(f"figures: {name}", what, "give one, or one for each")
         wrong = factor[~(np.isfinite(factor) & (factor > 0.0))] if factor.ndim else factor
         if not (np.isfinite(factor) & (factor > 0.0)).all():
             what = f"a factor of {float(np.ravel(wrong)[0]):g}"
             right = "give positive numbers, 1.0 for the scene's own value"
-            raise InputError(phrase(f"figures: {name}", what, right))
+            raise InputError(f"figures: {name}", what, right)
         found[name] = np.broadcast_to(factor, (members,)).copy()
     return found
 

@@ -25,7 +25,7 @@ from rope_twin.core.joined.joints import System
 from rope_twin.core.loads.accounts import accounts_of
 from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.core.state import STEPS_PER_CALL, Boundary, Floats, Rope
-from rope_twin.errors import SceneError, phrase
+from rope_twin.errors import SceneError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.multi_line import MultiLineRopes
@@ -322,8 +322,7 @@ def _check_effects(scene: Scene, rope: Rope) -> None:
             hooks_of(kind)
         ) and not accounts_of(kind):
             what = f"effect {kind.__name__} does not say what energy it stores or brings"
-            right = "run it without the energy balance"
-            raise SceneError(phrase(f"{scene.path}", what, right))
+            raise SceneError(f"{scene.path}", what, "run it without the energy balance")
 
 
 class TensionMonitor(Monitor):

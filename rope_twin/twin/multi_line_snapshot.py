@@ -22,7 +22,7 @@ from rope_twin.core.joined.joints import FIRST, PULL, SECOND, System
 from rope_twin.core.joined.stack import FLOW_COLUMN, POINT
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Floats
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.scene.rigging import places, runs_over_sheave
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import seabed_contact
@@ -192,7 +192,7 @@ def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
     if len(scene.sheaves) != 1:
         what = f"the scene has {len(scene.sheaves)} sheaves"
         right = "give a scene with one, such as two_line_loop"
-        raise InputError(phrase(f"{scene.path}: sheaves", what, right))
+        raise InputError(f"{scene.path}: sheaves", what, right)
     lines = []
     for number, line in enumerate(scene.ropes):
         if line.to == scene.sheaves[0].name:
@@ -203,7 +203,7 @@ def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
                 if len(above) != 1 or above[0] in chain:
                     what = f"{len(above)} ropes lead to '{end}'"
                     right = "two lines are watched that go up to the ship as one rope each"
-                    raise InputError(phrase(f"{scene.path}: ropes[{chain[0]}]", what, right))
+                    raise InputError(f"{scene.path}: ropes[{chain[0]}]", what, right)
                 chain.insert(0, above[0])
             lines.append(chain)
     first = [chain for chain in lines if chain[0] == 0] or lines[:1]
@@ -226,7 +226,7 @@ class ClearanceMonitor:
         span = float(np.linalg.norm(other - one))
         if span < MIN_SPAN_M:
             right = "set `at_m` of one of them aside: the lines are watched in the plane of both"
-            raise InputError(phrase(f"{scene.path}: hang_offs", "both are at one place", right))
+            raise InputError(f"{scene.path}: hang_offs", "both are at one place", right)
         self.plane = (other - one) / span
         self.crossings: tuple[Crossing, ...] = ()  # in the last snapshot
         self.turned_up = 0  # number of snapshots in which a line turned upward

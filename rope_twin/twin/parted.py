@@ -29,7 +29,7 @@ from rope_twin.core.joined.joints import LOOSE, System, new_system
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.state import Boundary, Floats, Rope, State
 from rope_twin.core.step import advance, advance_joined
-from rope_twin.errors import SolverError, phrase
+from rope_twin.errors import SolverError
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.contact import seabed_contact
 from rope_twin.twin.motion.hang_off import Moves
@@ -433,7 +433,7 @@ def _find_accelerations(
         trial = copy.deepcopy(_with_step(system._replace(ropes=tuple(still)), INSTANT_S))
         if advance_joined(trial, both, pull, time, 1) < 1:
             what = "the forces at its new end are not finite"
-            raise SolverError(phrase("the rope's cut", what, "check the scene"))
+            raise SolverError("the rope's cut", what, "check the scene")
         for r in parts:
             _take_accelerations(system.ropes[r], trial.ropes[r], held=r == parts[0])
         system.joints.nodes[_A, -1] = trial.joints.nodes[_A, -1]

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 
 VARIANCE_S = 300  # of the test of variance
 BIN_S = 10
@@ -124,7 +124,7 @@ def run_length(limit: float, shift: float = 0.0, reference: float = REFERENCE) -
         InputError: the limit is not positive.
     """
     if not (math.isfinite(limit) and limit > 0.0):
-        raise InputError(phrase("limit", f"{limit:g} is not possible", "give a positive number"))
+        raise InputError("limit", f"{limit:g} is not possible", "give a positive number")
     return 1.0 / sum(1.0 / _one_sided(limit, side * shift, reference) for side in (1.0, -1.0))
 
 
@@ -148,7 +148,7 @@ def limit_for(length: float, reference: float = REFERENCE) -> float:
     """
     if not 2.0 <= length <= 1e8:
         what, right = f"{length:g} blocks are not possible", "give 2 to 1e8 blocks"
-        raise InputError(phrase("average run length", what, right))
+        raise InputError("average run length", what, right)
     low, high = 1e-3, 25.0
     while high - low > 1e-6:
         middle = 0.5 * (low + high)

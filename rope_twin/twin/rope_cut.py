@@ -52,7 +52,7 @@ from rope_twin.effects.payload_oscillation import PayloadOscillation
 from rope_twin.effects.payload_shedding import PayloadShedding
 from rope_twin.effects.rope_mass import Weight
 from rope_twin.effects.waves import Waves
-from rope_twin.errors import SolverError, phrase
+from rope_twin.errors import SolverError
 from rope_twin.scene.grid import ROOM, TOLERANCE_LEAST_N, TOLERANCE_SHARE, halvings
 from rope_twin.twin.regrid import elements_of, has_state, on_nodes, own_copies, tensions
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth, OscillatingDrag
@@ -377,5 +377,5 @@ def _find_accelerations(part: Rope, border: Boundary, time: float) -> None:
         trial = part._replace(model=model, state=part.state.copy(), work=work, effects=own)
         if advance(trial, both, pull, time, 1) < 1:
             what = "the forces at its new end are not finite"
-            raise SolverError(phrase("the rope's cut", what, "check the scene"))
+            raise SolverError("the rope's cut", what, "check the scene")
         part.state.nodes[_A, :n] = trial.state.nodes[_A, :n]

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rope_twin import __version__
-from rope_twin.errors import StateError, phrase
+from rope_twin.errors import StateError
 from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.state_file import (
@@ -161,7 +161,7 @@ class SavedState:
 
     def _header(self, where: str) -> dict[str, Any]:
         if fault := self.fault():
-            raise StateError(phrase(where, fault, "the state is not saved"))
+            raise StateError(where, fault, "the state is not saved")
         return {
             **dataclasses.asdict(self.about), "scene_figures": self.figures, "memory": self.memory,
         }  # fmt: skip
@@ -191,7 +191,7 @@ class SavedState:
             what = f"it does not fit this version of rope_twin: {error}"
             wrote = f"version {self.about.program}, solver {self.about.solver}"
             right = f"start a new run, or go on with what wrote it ({wrote})"
-            raise StateError(phrase(f"saved state {self.source}", what, right)) from error
+            raise StateError(f"saved state {self.source}", what, right) from error
         return TwinState(monitors={}, **parts)
 
     def _part(self, name: str, like: Any) -> Any:
@@ -289,12 +289,9 @@ def _state_of(header: dict[str, Any], arrays: Arrays, path: str | Path) -> Saved
         state = SavedState(StateDescription(**values), figures, memory, arrays, str(path))
     except (KeyError, TypeError) as error:
         right = "take another saved state, or start without one"
-        raise StateError(
-            phrase(f"saved state {path}", f"its header lacks {error}", right)
-        ) from error
+        raise StateError(f"saved state {path}", f"its header lacks {error}", right) from error
     if fault := state.fault():
-        right = "take a state that was saved before"
-        raise StateError(phrase(f"saved state {path}", fault, right))
+        raise StateError(f"saved state {path}", fault, "take a state that was saved before")
     return state
 
 
@@ -308,7 +305,7 @@ def check_scene(state: SavedState, scene: Scene) -> None:
     if found is not None:
         what = f"it is of another scene, {state.about.scene}: {found} in scene {scene.name}"
         right = f"give the scene that it was saved from ({state.about.scene_path})"
-        raise StateError(phrase(f"saved state {state.source}", what, right))
+        raise StateError(f"saved state {state.source}", what, right)
     solver = _solver_digest()
     if state.about.solver != solver:
         _log.warning(

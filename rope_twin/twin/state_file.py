@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import SolverError, StateError, phrase
+from rope_twin.errors import SolverError, StateError
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -185,8 +185,9 @@ def check_place(path: Path, option: str) -> None:
         StateError: it cannot; `option` names the option at fault.
     """
     if path.is_dir() or not os.access(path.resolve().parent, os.W_OK):
-        raise StateError(phrase(option, "it cannot be written",
-                                "name a file in a folder that can be written to"))  # fmt: skip
+        raise StateError(
+            option, "it cannot be written", "name a file in a folder that can be written to"
+        )
 
 
 def write_state(path: Path, header: dict[str, Any], arrays: Arrays) -> None:
@@ -200,11 +201,9 @@ def write_state(path: Path, header: dict[str, Any], arrays: Arrays) -> None:
         write_whole(path, data)
     except OSError as error:
         raise StateError(
-            phrase(
-                str(path),
-                f"the state cannot be written ({error.strerror or error})",
-                "name a file in a folder that can be written to",
-            )
+            str(path),
+            f"the state cannot be written ({error.strerror or error})",
+            "name a file in a folder that can be written to",
         ) from error
 
 
@@ -252,7 +251,7 @@ def decode(data: bytes, path: Path) -> tuple[dict[str, Any], Arrays]:
 
 
 def _refusal(path: Path, what: str, right: str) -> StateError:
-    return StateError(phrase(f"saved state {path}", what, right))
+    return StateError(f"saved state {path}", what, right)
 
 
 def encode(header: dict[str, Any], arrays: Arrays) -> bytes:

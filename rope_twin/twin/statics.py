@@ -77,7 +77,7 @@ def judge_body(scene: Scene, rope: Rope) -> None:
     if body is not None and not np.isfinite(pose_of(body).velocity).all():
         what = "the body finds no rest: friction does not hold it and its slings are slack"
         right = "shorten the slings or the rope, raise friction, or lay it on a flatter bed"
-        raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
+        raise SceneError(f"{scene.path}: effects.rigid_body", what, right)
 
 
 def check_equilibrium(scene: Scene, end: Equilibrium, highest_m: float) -> None:
@@ -92,20 +92,16 @@ def check_equilibrium(scene: Scene, end: Equilibrium, highest_m: float) -> None:
         if not isfinite(end.residual_n):
             left = "forces on the rope are not finite"
         raise SceneError(
-            phrase(
-                where,
-                f"no static equilibrium ({left})",
-                "check that rope and payload sink, or fix the lower end",
-            )
+            where,
+            f"no static equilibrium ({left})",
+            "check that rope and payload sink, or fix the lower end",
         )
     highest_hang_off_m = max(at[2] for at in places(scene).values())
     if highest_m > max(highest_hang_off_m, 0.0) + MAX_FLOAT_HEIGHT_M:
         raise SceneError(
-            phrase(
-                where,
-                f"at rest it floats up to z = {highest_m:.1f} m",
-                "give the payload more weight in water or take a heavier rope",
-            )
+            where,
+            f"at rest it floats up to z = {highest_m:.1f} m",
+            "give the payload more weight in water or take a heavier rope",
         )
 
 

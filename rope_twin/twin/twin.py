@@ -19,7 +19,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.loads.balance import lower_end_tension
-from rope_twin.errors import InputError, SolverError, StateError, phrase
+from rope_twin.errors import InputError, SolverError, StateError
 from rope_twin.scene.convergence import known_error
 from rope_twin.scene.error_bound import AccuracyLevel, KnownError
 from rope_twin.scene.rigging import is_joined, winch_of
@@ -249,7 +249,7 @@ class Twin:
         """
         if steps < 0:
             what = f"{steps} steps would lead back in time"
-            raise InputError(phrase("advance", what, "restore an earlier saved state"))
+            raise InputError("advance", what, "restore an earlier saved state")
         try:
             while steps > 0:
                 steps -= self._advance_some(min(steps, rows.STEPS_PER_CALL))
@@ -408,7 +408,7 @@ class Twin:
             StateError: a rope was cut; its parts keep their elements.
         """
         if self.cut is not None:
-            raise StateError(phrase("other elements", "the rope was cut", "its parts keep theirs"))
+            raise StateError("other elements", "the rope was cut", "its parts keep theirs")
         boundary, counts = self._motion.boundary, (self.steps, self.inputs.current.changes)
         self._motion.steps = 0  # boundary conditions ahead are valid for the old step only
         if self.viv_drag is not None:

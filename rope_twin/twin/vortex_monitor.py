@@ -18,7 +18,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
 from rope_twin.effects.bending import BendingParams
-from rope_twin.errors import StateError, phrase
+from rope_twin.errors import StateError
 from rope_twin.scene.grid import ends_m
 from rope_twin.scene.joined_model import over_sheaves
 from rope_twin.scene.rigging import is_joined, runs_over_sheave, winch_of
@@ -168,7 +168,7 @@ class VortexMonitor(Monitor):
             begun = kept[wear_name(0)]["fields"]["name"] if wear_name(0) in kept else curve
             if curve and begun != curve:
                 what = f"its fatigue was counted by the curve {begun}, not {curve}"
-                raise StateError(phrase(f"saved state {saved.source}", what, f"ask for {begun}"))
+                raise StateError(f"saved state {saved.source}", what, f"ask for {begun}")
             line.set_step(now.step_s, steps_in_slot(now.step_s))
 
             def read(name: str, like: Any, prefix: str = prefix) -> Any:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin import messages
-from rope_twin.errors import BagError, InputError, phrase
+from rope_twin.errors import BagError, InputError
 from rope_twin.messages.templates import NANOSECONDS, read_cloud, scale_above
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import mcap_files, topic_messages
@@ -396,7 +396,7 @@ def play(bag: str | os.PathLike[str], view: RopeView, until_s: float | None = No
     ended = False
     files = mcap_files(path)
     if not files or any(file.suffix != ".mcap" for file in files):
-        raise BagError(phrase(f"bag {path}", "it holds no .mcap file", "record with MCAP storage"))
+        raise BagError(f"bag {path}", "it holds no .mcap file", "record with MCAP storage")
     for name, stored in topic_messages(files, SHOWN_TOPICS, played.problems):
         try:
             message = messages.decode(name, stored.data)
@@ -417,9 +417,8 @@ def play(bag: str | os.PathLike[str], view: RopeView, until_s: float | None = No
     played.problems += [f"{count} × {words}" for words, count in undecoded.items()]
     if not played.shown:
         what = "no topic to show" + "".join(f"; {words}" for words in played.problems)
-        raise BagError(phrase(f"bag {path}", what, f"name a bag with {', '.join(SHOWN_TOPICS)}"))
+        raise BagError(f"bag {path}", what, f"name a bag with {', '.join(SHOWN_TOPICS)}")
     if until_s is not None and not ended and played.duration_s < until_s - 0.5:
         what = f"{until_s:g} s is after its end"
-        right = f"it lasts {played.duration_s:.1f} s"
-        raise InputError(phrase(f"bag {path}", what, right))
+        raise InputError(f"bag {path}", what, f"it lasts {played.duration_s:.1f} s")
     return played

@@ -55,7 +55,7 @@ def load_rerun() -> Any:
         import rerun
     except ImportError as error:
         raise InputError(
-            phrase("view", f"rerun is missing ({error})", "install it with: pip install '.[viz]'")
+            "view", f"rerun is missing ({error})", "install it with: pip install '.[viz]'"
         ) from error
     return rerun
 
@@ -117,7 +117,7 @@ class FileSink:
 
 def _unwritten(path: Path, reason: str) -> InputError:
     what = f"it cannot be written ({reason.splitlines()[0].rstrip('.')})"
-    return InputError(phrase(f"file {path}", what, "name another file"))
+    return InputError(f"file {path}", what, "name another file")
 
 
 def recording_fault(path: Path) -> str:
@@ -135,7 +135,7 @@ def recording_fault(path: Path) -> str:
             size = stream.seek(0, os.SEEK_END)
     except OSError as error:
         what = f"it cannot be read ({error.strerror or error})"
-        raise InputError(phrase(f"file {path}", what, "check its permissions")) from error
+        raise InputError(f"file {path}", what, "check its permissions") from error
     if not head.startswith(_MARK):
         return "not a rerun recording" if head else "empty file"
     if len(head) < _HEAD.size:
@@ -227,7 +227,7 @@ def start_viewer(*arguments: str, **environment: str) -> subprocess.Popen[bytes]
     """
     package = importlib.util.find_spec("rerun_cli")
     if package is None or package.origin is None:
-        raise InputError(phrase("view", "rerun's viewer is missing", "install rope_twin[viz]"))
+        raise InputError("view", "rerun's viewer is missing", "install rope_twin[viz]")
     program = Path(package.origin).with_name("rerun")
     quiet = {
         "CI": "1",  # rerun sends no usage statistics where this is set
@@ -261,7 +261,7 @@ def wait_for_viewer(process: subprocess.Popen[bytes], port: int) -> None:
         time.sleep(0.05)
     process.kill()
     raise InputError(
-        phrase("view", "rerun's viewer did not start", f"test it with: {sys.executable} -m rerun")
+        "view", "rerun's viewer did not start", f"test it with: {sys.executable} -m rerun"
     )
 
 
@@ -301,7 +301,7 @@ def take_picture(recording: Path, picture: Path) -> None:
         data = _settled(port, recording)
     except RuntimeError as error:  # how the viewer's client reports all failures
         raise InputError(
-            phrase("view", f"no picture received ({error})", "try again, or use --out FILE.rrd")
+            "view", f"no picture received ({error})", "try again, or use --out FILE.rrd"
         ) from error
     finally:
         viewer.kill()
@@ -345,7 +345,7 @@ def _write(data: bytes, picture: Path) -> None:
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(
-            phrase(f"picture {picture}", f"it cannot be written ({reason})", "name another file")
+            f"picture {picture}", f"it cannot be written ({reason})", "name another file"
         ) from error
 
 

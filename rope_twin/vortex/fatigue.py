@@ -156,7 +156,7 @@ def find_curve(where: str, name: str) -> Curve:
         InputError: there is none of this name.
     """
     if name not in CURVES:
-        raise InputError(phrase(where, f"no curve '{name}'", did_you_mean(name, CURVES)))
+        raise InputError(where, f"no curve '{name}'", did_you_mean(name, CURVES))
     return CURVES[name]
 
 
@@ -170,8 +170,8 @@ def find_stress_curve(where: str, name: str) -> StressCurve:
         return STRESS_CURVES[name]
     if name in CURVES:
         right = f"give one of stress: {', '.join(sorted(STRESS_CURVES))}"
-        raise InputError(phrase(where, f"'{name}' is a curve of tension", right))
-    raise InputError(phrase(where, f"no curve '{name}'", did_you_mean(name, STRESS_CURVES)))
+        raise InputError(where, f"'{name}' is a curve of tension", right)
+    raise InputError(where, f"no curve '{name}'", did_you_mean(name, STRESS_CURVES))
 
 
 def strength_of(rope: Rope) -> Strength:
@@ -237,7 +237,7 @@ def check_all_steel(line: RopeLine, EI: float = 0.0) -> None:
             tensions = [name for name, one in CURVES.items() if isinstance(one, TensionCurve)]
             right = f"take a curve of tension ({', '.join(tensions)}), if it holds for this rope"
             where = f"rope '{line.name}', section {number + 1}"
-            raise InputError(phrase(where, "it is not all of steel: no stress is known", right))
+            raise InputError(where, "it is not all of steel: no stress is known", right)
 
 
 Numbers = NDArray[np.int64]

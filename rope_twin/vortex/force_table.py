@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.sea.tables import find_table, read_grid
 from rope_twin.share import share_dir
 
@@ -93,17 +93,16 @@ def _checked(path: Path, changed_ns: int, size: int) -> ForceTable:
             first = tuple(beyond[0])
             where = name if values.ndim == 1 else f"{name} at {_place(table, *first)}"
             what = f"{where} is {values[first]:g}"
-            raise InputError(phrase(str(path), what, f"give {low:g} to {high:g}"))
+            raise InputError(str(path), what, f"give {low:g} to {high:g}")
     if not (table.lift > 0.0).any():
-        what = "C_Lv is nowhere positive, so nothing is excited"
         right = "give lift in phase with velocity, positive where it excites the motion"
-        raise InputError(phrase(str(path), what, right))
+        raise InputError(str(path), "C_Lv is nowhere positive, so nothing is excited", right)
     unlimited = np.flatnonzero(table.lift[:, -1] > 0.0)
     if len(unlimited):
         i, j = int(unlimited[0]), len(table.amplitude) - 1
         what = f"C_Lv is still {table.lift[i, j]:g} at {_place(table, i, j)}, the largest amplitude"
         right = "add amplitudes up to one where it is 0 or less, which limits the motion"
-        raise InputError(phrase(str(path), what, right))
+        raise InputError(str(path), what, right)
     return table
 
 

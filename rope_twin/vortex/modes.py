@@ -30,7 +30,7 @@ import numpy as np
 
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.vortex.line_model import Span
 
 SPARE = 4  # modes requested beyond the number of a string without bending
@@ -67,13 +67,11 @@ class ModeSearch:
         if not (span.tension > 0.0).all():
             slack = int((span.tension <= 0.0).sum())
             what = f"{slack} of {len(span.tension)} elements are slack, so it has no modes"
-            raise InputError(phrase("rope", what, "give it weight, tension or a payload"))
+            raise InputError("rope", what, "give it weight, tension or a payload")
         expected = modes_below(span, highest_hz)
         if expected > MAX_MODES:
             what = f"about {expected:.0f} modes lie below {highest_hz:.3g} Hz"
-            raise InputError(
-                phrase("rope", what, f"at most {MAX_MODES} are taken; lower the current")
-            )
+            raise InputError("rope", what, f"at most {MAX_MODES} are taken; lower the current")
         self.span, self.highest_hz = span, highest_hz
         self._first = 1 if span.end_mass is None else 0
         self._mass = span.node_mass[self._first : -1]

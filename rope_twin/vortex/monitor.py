@@ -29,7 +29,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.vortex.coupled import CoupledModel, VivDragAmplification, modal_model
 from rope_twin.vortex.line_model import (
     AVERAGING_PERIODS,
@@ -251,12 +251,10 @@ def check_monitors(asked: MonitorSettings, model: str, coupled: bool) -> None:
     where = f"vibration {asked.vibration}"
     if asked.vibration == TIME_DOMAIN and not model:
         what = "the scene lists no VIV model, so its rope does not vibrate"
-        raise InputError(phrase(where, what, f"list one of them, or ask for {FREQUENCY_DOMAIN}"))
+        raise InputError(where, what, f"list one of them, or ask for {FREQUENCY_DOMAIN}")
     if asked.vibration == FREQUENCY_DOMAIN and model:
         what = f"the scene's own {model} computes the vibration already"
-        raise InputError(
-            phrase(where, what, "leave it out" if coupled else f"ask for {TIME_DOMAIN}")
-        )
+        raise InputError(where, what, "leave it out" if coupled else f"ask for {TIME_DOMAIN}")
 
 
 def wear_name(number: int) -> str:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.vortex.fatigue import (
     OWN,
     BendCount,
@@ -63,7 +63,7 @@ class MonitorSettings:
     def __post_init__(self) -> None:
         if self.vibration and self.vibration not in MODELS:
             what = f"no model '{self.vibration}'"
-            raise InputError(phrase("vibration", what, did_you_mean(self.vibration, MODELS)))
+            raise InputError("vibration", what, did_you_mean(self.vibration, MODELS))
         if self.fatigue and self.fatigue != OWN:
             find_curve("fatigue", self.fatigue)
 

@@ -14,7 +14,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.errors import SolverError, phrase
+from rope_twin.errors import SolverError
 from rope_twin.scene.rope_model import build
 from rope_twin.twin.contact import seabed_contact
 from rope_twin.twin.parted import CutRope
@@ -74,7 +74,7 @@ class Parts:
         done = self._ropes.advance(self.upper.rope, border, time, pull)
         if done < steps:
             what = "the next state of a part is not finite even at 1/32 of the step"
-            raise SolverError(phrase(f"step {done + 1}", what, "a solver defect: report it"))
+            raise SolverError(f"step {done + 1}", what, "a solver defect: report it")
         self._steps += steps
         return pull[:, rows.PULL]
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rope_twin.cli.console import CaseProgress, print_table
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from validation.learning.campaign import (
     COVERAGE_RANGE,
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     """
     if args.truths < 2 or not 1 <= args.minutes <= 60:
         what = f"{args.truths} truths, {args.minutes} minutes"
-        raise InputError(phrase("--learning", what, "give 2 truths or more, 1 to 60 minutes"))
+        raise InputError("--learning", what, "give 2 truths or more, 1 to 60 minutes")
     found: dict[str, Any] = {}
     met = True
     for name in args.ids or [SCENE]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.cli.console import CaseProgress, print_table
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.estimation.alarms import NAMED_S, NIS_THRESHOLD, THRESHOLD
 from rope_twin.scene.load import load_scene
 from validation.learning.campaign import campaign_prior
@@ -66,12 +66,12 @@ def run(args: argparse.Namespace) -> int:
     if count < 1 or args.first_seed < 0 or not 0.0 <= args.clean_hours <= 1000.0:
         what = f"{count} truths, {args.clean_hours:g} clean hours, seed {args.first_seed}"
         right = "give 1 truth or more, 0 to 1000 hours, a seed of 0 or more"
-        raise InputError(phrase("--faults", what, right))
+        raise InputError("--faults", what, right)
     faults = [one for one in FAULTS
               if not args.only or any(word in one.name for word in args.only)]  # fmt: skip
     if not faults:
         known = ", ".join(one.name for one in FAULTS)
-        raise InputError(phrase("--only", f"no fault has {args.only}", f"known: {known}"))
+        raise InputError("--only", f"no fault has {args.only}", f"known: {known}")
     found: dict[str, Any] = {}
     met = True
     for name in args.ids or [SCENE]:

@@ -37,7 +37,7 @@ from rope_twin.core.state import (
     Boundary,
     Floats,
 )
-from rope_twin.errors import InputError, SceneError, phrase
+from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.load import change_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
@@ -91,12 +91,10 @@ def whole_steps(name: str, seconds: float, step_s: float) -> int:
     """
     steps = round(seconds / step_s) if np.isfinite(seconds) else 0
     if seconds > MAX_DURATION_S:
-        raise InputError(
-            phrase(name, f"{seconds:g} s is too long", f"give at most {MAX_DURATION_S:g} s")
-        )
+        raise InputError(name, f"{seconds:g} s is too long", f"give at most {MAX_DURATION_S:g} s")
     if steps < 1 or abs(steps * step_s - seconds) > 1e-6 * step_s:
         right = f"give a whole number of steps of {step_s:g} s"
-        raise InputError(phrase(name, f"{seconds} s is not possible", right))
+        raise InputError(name, f"{seconds} s is not possible", right)
     return steps
 
 
@@ -154,11 +152,10 @@ class Ensemble:
         self._watched = watched
         self.threads = cores() if threads is None else threads
         if not 1 <= abreast <= LANES:
-            right = f"give 1 to {LANES}"
-            raise InputError(phrase("ensemble", f"{abreast} ropes abreast", right))
+            raise InputError("ensemble", f"{abreast} ropes abreast", f"give 1 to {LANES}")
         if self.threads < 1 or not variations:
             what = f"{self.threads} threads, {len(variations)} members"
-            raise InputError(phrase("ensemble", what, "give at least one of each"))
+            raise InputError("ensemble", what, "give at least one of each")
         self.scene = scene
         self.abreast = abreast
         self.steps = 0
@@ -171,7 +168,7 @@ class Ensemble:
         ]
         if watched and any(by_twin):
             what = "ropes that meet, or a winch with tension feedback, are not watched"
-            raise InputError(phrase("ensemble", what, "step them with `rope_twin run`"))
+            raise InputError("ensemble", what, "step them with `rope_twin run`")
         self._monitors = monitors
         starts = self._find_starts(list(dict.fromkeys(zip(scenes, by_twin, strict=True))))
         self._heaves = {id(own.heave): own.heave for own in variations if own.heave}
@@ -199,7 +196,7 @@ class Ensemble:
         steps = whole_steps("seconds", seconds, self.step_s)
         if self._interrupted:
             what = "it was interrupted while some members had stepped and others had not"
-            raise InputError(phrase("ensemble", what, "build it anew"))
+            raise InputError("ensemble", what, "build it anew")
         for heave in self._heaves.values():
             end_ns = (self.steps + steps) * self._step_ns
             heave.check_reach(end_ns, end_ns)
@@ -280,7 +277,7 @@ class Ensemble:
         """
         member = self._members[number]
         if isinstance(member, UnstartedMember):
-            raise InputError(phrase(f"member {number}", "it never started", member.failure[:-1]))
+            raise InputError(f"member {number}", "it never started", member.failure[:-1])
         return member.snapshot()
 
     def _find_starts(self, keys: list[StartKey]) -> dict[StartKey, AnyStart]:
@@ -305,10 +302,10 @@ def _member_scene(scene: Scene, own: Variation, number: int) -> Scene:
     for change in own.changes:
         where = f"member {number}: {change.path}"
         if change.path.startswith("time."):
-            raise SceneError(phrase(where, "all members have it in common", "vary something else"))
+            raise SceneError(where, "all members have it in common", "vary something else")
         if change.path.startswith("sea_state.") and own.heave is None:
             right = "give the member the heave of that sea"
-            raise SceneError(phrase(where, "a sea moves no ship by itself", right))
+            raise SceneError(where, "a sea moves no ship by itself", right)
     try:
         return change_scene(scene, own.changes)
     except SceneError as error:

@@ -22,7 +22,7 @@ import numpy as np
 
 from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
 from rope_twin.core.state import Floats
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, did_you_mean
 from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.schema import Scene
@@ -71,11 +71,11 @@ class Fleet:
         scene = scene if isinstance(scene, Scene) else load_scene(scene)
         if members < 1 or threads < 1:
             what = f"{members} members, {threads} threads"
-            raise InputError(phrase("fleet", what, "give at least one of each"))
+            raise InputError("fleet", what, "give at least one of each")
         if model_beside(scene) is not None:
             what = f"the VIV model of '{scene.name}' runs beside the step"
             right = "remove it from the scene; its drag amplification then has no effect"
-            raise InputError(phrase("fleet", what, right))
+            raise InputError("fleet", what, right)
         self.scene = at_setting(scene, elements, step_s)
         self.threads = threads
         made = SystemMembers if is_joined(self.scene) else RopeMembers
@@ -136,9 +136,9 @@ class Fleet:
         given = [states] if isinstance(states, FleetState) else list(states)
         if not isinstance(states, FleetState) and len(given) != len(self):
             what = f"{len(given)} states for {len(self)} members"
-            raise InputError(phrase("fleet", what, "give one, or one for each"))
+            raise InputError("fleet", what, "give one, or one for each")
         if len({one.time_ns for one in given}) > 1:
-            raise InputError(phrase("fleet", "states of different times", "give states of one"))
+            raise InputError("fleet", "states of different times", "give states of one")
         for one in given:
             self._members.check(one)
         self._members.restore(given)
@@ -198,7 +198,7 @@ class Fleet:
             InputError: see `advance`.
         """
         if look_steps < 1:
-            raise InputError(phrase("fleet", f"a look of {look_steps} steps", "give at least 1"))
+            raise InputError("fleet", f"a look of {look_steps} steps", "give at least 1")
         first = np.shape(inputs.heave_m)[:1]
         single = [(one.name, getattr(inputs, one.name)) for one in fields(inputs)]
         named = [(name, value) for name, value in single if name != "lines"]
@@ -209,15 +209,13 @@ class Fleet:
         for name, given in named:
             value = np.asarray(given)
             if value.shape[:1] != first or value.shape[1:] not in ((), (len(self),)):
-                what = f"shape {value.shape}"
                 right = f"give (steps + 1,) or (steps + 1, {len(self)}), the same steps in all"
-                raise InputError(phrase(f"fleet: {name}", what, right))
+                raise InputError(f"fleet: {name}", f"shape {value.shape}", right)
             if not np.isfinite(value).all():
-                what = "a value is not finite"
-                raise InputError(phrase(f"fleet: {name}", what, "fill gaps before"))
+                raise InputError(f"fleet: {name}", "a value is not finite", "fill gaps before")
         steps = first[0] - 1 if first else 0
         if steps < 1:
-            raise InputError(phrase("fleet", "inputs of no step", "give at least two borders"))
+            raise InputError("fleet", "inputs of no step", "give at least two borders")
         self._check_line("line_out_m", 0, np.asarray(inputs.line_out_m))
         for winch, (out, _) in inputs.lines.items():
             self._check_line(f"line_out_m of {winch}", self._rope_of(winch), np.asarray(out))
@@ -233,7 +231,7 @@ class Fleet:
         known = [name for name in winches_by_name(self.scene) if name in names]
         if winch not in known:
             right = did_you_mean(winch, known) if known else "the scene has the main winch alone"
-            raise InputError(phrase("fleet: lines", f"there is no other winch '{winch}'", right))
+            raise InputError("fleet: lines", f"there is no other winch '{winch}'", right)
         return self._members.hung[1 + names.index(winch)]
 
     def _check_line(self, name: str, r: int, line_m: Floats) -> None:
@@ -249,7 +247,7 @@ class Fleet:
         if not (least < line_m.min() and line_m.max() <= most):
             what = f"{float(line_m.min()):g} to {float(line_m.max()):g} m"
             right = f"this mesh takes more than {least:g} m, and at most {most:g} m"
-            raise InputError(phrase(f"fleet: {name}", what, right))
+            raise InputError(f"fleet: {name}", what, right)
         length, below = members.ends(r)
         wrong = (abs(line_m[0] - length) > LEAP_M) | (line_m[0] <= below)
         for k in np.flatnonzero(wrong).tolist():
@@ -257,7 +255,7 @@ class Fleet:
                 first = float(np.broadcast_to(line_m[0], (len(self),))[k])
                 what = f"it begins at {first:g} m, member {k} has {length[k]:g} m of rope out"
                 right = f"begin within {LEAP_M:g} m of the member's state"
-                raise InputError(phrase(f"fleet: {name}", what, right))
+                raise InputError(f"fleet: {name}", what, right)
 
     def _run(self, stretch: Stretch) -> None:
         """Do the steps of a stretch."""

@@ -11,7 +11,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.state import Boundary, Floats, Ints, Rope
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetState, LiveState
 from rope_twin.twin.figures import FIGURES
@@ -137,18 +137,17 @@ class Members(ABC):
         right = "give states of a fleet of this scene and mesh"
         states, own = (given.rope, *given.others), self.ropes
         if len(states) != len(own):
-            what = f"a state of {len(states)} ropes, not {len(own)}"
-            raise InputError(phrase("fleet", what, right))
+            raise InputError("fleet", f"a state of {len(states)} ropes, not {len(own)}", right)
         for one, rope in zip(states, own, strict=True):
             if one.nodes.shape != rope.state.nodes.shape:
                 room = rope.state.nodes.shape[1]
                 what = f"a state with space for {one.s.size} nodes, not {room}"
-                raise InputError(phrase("fleet", what, right))
+                raise InputError("fleet", what, right)
         count = sum(len(state_arrays(rope.effects)) for rope in own)
         if len(given.memories) != count:
             what = f"a state with {len(given.memories)} internal variables, not {count}"
             right = "give states that `Fleet.state` returned for this scene"
-            raise InputError(phrase("fleet", what, right))
+            raise InputError("fleet", what, right)
 
     # Steps
 

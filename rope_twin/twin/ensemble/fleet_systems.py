@@ -24,7 +24,7 @@ from rope_twin.core.lanes.joined_group import (
 )
 from rope_twin.core.state import Boundary, Floats, Ints, Rope
 from rope_twin.core.step import advance_joined
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.scene.rigging import payload_rope, places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetState, LiveState
@@ -143,7 +143,7 @@ class SystemMembers(Members):
         super().check(given)
         if given.joints is None or given.joints.shape != self._base.joints.nodes.shape:
             right = "give states of a fleet of this scene and mesh"
-            raise InputError(phrase("fleet", "a state of other connections", right))
+            raise InputError("fleet", "a state of other connections", right)
 
     def begin_from(self, live: LiveState) -> None:
         """Set the state of a live twin, on the members' own mesh; connections keep theirs.
@@ -155,7 +155,7 @@ class SystemMembers(Members):
         own = self._base.joints.nodes.shape
         if len(alive) != len(self.ropes) or joints is None or joints.shape != own:
             what = f"the live state is that of a twin of '{live.scene.name}', with other ropes"
-            raise InputError(phrase("fleet", what, "begin from a twin of the fleet's scene"))
+            raise InputError("fleet", what, "begin from a twin of the fleet's scene")
         both = zip(alive, self.ropes, self.marks_m, strict=True)
         states, effects = zip(*(on_mesh(*one) for one in both), strict=True)
         self._base = _with_effects(self._base, effects)

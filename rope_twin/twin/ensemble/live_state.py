@@ -19,7 +19,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.payout import SMALLEST_REST, TRIALS
 from rope_twin.core.state import SAME_PLACE, Floats, Ints, Model, Rope, State, new_state
 from rope_twin.effects.current import profile_of, with_profile
-from rope_twin.errors import InputError, StateError, phrase
+from rope_twin.errors import InputError, StateError
 from rope_twin.twin.ensemble.fleet_data import LiveState as LiveState
 from rope_twin.twin.figures import copied_law
 from rope_twin.twin.regrid import (
@@ -44,7 +44,7 @@ def live_state(twin: Twin) -> LiveState:
         StateError: the rope was cut.
     """
     if twin.cut is not None:
-        raise StateError(phrase("live state", "the rope was cut", "a fleet's rope is whole"))
+        raise StateError("live state", "the rope was cut", "a fleet's rope is whole")
     view, joined = twin.inspect(), twin.joined
     if joined is None:
         speed = view.boundary.rate[:1, rows.LINE]
@@ -92,7 +92,7 @@ def on_mesh(live: LiveState, rope: Rope, marks_m: Floats) -> tuple[State, tuple[
     n = int(own.state.counts[rows.ELEMENTS])
     if not _is_alike(own, rope):
         what = f"the live state is that of a twin of '{live.scene.name}', with other parts"
-        raise InputError(phrase("fleet", what, "begin from a twin of the fleet's scene"))
+        raise InputError("fleet", what, "begin from a twin of the fleet's scene")
     state = new_state(room)
     same = _same_mesh(own.model, rope.model) and n + 1 <= room - TRIALS
     if same:

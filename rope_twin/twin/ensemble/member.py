@@ -29,7 +29,7 @@ from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.loads.middle import lone_middle
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
-from rope_twin.errors import InputError, SolverError, phrase
+from rope_twin.errors import InputError, SolverError
 from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.rigging import winch_of, winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
@@ -346,8 +346,7 @@ class TwinMember:
         check_commands(winch_of(scene, scene.ropes[0]), scene.ropes[0].length_m, commands or ())
         if heave is not None and heave.aside is not None:
             what = "the ship's poses move its hang-offs sideways, which this scene takes from a run"
-            right = "give heave, or step it with `rope_twin run`"
-            raise InputError(phrase("ensemble", what, right))
+            raise InputError("ensemble", what, "give heave, or step it with `rope_twin run`")
         self._twin = start.branch()
         self._twin.prescribe_motion()
         self._heave, self._commands = heave, commands

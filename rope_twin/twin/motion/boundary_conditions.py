@@ -21,7 +21,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.interpolation import Times
 from rope_twin.core.state import LINE, MOTIONS, Boundary, Floats, Rope, Z
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene, Ship
 from rope_twin.scene.schema import Winch as WinchScene
 from rope_twin.twin.inputs import TwinInputs
@@ -273,7 +273,7 @@ class WinchMotion:
         if not is_known_in_advance(scene, commands):
             what = "its drive, brake, or an order by depth or tension depends on the rope's tension"
             right = "`rope_twin run` steps such a scene; leave them out of it here"
-            raise InputError(phrase("winch", what, right))
+            raise InputError("winch", what, right)
         self._scene = scene
         self._commands = None if commands is None else deque(commands)
         check_commands(scene, length_m, commands or ())

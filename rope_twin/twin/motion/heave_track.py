@@ -314,13 +314,12 @@ class HeaveSeries:
     def __post_init__(self) -> None:
         """Check the samples."""
         if self.aside is not None and self.aside.shape != (4, len(self.stamp_ns)):
-            what = f"east and north of shape {self.aside.shape}"
             right = f"give (4, {len(self.stamp_ns)}), as many as samples"
-            raise InputError(phrase("hang-off", what, right))
+            raise InputError("hang-off", f"east and north of shape {self.aside.shape}", right)
         shapes = {self.stamp_ns.shape, self.position_m.shape, self.velocity_m_per_s.shape}
         if len(shapes) != 1 or self.stamp_ns.ndim != 1 or len(self.stamp_ns) < 2:
             raise InputError(
-                phrase("heave", f"arrays of shapes {shapes}", "give three of one length, 2 or more")
+                "heave", f"arrays of shapes {shapes}", "give three of one length, 2 or more"
             )
         for fault in (self._order_fault(), self._motion_fault()):
             if fault:
@@ -359,12 +358,10 @@ class HeaveSeries:
         known = self.stamp_ns[0] - self.start_ns, self.stamp_ns[-1] - self.start_ns
         if first_ns <= known[0] or last_ns > known[1]:
             raise InputError(
-                phrase(
-                    "heave",
-                    f"samples from {int(known[0]) * 1e-9:g} s to {self.end_ns * 1e-9:g} s, wanted "
-                    f"from {first_ns * 1e-9:g} s to {last_ns * 1e-9:g} s",
-                    "give a longer series",
-                )
+                "heave",
+                f"samples from {int(known[0]) * 1e-9:g} s to {self.end_ns * 1e-9:g} s, wanted "
+                f"from {first_ns * 1e-9:g} s to {last_ns * 1e-9:g} s",
+                "give a longer series",
             )
 
     def move(self, boundary: Boundary, at: Times) -> None:

@@ -202,13 +202,13 @@ def synthesise(
 
 def _count_samples(spectrum: WaveSpectrum, duration_s: float, rate_hz: float) -> int:
     if not (np.isfinite(duration_s) and 60.0 <= duration_s <= 10800.0):
-        raise InputError(phrase("duration", f"it is {duration_s:g} s", "right is 60 to 10800 s"))
+        raise InputError("duration", f"it is {duration_s:g} s", "right is 60 to 10800 s")
     fastest_hz = float(spectrum.frequency_hz[-1])
     if not (np.isfinite(rate_hz) and 2.0 * fastest_hz < rate_hz <= 1000.0):
         right = f"right is above {2.0 * fastest_hz:g} (twice the spectrum's end) to 1000 Hz"
-        raise InputError(phrase("rate", f"it is {rate_hz:g} Hz", right))
+        raise InputError("rate", f"it is {rate_hz:g} Hz", right)
     samples = round(duration_s * rate_hz)
     if abs(samples - duration_s * rate_hz) > 1e-6:
         what = f"{duration_s:g} s hold no whole number of samples at {rate_hz:g} Hz"
-        raise InputError(phrase("duration", what, "right is a multiple of the sample period"))
+        raise InputError("duration", what, "right is a multiple of the sample period")
     return samples
