@@ -27,6 +27,7 @@ from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.winch.commands import CommandSample, WinchCommand
 
 SCENES = ("two_line_lift", "bridle_lift")
+PARTS = ("load_transfer",)  # with a rigid body
 
 
 def member(number: int, height_m: float = 0.4, speed: float = 0.0) -> Variation:
@@ -199,6 +200,27 @@ def test_effects_that_are_called_lane_by_lane() -> None:
     assert lanes.given_up < 0.1 * lanes.steps
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("name", PARTS)
+def test_scenes_with_further_parts(name: str) -> None:
+    """Parts that one rope has for all, or that act between ropes: the same states and figures."""
+    scene = load_scene(name)
+    own = [member(number, 0.3 + 0.2 * number) for number in range(LANES)]
+    ensemble = Ensemble(scene, own, threads=1)
+    lone = Ensemble(scene, own, threads=1, abreast=1)
+    assert ensemble.lanes().members == LANES
+    for seconds in (1, 9):
+        ensemble.advance(seconds)
+        lone.advance(seconds)
+    assert ensemble.figures() == lone.figures()
+    for number in range(LANES):
+        shot, expected = ensemble.snapshot(number), lone.snapshot(number)
+        assert not differing(shot, expected), number
+        assert not differing_ropes(shot, expected), number
+    lanes = ensemble.lanes()
+    assert 0 < lanes.given_up < 0.01 * lanes.steps  # the first step, with internal variables
+
+
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
@@ -208,11 +230,11 @@ def test_effects_that_are_called_lane_by_lane() -> None:
         ("cage_and_clump", "payload_contact"),
         ("net_screen", "net_curtain"),
         ("two_line_landing", ""),
-        ("load_transfer", "a rigid body"),
+        ("load_transfer", ""),
     ],
 )
 def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
-    """Sheaves, rigid bodies, and forces between ropes."""
+    """Sheaves, and forces between ropes."""
     system = build_joined(load_scene(name)).system
     assert why_joined_alone(system) == reason
     assert (joined_kind_of(system) is None) == bool(reason)

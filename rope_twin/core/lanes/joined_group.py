@@ -8,7 +8,6 @@ import numpy as np
 from numba import config
 
 from rope_twin.core.axial_law import Fibre
-from rope_twin.core.body.lanes import has_body
 from rope_twin.core.jit.wide import ALL, LANES
 from rope_twin.core.joined.joints import (
     FIRST,
@@ -39,6 +38,7 @@ from rope_twin.core.lanes.group import (
     done_and_left,
     effect_of,
     on_columns,
+    places_here,
     places_of,
     put_properties,
     put_state,
@@ -97,8 +97,6 @@ def why_joined_alone(system: System) -> str:
     kinds = [type(effect) for effect in system.ropes[0].effects]
     if Fibre in kinds:
         return "a dynamic stiffness"
-    if has_body(system.ropes[0].effects):
-        return "a rigid body"
     alone = [kind for kind in kinds if not _steps_in_lanes(kind)]
     return ", ".join(_name_of(kind) for kind in alone)
 
@@ -135,6 +133,7 @@ def joined_kind_of(system: System) -> JoinedKind | None:
             absorb=rope.model.absorb,
             effects=effects,
             law=law,
+            here=places_here(rope),
         )
         for rope in system.ropes
     )
