@@ -5,6 +5,7 @@ A tree (two lines to one load) and a loop (a bridle with a bar), whatever happen
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.winch.commands import CommandSample, WinchCommand
 
 SCENES = ("two_line_lift", "bridle_lift")
-PARTS = ("load_transfer",)  # with a rigid body
+PARTS = ("load_transfer", "net_screen", "net_wall")  # with a rigid body, with nets between ropes
 
 
 def member(number: int, height_m: float = 0.4, speed: float = 0.0) -> Variation:
@@ -205,7 +206,11 @@ def test_effects_that_are_called_lane_by_lane() -> None:
 def test_scenes_with_further_parts(name: str) -> None:
     """Parts that one rope has for all, or that act between ropes: the same states and figures."""
     scene = load_scene(name)
-    own = [member(number, 0.3 + 0.2 * number) for number in range(LANES)]
+    own = []
+    for number in range(LANES):
+        longer = Change("ropes[0].length_m", 1.0 + 0.002 * number, multiply=True)
+        one = member(number, 0.3 + 0.2 * number)
+        own.append(replace(one, changes=(*one.changes, longer), commands=None))
     ensemble = Ensemble(scene, own, threads=1)
     lone = Ensemble(scene, own, threads=1, abreast=1)
     assert ensemble.lanes().members == LANES
@@ -228,13 +233,14 @@ def test_scenes_with_further_parts(name: str) -> None:
         ("bridle_lift", ""),
         ("two_line_loop", "a sheave"),
         ("cage_and_clump", "payload_contact"),
-        ("net_screen", "net_curtain"),
+        ("net_screen", ""),
+        ("net_wall", ""),
         ("two_line_landing", ""),
         ("load_transfer", ""),
     ],
 )
 def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
-    """Sheaves, and forces between ropes."""
+    """Sheaves, and bodies that touch."""
     system = build_joined(load_scene(name)).system
     assert why_joined_alone(system) == reason
     assert (joined_kind_of(system) is None) == bool(reason)

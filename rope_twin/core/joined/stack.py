@@ -26,6 +26,7 @@ from rope_twin.core.jit.wide import table, tiles, wide
 from rope_twin.core.loads.hooks import (
     DIFFERING,
     couples,
+    kernels,
     kernels_by_place,
     members,
     struct_text,
@@ -36,6 +37,7 @@ from rope_twin.core.state import (
     CHAIN_ROWS,
     COUNTS,
     COUPLED_CHAIN_ROWS,
+    ELEMENTS,
     END,
     HEALTH,
     NODE_ROWS,
@@ -299,7 +301,10 @@ def _compose_effects(effects: Any, r: Any) -> Any:
 
 
 def face_ropes(effects: Any, rope: Any, stack: Any) -> Any:
-    """Let the effects of a rope of the stack read of other ropes what they depend on there."""
+    """Let the effects of a rope of the stack read of other ropes what they depend on there.
+
+    stack: also of lanes.
+    """
     for i, effect in enumerate(effects):
         for own, call in members("face", (effect,)):
             call(own, rope, stack, stack.effects[i].memory)
@@ -307,7 +312,8 @@ def face_ropes(effects: Any, rope: Any, stack: Any) -> Any:
 
 @overload(face_ropes, jit_options=LINKED, strict=False)
 def _compose_faces(effects: Any, rope: Any, stack: Any) -> Any:
-    calls = kernels_by_place("face", effects)
+    lanes = _in_lanes(stack)
+    calls = kernels("face", effects, None) if lanes else kernels_by_place("face", effects)
     lines = [f"kernel_{i}(effects[{i}], rope, stack, stack.effects[{i}].memory)" for i in calls]
     return written_out("effects, rope, stack", [*lines, "return None"], calls)
 
@@ -425,6 +431,28 @@ def _choose_work(stack: Any, r: Any) -> Any:
     if _in_lanes(stack):
         return lambda stack, r: (tiles(stack.work[r], CHAIN_ROWS),)
     return lambda stack, r: (stack.work[r],)
+
+
+def facing_of(stack: Any, memories: Any, r: Any) -> Any:
+    """Return nodes, coordinates and number of elements of rope r, and its part of `memories`."""
+    return stack.nodes[r], stack.s[r], stack.counts[r, ELEMENTS], memories[r]
+
+
+@overload(facing_of, jit_options=_INLINED, strict=False)
+def _choose_facing(stack: Any, memories: Any, r: Any) -> Any:
+    if _in_lanes(stack):
+        return lambda stack, memories, r: (
+            tiles(stack.nodes[r], NODE_ROWS),
+            table(stack.s[r]),
+            stack.counts[r, ELEMENTS],
+            table(memories[r]),
+        )
+    return lambda stack, memories, r: (
+        stack.nodes[r],
+        stack.s[r],
+        stack.counts[r, ELEMENTS],
+        memories[r],
+    )
 
 
 def tolerance_at(stack: Any, r: Any) -> Any:

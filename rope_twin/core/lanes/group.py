@@ -56,6 +56,8 @@ from rope_twin.core.state import (
 
 bodies.register()
 OWN_FIGURES = ("element_length", "split_above", "merge_below", "tolerance")  # of the Model
+# Fields of effects: whether this rope carries the body or the unit, and the ropes that a net is at
+PLACES = ("here", "left", "right")
 
 
 class Kind(NamedTuple):
@@ -69,7 +71,7 @@ class Kind(NamedTuple):
     absorb: float
     effects: tuple[Any, ...]  # layouts of their data
     law: Any  # the same of a table of stiffness, or None
-    here: tuple[bool, ...]  # whether it has the body or unit of its effects, which may be elsewhere
+    places: tuple[float, ...]  # of its effects in a system: see PLACES
 
     @property
     def plain(self) -> bool:
@@ -126,7 +128,7 @@ def kind_of(rope: Rope) -> Kind | None:
         absorb=rope.model.absorb,
         effects=tuple(layout_of(effect) for effect in rope.effects),
         law=None if rope.law is None else layout_of(rope.law),
-        here=places_here(rope),
+        places=effect_places(rope),
     )
 
 
@@ -136,9 +138,14 @@ def places_of(rope: Rope) -> tuple[int, ...]:
     return tuple(np.searchsorted(rope.sections[END], lower_ends, side="right").tolist())
 
 
-def places_here(rope: Rope) -> tuple[bool, ...]:
-    """Return, of each effect that is at one place of a system, whether that is on this rope."""
-    return tuple(effect.here != 0.0 for effect in rope.effects if hasattr(effect, "here"))
+def effect_places(rope: Rope) -> tuple[float, ...]:
+    """Return what effects know of their place in a system of ropes, which lanes have in common."""
+    return tuple(
+        float(getattr(effect, name))
+        for effect in rope.effects
+        for name in PLACES
+        if hasattr(effect, name)
+    )
 
 
 def on_columns(layout: Any, columns: int) -> Any:

@@ -37,8 +37,8 @@ from rope_twin.core.lanes.group import (
     advance_batch,
     done_and_left,
     effect_of,
+    effect_places,
     on_columns,
-    places_here,
     places_of,
     put_properties,
     put_state,
@@ -109,11 +109,10 @@ def _name_of(kind: type) -> str:
 
 def _steps_in_lanes(kind: type) -> bool:
     """Return whether an effect of this type steps in the lanes of systems of ropes."""
-    # `pull`: a hull moves with the hang-off of a rope by itself
-    between = {"face", "among", "pull"}.intersection(hooks.hooks_of(kind))
+    moved = "pull" in hooks.hooks_of(kind)  # a hull moves with the hang-off of a rope by itself
     each_its_own = is_by_lane(kind) and numbers_carried(kind) > 0
     alone = hooks.couples([kind]) or hooks.axial_place([kind]) is not None
-    return hooks.all_wide([kind]) and not (between or each_its_own or alone)
+    return hooks.is_wide(kind, "start") and not (moved or each_its_own or alone)
 
 
 def joined_kind_of(system: System) -> JoinedKind | None:
@@ -133,7 +132,7 @@ def joined_kind_of(system: System) -> JoinedKind | None:
             absorb=rope.model.absorb,
             effects=effects,
             law=law,
-            here=places_here(rope),
+            places=effect_places(rope),
         )
         for rope in system.ropes
     )
