@@ -15,7 +15,7 @@ from lone_twins import SECOND_NS, alone, differing, sea
 from rope_twin import Snapshot, load_scene
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.joined_group import joined_kind_of, why_joined_alone
-from rope_twin.core.state import ELEMENTS, VELOCITY, Floats
+from rope_twin.core.state import ELEMENTS, TENSION, VELOCITY, Floats
 from rope_twin.effects.wake_oscillator import WakeOscillator
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.load import Change
@@ -96,6 +96,29 @@ def test_slack_and_snap(name: str) -> None:
     assert max(shot.solves_max_per_stage for shot in shots) > 2
     assert (lanes.given_up > 0) == (name == "bridle_lift")
     assert any(one.slack_share > 0.0 for one in ensemble.figures())
+
+
+def test_the_last_step_of_a_call_is_given_up() -> None:
+    """Tensions are those of the step that the member did by itself."""
+    scene = load_scene("bridle_lift")
+    own = [member(number, 0.2 if number % 2 else 4.0) for number in range(LANES)]
+    both = [Ensemble(scene, own, threads=1, abreast=abreast) for abreast in (LANES, 1)]
+    for one in both:
+        one.advance(4)
+    before = both[0].lanes().given_up
+    for _ in range(100):
+        for one in both:
+            one.advance(0.01)
+        assert all(np.array_equal(*(_tensions(one, k) for one in both)) for k in range(LANES))
+    assert both[0].lanes().given_up > before
+
+
+def _tensions(ensemble: Ensemble, number: int) -> Floats:
+    """Return the tension of all elements of a member's ropes [N]."""
+    one = ensemble._members[number]
+    assert isinstance(one, TwinMember)
+    ropes = one.system.ropes
+    return np.concatenate([rope.work[TENSION, : rope.state.counts[ELEMENTS]] for rope in ropes])
 
 
 @pytest.mark.parametrize("name", SCENES)

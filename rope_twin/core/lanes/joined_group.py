@@ -248,13 +248,14 @@ class JoinedGroup:
         self.put(lane, system)
 
     def put(self, lane: int, system: System) -> None:
-        """Copy a system's state and internal variables into a lane."""
+        """Copy a system's state, internal variables and tensions into a lane."""
         joints, late = system.joints, 0
         self._joints.nodes[..., lane] = joints.nodes.T
         self._joints.ties[..., lane] = joints.ties
         for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
             n = self.kind.ropes[r].elements
             put_state(own, lane, n, rope)
+            own.work[:n, TENSION, lane] = rope.work[TENSION, :n]
             for joint, node in ((joints.lower[r], 0), (joints.upper[r], n)):
                 if joint != LOOSE:
                     own.state.nodes[node, :, lane] = joints.nodes[:, joint]
