@@ -20,7 +20,7 @@ from rope_twin.core.joined.joints import (
     topology_of,
 )
 from rope_twin.core.joined.plan import SUM_ROWS, Plan, new_plan, write_plan
-from rope_twin.core.joined.stack import LaneStack, effects_at, stacked_effects
+from rope_twin.core.joined.stack import LaneStack, chain_rows, effects_at, stacked_effects
 from rope_twin.core.lanes.effects import (
     EachOfRopes,
     aligned,
@@ -49,7 +49,6 @@ from rope_twin.core.loads import hooks
 from rope_twin.core.loads.memory import count_known, numbers_carried
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
-    CHAIN_ROWS,
     COUNTS,
     ELEMENTS,
     END,
@@ -109,10 +108,10 @@ def _name_of(kind: type) -> str:
 
 def _steps_in_lanes(kind: type) -> bool:
     """Return whether an effect of this type steps in the lanes of systems of ropes."""
-    moved = "pull" in hooks.hooks_of(kind)  # a hull moves with the hang-off of a rope by itself
+    own_hull = "pull" in hooks.hooks_of(kind) and not hooks.couples([kind])  # of a lone hang-off
     each_its_own = is_by_lane(kind) and numbers_carried(kind) > 0
-    alone = hooks.couples([kind]) or hooks.axial_place([kind]) is not None
-    return hooks.is_wide(kind, "start") and not (moved or each_its_own or alone)
+    unit = hooks.axial_place([kind]) is not None
+    return hooks.is_wide(kind, "start") and not (own_hull or each_its_own or unit)
 
 
 def joined_kind_of(system: System) -> JoinedKind | None:
@@ -177,7 +176,7 @@ class JoinedGroup:
             offset=aligned(count, columns, LANES),
             counts=np.zeros((count, COUNTS), np.int64),
             health=np.zeros((count, HEALTH), np.int64),
-            work=aligned(count, columns, CHAIN_ROWS, LANES),
+            work=aligned(count, columns, chain_rows(own[0] for own in one.effects), LANES),
             sections=sections,
             effects=tuple(_stacked(on_columns(own, columns), count) for own in one.effects),
             law=None if one.law is None else _stacked(one.law, count),
