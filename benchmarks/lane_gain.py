@@ -59,6 +59,8 @@ FULL = (
     Case("manifold_lift", "rigid_body, waves, splash_zone, seabed"),
     Case("two_line_lift", "ropes that meet: a tree"),
     Case("bridle_lift", "ropes that meet: a loop with a bar"),
+    Case("load_transfer", "ropes that meet: rigid_body"),
+    Case("net_screen", "ropes that meet: net_curtain between them"),
 )
 QUICK = (Case("smooth_2km", "quick", LANES, 1.0, 1.0, 1),)
 

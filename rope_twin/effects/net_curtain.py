@@ -34,10 +34,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.jit.decorators import jit, jit_within
-from rope_twin.core.jit.functions import anywhere
-from rope_twin.core.jit.rows import row, rows
-from rope_twin.core.jit.wide import choose
+from rope_twin.core.jit.decorators import jit, jit_exact, jit_exact_within, jit_within
+from rope_twin.core.jit.functions import anywhere, by_width, fused
+from rope_twin.core.jit.rows import column, row, rows
+from rope_twin.core.jit.wide import ALL, bits, choose, whole
+from rope_twin.core.joined.stack import facing_of
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import Load, grows, kernel
@@ -60,6 +61,7 @@ from rope_twin.core.state import (
     FLOW_RATE,
     LENGTH,
     LINK2_MIN,
+    POSITION,
     TANGENT,
     TANGENT2_MIN,
     VELOCITY,
@@ -255,40 +257,90 @@ def _panel(net: Any, size: Any, vectors: Any, q: float) -> Any:
     )
 
 
-@jit
-def _face(net: Any, rope: Any, other: Any, base: float, row: int) -> None:
+@jit_within
+def _motion(nodes: Any, j: int) -> Any:
+    """Return position and velocity of a node."""
+    return (*column(nodes, POSITION, j), *column(nodes, VELOCITY, j))
+
+
+@jit_exact_within
+def _opposite_one(theirs: Any, there: Any, last: int, at: float, j: int) -> Any:
+    while j < last - 1 and there[j + 1] < at:
+        j += 1
+    share = (at - there[j]) / (there[j + 1] - there[j])
+    return j, share, _motion(theirs, j), _motion(theirs, j + 1)
+
+
+@jit_within
+def _chosen(which: Any, a: Any, b: Any) -> Any:
+    """Return motion a in the lanes `which`, else b."""
+    return (
+        choose(which, a[0], b[0]), choose(which, a[1], b[1]), choose(which, a[2], b[2]),
+        choose(which, a[3], b[3]), choose(which, a[4], b[4]), choose(which, a[5], b[5]),
+    )  # fmt: skip
+
+
+@jit_exact_within
+def _opposite_lanes(theirs: Any, there: Any, last: int, at: Any, j: int) -> Any:
+    while j < last - 1 and bits(there[j + 1] < at) == ALL:
+        j += 1
+    low, high = there[j], there[j + 1]
+    below, above = _motion(theirs, j), _motion(theirs, j + 1)
+    k = j + 1
+    while k < last and bits(there[k] < at) != 0:
+        beyond = there[k] < at
+        low, high = choose(beyond, there[k], low), choose(beyond, there[k + 1], high)
+        below = _chosen(beyond, _motion(theirs, k), below)
+        above = _chosen(beyond, _motion(theirs, k + 1), above)
+        k += 1
+    return j, (at - low) / (high - low), below, above
+
+
+# The element at coordinate `at`, of those from j on (in lanes, the lowest of all lanes), the place
+# in it from 0 to 1, and the motion of the nodes below and above.
+_opposite = by_width(_opposite_one, _opposite_lanes)
+
+
+@jit_exact_within
+def _mixed(share: Any, below: Any, above: Any) -> Any:
+    """Return the value between two nodes."""
+    return fused(1.0 - share, below, share * above)
+
+
+@jit_exact
+def _face(net: Any, rope: Any, other: Any, row: int) -> None:
     """Set the directions from a rope's nodes to another rope in the rows from `row` on.
 
-    other: its nodes, coordinates and number of elements; base: coordinate of its lowest node.
+    other: its nodes, coordinates, number of elements, and internal variables. It says where a
+    product and a sum are one (`fused`): in lanes LLVM would fuse others.
     """
     memory, nodes, s = net.memory, rope.state.nodes, rope.state.s
-    theirs, there, last = other
+    theirs, there, last, kept = other
+    base = kept[PLACE, 0]
     n, half, j = rope.state.counts[ELEMENTS], 0.5 * rope.model.step, 0
     for i in range(n + 1):
         at = min(max(memory[PLACE, 0] + s[i] - base, 0.0), there[last])
-        while j < last - 1 and there[j + 1] < at:
-            j += 1
-        share = (at - there[j]) / (there[j + 1] - there[j])
+        j, share, below, above = _opposite(theirs, there, last, at, j)
         square = LINK2_MIN
         for k in range(3):
-            x = (1.0 - share) * theirs[k, j] + share * theirs[k, j + 1] - nodes[k, i]
-            v = (1.0 - share) * theirs[3 + k, j] + share * theirs[3 + k, j + 1] - nodes[3 + k, i]
-            memory[row + k, i] = x + half * v
-            square += memory[row + k, i] ** 2
+            x = _mixed(share, below[k], above[k]) - nodes[k, i]
+            v = _mixed(share, below[3 + k], above[3 + k]) - nodes[3 + k, i]
+            toward = fused(half, v, x)
+            memory[row + k, i] = toward
+            square = fused(toward, toward, square)
         for k in range(3):
             memory[row + k, i] *= 1.0 / sqrt(square)
     for k in range(3):
         set_trials(memory, row + k, memory[row + k, n], rope)
 
 
-@kernel("face", NetCurtain)
+@kernel("face", NetCurtain, wide=True, exact=True)
 def face(net: Any, rope: Any, stack: Any, memories: Any) -> None:
     """Set the directions to the ropes at the net's far edges."""
     for side in range(2):
-        p = int(net.left if side == 0 else net.right)
+        p = whole(net.left if side == 0 else net.right)
         if p >= 0:
-            other = stack.nodes[p], stack.s[p], stack.counts[p, ELEMENTS]
-            _face(net, rope, other, memories[p, PLACE, 0], TOWARDS + 3 * side)
+            _face(net, rope, facing_of(stack, memories, p), TOWARDS + 3 * side)
 
 
 @kernel("start", NetCurtain)

@@ -101,12 +101,13 @@ def test_winches_that_are_not_named_hold(two_lines: Scene) -> None:
         ("bridle_lift", ""),
         pytest.param("two_line_landing", "", marks=pytest.mark.long),
         ("two_line_loop", "a sheave"),
-        ("load_transfer", "a rigid body"),
+        pytest.param("load_transfer", "", marks=pytest.mark.long),
+        pytest.param("net_screen", "", marks=pytest.mark.long),
         ("cage_and_clump", "payload_contact"),
     ],
 )
 def test_systems_of_other_scenes(name: str, alone: str) -> None:
-    """With struts, on a bed in waves, over a sheave, with a body, with loads that touch."""
+    """With struts, on a bed in waves, over a sheave, with a body or nets, with loads that touch."""
     scene = coarse(name, 8, 0.02)
     expected = driven(scene, 120, speed=0.3, live_at=40)
     fleet = Fleet(scene, 4 if not alone else 2, elements=8, step_s=0.02)

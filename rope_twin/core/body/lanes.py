@@ -20,7 +20,6 @@ from rope_twin.core.body.loads import keep_all
 from rope_twin.core.body.solution import HALVINGS, MAX_ITERATIONS, balance, correct, left_on_hook
 from rope_twin.core.body.state import (
     GridBed,
-    RigidBody,
     along,
     chosen,
     dot,
@@ -31,6 +30,7 @@ from rope_twin.core.body.state import (
 from rope_twin.core.body.step import KINDS, middle_in, predict_stage
 from rope_twin.core.integrator import TRAPEZOID
 from rope_twin.core.jit.decorators import jit_exact
+from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.jit.wide import ALL, bits, choose, mask_of, widened
 from rope_twin.core.loads.hooks import wide_kernel
@@ -121,9 +121,15 @@ def _solved(body: Any, q: Any, hook: Any, lanes: int) -> int:
     return int(same | _solve_for(body, q, hook, lanes & (ALL - same)))
 
 
+@jit_exact
+def _is_here(body: Any) -> bool:
+    """Return whether this rope carries the body, which it does in all lanes or in none."""
+    return bool(anywhere(body.here > 0.0))
+
+
 def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set the explicit part of the stage, and water and deck at its time, in all lanes."""
-    if low > 0:
+    if low > 0 or not _is_here(body):
         return
     body.tangent[at.ALLOWED] = rope.model.tolerance
     put(body.tangent, at.SOLVED_PLACE, (nan, nan, nan))
@@ -132,6 +138,8 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
 
 def load_end(body: Any, work: Any, stage: Any) -> None:
     """Add the slings' force on the hook, its weight and inertia to R_0, their derivative to A_0."""
+    if not _is_here(body):
+        return
     x, y, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
     ax, ay, az = rows(work, ACCELERATION, 0)
@@ -161,7 +169,7 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
 
 def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> int:
     """Return the lanes in which the force on the hook agrees with its linearisation, as bits."""
-    if share == 0.0 or stage.lanes == 0:
+    if share == 0.0 or stage.lanes == 0 or not _is_here(body):
         return int(stage.lanes)
     x, y, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
@@ -179,6 +187,8 @@ def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> int:
 
 def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store the body for the converged motion of the hook; the second stage writes a record."""
+    if not _is_here(body):
+        return
     work, s = rope.work, body.stage
     place = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
     speed = (work[VELOCITY, 0], work[VELOCITY + 1, 0], work[VELOCITY + 2, 0])
@@ -225,20 +235,14 @@ def _write(body: Any, record: Any) -> None:
 
 def middle(body: Any, height: Any, speed: Any) -> Any:
     """Return height and vertical velocity of the body's middle in each lane."""
+    if not _is_here(body):
+        return height, speed
     return middle_in(body, _record_of(body))
 
 
-def hangs_elsewhere(effects: tuple[Any, ...]) -> bool:
-    """Return whether one of the effects is a body that another rope of its system carries."""
-    return any(isinstance(effect, RigidBody) and not effect.here for effect in effects)
-
-
-def has_body(effects: tuple[Any, ...]) -> bool:
-    """Return whether one of the effects is a rigid body."""
-    return any(isinstance(effect, RigidBody) for effect in effects)
-
-
-for _parts, _kind in KINDS.items():
-    if not {GridBed, Shedding} & set(_parts):  # these branch: such a body steps alone
-        for _kernel in (predict, load_end, calm, settle, middle):
-            wide_kernel(_kernel.__name__, _kind, exact=True)(_kernel)
+def register() -> None:
+    """Register these kernels for all types of bodies but those that branch, which step alone."""
+    for parts, kind in KINDS.items():
+        if not {GridBed, Shedding} & set(parts):
+            for own in (predict, load_end, calm, settle, middle):
+                wide_kernel(own.__name__, kind, exact=True)(own)

@@ -32,6 +32,7 @@ from rope_twin.core.elimination import (
     keep_pair,
     lanes,
     link_less,
+    nothing_at,
     onto_next,
     pair_of_nodes,
     push_pair,
@@ -47,7 +48,8 @@ from rope_twin.core.elimination import (
     two,
     two_of_six,
 )
-from rope_twin.core.jit.decorators import jit, jit_ordered, jit_within
+from rope_twin.core.jit.decorators import jit, jit_exact_within, jit_ordered, jit_within
+from rope_twin.core.jit.functions import fused
 from rope_twin.core.jit.rows import column, lane, load, pair, row, rows
 from rope_twin.core.loads import balance
 from rope_twin.core.loads.hooks import chosen_by, couples
@@ -270,9 +272,10 @@ def substitute_between(work: Any, n: int) -> None:
         dz[i], dz[j] = lane(pz, 0), lane(pz, 1)
 
 
-_NOTHING = (0.0, 0.0, 0.0)
-_NIL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-_NONE = (_NOTHING, _NOTHING, _NOTHING)
+@jit_within
+def _begun(Z: Any, nothing: Any) -> Any:
+    """Return the state (see `_node`) of a chain that begins with Schur complement Z."""
+    return Z, nothing, (nothing + nothing, nothing), (nothing, nothing, nothing)
 
 
 @jit_within
@@ -299,7 +302,7 @@ def _take(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
 @jit_ordered
 def eliminate_coupled_upward(work: Any, first: int, n: int) -> Any:
     """Eliminate from the lower end, free (first = 0) or fixed (1), to node n: block and force."""
-    state = ground(work, first), _NOTHING, (_NIL, _NOTHING), _NONE
+    state = _begun(ground(work, first), nothing_at(work, first))
     for i in range(first, n):
         state = _take(work, i, state, spring(work, i), work[LINK, i], work[SECOND, i])
     return state[0], state[1]
@@ -308,7 +311,7 @@ def eliminate_coupled_upward(work: Any, first: int, n: int) -> Any:
 @jit_ordered
 def eliminate_coupled_downward(work: Any, n: int) -> Any:
     """Eliminate from the hang-off n, with prescribed motion, to node 0: block and force."""
-    state = spring(work, n - 1), _NOTHING, (_NIL, _NOTHING), _NONE
+    state = _begun(spring(work, n - 1), nothing_at(work, 0))
     for i in range(n - 1, 0, -1):
         d = work[SECOND, i - 2] if i > 1 else 0.0
         state = _take(work, i, state, spring(work, i - 1), work[LINK, i - 1], d)
@@ -329,6 +332,12 @@ def _pass_on(pivot: Any, P: Any, after: Any) -> Any:
     return (x, y, z), following, (far_x, far_y, far_z)
 
 
+@jit_exact_within
+def _exact_dot(a: Any, b: Any) -> Any:
+    """Return the inner product of two vectors, rounded alike for one rope and in lanes."""
+    return fused(a[2], b[2], fused(a[0], b[0], a[1] * b[1]))
+
+
 @jit_ordered
 def eliminate_coupled_between(work: Any, n: int) -> Any:
     """Condense to both ends: return block and force at node n, at node 0, and P by columns.
@@ -338,8 +347,9 @@ def eliminate_coupled_between(work: Any, n: int) -> Any:
     D, d = spring(work, 0), -work[SECOND, 0]
     P = link_less(work[LINK, 0], D)  # symmetric: its rows are its columns
     P = scaled(-1.0, P[0]), scaled(-1.0, P[1]), scaled(-1.0, P[2])
-    after, g = ((d, 0.0, 0.0), (0.0, d, 0.0), (0.0, 0.0, d)), _NOTHING
-    state = D, _NOTHING, (_NIL, _NOTHING), _NONE
+    g = nothing_at(work, 0)
+    nil = g[0]
+    after, state = ((d, nil, nil), (nil, d, nil), (nil, nil, d)), _begun(D, g)
     for i in range(1, n):
         K, c, d = spring(work, i), work[LINK, i], work[SECOND, i]
         S, _, B = _node(work, i, state, K, c)
@@ -349,7 +359,7 @@ def eliminate_coupled_between(work: Any, n: int) -> Any:
         for k in range(3):
             set_column(work, COUPLED_FAR + 3 * k, i, F[k])
         D = less_product(D, P, F)
-        g = add(g, (dot(P[0], own), dot(P[1], own), dot(P[2], own)))
+        g = add(g, (_exact_dot(P[0], own), _exact_dot(P[1], own), _exact_dot(P[2], own)))
         P = following
     return state[0], state[1], D, g, P
 
@@ -357,18 +367,18 @@ def eliminate_coupled_between(work: Any, n: int) -> Any:
 @jit_ordered
 def substitute_coupled_upward(work: Any, first: int, n: int) -> None:
     """Back-substitute after `eliminate_coupled_upward`, given the correction of node n."""
-    near, far = column(work, CORRECTION, n), _NOTHING
+    near, far = column(work, CORRECTION, n), nothing_at(work, 0)
     for i in range(n - 1, first - 1, -1):
         near, far = substituted(kept_of(work, INVERSE, i), near, scaled(work[SECOND, i], far)), near
         set_column(work, CORRECTION, i, near)
     if first == 1:
-        set_column(work, CORRECTION, 0, _NOTHING)
+        set_column(work, CORRECTION, 0, nothing_at(work, 0))
 
 
 @jit_ordered
 def substitute_coupled_downward(work: Any, n: int) -> None:
     """Back-substitute after `eliminate_coupled_downward`, given the correction of node 0."""
-    near, far = column(work, CORRECTION, 0), _NOTHING
+    near, far = column(work, CORRECTION, 0), nothing_at(work, 0)
     for i in range(1, n):
         d = work[SECOND, i - 2] if i > 1 else 0.0
         near, far = substituted(kept_of(work, INVERSE, i), near, scaled(d, far)), near
@@ -378,7 +388,7 @@ def substitute_coupled_downward(work: Any, n: int) -> None:
 @jit_ordered
 def substitute_coupled_between(work: Any, n: int) -> None:
     """Back-substitute after `eliminate_coupled_between`, given the corrections of both ends."""
-    near, far = column(work, CORRECTION, n), _NOTHING
+    near, far = column(work, CORRECTION, n), nothing_at(work, 0)
     x, y, z = column(work, CORRECTION, 0)
     for i in range(n - 1, 0, -1):
         own = substituted(kept_of(work, INVERSE, i), near, scaled(work[SECOND, i], far))

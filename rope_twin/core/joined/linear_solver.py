@@ -386,9 +386,8 @@ def push_system(system: Any) -> None:
     _substitute(system)
 
 
-@jit_apart
-def solve_lanes(system: Any, moved: Any) -> None:
-    """Solve for the corrections in all lanes; those of `moved` get new factors."""
+@jit
+def _solve_lanes_by_plan(system: Any, moved: Any) -> None:
     joints = system.joints
     eliminate_trees_wide(work_of(system.stack, ZERO)[0], joints.plan, moved)
     if joints.plan.sizes[DENSE] > 0:
@@ -409,9 +408,8 @@ def _keep_factor(joints: Any, moved: Any) -> None:
             joints.factor[i, j] = choose(moved, joints.matrix[i, j], joints.factor[i, j])
 
 
-@jit_apart
-def push_lanes(system: Any) -> None:
-    """Solve for all corrections from the residuals, with each lane's existing factors."""
+@jit
+def _push_lanes_by_plan(system: Any) -> None:
     joints = system.joints
     push_trees_wide(work_of(system.stack, ZERO)[0], joints.plan)
     if joints.plan.sizes[DENSE] > 0:
@@ -453,12 +451,12 @@ def _solve_coupled(system: Any) -> None:
     _begin_matrix(joints)
     begin_forces(joints)
     for r in range(stack.counts.shape[0]):
-        _condense_coupled(system, stack.work[r], stack.counts[r, ELEMENTS], r)
+        _condense_coupled(system, work_of(stack, r)[0], stack.counts[r, ELEMENTS], r)
     factorise(joints.factor)
     substitute_dense(joints.factor, joints.work)
     put_ends(system)
     for r in range(stack.counts.shape[0]):
-        work, n = stack.work[r], stack.counts[r, ELEMENTS]
+        work, n = work_of(stack, r)[0], stack.counts[r, ELEMENTS]
         if joints.lower[r] == LOOSE:
             substitute_coupled_upward(work, first_free(stack, r), n)
         elif joints.upper[r] == LOOSE:
@@ -478,3 +476,30 @@ _solve = chosen_by(
 def solve_system(system: Any) -> None:
     """Solve for the corrections of all nodes from residuals and blocks of ropes and connections."""
     _solve(effects_at(system.stack.effects, ZERO), system)
+
+
+_solve_all = chosen_by(
+    couples,
+    lambda effects, system, moved: _solve_coupled(system),
+    lambda effects, system, moved: _solve_lanes_by_plan(system, moved),
+)
+_push_all = chosen_by(
+    couples,
+    lambda effects, system: None,
+    lambda effects, system: _push_lanes_by_plan(system),
+)
+
+
+@jit_apart
+def solve_lanes(system: Any, moved: Any) -> None:
+    """Solve for the corrections in all lanes; those of `moved` get new factors."""
+    _solve_all(system.stack.effects, system, moved)
+
+
+@jit_apart
+def push_lanes(system: Any) -> None:
+    """Solve for all corrections from the residuals, with each lane's existing factors.
+
+    With bending nothing is done: factors are not tried.
+    """
+    _push_all(system.stack.effects, system)

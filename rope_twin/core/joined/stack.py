@@ -13,7 +13,7 @@ system (core/joined/stage) serve both: they ask here for a rope (`any_rope_of`) 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +26,7 @@ from rope_twin.core.jit.wide import table, tiles, wide
 from rope_twin.core.loads.hooks import (
     DIFFERING,
     couples,
+    kernels,
     kernels_by_place,
     members,
     struct_text,
@@ -36,6 +37,7 @@ from rope_twin.core.state import (
     CHAIN_ROWS,
     COUNTS,
     COUPLED_CHAIN_ROWS,
+    ELEMENTS,
     END,
     HEALTH,
     NODE_ROWS,
@@ -155,9 +157,9 @@ def store_memories(stacked: tuple[Any, ...], ropes: Sequence[Rope]) -> None:
                 _copy_columns(memory, rope.effects[place].memory)
 
 
-def chain_rows(effects: tuple[Any, ...]) -> int:
-    """Return the rows of scratch of a chain between connections with these effects."""
-    return COUPLED_CHAIN_ROWS if couples(map(type, effects)) else CHAIN_ROWS
+def chain_rows(kinds: Iterable[type]) -> int:
+    """Return the rows of scratch of a chain between connections with these types of effects."""
+    return COUPLED_CHAIN_ROWS if couples(kinds) else CHAIN_ROWS
 
 
 def _with_columns(rope: Rope, room: int) -> Rope:
@@ -175,7 +177,7 @@ def _with_columns(rope: Rope, room: int) -> Rope:
 def new_stack(ropes: Sequence[Rope]) -> Stack:
     """Return a stack sized for these ropes, filled with their constants."""
     count, room = len(ropes), max(rope.state.s.shape[0] for rope in ropes)
-    lines = chain_rows(ropes[0].effects)
+    lines = chain_rows(map(type, ropes[0].effects))
     sections = np.zeros((count, SECTION_ROWS, max(rope.sections.shape[1] for rope in ropes)))
     sections[:, END] = np.inf
     for r, rope in enumerate(ropes):
@@ -299,7 +301,10 @@ def _compose_effects(effects: Any, r: Any) -> Any:
 
 
 def face_ropes(effects: Any, rope: Any, stack: Any) -> Any:
-    """Let the effects of a rope of the stack read of other ropes what they depend on there."""
+    """Let the effects of a rope of the stack read of other ropes what they depend on there.
+
+    stack: also of lanes.
+    """
     for i, effect in enumerate(effects):
         for own, call in members("face", (effect,)):
             call(own, rope, stack, stack.effects[i].memory)
@@ -307,7 +312,8 @@ def face_ropes(effects: Any, rope: Any, stack: Any) -> Any:
 
 @overload(face_ropes, jit_options=LINKED, strict=False)
 def _compose_faces(effects: Any, rope: Any, stack: Any) -> Any:
-    calls = kernels_by_place("face", effects)
+    lanes = _in_lanes(stack)
+    calls = kernels("face", effects, None) if lanes else kernels_by_place("face", effects)
     lines = [f"kernel_{i}(effects[{i}], rope, stack, stack.effects[{i}].memory)" for i in calls]
     return written_out("effects, rope, stack", [*lines, "return None"], calls)
 
@@ -352,7 +358,7 @@ class LaneStack(NamedTuple):
     offset: Floats
     counts: Ints  # (ropes, COUNTS)
     health: Ints
-    work: Floats  # (ropes, columns, CHAIN_ROWS, LANES)
+    work: Floats  # (ropes, columns, chain_rows, LANES)
     sections: Floats  # (ropes, SECTION_ROWS, sections, LANES)
     effects: tuple[Any, ...]  # each array with the ropes in front and the lanes behind
     law: Any
@@ -390,7 +396,7 @@ def wide_rope_of(stack: Any, r: int) -> Any:
             stack.counts[r],
             stack.health[r],
         ),
-        tiles(stack.work[r], CHAIN_ROWS),
+        work_of(stack, r)[0],
         table(stack.sections[r]),
         _at(stack.effects, r),
         _at(stack.law, r),
@@ -423,8 +429,34 @@ def work_of(stack: Any, r: Any) -> Any:
 @overload(work_of, jit_options=_INLINED, strict=False)
 def _choose_work(stack: Any, r: Any) -> Any:
     if _in_lanes(stack):
+        kind = stack.inner if isinstance(stack, HeldType) else stack
+        effects = kind.types[kind.fields.index("effects")]
+        if couples(effect.instance_class for effect in effects):
+            return lambda stack, r: (tiles(stack.work[r], COUPLED_CHAIN_ROWS),)
         return lambda stack, r: (tiles(stack.work[r], CHAIN_ROWS),)
     return lambda stack, r: (stack.work[r],)
+
+
+def facing_of(stack: Any, memories: Any, r: Any) -> Any:
+    """Return nodes, coordinates and number of elements of rope r, and its part of `memories`."""
+    return stack.nodes[r], stack.s[r], stack.counts[r, ELEMENTS], memories[r]
+
+
+@overload(facing_of, jit_options=_INLINED, strict=False)
+def _choose_facing(stack: Any, memories: Any, r: Any) -> Any:
+    if _in_lanes(stack):
+        return lambda stack, memories, r: (
+            tiles(stack.nodes[r], NODE_ROWS),
+            table(stack.s[r]),
+            stack.counts[r, ELEMENTS],
+            table(memories[r]),
+        )
+    return lambda stack, memories, r: (
+        stack.nodes[r],
+        stack.s[r],
+        stack.counts[r, ELEMENTS],
+        memories[r],
+    )
 
 
 def tolerance_at(stack: Any, r: Any) -> Any:

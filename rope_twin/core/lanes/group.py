@@ -9,7 +9,7 @@ import numpy as np
 from numba import config
 
 from rope_twin.core.axial_law import Fibre
-from rope_twin.core.body.lanes import hangs_elsewhere
+from rope_twin.core.body import lanes as bodies
 from rope_twin.core.jit.decorators import compiled
 from rope_twin.core.jit.wide import ALL, LANES
 from rope_twin.core.lanes.effects import (
@@ -54,7 +54,10 @@ from rope_twin.core.state import (
     State,
 )
 
+bodies.register()
 OWN_FIGURES = ("element_length", "split_above", "merge_below", "tolerance")  # of the Model
+# Fields of effects: whether this rope carries the body or the unit, and the ropes that a net is at
+PLACES = ("here", "left", "right")
 
 
 class Kind(NamedTuple):
@@ -68,6 +71,7 @@ class Kind(NamedTuple):
     absorb: float
     effects: tuple[Any, ...]  # layouts of their data
     law: Any  # the same of a table of stiffness, or None
+    places: tuple[float, ...]  # of its effects in a system: see PLACES
 
     @property
     def plain(self) -> bool:
@@ -96,8 +100,6 @@ def why_alone(rope: Rope) -> str:
         return "a dynamic stiffness"
     if rope.state.counts[ELEMENTS] < 2:
         return "a single element"
-    if hangs_elsewhere(rope.effects):
-        return "a body that hangs elsewhere"
     unit = hooks.axial_place(map(type, rope.effects))
     if unit is not None and not rope.effects[unit].here:
         return "a unit that was cut off"
@@ -126,6 +128,7 @@ def kind_of(rope: Rope) -> Kind | None:
         absorb=rope.model.absorb,
         effects=tuple(layout_of(effect) for effect in rope.effects),
         law=None if rope.law is None else layout_of(rope.law),
+        places=effect_places(rope),
     )
 
 
@@ -133,6 +136,16 @@ def places_of(rope: Rope) -> tuple[int, ...]:
     """Return the section of each element."""
     lower_ends = rope.state.s[: rope.state.counts[ELEMENTS]] + SAME_PLACE
     return tuple(np.searchsorted(rope.sections[END], lower_ends, side="right").tolist())
+
+
+def effect_places(rope: Rope) -> tuple[float, ...]:
+    """Return what effects know of their place in a system of ropes, which lanes have in common."""
+    return tuple(
+        float(getattr(effect, name))
+        for effect in rope.effects
+        for name in PLACES
+        if hasattr(effect, name)
+    )
 
 
 def on_columns(layout: Any, columns: int) -> Any:

@@ -8,7 +8,6 @@ import numpy as np
 from numba import config
 
 from rope_twin.core.axial_law import Fibre
-from rope_twin.core.body.lanes import has_body
 from rope_twin.core.jit.wide import ALL, LANES
 from rope_twin.core.joined.joints import (
     FIRST,
@@ -21,7 +20,7 @@ from rope_twin.core.joined.joints import (
     topology_of,
 )
 from rope_twin.core.joined.plan import SUM_ROWS, Plan, new_plan, write_plan
-from rope_twin.core.joined.stack import LaneStack, effects_at, stacked_effects
+from rope_twin.core.joined.stack import LaneStack, chain_rows, effects_at, stacked_effects
 from rope_twin.core.lanes.effects import (
     EachOfRopes,
     aligned,
@@ -38,6 +37,7 @@ from rope_twin.core.lanes.group import (
     advance_batch,
     done_and_left,
     effect_of,
+    effect_places,
     on_columns,
     places_of,
     put_properties,
@@ -49,7 +49,6 @@ from rope_twin.core.loads import hooks
 from rope_twin.core.loads.memory import count_known, numbers_carried
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
-    CHAIN_ROWS,
     COUNTS,
     ELEMENTS,
     END,
@@ -97,8 +96,6 @@ def why_joined_alone(system: System) -> str:
     kinds = [type(effect) for effect in system.ropes[0].effects]
     if Fibre in kinds:
         return "a dynamic stiffness"
-    if has_body(system.ropes[0].effects):
-        return "a rigid body"
     alone = [kind for kind in kinds if not _steps_in_lanes(kind)]
     return ", ".join(_name_of(kind) for kind in alone)
 
@@ -111,11 +108,10 @@ def _name_of(kind: type) -> str:
 
 def _steps_in_lanes(kind: type) -> bool:
     """Return whether an effect of this type steps in the lanes of systems of ropes."""
-    # `pull`: a hull moves with the hang-off of a rope by itself
-    between = {"face", "among", "pull"}.intersection(hooks.hooks_of(kind))
+    own_hull = "pull" in hooks.hooks_of(kind) and not hooks.couples([kind])  # of a lone hang-off
     each_its_own = is_by_lane(kind) and numbers_carried(kind) > 0
-    alone = hooks.couples([kind]) or hooks.axial_place([kind]) is not None
-    return hooks.all_wide([kind]) and not (between or each_its_own or alone)
+    unit = hooks.axial_place([kind]) is not None
+    return hooks.is_wide(kind, "start") and not (own_hull or each_its_own or unit)
 
 
 def joined_kind_of(system: System) -> JoinedKind | None:
@@ -135,6 +131,7 @@ def joined_kind_of(system: System) -> JoinedKind | None:
             absorb=rope.model.absorb,
             effects=effects,
             law=law,
+            places=effect_places(rope),
         )
         for rope in system.ropes
     )
@@ -179,7 +176,7 @@ class JoinedGroup:
             offset=aligned(count, columns, LANES),
             counts=np.zeros((count, COUNTS), np.int64),
             health=np.zeros((count, HEALTH), np.int64),
-            work=aligned(count, columns, CHAIN_ROWS, LANES),
+            work=aligned(count, columns, chain_rows(own[0] for own in one.effects), LANES),
             sections=sections,
             effects=tuple(_stacked(on_columns(own, columns), count) for own in one.effects),
             law=None if one.law is None else _stacked(one.law, count),
@@ -250,13 +247,14 @@ class JoinedGroup:
         self.put(lane, system)
 
     def put(self, lane: int, system: System) -> None:
-        """Copy a system's state and internal variables into a lane."""
+        """Copy a system's state, internal variables and tensions into a lane."""
         joints, late = system.joints, 0
         self._joints.nodes[..., lane] = joints.nodes.T
         self._joints.ties[..., lane] = joints.ties
         for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
             n = self.kind.ropes[r].elements
             put_state(own, lane, n, rope)
+            own.work[:n, TENSION, lane] = rope.work[TENSION, :n]
             for joint, node in ((joints.lower[r], 0), (joints.upper[r], n)):
                 if joint != LOOSE:
                     own.state.nodes[node, :, lane] = joints.nodes[:, joint]

@@ -82,7 +82,7 @@ def solve_stage(system: Any, stage: Any, kind: int, wanted: int, again: int, pen
     stage's motion.
     """
     _evaluate(system, stage, kind, pending)
-    again &= wanted
+    again = wanted & _lanes_to_try(system, again)
     again &= _calm(system, stage, again, 0.0)
     none = 0.0 * tolerance_of(system)
     active, count, going = wanted & (ALL - again), none, none
@@ -119,6 +119,15 @@ def solve_stage(system: Any, stage: Any, kind: int, wanted: int, again: int, pen
         _correct(system, stage, going)  # the look ahead moved all by a correction not theirs
         going = none
     return active, tried, count, going
+
+
+_unless_bent = chosen_by(couples, lambda effects, again: 0, lambda effects, again: again)
+
+
+@by_kind(lambda system, again: again)
+def _lanes_to_try(system: Any, again: Any) -> Any:
+    """Return those of these lanes that begin with existing factors; as alone, none with bending."""
+    return _unless_bent(system.stack.effects, again)
 
 
 @jit

@@ -23,6 +23,7 @@ from rope_twin.core.joined.stage import (
     by_kind,
     count_loaded,
     count_ropes,
+    face_others,
     is_hung,
     place_all_ends,
     rope_at,
@@ -353,6 +354,8 @@ def _advance(
         kept = wanted & (ALL - _lanes_left(system, place, boundary, step))
         if step == first:
             kept &= ALL - run.late
+        for r in range(count_ropes(system)):
+            face_others(system, rope_at(system, r))
         solves, most, pending, again = none, none, none, 0
         for kind in (TRAPEZOID, BDF2):
             stage = _begin_stage(system, place, boundary, step, kind, (now, kept, each))

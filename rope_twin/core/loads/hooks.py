@@ -161,12 +161,14 @@ def register_wide(hook: str, effect: type, compiled: Any) -> None:
 def all_wide(kinds: Iterable[type]) -> bool:
     """Return whether ropes with effects of these types can be stepped as a SIMD batch.
 
-    A batch does not begin at time 0, and is no multi-line system.
+    A batch does not begin at time 0; a rope by itself faces no others.
     """
-    for kind in kinds:
-        if not all(kind in _WIDE[hook] for hook in set(hooks_of(kind)) - {"start", "face"}):
-            return False
-    return True
+    return all(is_wide(kind, "start", "face") for kind in kinds)
+
+
+def is_wide(kind: type, *besides: str) -> bool:
+    """Return whether an effect's type has SIMD variants of its kernels but those of some hooks."""
+    return all(kind in _WIDE[hook] for hook in set(hooks_of(kind)) - set(besides))
 
 
 def hooks_of(effect: type) -> tuple[str, ...]:
