@@ -59,6 +59,7 @@ FULL = (
     Case("manifold_lift", "rigid_body, waves, splash_zone, seabed"),
     Case("two_line_lift", "ropes that meet: a tree"),
     Case("bridle_lift", "ropes that meet: a loop with a bar"),
+    Case("two_line_loop", "ropes that meet: over a sheave"),
 )
 QUICK = (Case("smooth_2km", "quick", LANES, 1.0, 1.0, 1),)
 

@@ -402,7 +402,7 @@ def reeve(system: System, wheels: Sequence[Wheel]) -> System:
                 raise ValueError(f"reeve: rope {r} does not end at joint {wheel.point} alone")
             state = system.ropes[r].state
             of[r], side[r], base[r] = k, sign, state.s[state.counts[ELEMENTS]]
-    size = (len(of), 2, MOTIONS)
+    size = (2 * len(of), MOTIONS)
     sheaves = Sheaves(
         figures, of, side, base, np.zeros((3, len(of))), Boundary(np.zeros(size), np.zeros(size))
     )
