@@ -61,6 +61,7 @@ FULL = (
     Case("bridle_lift", "ropes that meet: a loop with a bar"),
     Case("load_transfer", "ropes that meet: rigid_body"),
     Case("net_screen", "ropes that meet: net_curtain between them"),
+    Case("two_line_loop", "ropes that meet: over a sheave"),
 )
 QUICK = (Case("smooth_2km", "quick", LANES, 1.0, 1.0, 1),)
 

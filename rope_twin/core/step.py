@@ -30,7 +30,7 @@ from rope_twin.core.jit.decorators import compiled, jit, jit_entry, jit_sum
 from rope_twin.core.jit.functions import flush, restore
 from rope_twin.core.jit.rows import copy, hold
 from rope_twin.core.joined.joints import LOOSE, Joined, System, renew_plan
-from rope_twin.core.joined.sheaves import border_of, is_at_sheave
+from rope_twin.core.joined.sheaves import is_at_sheave, set_border
 from rope_twin.core.joined.stack import (
     POINT,
     load,
@@ -276,7 +276,10 @@ def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) 
     nodes, n = rope.state.nodes, rope.state.counts[ELEMENTS]
     for k in range(NODE_ROWS):
         nodes[k, n] = joints.nodes[k, int(sheaves.figures[POINT, sheaves.of[r]])]
-    finish(rope, border_of(sheaves, joints, rope, r), pull, ZERO, time)
+    set_border(sheaves, joints.nodes, rope.model.step, r)
+    own = slice(2 * r, 2 * r + 2)
+    border = Boundary(sheaves.borders.value[own], sheaves.borders.rate[own])
+    finish(rope, border, pull, ZERO, time)
 
 
 @by_kind(lambda system, held, boundary, pull, row, time: finish(system, boundary, pull, row, time))

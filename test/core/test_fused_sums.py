@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.jit.decorators import jit_entry, jit_exact
-from rope_twin.core.jit.functions import FUSES, fused
+from rope_twin.core.jit.functions import FUSES, fused, rounded
 from rope_twin.core.jit.wide import LANES, table
 from rope_twin.core.lanes.effects import aligned
 
@@ -21,6 +21,13 @@ def _both_ways(row: Any) -> None:
     a, c = row[0], row[1]
     row[2] = fused(a, a, c)
     row[3] = a * a + c
+
+
+@jit_entry
+def _rounded_by_itself(row: Any) -> None:
+    a, b, c = row[0], row[1], row[2]
+    row[3] = rounded(a, a) + c
+    row[4] = b * b + c
 
 
 @jit_entry
@@ -50,3 +57,11 @@ def test_lanes() -> None:
     _lanes(rows)
     assert rows[2, 0] == (SMALL * SMALL if FUSES else 0.0)
     assert np.array_equal(rows.T, expected)
+
+
+def test_a_product_that_is_never_fused() -> None:
+    """Also where others are, of which the kernel does not say so."""
+    row = np.array([NEAR_ONE, NEAR_ONE, LESS, np.nan, np.nan])
+    _rounded_by_itself(row)
+    assert row[3] == 0.0
+    assert row[4] == (SMALL * SMALL if FUSES else 0.0)

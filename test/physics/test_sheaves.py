@@ -242,8 +242,8 @@ def test_ropes_that_cannot_run_over_a_wheel_are_refused() -> None:
 def test_no_sheave_leaves_no_code() -> None:
     """A system without sheaves has None for them, and the hooks compile to nothing but a return."""
     hooks = (
-        (sheaves.pass_end, 6), (sheaves.add_sheaves, 3), (sheaves.condense_flow, 4),
-        (sheaves.couple_flow, 4), (sheaves.substitute_flow, 5), (sheaves.is_at_sheave, 2),
+        (sheaves.pass_end, 6), (sheaves.add_sheaves, 3), (sheaves.condense_flow, 5),
+        (sheaves.couple_flow, 5), (sheaves.substitute_flow, 5), (sheaves.is_at_sheave, 2),
         (finish_at_sheave, 5),
     )  # fmt: skip
     for hook, arguments in hooks:

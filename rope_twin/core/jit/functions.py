@@ -12,8 +12,8 @@ processors that have no such register, keep them.
 (Cody and Waite 1980); cos r is its series to r²⁰, whose rest is below 2e-17. The error is below
 5e-16 for |x| < 1e6.
 
-**Wide numbers** (core/jit/wide). `exp`, `log`, sine and powers are called for each lane in turn, so
-that a lane has the bits of the same call with one number.
+**Wide numbers** (core/jit/wide). `exp`, `log`, sine, arc cosine, tanh and powers are called for
+each lane in turn, so that a lane has the bits of the same call with one number.
 
 **Fused sums.** LLVM, where it may, fuses a product with a sum; which ones depends on the code
 around them: on the sign of a sum, on the block that negates, on a loop being unrolled. Kernels that
@@ -39,7 +39,7 @@ from numba.core import cgutils
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic, overload
 
-from rope_twin.core.jit.decorators import LINKED, jit_entry, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit_entry, jit_exact_within, jit_within
 from rope_twin.core.jit.wide import (
     LANES,
     REGISTER,
@@ -149,7 +149,15 @@ _each_lane(math.exp, 1)
 _each_lane(math.sin, 1)
 _each_lane(math.cos, 1)
 _each_lane(math.log, 1)
+_each_lane(math.acos, 1)
+_each_lane(math.tanh, 1)
 _each_lane(operator.pow, 2)
+
+
+@jit_exact_within
+def rounded(a: Any, b: Any) -> Any:
+    """Return a·b, rounded by itself: never one with a sum, whatever stands around it."""
+    return a * b
 
 
 def fused(a: Any, b: Any, c: Any) -> Any:

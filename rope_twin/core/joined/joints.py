@@ -26,6 +26,7 @@ import numpy as np
 
 from rope_twin.core.elimination import RECORD, six
 from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.functions import rounded
 from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose, count_beyond, whole
 from rope_twin.core.joined.plan import DENSE, Plan, Topology, new_plan, write_plan
@@ -109,7 +110,8 @@ def add_ties(ties: Any, work: Any, matrix: Any) -> None:
     for k in range(ties.shape[1]):
         i, j = whole(ties[FIRST, k]), whole(ties[SECOND, k])
         for a in range(3):
-            force = ties[PULL, k] * ties[TOWARDS + a, k]
+            # LLVM would fuse it with a sum where it has made a loop of its own for fixed points
+            force = rounded(ties[PULL, k], ties[TOWARDS + a, k])
             work[RESIDUAL + a, i] += force
             if j != ANCHORED:
                 work[RESIDUAL + a, j] -= force
@@ -400,7 +402,7 @@ def reeve(system: System, wheels: Sequence[Wheel]) -> System:
                 raise ValueError(f"reeve: rope {r} does not end at joint {wheel.point} alone")
             state = system.ropes[r].state
             of[r], side[r], base[r] = k, sign, state.s[state.counts[ELEMENTS]]
-    size = (len(of), 2, MOTIONS)
+    size = (2 * len(of), MOTIONS)
     sheaves = Sheaves(
         figures, of, side, base, np.zeros((3, len(of))), Boundary(np.zeros(size), np.zeros(size))
     )

@@ -304,7 +304,7 @@ def _condense(system: Any, matrix: Any, moved: Any) -> None:
         Z, f = six(plan.sums, LEFT, chains + r), column(plan.sums, FORCE, chains + r)
         add_block(matrix, j, Z)
         push_force(joints, j, f)
-        condense_flow(sheaves, joints, r, (Z, f))
+        condense_flow(sheaves, joints, matrix, r, (Z, f))
     for m in range(plan.sizes[BETWEEN]):
         r = plan.between[m]
         low, high = joints.lower[r], joints.upper[r]
@@ -315,8 +315,8 @@ def _condense(system: Any, matrix: Any, moved: Any) -> None:
         add_block(matrix, low, D)
         push_force(joints, low, g)
         couple_by(matrix, high, low, P)
-        condense_flow(sheaves, joints, r, (Z, f))
-        couple_flow(sheaves, joints, r, P)
+        condense_flow(sheaves, joints, matrix, r, (Z, f))
+        couple_flow(sheaves, joints, matrix, r, P)
 
 
 @jit
@@ -429,7 +429,7 @@ def _condense_coupled(system: Any, work: Any, n: int, r: int) -> None:
         if high != LOOSE:
             add_block(joints.factor, high, Z)
             push_force(joints, high, f)
-            condense_flow(sheaves, joints, r, (Z, f))
+            condense_flow(sheaves, joints, joints.factor, r, (Z, f))
     elif high == LOOSE:
         Z, f = eliminate_coupled_downward(work, n)
         add_block(joints.factor, low, Z)
@@ -441,8 +441,8 @@ def _condense_coupled(system: Any, work: Any, n: int, r: int) -> None:
         add_block(joints.factor, low, D)
         push_force(joints, low, g)
         couple_by(joints.factor, high, low, P)
-        condense_flow(sheaves, joints, r, (Z, f))
-        couple_flow(sheaves, joints, r, P)
+        condense_flow(sheaves, joints, joints.factor, r, (Z, f))
+        couple_flow(sheaves, joints, joints.factor, r, P)
 
 
 @jit

@@ -14,6 +14,9 @@ friction and inertia of the wheel, and no jump when an element splits or merges 
 (core/payout.py). On the sheave act -F·t - F'·t' + m·V²·(q + q'), the last term being the
 momentum flux of the turning rope, by the momentum balance of what is at the sheave.
 
+In SIMD lanes (core/lanes) the same functions take tables of wide numbers. Whether elements at a
+sheave split or merge after a step is known once it is solved.
+
 Omitted from the Jacobian, not from the balance: the derivatives of the momentum flux, of 2·V·dq/dt
 and of the elements' mass to u, which are V·q/l and p·load/EA relative to the terms kept.
 """
@@ -23,9 +26,11 @@ from __future__ import annotations
 from math import acos, nan, sqrt, tanh
 from typing import Any
 
-from rope_twin.core.elements import set_top_length
+from rope_twin.core.elements import set_top_of
+from rope_twin.core.elimination import six
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
+from rope_twin.core.jit.wide import choose, whole
 from rope_twin.core.joined.stack import (
     CREEP,
     FLOW_COLUMN,
@@ -37,7 +42,7 @@ from rope_twin.core.joined.stack import (
     SHEAVE_MASS,
     SHEAVE_WEIGHT,
     WHEEL,
-    rope_of,
+    work_of,
 )
 from rope_twin.core.state import (
     ACCELERATION,
@@ -52,14 +57,13 @@ from rope_twin.core.state import (
     REST,
     VELOCITY,
     ZERO,
-    Boundary,
 )
 
 
 @jit_within
 def line_at(sheaves: Any, motion: Any, r: int) -> Any:
     """Return the length of rope r, its rate and acceleration; `motion`: of the joints."""
-    f, side = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]]), sheaves.side[r]
+    f, side = whole(sheaves.figures[FLOW_COLUMN, sheaves.of[r]]), sheaves.side[r]
     return (
         sheaves.base[r] + side * motion[POSITION, f],
         side * motion[VELOCITY, f],
@@ -81,12 +85,13 @@ def pass_end(sheaves: Any, joints: Any, rope: Any, r: int, p: float, q: float) -
     if sheaves.of[r] == NOWHERE:
         return
     work, state = rope.work, rope.state
-    n, P = state.counts[ELEMENTS], int(sheaves.figures[POINT, sheaves.of[r]])
+    n, P = state.counts[ELEMENTS], whole(sheaves.figures[POINT, sheaves.of[r]])
     L, V, A = line_at(sheaves, joints.work, r)
-    set_top_length(work, state.s, rope.sections, n, L if state.s[n - 1] < L else nan, 0.0)
+    L = choose(state.s[n - 1] < L, L, nan)
+    set_top_of(work, state.s, rope.sections, n, (L, 0.0), (ZERO, ZERO))
     rest = work[REST, n - 1]
     for k in range(3):
-        delta = work[CORRECTION + k, n - 1] if q != 0.0 else 0.0
+        delta = choose(abs(q) > 0.0, work[CORRECTION + k, n - 1], 0.0)
         x, v = work[POSITION + k, n - 1] + p * delta, work[VELOCITY + k, n - 1] + q * delta
         along = (joints.work[POSITION + k, P] - x) / rest
         turn = (joints.work[VELOCITY + k, P] - v - V * along) / rest
@@ -100,7 +105,8 @@ def _stretch_of(work: Any, n: int) -> Any:
     """Return the length of the last element over its unstretched length."""
     x, y, z = column(work, POSITION, n)
     ox, oy, oz = column(work, POSITION, n - 1)
-    return sqrt((x - ox) ** 2 + (y - oy) ** 2 + (z - oz) ** 2) / work[REST, n - 1]
+    x, y, z = x - ox, y - oy, z - oz
+    return sqrt(x * x + y * y + z * z) / work[REST, n - 1]
 
 
 @jit_within
@@ -118,18 +124,11 @@ def _dot(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@jit_within
-def _block(work: Any, i: int) -> Any:
-    """Return the block of a node: xx, xy, xz, yy, yz, zz."""
-    S = work[BLOCK : BLOCK + 6]
-    return S[0, i], S[1, i], S[2, i], S[3, i], S[4, i], S[5, i]
-
-
 @jit
 def _add_end_to_flow(sheaves: Any, matrix: Any, r: int, S: Any) -> None:
     """Project a block S of rope r's last node on the flow: Bᵀ·S·B, and S·B with the sheave."""
     k, B = sheaves.of[r], column(sheaves.way, ZERO, r)
-    P, f = int(sheaves.figures[POINT, k]), int(sheaves.figures[FLOW_COLUMN, k])
+    P, f = whole(sheaves.figures[POINT, k]), whole(sheaves.figures[FLOW_COLUMN, k])
     SB = _apply(S, B)
     matrix[3 * f, 3 * f] += _dot(B, SB)
     for i in range(3):
@@ -142,29 +141,30 @@ def add_sheaves(sheaves: Any, system: Any, stage: Any) -> None:
     if sheaves is None:
         return
     for k in range(sheaves.figures.shape[1]):
-        into = rope_of(system.stack, int(sheaves.figures[INTO, k]))
-        out = rope_of(system.stack, int(sheaves.figures[FROM, k]))
-        n, m = into.state.counts[ELEMENTS], out.state.counts[ELEMENTS]
-        _add_sheave(sheaves, system.joints, k, (into.work, n, out.work, m), stage.q)
+        a, b = whole(sheaves.figures[INTO, k]), whole(sheaves.figures[FROM, k])
+        n, m = system.stack.counts[a, ELEMENTS], system.stack.counts[b, ELEMENTS]
+        pair = work_of(system.stack, a)[0], n, work_of(system.stack, b)[0], m
+        _add_sheave(sheaves, system.joints, k, pair, stage.q)
 
 
 @jit
 def _add_sheave(sheaves: Any, joints: Any, k: int, pair: Any, q: float) -> None:
     """Add balance and blocks of sheave k; pair: scratch and elements of both ropes."""
     figures = sheaves.figures
-    P, f = int(figures[POINT, k]), int(figures[FLOW_COLUMN, k])
-    a, b = int(figures[INTO, k]), int(figures[FROM, k])
+    P, f = whole(figures[POINT, k]), whole(figures[FLOW_COLUMN, k])
+    a, b = whole(figures[INTO, k]), whole(figures[FROM, k])
     work, n, other, m = pair
     mean = 0.5 * (_stretch_of(work, n) + _stretch_of(other, m))
     t, u = column(work, DIRECTION, n - 1), column(other, DIRECTION, m - 1)
     V, mass = joints.work[VELOCITY, f], figures[SHEAVE_MASS, k]
     stream = 2.0 * work[MASS, n] / work[REST, n - 1] * V * V * mean
     for i in range(3):
-        sheaves.way[i, a], sheaves.way[i, b] = -mean * t[i], mean * u[i]
+        sheaves.way[i, a] = -mean * t[i]
+        sheaves.way[i, b] = mean * u[i]
         force = stream * (t[i] + u[i]) - mass * joints.work[ACCELERATION + i, P]
         joints.work[RESIDUAL + i, P] += force
         joints.matrix[3 * P + i, 3 * P + i] += mass
-        joints.matrix[3 * f + i, 3 * f + i] += 1.0 if i > 0 else figures[WHEEL, k]
+        joints.matrix[3 * f + i, 3 * f + i] += choose(i > 0, 1.0, figures[WHEEL, k])
     joints.work[RESIDUAL + 2, P] -= figures[SHEAVE_WEIGHT, k]
     pull, pull_b = -_dot(column(work, RESIDUAL, n), t), -_dot(column(other, RESIDUAL, m), u)
     # F = F'·exp(x) is F - F' = tanh(x/2)·(F + F'), for either sense of the flow
@@ -174,32 +174,32 @@ def _add_sheave(sheaves: Any, joints: Any, k: int, pair: Any, q: float) -> None:
     joints.work[RESIDUAL, f] += mean * (pull - pull_b) - grip * creep
     joints.work[RESIDUAL, f] -= figures[WHEEL, k] * joints.work[ACCELERATION, f]
     joints.matrix[3 * f, 3 * f] += q * grip * (1.0 - creep * creep) / CREEP
-    _add_end_to_flow(sheaves, joints.matrix, a, _block(work, n))
-    _add_end_to_flow(sheaves, joints.matrix, b, _block(other, m))
+    _add_end_to_flow(sheaves, joints.matrix, a, six(work, BLOCK, n))
+    _add_end_to_flow(sheaves, joints.matrix, b, six(other, BLOCK, m))
 
 
 @jit
-def condense_flow(sheaves: Any, joints: Any, r: int, left: Any) -> None:
+def condense_flow(sheaves: Any, joints: Any, matrix: Any, r: int, left: Any) -> None:
     """Project the condensed block and force of rope r's last node on the flow."""
     if sheaves is None:
         return
     if sheaves.of[r] == NOWHERE:
         return
-    f = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
+    f = whole(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
     joints.work[CORRECTION, f] += _dot(column(sheaves.way, ZERO, r), left[1])
-    _add_end_to_flow(sheaves, joints.factor, r, left[0])
+    _add_end_to_flow(sheaves, matrix, r, left[0])
 
 
 @jit
-def couple_flow(sheaves: Any, joints: Any, r: int, P: Any) -> None:
+def couple_flow(sheaves: Any, joints: Any, matrix: Any, r: int, P: Any) -> None:
     """Project -P between rope r's last node and its first one's connection on the flow."""
     if sheaves is None:
         return
     if sheaves.of[r] == NOWHERE:
         return
-    f, low = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]]), joints.lower[r]
+    f, low = whole(sheaves.figures[FLOW_COLUMN, sheaves.of[r]]), joints.lower[r]
     for k in range(3):
-        joints.factor[3 * f, 3 * low + k] -= _dot(column(sheaves.way, ZERO, r), P[k])
+        matrix[3 * f, 3 * low + k] -= _dot(column(sheaves.way, ZERO, r), P[k])
 
 
 @jit
@@ -209,7 +209,7 @@ def substitute_flow(sheaves: Any, joints: Any, work: Any, r: int, n: int) -> Non
         return
     if sheaves.of[r] == NOWHERE:
         return
-    f = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
+    f = whole(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
     for k in range(3):
         work[CORRECTION + k, n] += sheaves.way[k, r] * joints.work[CORRECTION, f]
 
@@ -223,19 +223,20 @@ def is_at_sheave(sheaves: Any, r: int) -> bool:
 
 
 @jit
-def border_of(sheaves: Any, joints: Any, rope: Any, r: int) -> Any:
-    """Return the sheave as a hang-off of rope r, over a step that ends with the present state.
+def set_border(sheaves: Any, motion: Any, h: float, r: int) -> None:
+    """Set the sheave as a hang-off of rope r, over a step of h [s] that ends with this motion.
 
-    Value and rate of the length at the step's start are those that give its acceleration at the
-    end.
+    motion: of the joints. Rows 2·r and 2·r + 1 of `borders` are the step's start and end. Value and
+    rate of the length at the start are those that give its acceleration at the end.
     """
-    value, rate = sheaves.borders.value[r], sheaves.borders.rate[r]
-    P, h = int(sheaves.figures[POINT, sheaves.of[r]]), rope.model.step
-    L, V, A = line_at(sheaves, joints.nodes, r)
-    for row in range(2):
+    value, rate = sheaves.borders.value, sheaves.borders.rate
+    P, start = whole(sheaves.figures[POINT, sheaves.of[r]]), 2 * r
+    L, V, A = line_at(sheaves, motion, r)
+    for row in range(start, start + 2):
         for k in range(3):
-            value[row, k] = joints.nodes[POSITION + k, P]
-            rate[row, k] = joints.nodes[VELOCITY + k, P]
-        value[row, LINE], rate[row, LINE] = L, V
-    value[0, LINE], rate[0, LINE] = L - h * (V - 0.5 * h * A), V - h * A
-    return Boundary(value, rate)
+            value[row, k] = motion[POSITION + k, P]
+            rate[row, k] = motion[VELOCITY + k, P]
+        value[row, LINE] = L
+        rate[row, LINE] = V
+    value[start, LINE] = L - h * (V - 0.5 * h * A)
+    rate[start, LINE] = V - h * A

@@ -483,11 +483,14 @@ CREEP = 0.01  # m/s: speed at which friction is 76 % of its limit
 
 
 class Sheaves(NamedTuple):
-    """The sheaves of a multi-line system."""
+    """The sheaves of a multi-line system; LANES is the last axis of what differs from lane to lane.
+
+    Those are all but `of` and `side`.
+    """
 
     figures: Floats  # (SHEAVE_ROWS, sheaves)
     of: Ints  # sheave at each rope's upper end, or NOWHERE
     side: Floats  # of each rope: 1 if a positive flow lengthens it, -1 if it shortens it
     base: Floats  # length of each rope at zero flow [m]
     way: Floats  # scratch: B of each rope's last node, (3, ropes)
-    borders: Boundary  # scratch: the last node's motion as of a hang-off, (ropes, 2, MOTIONS)
+    borders: Boundary  # scratch: the last node's motion as of a hang-off, (2·ropes, MOTIONS)

@@ -230,7 +230,7 @@ def correct_connections(system: Any, stage: Any, share: Any) -> Any:
 def _look_ahead_at_sheave(system: Any, rope: Any, stage: Any, r: int) -> int:
     """Set direction and tension of rope r, up to a sheave, as if all motion were corrected.
 
-    Returns the number of deviating tensions.
+    Returns the number of deviating tensions; in lanes: those with such a tension, as bits.
     """
     work, n = rope.work, rope.state.counts[ELEMENTS]
     top = n - 1
@@ -244,14 +244,17 @@ def _look_ahead_at_sheave(system: Any, rope: Any, stage: Any, r: int) -> int:
     for k in range(CORRECTION, CORRECTION + 3):
         work[k, n] = 0.0
     count_unexpected(rope, stage, top, n)
-    return int(wrong + (not abs(work[TENSION, top] - expected) <= rope.model.tolerance))
+    return int(count_beyond(wrong, work[TENSION, top], expected, rope.model.tolerance))
 
 
 @by_kind(
     lambda system, rope, stage, r: count_unexpected(rope, stage, ZERO, rope.state.counts[ELEMENTS])
 )
 def look_ahead_in_rope(system: Any, rope: Any, stage: Any, r: Any) -> Any:
-    """Set direction and tension of rope r as if it were corrected; count deviating tensions."""
+    """Set direction and tension of rope r as if it were corrected; count deviating tensions.
+
+    In lanes: return those with such a tension, as bits.
+    """
     if is_at_sheave(system.sheaves, r):
         return _look_ahead_at_sheave(system, rope, stage, r)
     return count_unexpected(rope, stage, ZERO, rope.state.counts[ELEMENTS])

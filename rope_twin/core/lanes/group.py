@@ -406,7 +406,8 @@ _COMPILED: dict[tuple[type, ...], Any] = {}
 
 def advance_batch(effects: Any, law: Any, *arguments: Any) -> int:
     """Call `advance_lanes_steps`, compiled for these types of effects and law and the arrays'."""
-    kinds = (type(arguments[0]), *map(type, effects), type(law))
+    own = type(arguments[0]), type(getattr(arguments[0], "sheaves", None))
+    kinds = (*own, *map(type, effects), type(law))
     found = _COMPILED.get(kinds)
     if found is None:
         found = _COMPILED[kinds] = compiled(advance_lanes_steps, arguments)

@@ -20,7 +20,17 @@ from rope_twin.core.joined.joints import (
     topology_of,
 )
 from rope_twin.core.joined.plan import SUM_ROWS, Plan, new_plan, write_plan
-from rope_twin.core.joined.stack import LaneStack, chain_rows, effects_at, stacked_effects
+from rope_twin.core.joined.stack import (
+    FLOW_COLUMN,
+    FROM,
+    INTO,
+    POINT,
+    LaneStack,
+    Sheaves,
+    chain_rows,
+    effects_at,
+    stacked_effects,
+)
 from rope_twin.core.lanes.effects import (
     EachOfRopes,
     aligned,
@@ -76,12 +86,13 @@ class JoinedKind(NamedTuple):
     lower: tuple[int, ...]  # connection at each rope's lower end, or LOOSE
     upper: tuple[int, ...]
     links: tuple[tuple[float, float], ...]  # connections at the ends of each link
+    sheaves: tuple[tuple[float, ...], ...]  # connection, flow and both ropes of each
     columns: int  # space for internal variables
 
     @property
     def types(self) -> tuple[type, ...]:
         """Types that select the compiled code."""
-        return Joined, *self.ropes[0].types
+        return Joined, Sheaves if self.sheaves else type(None), *self.ropes[0].types
 
 
 def why_joined_alone(system: System) -> str:
@@ -91,8 +102,6 @@ def why_joined_alone(system: System) -> str:
     """
     if config.DISABLE_JIT:
         return "plain Python"
-    if system.sheaves is not None:
-        return "a sheave"
     kinds = [type(effect) for effect in system.ropes[0].effects]
     if Fibre in kinds:
         return "a dynamic stiffness"
@@ -137,7 +146,15 @@ def joined_kind_of(system: System) -> JoinedKind | None:
     )
     links = zip(joints.ties[FIRST].tolist(), joints.ties[SECOND].tolist(), strict=True)
     ends = tuple(joints.lower.tolist()), tuple(joints.upper.tolist())
-    return JoinedKind(kinds, *ends, tuple(links), system.stack.s.shape[1])
+    return JoinedKind(kinds, *ends, tuple(links), _reeving_of(system), system.stack.s.shape[1])
+
+
+def _reeving_of(system: System) -> tuple[tuple[float, ...], ...]:
+    """Return connection, flow and both ropes of each sheave."""
+    if system.sheaves is None:
+        return ()
+    rows = system.sheaves.figures[[POINT, FLOW_COLUMN, INTO, FROM]]
+    return tuple(tuple(column) for column in rows.T.tolist())
 
 
 def _law_at(system: System, r: int) -> Any:
@@ -183,6 +200,7 @@ class JoinedGroup:
         )
         self._stack.counts[:, ELEMENTS] = [own.elements for own in kind.ropes]
         self._joints = _new_joints(system, columns, self._stack.counts[:, ELEMENTS])
+        self._sheaves = _new_sheaves(system)
         self._ropes = [self._view(r) for r in range(count)]
         self._loaded = [
             own.elements + (up != LOOSE) for own, up in zip(kind.ropes, kind.upper, strict=True)
@@ -244,6 +262,9 @@ class JoinedGroup:
                 self._each.sections[r, lane, :, : rope.sections.shape[1]] = rope.sections
                 self._each.tolerance[r, lane] = rope.model.tolerance
         self._joints.ties[..., lane] = system.joints.ties
+        if self._sheaves is not None and system.sheaves is not None:
+            self._sheaves.figures[..., lane] = system.sheaves.figures
+            self._sheaves.base[..., lane] = system.sheaves.base
         self.put(lane, system)
 
     def put(self, lane: int, system: System) -> None:
@@ -308,7 +329,7 @@ class JoinedGroup:
         It stops before the last step if there are such lanes.
         """
         own, known = self._stack, (self._place, self._lowest, self._tally)
-        joined = Joined(own, self._joints, None)
+        joined = Joined(own, self._joints, self._sheaves)
         tables = self.boundary, self.pulls, self.folds, run
         return done_and_left(
             advance_batch(own.effects, own.law, joined, self._each, known, *tables)
@@ -341,4 +362,20 @@ def _new_joints(system: System, columns: int, counts: Ints) -> Joints:
         factor=aligned(size, size, LANES),
         speed=aligned(count, LANES),
         plan=plan._replace(sums=sums),
+    )
+
+
+def _new_sheaves(system: System) -> Sheaves | None:
+    """Return sheaves of all lanes, without the figures that differ from lane to lane."""
+    one = system.sheaves
+    if one is None:
+        return None
+    count = len(one.of)
+    return Sheaves(
+        figures=aligned(*one.figures.shape, LANES),
+        of=one.of.copy(),
+        side=one.side.copy(),
+        base=aligned(count, LANES),
+        way=aligned(3, count, LANES),
+        borders=Boundary(*(aligned(*part.shape, LANES) for part in one.borders)),
     )

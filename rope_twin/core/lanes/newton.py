@@ -34,7 +34,9 @@ from rope_twin.core.joined.stage import (
     count_ropes,
     count_unbalanced,
     gather_connections,
+    look_ahead_in_rope,
     move_connections,
+    pass_sheave,
     place_all_ends,
     rope_at,
     stage_of,
@@ -124,10 +126,20 @@ def solve_stage(system: Any, stage: Any, kind: int, wanted: int, again: int, pen
 _unless_bent = chosen_by(couples, lambda effects, again: 0, lambda effects, again: again)
 
 
+@jit
+def _unless_turned(sheaves: Any, again: int) -> int:
+    if sheaves is None:
+        return again
+    return 0
+
+
 @by_kind(lambda system, again: again)
 def _lanes_to_try(system: Any, again: Any) -> Any:
-    """Return those of these lanes that begin with existing factors; as alone, none with bending."""
-    return _unless_bent(system.stack.effects, again)
+    """Return those of these lanes that begin with existing factors.
+
+    As alone, none with bending or sheaves.
+    """
+    return _unless_bent(system.stack.effects, _unless_turned(system.sheaves, again))
 
 
 @jit
@@ -167,6 +179,7 @@ def _correct(system: Any, stage: Any, share: Any) -> None:
         rope, own = rope_at(system, r), stage_of(system, stage, r)
         n = rope.state.counts[ELEMENTS]
         correct(rope.work, stage.p, stage.q, share, rope.model.first_free, n)
+        pass_sheave(system, rope, r, 0.0, 0.0)
         stretch_all(rope, own)
 
 
@@ -181,16 +194,15 @@ def _evaluate(system: Any, stage: Any, kind: int, pending: Any) -> None:
     """Evaluate motion, tension, residual and blocks of the prediction."""
     move_connections(system, stage, kind, 0.0)
     for r in range(count_ropes(system)):
-        own = stage_of(system, stage, r)
-        _evaluate_rope(rope_at(system, r), own, kind, pending, count_loaded(system, r))
+        _evaluate_rope(system, rope_at(system, r), stage_of(system, stage, r), kind, pending, r)
     gather_connections(system, stage)
 
 
 @jit
-def _evaluate_rope(rope: Any, stage: Any, kind: int, pending: Any, upto: int) -> None:
-    """Evaluate the prediction of one rope, in spans of nodes; upto: number that carry loads."""
+def _evaluate_rope(system: Any, rope: Any, stage: Any, kind: int, pending: Any, r: int) -> None:
+    """Evaluate the prediction of rope r, in spans of nodes."""
     state, work, p, q = rope.state, rope.work, stage.p, stage.q
-    n, first = state.counts[ELEMENTS], rope.model.first_free
+    n, first, upto = state.counts[ELEMENTS], rope.model.first_free, count_loaded(system, r)
     prepare_lanes(rope.effects, rope, stage, kind)
     for chunk in range(0, n, CHUNK):
         end = min(chunk + CHUNK, n)
@@ -204,6 +216,7 @@ def _evaluate_rope(rope: Any, stage: Any, kind: int, pending: Any, upto: int) ->
         done, last = max(chunk - 1, 0), end - 1
         if end == n:
             last = upto
+            pass_sheave(system, rope, r, 0.0, 0.0)
             stretch(law_of(rope), work, state.offset, p, q, n - 1, n)
             if upto > n:
                 end_rope(work, n)
@@ -323,12 +336,19 @@ def _try_factors(system: Any, stage: Any, share: Any) -> Any:
 
     share: 1 in the lanes that are tried, whose connections are corrected, else 0.
     """
+    return _try_joined(system.sheaves, system, stage, share)
+
+
+@jit
+def _try_joined(sheaves: Any, system: Any, stage: Any, share: Any) -> int:
+    if sheaves is not None:
+        return ALL
     push_lanes(system)
     begin_trial(system, stage, share)
     left = 0
     for r in range(count_ropes(system)):
         left |= count_left(rope_at(system, r), stage_of(system, stage, r), CHUNK)
-    return left | count_left_at_connections(system, RESIDUAL_SHARE * tolerance_of(system))
+    return int(left | count_left_at_connections(system, RESIDUAL_SHARE * tolerance_of(system)))
 
 
 @jit
@@ -378,5 +398,5 @@ def _solve_ahead(system: Any, stage: Any, active: Any, share: Any) -> Any:
     unexpected = correct_connections(system, stage, share)
     for r in range(count_ropes(system)):
         rope, own = rope_at(system, r), stage_of(system, stage, r)
-        unexpected |= count_unexpected(rope, own, ZERO, rope.state.counts[ELEMENTS])
+        unexpected |= look_ahead_in_rope(system, rope, own, r)
     return ALL - unexpected

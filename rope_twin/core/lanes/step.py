@@ -5,7 +5,8 @@ selects the code, as in `core/step`. Newton's method is in core/lanes/newton.
 
 A rope that needs substepping or the line search, or whose top element splits or merges,
 takes that step in the single-rope solver: `advance_lanes_steps` does the step for the other lanes
-and returns which ones are left.
+and returns which ones are left. At a hang-off that is known before the step, at a sheave once it is
+solved.
 """
 
 from __future__ import annotations
@@ -18,13 +19,16 @@ from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID, accept, correct, s
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.jit.functions import flush, restore
 from rope_twin.core.jit.rows import hold_system, node_rows, row
-from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of, table
+from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of, table, whole
+from rope_twin.core.joined.sheaves import is_at_sheave, set_border
+from rope_twin.core.joined.stack import POINT
 from rope_twin.core.joined.stage import (
     by_kind,
     count_loaded,
     count_ropes,
     face_others,
     is_hung,
+    pass_sheave,
     place_all_ends,
     rope_at,
     settle_ends,
@@ -107,13 +111,14 @@ def _set_lengths(rope: Any, place: Any, L: Any) -> None:
 
 
 @jit
-def _eventful(rope: Any, place: Any, boundary: Any, step: int) -> Any:
-    """Return the lanes whose top element may split or merge after a step."""
-    L, V, _ = prescribed(boundary, step, LINE_COLUMN, 1.0, rope.model.step)
+def _eventful(rope: Any, place: Any, rest: Any, V: Any) -> Any:
+    """Return the lanes whose top element may split or merge after a step.
+
+    rest: its unstretched length then [m]; V: its rate.
+    """
     model, s, ends = rope.model, rope.state.s, rope.sections
     n = rope.state.counts[ELEMENTS]
     top = n - 1
-    rest = L - s[top]
     least = max(SMALLEST_STEPS * abs(V) * model.step, SMALLEST_REST)
     beyond = s[top] + rest - ends[END, place[top]]
     splits = bits(beyond > 2.0 * least) | bits(rest > model.split_above)
@@ -181,13 +186,14 @@ def _stage_at(rope: Any, place: Any, boundary: Any, step: int, kind: int, of: An
 
 
 @jit
-def _finish_rope(rope: Any, place: Any, boundary: Any, pull: Any, step: int, of: Any) -> None:
+def _finish_rope(rope: Any, place: Any, border: Any, pull: Any, step: int, of: Any) -> None:
     """Complete step `step`: report the tension on the hang-off.
 
-    of: time at the step's end, lanes, and their data.
+    border: motion of the hang-off, and the row at which the step begins there; of: time at the
+    step's end, lanes, and their data.
     """
-    time, lanes, each = of
-    L, V, A = prescribed(boundary, step, LINE_COLUMN, 1.0, rope.model.step)
+    (boundary, row), (time, lanes, each) = border, of
+    L, V, A = prescribed(boundary, row, LINE_COLUMN, 1.0, rope.model.step)
     n = rope.state.counts[ELEMENTS]
     rope.state.s[n] = choose(mask_of(lanes), L, rope.state.s[n])  # others begin the step again
     stage = LaneStage(time, 1.0, 0.0, V, lanes, each)
@@ -258,9 +264,36 @@ def _lanes_left(system: Any, place: Any, boundary: Any, step: int) -> int:
     left = 0
     for r in range(count_ropes(system)):
         if is_hung(system, r):
+            rope = rope_at(system, r)
             own = border_of(system, boundary, r)
-            left |= _eventful(rope_at(system, r), part_of(system, place, r)[0], own, step)
+            L, V, _ = prescribed(own, step, LINE_COLUMN, 1.0, rope.model.step)
+            rest = L - rope.state.s[rope.state.counts[ELEMENTS] - 1]
+            left |= _eventful(rope, part_of(system, place, r)[0], rest, V)
     return int(left)
+
+
+@by_kind(lambda system, place: 0)
+def _lanes_left_at_sheaves(system: Any, place: Any) -> Any:
+    """Return the lanes in which elements at a sheave may change after a step that is solved.
+
+    The sheave is then set as a hang-off of its ropes over the step.
+    """
+    return _left_at_sheaves(system.sheaves, system, place)
+
+
+@jit
+def _left_at_sheaves(sheaves: Any, system: Any, place: Any) -> int:
+    left = 0
+    if sheaves is None:
+        return left
+    for r in range(count_ropes(system)):
+        if is_at_sheave(sheaves, r):
+            rope = rope_at(system, r)
+            set_border(sheaves, system.joints.work, rope.model.step, r)
+            _, V, _ = prescribed(sheaves.borders, 2 * r, LINE_COLUMN, 1.0, rope.model.step)
+            rest = rope.work[REST, rope.state.counts[ELEMENTS] - 1]
+            left |= _eventful(rope, place[r], rest, V)
+    return left
 
 
 @by_kind(
@@ -304,10 +337,34 @@ def _accept(system: Any, each: Any, kept: int, pending: Any) -> None:
     """Copy the step's motion and internal variables to the state, in the lanes `kept`."""
     place_all_ends(system)
     for r in range(count_ropes(system)):
-        rope = rope_at(system, r)
+        rope, q = rope_at(system, r), 0.5 * GAMMA * step_of(system)
+        pass_sheave(system, rope, r, pending * q * q, pending * q)
         _keep(rope, mask_of(kept), pending)
         accept_lanes(rope.effects, each_of(each, r), count_loaded(system, r), kept)
     keep_connections(system, mask_of(kept))
+
+
+@by_kind(lambda system, place, result, of, r: False)
+def _finish_at_sheave(system: Any, place: Any, result: Any, of: Any, r: Any) -> Any:
+    """Complete a step of rope r if its upper end is at a sheave; return whether it is.
+
+    result: table of pulls, and its row.
+    """
+    return _finish_on_wheel(system.sheaves, system, place, result, of, r)
+
+
+@jit
+def _finish_on_wheel(sheaves: Any, system: Any, place: Any, result: Any, of: Any, r: int) -> bool:
+    if sheaves is None:
+        return False
+    if not is_at_sheave(sheaves, r):
+        return False
+    rope, (pull, step) = rope_at(system, r), result
+    nodes, P = system.joints.nodes, whole(sheaves.figures[POINT, sheaves.of[r]])
+    for k in range(NODE_ROWS):
+        rope.state.nodes[k, rope.state.counts[ELEMENTS]] = nodes[k, P]
+    _finish_rope(rope, place[r], (sheaves.borders, 2 * r), pull, step, of)
+    return True
 
 
 @jit
@@ -321,10 +378,12 @@ def _finish(system: Any, arrays: Any, known: Any, tables: Any, step: int, of: An
     for r in range(count_ropes(system)):
         rope, pulls = rope_at(system, r), table(part_of(system, pull, r)[0])
         own_each = each_of(each, r)
+        own_of = time, lanes, own_each
         if is_hung(system, r):
-            own = border_of(system, boundary, r)
-            own_of = time, lanes, own_each
+            own = border_of(system, boundary, r), step
             _finish_rope(rope, part_of(system, place, r)[0], own, pulls, step, own_of)
+            _fade_offsets(rope, offsets_of(arrays, r), part_of(system, lowest, r)[0], lanes)
+        elif _finish_at_sheave(system, place, (pulls, step), own_of, r):
             _fade_offsets(rope, offsets_of(arrays, r), part_of(system, lowest, r)[0], lanes)
         else:
             still = 0.0 * rope.model.tolerance
@@ -365,6 +424,7 @@ def _advance(
             pending = _settle(system, on_lanes(stage, kept), kind, pending)
             solves += tried + count
             most = max(most, count)
+        kept &= ALL - _lanes_left_at_sheaves(system, place)
         mask = mask_of(kept)
         _accept(system, each, kept, pending)
         _finish(system, arrays, (place, lowest), (boundary, pull), step, (now + h, kept, each))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from numba import types
 from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit
@@ -15,6 +16,7 @@ from rope_twin.core.jit.rows import node_rows, rows
 from rope_twin.core.jit.wide import choose, table, tiles, wide
 from rope_twin.core.joined.joints import LOOSE, Joined, Joints, count_joints
 from rope_twin.core.joined.plan import Plan
+from rope_twin.core.joined.stack import Sheaves
 from rope_twin.core.joined.stage import by_kind, rope_at
 from rope_twin.core.lanes.effects import wide_data
 from rope_twin.core.loads.hooks import chosen_by, couples
@@ -78,6 +80,25 @@ def _wide_rope(rope: Any) -> Any:
     )
 
 
+def _wide_sheaves(sheaves: Any) -> Any:
+    """Return sheaves with SIMD tables in place of arrays of floats, or None."""
+    raise TypeError("SIMD vectors exist in compiled code only; plain Python steps ropes one by one")
+
+
+@overload(_wide_sheaves, jit_options=LINKED, strict=False)
+def _compose_sheaves(sheaves: Any) -> Any:
+    if isinstance(sheaves, types.NoneType):
+        return lambda sheaves: None
+    return lambda sheaves: Sheaves(
+        table(sheaves.figures),
+        sheaves.of,
+        sheaves.side,
+        table(sheaves.base),
+        table(sheaves.way),
+        Boundary(table(sheaves.borders.value), table(sheaves.borders.rate)),
+    )
+
+
 @jit
 def _wide_joined(arrays: Any) -> Any:
     """Return a system; its stack gives wide ropes as they are asked for."""
@@ -97,7 +118,7 @@ def _wide_joined(arrays: Any) -> Any:
         table(own.speed),
         plan,
     )
-    return Joined(arrays.stack, joints, arrays.sheaves)
+    return Joined(arrays.stack, joints, _wide_sheaves(arrays.sheaves))
 
 
 @by_kind(lambda system, array, r: (array,))

@@ -20,7 +20,7 @@ import numpy as np
 from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_sum, jit_within
-from rope_twin.core.jit.functions import renewed
+from rope_twin.core.jit.functions import renewed, rounded
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import (
     Growth,
@@ -232,7 +232,8 @@ def load_lowest(effects: Any, work: Floats, stage: Stage) -> None:
     """Set residual and block of node 0, which has no element below it."""
     for k in range(3):
         work[TANGENT + k, 0] = renewed(stage, work[DIRECTION + k, 0], work[TANGENT + k, 0])
-        work[RESIDUAL + k, 0] = work[TENSION, 0] * work[DIRECTION + k, 0]
+        # LLVM would fuse it with the load where it has inlined `add_load`, which is not everywhere
+        work[RESIDUAL + k, 0] = rounded(work[TENSION, 0], work[DIRECTION + k, 0])
     add_load(effects, work, stage, ZERO, ZERO + 1)
     add_end(effects, work, stage)
 
