@@ -157,6 +157,71 @@ def test_wakes_that_begin_while_rope_is_paid_out(tmp_path: Path) -> None:
         assert not differing(together.snapshot(number), lone.snapshot(number)), number
 
 
+KEULEGAN_CARPENTER = """\
+  - drag:
+      normal: 1.5
+      tangential: 0.03
+      over_keulegan_carpenter:
+        tables: [{roughness: 0.001, rows: [[2.0, 0.8], [12.0, 1.4], [60.0, 0.7]]}]
+        window_s: 8.0
+  - payload_oscillation:
+      size_m: [1.0, 1.0, 1.5]
+      drag: [[1.0, 2.0], [10.0, 1.2], [40.0, 0.9]]
+      added_mass: [[0.5, 0.6], [3.0, 1.5]]
+      window_s: 8.0
+"""
+GROWING = """\
+  - drag: {normal: 1.5, tangential: 0.03}
+  - fluid_ramp:
+      water: {ramp_s: 3.0}
+      vortices: {over_time: [[0.5, 0.2], [1.0, 1.0], [3.0, 0.6]]}
+  - depth_profiles:
+      density_kg_per_m3: [[-5.0, 1005.0], [-80.0, 1060.0], [-195.0, 1064.0]]
+      drag_factor: [[0.0, 1.6], [-40.0, 0.8]]
+  - payload_shedding: {strouhal: 0.18, lift_coefficient: 0.4, diameter_m: 1.2, area_m2: 1.5}
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("effects", "own"),
+    [
+        (KEULEGAN_CARPENTER, (("payload_oscillation.size_m[2]", 0.8, 0.3),)),
+        (GROWING, (("fluid_ramp.water.ramp_s", 1.0, 1.0),)),
+    ],
+    ids=["oscillating", "growing"],
+)
+def test_forces_that_change_with_time(
+    tmp_path: Path, effects: str, own: tuple[tuple[str, float, float], ...]
+) -> None:
+    """By Keulegan-Carpenter numbers, or by ramps, in layers; calm, paid out, and snapping ones."""
+    path, drag = tmp_path / "changing.yaml", "  - drag: {normal: 1.5, tangential: 0.03}\n"
+    assert drag in SMALL_SCENE
+    path.write_text(SMALL_SCENE.replace(drag, effects))
+    scene = load_scene(path)
+    members = []
+    for k in range(LANES):
+        changes = [Change(f"effects.{name}", first + step * k) for name, first, step in own]
+        light = Change("payloads[0].mass_kg", 1700.0 if k % 3 == 2 else 8000.0)
+        heave = HeaveSeries.of(sea((0.5, 1.0, 4.0)[k % 3], 5.0 + 0.3 * k, 30.0))
+        speed = CommandSample(0, WinchCommand(SPEED, 1.5 if k % 3 == 1 else 0.0))
+        members.append(Variation((*changes, light), heave, (speed,)))
+    together = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
+    assert together.lanes().members == LANES
+    for seconds in (1, 9):
+        together.advance(seconds)
+        lone.advance(seconds)
+    assert together.figures() == lone.figures()
+    for number in range(LANES):
+        assert not differing(together.snapshot(number), lone.snapshot(number)), number
+    shots = [together.snapshot(number).solver for number in range(LANES)]
+    assert shots[1].splits > 0
+    assert max(shot.solves_max_per_stage for shot in shots[2::3]) > 4
+    lanes = together.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+
+
 def _body_of(ensemble: Ensemble, number: int) -> RigidBody:
     member = ensemble._members[number]
     assert isinstance(member, Member)
