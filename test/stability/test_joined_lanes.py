@@ -138,16 +138,27 @@ def test_members_of_two_sizes_are_distinguished() -> None:
     assert reported.alone == {"": few}
 
 
+POLYESTER = """{diameter_m: 0.1, mass_kg_per_m: 6.8, hydrodynamic_diameter_m: 0.08,
+      axial_stiffness: {table: [[0.0, 0.0], [0.01, 2.5e+5], [0.05, 2.2e+6]],
+        dynamic: {constant_n: 3.6e+7, per_mean_tension: 40.0, relaxation_s: 20.0},
+        working_curve: {permanent: 0.3, highest_mean_tension_n: 6.0e+4}},
+      breaking_load_n: 3082000.0}"""
+
+
 @pytest.mark.long
 def test_internal_variables(tmp_path: Path) -> None:
-    """Wakes that oscillate at all nodes, also at the connection: all but the first step in lanes.
+    """Wakes that oscillate at all nodes, also at the connection, of ropes that relax.
+
+    All but the first step are in lanes.
 
     A member gets other elements on the way, and its wakes are interpolated to them by itself.
     """
     text = load_scene("two_line_lift").path.read_text()
     path = tmp_path / "vortices.yaml"
+    text = text.replace("rope: steel_wire_40mm", f"rope: {POLYESTER}")
     path.write_text(text.replace("  - payload: {}", "  - wake_oscillator: {}\n  - payload: {}"))
     scene = load_scene(path)
+    assert all(rope.rope.axial_stiffness is not None for rope in scene.ropes)
     own = [member(number, speed=0.5 if number == 1 else 0.0) for number in range(LANES)]
     ensemble = Ensemble(scene, own, threads=1)
     assert ensemble.lanes().members == LANES

@@ -10,6 +10,7 @@ from lone_twins import SECOND_NS, differing, sea
 from small_scene import SMALL_SCENE
 
 from rope_twin import load_scene
+from rope_twin.core.axial_law import CARRIED, TOP, Fibre
 from rope_twin.core.body.components import bed_pushes
 from rope_twin.core.body.loads import part_of
 from rope_twin.core.body.state import WET, PlaneBed, RigidBody
@@ -17,6 +18,7 @@ from rope_twin.core.body.step import pose_of
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
 from rope_twin.core.lanes.step import DEPTH, SINKING
+from rope_twin.core.state import ELEMENTS, Floats
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
@@ -80,7 +82,7 @@ SHIPPED = (
     "rov_tether", "hybrid_lift", "landing", "wave_zone", "splash_zone", "viv_in_heave",
     "tow_with_net", "lift_off", "riser_300m", "strouhal_lift",
     "active_over_passive_lift", "cable_waves", "chain_on_bottom",
-    "moonpool_lift", "net_curtain",
+    "moonpool_lift", "net_curtain", "polyester_lift",
 )  # fmt: skip
 PLACES = (12.0, 16.0, 18.5, 20.02)  # through the surface, below it, and from the bed on
 
@@ -220,6 +222,74 @@ def test_forces_that_change_with_time(
     assert max(shot.solves_max_per_stage for shot in shots[2::3]) > 4
     lanes = together.lanes()
     assert lanes.given_up < 0.2 * lanes.steps
+
+
+POLYESTER_BELOW_WIRE = """\
+    sections:
+      - length_m: 93.0
+        rope:
+          diameter_m: 0.1
+          mass_kg_per_m: 6.8
+          hydrodynamic_diameter_m: 0.08
+          axial_stiffness:
+            table: [[0.0, 0.0], [0.01, 2.5e+5], [0.05, 2.2e+6]]
+            dynamic: {constant_n: 3.6e+7, per_mean_tension: 40.0, per_tension_amplitude: 30.0,
+                      relaxation_s: 20.0}
+            working_curve: {permanent: 0.3, curvature: 0.4, highest_mean_tension_n: 7.0e+4}
+          breaking_load_n: 3082000.0
+      - rope: {diameter_m: 0.05, mass_kg_per_m: 9.0, hydrodynamic_diameter_m: 0.05,
+               axial_stiffness: {table: [[0.0, 0.0], [0.001, 6.0e+4], [0.01, 8.0e+5]]},
+               breaking_load_n: 1500000.0}
+"""
+
+
+@pytest.mark.long
+def test_polyester_below_wire(tmp_path: Path) -> None:
+    """Where the wire has yet to come over the sheave, or comes; calm, moving, and slack ones.
+
+    Some are loaded beyond their highest tension so far, others below it on working curves.
+    """
+    path = tmp_path / "polyester.yaml"
+    text = SMALL_SCENE.replace("    rope: steel_wire_40mm\n", POLYESTER_BELOW_WIRE)
+    path.write_text(text.replace("length_m: 200.0", "length_m: 90.0"))
+    scene, members = load_scene(path), []
+    for k in range(LANES):
+        changes = (
+            Change("payloads[0].mass_kg", (3000.0 if k % 3 == 2 else 7000.0) + 400.0 * k),
+            Change("ropes[0].sections[0].rope.axial_stiffness.dynamic.relaxation_s", 5.0 + 2.0 * k),
+        )
+        heave = HeaveSeries.of(sea((0.5, 0.3, 4.0)[k % 3], 5.0 + 0.3 * k, 30.0))
+        speed = CommandSample(0, WinchCommand(SPEED, 0.6 if k % 3 == 1 else 0.0))
+        back = CommandSample(8 * SECOND_NS, WinchCommand(SPEED, -0.6 if k % 3 == 1 else 0.0))
+        members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), (speed, back)))
+    together = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
+    assert together.lanes().members == LANES
+    for seconds in (1, 14):
+        together.advance(seconds)
+        lone.advance(seconds)
+    assert together.figures() == lone.figures()
+    memories = []
+    for number in range(LANES):
+        assert not differing(together.snapshot(number), lone.snapshot(number)), number
+        found, expected = _fibre_of(together, number), _fibre_of(lone, number)
+        assert np.array_equal(found, expected), number
+        memories.append(found)
+    tops = [memory[TOP].max() for memory in memories]
+    assert max(tops) > min(tops) > 0.0
+    assert any(one.slack_share > 0.0 for one in together.figures())
+    shots = [together.snapshot(number).solver for number in range(LANES)]
+    assert shots[1].splits > 0
+    lanes = together.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+
+
+def _fibre_of(ensemble: Ensemble, number: int) -> Floats:
+    """Return the internal variables of a member's elements, (CARRIED, elements)."""
+    member = ensemble._members[number]
+    assert isinstance(member, Member)
+    fibre = next(one for one in member.rope.effects if isinstance(one, Fibre))
+    return fibre.memory[:CARRIED, : member.rope.state.counts[ELEMENTS]]
 
 
 def _body_of(ensemble: Ensemble, number: int) -> RigidBody:

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import config
 
-from rope_twin.core.axial_law import Fibre
 from rope_twin.core.body.lanes import has_body
 from rope_twin.core.jit.wide import ALL, LANES
 from rope_twin.core.joined.joints import (
@@ -95,8 +94,6 @@ def why_joined_alone(system: System) -> str:
     if system.sheaves is not None:
         return "a sheave"
     kinds = [type(effect) for effect in system.ropes[0].effects]
-    if Fibre in kinds:
-        return "a dynamic stiffness"
     if has_body(system.ropes[0].effects):
         return "a rigid body"
     alone = [kind for kind in kinds if not _steps_in_lanes(kind)]
