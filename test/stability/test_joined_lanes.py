@@ -13,6 +13,7 @@ from lone_twins import SECOND_NS, alone, differing, sea
 
 from rope_twin import Snapshot, load_scene
 from rope_twin.core.jit.wide import LANES
+from rope_twin.core.joined.payload_contact import payload_touch_of
 from rope_twin.core.lanes.joined_group import joined_kind_of, why_joined_alone
 from rope_twin.core.state import ELEMENTS, VELOCITY, Floats
 from rope_twin.effects.wake_oscillator import WakeOscillator
@@ -210,20 +211,88 @@ def test_effects_that_are_called_lane_by_lane() -> None:
     assert lanes.given_up < 0.1 * lanes.steps
 
 
+THIRD = """\
+  - name: third_line
+    rope: {about: 20 mm steel wire, diameter_m: 0.02, mass_kg_per_m: 1.6,
+           hydrodynamic_diameter_m: 0.016, axial_stiffness_n: 1.6e+7, breaking_load_n: 250.0e+3}
+    length_m: 30.0
+    elements: 12
+    damping: {fraction_of_first_axial_mode: 0.02}
+    from: third_sheave
+    to: block
+
+hang_offs:
+  - {name: third_sheave, at_m: [3.0, 1.0, 0.0]}
+"""
+BLOCK = """\
+  - name: block
+    mass_kg: 1800.0
+    shape: {box: {length_m: 0.9, width_m: 0.9, height_m: 0.5}}
+
+winch:
+"""
+
+
+@pytest.mark.long
+def test_payloads_that_touch(tmp_path: Path) -> None:
+    """Three spheres knock, press and slide along each other, in each lane otherwise, or part."""
+    text = load_scene("cage_and_clump").path.read_text()
+    text = text.replace("\nhang_offs:\n", THIRD).replace("\nwinch:\n", BLOCK)
+    clump = "        - {name: clump, radius_m: 0.45}\n"
+    assert clump in text
+    path = tmp_path / "three.yaml"
+    path.write_text(text.replace(clump, f"{clump}        - {{name: block, radius_m: 0.5}}\n"))
+    scene, own = load_scene(path), []
+    for k in range(LANES):
+        changes = (
+            Change("effects.current.profile[*][1][*]", 0.8 + 0.06 * k, multiply=True),
+            Change("effects.payload_contact.stiffness_n_per_m", 1e5 * (k + 1)),
+            Change("effects.payload_contact.friction", 0.1 * k),
+        )
+        heave = HeaveSeries.of(sea((0.2, 0.5, 1.0)[k % 3], 5.0 + 0.3 * k, 30.0))
+        own.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3)))
+    ensemble = Ensemble(scene, own, threads=1)
+    lone = Ensemble(scene, own, threads=1, abreast=1)
+    assert ensemble.lanes().members == LANES
+    touches = []
+    for _ in range(10):
+        for one in (ensemble, lone):
+            one.advance(1)
+        touches.append([_touches(ensemble, number) for number in range(LANES)])
+    assert ensemble.figures() == lone.figures()
+    for number in range(LANES):
+        shot, expected = ensemble.snapshot(number), lone.snapshot(number)
+        assert not differing(shot, expected), number
+        assert not differing_ropes(shot, expected), number
+    assert {0, 1, 2} <= set(np.ravel(touches))
+    assert any(len(set(some)) > 1 for some in touches)  # not alike in all lanes
+    lanes = ensemble.lanes()
+    assert lanes.given_up < 0.1 * lanes.steps
+
+
+def _touches(ensemble: Ensemble, number: int) -> int:
+    """Return how many contacts between payloads there are now."""
+    one = ensemble._members[number]
+    assert isinstance(one, TwinMember)
+    touch = payload_touch_of(one.system)
+    assert touch is not None
+    return touch.contacts
+
+
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
         ("two_line_lift", ""),
         ("bridle_lift", ""),
         ("two_line_loop", "a sheave"),
-        ("cage_and_clump", "payload_contact"),
+        ("cage_and_clump", ""),
         ("net_screen", "net_curtain"),
         ("two_line_landing", ""),
         ("load_transfer", "a rigid body"),
     ],
 )
 def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
-    """Sheaves, rigid bodies, and forces between ropes."""
+    """Sheaves, rigid bodies, and net curtains between ropes."""
     system = build_joined(load_scene(name)).system
     assert why_joined_alone(system) == reason
     assert (joined_kind_of(system) is None) == bool(reason)

@@ -102,7 +102,7 @@ def test_winches_that_are_not_named_hold(two_lines: Scene) -> None:
         pytest.param("two_line_landing", "", marks=pytest.mark.long),
         ("two_line_loop", "a sheave"),
         ("load_transfer", "a rigid body"),
-        ("cage_and_clump", "payload_contact"),
+        pytest.param("cage_and_clump", "", marks=pytest.mark.long),
     ],
 )
 def test_systems_of_other_scenes(name: str, alone: str) -> None:

@@ -48,7 +48,13 @@ from rope_twin.core.joined.joints import (
     pull_ties,
 )
 from rope_twin.core.joined.sheaves import add_sheaves, is_at_sheave, pass_end
-from rope_twin.core.joined.stack import any_rope_of, face_ropes, tolerance_at, work_of
+from rope_twin.core.joined.stack import (
+    any_rope_of,
+    effects_between,
+    face_ropes,
+    tolerance_at,
+    work_of,
+)
 from rope_twin.core.lanes.effects import each_of
 from rope_twin.core.loads.memory import has_memories
 from rope_twin.core.state import (
@@ -201,7 +207,7 @@ def move_connections(system: Any, stage: Any, kind: Any, factor: Any) -> Any:
 def gather_connections(system: Any, stage: Any) -> Any:
     """Add forces between ropes; assemble residual and matrix of the connections without chains."""
     clear(system.joints)
-    add_among(system.stack.effects, system, stage)
+    add_among(effects_between(system.stack), system, stage)
     gather_ends(system)
     add_ties(system.joints.ties, system.joints.work, system.joints.matrix)
     add_sheaves(system.sheaves, system, stage)

@@ -109,7 +109,7 @@ def _name_of(kind: type) -> str:
 def _steps_in_lanes(kind: type) -> bool:
     """Return whether an effect of this type steps in the lanes of systems of ropes."""
     # `pull`: a hull moves with the hang-off of a rope by itself
-    between = {"face", "among", "pull"}.intersection(hooks.hooks_of(kind))
+    between = {"face", "pull"}.intersection(hooks.hooks_of(kind))
     each_its_own = is_by_lane(kind) and numbers_carried(kind) > 0
     alone = hooks.couples([kind]) or hooks.axial_place([kind]) is not None
     return hooks.all_wide([kind]) and not (between or each_its_own or alone)
