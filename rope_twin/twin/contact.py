@@ -25,7 +25,8 @@ import math
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.bed import Grid, Plane, clearance
+from rope_twin.core.bed import Grid, Plane
+from rope_twin.core.bed_shape import clearance
 from rope_twin.core.body.components import bed_pushes
 from rope_twin.core.body.loads import part_of
 from rope_twin.core.body.state import GridBed, PlaneBed

@@ -224,6 +224,52 @@ def test_forces_that_change_with_time(
     assert lanes.given_up < 0.2 * lanes.steps
 
 
+SOUNDINGS = """\
+seabed:
+      soundings:
+        x_m: [100.0, 150.0, 163.0, 180.0, 191.0, 300.0]
+        y_m: [-40.0, -2.0, 3.0, 40.0]
+        depth_m:
+          - [300.3, 299.8, 300.4, 300.1, 300.2, 300.0]
+          - [300.0, 300.2, 299.7, 300.3, 299.9, 300.0]
+          - [300.2, 299.9, 300.1, 299.8, 300.3, 300.1]
+          - [299.8, 300.3, 300.0, 300.2, 299.9, 300.0]"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("friction", ["", "  - bed_friction: {axial: 0.3, lateral: 0.6}\n"])
+def test_chains_on_uneven_beds(tmp_path: Path, friction: str) -> None:
+    """Laid down, dragged and lifted over soundings, in each lane in another place."""
+    text = load_scene("chain_on_bottom").path.read_text()
+    sticks = next(line for line in text.splitlines(keepends=True) if "bed_friction" in line)
+    path = tmp_path / "uneven.yaml"
+    path.write_text(text.replace("seabed: {depth_m: 300.0}", SOUNDINGS).replace(sticks, friction))
+    scene, members = load_scene(path), []
+    for k in range(LANES):
+        changes = (
+            Change("ropes[0].fixed_at_m[0]", 200.0 - 2.0 * k),
+            Change("ropes[0].fixed_at_m[2]", -299.9),
+            Change("effects.seabed.soundings.depth_m[*][*]", 1.0 + 1e-4 * k, multiply=True),
+            Change("effects.seabed.friction", 0.1 + 0.1 * k),
+        )
+        heave = HeaveSeries.of(sea((0.5, 1.0, 4.0)[k % 3], 5.0 + 0.3 * k, 30.0))
+        speed = CommandSample(0, WinchCommand(SPEED, (0.0, 0.5, -0.5)[k % 3]))
+        members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), (speed,)))
+    together = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
+    assert together.lanes().members == LANES
+    for seconds in (1, 9):
+        together.advance(seconds)
+        lone.advance(seconds)
+    assert together.figures() == lone.figures()
+    for number in range(LANES):
+        shot = lone.snapshot(number)
+        assert not differing(together.snapshot(number), shot), number
+        assert (shot.node_position_m[:, 2] < -299.0).sum() > 5
+    lanes = together.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+
+
 POLYESTER_BELOW_WIRE = """\
     sections:
       - length_m: 93.0

@@ -42,7 +42,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.bed import Plane, beds_at, grid_bed
+from rope_twin.core.bed import Plane
+from rope_twin.core.bed_shape import beds_at, grid_bed
 from rope_twin.core.body import state as at
 from rope_twin.core.body.loads import part
 from rope_twin.core.body.state import (
