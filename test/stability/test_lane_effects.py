@@ -13,7 +13,7 @@ from rope_twin import load_scene
 from rope_twin.core.axial_law import CARRIED, TOP, Fibre
 from rope_twin.core.body.components import bed_pushes
 from rope_twin.core.body.loads import part_of
-from rope_twin.core.body.state import WET, PlaneBed, RigidBody
+from rope_twin.core.body.state import WET, GridBed, PlaneBed, RigidBody
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
@@ -377,12 +377,30 @@ def test_a_body_leaves_the_deck() -> None:
     assert lanes.steps > lanes.given_up
 
 
+UNEVEN = """\
+seabed:
+      payload_penetration_m: 0.1
+      soundings:
+        x_m: [-60.0, -2.0, 0.5, 3.0, 60.0]
+        y_m: [-60.0, -1.0, 2.0, 60.0]
+        depth_m: [[45.0, 45.2, 45.1, 45.0, 45.0], [45.1, 44.9, 45.1, 45.0, 45.2],
+                  [45.2, 45.1, 44.9, 45.2, 45.0], [45.0, 45.1, 45.0, 45.1, 45.1]]"""
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("line_out_m", [29.5, 70.6])
-def test_a_body_in_the_surface_and_on_the_bed(line_out_m: float) -> None:
+@pytest.mark.parametrize(
+    ("line_out_m", "bed"), [(29.5, PlaneBed), (70.6, PlaneBed), (70.6, GridBed)]
+)
+def test_a_body_in_the_surface_and_on_the_bed(tmp_path: Path, line_out_m: float, bed: type) -> None:
     """Columns stand partly in the waves, or corners bear on the bed, in each lane otherwise."""
-    place = (Change("ropes[0].length_m", line_out_m),)
-    scene = change_scene(load_scene("manifold_lift"), place)
+    scene = load_scene("manifold_lift")
+    if bed is GridBed:
+        plane = "seabed: {depth_m: 45.0, payload_penetration_m: 0.1}"
+        path, text = tmp_path / "uneven.yaml", scene.path.read_text()
+        assert plane in text
+        path.write_text(text.replace(plane, UNEVEN))
+        scene = load_scene(path)
+    scene = change_scene(scene, (Change("ropes[0].length_m", line_out_m),))
     own = [Variation((Change("effects.waves.seed", float(k)),)) for k in range(LANES)]
     together = Ensemble(scene, own, threads=1, watched=True)
     lone = Ensemble(scene, own, threads=1, abreast=1, watched=True)
@@ -392,7 +410,7 @@ def test_a_body_in_the_surface_and_on_the_bed(line_out_m: float) -> None:
         lone.advance(seconds)
         _check_bodies(together, lone)
     bodies = [_body_of(together, number) for number in range(LANES)]
-    pushes = [bed_pushes(part_of(one, PlaneBed), one, pose_of(one))[1] for one in bodies]
+    pushes = [bed_pushes(part_of(one, bed), one, pose_of(one))[1] for one in bodies]
     stands = line_out_m > 50.0
     assert all((one.stage[WET] < 1.0) != stands for one in bodies)
     assert all((push.sum() > 0.0) == stands for push in pushes)

@@ -19,7 +19,6 @@ from rope_twin.core.body.components import Shedding
 from rope_twin.core.body.loads import keep_all
 from rope_twin.core.body.solution import HALVINGS, MAX_ITERATIONS, balance, correct, left_on_hook
 from rope_twin.core.body.state import (
-    GridBed,
     RigidBody,
     along,
     chosen,
@@ -239,6 +238,6 @@ def has_body(effects: tuple[Any, ...]) -> bool:
 
 
 for _parts, _kind in KINDS.items():
-    if not {GridBed, Shedding} & set(_parts):  # these branch: such a body steps alone
+    if Shedding not in _parts:  # it branches: such a body steps alone
         for _kernel in (predict, load_end, calm, settle, middle):
             wide_kernel(_kernel.__name__, _kind, exact=True)(_kernel)
