@@ -15,7 +15,6 @@ from math import inf, nan
 from typing import Any
 
 from rope_twin.core.body import state as at
-from rope_twin.core.body.components import Shedding
 from rope_twin.core.body.loads import keep_all
 from rope_twin.core.body.solution import HALVINGS, MAX_ITERATIONS, balance, correct, left_on_hook
 from rope_twin.core.body.state import (
@@ -237,7 +236,6 @@ def has_body(effects: tuple[Any, ...]) -> bool:
     return any(isinstance(effect, RigidBody) for effect in effects)
 
 
-for _parts, _kind in KINDS.items():
-    if Shedding not in _parts:  # it branches: such a body steps alone
-        for _kernel in (predict, load_end, calm, settle, middle):
-            wide_kernel(_kernel.__name__, _kind, exact=True)(_kernel)
+for _kind in KINDS.values():
+    for _kernel in (predict, load_end, calm, settle, middle):
+        wide_kernel(_kernel.__name__, _kind, exact=True)(_kernel)
