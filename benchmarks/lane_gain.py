@@ -44,6 +44,7 @@ FULL = (
     Case("smooth_2km", "current, weight, drag, added_mass, payload"),
     Case("rov_tether", "fixed lower end"),
     Case("hybrid_lift", "stiffness table"),
+    Case("polyester_lift", "dynamic stiffness"),
     Case("landing", "seabed"),
     Case("wave_zone", "waves"),
     Case("splash_zone", "waves, wetting, wind, splash_zone"),
@@ -59,6 +60,7 @@ FULL = (
     Case("manifold_lift", "rigid_body, waves, splash_zone, seabed"),
     Case("two_line_lift", "ropes that meet: a tree"),
     Case("bridle_lift", "ropes that meet: a loop with a bar"),
+    Case("cage_and_clump", "ropes that meet: payload_contact"),
 )
 QUICK = (Case("smooth_2km", "quick", LANES, 1.0, 1.0, 1),)
 

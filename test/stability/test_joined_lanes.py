@@ -187,13 +187,24 @@ def _memory_of(ensemble: Ensemble, number: int) -> Floats:
     return np.concatenate([rope.effects[i].memory[:2, :n].ravel() for rope, n, i in parts])
 
 
+GROWING = """\
+  - fluid_ramp: {water: {ramp_s: 3.0}, vortices: {over_time: [[0.5, 0.2], [4.0, 1.0]]}}
+  - payload_shedding: {strouhal: 0.18, lift_coefficient: 0.4, diameter_m: 1.2, area_m2: 1.5}
+"""
+
+
 @pytest.mark.long
-def test_effects_that_are_called_lane_by_lane() -> None:
+def test_effects_that_are_called_lane_by_lane(tmp_path: Path) -> None:
     """Waves, splash zone and seabed, of two ropes with one load, which enters the water.
+
+    The forces of the water grow, and so do those of the vortices that the load sheds.
 
     Some leave the surface in one stage and solve the next with the existing factors, others do not.
     """
-    scene = load_scene("two_line_landing")
+    path, text = tmp_path / "growing.yaml", load_scene("two_line_landing").path.read_text()
+    assert "  - payload: {}\n" in text
+    path.write_text(text.replace("  - payload: {}\n", f"{GROWING}  - payload: {{}}\n"))
+    scene = load_scene(path)
     height = Axis("effects.waves.jonswap.significant_height_m", 0.9, 1.0, multiply=True)
     drag = Axis("effects.drag.normal", 0.95, 1.05, multiply=True)
     own = variations(scene, make_plan([drag, height], LANES, 1), 16.0)
