@@ -44,6 +44,7 @@ FULL = (
     Case("smooth_2km", "current, weight, drag, added_mass, payload"),
     Case("rov_tether", "fixed lower end"),
     Case("hybrid_lift", "stiffness table"),
+    Case("polyester_lift", "dynamic stiffness"),
     Case("landing", "seabed"),
     Case("wave_zone", "waves"),
     Case("splash_zone", "waves, wetting, wind, splash_zone"),
@@ -62,6 +63,7 @@ FULL = (
     Case("load_transfer", "ropes that meet: rigid_body"),
     Case("net_screen", "ropes that meet: net_curtain between them"),
     Case("two_line_loop", "ropes that meet: over a sheave"),
+    Case("cage_and_clump", "ropes that meet: payload_contact"),
 )
 QUICK = (Case("smooth_2km", "quick", LANES, 1.0, 1.0, 1),)
 

@@ -32,9 +32,10 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from rope_twin.core.jit.decorators import LINKED, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit_exact_within, jit_within
+from rope_twin.core.jit.functions import fused
 from rope_twin.core.jit.rows import HeldType
-from rope_twin.core.jit.wide import WideType, choose, whole
+from rope_twin.core.jit.wide import WideType, bits, choose, whole
 from rope_twin.core.loads.hooks import axial_place, kernel_of
 from rope_twin.core.state import POSITION, Floats, Table
 
@@ -229,15 +230,34 @@ def _by_table(law: Any, section: Any, stiffness: Any, e: int, extension: float, 
     return tension, k
 
 
+@jit_exact_within
+def relaxed_strain(held: Any, hat: Any, strain: Any) -> Any:
+    """Return ε_m of a stage."""
+    return fused(1.0 - held, strain, held * hat)
+
+
+@jit_exact_within
+def _strain_of(extension: Any, rest: Any, law: Any, e: int) -> Any:
+    strain = extension / rest
+    return strain, relaxed_strain(law.held[e], law.hat[e], strain)
+
+
+@jit_exact_within
+def _relaxing(static: Any, law: Any, e: int, over: Any, rest: Any) -> Any:
+    tension, tangent = static
+    held, stiff = law.held[e], law.stiff[e]
+    k = fused(stiff, held, tangent * (1.0 - held)) / rest
+    return fused(stiff, over, tension), k
+
+
 @jit_within
-def _by_fibre(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
-    strain, held, stiff = extension / rest, law.held[e], law.stiff[e]
-    mean = held * law.hat[e] + (1.0 - held) * strain
+def _by_fibre(law: Any, section: Any, stiffness: Any, e: int, extension: Any, rest: Any) -> Any:
+    strain, mean = _strain_of(extension, rest, law, e)
     working = (law.upper[e], law.lower[e], law.initial[e], law.bend[e])
-    tension, tangent = relaxed_at(law.table, int(section[e]), working, mean)
-    k = (tangent * (1.0 - held) + stiff * held) / rest
+    static = relaxed_at(law.table, whole(section[e]), working, mean)
+    tension, k = _relaxing(static, law, e, strain - mean, rest)
     stiffness[e] = k
-    return tension + stiff * (strain - mean), k
+    return tension, k
 
 
 @jit_within
@@ -291,17 +311,42 @@ def _choose_piece(law: Any, section: int, strain: Any) -> Any:
 
 
 @jit_within
-def relaxed_at(law: Any, section: int, working: Any, strain: float) -> Any:
-    """Return S and dS/dstrain [N]: on the working curve below its upper end, else the table.
-
-    working: upper end, lower end, slope there, and curvature; slope 0: there is none.
-    """
+def _relaxed_of_one(law: Any, section: int, working: Any, strain: float) -> Any:
     upper, lower, initial, bend = working
     if initial > 0.0 and strain < upper:
         u = strain - lower
         v = max(u, 0.0)
         return u * initial + v * v * bend, initial + 2.0 * v * bend
     return tension_at(law, section, strain)
+
+
+@jit_within
+def _relaxed_of_lanes(law: Any, section: int, working: Any, strain: Any) -> Any:
+    upper, lower, initial, bend = working
+    tension, slope = tension_at(law, section, strain)
+    works = (initial > 0.0) & (strain < upper)
+    if bits(works) == 0:
+        return tension, slope
+    u = strain - lower
+    v = max(u, 0.0)
+    return (
+        choose(works, u * initial + v * v * bend, tension),
+        choose(works, initial + 2.0 * v * bend, slope),
+    )
+
+
+def relaxed_at(law: Any, section: int, working: Any, strain: Any) -> Any:
+    """Return S and dS/dstrain [N]: on the working curve below its upper end, else the table.
+
+    working: upper end, lower end, slope there, and curvature; slope 0: there is none.
+    """
+    return _relaxed_of_one(law, section, working, strain)
+
+
+@overload(relaxed_at, jit_options=_WITHIN, strict=False)
+def _choose_relaxed(law: Any, section: int, working: Any, strain: Any) -> Any:
+    chosen = _relaxed_of_lanes if isinstance(strain, WideType) else _relaxed_of_one
+    return lambda law, section, working, strain: chosen(law, section, working, strain)
 
 
 def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> Any:

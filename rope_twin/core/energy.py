@@ -34,8 +34,8 @@ import numpy as np
 from rope_twin.core.axial_law import FibreLaw, held_tension, hold, sections_law
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.joined import joints as ties
-from rope_twin.core.joined.contact import touch_of
 from rope_twin.core.joined.joints import LOOSE, Joints, System
+from rope_twin.core.joined.line_contact import touch_of
 from rope_twin.core.joined.payload_contact import payload_touch_of
 from rope_twin.core.joined.stack import (
     CREEP,

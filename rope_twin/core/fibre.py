@@ -23,7 +23,7 @@ drum has those of the element at the sheave, and where its section begins, the s
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import exp, nan, sqrt
 from typing import Any
 
 from rope_twin.core.axial_law import (
@@ -53,7 +53,8 @@ from rope_twin.core.axial_law import (
 from rope_twin.core.elements import section_above
 from rope_twin.core.integrator import BDF2, GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
-from rope_twin.core.jit.functions import by_type
+from rope_twin.core.jit.functions import anywhere, by_type, by_width
+from rope_twin.core.jit.wide import choose, whole
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import (
@@ -113,15 +114,16 @@ def strain_on_table(table: Any, section: int, tension: float) -> float:
 
 
 @jit
-def _set_working(law: Any, sections: Any, k: int, e: int, highest: float, top: float) -> None:
+def _set_working(law: Any, sections: Any, k: int, e: int, highest: Any, top: Any) -> None:
     """Set the working curve of element e of section k: from the mean tension `highest` at `top`."""
     m, share = law.memory, sections[PERMANENT, k]
     m[INITIAL, e] = 0.0
-    if share == 0.0 or not highest > 0.0:
+    works = (share > 0.0) & (highest > 0.0)
+    if not anywhere(works):
         return
     span, curvature = (1.0 - share) * top, sections[CURVATURE, k]
     m[UPPER, e], m[LOWER, e] = top, share * top
-    m[INITIAL, e] = highest * (1.0 - curvature) / span
+    m[INITIAL, e] = choose(works, highest * (1.0 - curvature) / span, 0.0)
     m[BEND, e] = highest * curvature / (span * span)
 
 
@@ -145,44 +147,53 @@ def _strain_at(law: Any, k: int, e: int, tension: float) -> float:
 
 
 @jit
-def _dynamic(sections: Any, k: int, M: float, square: float, slope: float) -> float:
+def _dynamic(sections: Any, k: int, M: Any, square: Any, slope: Any) -> Any:
     """Return E_d [N] at the mean tension M, mean square of ε - ε_m, and tangent of S."""
     stiff = (sections[DYNAMIC, k] + sections[PER_TENSION, k] * M) / (
         1.0 + sections[PER_AMPLITUDE, k] * sqrt(2.0 * square)
     )
-    return float(max(stiff, slope))
+    return max(stiff, slope)
 
 
 @jit
-def _adopt(law: Any, sections: Any, k: int, e: int) -> None:
-    """Make the carried values of element e those of section k, at the same mean tension."""
-    m = law.memory
+def _adopt_one(m: Any, law: Any, sections: Any, k: int, e: int, others: Any, held: Any) -> Any:
     M, highest = m[TENSION_MEAN, e], m[TENSION_TOP, e]
     if sections[PERMANENT, k] > 0.0:
         highest = max(highest, M, sections[HIGHEST, k])
         m[TOP, e], m[TENSION_TOP, e] = strain_on_table(law.table, k, highest), highest
     _set_working(law, sections, k, e, highest, m[TOP, e])
     m[MEAN, e] = _strain_at(law, k, e, M)
+    return held
 
 
 @jit
-def _begin(law: Any, sections: Any, k: int, e: int, held: float) -> None:
+def _leave_lanes(m: Any, law: Any, sections: Any, k: int, e: int, others: Any, held: Any) -> Any:
+    return choose(others, nan, held)
+
+
+# Make the carried values of element e those of section k, at the same mean tension; return HELD. It
+# is NaN in lanes where they are of another section (mask `others`), which thus give up the step.
+_adopt = by_width(_adopt_one, _leave_lanes)
+
+
+@jit
+def _begin(law: Any, sections: Any, k: int, e: int, held: Any) -> None:
     """Set START, E_d and the working curve of element e from its carried values."""
     m = law.memory
     _set_working(law, sections, k, e, m[TENSION_TOP, e], m[TOP, e])
     S, slope = relaxed_at(law.table, k, _working(m, e), m[MEAN, e])
     M = m[TENSION_MEAN, e]
-    if abs(S - M) > SAME_TENSION * (abs(S) + abs(M) + 1.0):
-        _adopt(law, sections, k, e)
+    others = abs(S - M) > SAME_TENSION * (abs(S) + abs(M) + 1.0)
+    if anywhere(others):
+        held = _adopt(m, law, sections, k, e, others, held)
         S, slope = relaxed_at(law.table, k, _working(m, e), m[MEAN, e])
     m[START, e], m[HELD, e] = m[MEAN, e], held
     m[STIFF, e] = _dynamic(sections, k, max(S, 0.0), m[SQUARE, e], slope)
 
 
 @jit
-def _relax(law: Any, rope: Any, k: int, e: int) -> None:
-    """Let element e follow S alone: in a static solution, and in a section without relaxation."""
-    m, sections, highest = law.memory, rope.sections, rope.sections[HIGHEST, k]
+def _relax_one(m: Any, law: Any, rope: Any, k: int, e: int) -> None:
+    sections, highest = rope.sections, rope.sections[HIGHEST, k]
     m[HELD, e], m[HAT, e], m[TOP, e] = 0.0, 0.0, 0.0
     if sections[PERMANENT, k] > 0.0:
         m[TOP, e] = strain_on_table(law.table, k, highest)
@@ -191,20 +202,50 @@ def _relax(law: Any, rope: Any, k: int, e: int) -> None:
 
 
 @jit
+def _relax_lanes(m: Any, law: Any, rope: Any, k: int, e: int) -> None:
+    m[HELD, e] = m[HAT, e] = m[TOP, e] = m[TENSION_TOP, e] = m[INITIAL, e] = 0.0
+
+
+# Let element e follow S alone: in a section without relaxation, which has no working curve, and of
+# one rope in a static solution.
+_relax = by_width(_relax_one, _relax_lanes)
+
+
+@jit
+def _leave_at_border(m: Any, rope: Any) -> None:
+    n = rope.state.counts[ELEMENTS]
+    k = whole(rope.work[SECTION, n - 1])
+    if k + 1 < rope.sections.shape[1]:
+        over = rope.sections[END, k] < rope.state.s[n]
+        m[HELD, n - 1] = choose(over, nan, m[HELD, n - 1])
+
+
+@jit
+def _stay(m: Any, rope: Any) -> None:
+    """Do nothing: one rope begins the next section (`_hold_next`)."""
+
+
+# Let lanes give up a step where the next section has come over the sheave.
+_leave_where_sections_meet = by_width(_stay, _leave_at_border)
+
+
+@jit
 def _predict(law: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     m, work, sections = law.memory, rope.work, rope.sections
     for e in range(low, high):
-        k = int(work[SECTION, e])
+        k = whole(work[SECTION, e])
         rate = sections[RELAXATION, k]
-        if rate == 0.0 or stage.time <= 0.0:
-            _relax(law, rope, k, e)
+        moves = rate > 0.0
+        if not anywhere(moves) or stage.time <= 0.0:
+            _relax(m, law, rope, k, e)
             continue
-        held = 1.0 / (1.0 + stage.q * rate)
+        held = choose(moves, 1.0 / (1.0 + stage.q * rate), nan)  # NaN: a lane unlike its neighbours
         if kind == TRAPEZOID:
             _begin(law, sections, k, e, held)
             m[HAT, e] = m[START, e] + stage.q * rate * m[OVER, e]
         else:
             m[HAT, e], m[HELD, e] = K1 * m[MIDDLE, e] - K2 * m[START, e], held
+    _leave_where_sections_meet(m, rope)
 
 
 # Predict the internal variables of the elements low <= e < high; other laws have none.
@@ -233,7 +274,8 @@ def _strain(rope: Any, e: int) -> Any:
     work, rest = rope.work, rope.work[REST, e]
     square = STRETCH2_MIN * rest * rest
     for k in range(POSITION, POSITION + 3):
-        square += (work[k, e + 1] - work[k, e]) ** 2
+        apart = work[k, e + 1] - work[k, e]
+        square += apart * apart
     return (sqrt(square) + rope.state.offset[e] - rest) / rest
 
 
@@ -243,7 +285,7 @@ def start(fibre: Any, rope: Any, upto: int) -> None:
     law, m, sections = sections_law(rope), fibre.memory, rope.sections
     for e in range(rope.state.counts[ELEMENTS]):
         k = int(rope.work[SECTION, e])
-        _relax(law, rope, k, e)
+        _relax(m, law, rope, k, e)
         strain = _strain(rope, e)
         S, m[STIFF, e] = relaxed_at(law.table, k, _working(m, e), strain)
         if S < 0.0:
@@ -259,23 +301,23 @@ def start(fibre: Any, rope: Any, upto: int) -> None:
         m[r, n] = m[r, n - 1]
 
 
-@kernel("predict", Fibre)
+@kernel("predict", Fibre, wide=True)
 def predict(fibre: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Do nothing: an element's tension is evaluated before the nodes are (`predict_law`)."""
 
 
-@kernel("settle", Fibre)
+@kernel("settle", Fibre, wide=True)
 def settle(fibre: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store ε_m and what follows from it; then hold it, for splits and merges of elements."""
     law, m, work, sections = sections_law(rope), fibre.memory, rope.work, rope.sections
-    n = rope.state.counts[ELEMENTS]
-    share = 0.0
+    n, last = rope.state.counts[ELEMENTS], -1
+    share = 0.0 * sections[RELAXATION, 0]
     if stage.time <= 0.0:
         return
     for e in range(n):
-        k = int(work[SECTION, e])
+        k = whole(work[SECTION, e])
         rate = sections[RELAXATION, k]
-        if rate == 0.0:  # what a fibre section above would begin with
+        if not anywhere(rate > 0.0):  # what a fibre section above would begin with
             strain = _strain(rope, e)
             S, m[STIFF, e] = relaxed_at(law.table, k, _working(m, e), strain)
             m[CARRIED + MEAN, e], m[CARRIED + TENSION_MEAN, e] = strain, max(S, 0.0)
@@ -284,14 +326,14 @@ def settle(fibre: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         S, _ = relaxed_at(law.table, k, _working(m, e), mean)
         m[MIDDLE, e] = mean
         m[CARRIED + MEAN, e], m[CARRIED + TENSION_MEAN, e], m[CARRIED + OVER, e] = mean, S, over
-        m[CARRIED + TOP, e], m[CARRIED + TENSION_TOP, e] = m[TOP, e], m[TENSION_TOP, e]
-        if sections[PERMANENT, k] > 0.0 and mean > m[TOP, e]:
-            m[CARRIED + TOP, e], m[CARRIED + TENSION_TOP, e] = mean, S
-        if kind == BDF2:
-            share = 1.0 - exp(-2.0 * stage.q * rate / GAMMA)
+        rises = (sections[PERMANENT, k] > 0.0) & (mean > m[TOP, e])
+        m[CARRIED + TOP, e] = choose(rises, mean, m[TOP, e])
+        m[CARRIED + TENSION_TOP, e] = choose(rises, S, m[TENSION_TOP, e])
+        if kind == BDF2 and k != last:
+            share, last = 1.0 - exp(-2.0 * stage.q * rate / GAMMA), k
         m[CARRIED + SQUARE, e] = m[SQUARE, e] + share * (over * over - m[SQUARE, e])
         m[HAT, e], m[HELD, e] = mean, 1.0
-    _hold_ghosts(law, rope, stage, n)
+    _hold_ghosts(m, law, rope, stage, n)
 
 
 @jit
@@ -301,47 +343,64 @@ def _settled(law: Any, rope: Any, stage: Any, k: int, e: int) -> Any:
     held, hat, stiff, strain = m[HELD, e], m[HAT, e], m[STIFF, e], _strain(rope, e)
     mean = held * hat + (1.0 - held) * strain
     S, slope = relaxed_at(law.table, k, _working(m, e), mean)
-    if S + stiff * (strain - mean) > 0.0:
-        return mean, strain - mean
+    over = strain - mean
+    slack = S + stiff * over <= 0.0
+    if not anywhere(slack):
+        return mean, over
     # slack: ε_m + (q/(E_d·τ))·S(ε_m) = HAT; S is smooth and rises, below HAT where S(HAT) > 0
     g = stage.q * rope.sections[RELAXATION, k] / stiff
-    mean = hat
+    found, going = hat, slack
     for _ in range(NEWTON_STEPS):
-        S, slope = relaxed_at(law.table, k, _working(m, e), mean)
-        step = (mean + g * S - hat) / (1.0 + g * slope)
-        mean -= step
-        if abs(step) <= 1e-16 + 1e-15 * abs(mean):
+        S, slope = relaxed_at(law.table, k, _working(m, e), found)
+        step = (found + g * S - hat) / (1.0 + g * slope)
+        found = choose(going, found - step, found)
+        going = going & (abs(step) > 1e-16 + 1e-15 * abs(found))
+        if not anywhere(going):
             break
-    S, slope = relaxed_at(law.table, k, _working(m, e), mean)
-    return mean, -S / stiff
+    S, slope = relaxed_at(law.table, k, _working(m, e), found)
+    return choose(slack, found, mean), choose(slack, -S / stiff, over)
 
 
 @jit
-def _hold_ghosts(law: Any, rope: Any, stage: Any, n: int) -> None:
+def _hold_ghosts(m: Any, law: Any, rope: Any, stage: Any, n: int) -> None:
     """Give the ghost elements of a split or merge, and a new top element, the top one's values.
 
     The lower ghost is the merged element while rope is hauled in. The upper one is in the next
     section, at the same mean tension, where that has come over the sheave.
     """
-    m, sections, slots = law.memory, rope.sections, rope.state.s.shape[0]
-    top = n - 1
-    merged = n - 2 if stage.V < 0.0 and n > 1 else top
-    above = section_above(sections, rope.state.s[top])
-    if above + 1 < sections.shape[1] and sections[END, above] < rope.state.s[n]:
-        above += 1
+    slots, top = rope.state.s.shape[0], n - 1
     for slot in range(slots - TRIALS, slots):
-        _copy_element(m, merged if slot == slots - TRIALS else top, slot)
+        _copy_element(m, top, slot)
+    _copy_merged(m, max(n - 2, 0), slots - TRIALS, stage.V < 0.0)
     _copy_element(m, top, n)
     for r in range(CARRIED):  # a node at a connection has no element above it
         m[CARRIED + r, n] = m[CARRIED + r, top]
+    _hold_next_section(m, law, rope, n)
+
+
+@jit
+def _hold_next(m: Any, law: Any, rope: Any, n: int) -> None:
+    sections, slots, top = rope.sections, rope.state.s.shape[0], n - 1
+    above = section_above(sections, rope.state.s[top])
+    if above + 1 < sections.shape[1] and sections[END, above] < rope.state.s[n]:
+        above += 1
     if above == int(rope.work[SECTION, top]):
         return
     for slot in (n, slots - TRIALS + 1):
         if sections[RELAXATION, above] == 0.0:
-            _relax(law, rope, above, slot)
+            _relax(m, law, rope, above, slot)
             continue
         _begin(law, sections, above, slot, 1.0)
         m[HAT, slot] = m[MEAN, slot]
+
+
+@jit
+def _hold_none(m: Any, law: Any, rope: Any, n: int) -> None:
+    """Do nothing: lanes give such steps up (`_leave_at_border`)."""
+
+
+# Begin the section that has come over the sheave.
+_hold_next_section = by_width(_hold_next, _hold_none)
 
 
 @jit
@@ -351,6 +410,17 @@ def _copy_element(m: Any, source: int, target: int) -> None:
         m[r, target] = m[CARRIED + r, source]
     for r in range(START, BEND + 1):
         m[r, target] = m[r, source]
+
+
+@jit
+def _copy_merged(m: Any, source: int, target: int, hauled: Any) -> None:
+    """Copy the stage's values of one element to those of another where rope is hauled in."""
+    if not anywhere(hauled):
+        return
+    for r in range(CARRIED):
+        m[r, target] = choose(hauled, m[CARRIED + r, source], m[r, target])
+    for r in range(START, BEND + 1):
+        m[r, target] = choose(hauled, m[r, source], m[r, target])
 
 
 remembering(Fibre, CARRIED)

@@ -25,7 +25,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.bed import Grid, Plane, beds_at, grid_bed, plane_bed
+from rope_twin.core.bed import Grid, Plane
+from rope_twin.core.bed_shape import beds_at, grid_bed, plane_bed
 from rope_twin.core.integrator import TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.functions import anywhere
@@ -138,7 +139,7 @@ def _pushed(soil: Any, k: Any, above: Any, normal: Any, v: Any) -> Any:
     return k * max(-above * normal[2], 0.0) * max(1.0 - soil.chi * away, 0.0)
 
 
-def _register(kind: type, bed_at: Any, *, wide: bool) -> None:
+def _register(kind: type, bed_at: Any) -> None:
     """Register the kernels of a kind of seabed; bed_at(bed, x, y): height and slopes."""
 
     @kernel("start", kind)
@@ -149,7 +150,7 @@ def _register(kind: type, bed_at: Any, *, wide: bool) -> None:
                 rub.memory[k, i] = 0.0
             rub.memory[KNOWN, i] = 0.0
 
-    @kernel("predict", kind, wide=wide)
+    @kernel("predict", kind, wide=True)
     def predict(rub: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
         """Set e and position before the stage; before time 0 there is no friction."""
         memory, nodes = rub.memory, rope.state.nodes
@@ -165,7 +166,7 @@ def _register(kind: type, bed_at: Any, *, wide: bool) -> None:
         for i in range(high - low):
             known[i] = acts
 
-    @kernel("load_nodes", kind, wide=wide)
+    @kernel("load_nodes", kind, wide=True)
     def load_nodes(rub: Any, work: Any, stage: Any, low: int, high: int) -> None:
         """Add the friction, and its block (N/s)·p·(μ_l·(I - nnᵀ - ττᵀ) + μ_a·ττᵀ) less slip."""
         memory, soil, frontal = rub.memory, rub.bed.soil, row(work, FRONTAL, low)
@@ -207,7 +208,7 @@ def _register(kind: type, bed_at: Any, *, wide: bool) -> None:
             Ayz[i] += -q * n[1] * n[2] - slide * fy * fz + w * ay * az
             Azz[i] += q * (1.0 - n[2] * n[2]) - slide * fz * fz + w * az * az
 
-    @kernel("settle", kind, wide=wide)
+    @kernel("settle", kind, wide=True)
     def settle(rub: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
         """Store e and position of the stage; e is 0 where nothing touches."""
         memory, work, soil = rub.memory, rope.work, rub.bed.soil
@@ -248,5 +249,5 @@ def power(rub: Any, place: Any) -> Any:
     return -N * (force * v).sum(axis=0)
 
 
-_register(PlaneFriction, plane_bed, wide=True)
-_register(GridFriction, grid_bed, wide=False)
+_register(PlaneFriction, plane_bed)
+_register(GridFriction, grid_bed)

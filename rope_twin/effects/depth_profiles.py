@@ -29,7 +29,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.functions import by_width
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account, account_soaked, wets
 from rope_twin.core.loads.balance import Node, end_relative
 from rope_twin.core.loads.hooks import differs, kernel
@@ -147,8 +149,7 @@ def build(params: DepthProfilesParams, payload: Any, around: Any) -> DepthProfil
 
 
 @jit_within
-def _at(table: Any, z: float) -> Any:
-    """Return density over the scene's and its slope [1/m], and the drag factor, at elevation z."""
+def _rows_of_one(table: Any, z: float) -> Any:
     low, high = 0, table.shape[1] - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -156,15 +157,45 @@ def _at(table: Any, z: float) -> Any:
             low = middle
         else:
             high = middle
-    rise = table[Z, high] - table[Z, low] + DIVISOR_MIN
-    part = min(max((z - table[Z, low]) / rise, 0.0), 1.0)
-    more = table[DENSITY, high] - table[DENSITY, low]
-    inside = 1.0 if 0.0 < part < 1.0 else 0.0
-    factor = table[FACTOR, low] + part * (table[FACTOR, high] - table[FACTOR, low])
-    return table[DENSITY, low] + part * more, inside * more / rise, factor
+    return (
+        (table[Z, low], table[DENSITY, low], table[FACTOR, low]),
+        (table[Z, high], table[DENSITY, high], table[FACTOR, high]),
+    )
 
 
-@kernel("soak", DepthProfiles)
+@jit_within
+def _rows_of_lanes(table: Any, z: Any) -> Any:
+    last = table.shape[1] - 1
+    z0, density0, factor0 = table[Z, 0], table[DENSITY, 0], table[FACTOR, 0]
+    k = min(1, last)
+    z1, density1, factor1 = table[Z, k], table[DENSITY, k], table[FACTOR, k]
+    for j in range(1, last):
+        beyond, k = table[Z, j] <= z, j + 1
+        z0, z1 = choose(beyond, table[Z, j], z0), choose(beyond, table[Z, k], z1)
+        density0 = choose(beyond, table[DENSITY, j], density0)
+        density1 = choose(beyond, table[DENSITY, k], density1)
+        factor0 = choose(beyond, table[FACTOR, j], factor0)
+        factor1 = choose(beyond, table[FACTOR, k], factor1)
+    return (z0, density0, factor0), (z1, density1, factor1)
+
+
+# The rows of a table below and above an elevation, (z, density, factor) each.
+_rows_around = by_width(_rows_of_one, _rows_of_lanes)
+
+
+@jit_within
+def _at(table: Any, z: Any) -> Any:
+    """Return density over the scene's and its slope [1/m], and the drag factor, at elevation z."""
+    low, high = _rows_around(table, z)
+    rise = high[Z] - low[Z] + DIVISOR_MIN
+    part = min(max((z - low[Z]) / rise, 0.0), 1.0)
+    more = high[DENSITY] - low[DENSITY]
+    inside = choose(part > 0.0, choose(part < 1.0, 1.0, 0.0), 0.0)
+    factor = low[FACTOR] + part * (high[FACTOR] - low[FACTOR])
+    return low[DENSITY] + part * more, inside * more / rise, factor
+
+
+@kernel("soak", DepthProfiles, wide=True)
 def soak(profiles: Any, node: Any) -> Any:
     """Return the node with the volume and the areas that weigh as much in water of density ρ0."""
     share, _, factor = _at(profiles.table, node.z)
@@ -191,7 +222,7 @@ def soaked_place(profiles: Any, place: Any) -> Any:
 account_soaked(DepthProfiles)
 
 
-@kernel("load_end", DepthProfiles)
+@kernel("load_end", DepthProfiles, wide=True)
 def load_end(end: Any, work: Any, stage: Any) -> None:
     """Add (ρ/ρ0 - 1)·(ρ0·V·g·ẑ + (ρ0·V + A)·a_water - A·a - k·|u|·u) to R_0.
 

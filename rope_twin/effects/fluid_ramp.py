@@ -21,7 +21,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.decorators import jit_exact_within, jit_within
+from rope_twin.core.jit.functions import by_width
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.hooks import FAIRINGS, VORTICES, kernel
 from rope_twin.core.state import Floats
 from rope_twin.quantity import quantity, text
@@ -103,12 +105,16 @@ def build(params: FluidRampParams, payload: Any, around: Any) -> FluidRamp:
     return FluidRamp(_curve(params.water), _curve(params.vortices), _curve(params.fairings))
 
 
+@jit_exact_within
+def _on_ramp(curve: Any, time: float) -> Any:
+    u = min(max(time / curve.ramp, 0.0), 1.0)
+    return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+
+
 @jit_within
-def _factor(curve: Any, time: float) -> Any:
-    """Return a factor at a time."""
+def _factor_of_one(known: Any, curve: Any, time: float) -> Any:
     if curve.ramp > 0.0:
-        u = min(max(time / curve.ramp, 0.0), 1.0)
-        return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+        return _on_ramp(curve, time)
     last = curve.time.shape[0] - 1
     if last == 0 or time <= curve.time[0]:
         return curve.factor[0]
@@ -119,7 +125,27 @@ def _factor(curve: Any, time: float) -> Any:
     return curve.factor[i] + part * (curve.factor[i + 1] - curve.factor[i])
 
 
-@kernel("share", FluidRamp)
+@jit_within
+def _factor_of_lanes(known: Any, curve: Any, time: float) -> Any:
+    last = curve.time.shape[0] - 1
+    at = curve.factor[0]
+    for i in range(last):
+        part = min((time - curve.time[i]) / (curve.time[i + 1] - curve.time[i]), 1.0)
+        value = curve.factor[i] + part * (curve.factor[i + 1] - curve.factor[i])
+        at = choose(curve.time[i] <= time, value, at)
+    return choose(curve.ramp > 0.0, _on_ramp(curve, time), at)
+
+
+_chosen = by_width(_factor_of_one, _factor_of_lanes)
+
+
+@jit_within
+def _factor(curve: Any, time: float) -> Any:
+    """Return a factor at a time."""
+    return _chosen(curve.time, curve, time)
+
+
+@kernel("share", FluidRamp, wide=True)
 def share(ramp: Any, time: float, factor: int) -> Any:
     """Return the factor on a group of forces: that of all, times their own."""
     common = _factor(ramp.water, time)

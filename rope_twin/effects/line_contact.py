@@ -1,11 +1,11 @@
-"""Contact between the ropes of a multi-line system; the equations are in `core.joined.contact`."""
+"""Contact between the ropes of a multi-line system; the equations are in `core.joined`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
-from rope_twin.core.joined.contact import LineContact
+from rope_twin.core.joined.line_contact import LineContact
 from rope_twin.quantity import quantity
 
 

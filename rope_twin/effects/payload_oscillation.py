@@ -27,6 +27,7 @@ import numpy as np
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.functions import interpolate
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import end_relative
 from rope_twin.core.loads.hooks import kernel
@@ -141,7 +142,7 @@ def start(own: Any, rope: Any, upto: int) -> None:
         memory[ADDED + k, 0] = memory[ACTS + 3 + k, 0] = small
 
 
-@kernel("predict", PayloadOscillation)
+@kernel("predict", PayloadOscillation, wide=True)
 def predict(own: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set the factors that act; before time 0 those of a payload that has not moved."""
     memory = own.memory
@@ -152,16 +153,16 @@ def predict(own: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> 
         memory[ACTS + 3 + k, 0] = memory[ADDED + k, 0] if moves else small
 
 
-@kernel("load_end", PayloadOscillation)
+@kernel("load_end", PayloadOscillation, wide=True)
 def load_end(own: Any, work: Any, stage: Any) -> None:
     """Add (c_A - 1)·A·(a_water - a) - (c_D - 1)·k·|u|·u to R_0, and the block, symmetric."""
     ax, ay, az = rows(work, ACCELERATION, 0)
     wx, wy, wz = rows(work, FLOW_RATE, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
-    acts = own.memory[ACTS:, 0]
-    kx, ky, kz = acts[0] * own.kx, acts[1] * own.ky, acts[2] * own.kz
-    mx, my, mz = acts[3] * own.Ax, acts[4] * own.Ay, acts[5] * own.Az
+    m = own.memory
+    kx, ky, kz = m[ACTS, 0] * own.kx, m[ACTS + 1, 0] * own.ky, m[ACTS + 2, 0] * own.kz
+    mx, my, mz = m[ACTS + 3, 0] * own.Ax, m[ACTS + 4, 0] * own.Ay, m[ACTS + 5, 0] * own.Az
     x, y, z = end_relative(work)
     speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     Rx[0] += mx * (wx[0] - ax[0]) - kx * speed * x
@@ -176,7 +177,7 @@ def load_end(own: Any, work: Any, stage: Any) -> None:
     Ayz[0] += 0.5 * g * (ky + kz) * y * z
 
 
-@kernel("settle", PayloadOscillation)
+@kernel("settle", PayloadOscillation, wide=True)
 def settle(own: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Let the means fade and take in the motion at the end of a step; set the next factors."""
     memory, work = own.memory, rope.work
@@ -187,22 +188,23 @@ def settle(own: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         return
     h = 2.0 * stage.q / GAMMA
     first = memory[BEGUN, 0] < 0.5
-    old = 0.0 if first else exp(-h / own.window)
+    old = choose(first, 0.0, exp(-h / own.window))
     for k in range(3):
         u = work[VELOCITY + k, 0] - work[FLOW + k, 0]
-        rate = 0.0 if first else (u - memory[LAST + k, 0]) / h
+        rate = choose(first, 0.0, (u - memory[LAST + k, 0]) / h)
         memory[CARRIED + MEAN + k, 0] = old * memory[MEAN + k, 0] + (1.0 - old) * u
         memory[CARRIED + LAST + k, 0] = u
         memory[CARRIED + SQUARE + k, 0] = old * memory[SQUARE + k, 0] + (1.0 - old) * u * u
         memory[CARRIED + RATE2 + k, 0] = old * memory[RATE2 + k, 0] + (1.0 - old) * rate * rate
-    mean, square = memory[CARRIED + MEAN :, 0], memory[CARRIED + SQUARE :, 0]
-    rate2 = memory[CARRIED + RATE2 :, 0]
+    mean, square, rate2 = CARRIED + MEAN, CARRIED + SQUARE, CARRIED + RATE2
     for k in range(3):
         size = own.Lx if k == 0 else (own.Ly if k == 1 else own.Lz)
-        mean2, all2, fast2 = mean[2] * mean[2], square[2], rate2[2]
+        mean2, all2 = memory[mean + 2, 0] * memory[mean + 2, 0], memory[square + 2, 0]
+        fast2 = memory[rate2 + 2, 0]
         if k < 2:
-            mean2 = mean[0] * mean[0] + mean[1] * mean[1]
-            all2, fast2 = square[0] + square[1], rate2[0] + rate2[1]
+            mean2 = memory[mean, 0] * memory[mean, 0] + memory[mean + 1, 0] * memory[mean + 1, 0]
+            all2 = memory[square, 0] + memory[square + 1, 0]
+            fast2 = memory[rate2, 0] + memory[rate2 + 1, 0]
         number = keulegan_carpenter(mean2, all2, fast2, size, own.window)
         drag = interpolate(own.drag_number, own.drag_factor, number)
         added = interpolate(own.added_number, own.added_factor, number)

@@ -31,7 +31,9 @@ import numpy as np
 
 from rope_twin.core.integrator import K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.functions import anywhere, renewed
 from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import VORTICES, grows, kernel
 from rope_twin.core.loads.memory import new_memory, remembering
@@ -85,24 +87,25 @@ def start(shed: Any, rope: Any, upto: int) -> None:
 
 
 @jit_within
-def _relative(ux: float, uy: float, uz: float, vx: float, vy: float, vz: float) -> Any:
+def _relative(ux: Any, uy: Any, uz: Any, vx: Any, vy: Any, vz: Any) -> Any:
     """Return the water's velocity relative to the payload, and its magnitude."""
     x, y, z = ux - vx, uy - vy, uz - vz
     return x, y, z, sqrt(x * x + y * y + z * z + SPEED2_MIN)
 
 
-@kernel("predict", PayloadShedding)
+@kernel("predict", PayloadShedding, wide=True)
 def predict(shed: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set the explicit part of φ at the lower end."""
     if low > 0:
         return
     memory, work, nodes = shed.memory, rope.work, rope.state.nodes
-    if memory[1, 0] == UNKNOWN:
+    rate = memory[1, 0]
+    if anywhere(rate == UNKNOWN):
         _, _, _, speed = _relative(
             work[FLOW, 0], work[FLOW + 1, 0], work[FLOW + 2, 0],
             nodes[VELOCITY, 0], nodes[VELOCITY + 1, 0], nodes[VELOCITY + 2, 0],
         )  # fmt: skip
-        memory[1, 0] = shed.turns * speed
+        memory[1, 0] = renewed(stage, choose(rate == UNKNOWN, shed.turns * speed, rate), rate)
     memory[ACTS, 0] = 1.0 if stage.time > 0.0 else 0.0  # static equilibrium is without vortices
     if kind == TRAPEZOID:
         memory[HAT, 0] = memory[0, 0] + stage.q * memory[1, 0]
@@ -110,7 +113,7 @@ def predict(shed: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
         memory[HAT, 0] = K1 * memory[CARRIED, 0] - K2 * memory[0, 0]
 
 
-@kernel("load_end", PayloadShedding)
+@kernel("load_end", PayloadShedding, wide=True)
 def load_end(shed: Any, work: Any, stage: Any) -> None:
     """Add k·|u|·sin φ·(u × t) to R_0, and its block.
 
@@ -139,7 +142,7 @@ def load_end(shed: Any, work: Any, stage: Any) -> None:
     Azz[0] += 2.0 * g * lz * z
 
 
-@kernel("settle", PayloadShedding)
+@kernel("settle", PayloadShedding, wide=True)
 def settle(shed: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store φ of the converged stage."""
     memory, work = shed.memory, rope.work

@@ -17,15 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.bed import (
-    Grid,
-    Plane,
-    Soil,
-    beds_at,
-    grid_bed,
-    plane_bed,
-)
+from rope_twin.core.bed import Grid, Plane, Soil
+from rope_twin.core.bed_shape import beds_at, grid_bed, plane_bed
 from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import ALL, bits, choose
 from rope_twin.core.loads.accounts import account
@@ -155,9 +150,12 @@ def plane_load(bed: Any, node: Any, stage: Any) -> Any:
     return _at_node(bed.soil, (node.z - z, east, north), node, stage)
 
 
-@kernel("load", Grid)
+@kernel("load", Grid, wide=True)
 def grid_load(bed: Any, node: Any, stage: Any) -> Any:
     """Return the contact force of a gridded seabed on a node of the rope."""
+    if not anywhere(node.z <= bed.top):
+        none = 0.0 * node.length
+        return Load(none, none, none, none, none, none, none, none, none)
     z, east, north = grid_bed(bed, node.x, node.y)
     return _at_node(bed.soil, (node.z - z, east, north), node, stage)
 
@@ -179,7 +177,7 @@ def plane_load_end(bed: Any, work: Any, stage: Any) -> None:
     _at_end(bed.soil, plane_bed(bed, x[0], y[0]), work, stage)
 
 
-@kernel("load_end", Grid)
+@kernel("load_end", Grid, wide=True)
 def grid_load_end(bed: Any, work: Any, stage: Any) -> None:
     """Add the contact force of a gridded seabed on the payload."""
     x, y, _ = rows(work, POSITION, 0)
@@ -207,23 +205,37 @@ def plane_calm(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     return bool(_is_clear(plane, work, share * stage.p, n))
 
 
+@jit_within
+def _clear_lanes(bed: Any, work: Any, p: float, n: int) -> int:
+    """Return the lanes of which all n nodes are above a plane, now and after moving by p·delta."""
+    height, east, north = bed
+    x, y, z = rows(work, POSITION, 0)
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    calm = ALL
+    for i in range(n):
+        above = z[i] - (height + east * x[i] + north * y[i])
+        change = p * (dz[i] - east * dx[i] - north * dy[i])
+        calm &= bits(min(above, above + change) > 0.0)
+    return int(calm)
+
+
 @wide_kernel("calm", Plane)
 def plane_calm_wide(bed: Any, work: Any, stage: Any, n: int, share: float) -> int:
     """Return the lanes of a SIMD batch of which nothing touches the seabed, as bits."""
-    x, y, z = rows(work, POSITION, 0)
-    dx, dy, dz = rows(work, CORRECTION, 0)
-    calm, p = ALL, share * stage.p
-    for i in range(n):
-        above = z[i] - (bed.height + bed.east * x[i] + bed.north * y[i])
-        change = p * (dz[i] - bed.east * dx[i] - bed.north * dy[i])
-        calm &= bits(min(above, above + change) > 0.0)
-    return calm
+    plane = (bed.height, bed.east, bed.north)
+    return int(_clear_lanes(plane, work, share * stage.p, n))
 
 
 @kernel("calm", Grid)
 def grid_calm(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     """Return whether all nodes are above the highest point of the seabed."""
     return bool(_is_clear((bed.top, 0.0, 0.0), work, share * stage.p, n))
+
+
+@wide_kernel("calm", Grid)
+def grid_calm_wide(bed: Any, work: Any, stage: Any, n: int, share: float) -> int:
+    """Return the lanes of which all nodes are above the highest point of the seabed, as bits."""
+    return int(_clear_lanes((bed.top, 0.0, 0.0), work, share * stage.p, n))
 
 
 def _pushed(bed: Any, k: Any, place: Any) -> Any:

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from rope_twin.core import state as rows
-from rope_twin.core.bed import clearance
+from rope_twin.core.bed_shape import clearance
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.planning.plan_file import LiftOff, Phase, Plan

@@ -191,7 +191,8 @@ def _rope(scene: Scene, number: int, own: PayloadFigures, joint_of: Mapping[str,
     effects = tuple(_own_params(scene, number, own, params) for params in scene.effects)
     carries = own is not NOTHING and line.to == body_payload(scene)
     two_way = any(figures.differs_rising for figures in point_figures(scene).values())
-    built = build_effects(replace(single, effects=effects), own, carries, two_way)
+    relaxes = any(one.rope.is_fibre for line in scene.ropes for one in line.made_of)
+    built = build_effects(replace(single, effects=effects), own, carries, two_way, relaxes)
     net = scene.listed(NetCurtainParams)
     if net is not None and net.between:
         beside = _neighbours(scene, net, line.name)

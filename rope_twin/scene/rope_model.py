@@ -177,11 +177,13 @@ def build_effects(
     figures: PayloadFigures | None,
     carries_body: bool = True,
     two_way: bool = False,
+    relaxes: bool = False,
 ) -> tuple[Any, ...]:
     """Return the kernel data of the effects that the scene lists, in the order of EFFECTS.
 
     figures: of the payload at the lower end; carries_body: whether it is the scene's rigid body,
-    if there is one; two_way: whether any payload of the scene differs in ascent and descent.
+    if there is one; two_way: whether any payload of the scene differs in ascent and descent;
+    relaxes: whether another rope of the scene has a dynamic stiffness.
     """
     water = scene.environment
     Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
@@ -216,7 +218,7 @@ def build_effects(
                     around = around._replace(bed=built[-1])
                 if not hooks_of(type(built[-1])):
                     raise SceneError(f"effect '{effect.name}'", "it has no kernel", "register one")
-    if any(one.rope.is_fibre for line in scene.ropes for one in line.made_of):
+    if relaxes or any(one.rope.is_fibre for one in line.made_of):
         built.append(new_fibre(room))
     if line.end_motion is not None:
         built.append(_moved_end(line, line.end_motion))

@@ -25,13 +25,14 @@ import math
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.bed import Grid, Plane, clearance
+from rope_twin.core.bed import Grid, Plane
+from rope_twin.core.bed_shape import clearance
 from rope_twin.core.body.components import bed_pushes
 from rope_twin.core.body.loads import part_of
 from rope_twin.core.body.state import GridBed, PlaneBed
 from rope_twin.core.body.step import pose_of
-from rope_twin.core.joined.contact import touch_of
 from rope_twin.core.joined.joints import System
+from rope_twin.core.joined.line_contact import touch_of
 from rope_twin.core.joined.payload_contact import payload_touch_of
 from rope_twin.core.state import ELEMENTS, POSITION, VELOCITY, Rope
 from rope_twin.effects.hull_contact import HullContact, contact_forces

@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.bed import Grid, Plane, clearance
+from rope_twin.core.bed import Grid, Plane
+from rope_twin.core.bed_shape import clearance
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.joined.joints import LOOSE, System
 from rope_twin.core.joined.statics import solve_reeved_statics

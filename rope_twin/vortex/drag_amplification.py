@@ -34,8 +34,9 @@ import numpy as np
 
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
-from rope_twin.core.jit.functions import interpolate
+from rope_twin.core.jit.functions import interpolate, renewed
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
@@ -221,7 +222,7 @@ remembering(OscillatingDrag, OSCILLATION_CARRIED)
 
 
 @jit_within
-def keulegan_carpenter(mean2: float, square: float, rate2: float, d: float, window: float) -> float:
+def keulegan_carpenter(mean2: Any, square: Any, rate2: Any, d: Any, window: Any) -> Any:
     """Return KC from |⟨n⟩|², ⟨|n|²⟩ [m²/s²], ⟨|dn/dt|²⟩ [m²/s⁴], diameter [m] and τ [s]."""
     var = max(square - mean2, 0.0)
     period = 2.0 * pi * sqrt((var + HARDLY2) / (rate2 + HARDLY2 / (window * window)))
@@ -238,7 +239,7 @@ def start_oscillation(drag: Any, rope: Any, upto: int) -> None:
         memory[MORE, i] = memory[ACTS, i] = steady
 
 
-@kernel("predict", OscillatingDrag)
+@kernel("predict", OscillatingDrag, wide=True)
 def predict_oscillation(drag: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set the factor that acts; before time 0 that of a steady flow."""
     memory, steady = drag.memory, drag.factor[drag.factor.shape[0] - 1] - 1.0
@@ -248,13 +249,13 @@ def predict_oscillation(drag: Any, rope: Any, stage: Any, kind: int, low: int, h
         acts[i] = more[i] if moves else steady
 
 
-@kernel("load_nodes", OscillatingDrag)
+@kernel("load_nodes", OscillatingDrag, wide=True)
 def load_oscillation(drag: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Add (factor - 1) times the drag across the rope, and its block."""
     add_more_drag(drag.kn, drag.memory[ACTS, low:], work, stage, low, high)
 
 
-@kernel("settle", OscillatingDrag)
+@kernel("settle", OscillatingDrag, wide=True)
 def settle_oscillation(drag: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Let the means fade and take in the motion at the end of a step; set the next factor."""
     memory, work = drag.memory, rope.work
@@ -277,9 +278,9 @@ def settle_oscillation(drag: Any, rope: Any, stage: Any, kind: int, upto: int) -
         nx, ny, nz = nx - along * x, ny - along * y, nz - along * z
         # the first step has no past: its motion is the mean so far
         first = memory[BEGUN, i] < 0.5
-        old = 0.0 if first else kept
+        old = choose(first, 0.0, kept)
         rx, ry, rz = nx - memory[LAST, i], ny - memory[LAST + 1, i], nz - memory[LAST + 2, i]
-        rate2 = 0.0 if first else (rx * rx + ry * ry + rz * rz) / (h * h)
+        rate2 = choose(first, 0.0, (rx * rx + ry * ry + rz * rz) / (h * h))
         mx = old * memory[MEAN, i] + (1.0 - old) * nx
         my = old * memory[MEAN + 1, i] + (1.0 - old) * ny
         mz = old * memory[MEAN + 2, i] + (1.0 - old) * nz
@@ -297,7 +298,8 @@ def settle_oscillation(drag: Any, rope: Any, stage: Any, kind: int, upto: int) -
         memory[OSCILLATION_CARRIED + RATE2, i] = rate2
         memory[OSCILLATION_CARRIED + MORE, i] = interpolate(drag.number, drag.factor, number) - 1.0
         memory[OSCILLATION_CARRIED + BEGUN, i] = 1.0
-    set_trials(memory, ACTS, memory[OSCILLATION_CARRIED + MORE, upto - 1], rope)
+    more = memory[OSCILLATION_CARRIED + MORE, upto - 1]
+    set_trials(memory, ACTS, renewed(stage, more, memory[ACTS, rope.state.s.shape[0] - 1]), rope)
 
 
 @account("power", OscillatingDrag)

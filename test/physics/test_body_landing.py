@@ -13,7 +13,8 @@ from rigs import march, still
 from scipy.spatial.transform import Rotation
 
 from rope_twin import Twin
-from rope_twin.core.bed import Grid, clearance
+from rope_twin.core.bed import Grid
+from rope_twin.core.bed_shape import clearance
 from rope_twin.core.body import state as at
 from rope_twin.core.body.components import bed_pushes
 from rope_twin.core.body.loads import part_of

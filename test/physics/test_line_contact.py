@@ -13,7 +13,7 @@ from rigs import Rig
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import measure_system
-from rope_twin.core.joined.contact import Touch, touch_of
+from rope_twin.core.joined.line_contact import Touch, touch_of
 from rope_twin.effects.line_contact import LineContactParams
 from rope_twin.twin.contact import system_contacts
 

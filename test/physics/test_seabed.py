@@ -15,7 +15,8 @@ from rigs import Rig, march, still, with_nothing_below
 from scipy.integrate import solve_ivp
 
 from rope_twin.core import state as rows
-from rope_twin.core.bed import Grid, clearance
+from rope_twin.core.bed import Grid
+from rope_twin.core.bed_shape import clearance
 from rope_twin.effects import Surroundings
 from rope_twin.effects.seabed import SeabedParams, Soundings, build
 from rope_twin.scene.schema import Winch

@@ -15,8 +15,9 @@ from lone_twins import SECOND_NS, alone, differing, sea
 
 from rope_twin import Snapshot, load_scene
 from rope_twin.core.jit.wide import LANES
+from rope_twin.core.joined.payload_contact import payload_touch_of
 from rope_twin.core.lanes.joined_group import joined_kind_of, why_joined_alone
-from rope_twin.core.state import ELEMENTS, TENSION, VELOCITY, Floats
+from rope_twin.core.state import ELEMENTS, RELAXATION, TENSION, VELOCITY, Floats
 from rope_twin.effects.wake_oscillator import WakeOscillator
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.load import Change
@@ -206,16 +207,27 @@ def test_elements_at_a_sheave() -> None:
         assert elements == 2 if speeds[number] > 0.0 else elements > 3
 
 
+POLYESTER = """{diameter_m: 0.1, mass_kg_per_m: 6.8, hydrodynamic_diameter_m: 0.08,
+      axial_stiffness: {table: [[0.0, 0.0], [0.01, 2.5e+5], [0.05, 2.2e+6]],
+        dynamic: {constant_n: 3.6e+7, per_mean_tension: 40.0, relaxation_s: 20.0},
+        working_curve: {permanent: 0.3, highest_mean_tension_n: 6.0e+4}},
+      breaking_load_n: 3082000.0}"""
+
+
 @pytest.mark.long
 def test_internal_variables(tmp_path: Path) -> None:
-    """Wakes that oscillate at all nodes, also at the connection: all but the first step in lanes.
+    """Wakes that oscillate at all nodes, also at the connection, of ropes of which one relaxes.
+
+    All but the first step are in lanes.
 
     A member gets other elements on the way, and its wakes are interpolated to them by itself.
     """
     text = load_scene("two_line_lift").path.read_text()
     path = tmp_path / "vortices.yaml"
+    text = text.replace("rope: steel_wire_40mm", f"rope: {POLYESTER}", 1)
     path.write_text(text.replace("  - payload: {}", "  - wake_oscillator: {}\n  - payload: {}"))
     scene = load_scene(path)
+    assert [rope.rope.is_fibre for rope in scene.ropes] == [True, False]
     own = [member(number, speed=0.5 if number == 1 else 0.0) for number in range(LANES)]
     ensemble = Ensemble(scene, own, threads=1)
     assert ensemble.lanes().members == LANES
@@ -243,13 +255,24 @@ def _memory_of(ensemble: Ensemble, number: int) -> Floats:
     return np.concatenate([rope.effects[i].memory[:2, :n].ravel() for rope, n, i in parts])
 
 
+GROWING = """\
+  - fluid_ramp: {water: {ramp_s: 3.0}, vortices: {over_time: [[0.5, 0.2], [4.0, 1.0]]}}
+  - payload_shedding: {strouhal: 0.18, lift_coefficient: 0.4, diameter_m: 1.2, area_m2: 1.5}
+"""
+
+
 @pytest.mark.long
-def test_effects_that_are_called_lane_by_lane() -> None:
+def test_effects_that_are_called_lane_by_lane(tmp_path: Path) -> None:
     """Waves, splash zone and seabed, of two ropes with one load, which enters the water.
+
+    The forces of the water grow, and so do those of the vortices that the load sheds.
 
     Some leave the surface in one stage and solve the next with the existing factors, others do not.
     """
-    scene = load_scene("two_line_landing")
+    path, text = tmp_path / "growing.yaml", load_scene("two_line_landing").path.read_text()
+    assert "  - payload: {}\n" in text
+    path.write_text(text.replace("  - payload: {}\n", f"{GROWING}  - payload: {{}}\n"))
+    scene = load_scene(path)
     height = Axis("effects.waves.jonswap.significant_height_m", 0.9, 1.0, multiply=True)
     drag = Axis("effects.drag.normal", 0.95, 1.05, multiply=True)
     own = variations(scene, make_plan([drag, height], LANES, 1), 16.0)
@@ -317,22 +340,99 @@ def check_members(scene: Scene) -> None:
     assert lanes.given_up < 0.01 * lanes.steps  # such as the first one, with internal variables
 
 
+THIRD = """\
+  - name: third_line
+    rope: {about: 20 mm steel wire, diameter_m: 0.02, mass_kg_per_m: 1.6,
+           hydrodynamic_diameter_m: 0.016, axial_stiffness_n: 1.6e+7, breaking_load_n: 250.0e+3}
+    length_m: 30.0
+    elements: 12
+    damping: {fraction_of_first_axial_mode: 0.02}
+    from: third_sheave
+    to: block
+
+hang_offs:
+  - {name: third_sheave, at_m: [3.0, 1.0, 0.0]}
+"""
+BLOCK = """\
+  - name: block
+    mass_kg: 1800.0
+    shape: {box: {length_m: 0.9, width_m: 0.9, height_m: 0.5}}
+
+winch:
+"""
+
+
+@pytest.mark.long
+def test_payloads_that_touch(tmp_path: Path) -> None:
+    """Three spheres knock, press and slide along each other, in each lane otherwise, or part."""
+    text = load_scene("cage_and_clump").path.read_text()
+    text = text.replace("\nhang_offs:\n", THIRD).replace("\nwinch:\n", BLOCK)
+    clump = "        - {name: clump, radius_m: 0.45}\n"
+    assert clump in text
+    path = tmp_path / "three.yaml"
+    path.write_text(text.replace(clump, f"{clump}        - {{name: block, radius_m: 0.5}}\n"))
+    scene, own = load_scene(path), []
+    for k in range(LANES):
+        changes = (
+            Change("effects.current.profile[*][1][*]", 0.8 + 0.06 * k, multiply=True),
+            Change("effects.payload_contact.stiffness_n_per_m", 1e5 * (k + 1)),
+            Change("effects.payload_contact.friction", 0.1 * k),
+        )
+        heave = HeaveSeries.of(sea((0.2, 0.5, 1.0)[k % 3], 5.0 + 0.3 * k, 30.0))
+        own.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3)))
+    ensemble = Ensemble(scene, own, threads=1)
+    lone = Ensemble(scene, own, threads=1, abreast=1)
+    assert ensemble.lanes().members == LANES
+    touches = []
+    for _ in range(10):
+        for one in (ensemble, lone):
+            one.advance(1)
+        touches.append([_touches(ensemble, number) for number in range(LANES)])
+    assert ensemble.figures() == lone.figures()
+    for number in range(LANES):
+        shot, expected = ensemble.snapshot(number), lone.snapshot(number)
+        assert not differing(shot, expected), number
+        assert not differing_ropes(shot, expected), number
+    assert {0, 1, 2} <= set(np.ravel(touches))
+    assert any(len(set(some)) > 1 for some in touches)  # not alike in all lanes
+    lanes = ensemble.lanes()
+    assert lanes.given_up < 0.1 * lanes.steps
+
+
+def _touches(ensemble: Ensemble, number: int) -> int:
+    """Return how many contacts between payloads there are now."""
+    one = ensemble._members[number]
+    assert isinstance(one, TwinMember)
+    touch = payload_touch_of(one.system)
+    assert touch is not None
+    return touch.contacts
+
+
 @pytest.mark.parametrize(
-    ("name", "reason"),
-    [
-        ("two_line_lift", ""),
-        ("bridle_lift", ""),
-        ("two_line_loop", ""),
-        ("cage_and_clump", "payload_contact"),
-        ("net_screen", ""),
-        ("net_wall", ""),
-        ("two_line_landing", ""),
-        ("two_line_14km", ""),
-        ("load_transfer", ""),
-    ],
+    "name",
+    [*SCENES, *PARTS, "cage_and_clump", "two_line_landing", "two_line_ascent", "two_line_14km"],
 )
-def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
-    """Bodies that touch."""
+def test_scenes_step_in_lanes(name: str) -> None:
+    """Nothing in them keeps their members from it."""
     system = build_joined(load_scene(name)).system
-    assert why_joined_alone(system) == reason
-    assert (joined_kind_of(system) is None) == bool(reason)
+    assert not why_joined_alone(system)
+    assert joined_kind_of(system) is not None
+
+
+def test_a_rope_may_relax_beside_one_that_does_not(tmp_path: Path) -> None:
+    """Their effects are those of one system: of the same types in all ropes."""
+    text, path = load_scene("two_line_lift").path.read_text(), tmp_path / "unlike.yaml"
+    path.write_text(text.replace("rope: steel_wire_40mm", f"rope: {POLYESTER}", 1))
+    fore, aft = build_joined(load_scene(path)).system.ropes
+    assert list(map(type, fore.effects)) == list(map(type, aft.effects))
+    assert fore.sections[RELAXATION] > 0.0 == aft.sections[RELAXATION]
+
+
+def test_ropes_that_touch_step_alone(tmp_path: Path) -> None:
+    """Where they do is searched for, in each member elsewhere."""
+    text, path = load_scene("two_line_lift").path.read_text(), tmp_path / "touching.yaml"
+    contact = "line_contact: {stiffness_n_per_m: 1.0e+5}"
+    path.write_text(text.replace("  - payload: {}", f"  - {contact}\n  - payload: {{}}"))
+    system = build_joined(load_scene(path)).system
+    assert why_joined_alone(system) == "line_contact"
+    assert joined_kind_of(system) is None

@@ -10,13 +10,15 @@ from lone_twins import SECOND_NS, differing, sea
 from small_scene import SMALL_SCENE
 
 from rope_twin import load_scene
+from rope_twin.core.axial_law import CARRIED, TOP, Fibre
 from rope_twin.core.body.components import bed_pushes
 from rope_twin.core.body.loads import part_of
-from rope_twin.core.body.state import WET, PlaneBed, RigidBody
+from rope_twin.core.body.state import WET, GridBed, PlaneBed, RigidBody
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
 from rope_twin.core.lanes.step import DEPTH, SINKING
+from rope_twin.core.state import ELEMENTS, Floats
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
@@ -80,7 +82,7 @@ SHIPPED = (
     "rov_tether", "hybrid_lift", "landing", "wave_zone", "splash_zone", "viv_in_heave",
     "tow_with_net", "lift_off", "riser_300m", "strouhal_lift",
     "active_over_passive_lift", "cable_waves", "chain_on_bottom",
-    "moonpool_lift", "net_curtain",
+    "moonpool_lift", "net_curtain", "polyester_lift",
 )  # fmt: skip
 PLACES = (12.0, 16.0, 18.5, 20.02)  # through the surface, below it, and from the bed on
 
@@ -157,6 +159,185 @@ def test_wakes_that_begin_while_rope_is_paid_out(tmp_path: Path) -> None:
         assert not differing(together.snapshot(number), lone.snapshot(number)), number
 
 
+KEULEGAN_CARPENTER = """\
+  - drag:
+      normal: 1.5
+      tangential: 0.03
+      over_keulegan_carpenter:
+        tables: [{roughness: 0.001, rows: [[2.0, 0.8], [12.0, 1.4], [60.0, 0.7]]}]
+        window_s: 8.0
+  - payload_oscillation:
+      size_m: [1.0, 1.0, 1.5]
+      drag: [[1.0, 2.0], [10.0, 1.2], [40.0, 0.9]]
+      added_mass: [[0.5, 0.6], [3.0, 1.5]]
+      window_s: 8.0
+"""
+GROWING = """\
+  - drag: {normal: 1.5, tangential: 0.03}
+  - fluid_ramp:
+      water: {ramp_s: 3.0}
+      vortices: {over_time: [[0.5, 0.2], [1.0, 1.0], [3.0, 0.6]]}
+  - depth_profiles:
+      density_kg_per_m3: [[-5.0, 1005.0], [-80.0, 1060.0], [-195.0, 1064.0]]
+      drag_factor: [[0.0, 1.6], [-40.0, 0.8]]
+  - payload_shedding: {strouhal: 0.18, lift_coefficient: 0.4, diameter_m: 1.2, area_m2: 1.5}
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("effects", "own"),
+    [
+        (KEULEGAN_CARPENTER, (("payload_oscillation.size_m[2]", 0.8, 0.3),)),
+        (GROWING, (("fluid_ramp.water.ramp_s", 1.0, 1.0),)),
+    ],
+    ids=["oscillating", "growing"],
+)
+def test_forces_that_change_with_time(
+    tmp_path: Path, effects: str, own: tuple[tuple[str, float, float], ...]
+) -> None:
+    """By Keulegan-Carpenter numbers, or by ramps, in layers; calm, paid out, and snapping ones."""
+    path, drag = tmp_path / "changing.yaml", "  - drag: {normal: 1.5, tangential: 0.03}\n"
+    assert drag in SMALL_SCENE
+    path.write_text(SMALL_SCENE.replace(drag, effects))
+    scene = load_scene(path)
+    members = []
+    for k in range(LANES):
+        changes = [Change(f"effects.{name}", first + step * k) for name, first, step in own]
+        light = Change("payloads[0].mass_kg", 1700.0 if k % 3 == 2 else 8000.0)
+        heave = HeaveSeries.of(sea((0.5, 1.0, 4.0)[k % 3], 5.0 + 0.3 * k, 30.0))
+        speed = CommandSample(0, WinchCommand(SPEED, 1.5 if k % 3 == 1 else 0.0))
+        members.append(Variation((*changes, light), heave, (speed,)))
+    together = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
+    assert together.lanes().members == LANES
+    for seconds in (1, 9):
+        together.advance(seconds)
+        lone.advance(seconds)
+    assert together.figures() == lone.figures()
+    for number in range(LANES):
+        assert not differing(together.snapshot(number), lone.snapshot(number)), number
+    shots = [together.snapshot(number).solver for number in range(LANES)]
+    assert shots[1].splits > 0
+    assert max(shot.solves_max_per_stage for shot in shots[2::3]) > 4
+    lanes = together.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+
+
+SOUNDINGS = """\
+seabed:
+      soundings:
+        x_m: [100.0, 150.0, 163.0, 180.0, 191.0, 300.0]
+        y_m: [-40.0, -2.0, 3.0, 40.0]
+        depth_m:
+          - [300.3, 299.8, 300.4, 300.1, 300.2, 300.0]
+          - [300.0, 300.2, 299.7, 300.3, 299.9, 300.0]
+          - [300.2, 299.9, 300.1, 299.8, 300.3, 300.1]
+          - [299.8, 300.3, 300.0, 300.2, 299.9, 300.0]"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("friction", ["", "  - bed_friction: {axial: 0.3, lateral: 0.6}\n"])
+def test_chains_on_uneven_beds(tmp_path: Path, friction: str) -> None:
+    """Laid down, dragged and lifted over soundings, in each lane in another place."""
+    text = load_scene("chain_on_bottom").path.read_text()
+    sticks = next(line for line in text.splitlines(keepends=True) if "bed_friction" in line)
+    path = tmp_path / "uneven.yaml"
+    path.write_text(text.replace("seabed: {depth_m: 300.0}", SOUNDINGS).replace(sticks, friction))
+    scene, members = load_scene(path), []
+    for k in range(LANES):
+        changes = (
+            Change("ropes[0].fixed_at_m[0]", 200.0 - 2.0 * k),
+            Change("ropes[0].fixed_at_m[2]", -299.9),
+            Change("effects.seabed.soundings.depth_m[*][*]", 1.0 + 1e-4 * k, multiply=True),
+            Change("effects.seabed.friction", 0.1 + 0.1 * k),
+        )
+        heave = HeaveSeries.of(sea((0.5, 1.0, 4.0)[k % 3], 5.0 + 0.3 * k, 30.0))
+        speed = CommandSample(0, WinchCommand(SPEED, (0.0, 0.5, -0.5)[k % 3]))
+        members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), (speed,)))
+    together = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
+    assert together.lanes().members == LANES
+    for seconds in (1, 9):
+        together.advance(seconds)
+        lone.advance(seconds)
+    assert together.figures() == lone.figures()
+    for number in range(LANES):
+        shot = lone.snapshot(number)
+        assert not differing(together.snapshot(number), shot), number
+        assert (shot.node_position_m[:, 2] < -299.0).sum() > 5
+    lanes = together.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+
+
+POLYESTER_BELOW_WIRE = """\
+    sections:
+      - length_m: 93.0
+        rope:
+          diameter_m: 0.1
+          mass_kg_per_m: 6.8
+          hydrodynamic_diameter_m: 0.08
+          axial_stiffness:
+            table: [[0.0, 0.0], [0.01, 2.5e+5], [0.05, 2.2e+6]]
+            dynamic: {constant_n: 3.6e+7, per_mean_tension: 40.0, per_tension_amplitude: 30.0,
+                      relaxation_s: 20.0}
+            working_curve: {permanent: 0.3, curvature: 0.4, highest_mean_tension_n: 7.0e+4}
+          breaking_load_n: 3082000.0
+      - rope: {diameter_m: 0.05, mass_kg_per_m: 9.0, hydrodynamic_diameter_m: 0.05,
+               axial_stiffness: {table: [[0.0, 0.0], [0.001, 6.0e+4], [0.01, 8.0e+5]]},
+               breaking_load_n: 1500000.0}
+"""
+
+
+@pytest.mark.long
+def test_polyester_below_wire(tmp_path: Path) -> None:
+    """Where the wire has yet to come over the sheave, or comes; calm, moving, and slack ones.
+
+    Some are loaded beyond their highest tension so far, others below it on working curves.
+    """
+    path = tmp_path / "polyester.yaml"
+    text = SMALL_SCENE.replace("    rope: steel_wire_40mm\n", POLYESTER_BELOW_WIRE)
+    path.write_text(text.replace("length_m: 200.0", "length_m: 90.0"))
+    scene, members = load_scene(path), []
+    for k in range(LANES):
+        changes = (
+            Change("payloads[0].mass_kg", (3000.0 if k % 3 == 2 else 7000.0) + 400.0 * k),
+            Change("ropes[0].sections[0].rope.axial_stiffness.dynamic.relaxation_s", 5.0 + 2.0 * k),
+        )
+        heave = HeaveSeries.of(sea((0.5, 0.3, 4.0)[k % 3], 5.0 + 0.3 * k, 30.0))
+        speed = CommandSample(0, WinchCommand(SPEED, 0.6 if k % 3 == 1 else 0.0))
+        back = CommandSample(8 * SECOND_NS, WinchCommand(SPEED, -0.6 if k % 3 == 1 else 0.0))
+        members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), (speed, back)))
+    together = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
+    assert together.lanes().members == LANES
+    for seconds in (1, 14):
+        together.advance(seconds)
+        lone.advance(seconds)
+    assert together.figures() == lone.figures()
+    memories = []
+    for number in range(LANES):
+        assert not differing(together.snapshot(number), lone.snapshot(number)), number
+        found, expected = _fibre_of(together, number), _fibre_of(lone, number)
+        assert np.array_equal(found, expected), number
+        memories.append(found)
+    tops = [memory[TOP].max() for memory in memories]
+    assert max(tops) > min(tops) > 0.0
+    assert any(one.slack_share > 0.0 for one in together.figures())
+    shots = [together.snapshot(number).solver for number in range(LANES)]
+    assert shots[1].splits > 0
+    lanes = together.lanes()
+    assert lanes.given_up < 0.2 * lanes.steps
+
+
+def _fibre_of(ensemble: Ensemble, number: int) -> Floats:
+    """Return the internal variables of a member's elements, (CARRIED, elements)."""
+    member = ensemble._members[number]
+    assert isinstance(member, Member)
+    fibre = next(one for one in member.rope.effects if isinstance(one, Fibre))
+    return fibre.memory[:CARRIED, : member.rope.state.counts[ELEMENTS]]
+
+
 def _body_of(ensemble: Ensemble, number: int) -> RigidBody:
     member = ensemble._members[number]
     assert isinstance(member, Member)
@@ -196,12 +377,36 @@ def test_a_body_leaves_the_deck() -> None:
     assert lanes.steps > lanes.given_up
 
 
+SHEDS = "  - payload_shedding: {strouhal: 0.15, lift_coefficient: 0.8, diameter_m: 4.0}\n"
+UNEVEN = """\
+seabed:
+      payload_penetration_m: 0.1
+      soundings:
+        x_m: [-60.0, -2.0, 0.5, 3.0, 60.0]
+        y_m: [-60.0, -1.0, 2.0, 60.0]
+        depth_m: [[45.0, 45.2, 45.1, 45.0, 45.0], [45.1, 44.9, 45.1, 45.0, 45.2],
+                  [45.2, 45.1, 44.9, 45.2, 45.0], [45.0, 45.1, 45.0, 45.1, 45.1]]"""
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("line_out_m", [29.5, 70.6])
-def test_a_body_in_the_surface_and_on_the_bed(line_out_m: float) -> None:
-    """Columns stand partly in the waves, or corners bear on the bed, in each lane otherwise."""
-    place = (Change("ropes[0].length_m", line_out_m),)
-    scene = change_scene(load_scene("manifold_lift"), place)
+@pytest.mark.parametrize(
+    ("line_out_m", "bed"), [(29.5, PlaneBed), (70.6, PlaneBed), (70.6, GridBed)]
+)
+def test_a_body_in_the_surface_and_on_the_bed(tmp_path: Path, line_out_m: float, bed: type) -> None:
+    """Columns stand partly in the waves, or corners bear on the bed, in each lane otherwise.
+
+    The one on soundings sheds vortices too.
+    """
+    scene = load_scene("manifold_lift")
+    if bed is GridBed:
+        plane = "seabed: {depth_m: 45.0, payload_penetration_m: 0.1}"
+        path, text = tmp_path / "uneven.yaml", scene.path.read_text()
+        assert plane in text
+        path.write_text(
+            text.replace(plane, UNEVEN).replace("  - splash_zone", f"{SHEDS}  - splash_zone")
+        )
+        scene = load_scene(path)
+    scene = change_scene(scene, (Change("ropes[0].length_m", line_out_m),))
     own = [Variation((Change("effects.waves.seed", float(k)),)) for k in range(LANES)]
     together = Ensemble(scene, own, threads=1, watched=True)
     lone = Ensemble(scene, own, threads=1, abreast=1, watched=True)
@@ -211,7 +416,7 @@ def test_a_body_in_the_surface_and_on_the_bed(line_out_m: float) -> None:
         lone.advance(seconds)
         _check_bodies(together, lone)
     bodies = [_body_of(together, number) for number in range(LANES)]
-    pushes = [bed_pushes(part_of(one, PlaneBed), one, pose_of(one))[1] for one in bodies]
+    pushes = [bed_pushes(part_of(one, bed), one, pose_of(one))[1] for one in bodies]
     stands = line_out_m > 50.0
     assert all((one.stage[WET] < 1.0) != stands for one in bodies)
     assert all((push.sum() > 0.0) == stands for push in pushes)

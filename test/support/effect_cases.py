@@ -25,7 +25,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.axial_law import law_of
 from rope_twin.core.elements import stretch
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.joined.contact import add_among
+from rope_twin.core.joined.line_contact import add_among
 from rope_twin.core.loads.balance import add_couplings, add_end, add_flow, add_load
 from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.effects import EFFECTS

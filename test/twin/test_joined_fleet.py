@@ -103,7 +103,7 @@ def test_winches_that_are_not_named_hold(two_lines: Scene) -> None:
         ("two_line_loop", ""),
         pytest.param("load_transfer", "", marks=pytest.mark.long),
         pytest.param("net_screen", "", marks=pytest.mark.long),
-        ("cage_and_clump", "payload_contact"),
+        pytest.param("cage_and_clump", "", marks=pytest.mark.long),
     ],
 )
 def test_systems_of_other_scenes(name: str, alone: str) -> None:

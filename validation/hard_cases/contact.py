@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import measure_system
-from rope_twin.core.joined.contact import touch_of
 from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.line_contact import touch_of
 from rope_twin.core.joined.payload_contact import PayloadContact, payload_touch_of
 from rope_twin.core.state import Boundary
 from rope_twin.core.step import advance_joined

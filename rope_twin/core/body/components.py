@@ -42,7 +42,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.bed import Plane, beds_at, grid_bed
+from rope_twin.core.bed import Plane
+from rope_twin.core.bed_shape import beds_at, grid_bed
 from rope_twin.core.body import state as at
 from rope_twin.core.body.loads import part
 from rope_twin.core.body.state import (
@@ -67,7 +68,7 @@ from rope_twin.core.body.state import (
     vector,
 )
 from rope_twin.core.jit.decorators import jit_exact, jit_exact_within
-from rope_twin.core.jit.functions import anywhere, by_type, fused
+from rope_twin.core.jit.functions import anywhere, by_type, by_width, fused
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.balance import set_flow
 from rope_twin.core.state import ELEMENTS, LOW, POSITION, SPEED2_MIN, SURFACE, VELOCITY, Floats
@@ -444,22 +445,38 @@ class Shedding(NamedTuple):
     z: float
 
 
+@jit_exact
+def _last_of_one(records: Any, body: Any, time: float) -> Any:
+    record = records[int(body.memory[0, 0])]
+    if body.stage[at.FRESH] > 0.0:
+        record[PHASE], record[TIME], record[RATE] = 0.0, time, UNKNOWN
+    return record[PHASE], record[TIME], record[RATE]
+
+
+@jit_exact
+def _last_of_lanes(records: Any, body: Any, time: float) -> Any:
+    record = body.changes[0]  # the valid one, while a stage is predicted (core/body/lanes)
+    return record[PHASE], record[TIME], record[RATE]
+
+
+# φ, the time and the rate of φ in the valid record, which begins here in static equilibrium.
+_last = by_width(_last_of_one, _last_of_lanes)
+
+
 @part("foresee", Shedding)
 def foresee_shedding(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
     """Set the explicit part of φ; it is 0 in static equilibrium, whose time is 0."""
-    s, record = body.stage, body.records[int(body.memory[0, 0])]
-    if s[at.FRESH] > 0.0:
-        record[PHASE], record[TIME], record[RATE] = 0.0, stage.time, UNKNOWN
-    passed = stage.time - record[TIME]
-    known = record[RATE] != UNKNOWN
+    s, (phase, then, rate) = body.stage, _last(body.records, body, stage.time)
+    passed = stage.time - then
+    known = rate >= 0.0  # it is UNKNOWN otherwise
     s[NOW] = stage.time
-    s[WEIGHT] = 0.5 * passed if known else passed
-    s[HAT] = record[PHASE] + (0.5 * passed * record[RATE] if known else 0.0)
+    s[WEIGHT] = choose(known, 0.5 * passed, passed)
+    s[HAT] = phase + choose(known, 0.5 * passed * rate, 0.0)
 
 
 @jit_exact_within
-def _sign(x: float) -> float:
-    return 1.0 if x > 0.0 else -1.0
+def _sign(x: Any) -> Any:
+    return choose(x > 0.0, 1.0, -1.0)
 
 
 @part("act", Shedding)

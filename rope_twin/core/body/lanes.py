@@ -15,11 +15,9 @@ from math import inf, nan
 from typing import Any
 
 from rope_twin.core.body import state as at
-from rope_twin.core.body.components import Shedding
 from rope_twin.core.body.loads import keep_all
 from rope_twin.core.body.solution import HALVINGS, MAX_ITERATIONS, balance, correct, left_on_hook
 from rope_twin.core.body.state import (
-    GridBed,
     along,
     chosen,
     dot,
@@ -241,8 +239,7 @@ def middle(body: Any, height: Any, speed: Any) -> Any:
 
 
 def register() -> None:
-    """Register these kernels for all types of bodies but those that branch, which step alone."""
-    for parts, kind in KINDS.items():
-        if not {GridBed, Shedding} & set(parts):
-            for own in (predict, load_end, calm, settle, middle):
-                wide_kernel(own.__name__, kind, exact=True)(own)
+    """Register these kernels for all types of bodies."""
+    for kind in KINDS.values():
+        for own in (predict, load_end, calm, settle, middle):
+            wide_kernel(own.__name__, kind, exact=True)(own)

@@ -544,6 +544,27 @@ def wide(context: Any, array: Any) -> Any:
 
 
 @intrinsic
+def pick(context: Any, table: Any, indices: Any) -> Any:
+    """Return of each lane its own entry of a table; indices: a tuple of wide whole numbers."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        source, whole, found = arguments[0], ir.IntType(64), ir.Constant(REGISTER, ir.Undefined)
+        data = builder.bitcast(builder.extract_value(source, 0), _DOUBLE.as_pointer())
+        for lane in range(LANES):
+            number, place = ir.Constant(_INDEX, lane), ir.Constant(whole, 0)
+            for index in cgutils.unpack_tuple(builder, arguments[1]):
+                own = builder.fptosi(builder.extract_element(index, number), whole)
+                place = builder.mul(place, builder.extract_value(source, 1))
+                place = builder.add(place, own)
+            place = builder.mul(place, ir.Constant(whole, LANES))
+            place = builder.add(place, ir.Constant(whole, lane))
+            found = builder.insert_element(found, builder.load(builder.gep(data, [place])), number)
+        return found
+
+    return WIDE(table, indices), generate
+
+
+@intrinsic
 def _first_lane(context: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         one = builder.extract_element(arguments[0], ir.Constant(_INDEX, 0))

@@ -2,9 +2,9 @@
 
 Two bodies touch where their centres come nearer than the sum r of their radii. With n the unit
 vector from one centre to the other and the penetration e = r - n·(x - x'), normal force and
-friction are those between ropes (core/joined/contact), at the centres: a point has no rotation. n
-keeps to the side of the start of the step, so that bodies whose centres pass each other within a
-step are pushed back.
+friction are those between ropes (core/joined/line_contact), at the centres: a point has no
+rotation. n keeps to the side of the start of the step, so that bodies whose centres pass each other
+within a step are pushed back.
 
 The connections are solved in the dense system, where the block of a pair is coupled:
 p·∂f/∂x + q·∂f/∂v, without the curvature -N/|x - x'| across n and the change of friction with N,
@@ -19,9 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.jit.decorators import jit, jit_entry
+from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import column
-from rope_twin.core.joined.contact import Touch, less, press, side_of
+from rope_twin.core.jit.wide import choose, whole
 from rope_twin.core.joined.joints import System, add_block, couple_blocks
+from rope_twin.core.joined.line_contact import Touch, less, press, side_of
 from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.state import POSITION, RESIDUAL, VELOCITY, Floats, Ints
 
@@ -39,7 +41,7 @@ class PayloadContact(NamedTuple):
 @jit
 def _penetration(contact: Any, motion: Any, start: Any, a: int, b: int) -> Any:
     """Return the direction n from body b to body a, and e."""
-    i, j = contact.joints[a], contact.joints[b]
+    i, j = whole(contact.joints[a]), whole(contact.joints[b])
     gap = less(column(motion, POSITION, i), column(motion, POSITION, j))
     before = less(column(start, POSITION, i), column(start, POSITION, j))
     n, apart = side_of(gap, before)
@@ -50,21 +52,23 @@ def _penetration(contact: Any, motion: Any, start: Any, a: int, b: int) -> Any:
 def _touch(contact: Any, joints: Any, a: int, b: int, stage: Any) -> None:
     """Add force and block of two bodies."""
     n, deep = _penetration(contact, joints.work, joints.nodes, a, b)
-    if deep <= 0.0:
+    if not anywhere(deep > 0.0):
         return
-    i, j = contact.joints[a], contact.joints[b]
+    i, j = whole(contact.joints[a]), whole(contact.joints[b])
     v = less(column(joints.work, VELOCITY, i), column(joints.work, VELOCITY, j))
     N, gain, _, slid, rub = press(contact, deep, n, v)
-    if N == 0.0:
+    presses = N > 0.0
+    if not anywhere(presses):
         return
     across = stage.q * rub
     along = (stage.p * gain + stage.q * contact.chi * deep) * contact.k - across
+    across, along = choose(presses, across, 0.0), choose(presses, along, 0.0)
     block = (
         across + along * n[0] * n[0], along * n[0] * n[1], along * n[0] * n[2],
         across + along * n[1] * n[1], along * n[1] * n[2], across + along * n[2] * n[2],
     )  # fmt: skip
     for k in range(3):
-        force = N * n[k] - rub * slid[k]
+        force = choose(presses, N * n[k] - rub * slid[k], 0.0)
         joints.work[RESIDUAL + k, i] += force
         joints.work[RESIDUAL + k, j] -= force
     add_block(joints.matrix, i, block)
@@ -72,7 +76,7 @@ def _touch(contact: Any, joints: Any, a: int, b: int, stage: Any) -> None:
     couple_blocks(joints.matrix, max(i, j), min(i, j), block)
 
 
-@kernel("among", PayloadContact)
+@kernel("among", PayloadContact, wide=True)
 def among(contact: Any, system: Any, stage: Any) -> None:
     """Add the forces between all bodies of a system."""
     for a in range(contact.joints.shape[0]):

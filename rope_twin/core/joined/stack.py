@@ -421,6 +421,22 @@ def _choose_rope(stack: Any, r: Any) -> Any:
     return lambda stack, r: rope_of(stack, r)
 
 
+def effects_between(stack: Any) -> Any:
+    """Return the effects of a stack for those among them that act between ropes."""
+    return stack.effects
+
+
+@overload(effects_between, jit_options=_INLINED, strict=False)
+def _choose_effects(stack: Any) -> Any:
+    if not _in_lanes(stack):
+        return lambda stack: stack.effects
+    kind = stack.inner if isinstance(stack, HeldType) else stack
+    effects = kind.types[kind.fields.index("effects")]
+    if not kernels_by_place("among", effects):
+        return lambda stack: ()
+    return lambda stack: _at(stack.effects, 0)
+
+
 def work_of(stack: Any, r: Any) -> Any:
     """Return the scratch of rope r of a stack, or of all lanes; in a tuple, as `health_of`."""
     return (stack.work[r],)

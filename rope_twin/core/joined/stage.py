@@ -28,7 +28,6 @@ from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.jit.functions import by_type
 from rope_twin.core.jit.rows import HeldType, column, copy
 from rope_twin.core.jit.wide import count_beyond, whole
-from rope_twin.core.joined.contact import add_among
 from rope_twin.core.joined.joints import (
     ANCHORED,
     FIRST,
@@ -47,8 +46,15 @@ from rope_twin.core.joined.joints import (
     place_ends,
     pull_ties,
 )
+from rope_twin.core.joined.line_contact import add_among
 from rope_twin.core.joined.sheaves import add_sheaves, is_at_sheave, pass_end
-from rope_twin.core.joined.stack import any_rope_of, face_ropes, tolerance_at, work_of
+from rope_twin.core.joined.stack import (
+    any_rope_of,
+    effects_between,
+    face_ropes,
+    tolerance_at,
+    work_of,
+)
 from rope_twin.core.lanes.effects import each_of
 from rope_twin.core.loads.memory import has_memories
 from rope_twin.core.state import (
@@ -201,7 +207,7 @@ def move_connections(system: Any, stage: Any, kind: Any, factor: Any) -> Any:
 def gather_connections(system: Any, stage: Any) -> Any:
     """Add forces between ropes; assemble residual and matrix of the connections without chains."""
     clear(system.joints)
-    add_among(system.stack.effects, system, stage)
+    add_among(effects_between(system.stack), system, stage)
     gather_ends(system)
     add_ties(system.joints.ties, system.joints.work, system.joints.matrix)
     add_sheaves(system.sheaves, system, stage)

@@ -35,9 +35,11 @@ from rope_twin.core.jit.decorators import LINKED, jit, jit_within
 from rope_twin.core.jit.functions import by_type
 from rope_twin.core.jit.wide import ALIGNMENT, LANES, choose, mask_of, table, wide
 from rope_twin.core.loads.hooks import (
+    Growth,
     calls_of,
     kernel_of,
     kernels,
+    kernels_by_place,
     may_be_calm,
     register_wide,
     struct_text,
@@ -291,12 +293,37 @@ def _picker(kind: type) -> Any:
     def pick(effects: Any, lane: Any) -> Any:
         raise TypeError("lanes exist in compiled code only")
 
-    @overload(pick, jit_options={**LINKED, "forceinline": True}, strict=False)
+    @overload(pick, jit_options=_WITHIN, strict=False)
     def choose_place(effects: Any, lane: Any) -> Any:
         i = place_of(kind, effects)
         return lambda effects, lane: lane_data(effects[i], lane)
 
     return pick
+
+
+def _grown_picker(kind: type) -> Any:
+    """Return the kernel that gives the data of an effect of this type in one lane, at a stage."""
+    pick = _picker(kind)
+
+    def grow(effects: Any, stage: Any) -> Any:
+        raise TypeError("lanes exist in compiled code only")
+
+    @overload(grow, jit_options=_WITHIN, strict=False)
+    def compose(effects: Any, stage: Any) -> Any:
+        growth = Growth(effects)
+        lines = [*growth.lines, f"return {growth.of(place_of(kind, effects))}"]
+        return written_out("effects, stage", lines, {}, **growth.names)
+
+    def pick_grown(effects: Any, lane: Any, stage: Any) -> Any:
+        raise TypeError("lanes exist in compiled code only")
+
+    @overload(pick_grown, jit_options=_WITHIN, strict=False)
+    def choose_growth(effects: Any, lane: Any, stage: Any) -> Any:
+        if kernels_by_place("share", effects):
+            return lambda effects, lane, stage: grow(lane_data(effects, lane), stage)
+        return lambda effects, lane, stage: pick(effects, lane)
+
+    return pick_grown
 
 
 def _flow(kind: type, lone: Any) -> Any:
@@ -314,14 +341,14 @@ def _flow(kind: type, lone: Any) -> Any:
 
 
 def _load_end(kind: type, lone: Any) -> Any:
-    pick = _picker(kind)
+    pick = _grown_picker(kind)
 
     def load_end(effect: Any, work: Any, stage: Any) -> None:
         each = stage.each
         for lane in range(LANES):
             if stage.lanes >> lane & 1:
                 _copy_ends(each, lane)
-                lone(pick(each.effects, lane), each.own, _lone_stage(stage))
+                lone(pick(each.effects, lane, stage), each.own, _lone_stage(stage))
                 _return_loads(each, lane)
 
     return load_end
@@ -416,7 +443,7 @@ def _compose_calm(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> An
 
 
 # Predict internal variables at the beginning of a stage, for the nodes low <= i < high.
-predict_lanes = calls_of("predict", "rope, stage, kind, low, high", lanes=True)
+predict_lanes = calls_of("predict", "rope, stage, kind, low, high", lanes=True, growth=True)
 # Prepare the law of the lowest element for a stage, before its elements are evaluated.
 prepare_lanes = calls_of("prepare", "rope, stage, kind", lanes=True)
 
@@ -440,10 +467,14 @@ def settle_lanes(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any, u
 @overload(settle_lanes, jit_options=LINKED, strict=False)
 def _compose_settle(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any, upto: Any) -> Any:
     calls, counts = kernels("settle", effects, None), _counts(effects)
+    growth = Growth(effects if counts else ())
     lines = ["pending = complete(rope, stage, pending)"] if counts else []
-    lines += [f"kernel_{i}(effects[{i}], rope, stage, kind, upto)" for i in counts]
+    lines += [
+        *growth.lines,
+        *(f"kernel_{i}({growth.of(i)}, rope, stage, kind, upto)" for i in counts),
+    ]
     head = "effects, rope, stage, kind, pending, upto"
-    return written_out(head, [*lines, "return pending"], calls, complete=_complete)
+    return written_out(head, [*lines, "return pending"], calls, complete=_complete, **growth.names)
 
 
 @jit

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import config
 
-from rope_twin.core.axial_law import Fibre
 from rope_twin.core.body import lanes as bodies
 from rope_twin.core.jit.decorators import compiled
 from rope_twin.core.jit.wide import ALL, LANES
@@ -96,8 +95,6 @@ def why_alone(rope: Rope) -> str:
     """
     if config.DISABLE_JIT:
         return "plain Python"
-    if any(isinstance(effect, Fibre) for effect in rope.effects):
-        return "a dynamic stiffness"
     if rope.state.counts[ELEMENTS] < 2:
         return "a single element"
     unit = hooks.axial_place(map(type, rope.effects))

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import config
 
-from rope_twin.core.axial_law import Fibre
 from rope_twin.core.jit.wide import ALL, LANES
 from rope_twin.core.joined.joints import (
     FIRST,
@@ -103,8 +102,6 @@ def why_joined_alone(system: System) -> str:
     if config.DISABLE_JIT:
         return "plain Python"
     kinds = [type(effect) for effect in system.ropes[0].effects]
-    if Fibre in kinds:
-        return "a dynamic stiffness"
     alone = [kind for kind in kinds if not _steps_in_lanes(kind)]
     return ", ".join(_name_of(kind) for kind in alone)
 

@@ -11,8 +11,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.axial_law import law_of
+from rope_twin.core.axial_law import law_of, sections_law
 from rope_twin.core.elements import count_unexpected, end_rope, stretch, stretch_all
+from rope_twin.core.fibre import predict_law
 from rope_twin.core.integrator import (
     SEARCH,
     TRAPEZOID,
@@ -203,6 +204,7 @@ def _evaluate_rope(system: Any, rope: Any, stage: Any, kind: int, pending: Any, 
     """Evaluate the prediction of rope r, in spans of nodes."""
     state, work, p, q = rope.state, rope.work, stage.p, stage.q
     n, first, upto = state.counts[ELEMENTS], rope.model.first_free, count_loaded(system, r)
+    predict_law(sections_law(rope), rope, stage, kind, n - n, n)
     prepare_lanes(rope.effects, rope, stage, kind)
     for chunk in range(0, n, CHUNK):
         end = min(chunk + CHUNK, n)

@@ -29,6 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.jit.decorators import jit, jit_entry, jit_within
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.hooks import calls_of, kernel, switching
 from rope_twin.core.state import BLOCK, DIVISOR_MIN, ELEMENTS, POSITION, RESIDUAL, VELOCITY, Floats
 
@@ -53,8 +54,8 @@ def _vector(table: Any, first: int, i: int) -> Any:
 
 
 @jit_within
-def _dot(a: Any, b: Any) -> float:
-    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+def _dot(a: Any, b: Any) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @jit_within
@@ -123,16 +124,16 @@ def _is_nearest(contact: Any, pair: Any, s: float, t: float, gap: Any, last: Any
 def side_of(gap: Any, before: Any) -> Any:
     """Return the unit vector n from the other rope, and n·(P - Q); before: P - Q at the start."""
     size, was = sqrt(_dot(gap, gap)), sqrt(_dot(before, before))
-    if size > 1e-6 * was:
-        sign = 1.0 if _dot(gap, before) >= 0.0 else -1.0
-        inverse = sign / (size + DIVISOR_MIN)
-        return (gap[0] * inverse, gap[1] * inverse, gap[2] * inverse), sign * size
-    inverse = 1.0 / (was + DIVISOR_MIN)
-    return (before[0] * inverse, before[1] * inverse, before[2] * inverse), 0.0
+    apart = size > 1e-6 * was
+    sign = choose(_dot(gap, before) >= 0.0, 1.0, -1.0)
+    inverse = choose(apart, sign / (size + DIVISOR_MIN), 1.0 / (was + DIVISOR_MIN))
+    x, y = choose(apart, gap[0], before[0]), choose(apart, gap[1], before[1])
+    z = choose(apart, gap[2], before[2])
+    return (x * inverse, y * inverse, z * inverse), choose(apart, sign * size, 0.0)
 
 
 @jit_within
-def press(contact: Any, deep: float, n: Any, v: Any) -> Any:
+def press(contact: Any, deep: Any, n: Any, v: Any) -> Any:
     """Return N, its gain 1 - χ·v_n, v_n, v_t, and friction per sliding velocity [N·s/m]."""
     out = _dot(v, n)
     gain = max(1.0 - contact.chi * out, 0.0)
