@@ -19,7 +19,7 @@ from typing import Any, Protocol, TypeGuard
 from rope_twin.alerts.alert_list import SECOND, SHELVED_MOST_NS
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import of_winch
-from rope_twin.errors import did_you_mean, phrase
+from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.twin.snapshot import CONTROL_MODES, SPEED
 from rope_twin.twin.winch.commands import COMPENSATE, EMERGENCY_STOP, WinchCommand
@@ -93,7 +93,7 @@ def _digest(secret: str) -> bytes:
     return hashlib.sha256(secret.strip().encode()).digest()
 
 
-class Refusal(Exception):
+class Refusal(RopeTwinError):
     """A request of a page is refused; the text is the answer."""
 
 
