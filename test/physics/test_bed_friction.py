@@ -150,6 +150,7 @@ def test_a_branch_goes_on_as_the_whole() -> None:
     assert np.array_equal(tensions(twin), tensions(other))
 
 
+@pytest.mark.long
 def test_an_anchored_line_at_rest_keeps_its_tension_for_an_hour() -> None:
     """Within 0.1 % of the pull, everywhere, at every look; in 180,000 steps of 50 elements."""
     rig = replace(CHAIN, elements=50)

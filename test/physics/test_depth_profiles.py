@@ -118,6 +118,7 @@ def test_the_same_density_all_over_is_that_water() -> None:
     assert np.abs(plain[0] - expected[0]).max() > 0.01
 
 
+@pytest.mark.long
 def test_the_same_density_all_over_is_that_water_where_ropes_meet() -> None:
     """A bridle below the surface: payloads by shape, joints and bars of steel.
 

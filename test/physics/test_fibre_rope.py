@@ -222,6 +222,7 @@ class FibreRig(Rig):
         return tabled(Rig(**given), SYROPE)
 
 
+@pytest.mark.long
 def test_cut_in_three_it_keeps_its_memory() -> None:
     """A multi-line system: the load bounces as on the whole rope."""
     rig = FibreRig(

@@ -111,6 +111,7 @@ def test_a_run_begins_as_in_still_water_and_ends_in_the_current() -> None:
     assert np.hypot(*steady[:2]) > 0.5
 
 
+@pytest.mark.long
 def test_ropes_that_meet_begin_as_in_still_water() -> None:
     """A bridle in a current hangs plumb while its forces are none, and drifts off as they grow.
 

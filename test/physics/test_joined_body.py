@@ -149,6 +149,7 @@ def test_shipped_lifts_are_the_same_in_two_parts(name: str, low_m: float) -> Non
         assert two.body.deck_push_n == pytest.approx(one.body.deck_push_n, abs=1.0)
 
 
+@pytest.mark.long
 def test_ropes_side_by_side_move_as_each_alone(tmp_path: Path) -> None:
     """A point on one, the body on the other, which is not the first."""
     shots = []

@@ -34,7 +34,11 @@ time: {{step_s: 0.02, newton_tolerance_n: 0.01}}
 """
 HEAD = "about: ropes that vortices shake\nsource: made up for a test\nlook_at: nothing\n"
 MODELS = ["modal_vibration", "decomposed_force"]  # loosely coupled
-WAKES = ["wake_oscillator", "strouhal_forcing", "travelling_waves"]  # inside the time step
+WAKES = [  # inside the time step
+    "wake_oscillator",
+    pytest.param("strouhal_forcing", marks=pytest.mark.long),
+    pytest.param("travelling_waves", marks=pytest.mark.long),
+]
 
 
 def line(name: str, rope: str, length: float, elements: int, more: str) -> str:
@@ -165,7 +169,7 @@ def test_a_system_resumes_with_its_vibration(model: str, tmp_path: Path) -> None
     for one in (twin, branch, restored):
         one.advance(210)
     shot = twin.snapshot()
-    assert model in WAKES or shaking(shot, 1).drag_amplification.max() > 1.1
+    assert model not in MODELS or shaking(shot, 1).drag_amplification.max() > 1.1
     assert same(shot, branch.snapshot())
     assert same(shot, restored.snapshot())
 

@@ -144,6 +144,7 @@ def test_a_factor_of_one_changes_nothing() -> None:
     assert np.abs(places[0] - places[1]).max() < 1e-9
 
 
+@pytest.mark.long
 def test_ropes_that_meet_have_numbers_of_their_own() -> None:
     """A bridle: with a factor of one as without; with a table, each node has its own factor."""
     scene = load_scene("bridle_lift")

@@ -95,6 +95,7 @@ def test_factors_of_one_change_nothing() -> None:
     assert np.abs(places[0] - places[1]).max() < 1e-9
 
 
+@pytest.mark.long
 def test_payloads_of_ropes_that_meet_have_their_own() -> None:
     """A bridle: with factors of one as without; with tables it moves otherwise."""
     scene = load_scene("bridle_lift")

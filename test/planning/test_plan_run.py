@@ -467,6 +467,7 @@ def test_landing_speed_is_that_of_the_winch_in_flat_water() -> None:
         assert not row["failure"]
 
 
+@pytest.mark.long
 def test_seeds_of_a_rigid_body_together_are_those_alone() -> None:
     """A manifold comes into waves: the same rows to the bit in lanes and one by one."""
     plan, _ = read_plan("splash_zone")

@@ -156,6 +156,7 @@ def test_any_number_of_members(
     assert groups == (expected if members >= LANES else [])
 
 
+@pytest.mark.long
 def test_a_fixed_lower_end_in_a_vertical_current(tmp_path: Path) -> None:
     """Its node stands in every lane where it is held, so that no step is given up.
 
@@ -293,6 +294,7 @@ def test_sections_of_one_rope(tmp_path: Path) -> None:
     assert ensemble.lanes().given_up > 0
 
 
+@pytest.mark.long
 def test_bent_ropes(tmp_path: Path) -> None:
     """A stiff rope that sheds vortices, with a clamp: calm, paid out and in, and snapping ones."""
     path = tmp_path / "bent.yaml"
@@ -340,6 +342,7 @@ def _share_of_slip(rope: Rope, kind: type) -> float:
     return float(np.sqrt((dragged * dragged).sum(axis=0)).max() / rub.slip)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("heading", ["", ", heading_deg: 70.0"])
 def test_ropes_in_moonpools_with_nets(tmp_path: Path, heading: str) -> None:
     """They stick to walls and slide there, nets trail or are held: calm, moving, snapping ones."""

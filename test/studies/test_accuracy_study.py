@@ -168,6 +168,7 @@ def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> No
     assert not np.array_equal(without.tension_n, first.tension_n), "the model is at work"
 
 
+@pytest.mark.long
 def test_the_run_of_ropes_that_meet_is_that_of_the_command() -> None:
     """Both winches' schedules and the sea; elements of both ropes halved."""
     scene = load_scene("two_line_lift")

@@ -271,13 +271,21 @@ VORTICES = """\
 """
 
 
-@pytest.mark.parametrize("lanes", [True, False])
+@pytest.mark.parametrize(
+    ("effects", "lanes"),
+    [
+        ("  - wake_oscillator: {}\n", True),
+        ("  - wake_oscillator: {}\n", False),
+        pytest.param(VORTICES, True, marks=pytest.mark.long),
+        pytest.param(VORTICES, False, marks=pytest.mark.long),
+    ],
+)
 def test_members_with_internal_variables(
-    tmp_path: Path, lanes: bool, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, effects: str, lanes: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In lanes, or by themselves: equal to the twin to the bit."""
     path = tmp_path / "vortices.yaml"
-    text = SMALL_SCENE.replace("  - payload: {}\n", f"{VORTICES}  - payload: {{}}\n")
+    text = SMALL_SCENE.replace("  - payload: {}\n", f"{effects}  - payload: {{}}\n")
     path.write_text(text.replace("elements: 20", "elements: 8"))
     scene = load_scene(path)
     assert not why_alone(build(scene))

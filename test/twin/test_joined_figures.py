@@ -45,7 +45,7 @@ def tabled(scene: Scene) -> Scene:
     ("change", "members"),
     [
         pytest.param(lambda scene: scene, 4, id="number"),
-        pytest.param(tabled, 1, id="table"),
+        pytest.param(tabled, 1, id="table", marks=pytest.mark.long),
         pytest.param(tabled, 4, id="table in lanes", marks=pytest.mark.long),
     ],
 )

@@ -118,6 +118,7 @@ def test_systems_of_other_scenes(name: str, alone: str) -> None:
     check_equal(fleet, fleet.advance(cut(expected.inputs, 40), LOOK), expected, 40)
 
 
+@pytest.mark.long
 def test_members_with_internal_variables(tmp_path: Path) -> None:
     """Wake oscillators on both ropes, stepped in lanes."""
     path = tmp_path / "wakes.yaml"
