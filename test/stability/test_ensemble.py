@@ -234,7 +234,7 @@ def test_an_interrupted_ensemble_is_not_stepped_on(
         ensemble.advance(1.0)
     assert len(turns) < 50
     monkeypatch.undo()
-    with pytest.raises(InputError, match=r"ensemble: it was interrupted .*; build it anew"):
+    with pytest.raises(InputError, match=r"ensemble: it was interrupted .*; build it again"):
         ensemble.advance(1.0)
 
 

@@ -314,7 +314,7 @@ def bent(folder: Path, name: str) -> Scene:
 
 
 def test_bent_ropes_step_in_lanes(tmp_path: Path) -> None:
-    """Nothing keeps them from it."""
+    """All kernels of bending take wide numbers."""
     assert not why_joined_alone(build_joined(bent(tmp_path, "bridle_lift")).system)
 
 
@@ -413,7 +413,7 @@ def _touches(ensemble: Ensemble, number: int) -> int:
     [*SCENES, *PARTS, "cage_and_clump", "two_line_landing", "two_line_ascent", "two_line_14km"],
 )
 def test_scenes_step_in_lanes(name: str) -> None:
-    """Nothing in them keeps their members from it."""
+    """All their effects have kernels for it."""
     system = build_joined(load_scene(name)).system
     assert not why_joined_alone(system)
     assert joined_kind_of(system) is not None

@@ -196,7 +196,7 @@ class Ensemble:
         steps = whole_steps("seconds", seconds, self.step_s)
         if self._interrupted:
             what = "it was interrupted while some members had stepped and others had not"
-            raise InputError("ensemble", what, "build it anew")
+            raise InputError("ensemble", what, "build it again")
         for heave in self._heaves.values():
             end_ns = (self.steps + steps) * self._step_ns
             heave.check_reach(end_ns, end_ns)
