@@ -11,9 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lone_twins import SECOND_NS, alone, differing, sea
+from lone_twins import (
+    SECOND_NS,
+    alone,
+    assert_equal_members,
+    differing,
+    differing_ropes,
+    sea,
+    stepped_both_ways,
+)
 
-from rope_twin import Snapshot, load_scene
+from rope_twin import load_scene
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.joined.payload_contact import payload_touch_of
 from rope_twin.core.lanes.joined_group import joined_kind_of, why_joined_alone
@@ -56,16 +64,6 @@ def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int
         found += [f"member {number}: {name}" for name in differing(shot, expected)]
         found += [f"member {number}: {name}" for name in differing_ropes(shot, expected)]
     return found
-
-
-def differing_ropes(found: Snapshot, expected: Snapshot) -> list[str]:
-    """Return the values along the ropes that differ in any bit."""
-    return [
-        f"{rope.name}: {name}"
-        for rope, other in zip(found.ropes, expected.ropes, strict=True)
-        for name in ("node_position_m", "element_tension_n")
-        if getattr(rope, name).tobytes() != getattr(other, name).tobytes()
-    ]
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -191,19 +189,10 @@ def test_elements_at_a_sheave() -> None:
     scene = load_scene("two_line_loop")
     speeds = [1.5 if number < MIN_GROUP else -1.0 for number in range(LANES)]
     own = [over_the_sheave(number, speed) for number, speed in enumerate(speeds)]
-    ensemble = Ensemble(scene, own, threads=1)
-    lone = Ensemble(scene, own, threads=1, abreast=1)
-    assert ensemble.lanes().members == LANES
-    for seconds in (1, 20):
-        ensemble.advance(seconds)
-        lone.advance(seconds)
-    assert ensemble.figures() == lone.figures()
+    ensemble, lone = stepped_both_ways(scene, own, (1, 20))
     assert [bool(one.failure) for one in lone.figures()] == [speed > 0.0 for speed in speeds]
     for number in range(LANES):
-        shot, expected = ensemble.snapshot(number), lone.snapshot(number)
-        assert not differing(shot, expected), number
-        assert not differing_ropes(shot, expected), number
-        elements = len(shot.ropes[1].element_tension_n)
+        elements = len(ensemble.snapshot(number).ropes[1].element_tension_n)
         assert elements == 2 if speeds[number] > 0.0 else elements > 3
 
 
@@ -276,16 +265,7 @@ def test_effects_that_are_called_lane_by_lane(tmp_path: Path) -> None:
     height = Axis("effects.waves.jonswap.significant_height_m", 0.9, 1.0, multiply=True)
     drag = Axis("effects.drag.normal", 0.95, 1.05, multiply=True)
     own = variations(scene, make_plan([drag, height], LANES, 1), 16.0)
-    ensemble = Ensemble(scene, own, threads=1)
-    lone = Ensemble(scene, own, threads=1, abreast=1)
-    assert ensemble.lanes().members == LANES
-    for one in (ensemble, lone):
-        one.advance(14)
-    assert ensemble.figures() == lone.figures()
-    for number in range(LANES):
-        shot, expected = ensemble.snapshot(number), lone.snapshot(number)
-        assert not differing(shot, expected), number
-        assert not differing_ropes(shot, expected), number
+    ensemble, _ = stepped_both_ways(scene, own, (14,))
     lanes = ensemble.lanes()
     assert lanes.given_up < 0.1 * lanes.steps
 
@@ -325,17 +305,7 @@ def check_members(scene: Scene) -> None:
         longer = Change("ropes[0].length_m", scene.ropes[0].length_m + 0.05 * number)
         one = member(number, 0.3 + 0.2 * number)
         own.append(replace(one, changes=(*one.changes, longer), commands=None))
-    ensemble = Ensemble(scene, own, threads=1)
-    lone = Ensemble(scene, own, threads=1, abreast=1)
-    assert ensemble.lanes().members == LANES
-    for seconds in (1, 9):
-        ensemble.advance(seconds)
-        lone.advance(seconds)
-    assert ensemble.figures() == lone.figures()
-    for number in range(LANES):
-        shot, expected = ensemble.snapshot(number), lone.snapshot(number)
-        assert not differing(shot, expected), number
-        assert not differing_ropes(shot, expected), number
+    ensemble, _ = stepped_both_ways(scene, own)
     lanes = ensemble.lanes()
     assert lanes.given_up < 0.01 * lanes.steps  # such as the first one, with internal variables
 
@@ -388,11 +358,7 @@ def test_payloads_that_touch(tmp_path: Path) -> None:
         for one in (ensemble, lone):
             one.advance(1)
         touches.append([_touches(ensemble, number) for number in range(LANES)])
-    assert ensemble.figures() == lone.figures()
-    for number in range(LANES):
-        shot, expected = ensemble.snapshot(number), lone.snapshot(number)
-        assert not differing(shot, expected), number
-        assert not differing_ropes(shot, expected), number
+    assert_equal_members(ensemble, lone)
     assert {0, 1, 2} <= set(np.ravel(touches))
     assert any(len(set(some)) > 1 for some in touches)  # not alike in all lanes
     lanes = ensemble.lanes()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lone_twins import SECOND_NS, differing, sea
+from lone_twins import SECOND_NS, differing, sea, stepped_both_ways
 from small_scene import SMALL_SCENE
 
 from rope_twin import load_scene
@@ -208,15 +208,7 @@ def test_forces_that_change_with_time(
         heave = HeaveSeries.of(sea((0.5, 1.0, 4.0)[k % 3], 5.0 + 0.3 * k, 30.0))
         speed = CommandSample(0, WinchCommand(SPEED, 1.5 if k % 3 == 1 else 0.0))
         members.append(Variation((*changes, light), heave, (speed,)))
-    together = Ensemble(scene, members, threads=1)
-    lone = Ensemble(scene, members, threads=1, abreast=1)
-    assert together.lanes().members == LANES
-    for seconds in (1, 9):
-        together.advance(seconds)
-        lone.advance(seconds)
-    assert together.figures() == lone.figures()
-    for number in range(LANES):
-        assert not differing(together.snapshot(number), lone.snapshot(number)), number
+    together, _ = stepped_both_ways(scene, members)
     shots = [together.snapshot(number).solver for number in range(LANES)]
     assert shots[1].splits > 0
     assert max(shot.solves_max_per_stage for shot in shots[2::3]) > 4
@@ -255,16 +247,9 @@ def test_chains_on_uneven_beds(tmp_path: Path, friction: str) -> None:
         heave = HeaveSeries.of(sea((0.5, 1.0, 4.0)[k % 3], 5.0 + 0.3 * k, 30.0))
         speed = CommandSample(0, WinchCommand(SPEED, (0.0, 0.5, -0.5)[k % 3]))
         members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), (speed,)))
-    together = Ensemble(scene, members, threads=1)
-    lone = Ensemble(scene, members, threads=1, abreast=1)
-    assert together.lanes().members == LANES
-    for seconds in (1, 9):
-        together.advance(seconds)
-        lone.advance(seconds)
-    assert together.figures() == lone.figures()
+    together, lone = stepped_both_ways(scene, members)
     for number in range(LANES):
         shot = lone.snapshot(number)
-        assert not differing(together.snapshot(number), shot), number
         assert (shot.node_position_m[:, 2] < -299.0).sum() > 5
     lanes = together.lanes()
     assert lanes.given_up < 0.2 * lanes.steps

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from hypothesis import strategies as st
 from small_scene import figures
 
 from rope_twin import Snapshot, Twin
+from rope_twin.core.jit.wide import LANES
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.twin.ensemble.ensemble import Variation
+from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.winch.commands import CommandSample, WinchCommand, schedule_samples
@@ -65,6 +67,39 @@ def differing(found: Snapshot, expected: Snapshot) -> list[str]:
         if getattr(found.solver, name) != getattr(expected.solver, name):
             names.append(name)
     return names
+
+
+def differing_ropes(found: Snapshot, expected: Snapshot) -> list[str]:
+    """Values along the ropes that differ in any bit."""
+    return [
+        f"{rope.name}: {name}"
+        for rope, other in zip(found.ropes, expected.ropes, strict=True)
+        for name in ("node_position_m", "element_tension_n")
+        if getattr(rope, name).tobytes() != getattr(other, name).tobytes()
+    ]
+
+
+def assert_equal_members(ensemble: Ensemble, lone: Ensemble) -> None:
+    """Figures and states of members in lanes are those of members without them, to the bit."""
+    assert ensemble.figures() == lone.figures()
+    for number in range(len(ensemble.figures())):
+        shot, expected = ensemble.snapshot(number), lone.snapshot(number)
+        assert not differing(shot, expected), number
+        assert not differing_ropes(shot, expected), number
+
+
+def stepped_both_ways(
+    scene: Scene, own: Sequence[Variation], spans: tuple[int, ...] = (1, 9)
+) -> tuple[Ensemble, Ensemble]:
+    """Members in lanes and without them after these spans [s], which are equal."""
+    ensemble = Ensemble(scene, own, threads=1)
+    lone = Ensemble(scene, own, threads=1, abreast=1)
+    assert ensemble.lanes().members == LANES
+    for seconds in spans:
+        ensemble.advance(seconds)
+        lone.advance(seconds)
+    assert_equal_members(ensemble, lone)
+    return ensemble, lone
 
 
 @st.composite
