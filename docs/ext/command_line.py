@@ -5,19 +5,10 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator
-from importlib import import_module
 
 from markdown import code, prose, table
 
 from rope_twin import cli
-
-
-def _parser() -> argparse.ArgumentParser:
-    modules = {
-        name.replace("_", "-"): import_module(f"rope_twin.cli.{cli.MODULES.get(name, name)}")
-        for name in cli.COMMANDS
-    }
-    return cli._parser(modules)
 
 
 def _below(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
@@ -39,7 +30,7 @@ def overview() -> str:
     """Return a table of the commands with what each does."""
     rows = (
         (f"[`rope_twin {name}`](#rope-twin-{name})", prose(about))
-        for name, about in _helps(_parser()).items()
+        for name, about in _helps(cli.build_parser()).items()
     )
     return table(("command", "purpose"), rows)
 
@@ -47,7 +38,8 @@ def overview() -> str:
 def reference() -> str:
     """Return a section for each command: usage, arguments, options."""
     return "\n\n".join(
-        "\n\n".join(_section(name, parser, 2)) for name, parser in _below(_parser()).items()
+        "\n\n".join(_section(name, parser, 2))
+        for name, parser in _below(cli.build_parser()).items()
     )
 
 

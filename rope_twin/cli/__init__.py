@@ -28,12 +28,35 @@ EXAMPLES = """examples:
   rope_twin scene list
   rope_twin COMMAND --help"""
 
-# The commands in the order of the help: module name (with _) and name on the command line (with -).
-COMMANDS = (
-    "run", "scene", "view", "replay", "export", "recover", "ensemble", "study", "plan",
-    "sensitivity", "operability", "modes", "viv", "accuracy", "lines", "alerts", "faults", "learn",
-    "ahead", "sea_state", "feed", "console", "state", "doctor", "completion",
-)  # fmt: skip
+# The commands in the order of the help, and what each is for. A module has a _ for a -.
+COMMANDS = {
+    "run": "simulate a scene in real time over ROS 2, or as fast as possible without it",
+    "scene": "list, show, check and measure scenes; look up keys; print the JSON Schema; "
+    "import, export",
+    "view": "show a recorded bag in the rerun viewer, or save it as a recording or picture",
+    "replay": "list the sessions of a bag, or run it again and compare every published number",
+    "export": "write the time series of a bag as CSV, Parquet or netCDF",
+    "recover": "recover the messages of a bag whose recording was cut off",
+    "ensemble": "Monte Carlo or grid of many lifts at once; quantiles of top tension and slack",
+    "study": "parameter study: many runs of a scene over seas, ropes and coefficients",
+    "plan": "lift planning: limiting sea states, load chart and report of an operation",
+    "sensitivity": "which uncertain data of a plan is worth measuring (Morris, Sobol)",
+    "operability": "share of time within limiting sea states, weather windows, waiting, by month",
+    "modes": "natural frequencies and mode shapes of a scene's lines",
+    "viv": "lock-in, VIV response and fatigue damage of a line in its current profile",
+    "accuracy": "convergence study: error, speed and memory over mesh and time step",
+    "lines": "two lines around one sheave, calm and in a sea state: tension, clearance, crossings",
+    "alerts": "alerts of a recording and their rates, or alert sentences of a running suite",
+    "faults": "inject faults into every input: what is flagged, how soon, and the error it causes",
+    "learn": "learn weight, mass, drag and stiffness of a recorded lift from its measured tension",
+    "ahead": "forecast of tension, risk and quiet windows over the next minute; orders compared",
+    "sea-state": "create a recorded sea state from a wave spectrum, or describe one",
+    "feed": "read line monitors and motion sensors: print, publish or simulate them",
+    "console": "serve the operator console of a running suite, or of a recorded run, as a web page",
+    "state": "describe a saved state and check that it is intact",
+    "doctor": "check this machine: ROS, DDS, graphics, clocks, CPU, compile cache, disk",
+    "completion": "print a completion script for bash, zsh or fish",
+}
 MODULES = {"console": "operator_console"}  # of commands whose module has another name
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in the nodes; read when numpy is loaded
@@ -76,7 +99,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _command(words: list[str]) -> int:
-    modules = {name.replace("_", "-"): _module(name) for name in _needed(words)}
+    asked = next((word for word in words if not word.startswith("-")), "")
+    modules = {asked: _module(asked)} if asked in COMMANDS else {}
     args = _parser(modules).parse_args(words)
     return int(modules[args.command].run(args))
 
@@ -112,24 +136,18 @@ def _silenced(code: int) -> int:
     return code
 
 
-def _needed(words: list[str]) -> tuple[str, ...]:
-    """Return the commands to load: the one on the command line, none for --version, else all."""
-    if words[:1] == ["--version"]:
-        return ()
-    asked = words[0].replace("-", "_") if words else ""
-    return (asked,) if asked in COMMANDS else COMMANDS
-
-
 def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"rope_twin.cli.{MODULES.get(name, name)}")
+    own = MODULES.get(name, name.replace("-", "_"))
+    return importlib.import_module(f"rope_twin.cli.{own}")
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command line, without side effects."""
-    return _parser({name.replace("_", "-"): _module(name) for name in COMMANDS})
+    return _parser({name: _module(name) for name in COMMANDS})
 
 
 def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
+    """Return the parser with these commands; of none, with the names of all, which is quick."""
     parser = CommandLine(
         prog="rope_twin", description=DESCRIPTION, epilog=_epilog(), formatter_class=HelpFormatter
     )
@@ -143,6 +161,8 @@ def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for module in modules.values():
         module.add_parser(subparsers)
+    for name, about in () if modules else COMMANDS.items():
+        subparsers.add_parser(name, help=about)
     return parser
 
 

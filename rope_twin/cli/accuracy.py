@@ -14,6 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_table
 from rope_twin.cli.selection import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError
@@ -39,8 +40,7 @@ and NAME.png in the folder `convergence`. `rope_twin run --within` and `--budget
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "convergence study: error, speed and memory over mesh and time step"
-    parser = add_command(subparsers, "accuracy", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "accuracy", COMMANDS["accuracy"], EXAMPLES, MORE)
     which = parser.add_mutually_exclusive_group(required=True)
     add_scene(which, nargs="?")
     which.add_argument("--all", action="store_true", help="every shipped scene")

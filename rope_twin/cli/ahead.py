@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_table
 from rope_twin.run.arguments import add_command, add_json, add_time, measure
 
@@ -32,8 +33,7 @@ FORCE_HELP = "tension limit (default: that of the scene, by tension or utilisati
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "forecast of tension, risk and quiet windows over the next minute; orders compared"
-    parser = add_command(subparsers, "ahead", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "ahead", COMMANDS["ahead"], EXAMPLES, MORE)
     add = parser.add_argument
     add("bag", metavar="BAG", help="a name in bags/, bag directory or .mcap file")
     add("--scene", metavar="SCENE", help="scene of the lift (default: that of the bag)")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.alerts.monitor import CHATTER, FLOOD, STEADY, AlertRates, rates
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import BagError, InputError
 from rope_twin.messages.reports import PublishedAlerts, decode_alerts
@@ -30,8 +31,7 @@ PORTS = range(1, 65536)
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "alerts of a recording and their rates, or alert sentences of a running suite"
-    parser = add_command(subparsers, "alerts", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "alerts", COMMANDS["alerts"], EXAMPLES, MORE)
     add = parser.add_argument
     add("bag", metavar="BAG", type=Path, nargs="?", help="bag directory or .mcap file")
     add("--udp", metavar="HOST:PORT", default="",

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from rope_twin.cli import build_parser
+from rope_twin.cli import COMMANDS, build_parser
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.run.arguments import add_command, add_json
 from rope_twin.scene.load import scene_names
@@ -30,8 +30,7 @@ class Command(NamedTuple):
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "print a completion script for bash, zsh or fish"
-    parser = add_command(subparsers, "completion", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "completion", COMMANDS["completion"], EXAMPLES, MORE)
     parser.add_argument("shell", metavar="SHELL", choices=tuple(SCRIPTS), help=", ".join(SCRIPTS))
     add_json(parser)
 

@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core import SOLVER_VERSION
 from rope_twin.errors import InputError, RopeTwinError
@@ -99,8 +100,7 @@ def _judged(name: str, good: bool, found: str, remedy: str, level: str = WARN) -
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "check this machine: ROS, DDS, graphics, clocks, CPU, compile cache, disk"
-    add_json(add_command(subparsers, "doctor", about, EXAMPLES, MORE))
+    add_json(add_command(subparsers, "doctor", COMMANDS["doctor"], EXAMPLES, MORE))
 
 
 def run(args: argparse.Namespace) -> int:

@@ -16,6 +16,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError
@@ -63,8 +64,7 @@ entry of a list. NUMBERS are LOW..HIGH (drawn at random), or LOW..HIGH:COUNT or 
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "Monte Carlo or grid of many lifts at once; quantiles of top tension and slack"
-    parser = add_command(subparsers, "ensemble", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "ensemble", COMMANDS["ensemble"], EXAMPLES, MORE)
     add = parser.add_argument
     add_scene(parser)
     add(

@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.recording.series_export import SERIES, check_ending, read_series, write_series
 from rope_twin.run.arguments import add_command, add_json, add_out
@@ -21,8 +22,7 @@ xarray.open_dataset read them. Numbers that a topic does not have at a stamp are
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "write the time series of a bag as CSV, Parquet or netCDF"
-    parser = add_command(subparsers, "export", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "export", COMMANDS["export"], EXAMPLES, MORE)
     parser.add_argument("bag", metavar="BAG", help="a name in bags/ or a path")
     add_out(parser, "FILE", "table to write: .csv, .parquet or .nc", required=True)
     words = f"topics to export, of {', '.join(SERIES)} (default: all that are there)"

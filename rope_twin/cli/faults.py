@@ -9,6 +9,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.run.arguments import add_command, add_json, add_scene
@@ -39,8 +40,7 @@ the top tension."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "inject faults into every input: what is flagged, how soon, and the error it causes"
-    parser = add_command(subparsers, "faults", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "faults", COMMANDS["faults"], EXAMPLES, MORE)
     add = parser.add_argument
     add_scene(parser)
     add("--input", action="append", default=[], metavar="TOPIC",

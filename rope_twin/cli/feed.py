@@ -9,6 +9,7 @@ import sys
 import time
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
@@ -42,8 +43,7 @@ cut, garbled (a byte is another) or delayed (delayed:0.01:0.2s is one in a hundr
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    about = "read line monitors and motion sensors: print, publish or simulate them"
-    parser = add_command(subparsers, "feed", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "feed", COMMANDS["feed"], EXAMPLES, MORE)
     parser.add_argument("source", metavar="SOURCE", nargs="?", default="", help="source of lines")
     parser.add_argument(
         "--settings", metavar="NAME", required=True, help="a name in config/feeds/ or a YAML file"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
 from rope_twin.run.arguments import add_command, add_json, add_out, add_time
@@ -22,13 +23,13 @@ EXAMPLES = (
 MORE = """Reads winch/measured (tension, line out) and ship/heave of a bag and learns the figures of
 rope and payload, load pin and motion sensor a minute at a time, from the uncertainties in the
 scene's section `learning`. The rope hangs at rest when the measurement begins, and two minutes are
-needed. Rigid bodies, splash zone, seabed and ropes that meet cannot be learned yet."""
+needed. Ropes that meet below one hang-off, such as a bridle, can be learned; loads on several ropes
+from the ship, rigid bodies, splash zone and seabed cannot yet."""
 LEAST_S = 120.0
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "learn weight, mass, drag and stiffness of a recorded lift from its measured tension"
-    parser = add_command(subparsers, "learn", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "learn", COMMANDS["learn"], EXAMPLES, MORE)
     add = parser.add_argument
     add("bag", metavar="BAG", help="bag directory, .mcap file, or name in bags/")
     add("--scene", metavar="SCENE", help="scene name or file (default: the bag's)")

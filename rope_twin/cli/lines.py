@@ -7,6 +7,7 @@ import json
 import sys
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
@@ -32,8 +33,7 @@ cross."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "two lines around one sheave, calm and in a sea state: tension, clearance, crossings"
-    parser = add_command(subparsers, "lines", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "lines", COMMANDS["lines"], EXAMPLES, MORE)
     heights = ", ".join(f"{state} (Hs {hs:g} m)" for state, (hs, _) in SEA_STATES.items())
     add_scene(parser)
     add_duration(parser, "simulated time of each run, in whole seconds", SECONDS)

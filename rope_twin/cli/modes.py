@@ -8,6 +8,7 @@ from dataclasses import asdict
 from math import inf
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.run.arguments import add_command, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
@@ -40,8 +41,7 @@ a whole: the lowest modes, then the first that stretch its lines. A rigid body s
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "natural frequencies and mode shapes of a scene's lines"
-    parser = add_command(subparsers, "modes", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "modes", COMMANDS["modes"], EXAMPLES, MORE)
     add_scene(parser)
     parser.add_argument("--count", type=int, default=COUNT, metavar="N",
                         help="number of lowest modes (default: %(default)s)")  # fmt: skip

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.planning.operability import (
     PERCENTILES,
@@ -41,8 +42,7 @@ hindcast."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "share of time within limiting sea states, weather windows and waiting, by month"
-    parser = add_command(subparsers, "operability", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "operability", COMMANDS["operability"], EXAMPLES, MORE)
     add = parser.add_argument
     add("limits", metavar="LIMITS", type=Path, help="limiting Hs over Tp, CSV or JSON")
     add("hindcast", metavar="HINDCAST", type=Path, help="time series of sea states, CSV")

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.console.server import announce
 from rope_twin.errors import InputError
@@ -30,8 +31,7 @@ With --terminal it shows the first page's numbers, trend and alerts in the termi
 
 def add_parser(subparsers: Parsers) -> None:
     """Declare the subcommand."""
-    about = "serve the operator console of a running suite, or of a recorded run, as a web page"
-    parser = add_command(subparsers, "console", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "console", COMMANDS["console"], EXAMPLES, MORE)
     add = parser.add_argument
     add("bag", nargs="?", metavar="BAG", help="recorded run to play (default: the running suite)")
     add(

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.cli.selection import read_amount
 from rope_twin.errors import InputError
@@ -58,8 +59,7 @@ same command resumes a plan that was interrupted. Examples are in config/plans."
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "lift planning: limiting sea states, load chart and report of an operation"
-    parser = add_command(subparsers, "plan", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "plan", COMMANDS["plan"], EXAMPLES, MORE)
     add = parser.add_argument
     add("plan", metavar="PLAN", nargs="?", default="",
         help="path of the plan file, or a name in config/plans")  # fmt: skip

@@ -7,6 +7,7 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.run.arguments import add_command, add_json
 
@@ -24,8 +25,7 @@ simulation published is compared bit by bit."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    about = "list the sessions of a bag, or run it again and compare every published number"
-    parser = add_command(subparsers, "replay", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "replay", COMMANDS["replay"], EXAMPLES, MORE)
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
     parser.add_argument("--verify", action="store_true", help="run it again and compare")
     add_json(parser)

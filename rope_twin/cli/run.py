@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode
 from rope_twin.run.arguments import add_command
 from rope_twin.run.options import RunOptions, add_arguments, check_against_scene, read_options
@@ -29,8 +30,7 @@ if TYPE_CHECKING:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand."""
-    about = "simulate a scene in real time over ROS 2, or as fast as possible without it"
-    add_arguments(add_command(subparsers, "run", about, EXAMPLES, MORE))
+    add_arguments(add_command(subparsers, "run", COMMANDS["run"], EXAMPLES, MORE))
 
 
 def run(args: argparse.Namespace) -> int:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError
 from rope_twin.quantity import read_quantity
@@ -53,8 +54,7 @@ EXAMPLES = (
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command with its two actions."""
-    about = "create a recorded sea state from a wave spectrum, or describe one"
-    parser = add_command(subparsers, "sea-state", about, EXAMPLES)
+    parser = add_command(subparsers, "sea-state", COMMANDS["sea-state"], EXAMPLES)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     _add_make(actions)
     info = add_command(

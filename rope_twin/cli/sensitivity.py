@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
 from rope_twin.planning.plan_reader import read_plan
@@ -31,8 +32,7 @@ the same seas. The same command resumes a study that was interrupted."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "which uncertain data of a plan is worth measuring (Morris, Sobol)"
-    parser = add_command(subparsers, "sensitivity", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "sensitivity", COMMANDS["sensitivity"], EXAMPLES, MORE)
     add = parser.add_argument
     add("plan", metavar="PLAN", help="path of the plan file, or a name in config/plans")
     add("--method", choices=tuple(COUNTS), default="morris", help="default: morris")

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.effects.bending import BendingParams
@@ -36,8 +37,7 @@ each run. The same command resumes a study that was interrupted. Examples are in
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "parameter study: many runs of a scene over seas, ropes and coefficients"
-    parser = add_command(subparsers, "study", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "study", COMMANDS["study"], EXAMPLES, MORE)
     add = parser.add_argument
     add("study", metavar="STUDY", help="path of the study file, or a name in config/studies")
     add_out(parser, "DIR", "folder of results and picture (default: study_NAME)")

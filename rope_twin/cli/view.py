@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError
 from rope_twin.run.arguments import add_command, add_json, add_out, add_time
@@ -22,8 +23,7 @@ plots. Opens a window unless --out names a file."""
 
 
 def add_parser(subparsers: Any) -> None:
-    about = "show a recorded bag in the rerun viewer, or save it as a recording or picture"
-    parser = add_command(subparsers, "view", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "view", COMMANDS["view"], EXAMPLES, MORE)
     parser.add_argument(
         "file",
         metavar="FILE",

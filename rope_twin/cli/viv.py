@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.errors import InputError
@@ -66,8 +67,7 @@ tension, length and current; the fatigue damage is that of tension and bending."
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    about = "lock-in, VIV response and fatigue damage of a line in its current profile"
-    parser = add_command(subparsers, "viv", about, EXAMPLES, MORE)
+    parser = add_command(subparsers, "viv", COMMANDS["viv"], EXAMPLES, MORE)
     add = parser.add_argument
     add_scene(parser)
     add_duration(parser, "simulated time, of which the second half counts", 300.0)

@@ -21,7 +21,7 @@ import interface  # noqa: E402
 import profiles  # noqa: E402
 
 NAMES = {
-    "commands": [f"`rope_twin {name.replace('_', '-')}`" for name in COMMANDS],
+    "commands": [f"`rope_twin {name}`" for name in COMMANDS],
     "topics": [f"| `{topic.name}` |" for topic in TOPICS],
     "services": [f"| `{one.name}` |" for one in SERVICES],
     "scene keys": [
