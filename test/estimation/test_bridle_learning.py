@@ -40,7 +40,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 from rope_twin.twin.ensemble.live_state import live_state
 
-TRUTHS, SECONDS, STEP_S, SENSOR_S = 8, 183.0, 0.02, 0.05
+TRUTHS, SECONDS, STEP_S, SENSOR_S = 4, 183.0, 0.02, 0.05
 PIN_RANGE_N = 300e3
 NOISE_N = 0.0075 * PIN_RANGE_N
 HEIGHT_M = 0.5
@@ -113,7 +113,7 @@ def lift(number: int) -> MeasuredLift:
 
 
 def test_hidden_figures_lie_in_their_intervals() -> None:
-    """Intervals of 90 % hold 80 % or more of eight truths, with errors as large as stated."""
+    """Intervals of 90 % hold 80 % or more of four truths, with errors as large as stated."""
     thetas, _, _ = truths()
     errors, sds = [], []
     for number, theta in enumerate(thetas):

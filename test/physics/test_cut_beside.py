@@ -11,7 +11,9 @@ from rope_twin.core import state as rows
 from rope_twin.vortex.drag_amplification import GROWTH, DragGrowth
 from rope_twin.vortex.line_model import line_model
 
-SCENES = pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
+SCENES = pytest.mark.parametrize(
+    "name", ["vortices_modal", pytest.param("vortices_decomposed", marks=pytest.mark.long)]
+)
 STEPS_PER_S = 100
 
 

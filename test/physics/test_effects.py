@@ -114,6 +114,7 @@ def test_plain_python_equals_compiled_body_aground(plain: Mapping[str, Vector]) 
     assert_equal(plain["aground"].T, compiled.T, 1e-9)
 
 
+@pytest.mark.long
 def test_plain_python_equals_compiled_table(plain: Mapping[str, Vector]) -> None:
     """A rope whose stiffness is a table, 16 steps into slack, 1e-9."""
     compiled = effect_cases.by_table()
@@ -136,6 +137,7 @@ def test_plain_python_equals_compiled_joints(plain: Mapping[str, Vector]) -> Non
     assert_equal(plain["triangle"].T, compiled.T, 1e-9)
 
 
+@pytest.mark.long
 def test_plain_python_equals_compiled_bent_joints(plain: Mapping[str, Vector]) -> None:
     """Bent ropes that meet, one between two joints, 25 steps, 1e-9."""
     compiled = effect_cases.bent_ladder()

@@ -80,7 +80,11 @@ def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_environment")
-@pytest.mark.parametrize("words", [[], ["--processes"]], ids=["one process", "processes"])
+@pytest.mark.parametrize(
+    "words",
+    [[], pytest.param(["--processes"], marks=pytest.mark.long)],
+    ids=["one process", "processes"],
+)
 def test_a_run_receives_on_the_loopback_interface_only(
     words: list[str], processes: Processes, domain: int
 ) -> None:

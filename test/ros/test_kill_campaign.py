@@ -183,6 +183,7 @@ def report(kills: list[Kill]) -> None:
           f"{max(k.loss_s for k in kills):.2f} s not recorded, at most")  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_recorder_a_simulation_and_a_sea_that_are_killed_come_back(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:

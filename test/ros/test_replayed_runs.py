@@ -216,7 +216,11 @@ def test_a_recorder_that_joins_late_is_given_what_it_needs(bench: Bench, tmp_pat
     assert found.compared["ropes/tension_top"] > 60
 
 
-@pytest.mark.parametrize("how", [(), ("--processes",)], ids=["in one process", "as processes"])
+@pytest.mark.parametrize(
+    "how",
+    [(), pytest.param(("--processes",), marks=pytest.mark.long)],
+    ids=["in one process", "as processes"],
+)
 def test_the_bag_of_the_run_command_is_replayed(
     processes: Processes, tmp_path: Path, how: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -190,7 +190,7 @@ def test_what_ends_a_run_as_fast_as_possible_leaves_a_whole_bag(
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("processes_too", [False, True])
+@pytest.mark.parametrize("processes_too", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_a_bag_and_a_state_that_find_no_room_are_reported_at_the_end(
     processes_too: bool, processes: Processes, tmp_path: Path
 ) -> None:
@@ -217,7 +217,7 @@ def test_a_bag_and_a_state_that_find_no_room_are_reported_at_the_end(
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("processes_too", [False, True])
+@pytest.mark.parametrize("processes_too", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_a_bag_that_is_deleted_is_noticed_and_the_run_ends_with_exit_code_1(
     processes_too: bool, processes: Processes, tmp_path: Path
 ) -> None:

@@ -41,6 +41,7 @@ def test_a_second_run_beside_another_is_refused_and_the_first_goes_on(
 
 
 @pytest.mark.ros
+@pytest.mark.long
 def test_of_two_runs_that_begin_at_the_same_moment_one_goes_on(processes: Processes) -> None:
     """Neither is heard by the other when it looks."""
     words = ["run", "shallow_lift", "--headless", "--no-record", "--json"]

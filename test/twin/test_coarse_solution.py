@@ -80,7 +80,9 @@ def test_it_has_vortices_of_its_own(name: str) -> None:
     assert np.allclose(found, alone, rtol=5e-8)  # tolerance of the static equilibrium
 
 
-@pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
+@pytest.mark.parametrize(
+    "name", ["vortices_modal", pytest.param("vortices_decomposed", marks=pytest.mark.long)]
+)
 def test_it_has_a_loosely_coupled_model_of_its_own(name: str) -> None:
     """The run is bit-identical; the coarse solution is nearly the scene on half the elements.
 
@@ -106,7 +108,9 @@ def test_it_has_a_loosely_coupled_model_of_its_own(name: str) -> None:
     assert 1.2 < other.drag_amplification(coarse_of(twin).ropes[0], 0).max() < 2.0
 
 
-@pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
+@pytest.mark.parametrize(
+    "name", ["vortices_modal", pytest.param("vortices_decomposed", marks=pytest.mark.long)]
+)
 def test_a_restored_twin_makes_one_whose_drag_is_amplified(name: str) -> None:
     twin = Twin(load_scene(name), ERROR_INTERVAL)
     for _ in fed(twin, 10.0):
