@@ -506,7 +506,9 @@ class ForecastInput:
 
     def __init__(self) -> None:
         """Begin without one."""
-        self._newest: ForecastScore | None = None
+        # Fields of a ForecastScore. A saved state has no NaN and restores plain values only, so an
+        # unknown coverage is None.
+        self._newest: tuple[float, float, float | None, int, float] | None = None
 
     def offer(
         self, now_s: float, coverage: float, judged: float, factor: float, age_s: float
@@ -521,10 +523,15 @@ class ForecastInput:
             what = f"a factor of {factor:g} and inputs {age_s:g} s old"
             fault = phrase("forecast", what, "give a positive factor and a finite age")
         if not fault:
-            self._newest = ForecastScore(now_s, age_s, coverage, int(judged), factor)
+            known = None if math.isnan(coverage) else coverage
+            self._newest = now_s, age_s, known, int(judged), factor
         return fault
 
     def at(self, now_s: float) -> ForecastScore | None:
         """Return the newest score; None: no forecast runs."""
-        newest = self._newest
-        return newest if newest is not None and now_s - newest.at_s <= GONE_S else None
+        if self._newest is None or now_s - self._newest[0] > GONE_S:
+            return None
+        at_s, age_s, coverage, judged, factor = self._newest
+        return ForecastScore(
+            at_s, age_s, math.nan if coverage is None else coverage, judged, factor
+        )

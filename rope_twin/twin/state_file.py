@@ -384,7 +384,13 @@ class AutoSave:
 
     def _take(self) -> None:
         self._kept_step = self._twin.steps
-        self._writing = self._writer.submit(self._write, self._twin.capture())
+        try:
+            state = self._twin.capture()
+        except StateError as error:  # a run is worth more than its saved state
+            path = self._health.path
+            self._health = SavingStatus(path, self._health.saved_s, f"{path}: {error}")
+        else:
+            self._writing = self._writer.submit(self._write, state)
 
     def _write(self, state: SavedState) -> None:
         path = self._health.path

@@ -75,6 +75,29 @@ def test_a_disk_that_refuses_is_reported_and_the_twin_goes_on(
     assert twin.steps == 60
 
 
+def test_a_twin_that_cannot_be_saved_is_reported_and_goes_on(
+    twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stepping matters more than its file: the one before is kept."""
+    keeper = AutoSave(twin, tmp_path / "run.state", 0.1)
+    keeper.advance(20)
+    keeper.finish_writing()
+
+    def defect() -> SavedState:
+        raise StateError("inputs/gust is not a number")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(twin, "capture", defect)
+        keeper.advance(20)
+        keeper.finish()
+    assert keeper.health().trouble == f"{tmp_path / 'run.state'}: inputs/gust is not a number"
+    assert load_state(tmp_path / "run.state").about.step == 20
+    keeper.advance(20)
+    keeper.finish()
+    assert (keeper.health().trouble, twin.steps) == ("", 60)
+    assert load_state(tmp_path / "run.state").about.step == 60
+
+
 def test_a_place_that_cannot_be_is_reported_at_the_start(twin: Twin, tmp_path: Path) -> None:
     with pytest.raises(StateError, match="cannot be written; name a file"):
         AutoSave(twin, tmp_path / "none" / "run.state", 1.0)

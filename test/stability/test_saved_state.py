@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from rope_twin.errors import InputError
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import measure_alone
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.snapshot import ForecastScore
 from rope_twin.twin.state import SavedState
 from rope_twin.twin.twin import Twin
 
@@ -75,6 +77,21 @@ def test_a_restored_run_and_a_branch_are_the_run(
             assert shot.winch_at_limit == expected.winch_at_limit
     assert twin.steps == moment
     assert same(Twin.restore(tmp_path / "saved", scene).capture(), twin.capture())
+
+
+@pytest.mark.parametrize("coverage", [math.nan, 0.9])
+def test_the_score_of_a_forecast_is_part_of_a_state(
+    scene: Scene, tmp_path: Path, coverage: float
+) -> None:
+    """Unknown coverage too: every run with a forecast and without a measured tension has it."""
+    twin = Twin(scene)
+    assert twin.offer_forecast_score(coverage, judged=40, factor=1.2, age_s=0.3) == ""
+    twin.save(tmp_path / "saved")
+    twins = twin, Twin.restore(tmp_path / "saved", scene), twin.branch()
+    scores = [one.inputs.forecast.at(0.5) for one in twins]
+    for one in scores:
+        assert one == pytest.approx(ForecastScore(0.0, 0.3, coverage, 40, 1.2), nan_ok=True)
+    assert all(one.inputs.forecast.at(1e3) is None for one in twins), "no forecast runs any more"
 
 
 def test_another_process_goes_on(
