@@ -6,7 +6,8 @@ acknowledges it; its sound may be silenced for SILENCE_NS; when its cause disapp
 in the list as rectified until it is acknowledged. A caution neither sounds nor waits for anybody.
 
 One situation has one alert, identified by number and instance. Where it becomes worse, the same
-alert takes the higher priority, as a new revision that must be acknowledged again.
+alert takes the higher priority, as a new revision that must be acknowledged again. Where it becomes
+a caution, an alarm or warning that waits keeps its priority until it is acknowledged.
 
 Times are those of the twin [ns]; the list is driven by `update` and holds no clock of its own.
 """
@@ -158,6 +159,8 @@ class AlertList:
         if one.priority > alert.priority:
             alert = replace(_revised(alert, first, self.now_ns), escalation=0)
         elif one.priority is Priority.CAUTION < alert.priority:
+            if alert.waits:  # a caution waits for nobody: nobody would see what has been
+                return replace(alert, text=one.text)
             alert = _revised(alert, first, self.now_ns)
         elif one.priority < alert.priority:  # less urgent: an acknowledgement remains valid
             alert = _revised(alert, alert.state, self.now_ns)

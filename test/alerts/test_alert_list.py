@@ -112,6 +112,30 @@ def test_what_becomes_worse_must_be_acknowledged_again() -> None:
     assert back.state is State.UNACKNOWLEDGED
 
 
+@pytest.mark.parametrize("act", ["acknowledge", "silence", None])
+def test_a_warning_that_fades_to_a_caution_still_waits(act: str | None) -> None:
+    """A sensor that fails and returns is doubtful for a minute, and then sound again."""
+    alerts = AlertList()
+    alerts.update([situation(priority=WARNING)], 0)
+    if act is not None:
+        getattr(alerts, act)("10001.1")
+    alerts.update([situation(priority=CAUTION)], SECOND)
+    seen = act == "acknowledge"
+    assert only(alerts).priority is (CAUTION if seen else WARNING)
+    assert only(alerts).waits is not seen
+    alerts.update([], 2 * SECOND)
+    if seen:
+        assert alerts.listed() == []
+        return
+    assert only(alerts).state is State.RECTIFIED
+    alerts.update([situation(priority=CAUTION)], 3 * SECOND)
+    alerts.update([situation(priority=WARNING)], 4 * SECOND)
+    alerts.update([situation(priority=CAUTION)], 5 * SECOND)
+    alerts.acknowledge("10001.1")
+    alerts.update([situation(priority=CAUTION)], 6 * SECOND)
+    assert (only(alerts).priority, only(alerts).waits) == (CAUTION, False)
+
+
 def test_the_order_is_that_of_bridge_displays() -> None:
     alerts = AlertList()
     six = {
