@@ -126,6 +126,7 @@ _EXAMPLES = {
     SHELVE: "shelve 10008.1 600",
     LIMIT: "limit tension_n 400000, or limit tension_n scene",
 }
+LONGEST = 200  # characters of a command: a mistake is quoted in full
 REFRESH_NS = 1_000_000_000  # texts have figures that change; they are refreshed at this interval
 
 
@@ -137,6 +138,7 @@ class AlertMonitor:
         self._lock = threading.Lock()
         self._refreshed_ns = -REFRESH_NS
         self._commanded = False
+        self._begun = False  # a first list replaces that of a run before, which is latched
 
     def take_rows(self, rows: Sequence[Status]) -> None:
         """Take the newest rows of the diagnostics."""
@@ -152,7 +154,8 @@ class AlertMonitor:
         """Judge a snapshot; return whether the list is to be published."""
         with self._lock:
             changed = bool(self._list.update(self._watch.look(shot), shot.stamp_ns))
-            changed, self._commanded = changed or self._commanded, False
+            changed = changed or self._commanded or not self._begun
+            self._commanded, self._begun = False, True
             due = shot.stamp_ns - self._refreshed_ns >= REFRESH_NS
             if changed or (due and self._list.listed()):
                 self._refreshed_ns = shot.stamp_ns
@@ -173,6 +176,9 @@ class AlertMonitor:
         Raises:
             InputError: there is no such command, alert or limit, or it is not possible now.
         """
+        if len(words) > LONGEST:
+            right = f"give {LONGEST} at most"
+            raise InputError("alerts/command", f"a text of {len(words)} characters", right)
         verb, *rest = words.split() or [""]
         if verb not in COMMANDS:
             right = did_you_mean(verb, COMMANDS)

@@ -376,9 +376,18 @@ def test_a_crew_commands_by_words_and_mistakes_are_answered(scene: Any) -> None:
         ("", "acknowledge"), ("acknowlege 10001.1", "did you mean 'acknowledge'"),
         ("silence", "write silence 10001.1"), ("shelve 10001.1", "write shelve"),
         ("shelve 10001.1 soon", "give seconds"), ("acknowledge 9.9", "there is no '9.9'"),
+        ("a" * 100_000, "a text of 100000 characters; give 200 at most"),
     ):  # fmt: skip
         with pytest.raises(InputError, match=right):
             monitor.command(words)
+
+
+def test_the_first_list_is_published_though_it_is_empty(scene: Any) -> None:
+    """The topic is latched: without it the alerts of a run before would stand there for ever."""
+    monitor, shot = AlertMonitor(scene), Course(scene).quiet
+    assert monitor.look(replace(shot, stamp_ns=STEP_NS))
+    assert monitor.listed() == (STEP_NS, [])
+    assert not monitor.look(replace(shot, stamp_ns=20 * STEP_NS))
 
 
 def test_an_ordinary_lift_calls_for_nobody(tmp_path: Any) -> None:
