@@ -197,7 +197,7 @@ class InputBorder:
         """Execute a switch that comes by a service immediately; return success and text."""
         if self._epoch() is None:
             return False, f"winch {winch}: '{kind}' ignored, the simulation is not active"
-        refusal = self.seats.permit(winch, kind)
+        refusal = self.seats.permit(winch, kind) or self._twin.inputs.winch_forbids(winch, kind)
         if refusal:
             return False, refusal
         self._inputs.offer_command(None, WinchCommand(kind), winch)

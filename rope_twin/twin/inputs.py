@@ -76,6 +76,9 @@ class RopesWithWinches(Protocol):
     def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Offer a command to a winch; return why it is refused, or ""."""
 
+    def forbids(self, name: str, switch: str) -> str:
+        """Return why a winch would not execute a switch now, or ""."""
+
     def follow(self, name: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
         """Let a winch have its measured line out [m] and line speed [m/s]."""
 
@@ -225,6 +228,12 @@ class TwinInputs:
                 sentence = phrase("winch command", f"there is no winch '{winch}'", right)
                 return self.winch.refuse(command, sentence)
             return self.ropes.offer(winch, stamp_ns, command, self._clock.time_ns)
+
+    def winch_forbids(self, winch: str, switch: str) -> str:
+        """Return why a winch would not execute a switch now; "": it would. Any thread may ask."""
+        if self.winch_called(winch) == WINCH:
+            return self.winch.forbids(switch)
+        return self.ropes.forbids(winch, switch)
 
     def winch_called(self, name: str) -> str:
         """Return the name of the commanded winch; a single-line scene accepts its rope's too."""

@@ -118,6 +118,11 @@ class MultiLineRopes:
         names = [line.from_ for line in self._scene.ropes]
         return self._winches[names.index(name)].take(stamp_ns, command, now_ns)
 
+    def forbids(self, name: str, switch: str) -> str:
+        """Return why the winch of this name would not execute a switch now; "": it would."""
+        names = [line.from_ for line in self._scene.ropes]
+        return self._winches[names.index(name)].forbids(switch)
+
     def follow(self, name: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
         """Let the winch of this name have a measured line out [m] and line speed [m/s]."""
         names = [line.from_ for line in self._scene.ropes]

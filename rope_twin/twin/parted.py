@@ -70,6 +70,10 @@ class SingleWinch:
         """Raise RuntimeError, as there is no other winch."""
         raise RuntimeError(f"there is no winch {name}")
 
+    def forbids(self, name: str, switch: str) -> str:
+        """Raise RuntimeError, as there is no other winch."""
+        raise RuntimeError(f"there is no winch {name}")
+
     def follow(self, name: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
         """Raise RuntimeError, as there is no other winch."""
         raise RuntimeError(f"there is no winch {name}")

@@ -25,10 +25,10 @@ EPOCH_NS = 1_700_000_000_000_000_000
 class Rig:
     """A twin at rest behind a border on a clock of the test's own."""
 
-    def __init__(self) -> None:
+    def __init__(self, scene: str = "shallow_lift") -> None:
         self.now_s = 100.0
         self.applied: list[LogEntry] = []
-        twin = Twin(load_scene("shallow_lift"))
+        twin = Twin(load_scene(scene))
         self.inputs = InputQueue(twin, twin, self.applied.append)
         self.border = InputBorder(twin, self.inputs, PRIORITY, lambda: self.now_s)
         self.border.epoch_ns = EPOCH_NS
@@ -62,6 +62,20 @@ def rig() -> Rig:
 def test_a_heave_message_reaches_the_queue_in_twin_time(rig: Rig) -> None:
     rig.heave(0.05)
     assert rig.calls() == [("offer_heave", (50_000_000, 0.1, 0.0, 55_000_000))]
+
+
+def test_a_service_is_answered_with_what_the_winch_will_do() -> None:
+    """A brake that would not be released is not reported as released."""
+    rig = Rig("emergency_stop")
+    assert rig.border.switch("winch", "release_brake")[0]
+    assert rig.border.switch("winch", "emergency_stop") == (True, "winch winch: emergency stop")
+    rig.inputs.advance(2)
+    done, words = rig.border.switch("winch", "release_brake")
+    assert not done
+    assert "'release_brake' in an emergency stop; reset it first" in words
+    assert rig.border.switch("winch", "reset")[0]
+    rig.inputs.advance(2)
+    assert rig.border.switch("winch", "release_brake")[0]
 
 
 def test_of_two_senders_of_motion_the_first_is_heard(rig: Rig) -> None:

@@ -124,11 +124,18 @@ def test_in_an_emergency_stop_nothing_moves_until_it_is_reset() -> None:
     assert winch.line.speed_m_per_s == 0.0
     assert winch.shot().mode == "emergency_stop"
     assert "until it is reset" in winch.at_limit
-    winch.take(None, WinchCommand("reset"), 5 * S)
     winch.take(None, WinchCommand("release_brake"), 5 * S)
-    winch.take(None, WinchCommand("speed", -1.0), 5 * S)
-    stepped(winch, 3.0, begin_s=5.0)
+    stepped(winch, 1.0, begin_s=5.0)
+    assert dict(winch.shot().figures)["brake_holds"] == 1.0
+    refused = winch.health(6 * S)["winch_switch"]
+    assert "'release_brake' in an emergency stop; reset it first" in refused.note
+    assert winch.forbids("release_brake") == refused.note
+    winch.take(None, WinchCommand("reset"), 6 * S)
+    winch.take(None, WinchCommand("release_brake"), 6 * S)
+    winch.take(None, WinchCommand("speed", -1.0), 6 * S)
+    stepped(winch, 3.0, begin_s=6.0)
     assert winch.line.speed_m_per_s == -1.0
+    assert winch.forbids("release_brake") == ""
 
 
 def test_a_brake_takes_its_delay() -> None:

@@ -254,9 +254,13 @@ class FollowingWinch(Winch):
         """Reject a command, as the winch follows its measured line out."""
         if command.kind in COMMANDER_EVENTS:
             return ""
+        return self.refuse(command, self.forbids(command.kind))
+
+    def forbids(self, switch: str) -> str:
+        """Return why no command is executed."""
         right = "set winch.follows to commands in the scene"
-        what = f"'{command.kind}' to a winch that follows its measured line out"
-        return self.refuse(command, phrase("winch command", what, right))
+        what = f"'{switch}' to a winch that follows its measured line out"
+        return phrase("winch command", what, right)
 
     def follow(self, stamp_ns: int, length_m: float, speed_m_per_s: float | None) -> None:
         """Take a measured line out that was checked."""

@@ -29,6 +29,7 @@ from rope_twin.twin.winch.commands import (
     EMERGENCY_STOP,
     FEEDBACK_MODES,
     NEW_COMMANDER,
+    RELEASE_BRAKE,
     RESET,
     SET_BRAKE,
     UNKNOWN_ROPE,
@@ -152,6 +153,12 @@ class Winch:
                 )
                 queue.counter.warn(phrase("winch command", what, right), now_ns)
         return refusal
+
+    def forbids(self, switch: str) -> str:
+        """Return why it would not execute this switch now; "": it would. Any thread may ask."""
+        if self._stopped and switch in (RELEASE_BRAKE, COMPENSATE):
+            return phrase("winch command", f"'{switch}' in an emergency stop", "reset it first")
+        return ""
 
     def follow(self, stamp_ns: int, length_m: float, speed_m_per_s: float | None) -> None:
         """Take a measured line out that was checked; a winch with commands does not use it."""
@@ -283,7 +290,10 @@ class Winch:
         if switches:
             self._monitor.switches([one.kind for one in switches], self._begun_ns, time_ns)
         for command in switches:
-            self._switch(command.kind, time_ns)
+            if refusal := self.forbids(command.kind):
+                self._switches.counter.refuse("impossible", refusal)
+            else:
+                self._switch(command.kind, time_ns)
         if self._stopped:
             return
         for command in motions:
