@@ -1,8 +1,9 @@
 """Recorder node: records every topic of the table, inputs included, byte for byte.
 
 The bytes go from the subscription to a queue; the recorder's own thread writes them. The log time
-is the publisher's time of sending. On an overloaded machine messages queue in the middleware: each
-callback takes all queued messages of its topic, and at the end all topics are drained.
+is the publisher's time of sending, but for latched messages of long before the recording. On an
+overloaded machine messages queue in the middleware: each callback takes all queued messages of its
+topic, and at the end all topics are drained.
 
 A recorder on standby listens too, and begins its bag with the last seconds: what the recorder whose
 place it takes had not written yet is in the next bag.
@@ -28,11 +29,12 @@ from rope_twin.recording.bag_writer import BagRecorder
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import RecorderParams, declare
 from rope_twin.ros.qos import listen, message_type, publish
-from rope_twin.topics import BY_NAME, CUT_TOPIC, TOPICS, Qos, Topic
+from rope_twin.topics import BY_NAME, CUT_TOPIC, SESSION_TOPIC, TOPICS, Qos, Topic
 
 _DEPTH = 1000  # messages that may queue in the middleware while this process is blocked
 _DIAGNOSTICS_S = 1.0
 _POLL_S = 0.05  # on standby: period of checking for the start file
+_OLD_NS = 10_000_000_000  # age from which a latched message is of before the recording
 _KEPT_S = 2.0  # on standby: a recorder that dies may have written nothing for almost a second
 
 
@@ -60,6 +62,44 @@ class MessageLoss:
         self._newest[publisher] = max(number, before or 0)
 
 
+Stored = tuple[str, int, bytes, int]  # topic, stamp [ns], message and its number
+
+
+class BagBeginning:
+    """Holds latched messages until the bag has begun, and lets the old ones begin with it.
+
+    A new subscription receives a latched message however old it is. With that stamp the bag of a
+    recorder that joins would begin hours before its first result. A session is never held: it is
+    published again for a recorder that joins.
+    """
+
+    def __init__(self) -> None:
+        self._began_ns: int | None = None  # stamp of the first result, by the simulation's clock
+        self._held: list[Stored] = []
+
+    def take(self, one: Stored) -> list[Stored]:
+        """Return the messages to be written now that this one has come."""
+        topic = BY_NAME[one[0]]
+        if topic.qos is Qos.LATCHED and topic.name != SESSION_TOPIC:
+            self._held.append(one)
+            return [] if self._began_ns is None else self.rest()
+        if self._began_ns is not None or not topic.of_snapshot:
+            return [one]
+        self._began_ns = one[1]
+        return [*self.rest(), one]
+
+    def rest(self) -> list[Stored]:
+        """Return the messages that are still held."""
+        held, self._held = self._held, []
+        return [
+            (name, self._stamp(stamp_ns), data, number) for name, stamp_ns, data, number in held
+        ]
+
+    def _stamp(self, stamp_ns: int) -> int:
+        began_ns = stamp_ns if self._began_ns is None else self._began_ns
+        return stamp_ns if began_ns - stamp_ns < _OLD_NS else began_ns
+
+
 class RecorderNode(Node):
     """Subscribes to all topics as raw bytes and hands them to a BagRecorder."""
 
@@ -70,6 +110,7 @@ class RecorderNode(Node):
         self._listening: dict[str, Any] = {}  # subscription by topic
         self._kept: deque[tuple[float, str, bytes, dict[str, Any]]] = deque()  # on standby
         self._loss = MessageLoss()
+        self._beginning = BagBeginning()
         self._unwritten = 0  # messages received that could not be written
         self._logged = ""
         self.failure = ""  # why the bag is incomplete, known when closed
@@ -153,6 +194,8 @@ class RecorderNode(Node):
         for topic in self._listening:
             self._take_waiting(topic)
         recorder = self._recorder
+        for one in self._beginning.rest():
+            recorder.write(*one)
         try:
             recorder.close()
         except BagError as error:
@@ -208,7 +251,8 @@ class RecorderNode(Node):
         self._loss.count(info)
         stamp_ns = info["source_timestamp"] or time.time_ns()
         number = info["publication_sequence_number"] or 0
-        self._recorder.write(topic, stamp_ns, data, number & 0xFFFFFFFF)
+        for one in self._beginning.take((topic, stamp_ns, data, number & 0xFFFFFFFF)):
+            self._recorder.write(*one)
 
     def _keep(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         """Keep a message for the beginning of the bag; drop those that are older than is needed."""
