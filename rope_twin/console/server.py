@@ -236,19 +236,27 @@ async def _send(websocket: Any, page: Page) -> None:
 
 async def _receive(websocket: Any, page: Page, desk: Desk) -> None:
     """Hand what the page sends to the desk until it disconnects."""
-    from starlette.websockets import WebSocketDisconnect
+    while (message := await websocket.receive())["type"] != "websocket.disconnect":
+        content = _content(message.get("text") or "")
+        if content is None:
+            await websocket.close(_POLICY_VIOLATION, "not a message of this page")
+            return
+        desk.take(page, content)
 
-    with contextlib.suppress(WebSocketDisconnect):
-        while True:
-            text = await websocket.receive_text()
-            content = None
-            if len(text) <= MOST_MESSAGE_BYTES:
-                with contextlib.suppress(ValueError):
-                    content = json.loads(text)
-            if not isinstance(content, dict):
-                await websocket.close(_POLICY_VIOLATION, "not a message of this page")
-                return
-            desk.take(page, content)
+
+def _content(text: str) -> dict[str, Any] | None:
+    """Return the object in a message of a page; None: it is none, or could not be sent to others.
+
+    JSON can spell half a character, which no frame can carry: all pages would fall silent with it.
+    """
+    if len(text) > MOST_MESSAGE_BYTES:
+        return None
+    try:
+        content = json.loads(text)
+        json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
+    except (ValueError, RecursionError):
+        return None
+    return content if isinstance(content, dict) else None
 
 
 class Server:

@@ -99,12 +99,35 @@ def test_a_page_gets_rows_and_answers(client: TestClient) -> None:
         assert "token" in answer["words"]
 
 
-@pytest.mark.parametrize("text", ["", "no json", "[]", "7", '{"a": "' + 5000 * "x" + '"}'])
-def test_what_is_no_message_of_a_page_ends_the_connection(client: TestClient, text: str) -> None:
+HALF_A_CHARACTER = '{"do": "mark", "id": 1, "text": "x\\ud800"}'
+NO_MESSAGES = {
+    "empty": "", "no JSON": "no json", "list": "[]", "number": "7", "bytes": b"\xff\xfe",
+    "long": '{"a": "' + 5000 * "x" + '"}', "nested": 4000 * "[", "NaN": '{"id": NaN}',
+    "infinite": '{"id": 1e999}', "half a character": HALF_A_CHARACTER,
+    "half a token": '{"do": "sign_in", "token": "\\udfff"}',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", NO_MESSAGES)
+def test_what_is_no_message_of_a_page_ends_the_connection(client: TestClient, kind: str) -> None:
+    sent = NO_MESSAGES[kind]
     with client.websocket_connect("/live", headers=PAGE) as socket:
-        socket.send_text(text)
-        with pytest.raises(WebSocketDisconnect):
+        socket.send_bytes(sent) if isinstance(sent, bytes) else socket.send_text(sent)
+        with pytest.raises(WebSocketDisconnect) as ended:
             read_to_the_end(socket)
+    assert ended.value.code == 1008, "in words, by no error of the server"
+
+
+def test_half_a_character_does_not_silence_the_other_pages(client: TestClient) -> None:
+    """JSON may spell it, a frame cannot carry it; a marker goes to every page."""
+    with client.websocket_connect("/live", headers=PAGE) as bad:
+        bad.send_text(HALF_A_CHARACTER)
+        with pytest.raises(WebSocketDisconnect):
+            read_to_the_end(bad)
+    with client.websocket_connect("/live", headers=PAGE) as page:
+        page.send_text(json.dumps({"do": "mark", "id": 2, "text": "over the side"}))
+        assert json.loads(page.receive_text())[0]["type"] == "hello"
+    assert client.get("/export/markers.csv").status_code == 200
 
 
 def read_to_the_end(socket: Any) -> None:
