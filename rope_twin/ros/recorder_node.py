@@ -11,6 +11,7 @@ place it takes had not written yet is in the next bag.
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections import deque
@@ -265,13 +266,16 @@ class RecorderNode(Node):
         status = self.status()
         now_ns = self.get_clock().now().nanoseconds
         self._diagnostics.publish(encode_diagnostics(now_ns, [status]))
-        if status.level != Level.OK:
+        if status.level == Level.OK:
+            self._logged = ""
+        else:
             self._warn_once(status.message)
 
     def _warn_once(self, message: str) -> None:
-        """Log a warning unless it repeats the last one."""
-        if message != self._logged:
-            self._logged = message
+        """Log a warning unless it repeats the last one with other numbers, as each second."""
+        kind = re.sub(r"\d+", "", message)
+        if kind != self._logged:
+            self._logged = kind
             self.get_logger().warning(message)
 
 

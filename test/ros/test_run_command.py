@@ -210,6 +210,7 @@ def test_a_bag_and_a_state_that_find_no_room_are_reported_at_the_end(
     assert "Traceback" not in process.text
     summary = last_line(re.findall(r"^\{.*\}$", process.text, re.MULTILINE)[0])
     assert summary["steps"] == 300
+    assert process.text.count("wait in memory; make room") == 1, "not each second again"
     assert f"bag {bag}: " in str(summary["not_kept"])
     assert f"`rope_twin recover {bag}`" in str(summary["not_kept"])
     assert str(state) in str(summary["not_kept"])
