@@ -154,9 +154,17 @@ def _inputs(at: Moment) -> Iterator[Measure]:
         label = name.replace("_", " ")
         if health.fault or health.stale:
             words = health.fault or health.note or "no sample is fresh"
-            yield present(name, WARNING, f"{label}: {words}")
+            yield present(name, WARNING, _about(label, words))
         elif health.warning:
-            yield present(name, CAUTION, f"{label}: {health.warning}")
+            yield present(name, CAUTION, _about(label, health.warning))
+
+
+def _about(label: str, words: str) -> str:
+    """Return words that begin with the input's label once, and end as those of other alerts."""
+    subject, colon, rest = words.removesuffix(".").partition(": ")
+    if colon and subject.replace("/", " ") == label:
+        return f"{label}: {rest}"
+    return f"{label}: {subject}{colon}{rest}"
 
 
 def _quality(at: Moment) -> Iterator[Measure]:

@@ -541,9 +541,9 @@ def _input(name: str, health: InputHealth) -> Status:
         if health.refusal and health.refusal != health.note and health.recently_refused:
             faults.append(f"{_rejected(health)}: {health.refusal.removesuffix('.')}")
     if faults:
-        faults += [health.warning] if health.warning else []
+        faults += [health.warning.removesuffix(".")] if health.warning else []
         return Status(title, Level.ERROR, "; ".join(faults), values)
-    warnings = [health.warning] if health.warning else []
+    warnings = [health.warning.removesuffix(".")] if health.warning else []
     if name == "current" and health.note and health.note != health.refusal:
         warnings.append(health.note.removesuffix("."))  # accepted, but implausibly fast
     if health.recently_refused:

@@ -231,6 +231,23 @@ def test_delays_keep_short_troubles_out(scene: Any) -> None:
     assert course.see(80.0) == {}
 
 
+@pytest.mark.parametrize(
+    ("name", "words", "text"),
+    [
+        ("heave", "its clock is doubtful", "heave: its clock is doubtful"),
+        ("current", "current: it leaps; check it.", "current: it leaps; check it"),
+        ("winch_measured", "winch/measured: it jumps.", "winch measured: it jumps"),
+        ("heave", "ship/heave: of two", "heave: ship/heave: of two"),
+    ],
+)
+def test_an_alert_names_its_input_once(scene: Any, name: str, words: str, text: str) -> None:
+    course = Course(scene)
+    inputs = {name: InputHealth(accepted=9, warning=words)}
+    assert course.see(2.0, inputs=inputs) == {(10007, name): Priority.CAUTION}
+    (found,) = course.watch.look(replace(course.last, stamp_ns=course.time_ns + STEP_NS))
+    assert found.text == text
+
+
 def test_inputs_quality_and_diagnostics(scene: Any) -> None:
     course = Course(scene)
     stale = {"heave": InputHealth(accepted=9, stale=True, note="held"), "border": InputHealth()}

@@ -174,6 +174,19 @@ def test_a_residual_beside_nothing_is_round_off() -> None:
                 late=1,
                 recently_refused=1,
                 refusal="it came late.",
+                note="it came late.",
+                warning="heave: a jump; check the sensor.",
+            ),
+            Level.WARN,
+            "heave: a jump; check the sensor; 1 sample rejected in the last 60 s; last: "
+            "it came late.",
+        ),
+        (
+            InputHealth(
+                accepted=7,
+                late=1,
+                recently_refused=1,
+                refusal="it came late.",
                 note="samples are back",
             ),
             Level.WARN,
