@@ -28,6 +28,7 @@ KINDS = (CONTINUE, HOLD, STOP, LOWER, HAUL, LAND, COMPENSATION)
 WITH_SPEED = (LOWER, HAUL, LAND)
 SLACK_AFTER_LANDING_M = 2.0  # line paid out beyond first contact
 MOST_ORDERS = 6  # compared at once: each takes as long as a forecast
+LONGEST = 200  # characters of their text: a mistake is quoted in full
 USUAL_ACCELERATION = 0.3  # m/s², of a scene without a winch
 USUAL_SPEED = 0.5  # m/s, of `lower`, `haul` and `land` without one
 _WORD = re.compile(r"([a-z]+)(?::([^@]+))?(?:@(.+))?")
@@ -92,6 +93,8 @@ def read_orders(words: str) -> tuple[Order, ...]:
     Raises:
         InputError: no order, an unknown one, or more than MOST_ORDERS.
     """
+    if len(words) > LONGEST:
+        raise InputError("orders", f"a text of {len(words)} characters", f"give {LONGEST} at most")
     asked = words.split()
     if not 0 < len(asked) <= MOST_ORDERS:
         right = f"give one to {MOST_ORDERS}, like lower:0.5 stop"

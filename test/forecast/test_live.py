@@ -203,7 +203,7 @@ def test_orders_are_compared_once(scene: Scene) -> None:
     assert not after.refused
 
 
-@pytest.mark.parametrize("words", ["", "hold " * 7, "lower:fast", "swim"])
+@pytest.mark.parametrize("words", ["", "hold " * 7, "lower:fast", "swim", "x" * 100_000])
 def test_orders_that_are_none(words: str) -> None:
     """One sentence says what is wrong and what would be right."""
     with pytest.raises(InputError, match=r"give|known: compensation"):
