@@ -27,6 +27,9 @@ class Twin(twin.Twin):
     Every `offer_*` method raises InputError with the reason if the input is rejected; inputs
     accepted earlier stay in force. Otherwise it returns "".
 
+    `advance` applies what was offered and nothing else: the scene's vessel motion and winch
+    schedule are offered by `rope_twin.studies.driven_twin.fed`.
+
     Raises:
         SceneError: the scene is invalid or cannot be built, or its rope has no static equilibrium
             to start from.

@@ -19,7 +19,7 @@ OVER_ROS = "winch_and_mru"  # test/ros/test_tutorial_feed.py runs that one
 LESSONS = [page for page in TUTORIALS.glob("*.md") if page.stem not in ("index", OVER_ROS)]
 
 
-GUIDES = [ROOT / "docs" / "how-to" / "fleet.md"]
+GUIDES = [ROOT / "docs" / "how-to" / "fleet.md", ROOT / "docs" / "reference" / "api.md"]
 PAGES = [ROOT / "README.md", *sorted(LESSONS), *GUIDES]
 
 
