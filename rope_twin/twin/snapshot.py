@@ -381,7 +381,7 @@ class Snapshot:
     payload_velocity_m_per_s: Vector  # (3,)
     line_out_m: float  # unstretched rope below the hang-off
     payout_speed_m_per_s: float  # + paying out
-    motion_ramp: float  # build-up factor of the ship's motion, 0 to 1
+    motion_ramp: float  # build-up factor of the ship's motion, 0 to 1; 1: it lies still
     step_s: float = 0.0  # length of the newest step
     # factors on the forces of water, vortices and fairings, of a scene with a fluid ramp; else none
     fluid_factors: tuple[float, ...] = ()

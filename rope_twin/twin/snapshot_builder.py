@@ -102,6 +102,7 @@ class SnapshotInputs(NamedTuple):
     study_error: KnownError
     winches: tuple[WinchShot, ...] = ()
     cut: CutShot | None = None
+    ship_moves: bool = True  # by the scene's sea or by samples; else nothing builds up
 
 
 def build_snapshot(state: State, work: Floats, seen: SnapshotInputs) -> Snapshot:
@@ -137,7 +138,9 @@ def build_snapshot(state: State, work: Floats, seen: SnapshotInputs) -> Snapshot
         line_out_m=float(seen.border[rows.LINE]),
         payout_speed_m_per_s=float(seen.border_rate[rows.LINE]),
         fluid_factors=factors_at(seen.effects, seen.stamp_ns * 1e-9),
-        motion_ramp=ramp(seen.stamp_ns * 1e-9, seen.ship.motion_ramp_s)[0],
+        motion_ramp=(
+            ramp(seen.stamp_ns * 1e-9, seen.ship.motion_ramp_s)[0] if seen.ship_moves else 1.0
+        ),
         winch_at_limit=seen.winch_at_limit,
         doubtful=seen.doubtful,
         solver=_solver_health(state.health, seen.computing_s),

@@ -384,6 +384,7 @@ class Twin:
                 study_error=self._study_error,
                 winches=() if winch is None else (winch,),
                 cut=self.cut,
+                ship_moves=self.scene.sea_state.moves or health["heave"].accepted > 0,
             ),
         )
         record.begin_interval(system.unconverged)

@@ -360,6 +360,16 @@ def test_it_stays_within_its_bounds(course: list[tuple[Snapshot, float]]) -> Non
             assert one.lowest <= one.index or now_s == one.lowest_at_s
 
 
+def test_nothing_builds_up_while_the_ship_lies_still(tmp_path: Path) -> None:
+    twin = Twin(small_scene(tmp_path))
+    assert twin.snapshot().motion_ramp == 1.0
+    assert of(twin.snapshot()).index == UNPROVEN
+    twin.offer_heave(0, 0.1, 0.0)
+    assert twin.snapshot().motion_ramp == 0.0
+    twin.advance(100)
+    assert twin.snapshot().motion_ramp == 0.5  # of a ramp of 2 s, u³·(10 - 15u + 6u²)
+
+
 def test_a_twin_whose_heave_drops_out_and_returns(tmp_path: Path) -> None:
     """Through the public interface, in a saved state too."""
     twin = Twin(small_scene(tmp_path))
