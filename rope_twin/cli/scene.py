@@ -20,6 +20,7 @@ from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json
 from rope_twin.cli.interchange import add_export, add_import, run_export, run_import
 from rope_twin.cli.scene_hydrodynamics import add_coefficients, add_raos, run_coefficients, run_raos
+from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, did_you_mean
 from rope_twin.messages.diagnostics import breach_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
@@ -425,13 +426,14 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
         factor = f", safety factor {rope.breaking_load_n / most:.2f}" if most > 0.0 else ""
         dry = figures.hung.dry_share(line.length_m)
         air = f", {100.0 * dry:.0f} % of the payload above water" if dry > 0.0 else ""
+        still = ", without current" if scene.listed(CurrentParams) is not None else ""
         added, drag = figures.payload.added_mass_kg, figures.payload.drag_area_m2
         rows += [
             ("payload in water", f"{figures.payload_weight_n / 1e3:.1f} kN"),
             ("payload added mass", " / ".join(f"{mass:.0f}" for mass in added) + " kg (x / y / z)"),
             ("payload drag area", " / ".join(f"{area:.2f}" for area in drag) + " m² (x / y / z)"),
             ("terminal velocity", f"{figures.sinking_speed_m_per_s(density):.2f} m/s (slack line)"),
-            ("static top tension", f"{top / 1e3:.1f} kN{factor}{air}"),
+            ("static top tension", f"{top / 1e3:.1f} kN{factor}{air}{still}"),
             ("static elongation", f"{stretch_m(figures):.2f} m"),
         ]
     return [

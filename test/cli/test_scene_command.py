@@ -41,7 +41,7 @@ def test_show_tells_parts_and_what_follows(capsys: pytest.CaptureFixture[str]) -
         "drag normal 1.9, tangential 0.03",
         "current profile 4 rows",
         "payload in water     155.9 kN",
-        "static top tension   319.5 kN, safety factor 3.17",
+        "static top tension   319.5 kN, safety factor 3.17, without current",
         "first axial period   10.06 s",
         "1.5 % of critical",
         "-0.5 m/s from 30 s",
