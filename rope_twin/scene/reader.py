@@ -305,14 +305,14 @@ def read_object(
     """
     fields = {key_of(field): field for field in dataclasses.fields(cls) if field.name not in given}
     mapping, errors = _mapping(item, place, fields), SceneErrors()
-    unknown = _refuse_unknown(mapping, place, fields, errors)
+    hints = get_type_hints(cls)
+    unknown = _refuse_unknown(mapping, place, fields, hints, errors)
     missing = [field for name, field in fields.items() if _needed(field) and name not in mapping]
     missing = [field for field in missing if f"did you mean '{key_of(field)}'?" not in unknown]
     if missing:
         names = ", ".join(field.name for field in missing)
         right = f"add {missing[0].name} ({_meaning(missing[0])})"
         errors.add(place.refuse(f"{names} missing", right))
-    hints = get_type_hints(cls)
     values = dict(given)
     for name, child in mapping.items():
         if name not in fields:
@@ -342,16 +342,30 @@ def _mapping(item: Item, place: Place, known: Mapping[str, Any]) -> dict[str, It
 
 
 def _refuse_unknown(
-    mapping: Mapping[str, Item], place: Place, known: Mapping[str, Any], errors: SceneErrors
+    mapping: Mapping[str, Item],
+    place: Place,
+    known: Mapping[str, Any],
+    hints: Mapping[str, Any],
+    errors: SceneErrors,
 ) -> set[str]:
     """Collect an error for each unknown key; return the remedies suggested."""
     said = set()
     for name, child in mapping.items():
         if name not in known:
             right = did_you_mean(name, known) if known else "remove it, no keys are allowed here"
+            homes = [key for key, field in known.items() if name in _keys_of(hints[field.name])]
+            if homes:
+                right = f"it belongs to `{homes[0]}`, as `{homes[0]}: {{{name}: ...}}`"
             errors.add(place.key(name, child.line).refuse("unknown key", right))
             said.add(right)
     return said
+
+
+def _keys_of(hint: Any) -> set[str]:
+    """Return the keys of a part that is one mapping; none of other types."""
+    kinds = get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
+    parts = (one for one in kinds if dataclasses.is_dataclass(one))
+    return {key_of(field) for one in parts for field in dataclasses.fields(one)}
 
 
 def read_choice(item: Item, place: Place, choices: Mapping[str, Any]) -> tuple[str, Item, Place]:

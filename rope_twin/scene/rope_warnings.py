@@ -441,6 +441,13 @@ def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         yield phrase("winch.schedule", what, "lower more slowly, or the rope goes slack")
 
 
+def _limits(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    most = scene.limits.utilisation
+    if most > 1.0:
+        what = f"{most:g} allows {most:g} times the MBL of a rope"
+        yield phrase("limits.utilisation", what, "give a fraction of the MBL, as 0.3 for 30 %")
+
+
 def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     yield from _dry_rope(scene, figures)
     ramp = scene.ship.motion_ramp_s
@@ -502,6 +509,7 @@ CHECKS: tuple[Check, ...] = (
     check_compensator,
     check_water,
     check_body,
+    _limits,
     _ship,
     check_current,
     check_depth_profiles,

@@ -101,7 +101,7 @@ def check_equilibrium(scene: Scene, end: Equilibrium, highest_m: float) -> None:
         raise SceneError(
             where,
             f"at rest it floats up to z = {highest_m:.1f} m",
-            "give the payload more weight in water or take a heavier rope",
+            "check mass_kg and displaced_volume_m3 of the payload, or take a heavier rope",
         )
 
 

@@ -164,6 +164,11 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "ship.hang_off_m[2]: ",
         ("90 m of rope above the water", "728 N of buoyancy", "443 N of drag", "132.9 kN"),
     ),
+    "limit in per cent": (
+        f"{GOOD}limits: {{utilisation: 30.0}}\n",
+        "limits.utilisation: ",
+        ("30 times the MBL", "0.3 for 30 %"),
+    ),
     "motion without a ramp": (
         spoilt("motion_ramp_s: 8.0", "motion_ramp_s: 0.0").replace(
             "{start_s", "{bag: ./bag, start_s"

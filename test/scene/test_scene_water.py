@@ -235,3 +235,4 @@ def test_an_unpaced_run_tells_what_is_odd(
     reported = capsys.readouterr().err
     assert "payloads[0]: it floats: 0.0 kN in air displaces 9.00 m³" in reported
     assert "at rest it floats up to z = " in reported
+    assert "check mass_kg and displaced_volume_m3 of the payload" in reported
