@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib.util
 from collections.abc import Iterable
+from pathlib import Path
 
 
 class RopeTwinError(Exception):
@@ -86,6 +87,12 @@ def phrase(where: str, what: str, right: str) -> str:
     """Return one sentence: `where: what; right.`"""
     end = "" if right.endswith("?") else "."
     return f"{where}: {what}; {right}{end}"
+
+
+def unreadable(path: Path, error: OSError | UnicodeDecodeError) -> InputError:
+    """Return the error to raise where a file cannot be read as text."""
+    what = f"it cannot be read ({getattr(error, 'strerror', None) or error})"
+    return InputError(str(path), what, "give the path of a text file")
 
 
 def require(module: str, why: str, extra: str, name: str = "") -> None:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, unreadable
 
 CURRENT_FILE = "current_profile.txt"  # the name that MoorDyn looks for beside its deck
 LARGEST_FILE_BYTES = 10_000_000
@@ -184,7 +184,7 @@ def _lines(path: Path) -> list[str]:
             raise InputError(str(path), "it is larger than 10 MB", "give a deck")
         return path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"it cannot be read ({error})", "give a text file") from None
+        raise unreadable(path, error) from None
 
 
 Rows = Sequence[tuple[int, list[str]]]

@@ -29,6 +29,7 @@ DEEP_WATER_LENGTHS = 0.5  # of the wave: below, its kinematics are 4 % of those 
 
 def notes(result: PlanResult) -> Iterator[str]:
     """Yield remarks on the results, the most important first."""
+    yield from _static(result)
     yield from _failures(result)
     yield from _intervals(result)
     yield from _errors(result)
@@ -51,6 +52,17 @@ def notes(result: PlanResult) -> Iterator[str]:
 def _cells(count: int) -> str:
     """Return a number of cells in words."""
     return "1 cell" if count == 1 else f"{count} cells"
+
+
+def _static(result: PlanResult) -> Iterator[str]:
+    for work in result.works:
+        if work.static_use > 1.0:
+            most = work.static_hook_n / work.static_use
+            yield (
+                f"{work.title}: the static hook load of {1e-3 * work.static_hook_n:.3g} kN alone "
+                f"is above its limit of {1e-3 * most:.3g} kN, so that no sea meets it; check swl_n "
+                "[N] and safety_factor."
+            )
 
 
 def _failures(result: PlanResult) -> Iterator[str]:

@@ -28,6 +28,7 @@ from rope_twin.studies.picture import Line, Panel
 PERCENTILES = (50.0, 90.0)
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 SECONDS_PER_HOUR = 3600.0
+SHORTEST_S = 60.0  # of a planned period: less is hours without their unit
 WHOLE = 1e-9  # relative: a period that is so near to whole steps is that many
 
 Flags = NDArray[np.bool_]
@@ -47,6 +48,9 @@ class Operation:
         if not (math.isfinite(self.planned_s) and self.planned_s > 0.0):
             what = f"it is {self.planned_s / SECONDS_PER_HOUR:g} h"
             raise InputError("planned period", what, "give a time above 0")
+        if self.planned_s < SHORTEST_S:
+            what = f"it is {self.planned_s:g} s"
+            raise InputError("planned period", what, "give it with its unit, like 6h")
         if not (math.isfinite(self.contingency_s) and self.contingency_s >= 0.0):
             what = f"it is {self.contingency_s / SECONDS_PER_HOUR:g} h"
             raise InputError("contingency", what, "give 0 or more")

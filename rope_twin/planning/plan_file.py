@@ -165,7 +165,9 @@ class Lowering:
         """Return a fault of the depths, or None."""
         if self.from_m < self.to_m:
             return None
-        return f"from_m {self.from_m:g} is not above to_m {self.to_m:g}; give the lesser as from_m"
+        return (
+            f"from_m {self.from_m:g} is not less than to_m {self.to_m:g}; give the lesser as from_m"
+        )
 
     def borders_m(self) -> list[float]:
         """Return depths between which the legs run, in a constant ratio [m]."""

@@ -66,7 +66,7 @@ def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
     try:
         scene = load_scene(beside if beside.suffix in (".yaml", ".yml") else plan.scene)
     except RopeTwinError as error:
-        raise _at(tree, place, "scene").refuse(str(error).rstrip("."), "correct it") from error
+        raise _at(tree, place, "scene").refuse(*_halves(error)) from error
     scene = plan.in_current(scene)
     errors = SceneErrors()
     for keys, what, right in faults(plan, scene):
@@ -89,6 +89,12 @@ def with_error(plan: Plan, share: float) -> Plan:
     change = Change("method.error_within", share)
     made = change_part(plan, [change], Path("--within"))
     return replace(made, digest=hashlib.sha256(f"{plan.digest} {change}".encode()).hexdigest())
+
+
+def _halves(error: RopeTwinError) -> tuple[str, str]:
+    """Return fault and remedy of an error's sentence."""
+    what, _, right = str(error).rstrip(".").rpartition("; ")
+    return (what, right) if what else (right, "correct it")
 
 
 def _at(tree: Item, place: Place, *keys: str | int) -> Place:
@@ -160,7 +166,7 @@ def _vessel_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     try:
         tip = tip_of(plan, scene)
     except RopeTwinError as error:
-        yield ("vessel", "responses"), str(error).rstrip("."), "correct it"
+        yield ("vessel", "responses"), *_halves(error)
         return
     if not tip.headings and plan.sea.headings_deg != (HEAD_SEAS,):
         what = "the scene's box-like hull answers head seas alone"
@@ -262,7 +268,7 @@ def _lift_off_faults(plan: Plan, own: LiftOff, scene: Scene) -> Iterator[Fault]:
     try:
         deck_of(plan, own.deck)
     except RopeTwinError as error:
-        yield ("deck", "responses"), str(error).rstrip("."), "correct it"
+        yield ("deck", "responses"), *_halves(error)
 
 
 def _depths(phase: Phase) -> Sequence[tuple[str, float]]:

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, did_you_mean
+from rope_twin.errors import InputError, did_you_mean, unreadable
 from rope_twin.sea.tables import Vector
 
 LARGEST_HS_M, LARGEST_TP_S = 30.0, 40.0
@@ -396,7 +396,7 @@ def _text(path: Path) -> list[str]:
             raise InputError(str(path), "it is larger than 200 MB", "give a smaller table")
         return path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"it cannot be read ({error})", "give a text file") from None
+        raise unreadable(path, error) from None
 
 
 def _comments(path: Path) -> list[str]:

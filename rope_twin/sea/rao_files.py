@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, unreadable
 from rope_twin.sea.capytaine_raos import read_capytaine
 from rope_twin.sea.orcaflex_raos import read_orcaflex
 from rope_twin.sea.raos import (
@@ -146,7 +146,7 @@ def _wamit_rows(path: Path) -> tuple[Vector, list[int]]:
     try:
         text = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"it cannot be read ({error})", "give a text file") from None
+        raise unreadable(path, error) from None
     rows, lines = list[list[float]](), list[int]()
     for number, line in enumerate(text, 1):
         where = f"{path}, line {number}"

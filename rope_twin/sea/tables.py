@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, did_you_mean
+from rope_twin.errors import InputError, did_you_mean, unreadable
 from rope_twin.share import share_dir
 
 Vector = NDArray[np.float64]
@@ -59,7 +59,7 @@ def read_table(path: Path) -> Table:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"it cannot be read ({error})", "give a text file") from None
+        raise unreadable(path, error) from None
     filled = [
         (k, line) for k, line in enumerate(lines, 1) if line.strip() and line.strip()[0] != "#"
     ]

@@ -366,6 +366,27 @@ def test_a_wrong_file_is_refused_in_one_sentence(
 
 
 @pytest.mark.parametrize(
+    ("weather", "period", "words"),
+    [
+        (
+            "none.csv",
+            "8h",
+            "none.csv: it cannot be read (No such file or directory); give the path",
+        ),
+        ("h.csv", "8", "planned period: it is 8 s; give it with its unit, like 6h."),
+    ],
+)
+def test_an_absent_file_and_a_period_without_unit_are_refused(
+    weather: str, period: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "h.csv").write_text(HEAD + "".join(ROWS))
+    limits = write_limits(tmp_path / "l.csv", 2.0)
+    command = ["operability", str(limits), str(tmp_path / weather), "--planned-period", period]
+    assert main(command) == 1
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("operation", "weather", "words"),
     [
         (Operation(HOUR, 0.0), hindcast(np.ones(9)), "the limits depend on the heading"),

@@ -59,7 +59,7 @@ def uncertain(key: str, distribution: str) -> str:
 WRONG = {
     "unknown key": ("scene:", "scenes: x\nscene:", 1, "scenes: unknown key; did you mean 'scene'?"),
     "no scene": ("scene: deep_lift\n", "", 0, "scene missing; add scene"),
-    "unknown scene": ("deep_lift", "deep_lft", 1, "did you mean 'deep_lift'"),
+    "unknown scene": ("deep_lift", "deep_lft", 1, "no such scene; did you mean 'deep_lift'?"),
     "scene file": ("deep_lift", "none/deep_lift.yaml", 1, "deep_lift.yaml"),
     "no sea": (GOOD[GOOD.index("sea:") : GOOD.index("phases:")], "", 0, "sea missing; add sea"),
     "no phases": (PHASES, "", 0, "phases missing; add phases"),
@@ -72,7 +72,7 @@ WRONG = {
     "vessel without tip": ("  crane_tip_m: [10.0, 18.0, 12.0]\n", "", 2, "crane_tip_m missing"),
     "tip of two": ("[10.0, 18.0, 12.0]", "[10.0, 18.0]", 4, "2 values in the list; give 3"),
     "tip far away": ("[10.0, 18.0, 12.0]", "[10.0, 1800.0, 12.0]", 4, "1800 m is out of range"),
-    "unknown RAOs": ("vessel_120m", "vessel_12m", 3, "did you mean 'vessel_120m'?"),
+    "unknown RAOs": ("vessel_120m", "vessel_12m", 3, "; did you mean 'vessel_120m'?"),
     "RAOs no text": ("vessel_120m", "120", 3, "the number 120 is not text"),
     "bow": ("[10.0, 18.0, 12.0]", "[10.0, 18.0, 12.0]\n  bow_deg: 400.0", 5, "400 ° is out of"),
     "heights reversed": ("from: 1.0, to: 4.0", "from: 5.0, to: 4.0", 6, "from 5 m is above to 4 m"),
@@ -102,7 +102,7 @@ WRONG = {
     ),
     "phase twice": (AT_DEPTH, AT_DEPTH + AT_DEPTH, 0, "two phases are called 'at_depth'"),
     "unknown phase": (AT_DEPTH, "  - at_dept: {depth_m: 2000.0}\n", 11, "did you mean 'at_depth'"),
-    "upward": ("from_m: 1000.0", "from_m: 2500.0", 10, "from_m 2500 is not above to_m 2000"),
+    "upward": ("from_m: 1000.0", "from_m: 2500.0", 10, "from_m 2500 is not less than to_m 2000"),
     "too fast": ("speed_m_per_s: 0.5", "speed_m_per_s: 1.5", 10, "1.5 m/s is above the winch's 1"),
     "still": ("speed_m_per_s: 0.5", "speed_m_per_s: 0.0", 10, "0 m/s is out of range"),
     "legs": ("speed_m_per_s: 0.5", "speed_m_per_s: 0.5, legs: 0", 10, "0 is out of range"),
@@ -224,6 +224,7 @@ def test_wrong_plans_are_refused_in_one_sentence(name: str, tmp_path: Path) -> N
     assert re.match(begin, sentence), sentence
     assert "\n" not in sentence
     assert re.search(r"[.?]$", sentence)
+    assert "?;" not in sentence
 
 
 def test_so_many_kinds_of_faults() -> None:

@@ -442,6 +442,10 @@ def test_limits_that_nothing_meets(small: Path, tmp_path: Path) -> None:
     own, scene = read_plan(small)
     weak = replace(own, criteria=replace(own.criteria, swl_n=300e3))
     found = run(weak, scene, MemoryStore(), threads=1)
+    assert (
+        "at_depth: the static hook load of 313 kN alone is above its limit of 300 kN"
+        in "\n".join(notes(found))
+    )
     limit: CellLimit = found.cells[0]
     assert limit.height_m is None
     assert limit.judged is None
