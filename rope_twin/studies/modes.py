@@ -86,10 +86,14 @@ def find_modes(scene: Scene, count: int) -> Modes:
     K, M = _matrices(rest)
     near = 0.0 if rest.body is None else NEAR_FREE  # nothing holds a body's turn about the rope
     lowest = list(_modes(rest, *solve(K, M, count, near)))
-    axial = []
+    axial: list[Mode] = []
     for omega in _axial_guesses(rest):
-        around = _modes(rest, *solve(K, M, NEAR, omega * omega))
-        axial.append(max(around, key=lambda mode: mode.axial_share))
+        above = (1.0 + SAME) * axial[-1].frequency_hz if axial else 0.0
+        near_it = _modes(rest, *solve(K, M, NEAR, omega * omega))
+        around = [mode for mode in near_it if mode.frequency_hz > above]
+        # of a sagging rope several share the stretch about one guess: the lowest comes first
+        own = [mode for mode in around if mode.kind == AXIAL][:1]
+        axial += own or sorted(around, key=lambda mode: -mode.axial_share)[:1]
     speed = _speed_across(rest)
     diameter = scene.ropes[0].thinnest_m
     place = np.ascontiguousarray(rest.place[:, ::-1].T)
@@ -159,7 +163,7 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
         sideways = _energy(rest, out * normal[:, None]) + hung.along(normal)
         axial, sideways, turning = axial / energy, sideways / energy, hung.turning / energy
         in_plane = 1.0 - axial - sideways - turning
-        shares = {"axial": axial, "in-plane": in_plane, "out-of-plane": sideways, TURNING: turning}
+        shares = {AXIAL: axial, "in-plane": in_plane, "out-of-plane": sideways, TURNING: turning}
         size = np.sqrt((motion * motion).sum(axis=0))
         at = int(size.argmax())
         held = w > (0.0 if rest.body is None else FREE)
@@ -237,7 +241,7 @@ NEAR_FREE = -1e-6  # [rad²/s²]: looked for from just below 0, as ropes over a 
 LOOKED_AT = (60, 200, 600)  # modes among which the first that stretch are sought
 FREE = 1e-4  # rad/s: what is slower is a motion that nothing holds, such as a spin about one rope
 STRETCHING, SWINGING, UNHELD = "stretching", "swinging", "free"
-TURNING = "turning"  # of a rigid body
+AXIAL, TURNING = "axial", "turning"  # kinds of modes, the latter of a rigid body
 
 
 @dataclass(frozen=True)

@@ -108,11 +108,17 @@ class CoupledModel:
         parts = search.left
         found = search.found()
         took_ms = 1e3 * (time.perf_counter() - began)
-        highest = f" up to {found.frequency.max():.3g} Hz" if len(found.frequency) else ""
+        places = len(self._response.span.s)
+        searched = f"found again every {self._every_s:g} s in {took_ms:.0f} ms, {parts} parts"
+        if not len(found.frequency):
+            return (
+                f"vibration {self.model}: the current excites no mode on {places} places; "
+                f"modes are {searched}."
+            )
         return (
-            f"vibration {self.model}: {len(found.frequency)} modes{highest} on "
-            f"{len(self._response.span.s)} places, found again every {self._every_s:g} s in "
-            f"{took_ms:.0f} ms, {parts} parts, steps of {1e3 * self._response.step_s:.3g} ms."
+            f"vibration {self.model}: {len(found.frequency)} modes up to "
+            f"{found.frequency.max():.3g} Hz on {places} places, {searched}, steps of "
+            f"{1e3 * self._response.step_s:.3g} ms."
         )
 
     def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:

@@ -116,6 +116,14 @@ def test_sagging_cable(span: float) -> None:
     assert inside[:2] == pytest.approx(expected, rel=1e-2)
 
 
+def test_axial_modes_of_a_slack_cable_are_each_named_once() -> None:
+    """Its stretch is shared by several modes: the first three of all that are mostly axial."""
+    rig = replace(SAGGING, length=150.0, elements=75, fixed_at=(60.0, 0.0, -20.0))
+    found = find_modes(rig.scene(), 160)
+    axial = [mode.frequency_hz for mode in found.lowest if mode.kind == "axial"]
+    assert [mode.frequency_hz for mode in found.axial] == pytest.approx(axial[:3], rel=1e-6)
+
+
 def test_current_and_waves_stand_beside() -> None:
     """Strouhal 0.2·U/d where a mode moves most; the ratio is 1 for periods of 4 to 20 s."""
     rig = Rig(

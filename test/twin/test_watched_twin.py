@@ -199,6 +199,8 @@ def test_what_cannot_be_reported_is_refused() -> None:
     with pytest.raises(InputError, match=r"not all of steel.*six_strand_tension"):
         watched(load_scene("hmpe_lift"))
     assert STEEL.twin().snapshot().vibration is None
+    still_water = watched(STEEL.scene(), MonitorSettings(vibration="frequency-domain"))
+    assert "the current excites no mode on 33 places; modes are found again" in still_water.notice
 
 
 def test_a_section_that_is_no_wire_is_reported() -> None:
