@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shutil
 import sys
 import textwrap
@@ -147,9 +148,9 @@ def _list(args: argparse.Namespace) -> int:
 
 def _keys(args: argparse.Namespace) -> int:
     """List the keys. Raises SceneError: no key has this in its path."""
-    part = args.part
+    part = re.sub(r"\[[^]]*\]", "", args.part)  # a path as in a message, or effects by name
     every = scene_keys()
-    shown = [key for key in every if part in key.path]
+    shown = [key for key in every if part in key.path.replace("[]", "")]
     if not shown:
         names = {name for key in every for name in key.path.replace("[]", "").split(".")}
         raise SceneError(f"'{part}'", "no key of a scene has this", did_you_mean(part, names))

@@ -76,6 +76,16 @@ def test_a_part_of_them_is_shown(
     assert len(lines) == 4
 
 
+def test_a_path_is_found_as_messages_and_studies_write_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for path in ("payloads[0].mass_kg", "payloads[].mass_kg", "effects.added_mass.tangential"):
+        assert main(["scene", "keys", path]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    found = [line.partition(":")[0] for line in lines if line[0] != " "]
+    assert found == [*["payloads[].mass_kg"] * 2, "effects[].added_mass.tangential"]
+
+
 def test_a_part_that_is_not_there_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scene", "keys", "drumm"]) == 1
     assert capsys.readouterr().err.strip().endswith("did you mean 'drum'?")
