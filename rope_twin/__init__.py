@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rope_twin.planning.run import plan
     from rope_twin.scene.load import load_scene
+    from rope_twin.studies.driven_twin import fed
     from rope_twin.twin.ensemble.fleet import (
         Fleet,
         FleetInputs,
@@ -34,6 +35,7 @@ __all__ = [
     "LiveState",
     "Snapshot",
     "Twin",
+    "fed",
     "live_state",
     "load_scene",
     "plan",
@@ -46,6 +48,7 @@ _HOMES = {
     "FleetRecord": _FLEET,
     "FleetState": _FLEET,
     "LiveState": _FLEET,
+    "fed": "rope_twin.studies.driven_twin",
     "live_state": _FLEET,
     "load_scene": "rope_twin.scene.load",
     "plan": "rope_twin.planning.run",

@@ -28,7 +28,7 @@ class Twin(twin.Twin):
     accepted earlier stay in force. Otherwise it returns "".
 
     `advance` applies what was offered and nothing else: the scene's vessel motion and winch
-    schedule are offered by `rope_twin.studies.driven_twin.fed`.
+    schedule are offered by `rope_twin.fed`.
 
     Raises:
         SceneError: the scene is invalid or cannot be built, or its rope has no static equilibrium

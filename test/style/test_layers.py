@@ -36,7 +36,7 @@ COMPILER = PACKAGE / "core" / "jit"
 PUBLIC_NUMBA = {"numba.config", "numba.types", "numba.extending.overload"}
 PRINTERS = {"cli"}
 # the floors of public names
-PUBLIC = {"load_scene": "scene", "plan": "planning"} | dict.fromkeys(
+PUBLIC = {"load_scene": "scene", "fed": "studies", "plan": "planning"} | dict.fromkeys(
     ("Fleet", "FleetInputs", "FleetRecord", "FleetState", "LiveState", "Snapshot", "Twin",
      "live_state"),
     "twin",
