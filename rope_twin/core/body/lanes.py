@@ -15,31 +15,25 @@ from math import inf, nan
 from typing import Any
 
 from rope_twin.core.body import state as at
-from rope_twin.core.body.loads import keep_all
 from rope_twin.core.body.solution import HALVINGS, MAX_ITERATIONS, balance, correct, left_on_hook
-from rope_twin.core.body.state import (
-    along,
-    chosen,
-    dot,
-    outward,
-    put,
-    vector,
+from rope_twin.core.body.state import chosen, put, vector
+from rope_twin.core.body.step import (
+    KINDS,
+    corrected_hook,
+    is_as_linearised,
+    load_hook,
+    middle_in,
+    predict_stage,
+    store_middle,
+    write_record,
 )
-from rope_twin.core.body.step import KINDS, middle_in, predict_stage
 from rope_twin.core.integrator import TRAPEZOID
 from rope_twin.core.jit.decorators import jit_exact
 from rope_twin.core.jit.functions import anywhere
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import ALL, bits, choose, mask_of, widened
 from rope_twin.core.loads.hooks import wide_kernel
-from rope_twin.core.state import (
-    ACCELERATION,
-    BLOCK,
-    CORRECTION,
-    POSITION,
-    RESIDUAL,
-    VELOCITY,
-)
+from rope_twin.core.state import POSITION, VELOCITY
 
 
 @jit_exact
@@ -138,80 +132,35 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     """Add the slings' force on the hook, its weight and inertia to R_0, their derivative to A_0."""
     if not _is_here(body):
         return
-    x, y, z = rows(work, POSITION, 0)
-    vx, vy, vz = rows(work, VELOCITY, 0)
-    ax, ay, az = rows(work, ACCELERATION, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
-    hook = (x[0], y[0], z[0]), (vx[0], vy[0], vz[0])
+    hook = column(work, POSITION, 0), column(work, VELOCITY, 0)
     q = widened(stage.q)
     found = _solve_for(body, q, hook, stage.lanes)
     # finite in lanes that are not evaluated: they are eliminated too, and corrected by 0 times that
     fine = mask_of(found | (ALL - stage.lanes))
     f = chosen(fine, vector(body.stage, at.ON_HOOK), (inf, inf, inf))
-    Z = left_on_hook(body, q)
-    put(body.tangent, at.TANGENT_PULL, f)
-    put(body.tangent, at.TANGENT_SLOPE, (Z[0], Z[1], Z[2]))
-    put(body.tangent, at.TANGENT_ELSE, (Z[3], Z[4], Z[5]))
-    m = body.hook
-    Rx[0] += f[0] - m * ax[0]
-    Ry[0] += f[1] - m * ay[0]
-    Rz[0] += f[2] - m * az[0] - body.hook_weight
-    Axx[0] += Z[0] + m
-    Axy[0] += Z[1]
-    Axz[0] += Z[2]
-    Ayy[0] += Z[3] + m
-    Ayz[0] += Z[4]
-    Azz[0] += Z[5] + m
+    load_hook(body, work, f, left_on_hook(body, q))
 
 
 def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> int:
     """Return the lanes in which the force on the hook agrees with its linearisation, as bits."""
     if share == 0.0 or stage.lanes == 0 or not _is_here(body):
         return int(stage.lanes)
-    x, y, z = rows(work, POSITION, 0)
-    vx, vy, vz = rows(work, VELOCITY, 0)
-    dx, dy, dz = rows(work, CORRECTION, 0)
-    tangent, p, q = body.tangent, share * stage.p, share * stage.q
-    d = dx[0], dy[0], dz[0]
-    place, speed = (x[0], y[0], z[0]), (vx[0], vy[0], vz[0])
-    found = _solved(body, widened(stage.q), (along(place, p, d), along(speed, q, d)), stage.lanes)
-    (xx, xy, xz), (yy, yz, zz) = vector(tangent, at.TANGENT_SLOPE), vector(tangent, at.TANGENT_ELSE)
-    change = outward(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), d)
-    miss = along(vector(body.stage, at.ON_HOOK), -1.0, vector(tangent, at.TANGENT_PULL))
-    miss = along(miss, share, change)
-    return int(found & bits(dot(miss, miss) <= tangent[at.ALLOWED] * tangent[at.ALLOWED]))
+    hook = corrected_hook(work, stage, share)
+    found = _solved(body, widened(stage.q), hook, stage.lanes)
+    return int(found & bits(is_as_linearised(body, work, share)))
 
 
 def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store the body for the converged motion of the hook; the second stage writes a record."""
     if not _is_here(body):
         return
-    work, s = rope.work, body.stage
-    place = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
-    speed = (work[VELOCITY, 0], work[VELOCITY + 1, 0], work[VELOCITY + 2, 0])
-    solved = _solved(body, widened(stage.q), (place, speed), stage.lanes)
+    hook = column(rope.work, POSITION, 0), column(rope.work, VELOCITY, 0)
+    solved = _solved(body, widened(stage.q), hook, stage.lanes)
     if kind == TRAPEZOID:
-        put(s, at.X_MIDDLE, vector(s, at.PLACE))
-        put(s, at.TURN_MIDDLE, vector(s, at.TURN))
-        put(s, at.P_MIDDLE, vector(s, at.P_NOW))
-        put(s, at.L_MIDDLE, vector(s, at.L_NOW))
-        put(s, at.SPEED_MIDDLE, vector(s, at.SPEED))
-        put(s, at.RATE_MIDDLE, vector(s, at.TURN_RATE))
+        store_middle(body.stage)
         return
-    record = body.changes[0]
-    put(record, at.X, vector(s, at.PLACE))
-    for k in range(4):
-        record[at.Q + k] = s[at.ATTITUDE + k]
-    put(record, at.V, chosen(mask_of(solved), vector(s, at.SPEED), (nan, nan, nan)))
-    put(record, at.SPIN, vector(s, at.SPIN_NOW))
-    put(record, at.FORCE, vector(s, at.PULL))
-    put(record, at.MOMENT, vector(s, at.TWIST))
-    put(record, at.WATER, vector(s, at.FLOW_NOW))
-    put(record, at.GROWS, vector(s, at.FLOW_GROWS))
-    put(record, at.ARM_THEN, vector(s, at.WET_ARM))
-    record[at.WET_THEN] = s[at.WET]
-    keep_all(body.parts, body, record)
+    record, speed = body.changes[0], vector(body.stage, at.SPEED)
+    write_record(body, record, chosen(mask_of(solved), speed, (nan, nan, nan)))
     _write(body, record)
 
 

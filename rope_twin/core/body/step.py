@@ -49,21 +49,19 @@ from rope_twin.core.body.state import (
 )
 from rope_twin.core.integrator import GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_exact
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import column, rows
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.balance import set_flow
-from rope_twin.core.loads.hooks import kernel, switching
+from rope_twin.core.loads.balance import add_to_node, set_flow
+from rope_twin.core.loads.hooks import Load, kernel, switching
 from rope_twin.core.loads.memory import remembering
 from rope_twin.core.state import (
     ACCELERATION,
-    BLOCK,
     CORRECTION,
     ELEMENTS,
     FLOW,
     FLOW_RATE,
     LOW,
     POSITION,
-    RESIDUAL,
     SLING2_MIN,
     SPEED2_MIN,
     VELOCITY,
@@ -210,6 +208,23 @@ def _is_solved(body: Any, q: float, hook: Any) -> bool:
     return bool(_solve(body, q, hook))
 
 
+@jit_exact
+def load_hook(body: Any, work: Any, f: Any, Z: Any) -> None:
+    """Add the slings' force f on the hook, its weight and inertia, to R_0, and Z + m·I to A_0.
+
+    Z: minus the derivative of f. Both are stored as the linearisation that `calm` checks.
+    """
+    ax, ay, az = rows(work, ACCELERATION, 0)
+    put(body.tangent, at.TANGENT_PULL, f)
+    put(body.tangent, at.TANGENT_SLOPE, (Z[0], Z[1], Z[2]))
+    put(body.tangent, at.TANGENT_ELSE, (Z[3], Z[4], Z[5]))
+    m = body.hook
+    add_to_node(work, 0, Load(
+        f[0] - m * ax[0], f[1] - m * ay[0], f[2] - m * az[0] - body.hook_weight,
+        Z[0] + m, Z[1], Z[2], Z[3] + m, Z[4], Z[5] + m,
+    ))  # fmt: skip
+
+
 def load_end(body: Any, work: Any, stage: Any) -> None:
     """Add the slings' force on the hook, its weight and inertia to R_0, their derivative to A_0.
 
@@ -220,10 +235,7 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
         return
     x, y, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
-    ax, ay, az = rows(work, ACCELERATION, 0)
     ux, uy, uz = rows(work, FLOW, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     s, hook = body.stage, ((x[0], y[0], z[0]), (vx[0], vy[0], vz[0]))
     if s[at.FRESH] > 0.0:  # no prediction was made
         put(s, at.FLOW_NOW, (ux[0], uy[0], uz[0]))
@@ -231,20 +243,26 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
         _predict_first(body, body.records[int(body.memory[0, 0])], stage.q)
     solved = _solve(body, stage.q, hook)
     f = vector(s, at.ON_HOOK) if solved else (inf, inf, inf)
-    Z = left_on_hook(body, stage.q)
-    put(body.tangent, at.TANGENT_PULL, f)
-    put(body.tangent, at.TANGENT_SLOPE, (Z[0], Z[1], Z[2]))
-    put(body.tangent, at.TANGENT_ELSE, (Z[3], Z[4], Z[5]))
-    m = body.hook
-    Rx[0] += f[0] - m * ax[0]
-    Ry[0] += f[1] - m * ay[0]
-    Rz[0] += f[2] - m * az[0] - body.hook_weight
-    Axx[0] += Z[0] + m
-    Axy[0] += Z[1]
-    Axz[0] += Z[2]
-    Ayy[0] += Z[3] + m
-    Ayz[0] += Z[4]
-    Azz[0] += Z[5] + m
+    load_hook(body, work, f, left_on_hook(body, stage.q))
+
+
+@jit_exact
+def corrected_hook(work: Any, stage: Any, share: float) -> Any:
+    """Return position and velocity of the hook after share·delta."""
+    d = column(work, CORRECTION, 0)
+    place = along(column(work, POSITION, 0), share * stage.p, d)
+    return place, along(column(work, VELOCITY, 0), share * stage.q, d)
+
+
+@jit_exact
+def is_as_linearised(body: Any, work: Any, share: float) -> Any:
+    """Return whether the force on the hook after share·delta agrees with its linearisation."""
+    tangent = body.tangent
+    (xx, xy, xz), (yy, yz, zz) = vector(tangent, at.TANGENT_SLOPE), vector(tangent, at.TANGENT_ELSE)
+    change = outward(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), column(work, CORRECTION, 0))
+    miss = along(vector(body.stage, at.ON_HOOK), -1.0, vector(tangent, at.TANGENT_PULL))
+    miss = along(miss, share, change)
+    return dot(miss, miss) <= tangent[at.ALLOWED] * tangent[at.ALLOWED]
 
 
 def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
@@ -255,45 +273,30 @@ def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     """
     if share == 0.0 or body.here == 0.0:
         return True
-    x, y, z = rows(work, POSITION, 0)
-    vx, vy, vz = rows(work, VELOCITY, 0)
-    dx, dy, dz = rows(work, CORRECTION, 0)
-    tangent, p, q = body.tangent, share * stage.p, share * stage.q
-    d = dx[0], dy[0], dz[0]
-    place, speed = (x[0], y[0], z[0]), (vx[0], vy[0], vz[0])
-    if not _is_solved(body, stage.q, (along(place, p, d), along(speed, q, d))):
+    if not _is_solved(body, stage.q, corrected_hook(work, stage, share)):
         return False
-    (xx, xy, xz), (yy, yz, zz) = vector(tangent, at.TANGENT_SLOPE), vector(tangent, at.TANGENT_ELSE)
-    change = outward(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), d)
-    miss = along(vector(body.stage, at.ON_HOOK), -1.0, vector(tangent, at.TANGENT_PULL))
-    miss = along(miss, share, change)
-    return bool(dot(miss, miss) <= tangent[at.ALLOWED] * tangent[at.ALLOWED])
+    return bool(is_as_linearised(body, work, share))
 
 
-def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
-    """Store the body for the converged motion of the hook; the second stage writes a record."""
-    if body.here == 0.0:
-        return
-    work, s = rope.work, body.stage
-    place = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
-    speed = (work[VELOCITY, 0], work[VELOCITY + 1, 0], work[VELOCITY + 2, 0])
-    solved = _is_solved(body, stage.q, (place, speed))
-    if kind == TRAPEZOID:
-        put(s, at.X_MIDDLE, vector(s, at.PLACE))
-        put(s, at.TURN_MIDDLE, vector(s, at.TURN))
-        put(s, at.P_MIDDLE, vector(s, at.P_NOW))
-        put(s, at.L_MIDDLE, vector(s, at.L_NOW))
-        put(s, at.SPEED_MIDDLE, vector(s, at.SPEED))
-        put(s, at.RATE_MIDDLE, vector(s, at.TURN_RATE))
-        return
-    free = 0
-    while free in (int(body.memory[0, 0]), int(body.memory[2, 0])):
-        free += 1
-    record = body.records[free]
+@jit_exact
+def store_middle(s: Any) -> None:
+    """Store the first stage, from which the second is predicted."""
+    put(s, at.X_MIDDLE, vector(s, at.PLACE))
+    put(s, at.TURN_MIDDLE, vector(s, at.TURN))
+    put(s, at.P_MIDDLE, vector(s, at.P_NOW))
+    put(s, at.L_MIDDLE, vector(s, at.L_NOW))
+    put(s, at.SPEED_MIDDLE, vector(s, at.SPEED))
+    put(s, at.RATE_MIDDLE, vector(s, at.TURN_RATE))
+
+
+@jit_exact
+def write_record(body: Any, record: Any, speed: Any) -> None:
+    """Write the state of the converged second stage; speed: NaN where it has no solution."""
+    s = body.stage
     put(record, at.X, vector(s, at.PLACE))
     for k in range(4):
         record[at.Q + k] = s[at.ATTITUDE + k]
-    put(record, at.V, vector(s, at.SPEED) if solved else (nan, nan, nan))
+    put(record, at.V, speed)
     put(record, at.SPIN, vector(s, at.SPIN_NOW))
     put(record, at.FORCE, vector(s, at.PULL))
     put(record, at.MOMENT, vector(s, at.TWIST))
@@ -302,6 +305,22 @@ def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     put(record, at.ARM_THEN, vector(s, at.WET_ARM))
     record[at.WET_THEN] = s[at.WET]
     keep_all(body.parts, body, record)
+
+
+def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
+    """Store the body for the converged motion of the hook; the second stage writes a record."""
+    if body.here == 0.0:
+        return
+    hook = column(rope.work, POSITION, 0), column(rope.work, VELOCITY, 0)
+    solved = _is_solved(body, stage.q, hook)
+    if kind == TRAPEZOID:
+        store_middle(body.stage)
+        return
+    free = 0
+    while free in (int(body.memory[0, 0]), int(body.memory[2, 0])):
+        free += 1
+    speed = vector(body.stage, at.SPEED) if solved else (nan, nan, nan)
+    write_record(body, body.records[free], speed)
     body.memory[1, 0] = float(free)
 
 
