@@ -24,11 +24,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import rows
 from rope_twin.core.lanes.effects import by_lane
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node, end_relative
-from rope_twin.core.loads.hooks import FAIRINGS, differs, grows, kernel
+from rope_twin.core.loads.hooks import FAIRINGS, Load, differs, grows, kernel
 from rope_twin.core.loads.panel import (
     SOLIDITY_MOST,
     mesh_fault,
@@ -38,7 +38,7 @@ from rope_twin.core.loads.panel import (
     panel_load,
     seen_by,
 )
-from rope_twin.core.state import BLOCK, DIVISOR_MIN, FLOW, RESIDUAL, VELOCITY
+from rope_twin.core.state import DIVISOR_MIN, FLOW, RESIDUAL, VELOCITY
 from rope_twin.quantity import quantity, text
 
 
@@ -201,21 +201,14 @@ def build_fairing(params: FairingParams, payload: Any, around: Any) -> Fairing |
 def fairing_load_end(fairing: Any, work: Any, stage: Any) -> None:
     """Subtract k·|V|·V·e from R_0, V = (v - u)·e; add 2·q·k·|V|·e·eᵀ to A_0."""
     ux, uy, uz = end_relative(work)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     x, y, z = fairing.x, fairing.y, fairing.z
     V = ux * x + uy * y + uz * z
     force = fairing.k * abs(V) * V
-    Rx[0] -= force * x
-    Ry[0] -= force * y
-    Rz[0] -= force * z
     slope = 2.0 * stage.q * fairing.k * abs(V)
-    Axx[0] += slope * x * x
-    Axy[0] += slope * x * y
-    Axz[0] += slope * x * z
-    Ayy[0] += slope * y * y
-    Ayz[0] += slope * y * z
-    Azz[0] += slope * z * z
+    add_to_node(work, 0, Load(
+        -force * x, -force * y, -force * z,
+        slope * x * x, slope * x * y, slope * x * z, slope * y * y, slope * y * z, slope * z * z,
+    ))  # fmt: skip
 
 
 @kernel("load_end", TowedFairing)

@@ -26,18 +26,16 @@ import numpy as np
 
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.functions import interpolate
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.balance import end_relative
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.balance import add_to_node, end_relative
+from rope_twin.core.loads.hooks import Load, kernel
 from rope_twin.core.loads.memory import new_memory, remembering
 from rope_twin.core.state import (
     ACCELERATION,
-    BLOCK,
     FLOW,
     FLOW_RATE,
-    RESIDUAL,
     SPEED2_MIN,
     VELOCITY,
     Floats,
@@ -158,23 +156,19 @@ def load_end(own: Any, work: Any, stage: Any) -> None:
     """Add (c_A - 1)·A·(a_water - a) - (c_D - 1)·k·|u|·u to R_0, and the block, symmetric."""
     ax, ay, az = rows(work, ACCELERATION, 0)
     wx, wy, wz = rows(work, FLOW_RATE, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     m = own.memory
     kx, ky, kz = m[ACTS, 0] * own.kx, m[ACTS + 1, 0] * own.ky, m[ACTS + 2, 0] * own.kz
     mx, my, mz = m[ACTS + 3, 0] * own.Ax, m[ACTS + 4, 0] * own.Ay, m[ACTS + 5, 0] * own.Az
     x, y, z = end_relative(work)
     speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
-    Rx[0] += mx * (wx[0] - ax[0]) - kx * speed * x
-    Ry[0] += my * (wy[0] - ay[0]) - ky * speed * y
-    Rz[0] += mz * (wz[0] - az[0]) - kz * speed * z
     q, g = stage.q * speed, stage.q / speed
-    Axx[0] += mx + q * kx + g * kx * x * x
-    Ayy[0] += my + q * ky + g * ky * y * y
-    Azz[0] += mz + q * kz + g * kz * z * z
-    Axy[0] += 0.5 * g * (kx + ky) * x * y
-    Axz[0] += 0.5 * g * (kx + kz) * x * z
-    Ayz[0] += 0.5 * g * (ky + kz) * y * z
+    add_to_node(work, 0, Load(
+        mx * (wx[0] - ax[0]) - kx * speed * x, my * (wy[0] - ay[0]) - ky * speed * y,
+        mz * (wz[0] - az[0]) - kz * speed * z,
+        mx + q * kx + g * kx * x * x, 0.5 * g * (kx + ky) * x * y, 0.5 * g * (kx + kz) * x * z,
+        my + q * ky + g * ky * y * y, 0.5 * g * (ky + kz) * y * z,
+        mz + q * kz + g * kz * z * z,
+    ))  # fmt: skip
 
 
 @kernel("settle", PayloadOscillation, wide=True)

@@ -32,12 +32,13 @@ import numpy as np
 from rope_twin.core.integrator import K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.functions import anywhere, renewed
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import VORTICES, grows, kernel
+from rope_twin.core.loads.balance import add_to_node
+from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel
 from rope_twin.core.loads.memory import new_memory, remembering
-from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, SPEED2_MIN, TANGENT, VELOCITY, Floats
+from rope_twin.core.state import FLOW, SPEED2_MIN, TANGENT, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 
 CARRIED = 2  # φ and its rate, of the lower end
@@ -122,24 +123,18 @@ def load_end(shed: Any, work: Any, stage: Any) -> None:
     vx, vy, vz = rows(work, VELOCITY, 0)
     ux, uy, uz = rows(work, FLOW, 0)
     tx, ty, tz = rows(work, TANGENT, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     x, y, z, speed = _relative(ux[0], uy[0], uz[0], vx[0], vy[0], vz[0])
     lx, ly, lz = y * tz[0] - z * ty[0], z * tx[0] - x * tz[0], x * ty[0] - y * tx[0]
     turned = stage.q * shed.turns * speed
     phase = shed.memory[HAT, 0] + turned
     k = shed.k * shed.memory[ACTS, 0]
     force = k * speed * sin(phase)
-    Rx[0] += force * lx
-    Ry[0] += force * ly
-    Rz[0] += force * lz
     g = 0.5 * stage.q * k * (sin(phase) + turned * cos(phase)) / speed
-    Axx[0] += 2.0 * g * lx * x
-    Axy[0] += g * (lx * y + ly * x)
-    Axz[0] += g * (lx * z + lz * x)
-    Ayy[0] += 2.0 * g * ly * y
-    Ayz[0] += g * (ly * z + lz * y)
-    Azz[0] += 2.0 * g * lz * z
+    add_to_node(work, 0, Load(
+        force * lx, force * ly, force * lz,
+        2.0 * g * lx * x, g * (lx * y + ly * x), g * (lx * z + lz * x),
+        2.0 * g * ly * y, g * (ly * z + lz * y), 2.0 * g * lz * z,
+    ))  # fmt: skip
 
 
 @kernel("settle", PayloadShedding, wide=True)

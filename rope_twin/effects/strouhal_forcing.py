@@ -30,19 +30,18 @@ import numpy as np
 
 from rope_twin.core.integrator import K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import VORTICES, grows, kernel, wide_kernel
+from rope_twin.core.loads.balance import add_to_node
+from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel, wide_kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
-    BLOCK,
     DIRECTION,
     DIVISOR_MIN,
     ELEMENTS,
     FLOW,
-    RESIDUAL,
     REST,
     SHEDDING_MIN,
     SPEED2_MIN,
@@ -227,8 +226,6 @@ def load_nodes(shed: Any, work: Any, stage: Any, low: int, high: int) -> None:
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
     tx, ty, tz = rows(work, TANGENT, low)
-    Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
         x, y, z = tx[i], ty[i], tz[i]
         n, l, speed = _across(ux[i] - vx[i], uy[i] - vy[i], uz[i] - vz[i], x, y, z)
@@ -236,20 +233,22 @@ def load_nodes(shed: Any, work: Any, stage: Any, low: int, high: int) -> None:
         phase, rate, _, _, share, sheds = _solve(shed, stage.q, low + i, speed, across)
         k, s, co = shed.memory[STRENGTH, low + i], sin(phase), cos(phase)
         lift, line = k * share * s, k * sheds * shed.in_line * 2.0 * s * co
-        Rx[i] += speed * (lift * l[0] + line * n[0])
-        Ry[i] += speed * (lift * l[1] + line * n[1])
-        Rz[i] += speed * (lift * l[2] + line * n[2])
+        fx = speed * (lift * l[0] + line * n[0])
+        fy = speed * (lift * l[1] + line * n[1])
+        fz = speed * (lift * l[2] + line * n[2])
         turn = stage.q * rate  # derivative of the phase to the logarithm of the speed
         lift += turn * k * share * co
         line += turn * k * sheds * shed.in_line * 2.0 * (co * co - s * s)
-        fx, fy, fz = lift * l[0] + line * n[0], lift * l[1] + line * n[1], lift * l[2] + line * n[2]
+        dx, dy, dz = lift * l[0] + line * n[0], lift * l[1] + line * n[1], lift * l[2] + line * n[2]
         g, h = 0.5 * stage.q / speed, stage.q * k * sheds * shed.in_line * 2.0 * s * co * speed
-        Axx[i] += 2.0 * g * fx * n[0] + h * (1.0 - x * x)
-        Axy[i] += g * (fx * n[1] + fy * n[0]) - h * x * y
-        Axz[i] += g * (fx * n[2] + fz * n[0]) - h * x * z
-        Ayy[i] += 2.0 * g * fy * n[1] + h * (1.0 - y * y)
-        Ayz[i] += g * (fy * n[2] + fz * n[1]) - h * y * z
-        Azz[i] += 2.0 * g * fz * n[2] + h * (1.0 - z * z)
+        add_to_node(work, low + i, Load(
+            fx, fy, fz,
+            2.0 * g * dx * n[0] + h * (1.0 - x * x),
+            g * (dx * n[1] + dy * n[0]) - h * x * y, g * (dx * n[2] + dz * n[0]) - h * x * z,
+            2.0 * g * dy * n[1] + h * (1.0 - y * y),
+            g * (dy * n[2] + dz * n[1]) - h * y * z,
+            2.0 * g * dz * n[2] + h * (1.0 - z * z),
+        ))  # fmt: skip
 
 
 @kernel("settle", StrouhalForcing, wide=True)

@@ -30,19 +30,18 @@ import numpy as np
 from rope_twin.core.integrator import BDF2, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.functions import anywhere, by_width, cosine, renewed
-from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import bits, choose
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import VORTICES, grows, kernel
+from rope_twin.core.loads.balance import add_to_node
+from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
-    BLOCK,
     DIVISOR_MIN,
     FLOW,
     MASS,
     RATE_MIN,
-    RESIDUAL,
     TANGENT,
     TENSION,
     VELOCITY,
@@ -250,8 +249,6 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
     tx, ty, tz = rows(work, TANGENT, low)
-    Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
         x, y, z, speed = across((ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
         inverse = 1.0 / (speed + RATE_MIN)
@@ -261,17 +258,12 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
         per = per_diameter[i] / (omega[i] + RATE_MIN)
         L = strength[i] * speed * speed * lift[i]
         force = L * (waves.C0 - waves.C1 * root * per) - damping[i] * rate
-        Rx[i] += force * x
-        Ry[i] += force * y
-        Rz[i] += force * z
         growth = 2.0 * share[i] * rate * per / (root + RATE_MIN)
         k = stage.q * (L * waves.C1 * growth + damping[i])
-        Axx[i] += k * x * x
-        Axy[i] += k * x * y
-        Axz[i] += k * x * z
-        Ayy[i] += k * y * y
-        Ayz[i] += k * y * z
-        Azz[i] += k * z * z
+        add_to_node(work, low + i, Load(
+            force * x, force * y, force * z,
+            k * x * x, k * x * y, k * x * z, k * y * y, k * y * z, k * z * z,
+        ))  # fmt: skip
 
 
 @kernel("settle", TravellingWaves, wide=True)

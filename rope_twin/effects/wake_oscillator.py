@@ -37,16 +37,15 @@ import numpy as np
 from rope_twin.core.integrator import BDF2, GAMMA, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit
 from rope_twin.core.jit.functions import renewed
-from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.rows import rows
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import VORTICES, grows, kernel
+from rope_twin.core.loads.balance import add_to_node
+from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
-    BLOCK,
     ELEMENTS,
     FLOW,
-    RESIDUAL,
     REST,
     SPEED2_MIN,
     TANGENT,
@@ -244,8 +243,6 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
     tx, ty, tz = rows(work, TANGENT, low)
-    Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
         drive, felt = faded(bx[i] * vx[i] + by[i] * vy[i] + bz[i] * vz[i], omega[i])
         begun = (hat[i], wake_hat[i], guess[i])
@@ -259,17 +256,13 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
         speed = sqrt(u * u + v * v + w * w + SPEED2_MIN)
         k = strength[i]
         size = k * q * speed
-        Rx[i] += size * lx
-        Ry[i] += size * ly
-        Rz[i] += size * lz
         g, h = -0.5 * k * speed * felt * stage.p / slope, 0.5 * stage.q * k * q / speed
         cx, cy, cz = g * bx[i] + h * u, g * by[i] + h * v, g * bz[i] + h * w
-        Axx[i] += 2.0 * lx * cx
-        Axy[i] += lx * cy + ly * cx
-        Axz[i] += lx * cz + lz * cx
-        Ayy[i] += 2.0 * ly * cy
-        Ayz[i] += ly * cz + lz * cy
-        Azz[i] += 2.0 * lz * cz
+        add_to_node(work, low + i, Load(
+            size * lx, size * ly, size * lz,
+            2.0 * lx * cx, lx * cy + ly * cx, lx * cz + lz * cx,
+            2.0 * ly * cy, ly * cz + lz * cy, 2.0 * lz * cz,
+        ))  # fmt: skip
 
 
 @kernel("settle", WakeOscillator, wide=True)

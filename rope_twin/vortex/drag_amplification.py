@@ -35,19 +35,18 @@ import numpy as np
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.functions import interpolate, renewed
-from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import kernel
+from rope_twin.core.loads.balance import add_to_node
+from rope_twin.core.loads.hooks import Load, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
-    BLOCK,
     DIVISOR_MIN,
     FLOW,
     FRONTAL,
     LENGTH,
-    RESIDUAL,
     SPEED2_MIN,
     TANGENT,
     VELOCITY,
@@ -131,8 +130,6 @@ def add_more_drag(kn: float, more: Any, work: Any, stage: Any, low: int, high: i
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
     tx, ty, tz = rows(work, TANGENT, low)
-    Rx, Ry, Rz = rows(work, RESIDUAL, low)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
         x, y, z = tx[i], ty[i], tz[i]
         nx, ny, nz = vx[i] - ux[i], vy[i] - uy[i], vz[i] - uz[i]
@@ -141,16 +138,13 @@ def add_more_drag(kn: float, more: Any, work: Any, stage: Any, low: int, high: i
         speed = sqrt(nx * nx + ny * ny + nz * nz + SPEED2_MIN)
         k = kn * frontal[i] * more[i]
         c = k * speed
-        Rx[i] -= c * nx
-        Ry[i] -= c * ny
-        Rz[i] -= c * nz
-        c, g = stage.q * c, stage.q * k / speed
-        Axx[i] += c * (1.0 - x * x) + g * nx * nx
-        Axy[i] += g * nx * ny - c * x * y
-        Axz[i] += g * nx * nz - c * x * z
-        Ayy[i] += c * (1.0 - y * y) + g * ny * ny
-        Ayz[i] += g * ny * nz - c * y * z
-        Azz[i] += c * (1.0 - z * z) + g * nz * nz
+        d, g = stage.q * c, stage.q * k / speed
+        add_to_node(work, low + i, Load(
+            -c * nx, -c * ny, -c * nz,
+            d * (1.0 - x * x) + g * nx * nx, g * nx * ny - d * x * y, g * nx * nz - d * x * z,
+            d * (1.0 - y * y) + g * ny * ny, g * ny * nz - d * y * z,
+            d * (1.0 - z * z) + g * nz * nz,
+        ))  # fmt: skip
 
 
 @kernel("load_nodes", DragGrowth)
