@@ -23,8 +23,6 @@ from rope_twin.core.elimination import (
     pushed_on,
     six,
     six_lanes,
-    solve_symmetric,
-    spring,
     substitute_pair,
     two,
     two_of_six,
@@ -53,11 +51,9 @@ from rope_twin.core.joined.plan import (
     B_INTO,
     B_WAY,
     BETWEEN,
-    CARRY,
     COUNT,
     DENSE,
     FORCE,
-    HELD,
     IDLE,
     KEPT,
     LEFT,
@@ -72,8 +68,11 @@ from rope_twin.core.joined.stack import effects_at, work_of
 from rope_twin.core.joined.tree_sums import (
     add_force,
     add_left,
+    begin_chain,
+    begin_force,
     begin_sums,
     begin_tree_forces,
+    solve_roots,
     spread,
 )
 from rope_twin.core.joined.wide_chains import (
@@ -90,21 +89,7 @@ from rope_twin.core.loads.hooks import chosen_by, couples
 from rope_twin.core.state import BLOCK, CORRECTION, ELEMENTS, RESIDUAL, ZERO
 
 _records = table_rows("scratch 0", 1)
-_NIL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _NONE = (0.0, 0.0, 0.0)
-
-
-@jit_ordered
-def _begin(work: Any, sums: Any, begin: int, i: int, way: int, state: Any) -> Any:
-    """Return Schur complement and force that a lane begins a span with, at node i."""
-    Z, f = state
-    if begin == HELD:
-        Z, f = spring(work, i - 1 if way > 0 else i), _NONE
-    elif begin >= 0:
-        Z, f = six(sums, LEFT, begin), column(sums, FORCE, begin)
-    elif begin != CARRY:
-        Z, f = _NIL, _NONE
-    return Z, f
 
 
 @jit_ordered
@@ -112,11 +97,11 @@ def eliminate_trees(work: Any, plan: Any) -> None:
     """Eliminate all chains; work: the scratch of all ropes, end to end."""
     begin_sums(plan, work)
     sums, spans, record = plan.sums, plan.spans, _records(plan.records)[0]
-    one, other, at = (_NIL, _NONE), (_NIL, _NONE), 0
+    one, other, at = (_NONE + _NONE, _NONE), (_NONE + _NONE, _NONE), 0
     for s in range(plan.sizes[SPANS]):
         i, way, j, back = spans[s, A], spans[s, A_WAY], spans[s, B], spans[s, B_WAY]
-        one = _begin(work, sums, spans[s, A_BEGIN], i, way, one)
-        other = _begin(work, sums, spans[s, B_BEGIN], j, back, other)
+        one = begin_chain(work, sums, spans[s, A_BEGIN], i, way, one, _NONE)
+        other = begin_chain(work, sums, spans[s, B_BEGIN], j, back, other, _NONE)
         if spans[s, A_BEGIN] == IDLE:
             one = other
         if spans[s, B_BEGIN] == IDLE:
@@ -137,16 +122,6 @@ def eliminate_trees(work: Any, plan: Any) -> None:
 
 
 @jit_ordered
-def _begin_force(sums: Any, begin: int, f: Any) -> Any:
-    """Return the force that a lane begins a span with."""
-    if begin >= 0:
-        f = column(sums, FORCE, begin)
-    elif begin != CARRY:
-        f = _NONE
-    return f
-
-
-@jit_ordered
 def push_trees(work: Any, plan: Any) -> None:
     """Push the residuals through the factors of all chains; work: the scratch of all ropes."""
     begin_tree_forces(plan, work)
@@ -154,8 +129,8 @@ def push_trees(work: Any, plan: Any) -> None:
     one, other, at = _NONE, _NONE, 0
     for s in range(plan.sizes[SPANS]):
         i, way, j, back = spans[s, A], spans[s, A_WAY], spans[s, B], spans[s, B_WAY]
-        one = _begin_force(sums, spans[s, A_BEGIN], one)
-        other = _begin_force(sums, spans[s, B_BEGIN], other)
+        one = begin_force(sums, spans[s, A_BEGIN], one, _NONE)
+        other = begin_force(sums, spans[s, B_BEGIN], other, _NONE)
         if spans[s, A_BEGIN] == IDLE:
             one = other
         if spans[s, B_BEGIN] == IDLE:
@@ -177,14 +152,9 @@ def substitute_trees(work: Any, plan: Any, joints: Any) -> None:
     The corrections of dense connections are already at the ends of their ropes.
     """
     dx, dy, dz = rows(work, CORRECTION, 0)
-    sums, spans, record = plan.sums, plan.spans, _records(plan.records)[0]
+    spans, record = plan.spans, _records(plan.records)[0]
     at = 0
-    for m in range(plan.sizes[ROOTS]):
-        root, slot = plan.roots[m, 0], plan.roots[m, 1]
-        f = column(sums, FORCE, slot)
-        R = column(work, RESIDUAL, root)
-        force = f[0] + R[0], f[1] + R[1], f[2] + R[2]
-        dx[root], dy[root], dz[root] = solve_symmetric(six(sums, KEPT, slot), force)
+    solve_roots(work, plan)
     for s in range(plan.sizes[SPANS]):
         at += RECORD * spans[s, COUNT]
     for s in range(plan.sizes[SPANS] - 1, -1, -1):
@@ -221,14 +191,6 @@ def couple_by(matrix: Any, upper: int, lower: int, P: Any) -> None:
                 matrix[i, j] -= P[c][k]
             if j >= i:
                 matrix[j, i] -= P[c][k]
-
-
-@jit
-def _begin_matrix(joints: Any) -> None:
-    """Begin the matrix to be factorised with the blocks of the connections."""
-    for i in range(joints.matrix.shape[0]):
-        for j in range(i + 1):
-            joints.factor[i, j] = joints.matrix[i, j]
 
 
 @jit
@@ -277,7 +239,12 @@ def substitute_dense(M: Any, b: Any) -> None:
             b[first + i % 3, i // 3] -= M[k, i] * b[first + k % 3, k // 3]
 
 
-# Kernels of a rope between two connections and of trees, for one system and for its lanes.
+# Kernels of trees and of a rope between two connections, for one system and for its lanes; moved:
+# lanes that get new factors.
+_eliminate_trees = by_width(
+    jit(lambda work, plan, moved: eliminate_trees(end_to_end(work), plan)), eliminate_trees_wide
+)
+_push_trees = by_width(jit(lambda work, plan: push_trees(end_to_end(work), plan)), push_trees_wide)
 _eliminate_between = by_width(
     jit(lambda work, n, moved: eliminate_between(end_to_end(work), n)), eliminate_between_wide
 )
@@ -292,13 +259,10 @@ _substitute_trees = by_width(
 
 
 @jit
-def _condense(system: Any, matrix: Any, moved: Any) -> None:
-    """Add what trees and ropes between dense connections leave to the dense system.
-
-    moved: lanes that get new factors, of which one system by itself has none.
-    """
+def _condense(system: Any, moved: Any) -> None:
+    """Add what trees and ropes between dense connections leave to the dense system."""
     stack, joints, plan, sheaves = system.stack, system.joints, system.joints.plan, system.sheaves
-    chains = plan.dense.shape[0]
+    chains, matrix = plan.dense.shape[0], joints.matrix
     for m in range(plan.sizes[ONTO]):
         r, j = plan.onto[m, 0], plan.onto[m, 1]
         Z, f = six(plan.sums, LEFT, chains + r), column(plan.sums, FORCE, chains + r)
@@ -347,17 +311,25 @@ def _substitute(system: Any) -> None:
 
 
 @jit
-def _solve_by_plan(system: Any) -> None:
+def _solve_by_plan(system: Any, moved: Any) -> None:
     joints = system.joints
-    eliminate_trees(end_to_end(system.stack.work[0]), joints.plan)
+    _eliminate_trees(work_of(system.stack, ZERO)[0], joints.plan, moved)
     if joints.plan.sizes[DENSE] > 0:
-        _begin_matrix(joints)
         begin_forces(joints)
-        _condense(system, joints.factor, 0)
-        leave_out_trees(joints, joints.factor)
-        factorise(joints.factor)
+        _condense(system, moved)
+        leave_out_trees(joints, joints.matrix)
+        factorise(joints.matrix)
+        _keep_factor(joints, moved)
         substitute_dense(joints.factor, joints.work)
     _substitute(system)
+
+
+@jit
+def _keep_factor(joints: Any, moved: Any) -> None:
+    """Store the factors of the dense system, which took the place of its matrix."""
+    for i in range(joints.matrix.shape[0]):
+        for j in range(i + 1):
+            joints.factor[i, j] = choose(moved, joints.matrix[i, j], joints.factor[i, j])
 
 
 @jit
@@ -378,40 +350,7 @@ def _push_condensed(system: Any) -> None:
 def push_system(system: Any) -> None:
     """Solve for all corrections from the residuals, with the factors of the last elimination."""
     joints = system.joints
-    push_trees(end_to_end(system.stack.work[0]), joints.plan)
-    if joints.plan.sizes[DENSE] > 0:
-        begin_forces(joints)
-        _push_condensed(system)
-        substitute_dense(joints.factor, joints.work)
-    _substitute(system)
-
-
-@jit
-def _solve_lanes_by_plan(system: Any, moved: Any) -> None:
-    joints = system.joints
-    eliminate_trees_wide(work_of(system.stack, ZERO)[0], joints.plan, moved)
-    if joints.plan.sizes[DENSE] > 0:
-        begin_forces(joints)
-        _condense(system, joints.matrix, moved)
-        leave_out_trees(joints, joints.matrix)
-        factorise(joints.matrix)
-        _keep_factor(joints, moved)
-        substitute_dense(joints.factor, joints.work)
-    _substitute(system)
-
-
-@jit
-def _keep_factor(joints: Any, moved: Any) -> None:
-    """Store the factors of the dense system, which took the place of its matrix."""
-    for i in range(joints.matrix.shape[0]):
-        for j in range(i + 1):
-            joints.factor[i, j] = choose(moved, joints.matrix[i, j], joints.factor[i, j])
-
-
-@jit
-def _push_lanes_by_plan(system: Any) -> None:
-    joints = system.joints
-    push_trees_wide(work_of(system.stack, ZERO)[0], joints.plan)
+    _push_trees(work_of(system.stack, ZERO)[0], joints.plan)
     if joints.plan.sizes[DENSE] > 0:
         begin_forces(joints)
         _push_condensed(system)
@@ -422,38 +361,37 @@ def _push_lanes_by_plan(system: Any) -> None:
 @jit
 def _condense_coupled(system: Any, work: Any, n: int, r: int) -> None:
     """Condense a rope with bending to its connections."""
-    joints, sheaves = system.joints, system.sheaves
+    joints, sheaves, matrix = system.joints, system.sheaves, system.joints.matrix
     low, high = joints.lower[r], joints.upper[r]
     if low == LOOSE:
         Z, f = eliminate_coupled_upward(work, first_free(system.stack, r), n)
         if high != LOOSE:
-            add_block(joints.factor, high, Z)
+            add_block(matrix, high, Z)
             push_force(joints, high, f)
-            condense_flow(sheaves, joints, joints.factor, r, (Z, f))
+            condense_flow(sheaves, joints, matrix, r, (Z, f))
     elif high == LOOSE:
         Z, f = eliminate_coupled_downward(work, n)
-        add_block(joints.factor, low, Z)
+        add_block(matrix, low, Z)
         push_force(joints, low, f)
     else:
         Z, f, D, g, P = eliminate_coupled_between(work, n)
-        add_block(joints.factor, high, Z)
+        add_block(matrix, high, Z)
         push_force(joints, high, f)
-        add_block(joints.factor, low, D)
+        add_block(matrix, low, D)
         push_force(joints, low, g)
-        couple_by(joints.factor, high, low, P)
-        condense_flow(sheaves, joints, joints.factor, r, (Z, f))
-        couple_flow(sheaves, joints, joints.factor, r, P)
+        couple_by(matrix, high, low, P)
+        condense_flow(sheaves, joints, matrix, r, (Z, f))
+        couple_flow(sheaves, joints, matrix, r, P)
 
 
 @jit
 def _solve_coupled(system: Any) -> None:
     stack, joints = system.stack, system.joints
-    _begin_matrix(joints)
     begin_forces(joints)
     for r in range(stack.counts.shape[0]):
         _condense_coupled(system, work_of(stack, r)[0], stack.counts[r, ELEMENTS], r)
-    factorise(joints.factor)
-    substitute_dense(joints.factor, joints.work)
+    factorise(joints.matrix)
+    substitute_dense(joints.matrix, joints.work)
     put_ends(system)
     for r in range(stack.counts.shape[0]):
         work, n = work_of(stack, r)[0], stack.counts[r, ELEMENTS]
@@ -467,33 +405,24 @@ def _solve_coupled(system: Any) -> None:
 
 _solve = chosen_by(
     couples,
-    lambda effects, system: _solve_coupled(system),
-    lambda effects, system: _solve_by_plan(system),
+    lambda effects, system, moved: _solve_coupled(system),
+    lambda effects, system, moved: _solve_by_plan(system, moved),
+)
+_push = chosen_by(
+    couples, lambda effects, system: None, lambda effects, system: push_system(system)
 )
 
 
 @jit_apart
 def solve_system(system: Any) -> None:
     """Solve for the corrections of all nodes from residuals and blocks of ropes and connections."""
-    _solve(effects_at(system.stack.effects, ZERO), system)
-
-
-_solve_all = chosen_by(
-    couples,
-    lambda effects, system, moved: _solve_coupled(system),
-    lambda effects, system, moved: _solve_lanes_by_plan(system, moved),
-)
-_push_all = chosen_by(
-    couples,
-    lambda effects, system: None,
-    lambda effects, system: _push_lanes_by_plan(system),
-)
+    _solve(effects_at(system.stack.effects, ZERO), system, True)
 
 
 @jit_apart
 def solve_lanes(system: Any, moved: Any) -> None:
     """Solve for the corrections in all lanes; those of `moved` get new factors."""
-    _solve_all(system.stack.effects, system, moved)
+    _solve(system.stack.effects, system, moved)
 
 
 @jit_apart
@@ -502,4 +431,4 @@ def push_lanes(system: Any) -> None:
 
     With bending nothing is done: factors are not tried.
     """
-    _push_all(system.stack.effects, system)
+    _push(system.stack.effects, system)

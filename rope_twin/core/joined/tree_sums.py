@@ -8,8 +8,22 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.jit.decorators import jit
-from rope_twin.core.joined.plan import COLUMN, ENDS, FORCE, JOINT, LEFT, NOWHERE, SUMMED
+from rope_twin.core.elimination import add, six, solve_symmetric, spring
+from rope_twin.core.jit.decorators import jit, jit_ordered
+from rope_twin.core.jit.rows import column
+from rope_twin.core.joined.plan import (
+    CARRY,
+    COLUMN,
+    ENDS,
+    FORCE,
+    HELD,
+    JOINT,
+    KEPT,
+    LEFT,
+    NOWHERE,
+    ROOTS,
+    SUMMED,
+)
 from rope_twin.core.state import BLOCK, CORRECTION, RESIDUAL
 
 
@@ -40,6 +54,44 @@ def begin_tree_forces(plan: Any, work: Any) -> None:
             j, i = plan.ends[m, JOINT], plan.ends[m, COLUMN]
             for k in range(3):
                 sums[FORCE + k, j] += work[RESIDUAL + k, i]
+
+
+@jit_ordered
+def begin_chain(work: Any, sums: Any, begin: int, i: int, way: int, state: Any, none: Any) -> Any:
+    """Return Schur complement and force that a chain begins a span with, at node i.
+
+    state: those of the chain's last span; none: a zero force.
+    """
+    Z, f = state
+    if begin == HELD:
+        Z, f = spring(work, i - 1 if way > 0 else i), none
+    elif begin >= 0:
+        Z, f = six(sums, LEFT, begin), column(sums, FORCE, begin)
+    elif begin != CARRY:
+        Z, f = none + none, none
+    return Z, f
+
+
+@jit_ordered
+def begin_force(sums: Any, begin: int, f: Any, none: Any) -> Any:
+    """Return the force that a chain begins a span with; f: that of its last span."""
+    if begin >= 0:
+        f = column(sums, FORCE, begin)
+    elif begin != CARRY:
+        f = none
+    return f
+
+
+@jit_ordered
+def solve_roots(work: Any, plan: Any) -> None:
+    """Set the corrections of the roots."""
+    for m in range(plan.sizes[ROOTS]):
+        root, slot = plan.roots[m, 0], plan.roots[m, 1]
+        force = add(column(plan.sums, FORCE, slot), column(work, RESIDUAL, root))
+        x, y, z = solve_symmetric(six(plan.sums, KEPT, slot), force)
+        work[CORRECTION, root] = x
+        work[CORRECTION + 1, root] = y
+        work[CORRECTION + 2, root] = z
 
 
 @jit

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.elimination import nothing_at, six, solve_symmetric, spring
+from rope_twin.core.elimination import nothing_at
 from rope_twin.core.jit.decorators import jit_ordered
 from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose
@@ -21,10 +21,7 @@ from rope_twin.core.joined.plan import (
     B_BEGIN,
     B_INTO,
     B_WAY,
-    CARRY,
     COUNT,
-    FORCE,
-    HELD,
     IDLE,
     KEPT,
     LEFT,
@@ -36,26 +33,15 @@ from rope_twin.core.joined.plan import (
 from rope_twin.core.joined.tree_sums import (
     add_force,
     add_left,
+    begin_chain,
+    begin_force,
     begin_sums,
     begin_tree_forces,
+    solve_roots,
     spread,
 )
-from rope_twin.core.state import BLOCK, CORRECTION, RESIDUAL, ZERO
+from rope_twin.core.state import BLOCK, CORRECTION, ZERO
 from rope_twin.core.tridiagonal import eliminate_wide_node, push_wide_node, substitute_wide_node
-
-
-@jit_ordered
-def _begin(work: Any, sums: Any, begin: int, i: int, way: int, state: Any) -> Any:
-    """Return Schur complement and force that a chain begins a span with, at node i."""
-    Z, f = state
-    if begin == HELD:
-        Z, f = spring(work, i - 1 if way > 0 else i), nothing_at(work, i)
-    elif begin >= 0:
-        Z, f = six(sums, LEFT, begin), column(sums, FORCE, begin)
-    elif begin != CARRY:
-        none = nothing_at(work, i)
-        Z, f = none + none, none
-    return Z, f
 
 
 @jit_ordered
@@ -70,9 +56,9 @@ def eliminate_trees_wide(work: Any, plan: Any, moved: Any) -> None:
         d, e = (0 if way > 0 else -1), (0 if back > 0 else -1)
         runs, goes = spans[s, A_BEGIN] != IDLE, spans[s, B_BEGIN] != IDLE
         if runs:
-            one = _begin(work, sums, spans[s, A_BEGIN], i, way, one)
+            one = begin_chain(work, sums, spans[s, A_BEGIN], i, way, one, none)
         if goes:
-            other = _begin(work, sums, spans[s, B_BEGIN], j, back, other)
+            other = begin_chain(work, sums, spans[s, B_BEGIN], j, back, other, none)
         for _ in range(spans[s, COUNT]):
             if runs:
                 one = eliminate_wide_node(work, i, i + d, one[0], one[1], moved)
@@ -89,28 +75,18 @@ def eliminate_trees_wide(work: Any, plan: Any, moved: Any) -> None:
 
 
 @jit_ordered
-def _begin_force(work: Any, sums: Any, begin: int, f: Any) -> Any:
-    """Return the force that a chain begins a span with."""
-    if begin >= 0:
-        f = column(sums, FORCE, begin)
-    elif begin != CARRY:
-        f = nothing_at(work, ZERO)
-    return f
-
-
-@jit_ordered
 def push_trees_wide(work: Any, plan: Any) -> None:
     """Push the residuals through the factors of all chains."""
     begin_tree_forces(plan, work)
     sums, spans = plan.sums, plan.spans
-    one = other = nothing_at(work, ZERO)
+    one = other = none = nothing_at(work, ZERO)
     for s in range(plan.sizes[SPANS]):
         i, way, j, back = spans[s, A], spans[s, A_WAY], spans[s, B], spans[s, B_WAY]
         runs, goes = spans[s, A_BEGIN] != IDLE, spans[s, B_BEGIN] != IDLE
         if runs:
-            one = _begin_force(work, sums, spans[s, A_BEGIN], one)
+            one = begin_force(sums, spans[s, A_BEGIN], one, none)
         if goes:
-            other = _begin_force(work, sums, spans[s, B_BEGIN], other)
+            other = begin_force(sums, spans[s, B_BEGIN], other, none)
         for _ in range(spans[s, COUNT]):
             if runs:
                 one = push_wide_node(work, i, one)
@@ -127,15 +103,8 @@ def substitute_trees_wide(work: Any, plan: Any, joints: Any) -> None:
 
     The corrections of dense connections are already at the ends of their ropes.
     """
-    sums, spans = plan.sums, plan.spans
-    for m in range(plan.sizes[ROOTS]):
-        root, slot = plan.roots[m, 0], plan.roots[m, 1]
-        f, R = column(sums, FORCE, slot), column(work, RESIDUAL, root)
-        force = f[0] + R[0], f[1] + R[1], f[2] + R[2]
-        x, y, z = solve_symmetric(six(sums, KEPT, slot), force)
-        work[CORRECTION, root] = x
-        work[CORRECTION + 1, root] = y
-        work[CORRECTION + 2, root] = z
+    spans = plan.spans
+    solve_roots(work, plan)
     for s in range(plan.sizes[SPANS] - 1, -1, -1):
         way, back, count = spans[s, A_WAY], spans[s, B_WAY], spans[s, COUNT]
         runs, goes = spans[s, A_BEGIN] != IDLE, spans[s, B_BEGIN] != IDLE
