@@ -32,14 +32,12 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from rope_twin.core.jit.decorators import LINKED, jit_exact_within, jit_within
-from rope_twin.core.jit.functions import fused
-from rope_twin.core.jit.rows import HeldType
+from rope_twin.core.jit.decorators import INLINED, jit_exact_within, jit_within
+from rope_twin.core.jit.functions import by_width, fused
+from rope_twin.core.jit.rows import field_type
 from rope_twin.core.jit.wide import WideType, bits, choose, whole
 from rope_twin.core.loads.hooks import axial_place, kernel_of
 from rope_twin.core.state import POSITION, Floats, Table
-
-_WITHIN = {**LINKED, "forceinline": True}  # inlined in the caller
 
 # Internal variables of a fibre rope, of the element above each node (core/loads/memory):
 # ε_m, S(ε_m) [N], ε - ε_m of the material, the running mean of its square, and the highest ε_m and
@@ -98,8 +96,7 @@ class Bound(NamedTuple):
 
 def _kinds(rope: Any) -> list[Any]:
     """Return the types of the effects of a numba type of rope."""
-    kind = rope.inner if isinstance(rope, HeldType) else rope
-    return [effect.instance_class for effect in kind.types[kind.fields.index("effects")]]
+    return [effect.instance_class for effect in field_type(rope, "effects")]
 
 
 def _place_of_fibre(kinds: Iterable[type]) -> int | None:
@@ -112,7 +109,7 @@ def sections_law(rope: Any) -> Any:
     return rope.law if i is None else FibreLaw(rope.law, rope.effects[i].memory)
 
 
-@overload(sections_law, jit_options=_WITHIN, strict=False)
+@overload(sections_law, jit_options=INLINED, strict=False)
 def _choose_sections_law(rope: Any) -> Any:
     i = _place_of_fibre(_kinds(rope))
     if i is None:
@@ -126,7 +123,7 @@ def law_of(rope: Any) -> Any:
     return sections_law(rope) if i is None else Lowest(sections_law(rope), rope.effects[i])
 
 
-@overload(law_of, jit_options=_WITHIN, strict=False)
+@overload(law_of, jit_options=INLINED, strict=False)
 def _choose_law(rope: Any) -> Any:
     i = axial_place(_kinds(rope))
     if i is None:
@@ -141,7 +138,7 @@ def law_from(law: Any, work: Any, low: Any) -> Any:
     return _part(law, low) if isinstance(law, FibreLaw) else law
 
 
-@overload(law_from, jit_options=_WITHIN, strict=False)
+@overload(law_from, jit_options=INLINED, strict=False)
 def _choose_part(law: Any, work: Any, low: Any) -> Any:
     kind = getattr(law, "instance_class", None)
     if kind is Lowest:
@@ -183,12 +180,12 @@ def pull_of(law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, w
     return chosen(law, rows[0], rows[1], e, extension, rest)
 
 
-@overload(pull_of, jit_options=_WITHIN, strict=False)
+@overload(pull_of, jit_options=INLINED, strict=False)
 def _choose_pull(
     law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, weights: Any
 ) -> Any:
     bound = getattr(law, "instance_class", None) is Bound
-    others = law.types[law.fields.index("law")] if bound else law
+    others = field_type(law, "law") if bound else law
     chosen = _by_stiffness if isinstance(others, types.NoneType) else _by_table
     if getattr(others, "instance_class", None) is FibrePart:
         chosen = _by_fibre
@@ -196,9 +193,9 @@ def _choose_pull(
         return lambda law, rows, e, extension, rest, rate, weights: chosen(
             law, rows[0], rows[1], e, extension, rest
         )
-    own = law.types[law.fields.index("own")]
+    own = field_type(law, "own")
     kernel = kernel_of("axial", own.instance_class)
-    if isinstance(own.types[own.fields.index("here")], WideType):  # in lanes it is always there
+    if isinstance(field_type(own, "here"), WideType):  # in lanes it is always there
         return lambda law, rows, e, extension, rest, rate, weights: (
             kernel(law.own, extension, rate, weights, rows[1][e], law.depth)
             if e + law.low == 0
@@ -299,15 +296,8 @@ def _piece_of_lanes(law: Any, section: int, strain: Any) -> Any:
     return knot, tension, slope, curve, bend
 
 
-def _piece_at(law: Any, section: int, strain: Any) -> Any:
-    """Return knot, tension, slope, curve and bend of the piece of a table that has this strain."""
-    return _piece_of_one(law, section, strain)
-
-
-@overload(_piece_at, jit_options=_WITHIN, strict=False)
-def _choose_piece(law: Any, section: int, strain: Any) -> Any:
-    chosen = _piece_of_lanes if isinstance(strain, WideType) else _piece_of_one
-    return lambda law, section, strain: chosen(law, section, strain)
+# Knot, tension, slope, curve and bend of the piece of a table that has a strain.
+_piece_at = by_width(_piece_of_one, _piece_of_lanes)
 
 
 @jit_within
@@ -335,18 +325,9 @@ def _relaxed_of_lanes(law: Any, section: int, working: Any, strain: Any) -> Any:
     )
 
 
-def relaxed_at(law: Any, section: int, working: Any, strain: Any) -> Any:
-    """Return S and dS/dstrain [N]: on the working curve below its upper end, else the table.
-
-    working: upper end, lower end, slope there, and curvature; slope 0: there is none.
-    """
-    return _relaxed_of_one(law, section, working, strain)
-
-
-@overload(relaxed_at, jit_options=_WITHIN, strict=False)
-def _choose_relaxed(law: Any, section: int, working: Any, strain: Any) -> Any:
-    chosen = _relaxed_of_lanes if isinstance(strain, WideType) else _relaxed_of_one
-    return lambda law, section, working, strain: chosen(law, section, working, strain)
+# S and dS/dstrain [N]: on the working curve below its upper end, else the table. working: upper
+# end, lower end, slope there, and curvature; slope 0: there is none.
+relaxed_at = by_width(_relaxed_of_one, _relaxed_of_lanes)
 
 
 def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> Any:

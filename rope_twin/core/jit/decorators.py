@@ -268,6 +268,7 @@ LINKED: dict[str, Any] = {
     "no_cpython_wrapper": True,
     "pipeline_class": LinkedCompiler,
 }
+INLINED: dict[str, Any] = {**LINKED, "forceinline": True}  # LLVM puts it into its callers
 
 
 def make_ready() -> None:
@@ -323,18 +324,18 @@ def jit_apart(function: Any) -> Any:
 
 def jit_within(function: Any) -> Any:
     """Compile a small function of numbers that LLVM puts into its callers' loops."""
-    return numba.njit(forceinline=True, **LINKED)(function)
+    return numba.njit(**INLINED)(function)
 
 
 def jit_exact_within(function: Any) -> Any:
     """Compile a small function of numbers as `jit_exact` does, for LLVM to put into its callers."""
-    return numba.njit(forceinline=True, **{**LINKED, "fastmath": _EXACT})(function)
+    return numba.njit(**{**INLINED, "fastmath": _EXACT})(function)
 
 
 def jit_ordered_within(function: Any) -> Any:
     """The same for one whose sums must not be reordered; of a kernel, another make of it."""
     plain = getattr(function, "py_func", function)
-    return numba.njit(forceinline=True, **{**LINKED, "fastmath": _ORDERED})(plain)
+    return numba.njit(**{**INLINED, "fastmath": _ORDERED})(plain)
 
 
 def compiled(entry: Any, arguments: tuple[Any, ...]) -> Any:

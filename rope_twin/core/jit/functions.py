@@ -29,6 +29,8 @@ from __future__ import annotations
 import math
 import operator
 import platform
+from collections.abc import Callable
+from functools import wraps
 from math import factorial, pi
 from typing import Any
 
@@ -39,7 +41,14 @@ from numba.core import cgutils
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic, overload
 
-from rope_twin.core.jit.decorators import LINKED, jit_entry, jit_exact_within, jit_within
+from rope_twin.core.jit.decorators import (
+    INLINED,
+    LINKED,
+    jit_entry,
+    jit_exact_within,
+    jit_within,
+)
+from rope_twin.core.jit.rows import unheld
 from rope_twin.core.jit.wide import (
     LANES,
     REGISTER,
@@ -190,7 +199,7 @@ def _fused_lanes(context: Any, a: Any, b: Any, c: Any) -> Any:
     return WIDE(a, b, c), generate
 
 
-@overload(fused, jit_options={**LINKED, "forceinline": True, "fastmath": False}, strict=False)
+@overload(fused, jit_options={**INLINED, "fastmath": False}, strict=False)
 def _compose_fused(a: Any, b: Any, c: Any) -> Any:
     if any(isinstance(kind, WideType) for kind in (a, b, c)):
         return lambda a, b, c: _fused_lanes(a, b, c)
@@ -223,23 +232,12 @@ def _interpolate_lanes(known: Any, values: Any, at: Any) -> Any:
     return here + min(max(share, 0.0), 1.0) * (then - here)
 
 
-def interpolate(known: Any, values: Any, at: Any) -> Any:
-    """Return the value at a place of a table whose places ascend; constant beyond its ends."""
-    return _interpolate(known, values, at)
-
-
-@overload(interpolate, jit_options={**LINKED, "forceinline": True}, strict=False)
-def _compose_interpolation(known: Any, values: Any, at: Any) -> Any:
-    chosen = _interpolate_lanes if isinstance(known, TableType) else _interpolate
-    return lambda known, values, at: chosen(known, values, at)
-
-
 def renewed(stage: Any, new: Any, old: Any) -> Any:
     """Return the new value; of lanes that the stage does not evaluate (LaneStage), the old one."""
     return new
 
 
-@overload(renewed, jit_options={**LINKED, "forceinline": True}, strict=False)
+@overload(renewed, jit_options=INLINED, strict=False)
 def _compose_renewed(stage: Any, new: Any, old: Any) -> Any:
     if "lanes" in getattr(stage, "fields", ()):
         return lambda stage, new, old: choose(mask_of(stage.lanes), new, old)
@@ -251,7 +249,7 @@ def anywhere(which: Any) -> Any:
     return which
 
 
-@overload(anywhere, jit_options={**LINKED, "forceinline": True}, strict=False)
+@overload(anywhere, jit_options=INLINED, strict=False)
 def _compose_anywhere(which: Any) -> Any:
     if isinstance(which, MaskType):
         return lambda which: bits(which) != 0
@@ -259,36 +257,61 @@ def _compose_anywhere(which: Any) -> Any:
 
 
 def by_width(lone: Any, lanes: Any) -> Any:
-    """Return the function `lone(first, ...)`, or `lanes(first, ...)` for a table of wide numbers.
+    """Return the function `lone(...)`, or `lanes(...)` where an argument is wide, or such a table.
 
     Both are kernels; plain Python calls the first.
     """
 
-    def call(first: Any, *rest: Any) -> Any:
-        return lone(first, *rest)
+    def call(*given: Any) -> Any:
+        return lone(*given)
 
-    @overload(call, jit_options={**LINKED, "forceinline": True}, strict=False)
-    def compose(first: Any, *rest: Any) -> Any:
-        chosen = lanes if isinstance(first, TableType) else lone
-        return lambda first, *rest: chosen(first, *rest)
+    @overload(call, jit_options=INLINED, strict=False)
+    def compose(*given: Any) -> Any:
+        wide = any(isinstance(kind, TableType | WideType) for kind in given)
+        chosen = lanes if wide else lone
+        return lambda *given: chosen(*given)
 
     return call
 
 
-def by_type(kind: type, yes: Any, no: Any) -> Any:
+# The value at a place of a table whose places ascend; constant beyond its ends.
+interpolate = by_width(_interpolate, _interpolate_lanes)
+
+
+def by_type(kind: type, yes: Any, no: Any, options: dict[str, Any] = LINKED) -> Any:
     """Return the function `yes(first, ...)` where `first` is of this type of struct, else `no`.
 
-    Both are plain functions with the same names of arguments; numba compiles the one it calls.
+    Both are plain functions with the same names of arguments; numba compiles the one it calls, with
+    these options.
     """
 
     def call(first: Any, *rest: Any) -> Any:
         return (yes if isinstance(first, kind) else no)(first, *rest)
 
-    @overload(call, jit_options=LINKED, strict=False)
+    @overload(call, jit_options=options, strict=False)
     def choose(first: Any, *rest: Any) -> Any:
-        return yes if getattr(first, "instance_class", None) is kind else no
+        return yes if getattr(unheld(first), "instance_class", None) is kind else no
 
     return call
+
+
+def lanes_only(options: dict[str, Any]) -> Callable[[Any], Any]:
+    """Decorate a function of numba types that gives the code for them, compiled with these options.
+
+    Only kernels can call it: it is about lanes, which plain Python has none of.
+    """
+
+    def decorate(compose: Any) -> Any:
+        @wraps(compose)
+        def call(*given: Any) -> Any:
+            raise TypeError(
+                "lanes exist in compiled code only; plain Python steps ropes one by one"
+            )
+
+        overload(call, jit_options=options, strict=False)(compose)
+        return call
+
+    return decorate
 
 
 @jit_entry

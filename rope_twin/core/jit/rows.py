@@ -264,6 +264,17 @@ class HeldType(types.Type):  # type: ignore[misc]
         return number, HeldType(kind) if isinstance(kind, _NAMED) else kind
 
 
+def unheld(kind: Any) -> Any:
+    """Return a numba type of struct, of one that is held too."""
+    return kind.inner if isinstance(kind, HeldType) else kind
+
+
+def field_type(kind: Any, name: str) -> Any:
+    """Return the numba type of a struct's field."""
+    inner = unheld(kind)
+    return inner.types[inner.fields.index(name)]
+
+
 @register_model(HeldType)
 class _HeldModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Any) -> None:
@@ -286,8 +297,9 @@ def _read(context: Any, builder: Any, kind: Any, address: Any, name: str) -> Any
     return place if isinstance(of, HeldType) else builder.load(place)
 
 
-@intrinsic
-def _hold(context: Any, struct: Any) -> Any:
+def _held(struct: Any) -> Any:
+    """Return typing and code of a struct that is left in one place."""
+
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         return cgutils.alloca_once_value(builder, arguments[0])
 
@@ -295,15 +307,16 @@ def _hold(context: Any, struct: Any) -> Any:
 
 
 @intrinsic
+def _hold(context: Any, struct: Any) -> Any:
+    return _held(struct)
+
+
+@intrinsic
 def hold_system(context: Any, system: Any) -> Any:
     """A system of ropes by its address; a rope by itself as it is. For SIMD lanes."""
     if system.instance_class is Rope:
         return system(system), lambda context, builder, sig, arguments: arguments[0]
-
-    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        return cgutils.alloca_once_value(builder, arguments[0])
-
-    return HeldType(system)(system), generate
+    return _held(system)
 
 
 if config.DISABLE_JIT:

@@ -43,7 +43,7 @@ from numba.extending import (
     register_model,
 )
 
-from rope_twin.core.jit.decorators import LINKED
+from rope_twin.core.jit.decorators import INLINED
 from rope_twin.core.jit.scopes import tell_apart
 
 
@@ -67,7 +67,6 @@ def register_doubles() -> int:
 LANES = register_doubles()
 ALL = (1 << LANES) - 1  # mask of all lanes
 ALIGNMENT = 8 * LANES  # bytes; arrays of wide numbers begin at a multiple of it
-_INLINED = {**LINKED, "forceinline": True}
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)
 REGISTER = ir.VectorType(_DOUBLE, LANES)
 _BITS = ir.VectorType(ir.IntType(1), LANES)
@@ -292,7 +291,7 @@ def choose(which: Any, a: Any, b: Any) -> Any:
     return a if which else b
 
 
-@overload(choose, jit_options=_INLINED, strict=False)
+@overload(choose, jit_options=INLINED, strict=False)
 def _compose_choice(which: Any, a: Any, b: Any) -> Any:
     if isinstance(which, MaskType):
         return lambda which, a, b: _select(which, a, b)
@@ -307,7 +306,7 @@ def count_beyond(count: int, a: Any, b: Any, tolerance: Any) -> int:
     return count + (not abs(a - b) <= tolerance)
 
 
-@overload(count_beyond, jit_options=_INLINED, strict=False)
+@overload(count_beyond, jit_options=INLINED, strict=False)
 def _compose_count(count: Any, a: Any, b: Any, tolerance: Any) -> Any:
     if isinstance(a, WideType):
         return lambda count, a, b, tolerance: count | (ALL - bits(abs(a - b) <= tolerance))
@@ -578,7 +577,7 @@ def whole(value: Any) -> int:
     return int(value)
 
 
-@overload(whole, jit_options=_INLINED, strict=False)
+@overload(whole, jit_options=INLINED, strict=False)
 def _compose_whole(value: Any) -> Any:
     if isinstance(value, WideType):
         return lambda value: _first_lane(value)

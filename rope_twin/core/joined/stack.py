@@ -20,8 +20,9 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from rope_twin.core.jit.decorators import LINKED, jit
-from rope_twin.core.jit.rows import HeldType
+from rope_twin.core.jit.decorators import INLINED, LINKED, jit
+from rope_twin.core.jit.functions import by_type, lanes_only
+from rope_twin.core.jit.rows import field_type, unheld
 from rope_twin.core.jit.wide import table, tiles, wide
 from rope_twin.core.loads.hooks import (
     DIFFERING,
@@ -54,7 +55,6 @@ from rope_twin.core.state import (
 )
 
 TOLERANCE = Model._fields.index("tolerance")
-_INLINED = {**LINKED, "forceinline": True}
 
 
 class Memories(NamedTuple):
@@ -287,13 +287,13 @@ def _compose_effects(effects: Any, r: Any) -> Any:
     parts = []
     for i, effect in enumerate(effects):
         if effect.instance_class is Memories:
-            kind = effect.types[effect.fields.index("first")]
+            kind = field_type(effect, "first")
             scope[f"Kind_{i}"] = kind.instance_class
             parts.append(_memories_at(i, kind))
             continue
         text = f"effects[{i}]"
         if effect.instance_class is Numbers:
-            kind = effect.types[effect.fields.index("first")]
+            kind = field_type(effect, "first")
             text = struct_text(kind, f"{text}.first", scope, _numbers_at(f"{text}.figures"))
         parts.append(text)
     text = " ".join(part + "," for part in parts)
@@ -318,20 +318,12 @@ def _compose_faces(effects: Any, rope: Any, stack: Any) -> Any:
     return written_out("effects, rope, stack", [*lines, "return None"], calls)
 
 
-def _law_at(law: Any, r: Any) -> Any:
+@jit
+def _law_at(law: Any, r: int) -> Any:
     """Return the law of rope r."""
-    return None if law is None else Table(*(row[r] for row in law))
-
-
-@overload(_law_at, jit_options=LINKED, strict=False)
-def _choose_law(law: Any, r: Any) -> Any:
-    def table(law: Any, r: Any) -> Any:
-        return Table(law.knot[r], law.tension[r], law.slope[r], law.curve[r], law.bend[r])
-
-    def none(law: Any, r: Any) -> Any:
+    if law is None:
         return None
-
-    return none if isinstance(law, types.NoneType) else table
+    return Table(law.knot[r], law.tension[r], law.slope[r], law.curve[r], law.bend[r])
 
 
 @jit
@@ -364,22 +356,17 @@ class LaneStack(NamedTuple):
     law: Any
 
 
-def _at(data: Any, r: Any) -> Any:
-    """Return the data of rope r as wide numbers and tables."""
-    raise TypeError("SIMD vectors exist in compiled code only; plain Python steps ropes one by one")
-
-
 def _widened(kind: Any, path: str) -> str:
     return f"{'wide' if kind.ndim == 2 else 'table'}({path}[r])"
 
 
-@overload(_at, jit_options=LINKED, strict=False)
-def _compose_at(data: Any, r: Any) -> Any:
+@lanes_only(LINKED)
+def _at(data: Any, r: Any) -> Any:
+    """Return the data of rope r as wide numbers and tables."""
     if isinstance(data, types.NoneType):
         return lambda data, r: None
     scope: dict[str, Any] = {"wide": wide, "table": table}
-    kind = data.inner if isinstance(data, HeldType) else data
-    text = struct_text(kind, "data", scope, _widened)
+    text = struct_text(unheld(data), "data", scope, _widened)
     return written_out("data, r", [f"return {text}"], {}, **scope)
 
 
@@ -405,20 +392,16 @@ def wide_rope_of(stack: Any, r: int) -> Any:
 
 def _in_lanes(stack: Any) -> bool:
     """Return whether a numba type of stack is that of lanes."""
-    kind = stack.inner if isinstance(stack, HeldType) else stack
-    return kind.instance_class is LaneStack
+    return unheld(stack).instance_class is LaneStack
 
 
-def any_rope_of(stack: Any, r: Any) -> Any:
-    """Return rope r of a stack, or of all lanes."""
-    return rope_of(stack, r)
-
-
-@overload(any_rope_of, jit_options=_INLINED, strict=False)
-def _choose_rope(stack: Any, r: Any) -> Any:
-    if _in_lanes(stack):
-        return lambda stack, r: wide_rope_of(stack, r)
-    return lambda stack, r: rope_of(stack, r)
+# Rope r of a stack, or of all lanes.
+any_rope_of = by_type(
+    LaneStack,
+    lambda stack, r: wide_rope_of(stack, r),
+    lambda stack, r: rope_of(stack, r),
+    INLINED,
+)
 
 
 def effects_between(stack: Any) -> Any:
@@ -426,13 +409,11 @@ def effects_between(stack: Any) -> Any:
     return stack.effects
 
 
-@overload(effects_between, jit_options=_INLINED, strict=False)
+@overload(effects_between, jit_options=INLINED, strict=False)
 def _choose_effects(stack: Any) -> Any:
     if not _in_lanes(stack):
         return lambda stack: stack.effects
-    kind = stack.inner if isinstance(stack, HeldType) else stack
-    effects = kind.types[kind.fields.index("effects")]
-    if not kernels_by_place("among", effects):
+    if not kernels_by_place("among", field_type(stack, "effects")):
         return lambda stack: ()
     return lambda stack: _at(stack.effects, 0)
 
@@ -442,49 +423,41 @@ def work_of(stack: Any, r: Any) -> Any:
     return (stack.work[r],)
 
 
-@overload(work_of, jit_options=_INLINED, strict=False)
+@overload(work_of, jit_options=INLINED, strict=False)
 def _choose_work(stack: Any, r: Any) -> Any:
-    if _in_lanes(stack):
-        kind = stack.inner if isinstance(stack, HeldType) else stack
-        effects = kind.types[kind.fields.index("effects")]
-        if couples(effect.instance_class for effect in effects):
-            return lambda stack, r: (tiles(stack.work[r], COUPLED_CHAIN_ROWS),)
-        return lambda stack, r: (tiles(stack.work[r], CHAIN_ROWS),)
-    return lambda stack, r: (stack.work[r],)
+    if not _in_lanes(stack):
+        return lambda stack, r: (stack.work[r],)
+    if couples(effect.instance_class for effect in field_type(stack, "effects")):
+        return lambda stack, r: (tiles(stack.work[r], COUPLED_CHAIN_ROWS),)
+    return lambda stack, r: (tiles(stack.work[r], CHAIN_ROWS),)
 
 
-def facing_of(stack: Any, memories: Any, r: Any) -> Any:
-    """Return nodes, coordinates and number of elements of rope r, and its part of `memories`."""
-    return stack.nodes[r], stack.s[r], stack.counts[r, ELEMENTS], memories[r]
-
-
-@overload(facing_of, jit_options=_INLINED, strict=False)
-def _choose_facing(stack: Any, memories: Any, r: Any) -> Any:
-    if _in_lanes(stack):
-        return lambda stack, memories, r: (
-            tiles(stack.nodes[r], NODE_ROWS),
-            table(stack.s[r]),
-            stack.counts[r, ELEMENTS],
-            table(memories[r]),
-        )
-    return lambda stack, memories, r: (
+# Nodes, coordinates and number of elements of rope r, and its part of `memories`.
+facing_of = by_type(
+    LaneStack,
+    lambda stack, memories, r: (
+        tiles(stack.nodes[r], NODE_ROWS),
+        table(stack.s[r]),
+        stack.counts[r, ELEMENTS],
+        table(memories[r]),
+    ),
+    lambda stack, memories, r: (
         stack.nodes[r],
         stack.s[r],
         stack.counts[r, ELEMENTS],
         memories[r],
-    )
+    ),
+    INLINED,
+)
 
 
-def tolerance_at(stack: Any, r: Any) -> Any:
-    """Return the tolerance of tensions of rope r of a stack, or of all lanes [N]."""
-    return stack.model[r, TOLERANCE]
-
-
-@overload(tolerance_at, jit_options=_INLINED, strict=False)
-def _choose_tolerance(stack: Any, r: Any) -> Any:
-    if _in_lanes(stack):
-        return lambda stack, r: wide(stack.figures[r, 3])
-    return lambda stack, r: stack.model[r, TOLERANCE]
+# Tolerance of tensions of rope r of a stack, or of all lanes [N].
+tolerance_at = by_type(
+    LaneStack,
+    lambda stack, r: wide(stack.figures[r, 3]),
+    lambda stack, r: stack.model[r, TOLERANCE],
+    INLINED,
+)
 
 
 NOWHERE = -1  # sheave of a rope without one at its upper end

@@ -13,8 +13,6 @@ from __future__ import annotations
 from functools import wraps
 from typing import Any
 
-from numba.extending import overload
-
 from rope_twin.core.elements import count_unexpected
 from rope_twin.core.integrator import (
     BDF2,
@@ -24,9 +22,9 @@ from rope_twin.core.integrator import (
     predict_bdf2,
     predict_trapezoid,
 )
-from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.jit.decorators import INLINED, jit
 from rope_twin.core.jit.functions import by_type
-from rope_twin.core.jit.rows import HeldType, column, copy
+from rope_twin.core.jit.rows import column, copy
 from rope_twin.core.jit.wide import count_beyond, whole
 from rope_twin.core.joined.joints import (
     ANCHORED,
@@ -74,8 +72,6 @@ from rope_twin.core.state import (
     Stage,
 )
 
-_WITHIN = {**LINKED, "forceinline": True}  # inlined in the caller
-
 
 def by_kind(one: Any) -> Any:
     """Decorate a function of a `Joined`; `one(system, ...)` is what it does for a rope by itself.
@@ -84,19 +80,7 @@ def by_kind(one: Any) -> Any:
     called.
     """
 
-    def decorate(many: Any) -> Any:
-        @wraps(many)
-        def call(system: Any, *rest: Any) -> Any:
-            return (one if isinstance(system, Rope) else many)(system, *rest)
-
-        @overload(call, jit_options=_WITHIN, strict=False)
-        def choose(system: Any, *rest: Any) -> Any:
-            kind = system.inner if isinstance(system, HeldType) else system
-            return one if kind.instance_class is Rope else many
-
-        return call
-
-    return decorate
+    return lambda many: wraps(many)(by_type(Rope, one, many, INLINED))
 
 
 @by_kind(lambda system: 1)

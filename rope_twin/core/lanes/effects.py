@@ -28,11 +28,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
-from numba.extending import overload
 
 from rope_twin.core.integrator import correct
-from rope_twin.core.jit.decorators import LINKED, jit, jit_within
-from rope_twin.core.jit.functions import by_type
+from rope_twin.core.jit.decorators import INLINED, LINKED, jit, jit_within
+from rope_twin.core.jit.functions import by_type, lanes_only
 from rope_twin.core.jit.wide import ALIGNMENT, LANES, choose, mask_of, table, wide
 from rope_twin.core.loads.hooks import (
     Growth,
@@ -65,8 +64,6 @@ from rope_twin.core.state import (
     Stage,
     State,
 )
-
-_WITHIN = {**LINKED, "forceinline": True}
 
 
 def aligned(*shape: int) -> Floats:
@@ -127,13 +124,9 @@ def _widened(kind: Any, path: str) -> str:
     return f"{'wide' if kind.ndim == 1 else 'table'}({path})"
 
 
+@lanes_only(LINKED)
 def wide_data(data: Any) -> Any:
     """Return a struct of arrays (last axis LANES), or several, as SIMD vectors and tables."""
-    raise TypeError("SIMD vectors exist in compiled code only; plain Python steps ropes one by one")
-
-
-@overload(wide_data, jit_options=LINKED, strict=False)
-def _compose_wide(data: Any) -> Any:
     if isinstance(data, types.NoneType):
         return lambda data: None
     scope: dict[str, Any] = {"wide": wide, "table": table}
@@ -141,13 +134,9 @@ def _compose_wide(data: Any) -> Any:
     return written_out("data", [f"return {text}"], {}, **scope)
 
 
+@lanes_only(INLINED)
 def lane_data(data: Any, lane: Any) -> Any:
     """Return the data of one lane of a struct of arrays (first axis LANES), or of several."""
-    raise TypeError("lanes exist in compiled code only; plain Python steps ropes one by one")
-
-
-@overload(lane_data, jit_options=_WITHIN, strict=False)
-def _compose_lane(data: Any, lane: Any) -> Any:
     scope: dict[str, Any] = {}
     text = struct_text(data, "data", scope, lambda kind, path: f"{path}[lane]")
     return written_out("data, lane", [f"return {text}"], {}, **scope)
@@ -290,11 +279,8 @@ def _return_water(each: Any, lane: int, low: int, high: int) -> None:
 def _picker(kind: type) -> Any:
     """Return the kernel that gives the data of an effect of this type in one lane."""
 
+    @lanes_only(INLINED)
     def pick(effects: Any, lane: Any) -> Any:
-        raise TypeError("lanes exist in compiled code only")
-
-    @overload(pick, jit_options=_WITHIN, strict=False)
-    def choose_place(effects: Any, lane: Any) -> Any:
         i = place_of(kind, effects)
         return lambda effects, lane: lane_data(effects[i], lane)
 
@@ -305,20 +291,14 @@ def _grown_picker(kind: type) -> Any:
     """Return the kernel that gives the data of an effect of this type in one lane, at a stage."""
     pick = _picker(kind)
 
+    @lanes_only(INLINED)
     def grow(effects: Any, stage: Any) -> Any:
-        raise TypeError("lanes exist in compiled code only")
-
-    @overload(grow, jit_options=_WITHIN, strict=False)
-    def compose(effects: Any, stage: Any) -> Any:
         growth = Growth(effects)
         lines = [*growth.lines, f"return {growth.of(place_of(kind, effects))}"]
         return written_out("effects, stage", lines, {}, **growth.names)
 
+    @lanes_only(INLINED)
     def pick_grown(effects: Any, lane: Any, stage: Any) -> Any:
-        raise TypeError("lanes exist in compiled code only")
-
-    @overload(pick_grown, jit_options=_WITHIN, strict=False)
-    def choose_growth(effects: Any, lane: Any, stage: Any) -> Any:
         if kernels_by_place("share", effects):
             return lambda effects, lane, stage: grow(lane_data(effects, lane), stage)
         return lambda effects, lane, stage: pick(effects, lane)
@@ -421,16 +401,12 @@ def _counts(effects: Any) -> dict[int, int]:
     return {i: k for i, k in found.items() if k > 0}
 
 
+@lanes_only(LINKED)
 def calm_lanes(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> Any:
     """Return the stage's lanes, as bits, in which no active set is changed by share·delta.
 
     As in a single rope, an effect is only asked where those before it are calm.
     """
-    raise TypeError("lanes exist in compiled code only")
-
-
-@overload(calm_lanes, jit_options=LINKED, strict=False)
-def _compose_calm(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> Any:
     calls = kernels("calm", effects, None)
     lines = ["calm = stage.lanes"]
     if not may_be_calm([effect.instance_class for effect in effects]):
@@ -456,16 +432,12 @@ def _complete(rope: Any, stage: Any, pending: Any) -> Any:
     return 0.0 * pending
 
 
+@lanes_only(LINKED)
 def settle_lanes(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any, upto: Any) -> Any:
     """Update internal variables after a stage; return the pending correction.
 
     upto: number of nodes that carry loads.
     """
-    raise TypeError("lanes exist in compiled code only")
-
-
-@overload(settle_lanes, jit_options=LINKED, strict=False)
-def _compose_settle(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any, upto: Any) -> Any:
     calls, counts = kernels("settle", effects, None), _counts(effects)
     growth = Growth(effects if counts else ())
     lines = ["pending = complete(rope, stage, pending)"] if counts else []
@@ -496,13 +468,9 @@ def _take_each(memory: Any, k: int, n: int, kept: int) -> None:
                     memory[lane, r, i] = memory[lane, k + r, i]
 
 
+@lanes_only(LINKED)
 def accept_lanes(effects: Any, each: Any, n: Any, kept: Any) -> Any:
     """Accept the internal variables of a step, in the lanes `kept`."""
-    raise TypeError("lanes exist in compiled code only")
-
-
-@overload(accept_lanes, jit_options=LINKED, strict=False)
-def _compose_accept(effects: Any, each: Any, n: Any, kept: Any) -> Any:
     lines = []
     for i, k in _counts(effects).items():
         if is_by_lane(effects[i].instance_class):

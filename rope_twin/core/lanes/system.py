@@ -8,10 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import types
-from numba.extending import overload
-
 from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.jit.functions import lanes_only
 from rope_twin.core.jit.rows import node_rows, rows
 from rope_twin.core.jit.wide import choose, table, tiles, wide
 from rope_twin.core.joined.joints import LOOSE, Joined, Joints, count_joints
@@ -34,13 +32,9 @@ from rope_twin.core.state import (
 )
 
 
+@lanes_only(LINKED)
 def wide_system(arrays: Any) -> Any:
     """Return a rope, or a system of ropes, with SIMD tables in place of arrays."""
-    raise TypeError("SIMD vectors exist in compiled code only; plain Python steps ropes one by one")
-
-
-@overload(wide_system, jit_options=LINKED, strict=False)
-def _choose_system(arrays: Any) -> Any:
     if arrays.instance_class is Rope:
         return lambda arrays: _wide_rope(arrays)
     return lambda arrays: _wide_joined(arrays)
@@ -80,16 +74,12 @@ def _wide_rope(rope: Any) -> Any:
     )
 
 
+@jit
 def _wide_sheaves(sheaves: Any) -> Any:
     """Return sheaves with SIMD tables in place of arrays of floats, or None."""
-    raise TypeError("SIMD vectors exist in compiled code only; plain Python steps ropes one by one")
-
-
-@overload(_wide_sheaves, jit_options=LINKED, strict=False)
-def _compose_sheaves(sheaves: Any) -> Any:
-    if isinstance(sheaves, types.NoneType):
-        return lambda sheaves: None
-    return lambda sheaves: Sheaves(
+    if sheaves is None:
+        return None
+    return Sheaves(
         table(sheaves.figures),
         sheaves.of,
         sheaves.side,

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_sum, jit_within
+from rope_twin.core.jit.decorators import INLINED, LINKED, jit, jit_entry, jit_sum, jit_within
 from rope_twin.core.jit.functions import renewed, rounded
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.hooks import (
@@ -186,7 +186,7 @@ def _sum_loads(effects: Any, node: Any, stage: Stage) -> Any:
     return total
 
 
-@overload(_sum_loads, jit_options={**LINKED, "forceinline": True}, strict=False)
+@overload(_sum_loads, jit_options=INLINED, strict=False)
 def _compose_load(effects: Any, node: Any, stage: Stage) -> Any:
     calls, soaks = kernels_by_place("load", effects), kernels_by_place("soak", effects)
     growth = Growth(effects)
