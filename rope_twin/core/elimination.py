@@ -31,7 +31,7 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.jit.decorators import jit_ordered_within, jit_within
-from rope_twin.core.jit.rows import gather, lane, load, pair, row, rows, span, store
+from rope_twin.core.jit.rows import column, gather, lane, load, pair, row, rows, span, store
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.state import (
     AXIAL,
@@ -251,6 +251,12 @@ def apply(a: Any, b: Any) -> Any:
 
 
 @jit_ordered_within
+def dot(a: Any, b: Any) -> Any:
+    """Return the inner product of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@jit_ordered_within
 def lessen(S: Any, V: Any, W: Any) -> Any:
     """Return S - Vᵀ·W, symmetric; V and W = D⁻¹·V by rows."""
     a, b, c = V
@@ -463,35 +469,47 @@ def force_on(work: Any, i: int, f: Any) -> Any:
     return f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i]
 
 
-@jit_ordered_within
+@jit_within
+def set_column(work: Any, first: int, i: int, values: Any) -> None:
+    """Set column i of three rows."""
+    work[first, i], work[first + 1, i], work[first + 2, i] = values
+
+
+@jit_within
+def keep_column(work: Any, first: int, i: int, values: Any, moved: Any) -> None:
+    """Set column i of three rows in the lanes of `moved`."""
+    work[first, i] = choose(moved, values[0], work[first, i])
+    work[first + 1, i] = choose(moved, values[1], work[first + 1, i])
+    work[first + 2, i] = choose(moved, values[2], work[first + 2, i])
+
+
+@jit_within
+def keep_six(work: Any, first: int, i: int, S: Any, moved: Any) -> None:
+    """Store a symmetric matrix in column i of six rows, in the lanes of `moved`."""
+    keep_column(work, first, i, S[:3], moved)
+    keep_column(work, first + 3, i, S[3:], moved)
+
+
+@jit_within
+def keep_nine(work: Any, first: int, i: int, M: Any, moved: Any) -> None:
+    """Store a matrix, by rows or columns, in column i of nine rows, in the lanes of `moved`."""
+    keep_column(work, first, i, M[0], moved)
+    keep_column(work, first + 3, i, M[1], moved)
+    keep_column(work, first + 6, i, M[2], moved)
+
+
+@jit_within
+def nine(work: Any, first: int, i: int) -> Any:
+    """Return column i of nine rows in threes."""
+    return column(work, first, i), column(work, first + 3, i), column(work, first + 6, i)
+
+
+@jit_within
 def keep_factors(work: Any, i: int, gain: Any, own: Any, inverse: Any, moved: Any) -> None:
-    """Store the factors of node i in the lanes of `moved`, its own part in all."""
-    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
-    gxx[i] = choose(moved, gain[0], gxx[i])
-    gxy[i] = choose(moved, gain[1], gxy[i])
-    gxz[i] = choose(moved, gain[2], gxz[i])
-    gyx[i] = choose(moved, gain[3], gyx[i])
-    gyy[i] = choose(moved, gain[4], gyy[i])
-    gyz[i] = choose(moved, gain[5], gyz[i])
-    gzx[i] = choose(moved, gain[6], gzx[i])
-    gzy[i] = choose(moved, gain[7], gzy[i])
-    gzz[i] = choose(moved, gain[8], gzz[i])
-    px[i] = own[0]
-    py[i] = own[1]
-    pz[i] = own[2]
-    keep_six(work, i, inverse, moved)
-
-
-@jit_ordered_within
-def keep_six(work: Any, i: int, inverse: Any, moved: Any) -> None:
-    """Store the inverse of node i, or the block of the middle node, in the lanes of `moved`."""
-    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
-    xx[i] = choose(moved, inverse[0], xx[i])
-    xy[i] = choose(moved, inverse[1], xy[i])
-    xz[i] = choose(moved, inverse[2], xz[i])
-    yy[i] = choose(moved, inverse[3], yy[i])
-    yz[i] = choose(moved, inverse[4], yz[i])
-    zz[i] = choose(moved, inverse[5], zz[i])
+    """Store the factors of node i in the lanes of `moved`, its own part in all; gain by rows."""
+    keep_nine(work, ELIMINATED, i, gain, moved)
+    set_column(work, ELIMINATED + 9, i, own)
+    keep_six(work, INVERSE, i, inverse, moved)
 
 
 @jit_ordered_within

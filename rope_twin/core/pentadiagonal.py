@@ -27,14 +27,17 @@ from rope_twin.core.elimination import (
     ground,
     hold_ends,
     keep_factors,
+    keep_six,
     lanes,
     link_less,
     load_three,
+    nine,
     nothing_at,
     onto_next,
     push_coupled_node,
     pushed_on,
     scaled,
+    set_column,
     six,
     six_lanes,
     solve_symmetric,
@@ -78,30 +81,20 @@ def single_node(work: Floats, i: int, state: Any, K: Any, c: float, d: float) ->
 
 
 @jit_within
-def set_column(work: Any, first: int, i: int, d: Any) -> None:
-    """Set column i of three rows."""
-    work[first, i], work[first + 1, i], work[first + 2, i] = d
-
-
-@jit_within
-def keep_node(work: Floats, factors: int, i: int, kept: Any) -> None:
-    """Store the factors of node i for the back-substitution; S⁻¹ from row `factors` on."""
+def keep_node(work: Any, i: int, kept: Any) -> None:
+    """Store the factors of node i for the back-substitution."""
     own, G, inverse = kept
-    set_column(work, ELIMINATED, i, own)
     for k in range(3):
-        set_column(work, ELIMINATED + 3 + 3 * k, i, G[k])
+        set_column(work, ELIMINATED + 3 * k, i, G[k])
+    set_column(work, ELIMINATED + 9, i, own)
     for k in range(6):
-        work[factors + k, i] = inverse[k]
+        work[INVERSE + k, i] = inverse[k]
 
 
 @jit_within
-def kept_of(work: Floats, factors: int, i: int) -> Any:
-    """Load the factors of node i that `keep_node` stored."""
-    G = (
-        column(work, ELIMINATED + 3, i), column(work, ELIMINATED + 6, i),
-        column(work, ELIMINATED + 9, i),
-    )  # fmt: skip
-    return column(work, ELIMINATED, i), G, six(work, factors, i)
+def kept_of(work: Any, i: int) -> Any:
+    """Load the factors of node i that `keep_node` or `_keep_chosen` stored."""
+    return column(work, ELIMINATED + 9, i), nine(work, ELIMINATED, i), six(work, INVERSE, i)
 
 
 @jit
@@ -331,15 +324,7 @@ def eliminate_coupled_wide(work: Any, first: int, n: int, moved: Any) -> None:
 def _keep_chosen(work: Any, i: int, kept: Any, moved: Any) -> None:
     """Store the factors of node i in the lanes of `moved`, its own part in all."""
     own, G, inverse = kept
-    keep_factors(work, i, G[0] + G[1] + G[2], own, inverse, moved)
-
-
-@jit_within
-def _kept_wide(work: Any, i: int) -> Any:
-    """Load the factors of node i that `_keep_chosen` stored."""
-    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, x, y, z = span(work, ELIMINATED, 12, i)
-    G = (gxx[0], gxy[0], gxz[0]), (gyx[0], gyy[0], gyz[0]), (gzx[0], gzy[0], gzz[0])
-    return (x[0], y[0], z[0]), G, six(work, INVERSE, i)
+    keep_factors(work, i, G, own, inverse, moved)
 
 
 @jit_within
@@ -347,19 +332,13 @@ def _keep_side(work: Any, i: int, state: Any, moved: Any) -> None:
     """Store the Schur complements of one side on the middle in column i, in the lanes `moved`."""
     S, f, (second, _), between = state
     _keep_chosen(work, i, (f, between, second), moved)
-    xx, xy, xz, yy, yz, zz = span(work, FACTOR, 6, i)
-    xx[0] = choose(moved, S[0], xx[0])
-    xy[0] = choose(moved, S[1], xy[0])
-    xz[0] = choose(moved, S[2], xz[0])
-    yy[0] = choose(moved, S[3], yy[0])
-    yz[0] = choose(moved, S[4], yz[0])
-    zz[0] = choose(moved, S[5], zz[0])
+    keep_six(work, FACTOR, i, S, moved)
 
 
 @jit_within
 def _kept_side(work: Any, i: int, f: Any, far: Any) -> Any:
     """Load what `_keep_side` stored; f, far: forces on the middle's outer node and the next."""
-    _, between, second = _kept_wide(work, i)
+    _, between, second = kept_of(work, i)
     return six(work, FACTOR, i), f, (second, far), between
 
 
@@ -382,7 +361,7 @@ def push_coupled_wide(work: Any, first: int, n: int) -> None:
 @jit_ordered_within
 def _push_node(work: Any, i: int, d: Any, f: Any, carried: Any) -> Any:
     """Store the own part of node i; return the forces on the next node and the second next."""
-    _, G, I = _kept_wide(work, i)
+    _, G, I = kept_of(work, i)
     own, pushed, far = push_coupled_node(force_on(work, i, f), G, I, d)
     set_column(work, ELIMINATED + 9, i, own)
     return add(carried, pushed), far
@@ -398,10 +377,10 @@ def _substitute_wide(work: Any, first: int, n: int, below: Any, above: Any) -> N
     for k in range(pairs - 1, -1, -1):
         i, j = first + k, n - 1 - k
         pushed = scaled(work[SECOND, i], far_low)
-        near_low, far_low = substituted(_kept_wide(work, i), near_low, pushed), near_low
+        near_low, far_low = substituted(kept_of(work, i), near_low, pushed), near_low
         set_column(work, CORRECTION, i, near_low)
         pushed = scaled(work[SECOND, j - 2], far_high)
-        near_high, far_high = substituted(_kept_wide(work, j), near_high, pushed), near_high
+        near_high, far_high = substituted(kept_of(work, j), near_high, pushed), near_high
         set_column(work, CORRECTION, j, near_high)
     hold_ends(work, first, n)
 

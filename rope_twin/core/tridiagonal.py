@@ -19,6 +19,7 @@ from typing import Any
 from rope_twin.core.elimination import (
     INVERSE,
     RECORD,
+    add,
     add_six,
     eliminate_node,
     eliminate_pair,
@@ -28,10 +29,12 @@ from rope_twin.core.elimination import (
     keep_factors,
     keep_six,
     lanes,
+    nine,
     nothing_at,
     push_node,
     push_pair,
     pushed_on,
+    set_column,
     six,
     six_lanes,
     solve_symmetric,
@@ -41,7 +44,7 @@ from rope_twin.core.elimination import (
     two_of_six,
 )
 from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within
-from rope_twin.core.jit.rows import lane, pair, row, rows, span
+from rope_twin.core.jit.rows import column, lane, pair, row, rows, span
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
@@ -134,7 +137,7 @@ def eliminate_wide_node(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -
     """
     S, t, a, b = pivot_of(work, i, e, Z)
     gain, own, left, pushed, inverse = eliminate_node(S, force_on(work, i, f), t, a, b)
-    keep_factors(work, i, gain, own, inverse, moved)
+    keep_factors(work, i, (gain[:3], gain[3:6], gain[6:]), own, inverse, moved)
     return left, pushed
 
 
@@ -155,30 +158,23 @@ def pivot_of(work: Any, i: int, e: int, Z: Any) -> Any:
 @jit_ordered_within
 def push_wide_node(work: Any, i: int, f: Any) -> Any:
     """Return the force on the neighbour of a node that is already eliminated."""
-    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
-    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
-    gain = (gxx[i], gxy[i], gxz[i], gyx[i], gyy[i], gyz[i], gzx[i], gzy[i], gzz[i])
-    inverse = (xx[i], xy[i], xz[i], yy[i], yz[i], zz[i])
-    own, pushed = push_node(gain, inverse, force_on(work, i, f))
-    px[i] = own[0]
-    py[i] = own[1]
-    pz[i] = own[2]
+    gain = six(work, ELIMINATED, i) + column(work, ELIMINATED + 6, i)
+    own, pushed = push_node(gain, six(work, INVERSE, i), force_on(work, i, f))
+    set_column(work, ELIMINATED + 9, i, own)
     return pushed
 
 
 @jit_ordered_within
 def substitute_wide_node(work: Any, i: int, d: Any) -> Any:
     """Store and return delta of node i, given that of its neighbour nearer the middle."""
-    xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z = span(work, ELIMINATED, 12, 0)
-    dx, dy, dz = rows(work, CORRECTION, 0)
-    px, py, pz = d
-    qx = (x[i] + xx[i] * px) + (xy[i] * py + xz[i] * pz)
-    qy = (y[i] + yx[i] * px) + (yy[i] * py + yz[i] * pz)
-    qz = (z[i] + zx[i] * px) + (zy[i] * py + zz[i] * pz)
-    dx[i] = qx
-    dy[i] = qy
-    dz[i] = qz
-    return qx, qy, qz
+    (x, y, z), (a, b, c) = column(work, ELIMINATED + 9, i), nine(work, ELIMINATED, i)
+    own = (
+        (x + a[0] * d[0]) + (a[1] * d[1] + a[2] * d[2]),
+        (y + b[0] * d[0]) + (b[1] * d[1] + b[2] * d[2]),
+        (z + c[0] * d[0]) + (c[1] * d[1] + c[2] * d[2]),
+    )
+    set_column(work, CORRECTION, i, own)
+    return own
 
 
 @jit_ordered
@@ -189,7 +185,6 @@ def eliminate_wide(work: Any, first: int, n: int, moved: Any) -> None:
     """
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
-    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     Z_low, Z_high = ground(work, first), spring(work, n - 1)
     f_low = f_high = nothing_at(work, middle)
     for k in range(pairs):
@@ -198,8 +193,8 @@ def eliminate_wide(work: Any, first: int, n: int, moved: Any) -> None:
         Z_high, f_high = eliminate_wide_node(work, j, j - 1, Z_high, f_high, moved)
     if rounds > pairs:
         Z_high, f_high = eliminate_wide_node(work, middle + 1, middle, Z_high, f_high, moved)
-    A = (Axx[middle], Axy[middle], Axz[middle], Ayy[middle], Ayz[middle], Azz[middle])
-    keep_six(work, middle, add_six(add_six(Z_low, Z_high), A), moved)
+    S = add_six(add_six(Z_low, Z_high), six(work, BLOCK, middle))
+    keep_six(work, INVERSE, middle, S, moved)
     _solve_middle(work, first, n, f_low, f_high)
 
 
@@ -222,18 +217,9 @@ def _solve_middle(work: Any, first: int, n: int, f_low: Any, f_high: Any) -> Non
     """Solve for the one or two nodes in the middle; f: condensed force from either side."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, middle)
-    force = (
-        f_low[0] + f_high[0] + Rx[middle],
-        f_low[1] + f_high[1] + Ry[middle],
-        f_low[2] + f_high[2] + Rz[middle],
-    )
-    d = solve_symmetric((xx[0], xy[0], xz[0], yy[0], yz[0], zz[0]), force)
-    dx, dy, dz = rows(work, CORRECTION, middle)
-    dx[0] = d[0]
-    dy[0] = d[1]
-    dz[0] = d[2]
+    force = add(add(f_low, f_high), column(work, RESIDUAL, middle))
+    d = solve_symmetric(six(work, INVERSE, middle), force)
+    set_column(work, CORRECTION, middle, d)
     if rounds > pairs:
         substitute_wide_node(work, middle + 1, d)
     hold_ends(work, first, n)
@@ -245,9 +231,8 @@ def substitute_wide(work: Any, first: int, n: int, low: int, high: int) -> None:
 
     Pair k is the nodes first + k and n - 1 - k.
     """
-    dx, dy, dz = rows(work, CORRECTION, 0)
-    i, j = first + high, n - 1 - high
-    below, above = (dx[i], dy[i], dz[i]), (dx[j], dy[j], dz[j])
+    below = column(work, CORRECTION, first + high)
+    above = column(work, CORRECTION, n - 1 - high)
     for k in range(high - 1, low - 1, -1):
         below = substitute_wide_node(work, first + k, below)
         above = substitute_wide_node(work, n - 1 - k, above)

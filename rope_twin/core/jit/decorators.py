@@ -333,7 +333,7 @@ def jit_exact_within(function: Any) -> Any:
 
 
 def jit_ordered_within(function: Any) -> Any:
-    """The same for one whose sums must not be reordered; of a kernel, another make of it."""
+    """Compile such a function, or a kernel once more, with sums that must not be reordered."""
     plain = getattr(function, "py_func", function)
     return numba.njit(**{**INLINED, "fastmath": _ORDERED})(plain)
 

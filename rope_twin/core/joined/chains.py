@@ -21,11 +21,11 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.elimination import (
-    INVERSE,
     RECORD,
     add,
     add_nine,
     add_six,
+    dot,
     eliminate_coupled_node,
     eliminate_node,
     ground,
@@ -38,6 +38,7 @@ from rope_twin.core.elimination import (
     push_pair,
     pushed_on,
     scaled,
+    set_column,
     six,
     six_lanes,
     solve_symmetric,
@@ -53,7 +54,7 @@ from rope_twin.core.jit.functions import fused
 from rope_twin.core.jit.rows import column, lane, load, pair, row, rows
 from rope_twin.core.loads import balance
 from rope_twin.core.loads.hooks import chosen_by, couples
-from rope_twin.core.pentadiagonal import SECOND, keep_node, kept_of, set_column
+from rope_twin.core.pentadiagonal import SECOND, keep_node, kept_of
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
@@ -68,12 +69,6 @@ from rope_twin.core.state import (
 _FAR_RECORD = 18  # numbers: pairs of H by rows
 # The record of the middle node: y, H of either end by columns, and its matrix.
 _OWN, _LOW, _HIGH, _MATRIX = 0, 3, 12, 21
-
-
-@jit_within
-def dot(a: Any, b: Any) -> Any:
-    """Return the inner product of two vectors."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @jit_within
@@ -295,7 +290,7 @@ def _take(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
     """Eliminate node i onto the next two, through K, c and d; return the remaining state."""
     S, f, B = _node(work, i, state, K, c)
     kept, left = eliminate_coupled_node(S, f, B, d)
-    keep_node(work, INVERSE, i, kept)
+    keep_node(work, i, kept)
     return onto_next(left, state[2], K)
 
 
@@ -355,7 +350,7 @@ def eliminate_coupled_between(work: Any, n: int) -> Any:
         S, _, B = _node(work, i, state, K, c)
         F, following, after = _pass_on((S, B, d), P, after)
         state = _take(work, i, state, K, c, d)
-        own = column(work, ELIMINATED, i)
+        own = column(work, ELIMINATED + 9, i)
         for k in range(3):
             set_column(work, COUPLED_FAR + 3 * k, i, F[k])
         D = less_product(D, P, F)
@@ -369,7 +364,7 @@ def substitute_coupled_upward(work: Any, first: int, n: int) -> None:
     """Back-substitute after `eliminate_coupled_upward`, given the correction of node n."""
     near, far = column(work, CORRECTION, n), nothing_at(work, 0)
     for i in range(n - 1, first - 1, -1):
-        near, far = substituted(kept_of(work, INVERSE, i), near, scaled(work[SECOND, i], far)), near
+        near, far = substituted(kept_of(work, i), near, scaled(work[SECOND, i], far)), near
         set_column(work, CORRECTION, i, near)
     if first == 1:
         set_column(work, CORRECTION, 0, nothing_at(work, 0))
@@ -381,7 +376,7 @@ def substitute_coupled_downward(work: Any, n: int) -> None:
     near, far = column(work, CORRECTION, 0), nothing_at(work, 0)
     for i in range(1, n):
         d = work[SECOND, i - 2] if i > 1 else 0.0
-        near, far = substituted(kept_of(work, INVERSE, i), near, scaled(d, far)), near
+        near, far = substituted(kept_of(work, i), near, scaled(d, far)), near
         set_column(work, CORRECTION, i, near)
 
 
@@ -391,7 +386,7 @@ def substitute_coupled_between(work: Any, n: int) -> None:
     near, far = column(work, CORRECTION, n), nothing_at(work, 0)
     x, y, z = column(work, CORRECTION, 0)
     for i in range(n - 1, 0, -1):
-        own = substituted(kept_of(work, INVERSE, i), near, scaled(work[SECOND, i], far))
+        own = substituted(kept_of(work, i), near, scaled(work[SECOND, i], far))
         for k, share in enumerate((x, y, z)):
             own = add(own, scaled(share, column(work, COUPLED_FAR + 3 * k, i)))
         near, far = own, near

@@ -27,7 +27,7 @@ from math import acos, nan, sqrt, tanh
 from typing import Any
 
 from rope_twin.core.elements import set_top_of
-from rope_twin.core.elimination import six
+from rope_twin.core.elimination import apply, dot, six
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose, whole
@@ -109,28 +109,13 @@ def _stretch_of(work: Any, n: int) -> Any:
     return sqrt(x * x + y * y + z * z) / work[REST, n - 1]
 
 
-@jit_within
-def _apply(S: Any, B: Any) -> Any:
-    """Return S·B of a symmetric matrix (xx, xy, xz, yy, yz, zz)."""
-    return (
-        S[0] * B[0] + S[1] * B[1] + S[2] * B[2],
-        S[1] * B[0] + S[3] * B[1] + S[4] * B[2],
-        S[2] * B[0] + S[4] * B[1] + S[5] * B[2],
-    )
-
-
-@jit_within
-def _dot(a: Any, b: Any) -> Any:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
 @jit
 def _add_end_to_flow(sheaves: Any, matrix: Any, r: int, S: Any) -> None:
     """Project a block S of rope r's last node on the flow: Bᵀ·S·B, and S·B with the sheave."""
     k, B = sheaves.of[r], column(sheaves.way, ZERO, r)
     P, f = whole(sheaves.figures[POINT, k]), whole(sheaves.figures[FLOW_COLUMN, k])
-    SB = _apply(S, B)
-    matrix[3 * f, 3 * f] += _dot(B, SB)
+    SB = apply(S, B)
+    matrix[3 * f, 3 * f] += dot(B, SB)
     for i in range(3):
         matrix[3 * f, 3 * P + i] += SB[i]
 
@@ -166,9 +151,9 @@ def _add_sheave(sheaves: Any, joints: Any, k: int, pair: Any, q: float) -> None:
         joints.matrix[3 * P + i, 3 * P + i] += mass
         joints.matrix[3 * f + i, 3 * f + i] += choose(i > 0, 1.0, figures[WHEEL, k])
     joints.work[RESIDUAL + 2, P] -= figures[SHEAVE_WEIGHT, k]
-    pull, pull_b = -_dot(column(work, RESIDUAL, n), t), -_dot(column(other, RESIDUAL, m), u)
+    pull, pull_b = -dot(column(work, RESIDUAL, n), t), -dot(column(other, RESIDUAL, m), u)
     # F = F'·exp(x) is F - F' = tanh(x/2)·(F + F'), for either sense of the flow
-    wrap = acos(max(-1.0, min(1.0, -_dot(t, u))))
+    wrap = acos(max(-1.0, min(1.0, -dot(t, u))))
     grip = mean * tanh(0.5 * figures[FRICTION, k] * wrap) * max(pull + pull_b, 0.0)
     creep = tanh(V / CREEP)
     joints.work[RESIDUAL, f] += mean * (pull - pull_b) - grip * creep
@@ -186,7 +171,7 @@ def condense_flow(sheaves: Any, joints: Any, matrix: Any, r: int, left: Any) -> 
     if sheaves.of[r] == NOWHERE:
         return
     f = whole(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
-    joints.work[CORRECTION, f] += _dot(column(sheaves.way, ZERO, r), left[1])
+    joints.work[CORRECTION, f] += dot(column(sheaves.way, ZERO, r), left[1])
     _add_end_to_flow(sheaves, matrix, r, left[0])
 
 
@@ -199,7 +184,7 @@ def couple_flow(sheaves: Any, joints: Any, matrix: Any, r: int, P: Any) -> None:
         return
     f, low = whole(sheaves.figures[FLOW_COLUMN, sheaves.of[r]]), joints.lower[r]
     for k in range(3):
-        matrix[3 * f, 3 * low + k] -= _dot(column(sheaves.way, ZERO, r), P[k])
+        matrix[3 * f, 3 * low + k] -= dot(column(sheaves.way, ZERO, r), P[k])
 
 
 @jit

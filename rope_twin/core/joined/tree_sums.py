@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.elimination import add, six, solve_symmetric, spring
+from rope_twin.core.elimination import add, set_column, six, solve_symmetric, spring
 from rope_twin.core.jit.decorators import jit, jit_ordered
 from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.plan import (
@@ -88,10 +88,8 @@ def solve_roots(work: Any, plan: Any) -> None:
     for m in range(plan.sizes[ROOTS]):
         root, slot = plan.roots[m, 0], plan.roots[m, 1]
         force = add(column(plan.sums, FORCE, slot), column(work, RESIDUAL, root))
-        x, y, z = solve_symmetric(six(plan.sums, KEPT, slot), force)
-        work[CORRECTION, root] = x
-        work[CORRECTION + 1, root] = y
-        work[CORRECTION + 2, root] = z
+        delta = solve_symmetric(six(plan.sums, KEPT, slot), force)
+        set_column(work, CORRECTION, root, delta)
 
 
 @jit

@@ -14,46 +14,26 @@ from rope_twin.core.elimination import (
     INVERSE,
     add,
     add_six,
+    dot,
     eliminate_node,
     force_on,
     keep_factors,
+    keep_nine,
     keep_six,
+    nine,
     nothing_at,
+    set_column,
     six,
     solve_symmetric,
     spring,
 )
 from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within
-from rope_twin.core.jit.rows import column, span
-from rope_twin.core.jit.wide import choose
-from rope_twin.core.joined.chains import dot, ends_of, less_product, plus_product, solve_columns
+from rope_twin.core.jit.rows import column
+from rope_twin.core.joined.chains import ends_of, less_product, plus_product, solve_columns
 from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, FAR, RESIDUAL, ZERO
 from rope_twin.core.tridiagonal import pivot_of, push_wide_node, substitute_wide_node
 
 OWN = ELIMINATED + 9  # y of the middle node
-
-
-@jit_ordered_within
-def _keep_nine(rows: Any, i: int, H: Any, moved: Any) -> None:
-    """Store three columns at node i, in the lanes of `moved`."""
-    ax, ay, az, bx, by, bz, cx, cy, cz = rows
-    a, b, c = H
-    ax[i] = choose(moved, a[0], ax[i])
-    ay[i] = choose(moved, a[1], ay[i])
-    az[i] = choose(moved, a[2], az[i])
-    bx[i] = choose(moved, b[0], bx[i])
-    by[i] = choose(moved, b[1], by[i])
-    bz[i] = choose(moved, b[2], bz[i])
-    cx[i] = choose(moved, c[0], cx[i])
-    cy[i] = choose(moved, c[1], cy[i])
-    cz[i] = choose(moved, c[2], cz[i])
-
-
-@jit_ordered_within
-def _kept_nine(rows: Any, i: int) -> Any:
-    """Return three columns kept at node i."""
-    ax, ay, az, bx, by, bz, cx, cy, cz = rows
-    return (ax[i], ay[i], az[i]), (bx[i], by[i], bz[i]), (cx[i], cy[i], cz[i])
 
 
 @jit_ordered_within
@@ -65,12 +45,12 @@ def _take(work: Any, i: int, e: int, state: Any, moved: Any) -> Any:
     Z, f, (px, py, pz), D, g = state
     S, t, a, b = pivot_of(work, i, e, Z)
     gain, own, left, pushed, inverse = eliminate_node(S, force_on(work, i, f), t, a, b)
-    keep_factors(work, i, gain, own, inverse, moved)
+    keep_factors(work, i, (gain[:3], gain[3:6], gain[6:]), own, inverse, moved)
     _, hx, _, to_x, _ = eliminate_node(S, px, t, a, b)
     _, hy, _, to_y, _ = eliminate_node(S, py, t, a, b)
     _, hz, _, to_z, _ = eliminate_node(S, pz, t, a, b)
     H, P = (hx, hy, hz), (px, py, pz)
-    _keep_nine(span(work, FAR, 9, 0), i, H, moved)
+    keep_nine(work, FAR, i, H, moved)
     return left, pushed, (to_x, to_y, to_z), less_product(D, P, H), plus_product(g, P, own)
 
 
@@ -95,12 +75,12 @@ def eliminate_between_wide(work: Any, n: int, moved: Any) -> Any:
     S = add_six(add_six(below[0], above[0]), six(work, BLOCK, middle))
     P, Q = below[2], above[2]
     H, G = solve_columns(S, P), solve_columns(S, Q)
-    keep_six(work, middle, S, moved)
-    _keep_nine(span(work, ELIMINATED, 9, 0), middle, H, moved)
-    _keep_nine(span(work, FAR, 9, 0), middle, G, moved)
+    keep_six(work, INVERSE, middle, S, moved)
+    keep_nine(work, ELIMINATED, middle, H, moved)
+    keep_nine(work, FAR, middle, G, moved)
     D, E = less_product(below[3], P, H), less_product(above[3], Q, G)
     own = solve_symmetric(S, add(add(below[1], above[1]), column(work, RESIDUAL, middle)))
-    _keep_own(work, middle, own)
+    set_column(work, OWN, middle, own)
     g, h = plus_product(below[4], P, own), plus_product(above[4], Q, own)
     x, y, z = H
     coupling = (
@@ -111,33 +91,24 @@ def eliminate_between_wide(work: Any, n: int, moved: Any) -> Any:
     return E, h, D, g, coupling
 
 
-@jit_ordered_within
-def _keep_own(work: Any, middle: int, own: Any) -> None:
-    x, y, z = span(work, OWN, 3, 0)
-    x[middle] = own[0]
-    y[middle] = own[1]
-    z[middle] = own[2]
-
-
 @jit_ordered
 def push_between_wide(work: Any, n: int) -> Any:
     """Push the residuals through the factors: return the force at node n and that at node 0."""
     pairs, rounds, middle = ends_of(n)
-    far = span(work, FAR, 9, 0)
     f = g = p = q = nothing_at(work, middle)
     for k in range(pairs):
         i, j = 1 + k, n - 1 - k
-        g = plus_product(g, _kept_nine(far, i), force_on(work, i, f))
+        g = plus_product(g, nine(work, FAR, i), force_on(work, i, f))
         f = push_wide_node(work, i, f)
-        q = plus_product(q, _kept_nine(far, j), force_on(work, j, p))
+        q = plus_product(q, nine(work, FAR, j), force_on(work, j, p))
         p = push_wide_node(work, j, p)
     if rounds > pairs:
-        q = plus_product(q, _kept_nine(far, middle + 1), force_on(work, middle + 1, p))
+        q = plus_product(q, nine(work, FAR, middle + 1), force_on(work, middle + 1, p))
         p = push_wide_node(work, middle + 1, p)
     force = add(add(f, p), column(work, RESIDUAL, middle))
-    _keep_own(work, middle, solve_symmetric(six(work, INVERSE, middle), force))
-    H = _kept_nine(span(work, ELIMINATED, 9, 0), middle)
-    G = _kept_nine(far, middle)
+    set_column(work, OWN, middle, solve_symmetric(six(work, INVERSE, middle), force))
+    H = nine(work, ELIMINATED, middle)
+    G = nine(work, FAR, middle)
     return plus_product(q, G, force), plus_product(g, H, force)
 
 
@@ -145,22 +116,14 @@ def push_between_wide(work: Any, n: int) -> Any:
 def _substituted(work: Any, i: int, near: Any, far: Any) -> Any:
     """Store and return delta of node i from that nearer the middle and that of its rope's end."""
     x, y, z = substitute_wide_node(work, i, near)
-    hx, hy, hz = _kept_nine(span(work, FAR, 9, 0), i)
+    hx, hy, hz = nine(work, FAR, i)
     own = (
         x + (hx[0] * far[0] + hy[0] * far[1] + hz[0] * far[2]),
         y + (hx[1] * far[0] + hy[1] * far[1] + hz[1] * far[2]),
         z + (hx[2] * far[0] + hy[2] * far[1] + hz[2] * far[2]),
     )
-    _set_correction(work, i, own)
+    set_column(work, CORRECTION, i, own)
     return own
-
-
-@jit_ordered_within
-def _set_correction(work: Any, i: int, own: Any) -> None:
-    x, y, z = span(work, CORRECTION, 3, 0)
-    x[i] = own[0]
-    y[i] = own[1]
-    z[i] = own[2]
 
 
 @jit_ordered_within
@@ -179,14 +142,14 @@ def substitute_between_wide(work: Any, n: int) -> None:
     pairs, rounds, middle = ends_of(n)
     low, high = column(work, CORRECTION, ZERO), column(work, CORRECTION, n)
     own = column(work, OWN, middle)
-    a, b, c = _kept_nine(span(work, ELIMINATED, 9, 0), middle)
-    u, v, w = _kept_nine(span(work, FAR, 9, 0), middle)
+    a, b, c = nine(work, ELIMINATED, middle)
+    u, v, w = nine(work, FAR, middle)
     near = (
         _middle_of(own[0], (a[0], b[0], c[0]), (u[0], v[0], w[0]), low, high),
         _middle_of(own[1], (a[1], b[1], c[1]), (u[1], v[1], w[1]), low, high),
         _middle_of(own[2], (a[2], b[2], c[2]), (u[2], v[2], w[2]), low, high),
     )
-    _set_correction(work, middle, near)
+    set_column(work, CORRECTION, middle, near)
     further = near
     if rounds > pairs:
         further = _substituted(work, middle + 1, near, high)
