@@ -28,7 +28,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.elimination import dot
 from rope_twin.core.jit.decorators import jit, jit_entry, jit_within
+from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.hooks import calls_of, kernel, switching
 from rope_twin.core.state import BLOCK, DIVISOR_MIN, ELEMENTS, POSITION, RESIDUAL, VELOCITY, Floats
@@ -49,16 +51,6 @@ class LineContact(NamedTuple):
 
 
 @jit_within
-def _vector(table: Any, first: int, i: int) -> Any:
-    return table[first, i], table[first + 1, i], table[first + 2, i]
-
-
-@jit_within
-def _dot(a: Any, b: Any) -> Any:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@jit_within
 def less(a: Any, b: Any) -> Any:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
@@ -72,11 +64,11 @@ def _mixed(a: Any, b: Any, t: float) -> Any:
 @jit
 def _closest(one: Any, i: int, other: Any, j: int) -> Any:
     """Return the shares s, t of the closest points of two elements, and the vector between them."""
-    a, b = _vector(one, POSITION, i), _vector(other, POSITION, j)
-    u, w = less(_vector(one, POSITION, i + 1), a), less(_vector(other, POSITION, j + 1), b)
+    a, b = column(one, POSITION, i), column(other, POSITION, j)
+    u, w = less(column(one, POSITION, i + 1), a), less(column(other, POSITION, j + 1), b)
     r = less(a, b)
-    uu, ww, uw = _dot(u, u) + DIVISOR_MIN, _dot(w, w) + DIVISOR_MIN, _dot(u, w)
-    ur, wr = _dot(u, r), _dot(w, r)
+    uu, ww, uw = dot(u, u) + DIVISOR_MIN, dot(w, w) + DIVISOR_MIN, dot(u, w)
+    ur, wr = dot(u, r), dot(w, r)
     square = uu * ww - uw * uw
     s = 0.5
     if square > PARALLEL * uu * ww:
@@ -104,16 +96,16 @@ def _is_nearest(contact: Any, pair: Any, s: float, t: float, gap: Any, last: Any
         return False
     if t <= 0.0 and j > 1 and _closest(one, i, other, j - 1)[1] < 1.0:
         return False
-    here, own = _mixed(_vector(one, POSITION, i), _vector(one, POSITION, i + 1), s), _dot(gap, gap)
+    here, own = _mixed(column(one, POSITION, i), column(one, POSITION, i + 1), s), dot(gap, gap)
     for e in range(max(i - 1, 1), min(i + 1, last[0]) + 1):
         for f in range(max(j - 1, 1), min(j + 1, last[1]) + 1):
             if e == i and f == j:
                 continue
             u, _, between = _closest(one, e, other, f)
-            there = _mixed(_vector(one, POSITION, e), _vector(one, POSITION, e + 1), u)
-            way, size = less(there, here), _dot(between, between)
+            there = _mixed(column(one, POSITION, e), column(one, POSITION, e + 1), u)
+            way, size = less(there, here), dot(between, between)
             first = e < i or (e == i and f < j)
-            if _dot(way, way) < 4.0 * contact.reach * contact.reach and (
+            if dot(way, way) < 4.0 * contact.reach * contact.reach and (
                 size < own or (size == own and first and 0.0 < u < 1.0)
             ):
                 return False
@@ -123,9 +115,9 @@ def _is_nearest(contact: Any, pair: Any, s: float, t: float, gap: Any, last: Any
 @jit
 def side_of(gap: Any, before: Any) -> Any:
     """Return the unit vector n from the other rope, and n·(P - Q); before: P - Q at the start."""
-    size, was = sqrt(_dot(gap, gap)), sqrt(_dot(before, before))
+    size, was = sqrt(dot(gap, gap)), sqrt(dot(before, before))
     apart = size > 1e-6 * was
-    sign = choose(_dot(gap, before) >= 0.0, 1.0, -1.0)
+    sign = choose(dot(gap, before) >= 0.0, 1.0, -1.0)
     inverse = choose(apart, sign / (size + DIVISOR_MIN), 1.0 / (was + DIVISOR_MIN))
     x, y = choose(apart, gap[0], before[0]), choose(apart, gap[1], before[1])
     z = choose(apart, gap[2], before[2])
@@ -135,18 +127,27 @@ def side_of(gap: Any, before: Any) -> Any:
 @jit_within
 def press(contact: Any, deep: Any, n: Any, v: Any) -> Any:
     """Return N, its gain 1 - χ·v_n, v_n, v_t, and friction per sliding velocity [N·s/m]."""
-    out = _dot(v, n)
+    out = dot(v, n)
     gain = max(1.0 - contact.chi * out, 0.0)
     N = contact.k * deep * gain
     slid = (v[0] - out * n[0], v[1] - out * n[1], v[2] - out * n[2])
-    return N, gain, out, slid, contact.mu * N / sqrt(_dot(slid, slid) + CREEP * CREEP)
+    return N, gain, out, slid, contact.mu * N / sqrt(dot(slid, slid) + CREEP * CREEP)
+
+
+@jit_within
+def contact_block(across: Any, along: Any, n: Any) -> Any:
+    """Return across·I + along·nnᵀ (xx, xy, xz, yy, yz, zz)."""
+    return (
+        across + along * n[0] * n[0], along * n[0] * n[1], along * n[0] * n[2],
+        across + along * n[1] * n[1], along * n[1] * n[2], across + along * n[2] * n[2],
+    )  # fmt: skip
 
 
 @jit_within
 def _relative(one: Any, i: int, s: float, other: Any, j: int, t: float) -> Any:
     """Return the velocity of P relative to Q."""
-    here = _mixed(_vector(one, VELOCITY, i), _vector(one, VELOCITY, i + 1), s)
-    return less(here, _mixed(_vector(other, VELOCITY, j), _vector(other, VELOCITY, j + 1), t))
+    here = _mixed(column(one, VELOCITY, i), column(one, VELOCITY, i + 1), s)
+    return less(here, _mixed(column(other, VELOCITY, j), column(other, VELOCITY, j + 1), t))
 
 
 @jit
@@ -173,10 +174,7 @@ def _touch(contact: Any, pair: Any, stage: Any) -> None:
     across = stage.q * rub
     along = stage.p * contact.k * gain + stage.q * contact.chi * contact.k * deep - across
     force = (N * n[0] - rub * slid[0], N * n[1] - rub * slid[1], N * n[2] - rub * slid[2])
-    block = (
-        across + along * n[0] * n[0], along * n[0] * n[1], along * n[0] * n[2],
-        across + along * n[1] * n[1], along * n[1] * n[2], across + along * n[2] * n[2],
-    )  # fmt: skip
+    block = contact_block(across, along, n)
     _add(one, i, 1.0 - s, force, block)
     _add(one, i + 1, s, force, block)
     _add(other, j, t - 1.0, force, block)
@@ -186,11 +184,11 @@ def _touch(contact: Any, pair: Any, stage: Any) -> None:
 @jit
 def _surround(table: Any, start: Any, low: int, high: int) -> Any:
     """Return the corners of the box around the elements low <= e < high, now and at the start."""
-    ax, ay, az = _vector(table, POSITION, low)
+    ax, ay, az = column(table, POSITION, low)
     bx, by, bz = ax, ay, az
     for i in range(low, high + 1):
-        x, y, z = _vector(table, POSITION, i)
-        u, v, w = _vector(start, POSITION, i)
+        x, y, z = column(table, POSITION, i)
+        u, v, w = column(start, POSITION, i)
         ax, ay, az = min(ax, x, u), min(ay, y, v), min(az, z, w)
         bx, by, bz = max(bx, x, u), max(by, y, v), max(bz, z, w)
     return ax, ay, az, bx, by, bz
@@ -278,22 +276,27 @@ def _measure(contact: Any, nodes: Any, counts: Any, found: Any) -> None:
                     v = _relative(one, i, s, other, j, t)
                     N, _, out, slid, rub = press(contact, deep, n_vector, v)
                     found[0] += 0.5 * contact.k * deep * deep
-                    found[1] += (contact.k * deep - N) * out + rub * _dot(slid, slid)
+                    found[1] += (contact.k * deep - N) * out + rub * dot(slid, slid)
                     found[2] += N
                     found[3] = max(found[3], deep)
                     found[4] += 1.0
                     if found[5] < N:
                         found[5] = N
-                        place = _mixed(_vector(one, POSITION, i), _vector(one, POSITION, i + 1), s)
+                        place = _mixed(column(one, POSITION, i), column(one, POSITION, i + 1), s)
                         found[6], found[7], found[8] = place
 
 
 def touch_of(stack: Any) -> Touch | None:
     """Return the contact between the ropes of a stack now; None: the scene does not list it."""
-    contact = next((own for own in stack.effects if isinstance(own, LineContact)), None)
+    return measured(stack, LineContact, _measure, stack.nodes, stack.counts)
+
+
+def measured(stack: Any, kind: type, measure: Any, *arrays: Any) -> Touch | None:
+    """Return what `measure` finds of the effect of this type of a stack; None: it has none."""
+    contact = next((own for own in stack.effects if isinstance(own, kind)), None)
     if contact is None:
         return None
     found: Floats = np.zeros(9)
-    _measure(contact, stack.nodes, stack.counts, found)
+    measure(contact, *arrays, found)
     stored, lost, push, deepest, contacts, _, x, y, z = found.tolist()
     return Touch(stored, lost, push, deepest, int(contacts), (x, y, z))

@@ -16,14 +16,19 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose, whole
 from rope_twin.core.joined.joints import System, add_block, couple_blocks
-from rope_twin.core.joined.line_contact import Touch, less, press, side_of
+from rope_twin.core.joined.line_contact import (
+    Touch,
+    contact_block,
+    less,
+    measured,
+    press,
+    side_of,
+)
 from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.state import POSITION, RESIDUAL, VELOCITY, Floats, Ints
 
@@ -63,10 +68,7 @@ def _touch(contact: Any, joints: Any, a: int, b: int, stage: Any) -> None:
     across = stage.q * rub
     along = (stage.p * gain + stage.q * contact.chi * deep) * contact.k - across
     across, along = choose(presses, across, 0.0), choose(presses, along, 0.0)
-    block = (
-        across + along * n[0] * n[0], along * n[0] * n[1], along * n[0] * n[2],
-        across + along * n[1] * n[1], along * n[1] * n[2], across + along * n[2] * n[2],
-    )  # fmt: skip
+    block = contact_block(across, along, n)
     for k in range(3):
         force = choose(presses, N * n[k] - rub * slid[k], 0.0)
         joints.work[RESIDUAL + k, i] += force
@@ -112,11 +114,4 @@ def _measure(contact: Any, nodes: Any, found: Any) -> None:
 
 def payload_touch_of(system: System) -> Touch | None:
     """Return the contact between payloads now; None: the scene does not list it."""
-    kinds = (own for own in system.stack.effects if isinstance(own, PayloadContact))
-    contact = next(kinds, None)
-    if contact is None:
-        return None
-    found: Floats = np.zeros(9)
-    _measure(contact, system.joints.nodes, found)
-    stored, lost, push, deepest, contacts, _, x, y, z = found.tolist()
-    return Touch(stored, lost, push, deepest, int(contacts), (x, y, z))
+    return measured(system.stack, PayloadContact, _measure, system.joints.nodes)
