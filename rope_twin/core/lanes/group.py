@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -203,18 +204,69 @@ def take_state(own: Rope, lane: int, n: int, rope: Rope) -> None:
     state.offset[:n] = own.state.offset[:n, lane]
 
 
-def add_counts(tally: Floats, health: Ints) -> tuple[int, int]:
-    """Add the counters of a lane to a rope's health; return its steps and slack samples."""
-    solves, most, steps, slack = (int(value) for value in tally)
-    health[STEPS] += steps
-    health[SUBSTEPS] += steps
-    health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], min(steps, 1))
-    health[SOLVES] += solves
-    health[SOLVES_MAX] = max(health[SOLVES_MAX], most)
-    return steps, slack
+class Lanes(ABC):
+    """Batch of up to LANES members, ropes by themselves or systems of ropes: what both have."""
+
+    def __init__(self, effects: tuple[Any, ...], lead: tuple[int, ...], sizes: Any) -> None:
+        """Allocate tables of motion and results.
+
+        effects: layouts; lead: axes before those of a rope; sizes: steps, and rows of `folds`.
+        """
+        self.steps, looks = sizes
+        border = (*lead, self.steps + 1, MOTIONS, LANES)
+        self.boundary = Boundary(aligned(*border), aligned(*border))
+        self.pulls = aligned(*lead, self.steps, PULL_COLUMNS, LANES)
+        self.folds = aligned(*lead, looks, FOLDS, LANES)
+        self._tally = aligned(TALLIES, LANES)
+        self._lowest: Ints = np.zeros((*lead, LANES), np.int64)
+        self._late = 0  # lanes whose internal variables belong to other nodes, as bits
+        self._remembers = any(numbers_carried(own[0]) for own in effects)
+
+    @abstractmethod
+    def _put(self, lane: int, member: Any) -> None:
+        """Copy in a member with all of its properties."""
+
+    def begin(self, members: Sequence[Any], boundaries: Sequence[Boundary]) -> None:
+        """Copy in members of the group's kind, and their motion at the step boundaries.
+
+        Unused lanes get a copy of the first member.
+        """
+        self.load(members)
+        for lane in range(LANES):
+            of = lane if lane < len(members) else 0
+            for table, own in zip(self.boundary, boundaries[of], strict=True):
+                table[..., : own.shape[-2], :, lane] = own
+
+    def load(self, members: Sequence[Any]) -> None:
+        """Copy in members of the group's kind, and clear counters and folds."""
+        self._clear()
+        for lane in range(LANES):
+            self._put(lane, members[lane if lane < len(members) else 0])
+
+    def _clear(self) -> None:
+        self._tally[:] = 0.0
+        self.folds[:] = 0.0
+        self.folds[..., LEAST, :] = np.inf
+
+    def late(self, steps: int) -> int:
+        """Return the lanes that take the step after `steps` steps of the run alone, as bits.
+
+        They initialise internal variables, or interpolate them to other nodes.
+        """
+        return ALL if self._remembers and steps == 0 else self._late
+
+    def account(self, lane: int, health: Ints) -> tuple[int, int]:
+        """Add a lane's counters to its (first) rope's; return its steps and slack samples."""
+        solves, most, steps, slack = (int(value) for value in self._tally[:, lane])
+        health[STEPS] += steps
+        health[SUBSTEPS] += steps
+        health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], min(steps, 1))
+        health[SOLVES] += solves
+        health[SOLVES_MAX] = max(health[SOLVES_MAX], most)
+        return steps, slack
 
 
-class Group:
+class Group(Lanes):
     """Batch of up to LANES ropes of one kind."""
 
     def __init__(self, kind: Kind, steps: int, looks: int = 0) -> None:
@@ -223,7 +275,8 @@ class Group:
         looks: rows of `folds`, the result of a fleet, which then takes the place of slack samples;
         0: none.
         """
-        self.kind, self.steps = kind, steps
+        super().__init__(kind.effects, (), (steps, looks))
+        self.kind = kind
         columns = kind.elements + 1 + TRIALS
         figures: Any = {name: aligned(LANES) for name in OWN_FIGURES}
         model = Model(absorb=kind.absorb, first_free=kind.first_free, step=kind.step, **figures)
@@ -243,38 +296,9 @@ class Group:
         self._rope = Rope(model, state, work, sections, effects, law)
         own_each = any_by_lane(own[0] for own in kind.effects)
         self._each: Any = self._new_each() if own_each else None
-        self._late = 0  # lanes whose internal variables belong to other nodes, as bits
         self._place = np.zeros(kind.elements, np.int64)
         if kind.place:
             self._place[:] = kind.place
-        self._lowest: Ints = np.zeros(LANES, np.int64)
-        self._tally = aligned(TALLIES, LANES)
-        borders = steps + 1
-        self.boundary = Boundary(aligned(borders, MOTIONS, LANES), aligned(borders, MOTIONS, LANES))
-        self.pulls = aligned(steps, PULL_COLUMNS, LANES)
-        self.folds = aligned(looks, FOLDS, LANES)
-
-    def begin(self, ropes: list[Rope], boundaries: list[Boundary]) -> None:
-        """Copy in ropes of the group's kind, and their motion at the step boundaries.
-
-        Unused lanes get a copy of the first rope.
-        """
-        self.load(ropes)
-        for lane in range(LANES):
-            of = lane if lane < len(ropes) else 0
-            for table, own in zip(self.boundary, boundaries[of], strict=True):
-                table[: len(own), :, lane] = own
-
-    def load(self, ropes: list[Rope]) -> None:
-        """Copy in ropes of the group's kind, and clear counters and folds."""
-        self._clear()
-        for lane in range(LANES):
-            self._put(lane, ropes[lane if lane < len(ropes) else 0])
-
-    def _clear(self) -> None:
-        self._tally[:] = 0.0
-        self.folds[:] = 0.0
-        self.folds[:, LEAST] = np.inf
 
     def begin_stacked(self, ropes: Rope, of: Ints) -> None:
         """Copy in the ropes `of` of a stack, all of the group's plain kind, and clear the folds.
@@ -314,7 +338,6 @@ class Group:
             states.health[of, column] = np.maximum(states.health[of, column], value)
 
     def _put(self, lane: int, rope: Rope) -> None:
-        """Copy in a rope with all of its properties."""
         put_properties(self._rope, lane, rope)
         if self._each is not None:
             put_each(self._each.effects, rope.effects, lane)
@@ -344,14 +367,6 @@ class Group:
         take_state(self._rope, lane, self.kind.elements, rope)
         rope.state.counts[LOWEST_OFFSET] = self._lowest[lane]
 
-    def late(self, steps: int) -> int:
-        """Return the lanes that take the step after `steps` steps of the run alone, as bits.
-
-        They initialise internal variables, or interpolate them to other nodes.
-        """
-        remembers = any(numbers_carried(own[0]) for own in self.kind.effects)
-        return ALL if remembers and steps == 0 else self._late
-
     def _new_each(self) -> Each:
         """Return zeros for the data of each lane alone."""
         kind, columns = self.kind, len(self._rope.work)
@@ -374,21 +389,11 @@ class Group:
         known = self._place, self._lowest, self._tally
         own = self._rope
         tables = self.boundary, self.pulls, self.folds, run
-        return done_and_left(advance_batch(own.effects, own.law, own, self._each, known, *tables))
+        return advance_batch(own.effects, own.law, own, self._each, known, *tables)
 
     def tension(self, lane: int) -> Floats:
         """Return the tension of a lane's elements after the last step [N]."""
         return self._rope.work[: self.kind.elements, TENSION, lane].copy()
-
-    def account(self, lane: int, health: Ints) -> tuple[int, int]:
-        """Add a lane's counters to its rope's health; return its steps and slack samples."""
-        return add_counts(self._tally[:, lane], health)
-
-
-def done_and_left(code: int) -> tuple[int, list[int]]:
-    """Return the step reached and the lanes that failed to do it, of `advance_batch`'s result."""
-    left = code & ALL
-    return code // (ALL + 1), [lane for lane in range(LANES) if left >> lane & 1]
 
 
 def _fill(lanes: Any, ropes: Any, count: int) -> None:
@@ -401,11 +406,15 @@ def _fill(lanes: Any, ropes: Any, count: int) -> None:
 _COMPILED: dict[tuple[type, ...], Any] = {}
 
 
-def advance_batch(effects: Any, law: Any, *arguments: Any) -> int:
-    """Call `advance_lanes_steps`, compiled for these types of effects and law and the arrays'."""
+def advance_batch(effects: Any, law: Any, *arguments: Any) -> tuple[int, list[int]]:
+    """Call `advance_lanes_steps`, compiled for these types of effects and law and the arrays'.
+
+    Returns the step reached and the lanes that failed to do it.
+    """
     own = type(arguments[0]), type(getattr(arguments[0], "sheaves", None))
     kinds = (*own, *map(type, effects), type(law))
     found = _COMPILED.get(kinds)
     if found is None:
         found = _COMPILED[kinds] = compiled(advance_lanes_steps, arguments)
-    return int(found(*arguments))
+    done, left = divmod(int(found(*arguments)), ALL + 1)
+    return done, [lane for lane in range(LANES) if left >> lane & 1]

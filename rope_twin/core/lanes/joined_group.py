@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import config
 
-from rope_twin.core.jit.wide import ALL, LANES
+from rope_twin.core.jit.wide import LANES
 from rope_twin.core.joined.joints import (
     FIRST,
     LOOSE,
@@ -42,9 +42,8 @@ from rope_twin.core.lanes.effects import (
 from rope_twin.core.lanes.group import (
     OWN_FIGURES,
     Kind,
-    add_counts,
+    Lanes,
     advance_batch,
-    done_and_left,
     effect_of,
     effect_places,
     on_columns,
@@ -53,7 +52,7 @@ from rope_twin.core.lanes.group import (
     put_state,
     take_state,
 )
-from rope_twin.core.lanes.step import FOLDS, LEAST, TALLIES, Run
+from rope_twin.core.lanes.step import Run
 from rope_twin.core.loads import hooks
 from rope_twin.core.loads.memory import count_known, numbers_carried
 from rope_twin.core.payout import TRIALS
@@ -63,9 +62,7 @@ from rope_twin.core.state import (
     END,
     HEALTH,
     LOWEST_OFFSET,
-    MOTIONS,
     NODE_ROWS,
-    PULL_COLUMNS,
     SECTION_ROWS,
     TENSION,
     WORK_ROWS,
@@ -168,7 +165,7 @@ def _part(data: Any, r: int) -> Any:
     return None if data is None else data[r]
 
 
-class JoinedGroup:
+class JoinedGroup(Lanes):
     """Batch of up to LANES systems of one kind."""
 
     def __init__(self, system: System, kind: JoinedKind, steps: int, looks: int = 0) -> None:
@@ -177,8 +174,9 @@ class JoinedGroup:
         looks: rows of each rope's `folds`, the result of a fleet, which then takes the place of
         slack samples; 0: none.
         """
-        self.kind, self.steps = kind, steps
         count, one = len(kind.ropes), kind.ropes[0]
+        super().__init__(one.effects, (count,), (steps, looks))
+        self.kind = kind
         columns = max(own.elements for own in kind.ropes) + 1 + TRIALS
         sections = aligned(count, SECTION_ROWS, max(own.sections for own in kind.ropes), LANES)
         sections[:, END] = np.inf
@@ -204,16 +202,9 @@ class JoinedGroup:
         ]
         by_lane = any_by_lane(own[0] for own in one.effects)
         self._each: Any = self._new_each(sections.shape[2]) if by_lane else None
-        self._late = 0  # lanes whose internal variables belong to other nodes, as bits
         self._place = np.zeros((count, columns), np.int64)
         for row, own in zip(self._place, kind.ropes, strict=True):
             row[: own.elements] = own.place
-        self._lowest: Ints = np.zeros((count, LANES), np.int64)
-        self._tally = aligned(TALLIES, LANES)
-        size = (count, steps + 1, MOTIONS, LANES)
-        self.boundary = Boundary(aligned(*size), aligned(*size))
-        self.pulls = aligned(count, steps, PULL_COLUMNS, LANES)
-        self.folds = aligned(count, looks, FOLDS, LANES)
 
     def _view(self, r: int) -> Rope:
         """Return the arrays of rope r, and write the figures of its model that lanes share."""
@@ -227,28 +218,7 @@ class JoinedGroup:
         effects, law = _part(stack.effects, r), _part(stack.law, r)
         return Rope(model, state, stack.work[r], stack.sections[r], effects, law)
 
-    def begin(self, systems: list[System], boundaries: list[Boundary]) -> None:
-        """Copy in systems of the group's kind, and their motion at the step boundaries.
-
-        boundaries: (ropes, steps + 1, MOTIONS) each. Unused lanes get a copy of the first system.
-        """
-        self.load(systems)
-        for lane in range(LANES):
-            of = lane if lane < len(systems) else 0
-            for table, own in zip(self.boundary, boundaries[of], strict=True):
-                table[:, : own.shape[1], :, lane] = own
-
-    def load(self, systems: list[System]) -> None:
-        """Copy in systems of the group's kind, and clear counters and folds."""
-        self._tally[:] = 0.0
-        self._late = 0
-        self.folds[:] = 0.0
-        self.folds[:, :, LEAST] = np.inf
-        for lane in range(LANES):
-            self._put(lane, systems[lane if lane < len(systems) else 0])
-
     def _put(self, lane: int, system: System) -> None:
-        """Copy in a system with all of its properties."""
         effects = stacked_effects(system.ropes, system.stack.s.shape[1])
         for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
             law = _law_at(system, r)
@@ -312,14 +282,6 @@ class JoinedGroup:
             ),
         )
 
-    def late(self, steps: int) -> int:
-        """Return the lanes that take the step after `steps` steps of the run alone, as bits.
-
-        They initialise internal variables, or interpolate them to other nodes.
-        """
-        remembers = any(numbers_carried(own[0]) for own in self.kind.ropes[0].effects)
-        return ALL if remembers and steps == 0 else self._late
-
     def advance(self, run: Run) -> tuple[int, list[int]]:
         """Advance the batch; return the step reached, and the lanes that failed to do the last one.
 
@@ -328,13 +290,7 @@ class JoinedGroup:
         own, known = self._stack, (self._place, self._lowest, self._tally)
         joined = Joined(own, self._joints, self._sheaves)
         tables = self.boundary, self.pulls, self.folds, run
-        return done_and_left(
-            advance_batch(own.effects, own.law, joined, self._each, known, *tables)
-        )
-
-    def account(self, lane: int, health: Ints) -> tuple[int, int]:
-        """Add a lane's counters to its first rope's health; return its steps and slack samples."""
-        return add_counts(self._tally[:, lane], health)
+        return advance_batch(own.effects, own.law, joined, self._each, known, *tables)
 
 
 def _stacked(layout: Any, count: int) -> Any:
