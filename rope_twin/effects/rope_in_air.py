@@ -36,7 +36,7 @@ from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account, account_soaked, wets
 from rope_twin.core.loads.balance import Node
-from rope_twin.core.loads.hooks import Load, grows, kernel, wide_kernel
+from rope_twin.core.loads.hooks import Load, grows, kernel
 from rope_twin.core.state import (
     DIVISOR_MIN,
     FLOW,
@@ -80,30 +80,12 @@ def _diameter(volume: float, length: float) -> float:
     return PER_AREA * sqrt(volume / (length + DIVISOR_MIN))
 
 
-@kernel("flow", Wetting)
+@kernel("flow", Wetting, wide=True)
 def flow(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Set the water to rest at nodes that no position of their rope would bring into it.
 
     At the lower end it is the payload's, which may reach into the water.
     """
-    ux, uy, uz = rows(work, FLOW, low)
-    wx, wy, wz = rows(work, FLOW_RATE, low)
-    _, _, z = rows(work, POSITION, low)
-    surface, length, volume = (
-        row(work, SURFACE, low),
-        row(work, LENGTH, low),
-        row(work, VOLUME, low),
-    )
-    for i in range(high - low):
-        reach = 0.5 * length[i] + _diameter(volume[i], length[i])
-        if low + i > 0 and z[i] - surface[i] > reach:
-            ux[i] = uy[i] = uz[i] = 0.0
-            wx[i] = wy[i] = wz[i] = 0.0
-
-
-@wide_kernel("flow", Wetting)
-def flow_wide(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Set the water to rest at dry nodes of a SIMD batch."""
     ux, uy, uz = rows(work, FLOW, low)
     wx, wy, wz = rows(work, FLOW_RATE, low)
     _, _, z = rows(work, POSITION, low)
