@@ -36,8 +36,8 @@ from rope_twin.core.elements import (
 )
 from rope_twin.core.elimination import add_six, solve_symmetric, spring
 from rope_twin.core.jit.decorators import jit, jit_within
-from rope_twin.core.jit.rows import copy
-from rope_twin.core.loads.balance import add_load, add_pull, load_nodes, set_flow
+from rope_twin.core.jit.rows import column, copy
+from rope_twin.core.loads.balance import add_load, add_pull, load_nodes, set_flow, set_pull
 from rope_twin.core.state import (
     ACCELERATION,
     AFTER,
@@ -56,10 +56,6 @@ from rope_twin.core.state import (
     NODE_ROWS,
     PER_METRE,
     POSITION,
-    PULL,
-    PULL_X,
-    PULL_Y,
-    PULL_Z,
     RESIDUAL,
     REST,
     SAME_PLACE,
@@ -166,10 +162,7 @@ def report_tension(rope: Rope, pull: Any, row: int) -> None:
     x = half * work[RESIDUAL, slot] - T * work[DIRECTION, n - 1]
     y = half * work[RESIDUAL + 1, slot] - T * work[DIRECTION + 1, n - 1]
     z = half * work[RESIDUAL + 2, slot] - T * work[DIRECTION + 2, n - 1]
-    pull[row, PULL] = sqrt(x * x + y * y + z * z)
-    pull[row, PULL_X] = x
-    pull[row, PULL_Y] = y
-    pull[row, PULL_Z] = z
+    set_pull(pull, row, x, y, z)
 
 
 @jit
@@ -178,11 +171,7 @@ def report_at_connection(rope: Any, pull: Any, row: int, stage: Any) -> None:
     work, n = rope.work, rope.state.counts[ELEMENTS]
     end_rope(work, n)
     load_nodes(rope.effects, work, stage, n, n + 1)
-    x, y, z = work[RESIDUAL, n], work[RESIDUAL + 1, n], work[RESIDUAL + 2, n]
-    pull[row, PULL_X] = x
-    pull[row, PULL_Y] = y
-    pull[row, PULL_Z] = z
-    pull[row, PULL] = sqrt(x * x + y * y + z * z)
+    set_pull(pull, row, *column(work, RESIDUAL, n))
     add_pull(rope.effects, work, rope.state.nodes, n, pull, row)
 
 

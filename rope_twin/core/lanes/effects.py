@@ -44,7 +44,7 @@ from rope_twin.core.loads.hooks import (
     struct_text,
     written_out,
 )
-from rope_twin.core.loads.memory import numbers_carried
+from rope_twin.core.loads.memory import counts_carried
 from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,
@@ -395,12 +395,6 @@ def by_lane(kind: type, *names: str) -> None:
         register_wide(hook, kind, jit(_CALLS[hook](kind, kernel_of(hook, kind))))
 
 
-def _counts(effects: Any) -> dict[int, int]:
-    """Return the number of internal variables of effects that have them, by index (numba types)."""
-    found = {i: numbers_carried(one.instance_class) for i, one in enumerate(effects)}
-    return {i: k for i, k in found.items() if k > 0}
-
-
 @lanes_only(LINKED)
 def calm_lanes(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> Any:
     """Return the stage's lanes, as bits, in which no active set is changed by share·delta.
@@ -438,7 +432,7 @@ def settle_lanes(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any, u
 
     upto: number of nodes that carry loads.
     """
-    calls, counts = kernels("settle", effects, None), _counts(effects)
+    calls, counts = kernels("settle", effects, None), counts_carried(effects)
     growth = Growth(effects if counts else ())
     lines = ["pending = complete(rope, stage, pending)"] if counts else []
     lines += [
@@ -472,7 +466,7 @@ def _take_each(memory: Any, k: int, n: int, kept: int) -> None:
 def accept_lanes(effects: Any, each: Any, n: Any, kept: Any) -> Any:
     """Accept the internal variables of a step, in the lanes `kept`."""
     lines = []
-    for i, k in _counts(effects).items():
+    for i, k in counts_carried(effects).items():
         if is_by_lane(effects[i].instance_class):
             lines.append(f"take_each(each.effects[{i}].memory, {k}, n, kept)")
         else:

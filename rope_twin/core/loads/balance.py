@@ -403,14 +403,19 @@ def _compose_couplings(effects: Any, work: Floats, stage: Stage, n: Any) -> Any:
 
 
 @jit
-def _add_to_pull(force: Any, pull: Any, row: int) -> None:
-    """Add a force on the hang-off to the tension of step `row`."""
-    x, y, z = pull[row, PULL_X], pull[row, PULL_Y], pull[row, PULL_Z]
-    x, y, z = x + force[0], y + force[1], z + force[2]
+def set_pull(pull: Any, row: int, x: Any, y: Any, z: Any) -> None:
+    """Set the rope's force on the hang-off after step `row`, and its size."""
     pull[row, PULL_X] = x
     pull[row, PULL_Y] = y
     pull[row, PULL_Z] = z
     pull[row, PULL] = sqrt(x * x + y * y + z * z)
+
+
+@jit
+def _add_to_pull(force: Any, pull: Any, row: int) -> None:
+    """Add a force on the hang-off to the tension of step `row`."""
+    x, y, z = pull[row, PULL_X], pull[row, PULL_Y], pull[row, PULL_Z]
+    set_pull(pull, row, x + force[0], y + force[1], z + force[2])
 
 
 @jit_within

@@ -153,7 +153,7 @@ def _with_variables(effects: Any) -> list[tuple[Any, int]]:
     return [(own, _REMEMBERED[type(own)]) for own in effects if type(own) in _REMEMBERED]
 
 
-def _counts(effects: Any) -> dict[int, int]:
+def counts_carried(effects: Any) -> dict[int, int]:
     """Return the number of internal variables of effects that have them, by index (numba types)."""
     kinds = [effect.instance_class for effect in effects]
     return {i: _REMEMBERED[kind] for i, kind in enumerate(kinds) if kind in _REMEMBERED}
@@ -163,7 +163,7 @@ def _for_each(
     head: str, effects: Any, line: str, hook: str = "", result: str = "None", **names: Any
 ) -> Any:
     """Return the function of this line for every effect with internal variables; #: its index."""
-    counts = _counts(effects)
+    counts = counts_carried(effects)
     calls = {i: call for i, call in kernels_by_place(hook, effects).items() if i in counts}
     names |= {f"k_{i}": np.int64(k) for i, k in counts.items()}
     if "stage" in head and counts:
