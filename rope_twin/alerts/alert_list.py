@@ -152,9 +152,12 @@ class AlertList:
                 one.text, self.now_ns, self.now_ns, revision=1,
             )  # fmt: skip
         if not alert.active:
+            priority = one.priority
+            if alert.waits and priority is Priority.CAUTION:  # as below
+                first, priority = State.UNACKNOWLEDGED, alert.priority
             alert = _revised(alert, first, self.now_ns)
             return replace(
-                alert, priority=one.priority, text=one.text, since_ns=self.now_ns, escalation=0
+                alert, priority=priority, text=one.text, since_ns=self.now_ns, escalation=0
             )
         if one.priority > alert.priority:
             alert = replace(_revised(alert, first, self.now_ns), escalation=0)

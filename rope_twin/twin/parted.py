@@ -292,7 +292,7 @@ def _copy(source: State, target: State) -> None:
 
 
 def boundary_at(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Floats, Floats]:
-    """Prescribed motion at these fractions of a step, by the cubic of `core.motion`."""
+    """Prescribed motion at these fractions of a step, by the cubic of `core.payout`."""
     if len(parts) == 2:
         return border.value, border.rate
     u = np.array(parts)[:, None]

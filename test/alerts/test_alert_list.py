@@ -129,6 +129,7 @@ def test_a_warning_that_fades_to_a_caution_still_waits(act: str | None) -> None:
         return
     assert only(alerts).state is State.RECTIFIED
     alerts.update([situation(priority=CAUTION)], 3 * SECOND)
+    assert (only(alerts).priority, only(alerts).waits) == (WARNING, True)
     alerts.update([situation(priority=WARNING)], 4 * SECOND)
     alerts.update([situation(priority=CAUTION)], 5 * SECOND)
     alerts.acknowledge("10001.1")
