@@ -29,6 +29,8 @@ OWN_RECORD = "rope_twin"  # name of the MCAP metadata record with the bag's own 
 CHANNELS_RECORD = "rope_twin_channels"  # and of the one with its channels: name and type by id
 ROSBAG_RECORD = "rosbag2"  # name of the one that rosbag2 looks for
 
+FileStates = tuple[tuple[str, int, int], ...]
+
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # rosbag2's infinite duration
 
 
@@ -236,6 +238,16 @@ def find_bag(bag: str | Path) -> Path:
         right = did_you_mean(bag, known) if known else "give the path of a bag"
         raise BagError(f"bag {bag}", "there is no such file or name in bags/", right)
     return path
+
+
+def files_of(bag: Path) -> FileStates:
+    """Return path, size [B] and time of change [ns] of each file of a bag; (): none is found."""
+    try:
+        files = sorted(bag.resolve().iterdir()) if bag.is_dir() else [bag.resolve()]
+        states = [(file, file.stat()) for file in files]
+    except OSError:
+        return ()
+    return tuple((str(file), state.st_size, state.st_mtime_ns) for file, state in states)
 
 
 def free_path(path: Path, suffix: str = "") -> Path:

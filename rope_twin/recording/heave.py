@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from rope_twin.errors import BagError, InputError, phrase
 from rope_twin.messages import encode_elevation, encode_heave
-from rope_twin.recording.bag import BagReader, find_bag
+from rope_twin.recording.bag import BagReader, FileStates, files_of, find_bag
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.track import (
     Faults,
@@ -243,7 +244,14 @@ def open_heave(
     Raises:
         BagError: the bag, the topic or the start is invalid; one sentence.
     """
-    return HeaveReplay(read_heave(find_bag(bag), topic), start_s, loop)
+    path = find_bag(bag)
+    return HeaveReplay(_heave_of(path, topic, files_of(path)), start_s, loop)
+
+
+@lru_cache(maxsize=4)
+def _heave_of(path: Path, topic: str | None, files: FileStates) -> HeaveRecord:
+    """Return `read_heave`, once for unchanged files: a run opens its sea up to three times."""
+    return read_heave(path, topic)
 
 
 def replay_sea(sea: SeaRecord, start_s: float = 0.0, loop: bool = True) -> HeaveReplay:
@@ -523,8 +531,14 @@ def open_poses(
     Raises:
         BagError: one sentence on what is wrong with the bag, the topic or the start.
     """
-    record = read_poses(find_bag(recorded.bag), recorded)
-    return PoseReplay(record, lever_arm(scene), start_s, loop)
+    path = find_bag(recorded.bag)
+    return PoseReplay(_poses_of(path, recorded, files_of(path)), lever_arm(scene), start_s, loop)
+
+
+@lru_cache(maxsize=4)
+def _poses_of(path: Path, recorded: RecordedPoses, files: FileStates) -> PoseRecord:
+    """Return `read_poses`, once for unchanged files."""
+    return read_poses(path, recorded)
 
 
 def _track_of(record: PoseRecord) -> Track:

@@ -1,6 +1,7 @@
 """Replay of heave: exact stamps, offsets, loops with and without a seam, what a bag must tell."""
 
 import itertools
+import shutil
 
 import numpy as np
 import pytest
@@ -181,6 +182,14 @@ def test_bags_of_others_open_sqlite_too(tmp_path):
             stamp_ns += START_NS
             writer.write(connection, stamp_ns, encode_heave(stamp_ns, z, v))
     assert open_heave(tmp_path / "lite").loop_ns == 64 * SECOND
+
+
+def test_a_bag_that_was_written_again_is_read_again(tmp_path):
+    first = open_heave(write_heave(tmp_path / "again", swell(1226)))
+    assert open_heave(tmp_path / "again").loop_ns == first.loop_ns
+    shutil.rmtree(tmp_path / "again")
+    later = open_heave(write_heave(tmp_path / "again", swell(1400)))
+    assert later.loop_ns > first.loop_ns
 
 
 def test_headers_without_stamps_take_the_times_of_the_log(tmp_path):
