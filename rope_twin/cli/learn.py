@@ -23,8 +23,9 @@ EXAMPLES = (
 MORE = """Reads winch/measured (tension, line out) and ship/heave of a bag and learns the figures of
 rope and payload, load pin and motion sensor a minute at a time, from the uncertainties in the
 scene's section `learning`. The rope hangs at rest when the measurement begins, and two minutes are
-needed. Ropes that meet below one hang-off, such as a bridle, can be learned; loads on several ropes
-from the ship, rigid bodies, splash zone and seabed cannot yet."""
+needed. Nothing is learned while the payload is in the splash zone or near the seabed. Ropes that
+meet below one hang-off, such as a bridle, can be learned; loads on several ropes from the ship and
+rigid bodies cannot yet."""
 LEAST_S = 120.0
 
 
@@ -91,6 +92,8 @@ def run(args: argparse.Namespace) -> int:
     last = estimator.results[-1]
     minutes = len(estimator.results)
     print(f"after {minutes} min; {100.0 * last.used:.0f} % of the last minute's tension used")
+    if last.near > 0.0:
+        print(report.near_words(last.near))
     if last.held:
         held = ", ".join(last.held)
         print(f"at the limit of 4 prior sd: {held}; check scene, units and signs", file=sys.stderr)

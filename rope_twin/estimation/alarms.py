@@ -289,6 +289,7 @@ class FaultWatch:
         self._prediction = self._model.trimmed(self._prediction, from_s)
         predicted, J, shifts = self._model.with_shifts(self._prediction, from_s)
         measured, _ = self._lift.tension_means(first_s, end_s)
+        measured = self._model.in_open_water(self._prediction, first_s, measured)
         measured = self._model.without_slack(self._prediction, first_s, measured)
         new = slice(len(predicted) - len(measured), None)
         return measured - predicted[new], np.hstack([J, shifts])[new], predicted[new]

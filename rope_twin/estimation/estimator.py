@@ -115,6 +115,7 @@ class BlockResult:
     used: float  # share of the block's means that were used
     nis: float  # normalised innovation squared of the residual that is left, over its number
     held: tuple[str, ...]  # figures at the limit of what the prior allows
+    near: float  # share of the means left out with the payload near the surface or the seabed
 
 
 class Estimator:
@@ -263,6 +264,9 @@ class Estimator:
         """Learn from the block whose end a prediction with the present figures has reached."""
         begin_s, end_s = self.block_begin_s, self.block_end_s
         measured, samples = self.model.lift.tension_means(begin_s, end_s)
+        known = np.isfinite(measured)
+        measured = self.model.in_open_water(prediction, begin_s, measured)
+        near = float((known & np.isnan(measured)).mean())
         if self.noise is None:
             self.noise = ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
         self._take_counts(len(measured))
@@ -275,7 +279,7 @@ class Estimator:
         self._memory.learn(posterior)
         posterior = Gaussian(posterior.mean[:COUNT], posterior.covariance[:COUNT, :COUNT])
         held = self.prior.held(self.theta)
-        self.results.append(BlockResult(end_s, posterior, float(used.mean()), nis, held))
+        self.results.append(BlockResult(end_s, posterior, float(used.mean()), nis, held, near))
         growth = np.diag((DRIFT * self.prior.sd) ** 2) * BLOCK_S / 60.0
         self.belief = Gaussian(self.theta.copy(), posterior.covariance + growth)
         motion = prediction.motion

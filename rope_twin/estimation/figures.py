@@ -21,20 +21,12 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
-from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.rigging import is_joined, places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ropes import ropes_of
-
-_CANNOT = {
-    RigidBodyParams: "its payload is a rigid body",
-    SplashZoneParams: "its payload may be in the splash zone",
-    SeabedParams: "it has a seabed",
-}
 
 
 def check_learnable(scene: Scene) -> None:
@@ -43,14 +35,13 @@ def check_learnable(scene: Scene) -> None:
     Raises:
         InputError: one sentence, if they cannot be learned yet.
     """
-    right = "point payloads in open water on one rope from one hang-off can be learned"
+    right = "point payloads on one rope from one hang-off can be learned"
     if is_joined(scene):
         what = _why_not_joined(scene)
         if what:
             raise InputError(f"learn {scene.name}", what, right)
-    for kind, what in _CANNOT.items():
-        if scene.listed(kind) is not None:
-            raise InputError(f"learn {scene.name}", what, right)
+    if scene.listed(RigidBodyParams) is not None:
+        raise InputError(f"learn {scene.name}", "its payload is a rigid body", right)
     if scene.ropes[0].fixed_at_m or not scene.payloads:
         raise InputError(f"learn {scene.name}", "its rope carries no payload", right)
 

@@ -10,15 +10,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
-from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.payload import Payload, SplashZoneParams, TwoWayPayload
 from rope_twin.effects.rope_mass import AddedMassParams
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.errors import InputError
+from rope_twin.scene.environment import bed_at
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.lift import point_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
+
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -62,6 +70,54 @@ def hanging_of(scene: Scene) -> Hanging:
     bodies = [e for rope in ropes for e in rope.effects if isinstance(e, Payload | TwoWayPayload)]
     air_kg = sum(one.mass_kg for one in point_figures(scene).values())
     return Hanging(ropes[0], metres[0], tuple(bodies), slings_kg, air_kg)
+
+
+@dataclass(frozen=True)
+class OpenWater:
+    """Depths of the payload at which nothing but the water and its rope is known to act on it."""
+
+    least_m: float  # -inf: the scene has no splash zone
+    most_m: float  # inf: it has no seabed
+
+    def without(self, depth_m: Floats) -> Bools:
+        """Return where a payload at these depths is not in open water, of their shape."""
+        return (depth_m < self.least_m) | (depth_m > self.most_m)
+
+
+CLEAR_OF_SURFACE_M = 10.0  # above the crests that a load is lifted in
+CLEAR_OF_BED_M = 5.0  # that charts, line counters and tides are out together
+LEAN = 0.1  # the payload is at most this share of the depth away from below the hang-off
+
+
+def open_water(scene: Scene) -> OpenWater:
+    """Return the depths between splash zone and seabed, where a scene has them.
+
+    Raises:
+        InputError: there is no such depth.
+    """
+    splash, bed = scene.listed(SplashZoneParams), scene.listed(SeabedParams)
+    half_m = 0.0 if splash is None else 0.5 * splash.height_m
+    least = -np.inf if splash is None else CLEAR_OF_SURFACE_M + half_m
+    most = np.inf if bed is None else -_highest(scene, bed) - CLEAR_OF_BED_M - half_m
+    if least > most:
+        what = f"no depth is {CLEAR_OF_SURFACE_M:g} m off the surface and {CLEAR_OF_BED_M:g} m off"
+        raise InputError(f"learn {scene.name}", f"{what} the seabed", "lift in deeper water")
+    return OpenWater(least, most)
+
+
+def _highest(scene: Scene, bed: SeabedParams) -> float:
+    """Return the highest z of the seabed where the payload may be [m]."""
+    x, y, _ = scene.ship.hang_off_m
+    reach = LEAN * abs(bed_at(bed, x, y))
+    nodes = bed.soundings
+    across, along = (
+        [middle - reach, middle, middle + reach]
+        + [own for own in given if abs(own - middle) < reach]
+        for middle, given in (
+            (x, () if nodes is None else nodes.x_m), (y, () if nodes is None else nodes.y_m)
+        )
+    )  # fmt: skip
+    return max(bed_at(bed, east, north) for east in across for north in along)
 
 
 def _metre_kg(scene: Scene, rope: Rope) -> Floats:

@@ -36,7 +36,7 @@ from rope_twin.estimation.figures import (
     check_learnable,
     factors_of,
 )
-from rope_twin.estimation.hanging import hanging_of
+from rope_twin.estimation.hanging import hanging_of, open_water
 from rope_twin.estimation.measured_lift import FORGETTING_S, MEAN_S, LineTrack, MeasuredLift
 from rope_twin.estimation.noise import Bar, ExpectedHeave, bar_of
 from rope_twin.scene.instruments import Learning
@@ -127,6 +127,8 @@ class Prediction:
     motion: ExpectedMotion | None = None  # that drives them; None: the measured one
     # ends of means in which the rope of a member is slack
     slack_s: Floats = field(default_factory=lambda: np.empty(0))
+    # ends of means in which the payload of a member is in splash zone or near the seabed
+    near_s: Floats = field(default_factory=lambda: np.empty(0))
 
 
 def elements_of(bar: Bar) -> int:
@@ -151,6 +153,7 @@ class LiftModel:
         """
         check_learnable(scene)
         self.lift = lift
+        self._water = open_water(scene)
         self.bar: Bar = bar_of(scene)
         self.elements = elements_of(self.bar)
         self._lone = Fleet(scene, 1, elements=self.elements, step_s=STEP_S)
@@ -217,9 +220,11 @@ class LiftModel:
         record = self._fleet.advance(inputs, look_steps=STEPS_PER_MEAN)
         if 0 in record.failures:
             raise SolverError(record.failures[0])
+        ends = times[STEPS_PER_MEAN::STEPS_PER_MEAN]
         loose = (record.least_tension_n < SLACK_BELOW_N).any(axis=1)
-        slack = times[STEPS_PER_MEAN::STEPS_PER_MEAN][loose]
-        prediction.slack_s = np.append(prediction.slack_s, slack)
+        prediction.slack_s = np.append(prediction.slack_s, ends[loose])
+        near = self._water.without(record.payload_depth_m).any(axis=1)
+        prediction.near_s = np.append(prediction.near_s, ends[near])
         prediction.tension_n.append(record.top_tension_n)
         prediction.line_out_m.append(np.asarray(inputs.line_out_m)[1:])
         prediction.end_s = float(times[-1])
@@ -263,10 +268,14 @@ class LiftModel:
         the jerk leaves in the rope lasts FORGETTING_S. That holds for each member: the difference
         from one that is slack is no derivative.
         """
-        ends = begin_s + MEAN_S * np.arange(1, len(means) + 1)
-        since = ends[:, None] - prediction.slack_s
-        near = ((since > -0.5 * MEAN_S) & (since < FORGETTING_S)).any(axis=1)
-        return np.where(near, np.nan, means)
+        return _without(prediction.slack_s, begin_s, means)
+
+    def in_open_water(self, prediction: Prediction, begin_s: float, means: Floats) -> Floats:
+        """Return means from begin on, (k,), with NaN while the payload is not in open water.
+
+        The rope forgets in FORGETTING_S how it came out of the splash zone or off the bed.
+        """
+        return _without(prediction.near_s, begin_s, means)
 
     def linearised(self, prediction: Prediction, from_s: float) -> tuple[Floats, Floats]:
         """Return the predicted means from a time on, (k,) [N], and their Jacobian, (k, COUNT).
@@ -370,6 +379,14 @@ class LiftModel:
             rate = share * rate + share_rate * position
             position = share * position
         return FleetInputs(position, rate, line, speed)
+
+
+def _without(at_s: Floats, begin_s: float, means: Floats) -> Floats:
+    """Return means from begin on, (k,), with NaN in those that end at times or soon after."""
+    ends = begin_s + MEAN_S * np.arange(1, len(means) + 1)
+    since = ends[:, None] - at_s
+    near = ((since > -0.5 * MEAN_S) & (since < FORGETTING_S)).any(axis=1)
+    return np.where(near, np.nan, means)
 
 
 def _expected(

@@ -117,6 +117,8 @@ def expected_after(estimator: Estimator, scene: Scene) -> list[tuple[str, Gaussi
             planned.line_out.extend(t, line)
             model.lift = planned
             prediction = model.predict(posterior.mean, state, 0.0, BURN_IN_S + BLOCK_S)
+            if len(prediction.near_s):
+                continue  # nothing is learned near surface or seabed, nor is it advised to go there
             _, J = model.linearised(prediction, BURN_IN_S)
             R = noise.covariance(estimator.autocovariances(len(J), BURN_IN_S + BLOCK_S))
             gained = TEMPER * J.T @ np.linalg.solve(R, J)
@@ -324,13 +326,19 @@ def _applied_words(one: FigureEstimate) -> str:
     return f"{one.applied:.4g}, {inside} ({one.applied_off_sds:+.1f} sd)"
 
 
+def near_words(share: float) -> str:
+    """Return why a share of the last minute was left out, in words."""
+    return f"{share:.0%} of the last minute left out: payload near the surface or the seabed"
+
+
 def as_json(
     found: Sequence[FigureEstimate], results: Sequence[BlockResult], derived: dict[str, float]
 ) -> dict[str, Any]:
     """Return all results for `--json`: figures, derived values, and the blocks."""
     blocks = [
         {
-            "end_s": one.end_s, "used": one.used, "nis": None if np.isnan(one.nis) else one.nis,
+            "end_s": one.end_s, "used": one.used, "near": one.near,
+            "nis": None if np.isnan(one.nis) else one.nis,
             "held": list(one.held), "mean": one.posterior.mean.tolist(),
             "sd": one.posterior.sd.tolist(),
         }
