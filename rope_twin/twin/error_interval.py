@@ -222,8 +222,7 @@ def responding_winches(now: TwinView) -> dict[int, Winch]:
     """Return the winches that need tension feedback for the next step, by rope number."""
     winch = now.inputs.winch
     first = {0: winch} if winch.needs_feedback(now.time_ns) else {}
-    joined = now.joined
-    return first if joined is None else first | joined.needing_feedback(now.time_ns)
+    return first | now.ropes.needing_feedback(now.time_ns)
 
 
 class CoarseSolution:

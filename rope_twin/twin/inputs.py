@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rope_twin.core.state import Rope
 from rope_twin.effects.current import Current, RisingCurrent, from_rows, profile_of, with_profile
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.environment import (
@@ -30,9 +28,10 @@ from rope_twin.scene.water_warnings import strong_current
 from rope_twin.twin.cut_input import CutInput
 from rope_twin.twin.figures import RAMP_S, FigureBase, LearnedFigures
 from rope_twin.twin.health import InputCounter
-from rope_twin.twin.motion.hang_off import HangOffTrack, Moves
+from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.lower_end import LowerEndTrack
 from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.other_ropes import OtherRopes
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.residuals import MeasuredInputs
 from rope_twin.twin.snapshot import BORDER, ForecastScore, InputHealth, Snapshot, amended
@@ -65,48 +64,13 @@ class InputState(NamedTuple):
     lower_end: LowerEndTrack | None
 
 
-class RopesWithWinches(Protocol):
-    """Ropes of a twin (twin/ropes.py), as their inputs and boundary conditions use them.
-
-    The first rope's winch and hang-off are inputs of the twin; those of other ropes are their own.
-    """
-
-    first: Rope
-
-    def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
-        """Offer a command to a winch; return why it is refused, or ""."""
-
-    def forbids(self, name: str, switch: str) -> str:
-        """Return why a winch would not execute a switch now, or ""."""
-
-    def follow(self, name: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
-        """Let a winch have its measured line out [m] and line speed [m/s]."""
-
-    def invalidate(self) -> None:
-        """Invalidate what was known in advance."""
-
-    def newest_ns(self) -> dict[str, int]:
-        """Return the stamp of the newest command of each winch [ns]."""
-
-    def scale(self, factors: Mapping[str, float]) -> None:
-        """Set the figures of the other ropes as factors on the scene's; the first has them."""
-
-    def needs_feedback(self, time_ns: int) -> bool:
-        """Return whether a winch needs the present tension."""
-
-    def prescribe(
-        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
-    ) -> None:
-        """Set the boundary conditions of one more step."""
-
-
 class TwinInputs:
     """Inputs of a twin behind one lock; each `offer_*` method validates its input.
 
     The stepping thread reads the inputs under `lock`.
     """
 
-    def __init__(self, scene: Scene, ropes: RopesWithWinches, clock: Clock) -> None:
+    def __init__(self, scene: Scene, ropes: OtherRopes, clock: Clock) -> None:
         """Make the inputs of a scene; `clock` is that of the twin, which advances it."""
         self.lock = threading.Lock()
         self.heave = HangOffTrack(scene)

@@ -24,7 +24,6 @@ from rope_twin.scene.rigging import runs_over_sheave, winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import system_contacts
 from rope_twin.twin.figures import FigureBase, copied_law, scaled_law
-from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line_snapshot import (
     Payouts,
     SystemState,
@@ -35,9 +34,14 @@ from rope_twin.twin.multi_line_snapshot import (
     sheave_shots,
     strut_shots,
 )
-from rope_twin.twin.parted import advance_in_substeps, cut_system, scene_of_parts
+from rope_twin.twin.other_ropes import OtherRopes
 from rope_twin.twin.regrid import joined_as, state_arrays
-from rope_twin.twin.rope_cut import CutPosition
+from rope_twin.twin.rope_cut import (
+    CutPosition,
+    advance_in_substeps,
+    cut_system,
+    scene_of_parts,
+)
 from rope_twin.twin.snapshot import InputHealth, Snapshot, amended
 from rope_twin.twin.snapshot_builder import (
     RopeShape,
@@ -48,19 +52,12 @@ from rope_twin.twin.snapshot_builder import (
 )
 from rope_twin.twin.state import changing_parts
 from rope_twin.twin.statics import check_equilibrium, judge_body, no_garbage_collection, weak_ropes
-from rope_twin.twin.winch.commands import (
-    HangOffMotion,
-    Payout,
-    TensionFeedback,
-    WinchCommand,
-    tension_feedback,
-)
 from rope_twin.twin.winch.winch import Winch, winch_of_rope
 
 _log = logging.getLogger(__name__)
 
 
-class MultiLineRopes:
+class MultiLineRopes(OtherRopes):
     """All ropes of a multi-line scene except the first one's boundary conditions.
 
     Raises:
@@ -70,12 +67,11 @@ class MultiLineRopes:
     def __init__(self, scene: Scene, steps: int) -> None:
         """Build the system, with boundary conditions for up to `steps` steps."""
         built = build_joined(scene)
-        self._scene = scene
+        super().__init__(scene, built.system.ropes[0])
         self._ropes, self._joints = built.system.ropes[1:], built.system.joints
         self._stack, self._sheaves = built.system.stack, built.system.sheaves
         self._owners, self._hang_offs = built.owners, built.hang_off_m
         self._lines = report_on(scene)
-        self.first = built.system.ropes[0]
         self._bases = [FigureBase(rope) for rope in self._ropes]
         self._law = copied_law(self._stack.law)
         self._winches = tuple(winch_of_rope(scene, line) for line in scene.ropes)
@@ -113,33 +109,6 @@ class MultiLineRopes:
         first: Floats = self.pull[0]
         return first
 
-    def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
-        """Submit a command to the winch of this name; return "" or the rejection."""
-        names = [line.from_ for line in self._scene.ropes]
-        return self._winches[names.index(name)].take(stamp_ns, command, now_ns)
-
-    def forbids(self, name: str, switch: str) -> str:
-        """Return why the winch of this name would not execute a switch now; "": it would."""
-        names = [line.from_ for line in self._scene.ropes]
-        return self._winches[names.index(name)].forbids(switch)
-
-    def follow(self, name: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
-        """Let the winch of this name have a measured line out [m] and line speed [m/s]."""
-        names = [line.from_ for line in self._scene.ropes]
-        self._winches[names.index(name)].follow(stamp_ns, length_m, speed)
-
-    def invalidate(self) -> None:
-        """Invalidate commands that were known in advance."""
-        for winch in self._winches[1:]:
-            winch.invalidate()
-
-    def newest_ns(self) -> dict[str, int]:
-        """Return the stamp of the newest accepted command of each winch but the first [ns]."""
-        newest: dict[str, int] = {}
-        for winch in self._winches[1:]:
-            newest |= winch.newest_ns()
-        return newest
-
     def scale(self, factors: Mapping[str, float]) -> None:
         """Set the figures of the other ropes as factors on the scene's; the first has them."""
         self._ropes = tuple(
@@ -155,33 +124,6 @@ class MultiLineRopes:
             sections = self._rope(r).sections
             self._stack.sections[r, :, : sections.shape[1]] = sections
 
-    def needs_feedback(self, time_ns: int) -> bool:
-        """Return whether a winch but the first needs tension feedback for the step from then on."""
-        winches = self._winches
-        return bool(self._hung) and any(winches[r].needs_feedback(time_ns) for r in self._hung)
-
-    def needing_feedback(self, time_ns: int) -> dict[int, Winch]:
-        """Return those winches by the number of their rope."""
-        hung = {r: self._winches[r] for r in self._hung}
-        return {r: winch for r, winch in hung.items() if winch.needs_feedback(time_ns)}
-
-    def prescribe(
-        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
-    ) -> None:
-        """Set hang-offs and payouts at step boundary `row`.
-
-        heave: ship heave [m] and its rate [m/s]; moves: motion of the hang-offs moved by poses.
-        """
-        value, rate = self._boundary
-        for r in self._hung:
-            winch, still = self._winches[r], (0.0, 0.0)
-            moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
-            value[r, row, : rows.LINE] = self._hang_offs[r] + np.array(moved)
-            rate[r, row, : rows.LINE] = moving
-            feedback = self._feedback_of(r, row) if winch.needs_feedback(from_ns) else None
-            line = winch.step(from_ns, step_s, moving[2], feedback)
-            value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
-
     def take_motion(self, given: Mapping[int, Boundary]) -> None:
         """Set the motion at the boundaries of the next steps, by rope: that of the hang-offs."""
         for r, own in given.items():
@@ -192,14 +134,6 @@ class MultiLineRopes:
         """Report these winches, by rope, which step elsewhere."""
         own = enumerate(self._winches)
         self._winches = tuple(winches.get(r, winch) for r, winch in own)
-
-    def _feedback_of(self, r: int, row: int) -> TensionFeedback:
-        """Return the tension feedback of a rope before the step that ends at boundary `row`."""
-        borders = self._boundary.value[r, row - 1 : row + 1]
-        heave = float(borders[0, rows.Z] - self._hang_offs[r, 2])
-        course = HangOffMotion(heave, self._winches[r].payout_m_per_s2)
-        pull = float(self.pull[r, rows.PULL])
-        return tension_feedback(self._rope(r), self._scene.ropes[r], pull, borders, course)
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Advance all ropes like core's `advance`; boundary, pulls: of the first one."""
@@ -277,34 +211,6 @@ class MultiLineRopes:
         system = joined_as(self.system(self.first), ropes)
         self.first, self._ropes = system.ropes[0], system.ropes[1:]
         self._joints, self._stack, self._sheaves = system.joints, system.stack, system.sheaves
-
-    def length_m(self, r: int) -> float:
-        """Return the unstretched length of a rope other than the first [m]."""
-        state = self._rope(r).state
-        return float(state.s[state.counts[rows.ELEMENTS]])
-
-    def adapt_to_cut(self, r: int, lost_m: float, left_m: float) -> None:
-        """Report to the winch of another rope the length cut off and the length left [m]."""
-        self._winches[r].adapt_to_cut(lost_m, left_m)
-
-    def forget(self, done: int, prescribed: int) -> None:
-        """Make the boundary after `done` steps the first; `prescribed` ones follow it."""
-        for table in self._boundary:
-            table[:, : prescribed + 1] = table[:, done : done + prescribed + 1]
-
-    def discard_prescribed(self) -> None:
-        """Let the winches of other ropes continue from the payout of the last step."""
-        value, rate = self._boundary
-        for r in self._hung:
-            length, speed = float(value[r, 0, rows.LINE]), float(rate[r, 0, rows.LINE])
-            self._winches[r].continue_from(Payout(length, speed))
-
-    def border(self, first: Boundary) -> Boundary:
-        """Return hang-offs and payouts now, (ropes, MOTIONS); first: those of the first rope."""
-        own = Boundary(*(table[:, 0].copy() for table in self._boundary))
-        for table, given in zip(own, first, strict=True):
-            table[0] = given[0]
-        return own
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Return energy and power of all ropes now; pull [N], speed [m/s]: of the first one."""
@@ -418,9 +324,6 @@ class MultiLineRopes:
     @property
     def _numbers(self) -> range:
         return range(1 + len(self._ropes))
-
-    def _rope(self, r: int) -> Rope:
-        return self.first if r == 0 else self._ropes[r - 1]
 
     @staticmethod
     def _tension(rope: Rope) -> Floats:

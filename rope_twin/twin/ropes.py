@@ -37,8 +37,9 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import coupled_settings, model_beside
 from rope_twin.twin.level import Mesh
 from rope_twin.twin.multi_line import MultiLineRopes
+from rope_twin.twin.other_ropes import OtherRopes
 from rope_twin.twin.pacing import steps_in_slot
-from rope_twin.twin.parted import CutRope, SingleWinch
+from rope_twin.twin.parted import CutRope
 from rope_twin.twin.regrid import upper_ends
 from rope_twin.twin.rope_cut import CutPosition, cut_rope, without_load
 from rope_twin.twin.snapshot import Snapshot, amended, first_rope
@@ -51,12 +52,11 @@ from rope_twin.vortex.coupled import VivDragAmplification
 _NOT_PUT_BACK = ("joined/winches", "joined/lines", "joined/highest", "rope/model", "lower/model")
 
 
-class OneRope(SingleWinch):
+class OneRope(OtherRopes):
     """A single rope with its payload."""
 
     def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self.first = build(scene)
+        super().__init__(scene, build(scene))
 
     def solve_statics(self) -> Floats:
         """Solve for static equilibrium; return the rope's force on the hang-off.
@@ -70,7 +70,7 @@ class OneRope(SingleWinch):
         """Advance the rope in time."""
         return advance(first, boundary, pulls, time, len(pulls))
 
-    def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[Ropes, float]:
+    def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[CutRope, float]:
         """Cut the rope; return both parts and the length of the lower one [m]."""
         parts = cut_rope(first, border, place, without_load(first.effects))
         return CutRope(self._scene, parts.upper, parts.lower), parts.lost_m
@@ -111,7 +111,7 @@ class OneRope(SingleWinch):
 Ropes = OneRope | CutRope | MultiLineRopes
 
 
-def ropes_of(scene: Scene, steps: int) -> Ropes:
+def ropes_of(scene: Scene, steps: int) -> OneRope | MultiLineRopes:
     """Return the scene's ropes, with boundary conditions for up to `steps` steps.
 
     Raises:
@@ -138,10 +138,11 @@ class RopeSystem:
         Raises:
             SceneError: the scene cannot be built, or there is no equilibrium.
         """
-        self.ropes = ropes_of(scene, steps)
-        self.first = self.ropes.first  # with the effects of the newest step, see `with_effects`
+        built = ropes_of(scene, steps)
+        self.ropes: Ropes = built
+        self.first = built.first  # with the effects of the newest step, see `with_effects`
         self._pulls = np.zeros((steps, PULL_COLUMNS))
-        self.pull = self.ropes.solve_statics()  # (PULL_COLUMNS,)
+        self.pull = built.solve_statics()  # (PULL_COLUMNS,)
 
     @property
     def joined(self) -> MultiLineRopes | None:
@@ -233,6 +234,7 @@ class RopeSystem:
         Raises:
             SolverError: the cut cannot be made.
         """
+        assert not isinstance(self.ropes, CutRope), "a rope is cut once"
         self.ropes, lost_m = self.ropes.cut(whole, border, place)
         self.first = self.ropes.first
         return lost_m
@@ -248,6 +250,7 @@ class RopeSystem:
         whole = first if self.joined is None else self.joined.system(first)
         payout = self.ropes.border(border).rate[:, LINE]
         ends = upper_ends(whole, self.upper_pulls, payout)
+        assert not isinstance(self.ropes, CutRope), "its parts keep their elements"
         self.ropes.replace(mesh.changed(self.all_with(first), level, ends))
         self.first = self.ropes.first
         return self.first.effects

@@ -149,7 +149,7 @@ class BoundaryConditions:
         for row in range(self.steps + 1, steps + 1):
             begin_ns = now.time_ns + (row - 1) * now.step_ns
             feedback = inputs.winch.needs_feedback(begin_ns)
-            if row > 1 and (feedback or inputs.ropes.needs_feedback(begin_ns)):
+            if row > 1 and (feedback or inputs.ropes.needing_feedback(begin_ns)):
                 return row - 1
             then = Present(begin_ns, now.step_ns, now.rope, now.pull_n)
             self._fill_border(row, inputs, then, feedback)
