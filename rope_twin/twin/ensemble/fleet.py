@@ -28,7 +28,6 @@ from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import model_beside
 from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetRecord, FleetState, LiveState
-from rope_twin.twin.ensemble.fleet_members import Members
 from rope_twin.twin.ensemble.fleet_ropes import RopeMembers
 from rope_twin.twin.ensemble.fleet_stretch import STRETCH_STEPS, Record, Stretch
 from rope_twin.twin.ensemble.fleet_systems import SystemMembers
@@ -79,7 +78,7 @@ class Fleet:
         self.scene = at_setting(scene, elements, step_s)
         self.threads = threads
         made = SystemMembers if is_joined(self.scene) else RopeMembers
-        self._members: Members = made(self.scene, members)
+        self._members: RopeMembers | SystemMembers = made(self.scene, members)
         self._step_ns = round(self.scene.time.step_s * 1e9)
         self._time_ns = 0
         self._scratches = [self._members.new_scratch() for _ in range(threads)]

@@ -1,4 +1,4 @@
-"""Members of a fleet as its steps see them, be they ropes by themselves or systems of ropes."""
+"""Members of a fleet: what those that are one rope and those that are systems have in common."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.core.state import Boundary, Floats, Ints, Rope
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetState, LiveState
+from rope_twin.twin.ensemble.fleet_data import FleetState
 from rope_twin.twin.figures import FIGURES
 from rope_twin.twin.regrid import state_arrays
 
@@ -95,39 +95,6 @@ class Members(ABC):
     def ropes(self) -> tuple[Rope, ...]:
         """Ropes of a member with the scene's figures; their state is not in use."""
 
-    @property
-    @abstractmethod
-    def why_alone(self) -> str:
-        """Reason why members do not step in lanes; "": they do."""
-
-    @abstractmethod
-    def scale(self) -> None:
-        """Apply the factors to the kernel data."""
-
-    @abstractmethod
-    def state(self, member: int, time_ns: int) -> FleetState:
-        """Return a copy of a member's state."""
-
-    @abstractmethod
-    def restore(self, given: Sequence[FleetState]) -> None:
-        """Set states that fit: one for all members, or one for each."""
-
-    @abstractmethod
-    def begin_from(self, live: LiveState) -> None:
-        """Set the state of a live twin, on the members' own mesh.
-
-        Raises:
-            InputError: the state is that of another scene.
-        """
-
-    @abstractmethod
-    def ends(self, r: int) -> tuple[Floats, Floats]:
-        """Return coordinates of the uppermost node of rope r and the one below [m], (members,)."""
-
-    @abstractmethod
-    def course(self, inputs: FleetInputs) -> Any:
-        """Return the boundary conditions of valid inputs; `fill` and `set_border` set them."""
-
     def check(self, given: FleetState) -> None:
         """Check that members can have a state.
 
@@ -165,47 +132,5 @@ class Members(ABC):
                 yield np.array(some[first : first + LANES], dtype=np.int64)
 
     @abstractmethod
-    def new_scratch(self) -> Scratch:
-        """Return scratch arrays of a thread."""
-
-    @abstractmethod
     def new_group(self, kind: Any, steps: int, looks: int) -> Any:
         """Return arrays for members of this kind in lanes."""
-
-    @abstractmethod
-    def nodes_of(self, kind: Any) -> int:
-        """Return the number of nodes that members of this kind step."""
-
-    @abstractmethod
-    def load(self, group: Any, members: Ints) -> None:
-        """Copy members into a group, and clear its counters and folds."""
-
-    @abstractmethod
-    def place(self, borders: Boundary, members: Ints, kind: Any) -> None:
-        """Keep the hang-offs of lanes where they are in x and y; borders: of the group."""
-
-    @abstractmethod
-    def take(self, group: Any, members: Ints, lanes: list[int]) -> None:
-        """Copy the states of these lanes back to their members, with solver counts."""
-
-    @abstractmethod
-    def alone(self, member: int) -> Any:
-        """Return a member as its group takes it; it shares its state with the fleet."""
-
-    @abstractmethod
-    def health_of(self, member: int) -> Ints:
-        """Return a member's solver counts."""
-
-    @abstractmethod
-    def has_changed(self, member: int, kind: Any) -> bool:
-        """Return whether a member has other elements than its kind."""
-
-    @abstractmethod
-    def step(
-        self, member: int, course: Any, border: int, time_s: float, own: Scratch
-    ) -> Floats | None:
-        """Do the step from a border for one member by itself.
-
-        Returns what a look folds, (..., FOLDS) after the leading axes, or None: it failed. The
-        forces on the hang-offs are in `own.pull`.
-        """

@@ -9,7 +9,7 @@ the same step. A member that needs many steps alone steps alone to the end of th
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,8 +17,12 @@ from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.step import FOLDS, LEAST, Run
 from rope_twin.core.state import Boundary, Floats, Ints
-from rope_twin.twin.ensemble.fleet_members import Members, Scratch
+from rope_twin.twin.ensemble.fleet_members import Scratch
 from rope_twin.twin.recovery import step_failure
+
+if TYPE_CHECKING:
+    from rope_twin.twin.ensemble.fleet_ropes import RopeMembers
+    from rope_twin.twin.ensemble.fleet_systems import SystemMembers
 
 STRETCH_STEPS = 1200  # at most: a minute of 50 ms
 CALL_NODES = 16_000  # nodes times steps of a call of the lanes, 1 to 2 ms
@@ -55,7 +59,7 @@ class Stretch:
 
     def __init__(
         self,
-        members: Members,
+        members: RopeMembers | SystemMembers,
         course: Any,
         record: Record,
         look_steps: int,
