@@ -40,7 +40,7 @@ from rope_twin.twin.snapshot import (
     amended,
     first_rope,
 )
-from rope_twin.twin.snapshot_builder import body_of
+from rope_twin.twin.snapshot_builder import body_of, rope_shot
 from rope_twin.vortex.results import RopeVibration
 
 SHEAVE_ZONE = 0.02  # of the sheave's depth: the zone above it where the lines meet is left out
@@ -140,25 +140,13 @@ def contact(now: SystemState) -> BedContact | None:
 
 
 def _rope_shot(now: SystemState, r: int, name: str) -> RopeShot:
-    nodes, work = now.nodes(r, rows.POSITION), now.system.ropes[r].work
-    tension = work[rows.TENSION, : nodes.shape[1] - 1]
-    pull = float(now.pull[r, rows.PULL])
-    between = 0.5 * (tension[1:] + tension[:-1])
-    lower = lower_end_tension(now.system.ropes[r], now.effects, now.time_s)
-    at_nodes = np.concatenate(([lower], between, [pull]))
-    line = (float(now.line.length_m[r]), float(now.line.speed_m_per_s[r]))
-    downward = slice(None, None, -1)  # its upper end is the last node
+    rope = now.system.ropes[r]
+    lower_n = lower_end_tension(rope, now.effects, now.time_s)
+    ends_n = lower_n, float(now.pull[r, rows.PULL])
     if runs_over_sheave(now.scene, now.scene.ropes[r]):
-        downward, line = slice(None), _stretch(now, r)
-    return RopeShot(
-        name=name,
-        node_position_m=np.ascontiguousarray(nodes[:, downward].T),
-        node_tension_n=at_nodes[downward].copy(),
-        element_tension_n=tension[downward].copy(),
-        tension_top_n=pull,
-        line_out_m=line[0],
-        payout_speed_m_per_s=line[1],
-    )
+        return rope_shot(name, rope, ends_n, _stretch(now, r), from_sheave=True)
+    line = float(now.line.length_m[r]), float(now.line.speed_m_per_s[r])
+    return rope_shot(name, rope, ends_n, line)
 
 
 def _stretch(now: SystemState, r: int) -> tuple[float, float]:

@@ -26,18 +26,18 @@ from rope_twin.twin.rope_cut import (
     boundary_at,
     is_at_end,
     refresh_tension,
+    rope_s,
     step_free,
     without_massless_section,
 )
 from rope_twin.twin.snapshot import (
     BedContact,
     PayloadShot,
-    RopeShot,
     Snapshot,
     SolverHealth,
     first_rope,
 )
-from rope_twin.twin.snapshot_builder import RopeShape, shape_from_top
+from rope_twin.twin.snapshot_builder import RopeShape, rope_shot, shape_from_top
 from rope_twin.twin.state import changing_parts
 
 _WHOLE = (0.0, 1.0)
@@ -97,7 +97,9 @@ class CutRope(OtherRopes):
     def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
         """Complete the first rope's snapshot with both parts and the payload of the lower one."""
         lower = without_massless_section(self._lower)
-        part = self._shot(lower, lower_end_tension(lower, effects, now_ns * 1e-9))
+        name = f"{self._scene.ropes[0].name}/lower"
+        ends_n = lower_end_tension(lower, effects, now_ns * 1e-9), 0.0
+        part = rope_shot(name, lower, ends_n, (float(rope_s(lower)[-1]), 0.0))
         unconverged = int(lower.state.health[rows.SUBSTEPS_UNCONVERGED])
         doubtful = shot.doubtful or unconverged > self._unconverged
         self._unconverged = unconverged
@@ -169,21 +171,6 @@ class CutRope(OtherRopes):
         )
         if any(own is not now for own, now in zip(self._lower.effects, shared, strict=True)):
             self._lower = self._lower._replace(effects=shared)
-
-    def _shot(self, lower: Rope, lower_n: float) -> RopeShot:
-        n = int(lower.state.counts[rows.ELEMENTS])
-        tension = lower.work[rows.TENSION, :n][::-1].copy()
-        between = 0.5 * (tension[1:] + tension[:-1])
-        places = lower.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
-        return RopeShot(
-            name=f"{self._scene.ropes[0].name}/lower",
-            node_position_m=np.ascontiguousarray(places[:, ::-1].T),
-            node_tension_n=np.concatenate([[0.0], between, [lower_n]]),
-            element_tension_n=tension,
-            tension_top_n=0.0,
-            line_out_m=float(lower.state.s[n]),
-            payout_speed_m_per_s=0.0,
-        )
 
     def _contact(self, lower: Rope) -> BedContact | None:
         """Return the seabed contact of both parts; the payload is that of the lower one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,23 +15,20 @@ from rope_twin.core.body.components import deck_pushes
 from rope_twin.core.body.loads import part_of
 from rope_twin.core.body.state import Deck, RigidBody
 from rope_twin.core.body.step import pose_of, pulls_of
+from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.loads.hooks import factors_at
-from rope_twin.core.state import Floats, Ints, Rope, State
+from rope_twin.core.state import Boundary, Ints, Rope, State
 from rope_twin.effects.compensator import Compensator, forces
-from rope_twin.scene.error_bound import KnownError
-from rope_twin.scene.schema import RopeLine, Ship
+from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.snapshot import (
     BodyShot,
     CompensatorShot,
-    CutShot,
-    InputHealth,
     RopeShot,
     RopeStrength,
     Snapshot,
     SolverHealth,
     Vector,
-    WinchShot,
     amended,
 )
 
@@ -80,75 +77,93 @@ class RunStatistics:
     tension_top_min_n: float
 
 
-class SnapshotInputs(NamedTuple):
-    """Values that a snapshot needs in addition to the solver's arrays."""
+def rope_shot(
+    name: str,
+    rope: Rope,
+    ends_n: tuple[float, float],
+    line: tuple[float, float],
+    *,
+    from_sheave: bool = False,
+) -> RopeShot:
+    """Return the state of a rope, which shares no memory with the solver.
 
-    stamp_ns: int
-    step: int
-    step_s: float
-    line: RopeLine
-    ship: Ship
-    border: Vector  # hang-off [m] and line out [m] now, (rows.MOTIONS,)
-    border_rate: Vector  # and their rates [m/s]
-    lower_n: float  # tension at the lower end
-    effects: tuple[Any, ...]  # kernel data of the first rope's, in use now
-    pull: Vector  # rows.PULL_COLUMNS: magnitude and vector of the force on the hang-off [N]
-    recent: Extremes  # top tension since the previous snapshot
-    run: Extremes  # top tension since the start
-    winch_at_limit: str
-    doubtful: bool
-    computing_s: float
-    inputs: dict[str, InputHealth]
-    study_error: KnownError
-    winches: tuple[WinchShot, ...] = ()
-    cut: CutShot | None = None
-    ship_moves: bool = True  # by the scene's sea or by samples; else nothing builds up
-
-
-def build_snapshot(state: State, work: Floats, seen: SnapshotInputs) -> Snapshot:
-    """Return a Snapshot that shares no memory with the solver."""
-    n = int(state.counts[rows.ELEMENTS])
-    element_tension = work[rows.TENSION, :n][::-1].copy()
-    top = float(seen.pull[rows.PULL])
-    node_tension = np.concatenate(
-        ([top], 0.5 * (element_tension[1:] + element_tension[:-1]), [seen.lower_n])
+    ends_n: tension at its lower and upper end [N]; line: unstretched length [m] and its rate [m/s];
+    from_sheave: whether the upper end is its first node in the core, as where it ends at a sheave.
+    """
+    n = int(rope.state.counts[rows.ELEMENTS])
+    downward = slice(None) if from_sheave else slice(None, None, -1)
+    tension, (lower_n, upper_n) = rope.work[rows.TENSION, :n], ends_n
+    between = 0.5 * (tension[1:] + tension[:-1])
+    return RopeShot(
+        name=name,
+        node_position_m=_in_rows(rope.state, rows.POSITION, downward),
+        node_tension_n=np.concatenate(([lower_n], between, [upper_n]))[downward].copy(),
+        element_tension_n=tension[downward].copy(),
+        tension_top_n=upper_n,
+        line_out_m=line[0],
+        payout_speed_m_per_s=line[1],
     )
-    recent_low, recent_high = (
-        (top, top) if seen.recent.empty else (seen.recent.low, seen.recent.high)
-    )
+
+
+def _in_rows(state: State, first: int, order: slice) -> Vector:
+    """Return the vector at rows `first` of the nodes in this order, (nodes, 3)."""
+    nodes = state.nodes[first : first + 3, : int(state.counts[rows.ELEMENTS]) + 1]
+    return np.ascontiguousarray(nodes[:, order].T)
+
+
+def build_snapshot(
+    scene: Scene,
+    rope: Rope,
+    border: Boundary,
+    pull: Vector,
+    at: tuple[int, int],
+    top: tuple[Extremes, Extremes],
+    ship_moves: bool = True,
+) -> Snapshot:
+    """Return a Snapshot of the first rope that shares no memory with the solver.
+
+    Args:
+        scene: the scene.
+        rope: its first rope, with the effects in use.
+        border: hang-off [m] and line out [m] now, and their rates [m/s], (rows.MOTIONS,) each.
+        pull: magnitude and vector of the force on the hang-off [N], (rows.PULL_COLUMNS,).
+        at: time since the start [ns], and number of steps.
+        top: tension there since the start, and since the previous snapshot.
+        ship_moves: by the scene's sea or by samples; else nothing builds up.
+    """
+    (stamp_ns, step), (run, recent), ship = at, top, scene.ship
+    time_s, state, upper_n = stamp_ns * 1e-9, rope.state, float(pull[rows.PULL])
+    lower_n = lower_end_tension(rope, rope.effects, time_s)
+    line = float(border.value[rows.LINE]), float(border.rate[rows.LINE])
+    own = rope_shot(scene.ropes[0].name, rope, (lower_n, upper_n), line)
+    n = len(own.element_tension_n)
+    low_n, high_n = (upper_n, upper_n) if recent.empty else (recent.low, recent.high)
+    most_n = max(run.high, upper_n)
     return Snapshot(
-        stamp_ns=seen.stamp_ns,
-        step=seen.step,
-        step_s=seen.step_s,
-        node_position_m=_downward(state, rows.POSITION, n),
-        node_velocity_m_per_s=_downward(state, rows.VELOCITY, n),
-        node_tension_n=node_tension,
-        element_tension_n=element_tension,
+        stamp_ns=stamp_ns,
+        step=step,
+        step_s=rope.model.step,
+        node_position_m=own.node_position_m,
+        node_velocity_m_per_s=_in_rows(state, rows.VELOCITY, slice(None, None, -1)),
+        node_tension_n=own.node_tension_n,
+        element_tension_n=own.element_tension_n,
         arc_length_m=(state.s[n] - state.s[: n + 1])[::-1].copy(),
-        tension_top_n=top,
-        tension_top_min_n=recent_low,
-        tension_top_max_n=recent_high,
-        hang_off_force_n=seen.pull[rows.PULL_X :].copy(),
-        tension_payload_n=seen.lower_n,
-        hang_off_position_m=seen.border[: rows.LINE].copy(),
-        hang_off_velocity_m_per_s=seen.border_rate[: rows.LINE].copy(),
-        heave_m=float(seen.border[rows.Z] - seen.ship.hang_off_m[2]),
+        tension_top_n=upper_n,
+        tension_top_min_n=low_n,
+        tension_top_max_n=high_n,
+        hang_off_force_n=pull[rows.PULL_X :].copy(),
+        tension_payload_n=lower_n,
+        hang_off_position_m=border.value[: rows.LINE].copy(),
+        hang_off_velocity_m_per_s=border.rate[: rows.LINE].copy(),
+        heave_m=float(border.value[rows.Z] - ship.hang_off_m[2]),
         payload_position_m=state.nodes[rows.POSITION : rows.POSITION + 3, 0].copy(),
         payload_velocity_m_per_s=state.nodes[rows.VELOCITY : rows.VELOCITY + 3, 0].copy(),
-        line_out_m=float(seen.border[rows.LINE]),
-        payout_speed_m_per_s=float(seen.border_rate[rows.LINE]),
-        fluid_factors=factors_at(seen.effects, seen.stamp_ns * 1e-9),
-        motion_ramp=(
-            ramp(seen.stamp_ns * 1e-9, seen.ship.motion_ramp_s)[0] if seen.ship_moves else 1.0
-        ),
-        winch_at_limit=seen.winch_at_limit,
-        doubtful=seen.doubtful,
-        solver=_solver_health(state.health, seen.computing_s),
-        inputs=seen.inputs,
-        study_error=seen.study_error,
-        winches=seen.winches,
-        cut=seen.cut,
-        strength=(strength_of(seen.line, max(seen.run.high, top), element_tension),),
+        line_out_m=own.line_out_m,
+        payout_speed_m_per_s=own.payout_speed_m_per_s,
+        fluid_factors=factors_at(rope.effects, time_s),
+        motion_ramp=ramp(time_s, ship.motion_ramp_s)[0] if ship_moves else 1.0,
+        solver=_solver_health(state.health),
+        strength=(strength_of(scene.ropes[0], most_n, own.element_tension_n),),
     )
 
 
@@ -158,12 +173,7 @@ def strength_of(line: RopeLine, most_n: float, element_tension_n: Vector) -> Rop
     return RopeStrength(line.name, highest_n, line.breaking_load_n)
 
 
-def _downward(state: State, first: int, n: int) -> Vector:
-    """Return the vector at rows `first`, payload first, as (n + 1, 3), hang-off first."""
-    return np.ascontiguousarray(state.nodes[first : first + 3, : n + 1][:, ::-1].T)
-
-
-def _solver_health(health: Ints, computing_s: float) -> SolverHealth:
+def _solver_health(health: Ints) -> SolverHealth:
     counts = health.tolist()
     return SolverHealth(
         steps=counts[rows.STEPS],
@@ -175,7 +185,6 @@ def _solver_health(health: Ints, computing_s: float) -> SolverHealth:
         unconverged_substeps=counts[rows.SUBSTEPS_UNCONVERGED],
         splits=counts[rows.SPLITS],
         merges=counts[rows.MERGES],
-        computing_s=computing_s,
     )
 
 

@@ -18,7 +18,6 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.errors import InputError, SolverError, StateError
 from rope_twin.scene.convergence import known_error
 from rope_twin.scene.error_bound import AccuracyLevel, KnownError
@@ -45,7 +44,7 @@ from rope_twin.twin.rope_cut import CutPosition
 from rope_twin.twin.ropes import OpenSteps, RopeSystem, new_viv_drag
 from rope_twin.twin.run_record import RunRecord
 from rope_twin.twin.snapshot import SPEED, CutShot, Snapshot, amended
-from rope_twin.twin.snapshot_builder import RunStatistics, SnapshotInputs, build_snapshot
+from rope_twin.twin.snapshot_builder import RunStatistics, build_snapshot
 from rope_twin.twin.state import (
     Clock,
     SavedState,
@@ -358,34 +357,20 @@ class Twin:
         """Return a frozen copy of the present; call it from the stepping thread."""
         record, inputs, system = self._record, self.inputs, self._system
         effects, ropes, first = inputs.current.effects, system.ropes, system.first
-        value, rate = self._motion.boundary
+        border = rows.Boundary(*(table[0] for table in self._motion.boundary))
         with inputs.lock:
             health, at_limit, winch = inputs.health(), inputs.winch.at_limit, inputs.winch.shot()
-        taken = build_snapshot(
-            first.state,
-            first.work,
-            SnapshotInputs(
-                stamp_ns=self.time_ns,
-                step=self.steps,
-                step_s=self.step_s,
-                line=self.scene.ropes[0],
-                ship=self.scene.ship,
-                border=value[0],
-                border_rate=rate[0],
-                lower_n=lower_end_tension(first, effects, self.time_ns * 1e-9),
-                effects=effects,
-                pull=system.pull,
-                recent=record.recent,
-                run=record.run,
-                winch_at_limit=at_limit,
-                doubtful=record.is_doubtful(system.unconverged),
-                computing_s=self._clock.computing_s,
-                inputs=health,
-                study_error=self._study_error,
-                winches=() if winch is None else (winch,),
-                cut=self.cut,
-                ship_moves=self.scene.sea_state.moves or health["heave"].accepted > 0,
-            ),
+        moves = self.scene.sea_state.moves or health["heave"].accepted > 0
+        at, top = (self.time_ns, self.steps), (record.run, record.recent)
+        taken = build_snapshot(self.scene, self.rope, border, system.pull, at, top, moves)
+        amended(
+            taken,
+            winch_at_limit=at_limit,
+            doubtful=record.is_doubtful(system.unconverged),
+            solver=taken.solver._replace(computing_s=self._clock.computing_s),
+            inputs=health,
+            winches=() if winch is None else (winch,),
+            cut=self.cut,
         )
         record.begin_interval(system.unconverged)
         taken = record.add_contact(taken, first, ropes)

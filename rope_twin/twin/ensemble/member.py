@@ -25,12 +25,10 @@ from rope_twin.core.lanes.joined_group import (
     why_joined_alone,
 )
 from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING
-from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.loads.middle import lone_middle
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError
-from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.rigging import winch_of, winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.twin.motion.boundary_conditions import GivenMotion, SharedBoundary, check_commands
@@ -41,7 +39,6 @@ from rope_twin.twin.ropes import OpenSteps
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.snapshot_builder import (
     Extremes,
-    SnapshotInputs,
     build_snapshot,
     with_body,
     with_compensator,
@@ -293,29 +290,10 @@ class Member:
         work[rows.TENSION, : len(self._tension)] = self._tension
         rope = self._rope._replace(work=work)
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
-        taken = build_snapshot(
-            state,
-            work,
-            SnapshotInputs(
-                stamp_ns=self.steps * self._step_ns,
-                step=self.steps,
-                step_s=self.scene.time.step_s,
-                line=self.scene.ropes[0],
-                ship=self.scene.ship,
-                border=self._value,
-                border_rate=self._rate,
-                lower_n=lower_end_tension(rope, rope.effects, self.steps * self._step_ns * 1e-9),
-                effects=rope.effects,
-                pull=self._pull,
-                recent=self._recent,
-                run=self._seen,
-                winch_at_limit="",
-                doubtful=unconverged > self._unconverged,
-                computing_s=0.0,
-                inputs={},
-                study_error=KnownError(),
-            ),
-        )
+        at, top = (self.steps * self._step_ns, self.steps), (self._seen, self._recent)
+        border = Boundary(self._value, self._rate)
+        taken = build_snapshot(self.scene, rope, border, self._pull, at, top)
+        amended(taken, doubtful=unconverged > self._unconverged)
         self._unconverged, self._recent = unconverged, Extremes()
         if self._viv_drag is not None:
             (vibration,) = self._viv_drag.shots((rope,))
