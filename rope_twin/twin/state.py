@@ -20,7 +20,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -52,14 +52,6 @@ _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_st
 _log = logging.getLogger(__name__)
 
 
-class ClockState(NamedTuple):
-    """Twin time, completed steps and computing time."""
-
-    time_ns: int
-    steps: int
-    computing_s: float
-
-
 class Clock:
     """Twin time in whole nanoseconds, so that paced and unpaced runs see the same numbers."""
 
@@ -73,14 +65,6 @@ class Clock:
         self.steps += steps
         self.time_ns += steps * step_ns
 
-    def state(self) -> ClockState:
-        """Return a copy of its numbers."""
-        return ClockState(self.time_ns, self.steps, self.computing_s)
-
-    def restore(self, state: ClockState) -> None:
-        """Continue from these numbers."""
-        self.time_ns, self.steps, self.computing_s = state
-
 
 @dataclass(frozen=True)
 class TwinState:
@@ -89,7 +73,7 @@ class TwinState:
     It shares arrays and inputs with the twin; `capture` copies it.
     """
 
-    clock: ClockState
+    clock: Clock
     mesh: MeshState
     ropes: dict[str, Any]  # arrays of all ropes, connections and further winches by name
     motion: MotionState

@@ -564,7 +564,7 @@ class Twin:
         for monitor in self._monitors:
             own |= monitor.state()
         return TwinState(
-            clock=self._clock.state(),
+            clock=self._clock,
             mesh=self._mesh.state(),
             ropes=self._system.arrays(),
             motion=self._motion.state(),
@@ -574,8 +574,7 @@ class Twin:
         )
 
     def _continue_from(self, state: TwinState) -> None:
-        """Continue from a restored state of a twin like this one."""
-        self._clock.restore(state.clock)
+        """Continue from the restored state of this twin, whose clock is restored in place."""
         self._mesh.restore(state.mesh)
         self._motion.restore(state.motion)
         self.inputs.restore(state.inputs)
