@@ -35,17 +35,8 @@ class Borders:
         self._borders: dict[Any, SharedBoundary] = {}
 
     def of(self, scene: Scene, own: Variation) -> SharedBoundary:
-        """Return the boundary conditions of a member."""
-        length, step_s = scene.ropes[0].length_m, scene.time.step_s
-        answered = scene.winch is not None and scene.winch.heave_compensation is not None
-        heaved = (scene.ship, id(own.heave)) if answered else None
-        reeled = (scene.winch, length, own.commands, heaved)
-        if reeled not in self._winches:
-            self._winches[reeled] = WinchMotion(scene.winch, length, own.commands, step_s)
-        winch, moved = self._winches[reeled], (scene.ship, reeled, id(own.heave))
-        if moved not in self._borders:
-            self._borders[moved] = SharedBoundary(scene.ship, winch, own.heave, step_s)
-        return self._borders[moved]
+        """Return the boundary conditions of a member that is one rope."""
+        return self._hung(scene, scene.ropes[0], own, scene.ship.hang_off_m)
 
     def course(self, scene: Scene, own: Variation) -> dict[int, SharedBoundary] | None:
         """Return the motion of the hang-offs of a multi-line scene, by rope.
@@ -65,10 +56,11 @@ class Borders:
         commands = own.commands if line.from_ == WINCH else None
         answered = winch is not None and winch.heave_compensation is not None
         heaved = (ship, id(own.heave)) if answered else None
-        spooled = None if winch is None else spooled_rope(scene, line)
+        joined = is_joined(scene)  # else the winch does not depend on the rope, and is shared
+        spooled = spooled_rope(scene, line) if joined and winch is not None else None
         reeled = (line.from_, winch, line.length_m, commands, heaved, spooled)
         if reeled not in self._winches:
-            made = winch_of_rope(scene, line)
+            made = winch_of_rope(scene, line) if joined else None
             own_motion = WinchMotion(winch, line.length_m, commands, step_s, made)
             self._winches[reeled] = own_motion
         moved = (ship, reeled, id(own.heave))
