@@ -41,7 +41,7 @@ from rope_twin.twin.level import MIN_HALVED
 from rope_twin.twin.monitors import Chunk, Monitor, TwinView
 from rope_twin.twin.regrid import coarser, joined_as, own_copies, upper_ends
 from rope_twin.twin.snapshot import Snapshot, TensionInterval, amended
-from rope_twin.twin.winch.commands import HangOffMotion, WinchCommand, tension_feedback
+from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.winch import Winch
 from rope_twin.vortex.coupled import VivDragAmplification
 
@@ -468,9 +468,7 @@ class CoarseWinch:
         value, rate = borders
         feedback = None
         if self._winch.needs_feedback(begin_ns):
-            heave = float(value[0, rows.Z]) - self._rest_z
-            course = HangOffMotion(heave, self._winch.payout_m_per_s2)
-            feedback = tension_feedback(rope, self._line, pull_n, value, course)
+            feedback = self._winch.feedback(rope, self._line, pull_n, value, self._rest_z)
         heaving = float(rate[1, rows.Z])
         value[1, rows.LINE], rate[1, rows.LINE] = self._winch.step(
             begin_ns, rope.model.step, heaving, feedback

@@ -13,13 +13,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.motion.hang_off import Moves
-from rope_twin.twin.winch.commands import (
-    HangOffMotion,
-    Payout,
-    TensionFeedback,
-    WinchCommand,
-    tension_feedback,
-)
+from rope_twin.twin.winch.commands import Payout, WinchCommand
 from rope_twin.twin.winch.winch import Winch
 
 
@@ -94,17 +88,14 @@ class OtherRopes:
             moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
             value[r, row, : rows.LINE] = self._hang_offs[r] + np.array(moved)
             rate[r, row, : rows.LINE] = moving
-            feedback = self._feedback_of(r, row) if winch.needs_feedback(from_ns) else None
+            feedback = None
+            if winch.needs_feedback(from_ns):
+                borders, pull_n = value[r, row - 1 : row + 1], float(self.pull[r, rows.PULL])
+                rest_z_m = float(self._hang_offs[r, 2])
+                own = self._rope(r), self._scene.ropes[r]
+                feedback = winch.feedback(*own, pull_n, borders, rest_z_m)
             line = winch.step(from_ns, step_s, moving[2], feedback)
             value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
-
-    def _feedback_of(self, r: int, row: int) -> TensionFeedback:
-        """Return the tension feedback of a rope before the step that ends at boundary `row`."""
-        borders = self._boundary.value[r, row - 1 : row + 1]
-        heave = float(borders[0, rows.Z] - self._hang_offs[r, 2])
-        course = HangOffMotion(heave, self._winches[r].payout_m_per_s2)
-        pull = float(self.pull[r, rows.PULL])
-        return tension_feedback(self._rope(r), self._scene.ropes[r], pull, borders, course)
 
     def forget(self, done: int, prescribed: int) -> None:
         """Make the boundary after `done` steps the first; `prescribed` ones follow it."""

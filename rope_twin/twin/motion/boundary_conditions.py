@@ -30,10 +30,8 @@ from rope_twin.twin.motion.heave_track import REJOIN_S, HeaveSeries, ramp
 from rope_twin.twin.winch.commands import (
     FEEDBACK_MODES,
     CommandSample,
-    HangOffMotion,
     motion_of,
     schedule_samples,
-    tension_feedback,
 )
 from rope_twin.twin.winch.winch import Winch
 
@@ -157,7 +155,10 @@ class BoundaryConditions:
         return steps
 
     def _fill_border(self, row: int, inputs: TwinInputs, now: Present, feedback: bool) -> None:
-        """Set the boundary at the end of the step that begins now; felt: needs tension feedback."""
+        """Set the boundary at the end of the step that begins now.
+
+        feedback: whether the winch needs tension feedback.
+        """
         begin_ns, border_ns = now.time_ns, now.time_ns + now.step_ns
         rest, rest_z = self._rest, self._rest_z
         value, rate = self.boundary
@@ -176,13 +177,12 @@ class BoundaryConditions:
             error, error_rate = self.blending.at(border_ns)
             value[row, : rows.LINE] += error[0]
             rate[row, : rows.LINE] += error_rate[0]
-        rope = None
+        felt = None
         if feedback:
             borders = value[row - 1 : row + 1]
-            course = HangOffMotion(float(borders[0, rows.Z]) - rest_z, inputs.winch.payout_m_per_s2)
-            rope = tension_feedback(now.rope, self._line, now.pull_n, borders, course)
+            felt = inputs.winch.feedback(now.rope, self._line, now.pull_n, borders, rest_z)
         step_s = now.rope.model.step
-        length, speed = inputs.winch.step(begin_ns, step_s, heave[1], rope)
+        length, speed = inputs.winch.step(begin_ns, step_s, heave[1], felt)
         value[row, rows.LINE], rate[row, rows.LINE] = length, speed
         moves = inputs.heave.further_at(border_ns, (share, share_rate))
         if led:

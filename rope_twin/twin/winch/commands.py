@@ -473,15 +473,8 @@ class WinchStep(NamedTuple):
     feedback: TensionFeedback | None  # tension feedback, if a component or command needs it
 
 
-class HangOffMotion(NamedTuple):
-    """Motion of a hang-off and its winch at the beginning of a step."""
-
-    heave_m: float  # above its mean position
-    payout_m_per_s2: float  # acceleration of the payout
-
-
 def tension_feedback(
-    rope: Rope, line: RopeLine, pull_n: float, border: Floats, course: HangOffMotion
+    rope: Rope, line: RopeLine, pull_n: float, border: Floats, course: tuple[float, float]
 ) -> TensionFeedback:
     """Return the tension feedback of a rope to its winch.
 
@@ -490,12 +483,12 @@ def tension_feedback(
         line: its definition in the scene.
         pull_n: its tension at the hang-off then [N].
         border: hang-off at the beginning and end of the next step, (2, rows.MOTIONS) [m].
-        course: motion of hang-off and winch at the beginning.
+        course: at its beginning heave of the hang-off [m], and acceleration of the payout [m/s²].
     """
-    state, h = rope.state, rope.model.step
+    state, h, (heave_m, payout_m_per_s2) = rope.state, rope.model.step, course
     n = int(state.counts[rows.ELEMENTS])
     places = state.nodes[rows.POSITION : rows.POSITION + 3]
-    depth = course.heave_m - float(places[2, 0])
+    depth = heave_m - float(places[2, 0])
     way = places[:, n] - places[:, n - 1]
     long = float(np.linalg.norm(way))
     moved = (border[1, : rows.LINE] - border[0, : rows.LINE]) / h
@@ -505,7 +498,7 @@ def tension_feedback(
     parting = float(way @ (moved - velocity)) / (long * stretch)
     section = int(np.searchsorted(rope.sections[rows.END], 0.5 * (state.s[n] + state.s[n - 1])))
     mass = float(rope.sections[rows.PER_METRE, section]) * rest
-    free = pull_n + 0.5 * mass * stretch * course.payout_m_per_s2
+    free = pull_n + 0.5 * mass * stretch * payout_m_per_s2
     if pull_n <= 0.0:
         return TensionFeedback(pull_n, free, depth, parting, 0.0, 0.5 * mass * stretch / h)
     stiffness = line.made_of[section].rope.dynamic_n(pull_n) / rest

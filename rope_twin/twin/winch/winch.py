@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from rope_twin.core.state import Floats, Rope, Z
 from rope_twin.errors import phrase
 from rope_twin.scene.rigging import places, winch_of
 from rope_twin.scene.schema import WINCH, RopeLine, Scene
@@ -42,6 +43,7 @@ from rope_twin.twin.winch.commands import (
     WinchCommand,
     WinchStep,
     find_fault,
+    tension_feedback,
 )
 from rope_twin.twin.winch.components import Component, adding_components, drum_components
 from rope_twin.twin.winch.control_modes import (
@@ -133,6 +135,16 @@ class Winch:
             return True
         due = self._commands.last_due(time_ns) if self._commands.waiting else None
         return (self._kind if due is None else due.kind) in FEEDBACK_MODES
+
+    def feedback(
+        self, rope: Rope, line: RopeLine, pull_n: float, border: Floats, rest_z_m: float
+    ) -> TensionFeedback:
+        """Return the tension feedback of its rope; arguments as of `tension_feedback`.
+
+        rest_z_m: mean height of the hang-off [m].
+        """
+        course = float(border[0, Z]) - rest_z_m, self.payout_m_per_s2
+        return tension_feedback(rope, line, pull_n, border, course)
 
     def take(self, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Submit a command (stamp None: at once); return "" or the reason for its rejection."""
