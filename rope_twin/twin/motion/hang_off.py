@@ -89,20 +89,10 @@ class FurtherHangOff:
         self.rope, self._arm = rope, arm_m
         self._tracks = tuple(_follower() for _ in range(3))
 
-    def invalidate(self) -> None:
-        """Invalidate samples that were known in advance."""
-        for track in self._tracks:
-            track.invalidate()
-
-    def drop(self) -> None:
-        """Drop all samples, as the first hang-off does."""
-        for track in self._tracks:
-            track.drop()
-
-    def rest_until(self, time_ns: int | None) -> None:
-        """Record that the motion was zero up to then."""
-        for track in self._tracks:
-            track.rest_until(time_ns)
+    @property
+    def tracks(self) -> tuple[HeaveTrack, ...]:
+        """Tracks of its displacement east, north and up."""
+        return self._tracks
 
     def offer(self, pose: ShipPose) -> None:
         """Take a pose that the first hang-off has accepted."""
@@ -152,6 +142,12 @@ class HangOffTrack(HeaveTrack):
         self._orientation = UPRIGHT  # of the newest pose
         self._timing = SampleTiming(needed_interval_s(shortest_period_s(scene)))
 
+    @property
+    def _followers(self) -> tuple[HeaveTrack, ...]:
+        """Tracks that take the samples which this one has validated."""
+        others = (track for further in self._further for track in further.tracks)
+        return (*self._aside, *others)
+
     def prescribe(self) -> None:
         """Accept heave as computed, not measured: its plausibility is not checked."""
         self._prescribed = True
@@ -160,10 +156,8 @@ class HangOffTrack(HeaveTrack):
     def invalidate(self) -> None:
         """Invalidate samples that were known in advance, as the sender was interrupted."""
         super().invalidate()
-        for track in self._aside:
+        for track in self._followers:
             track.invalidate()
-        for further in self._further:
-            further.invalidate()
 
     def drop(self) -> None:
         """Drop all samples and the last position: the next ones are joined as after a gap."""
@@ -289,10 +283,8 @@ class HangOffTrack(HeaveTrack):
     def _drop_samples(self) -> None:
         """Join the next samples as after a gap, in all directions and at all hang-offs."""
         super().drop()
-        for track in self._aside:
+        for track in self._followers:
             track.drop()
-        for further in self._further:
-            further.drop()
 
     def _with_judged_rates(self, pose: ShipPose) -> ShipPose | None:
         """Return the pose with rates that agree with its positions; None: they are impossible."""
@@ -341,10 +333,8 @@ class HangOffTrack(HeaveTrack):
     def _begin_aside(self) -> None:
         """Start motion by poses; until now the hang-off had no lateral motion."""
         self.posed = True
-        for track in self._aside:
+        for track in self._followers:
             track.rest_until(self._asked_ns)
-        for further in self._further:
-            further.rest_until(self._asked_ns)
 
     def health(self, now_ns: int) -> InputHealth:
         """Return the health of the input and of its sender.
