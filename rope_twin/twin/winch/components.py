@@ -66,6 +66,11 @@ class Component:
         """Return the active limit; "" if none."""
         return self._at_limit
 
+    @property
+    def controls_line(self) -> bool:
+        """Whether it alone controls the line, as a brake that holds."""
+        return False
+
     def switch(self, switch: str, time_ns: int) -> None:
         """Take a switch command, which may be for another component."""
 
@@ -256,11 +261,6 @@ class Drive(Component):
         length = before.length_m + 0.5 * h * (V + speed)
         return Payout(length, speed), given * radius, False
 
-    @property
-    def controls_line(self) -> bool:
-        """Whether the motor alone controls the line: never."""
-        return False
-
     def rest(self) -> None:
         """Switch the motor off, as the brake holds the drum."""
         self._torque, self._at_limit = 0.0, ""
@@ -279,10 +279,6 @@ class Drive(Component):
     def figures(self, line: Payout) -> dict[str, float]:
         """Return the motor torque, + hauls in."""
         return {"motor_torque_n_m": self._torque}
-
-    def set_total_length(self, whole_m: float) -> None:
-        """Set the total length; the length not paid out is on the drum."""
-        self._machine.whole_m = whole_m
 
 
 class Brake(Component):
