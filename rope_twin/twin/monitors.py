@@ -13,7 +13,6 @@ the hang-off is known only from the force at the step boundaries: with 20 ms the
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -29,6 +28,7 @@ from rope_twin.errors import SceneError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.multi_line import MultiLineRopes
+from rope_twin.twin.regrid import element_tension
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import CutShot, EnergyBalance, Snapshot, amended
 from rope_twin.twin.snapshot_builder import Extremes
@@ -59,8 +59,7 @@ class TwinView(NamedTuple):
     @property
     def tension(self) -> Floats:
         """Tension of the first rope's elements from the lower end up [N], (elements,)."""
-        tension: Floats = self.rope.work[rows.TENSION, : self.rope.state.counts[rows.ELEMENTS]]
-        return tension
+        return element_tension(self.rope)
 
     @property
     def line(self) -> tuple[float, float]:
@@ -353,8 +352,9 @@ class TensionMonitor(Monitor):
         for upper, pulls in zip(self._upper, chunk.pulls, strict=True):
             upper.take(pulls[: chunk.done, rows.PULL].tolist())
         if chunk.done and chunk.steps % self._slack_steps == 0:
+            ropes = (chunk.ropes,) if isinstance(chunk.ropes, Rope) else chunk.ropes.ropes
             self._checks += 1
-            self._slack_checks += any(bool(one.min() <= 0.0) for one in _tensions(chunk))
+            self._slack_checks += any(bool(element_tension(one).min() <= 0.0) for one in ropes)
 
     def cut(self, now: TwinView) -> None:
         """Continue with the parts; the lower one of a multi-line system is a further rope."""
@@ -377,10 +377,3 @@ class TensionMonitor(Monitor):
     def slack_share(self) -> float:
         """Fraction of the checks that found an element without tension, of any rope."""
         return self._slack_checks / self._checks if self._checks else 0.0
-
-
-def _tensions(chunk: Chunk) -> Iterator[Floats]:
-    """Yield the tension of the elements of each rope [N]."""
-    ropes = (chunk.ropes,) if isinstance(chunk.ropes, Rope) else chunk.ropes.ropes
-    for rope in ropes:
-        yield rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]

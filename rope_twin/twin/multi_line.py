@@ -35,7 +35,7 @@ from rope_twin.twin.multi_line_snapshot import (
     strut_shots,
 )
 from rope_twin.twin.other_ropes import OtherRopes
-from rope_twin.twin.regrid import joined_as, state_arrays
+from rope_twin.twin.regrid import element_tension, joined_as, state_arrays
 from rope_twin.twin.rope_cut import (
     CutPosition,
     advance_in_substeps,
@@ -95,11 +95,12 @@ class MultiLineRopes(OtherRopes):
         with no_garbage_collection():
             end = solve_reeved_statics(self.system(self.first), self._boundary.value[:, 0])
         judge_body(self._scene, self.lowest(self.first))
-        highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
+        ropes = self.all_with(self.first)
+        heights = [rope.state.nodes[rows.POSITION + 2] for rope in ropes]
+        counts = [int(rope.state.counts[rows.ELEMENTS]) for rope in ropes]
+        highest = max(float(z[:n].max()) for z, n in zip(heights, counts, strict=True))
         check_equilibrium(self._scene, end, highest)
-        for warning in weak_ropes(
-            self._scene, [self._tension(self._rope(r)) for r in self._numbers]
-        ):
+        for warning in weak_ropes(self._scene, [element_tension(rope) for rope in ropes]):
             _log.warning(warning)
         system = copy.deepcopy(self.system(self.first))
         still = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))
@@ -120,8 +121,8 @@ class MultiLineRopes(OtherRopes):
 
     def _stack_sections(self) -> None:
         """Copy the ropes' sections to where the steps read them."""
-        for r in self._numbers:
-            sections = self._rope(r).sections
+        for r, rope in enumerate(self.all_with(self.first)):
+            sections = rope.sections
             self._stack.sections[r, :, : sections.shape[1]] = sections
 
     def take_motion(self, given: Mapping[int, Boundary]) -> None:
@@ -139,7 +140,7 @@ class MultiLineRopes(OtherRopes):
         """Advance all ropes like core's `advance`; boundary, pulls: of the first one."""
         steps = len(pulls)
         own = self.borders(boundary, steps)
-        pull = np.zeros((len(self._numbers), steps, rows.PULL_COLUMNS))
+        pull = np.zeros((1 + len(self._ropes), steps, rows.PULL_COLUMNS))
         done = self._advance(self.system(first), own, time, pull)
         pulls[:] = pull[0]
         self.take(first, own, pull, done)
@@ -156,7 +157,7 @@ class MultiLineRopes(OtherRopes):
 
     def system(self, first: Rope) -> System:
         """Return all ropes with the first one's environment (see core/joined/stack.py)."""
-        return System((first, *self._ropes), self._joints, self._stack, self._sheaves)
+        return System(self.all_with(first), self._joints, self._stack, self._sheaves)
 
     def borders(self, boundary: Boundary, steps: int) -> Boundary:
         """Return boundary conditions of all ropes in coming steps, (ropes, steps + 1, MOTIONS)."""
@@ -259,7 +260,7 @@ class MultiLineRopes(OtherRopes):
 
     def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shapes of all ropes."""
-        ropes = zip(self._scene.ropes, (first, *self._ropes), shot.ropes, strict=True)
+        ropes = zip(self._scene.ropes, self.all_with(first), shot.ropes, strict=True)
         return tuple(
             shape_from_sheave(line, rope, own)
             if runs_over_sheave(self._scene, line)
@@ -269,7 +270,7 @@ class MultiLineRopes(OtherRopes):
 
     def lowest(self, first: Rope) -> Rope:
         """Return the rope that carries the rigid body; the first one if there is none."""
-        return next((rope for rope in (first, *self._ropes) if body_of(rope)), first)
+        return next((rope for rope in self.all_with(first) if body_of(rope)), first)
 
     def changing(self) -> dict[str, Any]:
         """Return the additional state that a restart needs, by name."""
@@ -291,7 +292,7 @@ class MultiLineRopes(OtherRopes):
             kept[f"joined/{r}/memories"] = state_arrays(rope.effects)
             if self._is_cut:  # parts keep the figures of their rope
                 kept[f"joined/{r}/effects"] = rope.effects
-            kept[f"joined/{r}/tension"] = self._tension(rope)
+            kept[f"joined/{r}/tension"] = element_tension(rope)
         return kept
 
     def take_back(self, values: dict[str, Any], first: Rope) -> None:
@@ -313,23 +314,11 @@ class MultiLineRopes(OtherRopes):
             memories = values.pop(f"joined/{r}/memories")
             for own, memory in zip(state_arrays(rope.effects), memories, strict=True):
                 own[...] = memory
-            self._tension(ropes[-1])[:] = values.pop(f"joined/{r}/tension")
+            element_tension(ropes[-1])[:] = values.pop(f"joined/{r}/tension")
         self._ropes = tuple(ropes)
         self._stack_sections()  # a cut moves their ends
 
     def _find_hung(self) -> tuple[int, ...]:
         """Return the ropes but the first whose upper end is a hang-off."""
-        return tuple(r for r in self._numbers[1:] if self._joints.upper[r] == LOOSE)
-
-    @property
-    def _numbers(self) -> range:
-        return range(1 + len(self._ropes))
-
-    @staticmethod
-    def _tension(rope: Rope) -> Floats:
-        """Tension of the elements [N], a view of the scratch array."""
-        return rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]
-
-    def _nodes(self, r: int, first: int) -> Floats:
-        state = self._rope(r).state
-        return state.nodes[first : first + 3, : state.counts[rows.ELEMENTS] + 1]
+        upper = self._joints.upper
+        return tuple(r for r in range(1, 1 + len(self._ropes)) if upper[r] == LOOSE)

@@ -118,6 +118,10 @@ class OtherRopes:
 
     # Ropes
 
+    def all_with(self, first: Rope) -> tuple[Rope, ...]:
+        """Return all ropes; first: the first one with the effects in use."""
+        return first, *self._ropes
+
     def length_m(self, r: int) -> float:
         """Return the unstretched length of a rope other than the first [m]."""
         state = self._rope(r).state

@@ -20,7 +20,7 @@ from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import seabed_contact
 from rope_twin.twin.other_ropes import OtherRopes
-from rope_twin.twin.regrid import has_state, state_arrays
+from rope_twin.twin.regrid import element_tension, has_state, state_arrays
 from rope_twin.twin.rope_cut import (
     SUBSTEPS,
     boundary_at,
@@ -130,7 +130,7 @@ class CutRope(OtherRopes):
         kept: dict[str, Any] = {f"lower/{name}": part for name, part in parts.items()}
         kept["lower/model"], kept["rope/model"] = self._lower.model, self.first.model
         kept["lower/effects"], kept["lower/fresh"] = self._lower.effects, self._fresh
-        kept["lower/tension"] = self._tension
+        kept["lower/tension"] = element_tension(self._lower)
         return kept
 
     def take_back(self, values: dict[str, Any], first: Rope) -> None:
@@ -138,7 +138,7 @@ class CutRope(OtherRopes):
         names = (*changing_parts(self._lower), "model", "effects")
         parts = {name: values.pop(f"lower/{name}") for name in names}
         self.first, self._lower = first, self._lower._replace(**parts)
-        self._tension[:] = values.pop("lower/tension")
+        element_tension(self._lower)[:] = values.pop("lower/tension")
         self._fresh = values.pop("lower/fresh")
 
     def lowest(self, first: Rope) -> Rope:
@@ -157,11 +157,6 @@ class CutRope(OtherRopes):
             (low.elements, high.elements),
             0.0,
         )
-
-    @property
-    def _tension(self) -> Floats:
-        """Tension of the lower part's elements [N], a view of the scratch array."""
-        return self._lower.work[rows.TENSION, : self._lower.state.counts[rows.ELEMENTS]]
 
     def _share_water(self, first: Rope) -> None:
         """Take over the first rope's effects, except those with own load or internal variables."""

@@ -115,6 +115,12 @@ def joined_as(whole: System, ropes: Sequence[Rope]) -> System:
     return found
 
 
+def element_tension(rope: Rope) -> Floats:
+    """Tension of the elements from the lower end up [N], (elements,), a view of the scratch."""
+    tension: Floats = rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]
+    return tension
+
+
 def marks_of(rope: Rope) -> Floats:
     """Material coordinates of the nodes below the hang-off [m], (nodes - 1,)."""
     return rope.state.s[: int(rope.state.counts[rows.ELEMENTS])].copy()

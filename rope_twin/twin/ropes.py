@@ -24,7 +24,6 @@ from rope_twin.core.state import (
     PULL_X,
     PULL_Z,
     SUBSTEPS_UNCONVERGED,
-    TENSION,
     Boundary,
     Floats,
     Rope,
@@ -40,7 +39,7 @@ from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.other_ropes import OtherRopes
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.parted import CutRope
-from rope_twin.twin.regrid import upper_ends
+from rope_twin.twin.regrid import element_tension, upper_ends
 from rope_twin.twin.rope_cut import CutPosition, cut_rope, without_load
 from rope_twin.twin.snapshot import Snapshot, amended, first_rope
 from rope_twin.twin.snapshot_builder import RopeShape, payload_depth_m, shape_from_top
@@ -155,16 +154,10 @@ class RopeSystem:
         joined = self.joined
         return (False,) if joined is None else loaded_ends(joined.system(self.first))
 
-    def all_with(self, first: Rope) -> tuple[Rope, ...]:
-        """Return all ropes; first: the first one with the effects in use."""
-        joined = self.joined
-        return (first,) if joined is None else joined.system(first).ropes
-
     @property
     def tension(self) -> Floats:
         """Tension of the first rope's elements [N], a view of the scratch array."""
-        tension: Floats = self.first.work[TENSION, : self.first.state.counts[ELEMENTS]]
-        return tension
+        return element_tension(self.first)
 
     @property
     def upper_pulls(self) -> Floats:
@@ -251,7 +244,7 @@ class RopeSystem:
         payout = self.ropes.border(border).rate[:, LINE]
         ends = upper_ends(whole, self.upper_pulls, payout)
         assert not isinstance(self.ropes, CutRope), "its parts keep their elements"
-        self.ropes.replace(mesh.changed(self.all_with(first), level, ends))
+        self.ropes.replace(mesh.changed(self.ropes.all_with(first), level, ends))
         self.first = self.ropes.first
         return self.first.effects
 
@@ -297,7 +290,7 @@ def new_viv_drag(scene: Scene, system: RopeSystem) -> VivDragAmplification | Non
     """
     if model_beside(scene) is None:
         return None
-    ropes, cycle = system.all_with(system.first), steps_in_slot(scene.time.step_s)
+    ropes, cycle = system.ropes.all_with(system.first), steps_in_slot(scene.time.step_s)
     return VivDragAmplification(coupled_settings(scene), ropes, system.loaded, cycle)
 
 

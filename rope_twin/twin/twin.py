@@ -91,7 +91,7 @@ class Twin:
         self.failure_folder: Path | None = None  # for the state from which a step failed
         self._clock = Clock()
         self._system = RopeSystem(scene, rows.STEPS_PER_CALL)
-        self._mesh = Mesh(scene, self._system.all_with(self._system.first))
+        self._mesh = Mesh(scene, self._system.ropes.all_with(self._system.first))
         self.inputs = TwinInputs(scene, self._system.ropes, self._clock)
         self._motion: BoundaryConditions = BoundaryConditions(
             scene, rows.STEPS_PER_CALL, self.inputs.winch.line.length_m
@@ -199,9 +199,9 @@ class Twin:
         return self._system.with_effects(self.inputs.current.effects)
 
     @property
-    def _all_ropes(self) -> tuple[rows.Rope, ...]:
+    def all_ropes(self) -> tuple[rows.Rope, ...]:
         """The core's arrays of all ropes in their present state, the first one as `rope`."""
-        return self._system.all_with(self.rope)
+        return self._system.ropes.all_with(self.rope)
 
     @property
     def joined(self) -> MultiLineRopes | None:
@@ -333,7 +333,7 @@ class Twin:
         viv_drag, steps, measured = self.viv_drag, self._clock.steps, self.inputs.measured
         if viv_drag is not None and viv_drag.steps_to_sampling(steps) == 0:
             changes = self.inputs.current.changes
-            viv_drag.look(self._all_ropes, self._motion.boundary, steps, changes)
+            viv_drag.look(self.all_ropes, self._motion.boundary, steps, changes)
         if measured.active and measured.is_due(steps, self.step_ns):
             measured.record(self.time_ns, self._system.computed(self._motion.boundary))
         if self._monitors:
@@ -376,7 +376,7 @@ class Twin:
         taken = record.add_contact(taken, first, ropes)
         taken = ropes.complete(taken, self.time_ns, effects)
         if self.viv_drag is not None:
-            taken = with_vibration(self.scene, taken, self.viv_drag.shots(self._all_ropes))
+            taken = with_vibration(self.scene, taken, self.viv_drag.shots(self.all_ropes))
         inputs.validity.look(taken, inputs.motion_judged)
         taken = amended(record.add_loads(taken, first, ropes), study_error=self.study_error)
         for monitor in self._monitors:
@@ -398,7 +398,7 @@ class Twin:
         boundary, counts = self._motion.boundary, (self.steps, self.inputs.current.changes)
         self._motion.steps = 0  # boundary conditions ahead are valid for the old step only
         if self.viv_drag is not None:
-            self.viv_drag.sample_now(self._all_ropes, boundary, *counts)
+            self.viv_drag.sample_now(self.all_ropes, boundary, *counts)
         self.inputs.current.effects = self._system.regrid(self.rope, self._mesh, level, boundary)
         if self.viv_drag is not None:
             self.viv_drag.set_step(self.step_s, steps_in_slot(self.step_s))
@@ -425,14 +425,14 @@ class Twin:
 
     def split(self, lost_m: float, rope: int = 0) -> float:
         """Split a rope in two; return the length below the cut [m]."""
-        whole, now_s = self._all_ropes, self.time_ns * 1e-9
+        whole, now_s = self.all_ropes, self.time_ns * 1e-9
         winch = winch_of(self.scene, self.scene.ropes[rope])
         place = CutPosition(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
         system, boundary = self._system, self._motion.boundary
         lost_m = system.cut(whole[0], boundary, place)
         self.inputs.ropes, self.inputs.current.effects = system.ropes, system.first.effects
         if self.viv_drag is not None:
-            self.viv_drag.cut(rope, whole[rope], self._all_ropes[rope])
+            self.viv_drag.cut(rope, whole[rope], self.all_ropes[rope])
         if rope == 0:
             boundary.value[:, rows.LINE] -= lost_m
         self.invalidate_error(CUT_REASON)

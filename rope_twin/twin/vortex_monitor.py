@@ -118,7 +118,7 @@ class VortexMonitor(Monitor):
         cost_pct = sum(line.cost_pct for line in self.lines.values())
         made = list(shot.ropes)
         for numbers, line in self.lines.items():
-            ropes = [_ropes(now)[r] for r in numbers]
+            ropes = [now.ropes.all_with(now.rope)[r] for r in numbers]
             found = _with_cost(line.vibration(one_rope(ropes)), cost_pct)
             parts = [None] * len(ropes) if found is None else _parts(found, ropes)
             wear = line.fatigue or (None,) * len(ropes)
@@ -174,7 +174,12 @@ class VortexMonitor(Monitor):
             def read(name: str, like: Any, prefix: str = prefix) -> Any:
                 return saved.read_monitor(f"{prefix}{name}", like)
 
-            line.take_back(kept, one_rope([_ropes(now)[r] for r in numbers]), now.time_ns, read)
+            line.take_back(
+                kept,
+                one_rope([now.ropes.all_with(now.rope)[r] for r in numbers]),
+                now.time_ns,
+                read,
+            )
 
     def _prefix(self, numbers: Numbers) -> str:
         """Return the beginning of the names of a line in a saved state."""
@@ -193,13 +198,8 @@ class VortexMonitor(Monitor):
         vortices = coupled_settings(now.scene)
         interval = now.step_s, steps_in_slot(now.step_s)
         damages = tuple(self._damages[r] for r in numbers if r in self._damages)
-        rope = one_rope([_ropes(now)[r] for r in numbers])
+        rope = one_rope([now.ropes.all_with(now.rope)[r] for r in numbers])
         return RopeMonitor(asked, vortices, rope, interval, damages, now.viv_drag, numbers[-1])
-
-
-def _ropes(now: TwinView) -> tuple[Rope, ...]:
-    """Return the present ropes of the scene."""
-    return (now.rope,) if now.joined is None else now.joined.system(now.rope).ropes
 
 
 def _cut_rope(now: TwinView) -> int:
@@ -210,7 +210,7 @@ def _cut_rope(now: TwinView) -> int:
 
 def _sample(now: TwinView, numbers: Numbers) -> Sample:
     """Return the present state of a line."""
-    ropes, joined = _ropes(now), now.joined
+    ropes, joined = now.ropes.all_with(now.rope), now.joined
     lost_m, cut = (now.cut.lost_m, _cut_rope(now)) if now.cut is not None else (0.0, 0)
     beyond = dict(over_sheaves(now.scene)) if joined is not None else {}
 

@@ -74,9 +74,7 @@ def driven(
         borders.append(border(twin))
         share, _ = ramp(twin.time_ns * 1e-9, scene.ship.motion_ramp_s)
         heaves.append(share * twin.inputs.heave.at(twin.time_ns)[0])
-        folds = np.array(
-            [fold_of(one, one.work[rows.TENSION, : elements(one)]) for one in ropes(twin)]
-        )
+        folds = np.array([fold_of(one) for one in ropes(twin)])
         outputs.append((twin.top_pull_n, folds[:, LEAST].min(), *folds[payload_rope(scene), 1:]))
         tops.append([twin.top_pull_n] if twin.joined is None else twin.joined.pull[:, rows.PULL])
     value, rate = np.array(borders).transpose(1, 2, 0, 3)

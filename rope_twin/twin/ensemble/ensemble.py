@@ -24,7 +24,6 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import Kind
 from rope_twin.core.lanes.joined_group import JoinedKind
@@ -33,7 +32,6 @@ from rope_twin.core.state import (
     ELEMENTS,
     PULL_COLUMNS,
     STEPS_PER_CALL,
-    TENSION,
     Boundary,
     Floats,
 )
@@ -59,6 +57,7 @@ from rope_twin.twin.ensemble.member import (
 )
 from rope_twin.twin.monitors import NO_MONITORS, Monitors
 from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.regrid import element_tension
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.statics import no_garbage_collection, solve_scene_statics
 from rope_twin.twin.twin import Twin
@@ -326,7 +325,7 @@ def _find_start(key: StartKey, monitors: Monitors) -> AnyStart:
             viv_drag = VivDragAmplification(coupled_settings(scene), (rope,), (False,), cycle)
     except (SceneError, InputError) as error:
         return str(error)
-    tension = rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].copy()
+    tension = element_tension(rope).copy()
     high, wide = rope.work.shape
     bare = rope._replace(work=np.zeros((0, 0)))
     return Start(bare, (high, wide), pull, tension, viv_drag)
@@ -484,7 +483,7 @@ class _Turn:
         folds = None if batch.folds is None else np.zeros((1, FOLDS))
         one = Batch(boundary, np.zeros((1, PULL_COLUMNS)), folds)
         member.step(one, 0, 1, self._look_steps, work)
-        self._tension[lane] = work[TENSION, : state.counts[ELEMENTS]].copy()
+        self._tension[lane] = element_tension(member.rope._replace(work=work)).copy()
         if member.failure:
             self._leave(lane, done - 1)
             return

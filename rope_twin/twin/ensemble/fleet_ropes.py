@@ -215,4 +215,4 @@ class RopeMembers(Members):
         borders.value[:, : rows.Z] = state.nodes[: rows.Z, n]
         if advance(rope, borders, own.pull, time_s, 1) < 1:
             return None
-        return fold_of(rope, work[rows.TENSION, : int(state.counts[rows.ELEMENTS])])
+        return fold_of(rope)

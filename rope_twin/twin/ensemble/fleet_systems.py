@@ -271,12 +271,7 @@ class SystemMembers(Members):
             borders.value[r, :, : rows.Z] = top
         if advance_joined(system, borders, own.pull, time_s, 1) < 1:
             return None
-        return np.array([_fold_of(rope) for rope in system.ropes])
-
-
-def _fold_of(rope: Rope) -> Floats:
-    """Return what a look sees of a rope of a system, (FOLDS,)."""
-    return fold_of(rope, rope.work[rows.TENSION, : int(rope.state.counts[rows.ELEMENTS])])
+        return np.array([fold_of(rope) for rope in system.ropes])
 
 
 def _with_effects(system: System, effects: Sequence[tuple[Any, ...]]) -> System:

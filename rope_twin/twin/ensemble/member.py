@@ -34,7 +34,7 @@ from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.twin.motion.boundary_conditions import GivenMotion, SharedBoundary, check_commands
 from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.recovery import step_failure
-from rope_twin.twin.regrid import own_copies
+from rope_twin.twin.regrid import element_tension, own_copies
 from rope_twin.twin.ropes import OpenSteps
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.snapshot_builder import (
@@ -93,13 +93,13 @@ class Batch:
     folds: Floats | None = None  # result: what a look at each step sees, (steps, FOLDS)
 
 
-def fold_of(rope: Rope, tension: Floats) -> Floats:
-    """Return what a look at a rope sees, (FOLDS,); tension: of its elements [N].
+def fold_of(rope: Rope) -> Floats:
+    """Return what a look at a rope sees, (FOLDS,).
 
     Least tension of any element and tension of the lowest [N]; depth of the payload [m] and its
     speed downward [m/s], those of its middle if it is a rigid body.
     """
-    state, now = rope.state, np.empty(FOLDS)
+    state, now, tension = rope.state, np.empty(FOLDS), element_tension(rope)
     now[LEAST], now[LOWEST] = tension.min(), tension[0]
     end = (float(state.nodes[place + 2, 0]) for place in (rows.POSITION, rows.VELOCITY))
     height, speed = lone_middle(rope.effects, *end)
@@ -222,8 +222,7 @@ class Member:
             if self._viv_drag is not None:
                 some = min(some, self._viv_drag.steps_to_sampling(self.steps))
             done += self.step(batch, done, some, look_steps, work)
-        elements = self._rope.state.counts[rows.ELEMENTS]
-        self.close(batch, done, work[rows.TENSION, :elements].copy())
+        self.close(batch, done, element_tension(self._rope._replace(work=work)).copy())
 
     def step(self, batch: Batch, done: int, some: int, look_steps: int, work: Floats) -> int:
         """Do `some` steps of a batch after `done`; return how many, fewer if it failed."""
@@ -239,10 +238,9 @@ class Member:
             now = Boundary(*(table[done + some :] for table in batch.boundary))
             self._viv_drag.look((rope,), now, self.steps, 0)
         if self.steps % look_steps == 0:
-            self._look(work)
+            self.count_looks(1, is_slack((rope,)))
         if batch.folds is not None:  # then it looks at every step
-            tension = work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]
-            batch.folds[done] = fold_of(rope, tension)
+            batch.folds[done] = fold_of(rope)
         return stepped
 
     def close(self, batch: Batch, done: int, tension: Floats) -> None:
@@ -264,11 +262,6 @@ class Member:
         """Add slack checks made elsewhere, of which `slack` found the rope slack."""
         self._looks += looks
         self._slack_looks += slack
-
-    def _look(self, work: Floats) -> None:
-        self._looks += 1
-        elements = self._rope.state.counts[rows.ELEMENTS]
-        self._slack_looks += bool(work[rows.TENSION, :elements].min() <= 0.0)
 
     def figures(self) -> MemberResults:
         """Return the results since the start."""
@@ -411,7 +404,7 @@ class TwinMember:
             while self.steps < end:
                 self._twin.advance(min(end - self.steps, look_steps - self.steps % look_steps))
                 if self.steps % look_steps == 0:
-                    self.count_looks(1, self._is_slack())
+                    self.count_looks(1, is_slack(self._twin.all_ropes))
         except SolverError as error:
             self.failure = str(error)
 
@@ -454,11 +447,6 @@ class TwinMember:
                 faults.append(self._twin.offer_command(sample.stamp_ns, sample.command))
         return next(filter(None, faults), "")
 
-    def _is_slack(self) -> bool:
-        """Return whether any rope has an element without tension."""
-        first, joined = self._twin.rope, self._twin.joined
-        return is_slack((first,) if joined is None else joined.system(first).ropes)
-
     def figures(self) -> MemberResults:
         """Return the results since the start; tensions are those of the first rope."""
         seen = self._twin.statistics()
@@ -479,10 +467,7 @@ class TwinMember:
 
 def is_slack(ropes: Iterable[Rope]) -> bool:
     """Return whether any of these ropes has an element without tension."""
-    return any(
-        bool(rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].min() <= 0.0)
-        for rope in ropes
-    )
+    return any(bool(element_tension(rope).min() <= 0.0) for rope in ropes)
 
 
 SteppedMember = Member | TwinMember
