@@ -25,7 +25,6 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import system_contacts
 from rope_twin.twin.figures import FigureBase, copied_law, scaled_law
 from rope_twin.twin.multi_line_snapshot import (
-    Payouts,
     SystemState,
     contact,
     payload_shots,
@@ -221,9 +220,9 @@ class MultiLineRopes(OtherRopes):
 
     def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
         """Complete the first rope's snapshot with all ropes, payloads and winches."""
-        value, rate = (table[:, 0, rows.LINE] for table in self._boundary)
+        payout = Boundary(*(table[:, 0, rows.LINE] for table in self._boundary))
         now = SystemState(
-            self._scene, self.system(self.first), self._owners, self.pull, Payouts(value, rate),
+            self._scene, self.system(self.first), self._owners, self.pull, payout,
             now_ns * 1e-9, effects,
         )  # fmt: skip
         limits = [shot.winch_at_limit]

@@ -21,7 +21,7 @@ from rope_twin.core.body.step import pose_of
 from rope_twin.core.joined.joints import FIRST, PULL, SECOND, System
 from rope_twin.core.joined.stack import FLOW_COLUMN, POINT
 from rope_twin.core.loads.balance import lower_end_tension
-from rope_twin.core.state import Floats
+from rope_twin.core.state import Boundary, Floats
 from rope_twin.errors import InputError
 from rope_twin.scene.rigging import places, runs_over_sheave
 from rope_twin.scene.schema import Scene
@@ -49,13 +49,6 @@ MIN_SPAN_M = 1e-3
 SAMPLING_NS = 1_000_000_000
 
 
-class Payouts(NamedTuple):
-    """Payout of each rope and its rate, (ropes,)."""
-
-    length_m: Floats
-    speed_m_per_s: Floats
-
-
 class SystemState(NamedTuple):
     """Present state of all ropes."""
 
@@ -63,7 +56,7 @@ class SystemState(NamedTuple):
     system: System
     owners: dict[str, int]  # by payload, the rope at whose lower end it is
     pull: Floats  # force on the upper ends [N], (ropes, rows.PULL_COLUMNS)
-    line: Payouts
+    payout: Boundary  # length [m] and rate [m/s] of each rope, (ropes,)
     time_s: float
     effects: tuple[Any, ...]  # of the first rope, in use now
 
@@ -95,18 +88,17 @@ def with_vibration(scene: Scene, shot: Snapshot, found: Sequence[RopeVibration])
 
 def payload_shots(now: SystemState) -> tuple[PayloadShot, ...]:
     """Return the state of every payload: its lower end's, or that of a rigid body's middle."""
-    return tuple(_payload_shot(now, one.name) for one in now.scene.payloads)
-
-
-def _payload_shot(now: SystemState, name: str) -> PayloadShot:
-    r = now.owners[name]
-    body = body_of(now.system.ropes[r])
-    if body is None:
-        place, speed = (now.nodes(r, row)[:, 0].copy() for row in (rows.POSITION, rows.VELOCITY))
-    else:
-        pose = pose_of(body)
-        place, speed = pose.place(body.middle), pose.speed(body.middle)
-    return PayloadShot(name=name, position_m=place, velocity_m_per_s=speed)
+    shots = []
+    for one in now.scene.payloads:
+        r = now.owners[one.name]
+        body = body_of(now.system.ropes[r])
+        if body is None:
+            ends = (now.nodes(r, row)[:, 0].copy() for row in (rows.POSITION, rows.VELOCITY))
+        else:
+            pose = pose_of(body)
+            ends = (motion(body.middle) for motion in (pose.place, pose.speed))
+        shots.append(PayloadShot(one.name, *ends))
+    return tuple(shots)
 
 
 def strut_shots(now: SystemState) -> tuple[StrutShot, ...]:
@@ -121,7 +113,14 @@ def strut_shots(now: SystemState) -> tuple[StrutShot, ...]:
 
 def sheave_shots(now: SystemState) -> tuple[SheaveShot, ...]:
     """Return the state of every sheave."""
-    return tuple(_sheave_shot(now, k, one.name) for k, one in enumerate(now.scene.sheaves))
+    sheaves, nodes, shots = now.system.sheaves, now.system.joints.nodes, []
+    for k, one in enumerate(now.scene.sheaves):
+        assert sheaves is not None
+        point, flow = (int(sheaves.figures[row, k]) for row in (POINT, FLOW_COLUMN))
+        place_m = nodes[: rows.VELOCITY, point].copy()
+        passed_m, speed = float(nodes[rows.POSITION, flow]), float(nodes[rows.VELOCITY, flow])
+        shots.append(SheaveShot(one.name, place_m, passed_m, speed))
+    return tuple(shots)
 
 
 def contact(now: SystemState) -> BedContact | None:
@@ -145,7 +144,7 @@ def _rope_shot(now: SystemState, r: int, name: str) -> RopeShot:
     ends_n = lower_n, float(now.pull[r, rows.PULL])
     if runs_over_sheave(now.scene, now.scene.ropes[r]):
         return rope_shot(name, rope, ends_n, _stretch(now, r), from_sheave=True)
-    line = float(now.line.length_m[r]), float(now.line.speed_m_per_s[r])
+    line = float(now.payout.value[r]), float(now.payout.rate[r])
     return rope_shot(name, rope, ends_n, line)
 
 
@@ -157,18 +156,6 @@ def _stretch(now: SystemState, r: int) -> tuple[float, float]:
     passed, speed = now.system.joints.nodes[[rows.POSITION, rows.VELOCITY], flow]
     side = float(sheaves.side[r])
     return float(sheaves.base[r] + side * passed), float(side * speed)
-
-
-def _sheave_shot(now: SystemState, k: int, name: str) -> SheaveShot:
-    sheaves, nodes = now.system.sheaves, now.system.joints.nodes
-    assert sheaves is not None
-    point, flow = (int(sheaves.figures[row, k]) for row in (POINT, FLOW_COLUMN))
-    return SheaveShot(
-        name=name,
-        position_m=nodes[: rows.VELOCITY, point].copy(),
-        passed_m=float(nodes[rows.POSITION, flow]),
-        speed_m_per_s=float(nodes[rows.VELOCITY, flow]),
-    )
 
 
 def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
