@@ -26,7 +26,7 @@ from rope_twin.effects.drag import CurrentDrag, Drag, ReynoldsDrag
 from rope_twin.effects.payload import Payload, SplashZone, TwoWayPayload
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.twin.health import InputCounter
-from rope_twin.twin.regrid import has_state
+from rope_twin.twin.regrid import with_arrays_of
 from rope_twin.vortex.drag_amplification import OscillatingDrag
 
 FIGURES = (
@@ -142,17 +142,10 @@ def copied_law(law: Any) -> Any:
 
 def scaled_rope(rope: Rope, factors: Mapping[str, float], effects: tuple[Any, ...]) -> Rope:
     """Return the rope of one member; effects: its own so far, whose memory it keeps."""
-    sections = rope.sections.copy()
-    for name, row in _SECTION_ROWS.items():
-        sections[row] *= factors[name]
+    sections = scaled_sections(rope.sections, factors)
     law = scaled_law(rope.law, factors["axial_stiffness"])
-    made = []
-    for base, own in zip(rope.effects, effects, strict=True):
-        scaled = _scaled(base, factors, np.multiply)
-        if has_state(own):
-            arrays = {k: v for k, v in own._asdict().items() if isinstance(v, np.ndarray)}
-            scaled = scaled._replace(**arrays)
-        made.append(scaled)
+    pairs = zip(rope.effects, effects, strict=True)
+    made = [with_arrays_of(own, _scaled(base, factors, np.multiply)) for base, own in pairs]
     return rope._replace(sections=sections, law=law, effects=tuple(made))
 
 

@@ -174,11 +174,9 @@ def finer(rope: Rope, grid: Grid, at: UpperEnd) -> Rope:
     coordinates = np.append(s[:n][parent] + low * old.rest[parent], s[n])
     room = max(grid.room, len(coordinates) + LEAST_SPARE)
     state = _empty(rope, room, coordinates)
-    ends = _material_ends(rope, old, at)
-    for at_low, at_high, part in zip(*ends, (_X, _V, _A), strict=True):
-        state.nodes[part, :-1][:, : len(parent)] = (1.0 - low) * at_low[:, parent] + low * at_high[
-            :, parent
-        ]
+    material = material_nodes(rope.state, old, at.payout_m_per_s)
+    at_low, at_high = material[:, :-1][:, parent], material[:, 1:][:, parent]
+    state.nodes[:, : len(parent)] = (1.0 - low) * at_low + low * at_high
     state.nodes[:, len(parent)] = rope.state.nodes[:, n]
     force = _forces_of_parts(rope, old, at, (parent, low + 0.5 * share))
     taut = rope.work[rows.TENSION, :n][parent] > 0.0
@@ -294,22 +292,19 @@ def _parts(rope: Rope, old: Elements, grid: Grid) -> tuple[Ints, Floats]:
     return np.array(parents), np.array(shares)
 
 
-def _material_ends(
-    rope: Rope, old: Elements, at: UpperEnd
-) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
-    """Position, velocity and acceleration of the material at both ends of each element.
+def material_nodes(state: State, old: Elements, payout_m_per_s: float) -> Floats:
+    """Return position, velocity and acceleration of the material at nodes, (NODE_ROWS, nodes).
 
     The rope passes the hang-off: its velocity is v - V·q and its acceleration a - 2·V·dq/dt, with q
     the element's vector over its unstretched length. (The term of dV/dt is left to the next step.)
     """
-    n, V = len(old.rest), at.payout_m_per_s
-    nodes = rope.state.nodes[:, : n + 1].copy()
+    n, V = len(old.rest), payout_m_per_s
+    nodes: Floats = state.nodes[:, : n + 1].copy()
     q = old.length[-1] / old.rest[-1] * old.direction[:, -1]
     q_rate = (nodes[_V, n] - nodes[_V, n - 1] - V * q) / old.rest[-1]
     nodes[_V, n] -= V * q
     nodes[_A, n] -= 2.0 * V * q_rate
-    parts = (_X, _V, _A)
-    return tuple(nodes[part, :-1] for part in parts), tuple(nodes[part, 1:] for part in parts)
+    return nodes
 
 
 def _forces_of_parts(rope: Rope, old: Elements, at: UpperEnd, parts: tuple[Ints, Floats]) -> Floats:
@@ -452,6 +447,16 @@ def own_copies(effects: tuple[Any, ...]) -> tuple[Any, ...]:
 def state_arrays(effects: tuple[Any, ...]) -> list[Floats]:
     """Return all arrays of the effects with internal variables, not copied."""
     return [part for own in effects if has_state(own) for part in own if _is_array(part)]
+
+
+def with_arrays_of(live: Any, effect: Any) -> Any:
+    """Return an effect with the arrays of a live one of its type, if that has internal variables.
+
+    The arrays are not copied.
+    """
+    if not has_state(live):
+        return effect
+    return effect._replace(**{k: v for k, v in live._asdict().items() if _is_array(v)})
 
 
 def on_nodes(

@@ -27,14 +27,14 @@ from rope_twin.twin.regrid import (
     UpperEnd,
     elements_of,
     has_state,
+    material_nodes,
     offsets_for,
     on_nodes,
     own_copies,
     upper_ends,
+    with_arrays_of,
 )
 from rope_twin.twin.twin import Twin
-
-_X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
 
 
 def live_state(twin: Twin) -> LiveState:
@@ -121,11 +121,8 @@ def on_mesh(live: LiveState, rope: Rope, marks_m: Floats) -> tuple[State, tuple[
 
 def _taken_over(mine: Any, live: Any) -> Any:
     """Return an effect with the current or the internal variables of a live one."""
-    if has_state(live):
-        arrays = {k: v for k, v in live._asdict().items() if isinstance(v, np.ndarray)}
-        return mine._replace(**arrays)
-    profile = profile_of((live,))
-    return mine if profile is None else with_profile(mine, profile)
+    profile = None if has_state(live) else profile_of((live,))
+    return with_arrays_of(live, mine) if profile is None else with_profile(mine, profile)
 
 
 def mesh_at(rope: Rope, marks_m: Floats, line_out_m: float) -> Floats:
@@ -173,19 +170,10 @@ def _same_shapes(own: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
 
 
 def _interpolate(live: LiveState, old: Elements, coordinates: Floats, state: State) -> None:
-    """Set position, velocity and acceleration of the nodes; those of both ends are the live ones.
-
-    The rope passes the hang-off: below it the velocity of its material is v - V·q and the
-    acceleration a - 2·V·dq/dt, with q the top element's vector over its unstretched length.
-    """
-    s, nodes = live.rope.state.s, live.rope.state.nodes.copy()
-    n, m, V = len(old.rest), len(coordinates) - 1, live.payout_m_per_s
-    state.nodes[:, m] = nodes[:, n]
-    q = old.length[-1] / old.rest[-1] * old.direction[:, -1]
-    q_rate = (nodes[_V, n] - nodes[_V, n - 1] - V * q) / old.rest[-1]
-    nodes[_V, n] -= V * q
-    nodes[_A, n] -= 2.0 * V * q_rate
-    for row, values in enumerate(nodes):
+    """Set position, velocity and acceleration of the nodes; both ends have the live ones."""
+    s, m = live.rope.state.s, len(coordinates) - 1
+    state.nodes[:, m] = live.rope.state.nodes[:, len(old.rest)]
+    for row, values in enumerate(material_nodes(live.rope.state, old, live.payout_m_per_s)):
         state.nodes[row, :m] = np.interp(coordinates[:m], s, values)
 
 
