@@ -241,9 +241,9 @@ class CoarseSolution:
         """
         self._scene, (value, rate) = scene, now.border
         self._value, self._rate = value, rate  # prescribed motion that it has reached
-        self._pull_n: list[float] = now.pull[:, rows.PULL].tolist()
-        self._viv_drag = None if viv_drag is None else viv_drag.coarse_copy(SAMPLING_RATIO)
-        self._winches: dict[int, CoarseWinch] = {}  # by rope, winches that had tension feedback
+        self.top_tensions_n: list[float] = now.pull[:, rows.PULL].tolist()  # after its last step
+        self.viv_drag = None if viv_drag is None else viv_drag.coarse_copy(SAMPLING_RATIO)
+        self.winches: dict[int, CoarseWinch] = {}  # by rope, winches that had tension feedback
         self._waiting = 0  # steps of the twin that it has not done yet
         driven = any(
             (winch.drive or winch.passive_compensation) is not None for _, winch in winches(scene)
@@ -263,8 +263,8 @@ class CoarseSolution:
             others = [rope._replace(effects=own_copies(rope.effects)) for rope in others]
             first = first._replace(effects=self._effects.own)
             self._ropes = system = system._replace(ropes=(first, *others))
-            if self._viv_drag is not None:
-                self._viv_drag.amplify(system.ropes)
+            if self.viv_drag is not None:
+                self.viv_drag.amplify(system.ropes)
             found = at_rest and solve_reeved_statics(system, value).found
         self.at_rest = bool(found)  # whether it started in static equilibrium
 
@@ -291,12 +291,12 @@ class CoarseSolution:
             if self._advance(ahead, pulls, start_s) < steps:
                 return None
             self._value, self._rate = ahead.value[:, steps], ahead.rate[:, steps]
-            self._pull_n = pulls[:, -1, rows.PULL].tolist()
+            self.top_tensions_n = pulls[:, -1, rows.PULL].tolist()
         return first, pulls[:, :, rows.PULL]
 
     def sample_vortices(self, chunk: Chunk) -> None:
         """Sample the loosely coupled VIV model when it is due."""
-        own = self._viv_drag
+        own = self.viv_drag
         if own is None or self._waiting or own.steps_to_sampling(chunk.steps) > 0:
             return
         now = Boundary(*(table[0, chunk.done :] for table in chunk.boundary))
@@ -308,17 +308,17 @@ class CoarseSolution:
         It copies once it has reached the twin's time.
         """
         if not self._waiting:
-            for r in responding.keys() - self._winches.keys():
-                self._winches[r] = CoarseWinch(responding[r], self._scene, r)
+            for r in responding.keys() - self.winches.keys():
+                self.winches[r] = CoarseWinch(responding[r], self._scene, r)
 
     def command(self, r: int, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> None:
         """Pass a command that the twin's winch of rope r has accepted."""
-        if (winch := self._winches.get(r)) is not None:
+        if (winch := self.winches.get(r)) is not None:
             winch.take(stamp_ns, command, now_ns)
 
     def invalidate(self) -> None:
         """Invalidate winch commands that were known in advance."""
-        for winch in self._winches.values():
+        for winch in self.winches.values():
             winch.invalidate()
 
     @property
@@ -326,21 +326,6 @@ class CoarseSolution:
         """Return the coarse ropes."""
         own = self._ropes
         return (own,) if isinstance(own, Rope) else own.ropes
-
-    @property
-    def winches(self) -> frozenset[int]:
-        """Return the numbers of the ropes that have a winch of their own here."""
-        return frozenset(self._winches)
-
-    @property
-    def viv_drag(self) -> VivDragAmplification | None:
-        """Return the copy of the loosely coupled VIV model."""
-        return self._viv_drag
-
-    @property
-    def top_tensions_n(self) -> list[float]:
-        """Return the force on every upper end after the last coarse step [N]."""
-        return list(self._pull_n)
 
     @property
     def payouts_m(self) -> Floats:
@@ -367,13 +352,13 @@ class CoarseSolution:
     def _advance(self, ahead: Boundary, pulls: Floats, start_s: float) -> int:
         """Advance through boundaries (ropes, steps + 1, MOTIONS); return the steps done."""
         steps = int(pulls.shape[1])
-        if not self._winches:
+        if not self.winches:
             return self._step(ahead, pulls, start_s)
-        step_s, pull_n = self._first.model.step, self._pull_n
+        step_s, pull_n = self._first.model.step, self.top_tensions_n
         for k in range(steps):
             begin_s = start_s + k * step_s
             part = Boundary(*(np.ascontiguousarray(table[:, k : k + 2]) for table in ahead))
-            for r, winch in self._winches.items():
+            for r, winch in self.winches.items():
                 own = Boundary(*(table[r] for table in part))
                 winch.prescribe(self.ropes[r], round(begin_s * 1e9), own, pull_n[r])
             end = np.zeros((len(pulls), 1, rows.PULL_COLUMNS))

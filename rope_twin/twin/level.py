@@ -267,7 +267,6 @@ class TwinOverloadProtection(OverloadProtection):
         super().__init__(
             twin, levels if twin.level in levels else (twin.level,), twin.level, wait_s
         )
-        self._owner = twin
         self.said: deque[str] = deque(maxlen=MAX_MESSAGES)  # messages not yet reported
 
     def measure(self, steps_s: float, speed: float) -> float:
@@ -275,7 +274,7 @@ class TwinOverloadProtection(OverloadProtection):
 
         steps_s: twin time of a cycle [s]; speed: ratio of twin time to real time.
         """
-        trial = self._owner.branch()
+        trial = self._twin.branch()
         steps = max(1, round(steps_s / trial.step_s))
         least = float("inf")
         try:
@@ -289,15 +288,11 @@ class TwinOverloadProtection(OverloadProtection):
 
     def judge(self, slot: SlotTimes) -> bool:
         """Take the timing of a cycle; a cut rope stays on its level."""
-        return self._owner.cut is None and super().judge(slot)
-
-    def error(self) -> KnownError:
-        """Return the error of the present level that is known from the convergence study."""
-        return self._owner.study_error
+        return self._twin.cut is None and super().judge(slot)
 
     def _work(self, level: AccuracyLevel) -> float:
         """Return the steps of an element in a second of twin time."""
-        return sum(elements_at(self._owner.scene, level.halvings)) / level.step_s
+        return sum(elements_at(self._twin.scene, level.halvings)) / level.step_s
 
     def _move(self, target: int, now_s: float, why: str) -> bool:
         moved = super()._move(target, now_s, why)
@@ -310,9 +305,9 @@ class TwinOverloadProtection(OverloadProtection):
 
     def words(self) -> str:
         """Return a description of the present level."""
-        error = self.error()
+        error = self._twin.study_error
         known = error.words if isnan(error.rms_pct) else f"at most {format_bound(error.rms_pct)} %"
-        own, left = (sum(elements_at(self._owner.scene, n)) for n in (0, self.level.halvings))
+        own, left = (sum(elements_at(self._twin.scene, n)) for n in (0, self.level.halvings))
         elements = f"{own} elements" if left == own else f"{left} elements in place of {own}"
         step_ms = 1e3 * self.level.step_s
         return f"{elements} and steps of {step_ms:g} ms, error of the tension {known}"

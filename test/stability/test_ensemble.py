@@ -200,7 +200,7 @@ def test_one_that_fails_does_not_stop_the_others(
     scene = small_scene(tmp_path)
     own = lively(scene)
     ensemble = Ensemble(scene, own)
-    doomed = ensemble._members[1]._rope.state.nodes
+    doomed = ensemble._members[1].rope.state.nodes
 
     def breaking(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
         first = round(time / 0.01)

@@ -158,12 +158,12 @@ class Member:
         self.steps = 0
         self.lane_steps = self.given_up = 0  # in SIMD lanes, and in a group but by itself
         self._step_ns = round(scene.time.step_s * 1e9)
-        self._rope = start.rope._replace(
+        self.rope = start.rope._replace(  # without scratch arrays
             state=start.rope.state.copy(), effects=own_copies(start.rope.effects)
         )
         self._viv_drag = copy.deepcopy(start.viv_drag)
-        self._work_shape = start.work_shape
-        self._kind, self._kind_changes = kind_of(self._rope), 0
+        self.work_shape = start.work_shape  # of the scratch array of its steps
+        self._kind, self._kind_changes = kind_of(self.rope), 0
         self._tension, self._pull = start.tension, start.pull
         self._value, self._rate = (table[0] for table in borders.boundary)
         self._seen, self._recent = Extremes(), Extremes()
@@ -172,34 +172,24 @@ class Member:
         self._unconverged = 0
         self.watched: list[Floats] = []  # steps, (steps, WATCHED) each
 
-    @property
-    def rope(self) -> Rope:
-        """The rope, without scratch arrays."""
-        return self._rope
-
     def kind(self) -> Kind | None:
         """Return the properties that members of a SIMD group must share; None: none can join."""
-        health = self._rope.state.health
+        health = self.rope.state.health
         changes = int(health[rows.SPLITS] + health[rows.MERGES])
         if changes != self._kind_changes:
-            self._kind, self._kind_changes = kind_of(self._rope), changes
+            self._kind, self._kind_changes = kind_of(self.rope), changes
         return self._kind
 
     @property
     def why_alone(self) -> str:
         """Reason why it is not stepped in SIMD lanes; "": it could be."""
-        return why_alone(self._rope)
+        return why_alone(self.rope)
 
     def new_group(self) -> Group:
         """Return arrays for members of its kind, without space for steps."""
         kind = self.kind()
         assert kind is not None
         return Group(kind, 0)
-
-    @property
-    def work_shape(self) -> tuple[int, int]:
-        """Shape of the scratch array of its steps."""
-        return self._work_shape
 
     def advance(self, steps: int, look_steps: int, scratch: Scratch) -> None:
         """Advance, and check for slack after every `look_steps` steps; the member may fail."""
@@ -216,17 +206,17 @@ class Member:
     def go_on(self, batch: Batch, done: int, look_steps: int, scratch: Scratch) -> None:
         """Complete a batch of which `done` steps are done, and close it; the member may fail."""
         steps = len(batch.pulls)
-        work = scratch.work(self._work_shape)
+        work = scratch.work(self.work_shape)
         while done < steps and not self.failure:
             some = min(steps - done, look_steps - self.steps % look_steps)
             if self._viv_drag is not None:
                 some = min(some, self._viv_drag.steps_to_sampling(self.steps))
             done += self.step(batch, done, some, look_steps, work)
-        self.close(batch, done, element_tension(self._rope._replace(work=work)).copy())
+        self.close(batch, done, element_tension(self.rope._replace(work=work)).copy())
 
     def step(self, batch: Batch, done: int, some: int, look_steps: int, work: Floats) -> int:
         """Do `some` steps of a batch after `done`; return how many, fewer if it failed."""
-        rope = self._rope._replace(work=work)
+        rope = self.rope._replace(work=work)
         ahead = Boundary(*(table[done : done + some + 1] for table in batch.boundary))
         pulls = batch.pulls[done : done + some]
         stepped = advance(rope, ahead, pulls, self.steps * self._step_ns * 1e-9, some)
@@ -272,16 +262,16 @@ class Member:
             tension_top_mean_n=seen.mean,
             tension_top_min_n=seen.low,
             slack_share=self._slack_looks / self._looks if self._looks else 0.0,
-            unconverged_substeps=int(self._rope.state.health[rows.SUBSTEPS_UNCONVERGED]),
+            unconverged_substeps=int(self.rope.state.health[rows.SUBSTEPS_UNCONVERGED]),
             failure=self.failure,
         )
 
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present and restart the recent extremes of tension."""
-        state: Any = self._rope.state
-        work = np.zeros(self._work_shape)
+        state: Any = self.rope.state
+        work = np.zeros(self.work_shape)
         work[rows.TENSION, : len(self._tension)] = self._tension
-        rope = self._rope._replace(work=work)
+        rope = self.rope._replace(work=work)
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
         at, top = (self.steps * self._step_ns, self.steps), (self._seen, self._recent)
         border = Boundary(self._value, self._rate)
@@ -318,8 +308,8 @@ class TwinMember:
         if heave is not None and heave.aside is not None:
             what = "the ship's poses move its hang-offs sideways, which this scene takes from a run"
             raise InputError("ensemble", what, "give heave, or step it with `rope_twin run`")
-        self._twin = start.branch()
-        self._twin.prescribe_motion()
+        self.twin = start.branch()  # must not be stepped elsewhere
+        self.twin.prescribe_motion()
         self._heave, self._commands = heave, commands
         self._samples = 0  # of the heave, given to the twin
         self._looks = self._slack_looks = 0
@@ -327,12 +317,12 @@ class TwinMember:
         self.lane_steps = self.given_up = 0  # in SIMD lanes, and in a group but by itself
         self._course = course
         self._motion: GivenMotion | None = None
-        joined = self._twin.joined
+        joined = self.twin.joined
         if course is not None and joined is not None:
             self._motion = GivenMotion(scene, joined.take_motion)
-            self._twin.follow(self._motion)
+            self.twin.follow(self._motion)
             winches = {r: own.winch for r, own in course.items()}
-            self._twin.inputs.winch = winches[0]
+            self.twin.inputs.winch = winches[0]
             joined.share_winches(winches)
         self._kind: JoinedKind | None = None
         self._kind_changes = -1
@@ -340,12 +330,12 @@ class TwinMember:
     @property
     def scene(self) -> Scene:
         """The member's scene, with its changes."""
-        return self._twin.scene
+        return self.twin.scene
 
     @property
     def steps(self) -> int:
         """Number of completed steps."""
-        return self._twin.steps
+        return self.twin.steps
 
     @property
     def why_alone(self) -> str:
@@ -355,16 +345,11 @@ class TwinMember:
         return why_joined_alone(self.system)
 
     @property
-    def twin(self) -> Twin:
-        """The twin; it must not be stepped elsewhere."""
-        return self._twin
-
-    @property
     def system(self) -> System:
         """The system of ropes, which there is in a multi-line scene only."""
-        joined = self._twin.joined
+        joined = self.twin.joined
         assert joined is not None
-        return joined.system(self._twin.rope)
+        return joined.system(self.twin.rope)
 
     def kind(self) -> JoinedKind | None:
         """Return the properties that members of a SIMD group must share; None: none can join."""
@@ -391,8 +376,8 @@ class TwinMember:
 
     def offer(self, steps: int) -> None:
         """Give the twin the inputs of the next steps; the member fails if one is rejected."""
-        now_ns, first = self._twin.time_ns, self.steps
-        self.failure = self._offer(now_ns, now_ns + steps * self._twin.step_ns)
+        now_ns, first = self.twin.time_ns, self.steps
+        self.failure = self._offer(now_ns, now_ns + steps * self.twin.step_ns)
         if self._motion is not None and self._course is not None:
             given = {r: own.through(first, steps) for r, own in self._course.items()}
             self._motion.give(first, given)
@@ -402,20 +387,20 @@ class TwinMember:
         end = self.steps + steps
         try:
             while self.steps < end:
-                self._twin.advance(min(end - self.steps, look_steps - self.steps % look_steps))
+                self.twin.advance(min(end - self.steps, look_steps - self.steps % look_steps))
                 if self.steps % look_steps == 0:
-                    self.count_looks(1, is_slack(self._twin.all_ropes))
+                    self.count_looks(1, is_slack(self.twin.all_ropes))
         except SolverError as error:
             self.failure = str(error)
 
     def open_steps(self, steps: int) -> OpenSteps:
         """Return the next steps, this number at most, for lanes to do."""
-        return self._twin.open_steps(steps)
+        return self.twin.open_steps(steps)
 
     def close_steps(self, opened: OpenSteps, pulls: Floats, wanted: int) -> None:
         """Complete the steps that were done, (ropes, done, rows.PULL_COLUMNS); it may fail."""
         try:
-            self._twin.close_steps(opened, pulls, wanted)
+            self.twin.close_steps(opened, pulls, wanted)
         except SolverError as error:
             self.failure = str(error)
 
@@ -434,35 +419,35 @@ class TwinMember:
                 at_ns = int(stamps[k]) - series.start_ns
                 if at_ns > -LEAD_NS:
                     motion = float(series.position_m[k]), float(series.velocity_m_per_s[k])
-                    faults.append(self._twin.offer_heave(at_ns, *motion))
+                    faults.append(self.twin.offer_heave(at_ns, *motion))
         if self._course is not None:
             return next(filter(None, faults), "")
         for name, winch in winches_by_name(self.scene).items():
             if name == WINCH and self._commands is not None:
                 continue
             for sample in schedule_samples(winch, from_ns, to_ns):
-                self._twin.offer_command(sample.stamp_ns, sample.command, name)
+                self.twin.offer_command(sample.stamp_ns, sample.command, name)
         for sample in self._commands or ():
             if from_ns <= sample.stamp_ns < to_ns:
-                faults.append(self._twin.offer_command(sample.stamp_ns, sample.command))
+                faults.append(self.twin.offer_command(sample.stamp_ns, sample.command))
         return next(filter(None, faults), "")
 
     def figures(self) -> MemberResults:
         """Return the results since the start; tensions are those of the first rope."""
-        seen = self._twin.statistics()
+        seen = self.twin.statistics()
         return MemberResults(
             steps=seen.steps,
             tension_top_max_n=seen.tension_top_max_n,
             tension_top_mean_n=seen.tension_top_mean_n,
             tension_top_min_n=seen.tension_top_min_n,
             slack_share=self._slack_looks / self._looks if self._looks else 0.0,
-            unconverged_substeps=int(self._twin.rope.state.health[rows.SUBSTEPS_UNCONVERGED]),
+            unconverged_substeps=int(self.twin.rope.state.health[rows.SUBSTEPS_UNCONVERGED]),
             failure=self.failure,
         )
 
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present and restart the recent extremes of tension."""
-        return self._twin.snapshot()
+        return self.twin.snapshot()
 
 
 def is_slack(ropes: Iterable[Rope]) -> bool:
